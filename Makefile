@@ -1,0 +1,45 @@
+# Two commands to know: `make demo` shows what Scree does, `make test` checks that it does it. Both do their own set-up.
+#
+# Everything is built with --release into the one target folder: the references, the world and the software rasteriser are
+# too slow otherwise, and a second profile would compile every dependency twice.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+
+CARGO ?= cargo
+# Folder of the demo's results: `make demo OUT=somewhere/else`.
+OUT ?= out/demo
+
+# Mesa's drivers complain on standard error when there is no runtime folder; give them a private one.
+ifeq ($(strip $(XDG_RUNTIME_DIR)),)
+export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"; mkdir -p -m 700 "$$dir"; \
+    if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
+endif
+
+.PHONY: help setup demo test bench clean
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## looks for cargo and a Vulkan driver; installs Mesa's software driver on Debian and Ubuntu where there is none
+	@scripts/setup.sh
+
+demo: setup ## the main job in small, on the built-in world; writes a report
+	$(CARGO) build --release --locked -p experiments
+	$(CARGO) run --release --locked -q -p experiments -- demo --out "$(OUT)"
+	@echo "The report is $(OUT)/report.html"
+
+test: setup ## format, lints, documentation, every test
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --workspace --all-targets --release --locked -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps --workspace
+	$(CARGO) build --release --locked -p experiments
+	$(CARGO) test --release --locked --workspace
+
+bench: setup ## times the passes and prints their ratios
+	$(CARGO) run --release --locked -p experiments -- bench
+
+clean: ## removes what was built and what the demo wrote
+	$(CARGO) clean
+	rm -rf out

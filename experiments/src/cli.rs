@@ -1,0 +1,473 @@
+//! The command line: a contract that scripts rely on.
+//!
+//! What can be told wrong without opening a file is refused here, as a usage error (exit 2).
+
+use std::path::PathBuf;
+
+use clap::error::ErrorKind;
+use clap::{ArgGroup, Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use kernels::frame::{MAX_PIXELS, MAX_SIDE};
+use kernels::picture::AOV_NAMES;
+use kernels::shared::noise::NoiseKind;
+use kernels::variant::Variant;
+
+/// Measures what a cheaper terrain material blend saves, and what it lets you see.
+#[derive(Parser, Debug)]
+#[command(name = "experiments", version, subcommand_required = true, arg_required_else_help = true)]
+#[command(after_help = "\
+Exit status: 0 = done; 1 = the work failed (what, where and how to mend it is on stderr); 2 = the call was wrong.
+
+Examples:
+  experiments adapters
+  experiments explain default
+  experiments render --camera cliff --out cliff.png
+  experiments demo --out demo")]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+pub(crate) enum Command {
+    /// The main job in small, on the built-in world: frames, metrics, plots, report
+    Demo(DemoArgs),
+    /// Render pictures of a scene
+    Render(Box<RenderArgs>),
+    /// Turn a heightmap into a scene folder
+    Import(ImportArgs),
+    /// Apply one shared function to the rows of a table, on the GPU or with its references
+    Probe(ProbeArgs),
+    /// Say what a scene requires, and what it does not: flavours, variants, textures, passes, bytes
+    Explain(ExplainArgs),
+    /// List the graphics adapters of this machine and whether they will do
+    Adapters(AdaptersArgs),
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  experiments demo --out demo --seeds 32")]
+pub(crate) struct DemoArgs {
+    /// Folder that receives the results; created if missing
+    #[arg(long, value_name = "DIR", default_value = "demo")]
+    pub(crate) out: PathBuf,
+    /// Size of the pictures, pixels
+    #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = size)]
+    pub(crate) size: [u32; 2],
+    /// Number of seeds over which bias and variance are taken
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=4096))]
+    pub(crate) seeds: u32,
+    /// Camera of the built-in scene
+    #[arg(long, value_name = "NAME", default_value = "cliff")]
+    pub(crate) camera: String,
+}
+
+#[derive(Args, Debug)]
+#[command(group = ArgGroup::new("view").required(true).args(["camera", "pose", "path"]))]
+#[command(after_help = "\
+A picture in .exr is linear, with a layer per AOV; one in .png is for looking at.
+With --path or --frames, frame numbers go between stem and extension: out.exr becomes out-0000.exr, out-0001.exr, ...
+
+Examples:
+  experiments render --camera cliff --out cliff.png
+  experiments render --camera ground --size 960x540 --variant near-cliff --estimator exact --out mean.exr --aov albedo,choice
+  experiments render --scene alps --pose 120,-40,900,45,-10 --reference 64 --out truth.exr
+  experiments render --path sideways --frames 8 --noise hashed --out frames/step.exr")]
+pub(crate) struct RenderArgs {
+    /// Scene: `default`, a .toml file, or a folder with scene.toml
+    #[arg(long, value_name = "S", default_value = kernels::scene::DEFAULT)]
+    pub(crate) scene: String,
+    /// A camera of the scene
+    #[arg(long, value_name = "NAME")]
+    pub(crate) camera: Option<String>,
+    /// Where to stand and look: metres (Z is elevation), compass bearing and degrees above the horizon
+    #[arg(long, value_name = "X,Y,Z,YAW,PITCH", allow_hyphen_values = true, value_parser = pose)]
+    pub(crate) pose: Option<[f64; 5]>,
+    /// A camera path of the scene
+    #[arg(long, value_name = "PATH")]
+    pub(crate) path: Option<String>,
+    /// Number of frames [default: 1, or the whole path]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub(crate) frames: Option<u32>,
+    /// Vertical field of view, degrees, 1 to 175 [default: the camera's; 55 with --pose]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = fov)]
+    pub(crate) fov: Option<f64>,
+    /// Size of the picture, pixels: at most 16384 a side and 2^26 in all
+    #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = size)]
+    pub(crate) size: [u32; 2],
+    /// Which flavours shade: `auto` = the tiles' own variants; a variant's name or number = that one everywhere; `generic` =
+    /// the tiles' own, by the one pipeline that takes the mask at run time
+    #[arg(long, value_name = "auto|NAME|1..31|generic", default_value = "auto", value_parser = variant)]
+    pub(crate) variant: VariantArg,
+    /// `fc5` = the stochastic flavours of Far Cry 5; `exact` = their mean
+    #[arg(long, value_enum, default_value_t = EstimatorArg::Fc5)]
+    pub(crate) estimator: EstimatorArg,
+    /// Source of the random numbers: hashed, hashed-anisotropic or white
+    #[arg(long, value_name = "KIND", default_value_t = NoiseKind::HashedIsotropic, value_parser = noise)]
+    pub(crate) noise: NoiseKind,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u32,
+    /// Render the converged 96-fetch truth with this many samples per pixel instead
+    #[arg(long, value_name = "SPP", conflicts_with_all = ["variant", "estimator", "noise"], value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub(crate) reference: Option<u32>,
+    /// Layers to write beside the picture: albedo, normal, depth, mask, variant, fetches, choice, position, ddx, ddy (.exr only)
+    #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true, value_parser = AOV_NAMES)]
+    pub(crate) aov: Vec<String>,
+    /// The picture: .exr or .png
+    #[arg(long, value_name = "FILE.exr|FILE.png", value_parser = picture)]
+    pub(crate) out: PathBuf,
+    /// Print a summary that a program can read
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Reads 16-bit PNG, 16-bit RAW (little-endian unless --raw-big-endian), OpenEXR and (Geo)TIFF. Row 0 is north.
+Float formats hold metres and need no --height-range; integers need it.
+
+Examples:
+  experiments import alps.png --metres-per-texel 10 --height-range 1399,2716 --out alps
+  experiments import dump.raw --raw-size 4097x4097 --metres-per-texel 2 --height-range 0,1200 --window 0,0,1025,1025 --out corner")]
+pub(crate) struct ImportArgs {
+    /// The heightmap
+    #[arg(value_name = "HEIGHTMAP")]
+    pub(crate) heightmap: PathBuf,
+    /// Sample spacing, metres
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = spacing)]
+    pub(crate) metres_per_texel: f64,
+    /// Elevations of the smallest and largest sample value, metres
+    #[arg(long, value_name = "LO,HI", allow_hyphen_values = true, value_parser = height_range)]
+    pub(crate) height_range: Option<[f64; 2]>,
+    /// Folder of material folders (albedo, normal, height, roughness images); without it, procedural materials
+    #[arg(long, value_name = "DIR")]
+    pub(crate) materials: Option<PathBuf>,
+    /// Width and height of a .raw file; without it, it must be square
+    #[arg(long, value_name = "WxH", value_parser = raw_size)]
+    pub(crate) raw_size: Option<[u32; 2]>,
+    /// A .raw file's samples are big-endian
+    #[arg(long)]
+    pub(crate) raw_big_endian: bool,
+    /// Read only this part: left, top, width, height, in samples
+    #[arg(long, value_name = "X,Y,W,H", value_parser = window)]
+    pub(crate) window: Option<[u32; 4]>,
+    /// Procedural relief added below the data's resolution, metres; without it, walls in coarse data are ramps
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true, value_parser = detail)]
+    pub(crate) detail: f64,
+    /// Folder of the new scene; must be empty or not exist
+    #[arg(long, value_name = "SCENE_DIR")]
+    pub(crate) out: PathBuf,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+The table is CSV with a header; columns are found by name, others are passed over. `probe --list` prints kernels, columns and units.
+
+Examples:
+  experiments probe --list
+  experiments probe octahedral --on f64 --input normals.csv --output decoded.csv")]
+pub(crate) struct ProbeArgs {
+    /// Which function
+    #[arg(value_name = "KERNEL", required_unless_present = "list")]
+    pub(crate) kernel: Option<String>,
+    /// Where: the GPU, or the reference in f32 or f64
+    #[arg(long, value_enum, default_value_t = On::Gpu)]
+    pub(crate) on: On,
+    /// Table to read
+    #[arg(long, value_name = "IN.csv", required_unless_present = "list")]
+    pub(crate) input: Option<PathBuf>,
+    /// Table to write: the input's columns, then the results
+    #[arg(long, value_name = "OUT.csv", required_unless_present = "list")]
+    pub(crate) output: Option<PathBuf>,
+    /// Print kernels, columns, units
+    #[arg(long, conflicts_with_all = ["kernel", "input", "output"])]
+    pub(crate) list: bool,
+    /// Print the list for a program
+    #[arg(long, requires = "list")]
+    pub(crate) json: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  experiments explain default
+  experiments explain alps/scene.toml --json")]
+pub(crate) struct ExplainArgs {
+    /// `default`, a .toml file, or a folder with scene.toml
+    #[arg(value_name = "SCENE")]
+    pub(crate) scene: String,
+    /// Print for a program
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct AdaptersArgs {
+    /// Print for a program
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What `--variant` chose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum VariantArg {
+    /// Every tile its own.
+    Auto,
+    /// One everywhere.
+    Forced(Variant),
+    /// Every tile its own, by the generic pipeline.
+    Generic,
+}
+
+impl std::fmt::Display for VariantArg {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            VariantArg::Auto => f.write_str("auto"),
+            VariantArg::Forced(variant) => variant.fmt(f),
+            VariantArg::Generic => f.write_str("generic"),
+        }
+    }
+}
+
+/// What `--estimator` chose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum EstimatorArg {
+    /// The stochastic flavours of Far Cry 5
+    Fc5,
+    /// The mean of what they choose from
+    Exact,
+}
+
+impl std::fmt::Display for EstimatorArg {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            EstimatorArg::Fc5 => "fc5",
+            EstimatorArg::Exact => "exact",
+        })
+    }
+}
+
+/// Where `probe` evaluates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum On {
+    /// The shader
+    Gpu,
+    /// The reference in single precision
+    F32,
+    /// The reference in double precision
+    F64,
+}
+
+impl Cli {
+    /// Parses the command line; a wrong call ends the process here with exit 2.
+    pub(crate) fn read() -> Cli {
+        let cli = Cli::parse();
+        if let Err((command, what)) = cli.check() {
+            let mut top = Cli::command();
+            let found = top
+                .find_subcommand_mut(command)
+                .map(|c| c.clone().bin_name(format!("experiments {command}")));
+            found.unwrap_or(top).error(ErrorKind::ArgumentConflict, what).exit();
+        }
+        cli
+    }
+
+    /// What clap's attributes cannot say.
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        let Command::Render(args) = &self.command else { return Ok(()) };
+        if !args.aov.is_empty() && extension(&args.out) == "png" {
+            return Err(("render", "--aov needs an .exr: a .png holds no layers".to_owned()));
+        }
+        Ok(())
+    }
+}
+
+/// A file's extension in small letters.
+pub(crate) fn extension(path: &std::path::Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase()
+}
+
+fn pair(text: &str) -> Result<[u32; 2], String> {
+    let wrong = || format!("`{text}` is not WIDTHxHEIGHT, as in 960x540");
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+    let number = |digits: &str| digits.trim().parse::<u32>().map_err(|_| wrong());
+    Ok([number(width)?, number(height)?])
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let [width, height] = pair(text)?;
+    let pixels = u64::from(width) * u64::from(height);
+    if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) && pixels <= MAX_PIXELS {
+        Ok([width, height])
+    } else {
+        Err(format!(
+            "must be 1 to {MAX_SIDE} pixels a side and at most {MAX_PIXELS} (2^26) in all"
+        ))
+    }
+}
+
+fn raw_size(text: &str) -> Result<[u32; 2], String> {
+    let [width, height] = pair(text)?;
+    if width >= 2 && height >= 2 {
+        Ok([width, height])
+    } else {
+        Err("a heightmap has at least 2 samples a side".to_owned())
+    }
+}
+
+/// `N` numbers joined by commas, all finite.
+fn numbers<const N: usize>(text: &str, shape: &str) -> Result<[f64; N], String> {
+    let wrong = || format!("give {shape}: {N} numbers joined by commas");
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().map_err(|_| wrong()))
+        .collect::<Result<_, _>>()?;
+    let all: [f64; N] = parts.try_into().map_err(|_| wrong())?;
+    if all.iter().all(|v| v.is_finite()) {
+        Ok(all)
+    } else {
+        Err(format!("{shape} must be finite numbers"))
+    }
+}
+
+fn pose(text: &str) -> Result<[f64; 5], String> {
+    let pose: [f64; 5] = numbers(text, "X,Y,Z,YAW,PITCH")?;
+    if pose[..3].iter().any(|v| v.abs() > 1.0e7) {
+        return Err("X, Y and Z are metres, at most 10 000 000 from the origin".to_owned());
+    }
+    if pose[3].abs() > 3600.0 || pose[4].abs() > 90.0 {
+        return Err("YAW is a compass bearing in degrees, PITCH lies in -90..=90".to_owned());
+    }
+    Ok(pose)
+}
+
+fn fov(text: &str) -> Result<f64, String> {
+    let [fov] = numbers(text, "DEG")?;
+    if (1.0..=175.0).contains(&fov) {
+        Ok(fov)
+    } else {
+        Err("must lie in 1..=175 degrees".to_owned())
+    }
+}
+
+fn spacing(text: &str) -> Result<f64, String> {
+    let [spacing] = numbers(text, "M")?;
+    if spacing > 0.0 && spacing <= 1.0e5 {
+        Ok(spacing)
+    } else {
+        Err("must be above 0 and at most 100000 metres".to_owned())
+    }
+}
+
+fn detail(text: &str) -> Result<f64, String> {
+    let [detail] = numbers(text, "M")?;
+    if (0.0..=1000.0).contains(&detail) {
+        Ok(detail)
+    } else {
+        Err("must lie in 0..=1000 metres".to_owned())
+    }
+}
+
+fn height_range(text: &str) -> Result<[f64; 2], String> {
+    let [low, high] = numbers(text, "LO,HI")?;
+    if low < high {
+        Ok([low, high])
+    } else {
+        Err("LO must be below HI".to_owned())
+    }
+}
+
+fn window(text: &str) -> Result<[u32; 4], String> {
+    let shape = "give X,Y,W,H: 4 whole numbers joined by commas, W and H at least 2";
+    let parts: Vec<u32> = text
+        .split(',')
+        .map(|part| part.trim().parse().map_err(|_| shape.to_owned()))
+        .collect::<Result<_, _>>()?;
+    let all: [u32; 4] = parts.try_into().map_err(|_| shape.to_owned())?;
+    if all[2] >= 2 && all[3] >= 2 {
+        Ok(all)
+    } else {
+        Err(shape.to_owned())
+    }
+}
+
+fn variant(text: &str) -> Result<VariantArg, String> {
+    match text {
+        "auto" => Ok(VariantArg::Auto),
+        "generic" => Ok(VariantArg::Generic),
+        _ => text
+            .parse()
+            .map(VariantArg::Forced)
+            .map_err(|e: kernels::variant::NotAVariant| format!("{e}; `auto` and `generic` are accepted, too")),
+    }
+}
+
+fn noise(text: &str) -> Result<NoiseKind, String> {
+    text.parse()
+        .map_err(|_| format!("must be one of {}", NoiseKind::ALL.map(|kind| kind.to_string()).join(", ")))
+}
+
+fn picture(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match extension(&path).as_str() {
+        "exr" | "png" => Ok(path),
+        _ => Err("must end in .exr or .png".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn definitions_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("960x540"), Ok([960, 540]));
+        assert_eq!(size("16384x4096"), Ok([16_384, 4096]));
+        for wrong in [
+            "0x0",
+            "1000000x1",
+            "16384x16384",
+            "16385x1",
+            "960",
+            "x",
+            "-1x5",
+            "9.5x4",
+            "99999999999x1",
+            "",
+        ] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn poses() {
+        assert_eq!(pose("-1,2.5,3,-90,10"), Ok([-1.0, 2.5, 3.0, -90.0, 10.0]));
+        for wrong in [
+            "1,2,3,4",
+            "1,2,3,4,5,6",
+            "nan,0,0,0,0",
+            "0,0,inf,0,0",
+            "0,0,0,0,91",
+            "1e9,0,0,0,0",
+            "a,b,c,d,e",
+        ] {
+            assert!(pose(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn variants() {
+        assert_eq!(variant("auto"), Ok(VariantArg::Auto));
+        assert_eq!(variant("generic"), Ok(VariantArg::Generic));
+        assert_eq!(variant("near-cliff+vt").map(|v| v.to_string()), Ok("vt+near-cliff".to_owned()));
+        for wrong in ["0", "32", "-1", "vt+vt2", "", "all", "4294967297"] {
+            assert!(variant(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! `import`: a heightmap becomes a scene folder.
+
+use anyhow::{Result, bail};
+use kernels::world::heightmap::{self, ReadOptions};
+
+use super::{check_writable, print};
+use crate::cli::ImportArgs;
+
+/// Writes the scene folder, whole or not at all.
+pub(crate) fn run(args: &ImportArgs) -> Result<()> {
+    if !args.heightmap.is_file() {
+        bail!(
+            "there is no file {}: give a PNG, RAW, EXR or TIFF heightmap",
+            args.heightmap.display()
+        );
+    }
+    if args.out.exists() {
+        if !args.out.is_dir() {
+            bail!("{} is a file: give a folder that is empty or does not exist", args.out.display());
+        }
+        if args.out.read_dir()?.next().is_some() {
+            bail!("{} is not empty: give a folder that is empty or does not exist", args.out.display());
+        }
+    }
+    match args.out.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => check_writable(parent)?,
+        _ => check_writable(std::path::Path::new("."))?,
+    }
+    let options = ReadOptions {
+        metres_per_texel: args.metres_per_texel,
+        height_range_m: args.height_range,
+        raw_size: args.raw_size,
+        raw_big_endian: args.raw_big_endian,
+        window: args.window,
+    };
+    heightmap::import(&args.heightmap, &options, args.materials.as_deref(), args.detail, &args.out)?;
+    let out = args.out.display();
+    print(&format!(
+        "{out}: scene.toml, heightmap.png\nlook at it: experiments render --scene {out} --camera vista --out vista.png\n"
+    ))
+}

@@ -1,0 +1,190 @@
+//! One file per command, and what they share: output, progress, interruption.
+
+mod adapters;
+mod demo;
+mod explain;
+mod import;
+mod probe;
+mod render;
+
+use std::fs::{self, OpenOptions};
+use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+use crate::cli::{Cli, Command};
+
+/// Runs the command that was asked for.
+pub(crate) fn run(cli: &Cli) -> Result<()> {
+    match &cli.command {
+        Command::Demo(args) => demo::run(args),
+        Command::Render(args) => render::run(args),
+        Command::Import(args) => import::run(args),
+        Command::Probe(args) => probe::run(args),
+        Command::Explain(args) => explain::run(args),
+        Command::Adapters(args) => adapters::run(args),
+    }
+}
+
+/// The text with every run of white space, line breaks included, made one blank.
+pub(crate) fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Writes to stdout. A reader that has seen enough (`| head`) is no error.
+pub(crate) fn print(text: &str) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error).context("cannot write to standard output"),
+        _ => Ok(()),
+    }
+}
+
+/// Writes a value as indented JSON to stdout.
+pub(crate) fn print_json(value: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).context("cannot write the answer as JSON")?;
+    print(&format!("{text}\n"))
+}
+
+/// Refuses an output file that cannot be written, before the work that would be lost.
+///
+/// The file itself is not touched: it is written under a temporary name and renamed, so what counts is its folder.
+pub(crate) fn check_output_file(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        bail!("{} is a folder: give the name of a file", path.display());
+    }
+    if path.file_name().is_none() {
+        bail!("{} names no file", path.display());
+    }
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    check_writable(folder)
+}
+
+/// Refuses a folder that does not exist or cannot be written to.
+pub(crate) fn check_writable(folder: &Path) -> Result<()> {
+    if !folder.exists() {
+        bail!("there is no folder {}: create it, or correct the path", folder.display());
+    }
+    if !folder.is_dir() {
+        bail!("{} is not a folder: correct the path", folder.display());
+    }
+    // Permission bits do not tell (read-only mounts, access lists): try.
+    let trial = folder.join(format!(".scree-{}.tmp", std::process::id()));
+    OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .open(&trial)
+        .and_then(|_| fs::remove_file(&trial))
+        .with_context(|| {
+            format!(
+                "cannot write into {}: change its permissions, or choose another folder",
+                folder.display()
+            )
+        })
+}
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// From here on Ctrl-C asks for a clean stop ([`check_interrupted`]); a second one ends the process at once.
+pub(crate) fn watch_interrupts() -> Result<()> {
+    ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            // 128 + SIGINT, as shells expect.
+            std::process::exit(130);
+        }
+        eprintln!("stopping after the picture under way; once more to stop at once");
+    })
+    .context("cannot watch for Ctrl-C")
+}
+
+/// Fails once Ctrl-C was pressed.
+pub(crate) fn check_interrupted() -> Result<()> {
+    if INTERRUPTED.load(Ordering::SeqCst) {
+        bail!("stopped by Ctrl-C; what was finished before is complete");
+    }
+    Ok(())
+}
+
+/// Progress of long work on stderr: a bar on a terminal, a plain line at each quarter elsewhere.
+pub(crate) struct Reporter {
+    terminal: bool,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    stage: String,
+    quarter: u64,
+    bar: Option<ProgressBar>,
+}
+
+impl Reporter {
+    /// Nothing is shown before the first report.
+    pub(crate) fn new() -> Reporter {
+        Reporter {
+            terminal: io::stderr().is_terminal(),
+            state: Mutex::default(),
+        }
+    }
+
+    /// `done` of `total` parts of `stage` are finished; stages follow one another. A `total` of 0 = not known.
+    pub(crate) fn report(&self, stage: &str, done: u64, total: u64) {
+        // A poisoned lock means that another thread panicked; that is reported elsewhere.
+        let Ok(mut state) = self.state.lock() else { return };
+        let entered = state.stage != stage;
+        if entered {
+            stage.clone_into(&mut state.stage);
+            state.quarter = 0;
+            if let Some(bar) = state.bar.take() {
+                bar.finish_and_clear();
+            }
+        }
+        if self.terminal {
+            let bar = state.bar.get_or_insert_with(|| bar(stage, total));
+            bar.set_length(total);
+            bar.set_position(done);
+            return;
+        }
+        let quarter = (done * 4).checked_div(total).unwrap_or(0);
+        if entered || quarter > state.quarter {
+            state.quarter = quarter;
+            if total == 0 {
+                eprintln!("{stage}");
+            } else {
+                eprintln!("{stage}: {done}/{total}");
+            }
+        }
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn finish(&self) {
+        if let Some(bar) = self.state.lock().ok().and_then(|mut state| state.bar.take()) {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn bar(stage: &str, total: u64) -> ProgressBar {
+    let bar = ProgressBar::new(total);
+    let template = if total == 0 {
+        "{spinner} {msg} {pos}"
+    } else {
+        "{msg:28} {bar:32} {pos}/{len} {eta}"
+    };
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar.set_message(stage.to_owned());
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}

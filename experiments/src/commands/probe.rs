@@ -1,0 +1,183 @@
+//! `probe`: one shared function over the rows of a CSV table.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use kernels::gpu::Gpu;
+use kernels::probe::{Column, PROBES, Probe};
+use serde::Serialize;
+
+use super::{check_output_file, print, print_json};
+use crate::cli::{On, ProbeArgs};
+
+#[derive(Serialize)]
+struct Listed {
+    name: &'static str,
+    about: &'static str,
+    inputs: &'static [Column],
+    outputs: &'static [Column],
+}
+
+/// A table read from CSV: what was written in it, and the values of the columns asked for.
+struct Table {
+    header: csv::StringRecord,
+    rows: Vec<csv::StringRecord>,
+    /// Row-major, a probe's inputs in their order.
+    values: Vec<f64>,
+}
+
+/// Lists the probes, or runs one.
+pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
+    if args.list {
+        return list(args.json);
+    }
+    let (Some(kernel), Some(input), Some(output)) = (&args.kernel, &args.input, &args.output) else {
+        bail!("give KERNEL, --input and --output, or --list");
+    };
+    let probe = Probe::find(kernel).context("`probe --list` prints them all")?;
+    check_output_file(output)?;
+    let table = read(input, probe)?;
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "f32 and GPU take values rounded to f32, as the list says"
+    )]
+    let single = || table.values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
+    let results: Vec<String> = match args.on {
+        On::F64 => probe.on_f64(&table.values).iter().map(ToString::to_string).collect(),
+        On::F32 => probe.on_f32(&single()).iter().map(ToString::to_string).collect(),
+        On::Gpu => probe.on_gpu(&Gpu::new()?, &single())?.iter().map(ToString::to_string).collect(),
+    };
+    write(output, probe, &table, &results)
+}
+
+fn list(json: bool) -> Result<()> {
+    if json {
+        let all = PROBES.iter().map(|p| Listed {
+            name: p.name,
+            about: p.about,
+            inputs: p.inputs,
+            outputs: p.outputs,
+        });
+        return print_json(&all.collect::<Vec<_>>());
+    }
+    let mut text = String::new();
+    // Writing into a String cannot fail.
+    for probe in PROBES {
+        let _ = writeln!(text, "{}\n  {}", probe.name, probe.about);
+        for (title, columns) in [("in ", probe.inputs), ("out", probe.outputs)] {
+            for column in columns {
+                let whole = column
+                    .whole
+                    .map_or_else(String::new, |[low, high]| format!(" (whole, {low} to {high})"));
+                let _ = writeln!(text, "    {title} {:<12} {}{whole}", column.name, column.unit);
+            }
+        }
+    }
+    text.push_str("\nValues are rounded to f32 for --on f32 and --on gpu; whole numbers travel as f32, hence their bounds.\n");
+    print(&text)
+}
+
+fn read(path: &Path, probe: &Probe) -> Result<Table> {
+    let name = path.display();
+    let file = File::open(path).with_context(|| format!("cannot open the table {name}"))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
+    let header = reader.headers().with_context(|| format!("cannot read the table {name}"))?.clone();
+    let expected = || probe.inputs.iter().map(|column| column.name).collect::<Vec<_>>().join(",");
+    if header.is_empty() {
+        bail!(
+            "{name} is empty: give a header and rows; `{}` takes the columns {}",
+            probe.name,
+            expected()
+        );
+    }
+    let mut places = Vec::new();
+    for column in probe.inputs {
+        let mut found = header
+            .iter()
+            .enumerate()
+            .filter(|(_, title)| *title == column.name)
+            .map(|(place, _)| place);
+        let Some(place) = found.next() else {
+            bail!(
+                "{name} has no column `{}`: `{}` takes the columns {}",
+                column.name,
+                probe.name,
+                expected()
+            );
+        };
+        if found.next().is_some() {
+            bail!("{name} has more than one column `{}`: keep one", column.name);
+        }
+        places.push((place, column));
+    }
+    if let Some(column) = probe.outputs.iter().find(|column| header.iter().any(|title| title == column.name)) {
+        bail!(
+            "{name} already has a column `{}`, which `{}` makes: rename or remove it",
+            column.name,
+            probe.name
+        );
+    }
+    let (mut rows, mut values) = (Vec::new(), Vec::new());
+    for record in reader.records() {
+        let record = record.map_err(|error| anyhow::anyhow!("{name}: {}", explain(&error)))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        for &(place, column) in &places {
+            let cell = &record[place];
+            let value: f64 = cell
+                .parse()
+                .ok()
+                .with_context(|| format!("{name}, line {line}, column `{}`: `{cell}` is not a number", column.name))?;
+            column
+                .accepts(value)
+                .map_err(|what| anyhow::anyhow!("{name}, line {line}: {what}"))?;
+            values.push(value);
+        }
+        rows.push(record);
+    }
+    if rows.is_empty() {
+        bail!("{name} has a header and no rows: there is nothing to evaluate");
+    }
+    Ok(Table { header, rows, values })
+}
+
+fn explain(error: &csv::Error) -> String {
+    match error.kind() {
+        csv::ErrorKind::UnequalLengths { pos, expected_len, len } => {
+            let line = pos.as_ref().map_or(0, csv::Position::line);
+            format!("line {line} has {len} cells, the header has {expected_len}")
+        }
+        csv::ErrorKind::Utf8 { pos, .. } => {
+            format!(
+                "line {} is not UTF-8 text: is it a CSV table?",
+                pos.as_ref().map_or(0, csv::Position::line)
+            )
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// Writes under a temporary name and renames: a table is whole or not there.
+fn write(path: &Path, probe: &Probe, table: &Table, results: &[String]) -> Result<()> {
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(format!(".{}.tmp", std::process::id()));
+    let temporary = PathBuf::from(temporary);
+    let write = || -> Result<()> {
+        let mut writer = csv::Writer::from_path(&temporary)?;
+        writer.write_record(table.header.iter().chain(probe.outputs.iter().map(|column| column.name)))?;
+        for (row, made) in table.rows.iter().zip(results.chunks_exact(probe.outputs.len())) {
+            writer.write_record(row.iter().chain(made.iter().map(String::as_str)))?;
+        }
+        writer.flush()?;
+        drop(writer);
+        fs::rename(&temporary, path)?;
+        Ok(())
+    };
+    write()
+        .with_context(|| format!("cannot write the table {}", path.display()))
+        .inspect_err(|_| {
+            // The first error is the one to tell.
+            let _ = fs::remove_file(&temporary);
+        })
+}

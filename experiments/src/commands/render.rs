@@ -1,0 +1,351 @@
+//! `render`: pictures of a scene, by any variant, estimator and noise, or the converged reference.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use kernels::camera::{self, Pose};
+use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
+use kernels::gpu::Gpu;
+use kernels::picture::{self, AovSet, Layer, Picture};
+use kernels::scene::{self, CameraPath, CameraPose, Scene};
+use kernels::shading::Estimator;
+use kernels::variant::{Flavour, Variant};
+use serde::Serialize;
+
+use super::{Reporter, check_interrupted, check_output_file, print, print_json, watch_interrupts};
+use crate::cli::{EstimatorArg, RenderArgs, VariantArg, extension};
+
+#[derive(Serialize)]
+struct Summary {
+    scene: String,
+    size: [u32; 2],
+    variant: String,
+    estimator: String,
+    noise: String,
+    seed: u32,
+    /// Samples per pixel of the reference; absent unless `--reference` was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<u32>,
+    adapter: String,
+    /// A software adapter's times are compared, never quoted alone.
+    software: bool,
+    frames: Vec<FrameSummary>,
+}
+
+#[derive(Serialize)]
+struct FrameSummary {
+    frame: u32,
+    file: PathBuf,
+    /// GPU time of each pass, milliseconds; of a reference, the sum over its samples.
+    gpu_ms: serde_json::Map<String, serde_json::Value>,
+    /// Texture samples per terrain pixel; absent unless the layer `fetches` was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fetches_per_px: Option<f64>,
+    /// 8 x 8 tiles shaded by each variant that has any.
+    tiles: serde_json::Map<String, serde_json::Value>,
+}
+
+/// What is looked through: a camera of the scene, a path, or a pose given by hand.
+enum Shot<'a> {
+    Still(CameraPose),
+    Along(&'a CameraPath),
+}
+
+/// Renders and writes all frames, each whole or not at all.
+pub(crate) fn run(args: &RenderArgs) -> Result<()> {
+    check_output_file(&args.out)?;
+    let scene = scene::load(&args.scene)?;
+    let shot = shot(args, &scene)?;
+    let frames = match (&shot, args.frames) {
+        (_, Some(frames)) => frames,
+        (Shot::Still(_), None) => 1,
+        (Shot::Along(path), None) => {
+            u32::try_from(path.keys.len() - 1)
+                .unwrap_or(u32::MAX)
+                .saturating_mul(path.frames_per_key)
+                + 1
+        }
+    };
+    let numbered = args.frames.is_some() || matches!(shot, Shot::Along(_));
+
+    watch_interrupts()?;
+    let gpu = Gpu::new()?;
+    let reporter = Reporter::new();
+    let show = |p: Progress| reporter.report(&p.stage, p.done, p.total);
+    let mut renderer = Renderer::new(&gpu, &scene, &show)?;
+    let aovs = AovSet::from_names(&args.aov)?;
+    let mut summary = Summary {
+        scene: scene.name.clone(),
+        size: args.size,
+        variant: args
+            .reference
+            .map_or_else(|| args.variant.to_string(), |_| Flavour::Splat.name().to_owned()),
+        estimator: args.reference.map_or(args.estimator, |_| EstimatorArg::Exact).to_string(),
+        noise: args.noise.to_string(),
+        seed: args.seed,
+        reference: args.reference,
+        adapter: gpu.info.name.clone(),
+        software: gpu.is_software(),
+        frames: Vec::new(),
+    };
+    for frame in 0..frames {
+        check_interrupted().with_context(|| format!("{frame} of {frames} pictures were written"))?;
+            let mut pose = match &shot {
+            Shot::Still(camera) => Pose::of(camera, |x, y| renderer.ground_m(x, y)),
+            Shot::Along(path) => camera::along(path, frame, |x, y| renderer.ground_m(x, y)),
+        };
+        pose.fov = args.fov.map_or(pose.fov, f64::to_radians);
+        let request = RenderRequest {
+            pose,
+            size: args.size,
+            variant: match args.variant {
+                VariantArg::Auto => VariantChoice::Auto,
+                VariantArg::Forced(variant) => VariantChoice::Forced(variant),
+                VariantArg::Generic => VariantChoice::GenericAuto,
+            },
+            estimator: match args.estimator {
+                EstimatorArg::Fc5 => Estimator::Fc5,
+                EstimatorArg::Exact => Estimator::Exact,
+            },
+            noise: args.noise,
+            seed: args.seed,
+            frame,
+            two_tilings: false,
+            jitter: [0.0; 2],
+            aovs,
+            count_fetches: args.aov.iter().any(|name| name == "fetches"),
+        };
+        let picture = match args.reference {
+            None => {
+                if frames > 1 {
+                    reporter.report("rendering", u64::from(frame), u64::from(frames));
+                }
+                renderer.render(&request)?
+            }
+            Some(samples) => reference(&mut renderer, &request, samples, !args.aov.is_empty(), &reporter)?,
+        };
+        let file = if numbered {
+            numbered_file(&args.out, frame)
+        } else {
+            args.out.clone()
+        };
+        if extension(&file) == "png" {
+            picture::write_png(&file, &picture)?;
+        } else {
+            picture::write_exr(&file, &picture)?;
+        }
+        let gpu_ms = picture.passes.iter().map(|(name, ms)| (name.clone(), (*ms).into())).collect();
+        // Entry 0 counts all tiles; entry i is variant i.
+        let tiles = Variant::all()
+            .zip(picture.report.tiles.iter().skip(1))
+            .filter(|(_, count)| **count > 0);
+        let tiles = tiles.map(|(variant, &count)| (variant.to_string(), count.into())).collect();
+        summary.frames.push(FrameSummary {
+            frame,
+            file,
+            gpu_ms,
+            fetches_per_px: picture.fetches_per_px,
+            tiles,
+        });
+    }
+    reporter.finish();
+    if args.json { print_json(&summary) } else { print(&text(&summary)) }
+}
+
+fn shot<'a>(args: &RenderArgs, scene: &'a Scene) -> Result<Shot<'a>> {
+    if let Some(name) = &args.path {
+        let path = scene.paths.iter().find(|path| &path.name == name);
+        return path
+            .map(Shot::Along)
+            .with_context(|| no_such("path", name, scene, scene.paths.iter().map(|path| path.name.as_str())));
+    }
+    let camera = match (&args.camera, args.pose) {
+        (Some(name), _) => scene
+            .cameras
+            .iter()
+            .find(|camera| &camera.name == name)
+            .cloned()
+            .with_context(|| no_such("camera", name, scene, scene.cameras.iter().map(|camera| camera.name.as_str())))?,
+        (None, Some([x, y, z, yaw_deg, pitch_deg])) => CameraPose {
+            name: "pose".to_owned(),
+            position: [x, y, z],
+            above_ground: false,
+            yaw_deg,
+            pitch_deg,
+            fov_deg: 55.0,
+        },
+        (None, None) => bail!("give --camera, --pose or --path"),
+    };
+    Ok(Shot::Still(camera))
+}
+
+/// `scene alps has no camera `vsita`: did you mean `vista`?`
+pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Iterator<Item = &'a str>) -> String {
+    let known: Vec<&str> = known.collect();
+    let hint = match scene::nearest(name, &known) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if known.is_empty() => "it has none".to_owned(),
+        None => format!("it has {}", known.join(", ")),
+    };
+    format!("scene `{}` has no {kind} `{name}`: {hint}", scene.name)
+}
+
+/// The converged truth: three projections of four materials in two tilings (96 fetches), all blended, averaged over
+/// `samples` points of each pixel's square. Colours are averaged, layers that an average would make meaningless (ids,
+/// directions, distances) are those of the pixel's centre.
+pub(crate) fn reference(
+    renderer: &mut Renderer<'_>,
+    request: &RenderRequest,
+    samples: u32,
+    layers: bool,
+    reporter: &Reporter,
+) -> Result<Picture> {
+    let truth = RenderRequest {
+        variant: VariantChoice::Forced(Variant::only(Flavour::Splat)),
+        estimator: Estimator::Exact,
+        two_tilings: true,
+        ..request.clone()
+    };
+    let mut total: Option<Sums> = None;
+    for sample in 0..samples {
+        check_interrupted()?;
+        reporter.report("reference samples", u64::from(sample), u64::from(samples));
+        let picture = renderer.render(&RenderRequest {
+            jitter: sample_point(sample),
+            ..truth.clone()
+        })?;
+        match &mut total {
+            None => total = Some(Sums::of(&picture)),
+            Some(sums) => sums.add(&picture)?,
+        }
+    }
+    let total = total.context("a reference needs at least one sample")?;
+    let centre = if layers {
+        renderer.render(&truth)?
+    } else {
+        renderer.render(&RenderRequest {
+            jitter: sample_point(0),
+            ..truth
+        })?
+    };
+    total.mean(centre, samples)
+}
+
+/// Point `i` of the R2 sequence, relative to the pixel's centre, in -0.5..0.5. Its first point is the centre itself.
+///
+/// Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*, 2018: steps 1/g and 1/g² with g³ = g + 1.
+fn sample_point(i: u32) -> [f64; 2] {
+    const G: f64 = 1.324_717_957_244_746;
+    [1.0 / G, 1.0 / (G * G)].map(|step| (0.5 + f64::from(i) * step).fract() - 0.5)
+}
+
+/// Sums of what can be averaged, in f64 so that thousands of samples lose nothing.
+struct Sums {
+    hdr: Vec<[f64; 4]>,
+    colours: Vec<(String, Vec<[f64; 3]>)>,
+    passes: Vec<(String, f64)>,
+}
+
+impl Sums {
+    fn of(picture: &Picture) -> Sums {
+        let colours = picture.layers.iter().filter_map(|(name, layer)| match layer {
+            Layer::Rgb(texels) => Some((name.clone(), texels.iter().map(|t| t.map(f64::from)).collect())),
+            Layer::Xyz(_) | Layer::Value(_) => None,
+        });
+        Sums {
+            hdr: picture.hdr.iter().map(|t| t.map(f64::from)).collect(),
+            colours: colours.collect(),
+            passes: picture.passes.clone(),
+        }
+    }
+
+    fn add(&mut self, picture: &Picture) -> Result<()> {
+        for (sum, texel) in self.hdr.iter_mut().zip(&picture.hdr) {
+            *sum = std::array::from_fn(|i| sum[i] + f64::from(texel[i]));
+        }
+        for (name, sums) in &mut self.colours {
+            let Some((_, Layer::Rgb(texels))) = picture.layers.iter().find(|(other, _)| other == name) else {
+                bail!("layer `{name}` is missing from a sample of the reference");
+            };
+            for (sum, texel) in sums.iter_mut().zip(texels) {
+                *sum = std::array::from_fn(|i| sum[i] + f64::from(texel[i]));
+            }
+        }
+        for (name, ms) in &mut self.passes {
+            *ms += picture.passes.iter().find(|(other, _)| other == name).map_or(0.0, |(_, ms)| *ms);
+        }
+        Ok(())
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "a mean of f32 values, rounded back to f32")]
+    fn mean(self, mut picture: Picture, samples: u32) -> Result<Picture> {
+        let scale = 1.0 / f64::from(samples);
+        picture.hdr = self.hdr.iter().map(|t| t.map(|v| (v * scale) as f32)).collect();
+        for (name, sums) in self.colours {
+            let layer = picture.layers.iter_mut().find(|(other, _)| *other == name);
+            let (_, layer) = layer.with_context(|| format!("layer `{name}` is missing from the reference"))?;
+            *layer = Layer::Rgb(sums.iter().map(|t| t.map(|v| (v * scale) as f32)).collect());
+        }
+        picture.passes = self.passes;
+        Ok(picture)
+    }
+}
+
+/// `out.exr`, 3 -> `out-0003.exr`.
+fn numbered_file(out: &Path, frame: u32) -> PathBuf {
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    out.with_file_name(format!("{stem}-{frame:04}.{}", extension(out)))
+}
+
+fn text(summary: &Summary) -> String {
+    let software = if summary.software {
+        " (software: compare its times, never quote them alone)"
+    } else {
+        ""
+    };
+    let mut lines = Vec::new();
+    for frame in &summary.frames {
+        let total: f64 = frame.gpu_ms.values().filter_map(serde_json::Value::as_f64).sum();
+        let time = if frame.gpu_ms.is_empty() {
+            String::new()
+        } else {
+            format!("  {total:.2} ms on the GPU")
+        };
+        lines.push(format!("{}{time}", frame.file.display()));
+    }
+    if let [frame] = summary.frames.as_slice() {
+        lines.extend(
+            frame
+                .gpu_ms
+                .iter()
+                .map(|(name, ms)| format!("  {name:<28} {:>9.3} ms", ms.as_f64().unwrap_or(f64::NAN))),
+        );
+    }
+    lines.push(format!("adapter: {}{software}", summary.adapter));
+    lines.push(String::new());
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_numbers_go_before_the_extension() {
+        assert_eq!(numbered_file(Path::new("a/b.c.exr"), 3), Path::new("a/b.c-0003.exr"));
+    }
+
+    #[test]
+    fn sample_points_fill_the_pixel_evenly() {
+        assert_eq!(sample_point(0), [0.0, 0.0]);
+        let mut counts = [0; 16];
+        for i in 0..1024 {
+            let [x, y] = sample_point(i);
+            assert!(x.abs() <= 0.5 && y.abs() <= 0.5);
+            let cell = |v: f64| (0..4).rev().find(|&k| v >= f64::from(k) * 0.25 - 0.5).unwrap_or(0) as usize;
+            counts[cell(x) + 4 * cell(y)] += 1;
+        }
+        // 64 expected in each; independent random points would scatter by 8.
+        assert!(counts.iter().all(|&count| (60..=68).contains(&count)), "{counts:?}");
+    }
+}

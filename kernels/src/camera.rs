@@ -1,0 +1,178 @@
+//! Where the camera stands, and the rays it looks along.
+
+use glam::{DMat4, DVec2, DVec3, DVec4, IVec2, Mat4};
+
+use crate::scene::{CameraPath, CameraPose};
+
+/// Distance of the near plane, metres. Depth is reversed and infinite, so it costs no precision far away.
+pub const NEAR_M: f64 = 0.1;
+
+/// A camera in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// World metres, z = elevation.
+    pub position: DVec3,
+    /// Compass bearing, radians: 0 = north (+y), pi/2 = east (+x).
+    pub yaw: f64,
+    /// Radians above the horizon.
+    pub pitch: f64,
+    /// Vertical field of view, radians.
+    pub fov: f64,
+}
+
+impl Pose {
+    /// A scene's camera; `ground_m` gives the elevation below a point where the pose counts from the ground.
+    pub fn of(camera: &CameraPose, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
+        let [x, y, z] = camera.position;
+        let base = if camera.above_ground { ground_m(x, y) } else { 0.0 };
+        Pose {
+            position: DVec3::new(x, y, z + base),
+            yaw: camera.yaw_deg.to_radians(),
+            pitch: camera.pitch_deg.to_radians(),
+            fov: camera.fov_deg.to_radians(),
+        }
+    }
+
+    /// Unit vectors to the right, up and forward.
+    pub fn axes(&self) -> [DVec3; 3] {
+        let (sin_yaw, cos_yaw) = self.yaw.sin_cos();
+        let (sin_pitch, cos_pitch) = self.pitch.sin_cos();
+        let forward = DVec3::new(sin_yaw * cos_pitch, cos_yaw * cos_pitch, sin_pitch);
+        let right = DVec3::new(cos_yaw, -sin_yaw, 0.0);
+        [right, right.cross(forward), forward]
+    }
+}
+
+/// The pose of frame `frame` of a path: Catmull-Rom through the keys, so that it passes each of them exactly.
+pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
+    let keys: Vec<Pose> = path.keys.iter().map(|k| Pose::of(k, &ground_m)).collect();
+    let last = keys.len().saturating_sub(1);
+    let whole = (frame / path.frames_per_key.max(1)) as usize;
+    if whole >= last {
+        return keys[last];
+    }
+    let t = f64::from(frame % path.frames_per_key) / f64::from(path.frames_per_key);
+    let at = |i: isize| keys[usize::try_from(i.max(0)).unwrap_or(0).min(last)];
+    let i = isize::try_from(whole).unwrap_or(0);
+    let [p0, p1, p2, p3] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+    let spline = |a: f64, b: f64, c: f64, d: f64| {
+        b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
+    };
+    Pose {
+        position: DVec3::from_array(std::array::from_fn(|k| spline(p0.position[k], p1.position[k], p2.position[k], p3.position[k]))),
+        yaw: spline(p0.yaw, p1.yaw, p2.yaw, p3.yaw),
+        pitch: spline(p0.pitch, p1.pitch, p2.pitch, p3.pitch),
+        fov: spline(p0.fov, p1.fov, p2.fov, p3.fov),
+    }
+}
+
+/// A pose seen through an image of a certain size, with positions relative to the camera's sector.
+///
+/// *Local* coordinates: x, y relative to the south-west corner of the camera's sector, z = elevation.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// The pose.
+    pub pose: Pose,
+    /// Image size in pixels.
+    pub size: [u32; 2],
+    /// Sector of the camera, counted from the world's south-west corner; may lie outside the world.
+    pub sector: IVec2,
+    /// Camera position in local coordinates.
+    pub camera: DVec3,
+    /// Ray through the centre of pixel (0, 0); its component along the view direction is 1.
+    pub ray_00: DVec3,
+    /// Step of the ray from one pixel to the next to the right.
+    pub ray_dx: DVec3,
+    /// Step of the ray from one pixel to the next below.
+    pub ray_dy: DVec3,
+    /// Clip from local coordinates; reversed infinite depth.
+    pub clip_from_local: DMat4,
+}
+
+impl View {
+    /// `jitter` moves the image's sample points by that many pixels right and down (0 = pixel centres);
+    /// `sector_m` and `world_m` are the edges of a sector and of the world.
+    #[allow(clippy::cast_possible_truncation, reason = "a sector index fits i32 for any position a scene can state")]
+    pub fn new(pose: Pose, size: [u32; 2], jitter: [f64; 2], sector_m: f64, world_m: f64) -> View {
+        let corner = DVec2::splat(-world_m / 2.0);
+        let sector = ((pose.position.truncate() - corner) / sector_m).floor();
+        let origin = corner + sector * sector_m;
+        let camera = (pose.position.truncate() - origin).extend(pose.position.z);
+        let [right, up, forward] = pose.axes();
+        let (width, height) = (f64::from(size[0]), f64::from(size[1]));
+        let half_height = (pose.fov / 2.0).tan();
+        let half_width = half_height * width / height;
+        let ray_dx = right * (2.0 * half_width / width);
+        let ray_dy = -up * (2.0 * half_height / height);
+        let ray_00 = forward - right * half_width + up * half_height + ray_dx * (0.5 + jitter[0]) + ray_dy * (0.5 + jitter[1]);
+        // x_clip = x_view / half_width etc.; the jitter shifts the image the other way. z_clip = near, w = depth along forward.
+        let shift = DVec2::new(-2.0 * jitter[0] / width, 2.0 * jitter[1] / height);
+        let view_rows = [right / half_width + forward * shift.x, up / half_height + forward * shift.y, DVec3::ZERO, forward];
+        let rows = view_rows.map(|r| r.extend(-r.dot(camera)));
+        let rows = [rows[0], rows[1], DVec4::new(0.0, 0.0, 0.0, NEAR_M), rows[3]];
+        let clip_from_local = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
+        View { pose, size, sector: IVec2::new(sector.x as i32, sector.y as i32), camera, ray_00, ray_dx, ray_dy, clip_from_local }
+    }
+
+    /// The matrix in f32, for the vertex stage.
+    pub fn clip_from_local_f32(&self) -> Mat4 {
+        self.clip_from_local.as_mat4()
+    }
+
+    /// The ray of a pixel.
+    pub fn ray(&self, x: f64, y: f64) -> DVec3 {
+        self.ray_00 + self.ray_dx * x + self.ray_dy * y
+    }
+
+    /// Whether a box in local coordinates may be visible: false only if it lies wholly outside one frustum plane.
+    pub fn sees(&self, low: DVec3, high: DVec3) -> bool {
+        let m = self.clip_from_local;
+        let (rx, ry, rw) = (m.row(0), m.row(1), m.row(3));
+        let near = rw - DVec4::new(0.0, 0.0, 0.0, NEAR_M);
+        [rw + rx, rw - rx, rw + ry, rw - ry, near].into_iter().all(|plane| {
+            let normal = plane.truncate();
+            let farthest = DVec3::select(normal.cmpge(DVec3::ZERO), high, low);
+            normal.dot(farthest) + plane.w >= 0.0
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose() -> Pose {
+        Pose { position: DVec3::new(100.0, -50.0, 30.0), yaw: 0.7, pitch: -0.2, fov: 0.9 }
+    }
+
+    #[test]
+    fn rays_and_matrix_agree_also_with_jitter() {
+        for jitter in [[0.0, 0.0], [0.3, -0.45]] {
+            let view = View::new(pose(), [320, 180], jitter, 64.0, 10_240.0);
+            for (x, y, depth) in [(0.0, 0.0, 5.0), (200.0, 17.0, 900.0), (319.0, 179.0, 0.3)] {
+                let point = view.camera + view.ray(x, y) * depth;
+                let clip = view.clip_from_local * point.extend(1.0);
+                let pixel = DVec2::new((clip.x / clip.w * 0.5 + 0.5) * 320.0 - 0.5, (0.5 - clip.y / clip.w * 0.5) * 180.0 - 0.5);
+                assert!((pixel - DVec2::new(x, y)).length() < 1e-9, "{pixel} instead of {x} {y}");
+                assert!((clip.z / clip.w - NEAR_M / depth).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn camera_is_placed_in_its_sector() {
+        let view = View::new(pose(), [16, 16], [0.0; 2], 64.0, 10_240.0);
+        assert_eq!(view.sector, IVec2::new(81, 79));
+        assert_eq!(view.camera, DVec3::new(36.0, 14.0, 30.0));
+    }
+
+    #[test]
+    fn boxes_behind_are_not_seen() {
+        let view = View::new(pose(), [320, 180], [0.0; 2], 64.0, 10_240.0);
+        let forward = view.pose.axes()[2];
+        let at = |d: f64| view.camera + forward * d;
+        assert!(view.sees(at(50.0) - 1.0, at(50.0) + 1.0));
+        assert!(!view.sees(at(-50.0) - 1.0, at(-50.0) + 1.0));
+        assert!(view.sees(view.camera - 1.0, view.camera + 1.0));
+    }
+}

@@ -1,0 +1,35 @@
+// Classification: the masks of an 8 x 8 tile ORed together are the tile's variant; tiles are appended to the list of their variant.
+// List 0 holds every terrain tile, for the generic kernel; lists 1..31 the variants.
+// The OR itself is in the file after this one: by subgroup operations or by workgroup atomics, with equal results.
+
+struct DrawArguments {
+    vertex_count: u32,
+    instance_count: atomic<u32>,
+    first_vertex: u32,
+    first_instance: u32,
+}
+
+@group(1) @binding(0) var mask_target: texture_2d<u32>;
+@group(1) @binding(1) var stencil_target: texture_2d<u32>;
+@group(1) @binding(2) var<storage, read_write> tile_lists: array<u32>;
+@group(1) @binding(3) var<storage, read_write> arguments: array<DrawArguments, 32>;
+
+fn classification_pixel_mask(pixel: vec2<u32>) -> u32 {
+    if any(pixel >= frame.size) || textureLoad(stencil_target, pixel, 0).r == 0u {
+        return 0u;
+    }
+    if frame.forced_mask != 0u {
+        return frame.forced_mask;
+    }
+    return textureLoad(mask_target, pixel, 0).r;
+}
+
+fn classification_append(tile: vec2<u32>, mask: u32) {
+    if mask == 0u {
+        return;
+    }
+    let entry = tile.x | (tile.y << 12u) | (mask << 24u);
+    let capacity = frame.tiles.x * frame.tiles.y;
+    tile_lists[mask * capacity + atomicAdd(&arguments[mask].instance_count, 1u)] = entry;
+    tile_lists[atomicAdd(&arguments[0].instance_count, 1u)] = entry;
+}

@@ -1,0 +1,19 @@
+// The tile's OR through workgroup memory, for every adapter.
+
+var<workgroup> tile_mask: atomic<u32>;
+
+@compute @workgroup_size(64)
+fn classification_main(
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    if thread == 0u {
+        atomicStore(&tile_mask, 0u);
+    }
+    workgroupBarrier();
+    atomicOr(&tile_mask, classification_pixel_mask(tile.xy * 8u + vec2<u32>(thread % 8u, thread / 8u)));
+    workgroupBarrier();
+    if thread == 0u {
+        classification_append(tile.xy, atomicLoad(&tile_mask));
+    }
+}

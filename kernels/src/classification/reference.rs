@@ -1,0 +1,19 @@
+//! Tiles from masks on the CPU: what every path of the classification pass must equal.
+
+use crate::classification::{TILE, tiles};
+
+/// For every tile, row by row: the OR of the masks of its terrain pixels, 0 if it has none.
+/// `mask` and `terrain` have one entry a pixel; `forced` replaces every terrain pixel's mask.
+pub fn tile_masks(size: [u32; 2], mask: &[u8], terrain: &[bool], forced: Option<u8>) -> Vec<u8> {
+    let [columns, rows] = tiles(size);
+    let mut out = vec![0; (columns * rows) as usize];
+    for y in 0..size[1] {
+        for x in 0..size[0] {
+            let pixel = (y * size[0] + x) as usize;
+            if terrain[pixel] {
+                out[(y / TILE * columns + x / TILE) as usize] |= forced.unwrap_or(mask[pixel]);
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,24 @@
+// The tile's OR through subgroup operations first, so that one atomic a subgroup is left.
+// The workgroup is one-dimensional because naga knows subgroup built-ins for no other.
+
+var<workgroup> tile_mask: atomic<u32>;
+
+@compute @workgroup_size(64)
+fn classification_main(
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+) {
+    if thread == 0u {
+        atomicStore(&tile_mask, 0u);
+    }
+    workgroupBarrier();
+    let combined = subgroupOr(classification_pixel_mask(tile.xy * 8u + vec2<u32>(thread % 8u, thread / 8u)));
+    if lane == 0u {
+        atomicOr(&tile_mask, combined);
+    }
+    workgroupBarrier();
+    if thread == 0u {
+        classification_append(tile.xy, atomicLoad(&tile_mask));
+    }
+}

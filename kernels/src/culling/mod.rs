@@ -1,0 +1,88 @@
+//! From nodes to patches: 8 x 8 patches of 16 x 16 quads a node, those outside the frustum dropped, LOD deltas packed for stitching.
+//!
+//! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions"; rulings 3 and 8.
+//! Reads the drawn nodes and the LOD map; makes the patch list. On the CPU until the GPU culling lands, for which it is the reference;
+//! occlusion and normal cones come with it.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use crate::camera::View;
+use crate::quadtree::{NodeBounds, local_box};
+use crate::world::{Layout, NodeId, SECTORS};
+
+/// Patches along a node's edge.
+pub const PATCHES: u32 = 8;
+/// Quads along a patch's edge.
+pub const PATCH_QUADS: u32 = 16;
+
+/// One patch to draw; the layout matches `Patch` in `geometry.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Patch {
+    /// South-west corner of the patch's *node* in local coordinates, metres.
+    pub node_origin: [f32; 2],
+    /// Distance of two vertices, metres.
+    pub spacing: f32,
+    /// Atlas slot, from 1.
+    pub slot: u32,
+    /// Column and row of the patch in its node, 0..8.
+    pub patch: [u32; 2],
+    /// LOD deltas, 4 bits a side: north << 12 | east << 8 | south << 4 | west.
+    pub deltas: u32,
+    /// The node's LOD.
+    pub lod: u32,
+}
+
+/// A side's delta: how many levels coarser the neighbour is, 0 if it is not.
+pub fn delta(own: u8, neighbour: u8) -> u32 {
+    u32::from(neighbour.saturating_sub(own))
+}
+
+/// The packed deltas of a patch. Sides inside the node have none.
+pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8]) -> u32 {
+    let edge = 1i32 << node.lod;
+    let (x, y) = (i32::from(node.x) * edge, i32::from(node.y) * edge);
+    // A neighbour that is coarser covers the whole side, so any sector along it will do.
+    let lod_at = |x: i32, y: i32| {
+        let side = i32::from(SECTORS);
+        let inside = (0..side).contains(&x) && (0..side).contains(&y);
+        if inside { lod_map[usize::try_from(y * side + x).unwrap_or(0)] } else { 0 }
+    };
+    let last = PATCHES - 1;
+    let side = |on: bool, x: i32, y: i32| if on { delta(node.lod, lod_at(x, y)) } else { 0 };
+    side(patch[1] == last, x, y + edge) << 12
+        | side(patch[0] == last, x + edge, y) << 8
+        | side(patch[1] == 0, x, y - 1) << 4
+        | side(patch[0] == 0, x - 1, y)
+}
+
+/// The visible patches of the drawn nodes, in the order of the nodes.
+#[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
+pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout, view: &View) -> Vec<Patch> {
+    let mut patches = Vec::new();
+    for &(node, slot, bounds) in drawn {
+        let (low, high) = local_box(node, bounds, layout, view);
+        if !view.sees(low, high) {
+            continue;
+        }
+        let patch_m = layout.node_m(node.lod) / f64::from(PATCHES);
+        for row in 0..PATCHES {
+            for column in 0..PATCHES {
+                let corner = low + DVec3::new(f64::from(column), f64::from(row), 0.0) * patch_m;
+                let opposite = (corner.truncate() + patch_m).extend(high.z);
+                if view.sees(corner, opposite) {
+                    patches.push(Patch {
+                        node_origin: [low.x as f32, low.y as f32],
+                        spacing: (patch_m / f64::from(PATCH_QUADS)) as f32,
+                        slot,
+                        patch: [column, row],
+                        deltas: pack_deltas(node, [column, row], lod_map),
+                        lod: u32::from(node.lod),
+                    });
+                }
+            }
+        }
+    }
+    patches
+}

@@ -1,0 +1,60 @@
+//! The library's one error type: what went wrong, where, and how to mend it.
+
+use std::path::PathBuf;
+
+/// Everything that can fail in this crate. Each text is one line: what, where, how to mend it.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A scene file is wrong.
+    #[error("scene {where_}: {what}")]
+    Scene {
+        /// File and, where known, line or table.
+        where_: String,
+        /// What is wrong and how to mend it.
+        what: String,
+    },
+    /// A heightmap is wrong.
+    #[error("heightmap {}: {what}", file.display())]
+    Heightmap {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong and how to mend it.
+        what: String,
+    },
+    /// A material's textures are wrong.
+    #[error("material `{name}`: {what}")]
+    Material {
+        /// The material's name.
+        name: String,
+        /// What is wrong and how to mend it.
+        what: String,
+    },
+    /// The machine has no adapter that will do.
+    #[error("adapter: {0}")]
+    Adapter(String),
+    /// A call asks for what cannot be done.
+    #[error("{0}")]
+    Request(String),
+    /// The GPU reported an error.
+    #[error("gpu: {0}")]
+    Gpu(String),
+    /// Reading or writing a file failed.
+    #[error("{}: {source}", file.display())]
+    File {
+        /// The file or folder.
+        file: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Reading or writing an image failed.
+    #[error("image {}: {what}", file.display())]
+    Image {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+}
+
+/// Result with the library's error.
+pub type Result<T> = std::result::Result<T, Error>;

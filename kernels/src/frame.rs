@@ -1,0 +1,474 @@
+//! The frame, on one page: [`Renderer::render`] calls the stages in their order, what one makes being the next one's argument.
+
+use bytemuck::{Pod, Zeroable, bytes_of};
+use glam::DVec3;
+
+use crate::camera::{NEAR_M, Pose, View};
+use crate::classification::{self, Classification, Lists};
+use crate::culling;
+use crate::error::{Error, Result};
+use crate::geometry::{self, Geometry};
+use crate::gpu::bindings::Binding;
+use crate::gpu::{Gpu, PassTime, Timer};
+use crate::inspect::Inspect;
+use crate::lighting::{self, Lighting};
+use crate::materials::Palette;
+use crate::picture::{AovSet, Picture};
+use crate::quadtree;
+use crate::scene::{self, Requirements, Scene};
+use crate::shading::{self, Estimator, Kernel, PipelineKey, Shading};
+use crate::shared::flavour_weights::FlavourParams;
+use crate::shared::noise::NoiseKind;
+use crate::streaming::Streaming;
+use crate::terrain::{Terrain, palette_means};
+use crate::variant::Variant;
+use crate::virtual_texture::{self, PageCounts, VirtualTexture};
+use crate::world::{PaletteMeans, World};
+
+/// The uniforms that every stage knows.
+pub const FRAME_WGSL: (&str, &str) = ("frame.wgsl", include_str!("frame.wgsl"));
+
+/// Uniforms of a frame; the layout matches `Frame` in `frame.wgsl`, where each field is explained.
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct FrameUniforms {
+    pub clip_from_local: [[f32; 4]; 4],
+    pub camera: [f32; 3],
+    pub sector_m: f32,
+    pub ray_00: [f32; 3],
+    pub near_m: f32,
+    pub ray_dx: [f32; 3],
+    pub height_low_m: f32,
+    pub ray_dy: [f32; 3],
+    pub height_span_m: f32,
+    pub camera_sector: [i32; 2],
+    pub size: [u32; 2],
+    pub seed: u32,
+    pub frame: u32,
+    pub forced_mask: u32,
+    pub page_levels: u32,
+    pub tiles: [u32; 2],
+    pub hash_scale: f32,
+    pub height_sharpness: f32,
+    pub triplanar_sharpness: f32,
+    pub gradient_scale: f32,
+    pub page_texels_per_m: f32,
+    pub page_anisotropy: f32,
+    pub flavours: FlavourParams,
+    pub sun_direction: [f32; 3],
+    pub taps: u32,
+    pub sun_irradiance: [f32; 3],
+    pub pad_2: f32,
+    pub sky_zenith: [f32; 3],
+    pub pad_3: f32,
+    pub sky_horizon: [f32; 3],
+    pub pad_4: f32,
+}
+
+/// Something that takes a while and how far it is.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: String,
+    /// Steps done.
+    pub done: u64,
+    /// Steps in all, 0 = not known.
+    pub total: u64,
+}
+
+/// Which shader shades which tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum VariantChoice {
+    /// Each tile by the variant its pixels need.
+    Auto,
+    /// Every tile by this variant; each of its flavours is evaluated on every pixel.
+    Forced(Variant),
+    /// The generic kernel on every tile, with the mask that `Auto` would give it.
+    GenericAuto,
+    /// The generic kernel on every tile, with this mask.
+    GenericForced(Variant),
+}
+
+/// One picture to make.
+#[derive(Clone, Debug)]
+pub struct RenderRequest {
+    /// Where the camera is.
+    pub pose: Pose,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Which shaders.
+    pub variant: VariantChoice,
+    /// How stochastic flavours arrive at a value.
+    pub estimator: Estimator,
+    /// Their noise.
+    pub noise: NoiseKind,
+    /// Their seed.
+    pub seed: u32,
+    /// Frame index: the only time there is.
+    pub frame: u32,
+    /// Full splat with two tiling scales: 96 fetches.
+    pub two_tilings: bool,
+    /// Shift of the sample points in pixels, for supersampling.
+    pub jitter: [f64; 2],
+    /// Layers wanted besides the picture.
+    pub aovs: AovSet,
+    /// Whether fetches are counted (a slower shader; never timed).
+    pub count_fetches: bool,
+}
+
+impl RenderRequest {
+    /// A picture with everything at its default: automatic variants, Far Cry 5's estimators, isotropic hashed noise, seed 0.
+    pub fn new(pose: Pose, size: [u32; 2]) -> RenderRequest {
+        RenderRequest {
+            pose,
+            size,
+            variant: VariantChoice::Auto,
+            estimator: Estimator::Fc5,
+            noise: NoiseKind::HashedIsotropic,
+            seed: 0,
+            frame: 0,
+            two_tilings: false,
+            jitter: [0.0; 2],
+            aovs: AovSet::default(),
+            count_fetches: false,
+        }
+    }
+}
+
+/// The largest picture side, pixels: 12 bits of tile coordinates would allow more, textures do not.
+pub const MAX_SIDE: u32 = 16_384;
+/// The largest picture, pixels.
+pub const MAX_PIXELS: u64 = 1 << 26;
+
+/// What one frame was made of.
+#[derive(Clone, Debug, Default)]
+pub struct FrameReport {
+    /// Time of each pass on the device.
+    pub passes: Vec<PassTime>,
+    /// Nodes drawn.
+    pub nodes: usize,
+    /// Patches drawn.
+    pub patches: usize,
+    /// Virtual-texture pages.
+    pub pages: PageCounts,
+    /// Tiles: all that hold terrain, then per variant 1..=31.
+    pub tiles: Vec<u32>,
+}
+
+/// Everything of the picture's size.
+pub struct Targets {
+    /// Of the geometry pass.
+    pub geometry: geometry::Targets,
+    /// Of the classification pass.
+    pub lists: Lists,
+    /// Of the shading pass.
+    pub shading: shading::Targets,
+    /// Linear HDR.
+    pub image: wgpu::Texture,
+    size: [u32; 2],
+}
+
+/// A scene on a device, ready to be drawn.
+pub struct Renderer<'a> {
+    gpu: &'a Gpu,
+    scene: Scene,
+    requirements: Requirements,
+    world: World,
+    means: PaletteMeans,
+    streaming: Streaming,
+    terrain: Terrain,
+    geometry: Geometry,
+    virtual_texture: VirtualTexture,
+    classification: Classification,
+    shading: Shading,
+    lighting: Lighting,
+    inspect: Inspect,
+    frame_layout: wgpu::BindGroupLayout,
+    targets: Option<Targets>,
+    progress: &'a (dyn Fn(Progress) + Sync),
+}
+
+/// Pages kept at once: some 240 MB.
+const PAGE_CAPACITY: u32 = scene::PAGE_SLOTS;
+
+impl<'a> Renderer<'a> {
+    /// Makes a scene ready: world, palette, atlases, shaders.
+    ///
+    /// # Errors
+    /// When the scene's data are wrong (file and reason), it asks for cliffs that its world does not have, or a shader does not compile.
+    pub fn new(gpu: &'a Gpu, scene: &Scene, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
+        let world = World::new(scene)?;
+        scene::validate_against_world(scene, world.max_slope_deg())?;
+        let requirements = Requirements::of(scene);
+        let palette = Palette::build(scene, world.layout().sector_m, |name| {
+            progress(Progress { stage: format!("texture {name}"), done: 0, total: 0 });
+        })?;
+        let streaming = Streaming::new(gpu);
+        let terrain = Terrain::new(gpu, &streaming, &palette, scene.blend.anisotropy);
+        progress(Progress { stage: "shaders".to_owned(), done: 0, total: 0 });
+        let frame_layout =
+            gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
+        let capacity = if requirements.has(crate::variant::Flavour::VirtualTexture) { PAGE_CAPACITY } else { 1 };
+        let modulated = requirements.colour_modulation;
+        Ok(Renderer {
+            geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes)?,
+            virtual_texture: VirtualTexture::new(gpu, &frame_layout, &terrain, modulated, scene.blend.anisotropy, capacity)?,
+            classification: Classification::new(gpu, &frame_layout)?,
+            shading: Shading::new(gpu, &frame_layout, &terrain, modulated)?,
+            lighting: Lighting::new(gpu, &frame_layout)?,
+            inspect: Inspect::new(gpu, &frame_layout, &terrain)?,
+            means: palette_means(&palette),
+            scene: scene.clone(),
+            requirements,
+            world,
+            streaming,
+            terrain,
+            gpu,
+            frame_layout,
+            targets: None,
+            progress,
+        })
+    }
+
+    /// The world drawn.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The scene drawn.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What the scene requires.
+    pub fn requirements(&self) -> &Requirements {
+        &self.requirements
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &'a Gpu {
+        self.gpu
+    }
+
+    /// Elevation of the drawn ground, metres.
+    pub fn ground_m(&self, x: f64, y: f64) -> f64 {
+        self.world.surface_height_m(x, y)
+    }
+
+    /// The targets of the last frame, for tests and inspection.
+    pub fn targets(&self) -> Option<&Targets> {
+        self.targets.as_ref()
+    }
+
+    /// The request's view of this world.
+    pub fn view(&self, request: &RenderRequest) -> View {
+        let layout = self.world.layout();
+        View::new(request.pose, request.size, request.jitter, layout.sector_m, layout.world_m())
+    }
+
+    /// Makes one picture.
+    ///
+    /// # Errors
+    /// When the size is out of range, the view needs more nodes than fit, or the device fails.
+    pub fn render(&mut self, request: &RenderRequest) -> Result<Picture> {
+        let report = self.draw(request)?;
+        Picture::read(self, request, report)
+    }
+
+    /// Draws one frame and leaves it on the device: the stages in their order.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn draw(&mut self, request: &RenderRequest) -> Result<FrameReport> {
+        check_size(request.size)?;
+        let gpu = self.gpu;
+        if self.targets.as_ref().is_none_or(|t| t.size != request.size) {
+            self.targets = Some(Targets::new(gpu, request.size));
+        }
+        let targets = self.targets.take().expect("made just above");
+        let report = self.draw_into(request, &targets);
+        self.targets = Some(targets);
+        report
+    }
+
+    fn draw_into(&mut self, request: &RenderRequest, targets: &Targets) -> Result<FrameReport> {
+        let gpu = self.gpu;
+        let view = self.view(request);
+
+        // streaming, quadtree: which nodes, and their payloads
+        self.streaming.begin_frame();
+        let (streaming, world, means, progress) = (&mut self.streaming, &self.world, &self.means, self.progress);
+        let selection = quadtree::select(world, &view, |nodes| {
+            let done = std::sync::atomic::AtomicU64::new(0);
+            let on_baked = || {
+                let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+                progress(Progress { stage: "terrain nodes".to_owned(), done, total: 0 });
+            };
+            streaming.load(gpu, world, means, nodes, &on_baked)
+        })?;
+        let slots = selection.visited.iter().filter_map(|&n| Some((n, self.streaming.get(n)?.0)));
+        self.terrain.update(gpu, slots);
+
+        // culling: patches
+        let drawn: Vec<_> = selection.drawn.iter().filter_map(|&n| self.streaming.get(n).map(|(slot, bounds)| (n, slot, bounds))).collect();
+        let lod_map = quadtree::lod_map(&selection.drawn);
+        let patches = culling::cull(&drawn, &lod_map, self.world.layout(), &view);
+
+        let uniforms = self.uniforms(request, &view);
+        let buffer = gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
+        let frame = gpu.group("frame", &self.frame_layout, &[buffer.as_entire_binding()]);
+        let terrain_group = self.terrain.group.clone();
+        let groups = [&frame, &terrain_group];
+        let mut timer = Timer::new(gpu);
+
+        // geometry: depth, stencil, mask, normals; classification: tiles per variant; requests: visible virtual-texture pages
+        let mut encoder = gpu.encoder("geometry");
+        self.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, &targets.geometry);
+        self.classification.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.lists);
+        self.virtual_texture.encode_requests(gpu, &mut encoder, &mut timer, groups, &targets.geometry);
+        gpu.submit_and_wait(encoder)?;
+        let tiles = targets.lists.read_counts(gpu)?;
+
+        // virtual texture: pages that are missing
+        let pages = self.virtual_texture.fill(gpu, groups, self.world.layout(), &selection.visited)?;
+
+        // shading: G-buffer, by the variants that have tiles; lighting: linear HDR
+        let keys = self.warm(request, &tiles);
+        let mut encoder = gpu.encoder("shading");
+        self.shading.encode(
+            gpu,
+            &mut encoder,
+            &mut timer,
+            groups,
+            &targets.geometry,
+            &targets.lists,
+            &self.virtual_texture,
+            &targets.shading,
+            &keys,
+        );
+        self.lighting.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.shading, &targets.image);
+        timer.resolve(&mut encoder);
+        gpu.submit_and_wait(encoder)?;
+
+        Ok(FrameReport {
+            passes: timer.read(gpu)?,
+            nodes: drawn.len(),
+            patches: patches.len(),
+            pages,
+            tiles: tiles.to_vec(),
+        })
+    }
+
+    /// Runs the inspection pass over the last frame, which `request` made.
+    ///
+    /// # Errors
+    /// When there is no frame yet or the device fails.
+    pub fn inspect(&self, request: &RenderRequest) -> Result<Vec<crate::inspect::Inspected>> {
+        let targets = self.targets.as_ref().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
+        let uniforms = self.uniforms(request, &self.view(request));
+        let buffer = self.gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
+        let frame = self.gpu.group("frame", &self.frame_layout, &[buffer.as_entire_binding()]);
+        self.inspect.run(self.gpu, [&frame, &self.terrain.group], &targets.geometry)
+    }
+
+    /// Builds the pipelines that a request needs for the tiles there are (all 31 lists and the generic one's), and returns their keys.
+    fn warm(&mut self, request: &RenderRequest, tiles: &[u32]) -> Vec<PipelineKey> {
+        let has_tiles = |mask: usize| tiles.get(mask).is_some_and(|&n| n > 0);
+        let kernels: Vec<Kernel> = match request.variant {
+            VariantChoice::Auto | VariantChoice::Forced(_) => {
+                Variant::all().filter(|v| has_tiles(usize::from(v.mask()))).map(Kernel::Variant).collect()
+            }
+            VariantChoice::GenericAuto | VariantChoice::GenericForced(_) => vec![Kernel::Generic],
+        };
+        let keys: Vec<PipelineKey> = kernels
+            .into_iter()
+            .map(|kernel| PipelineKey {
+                kernel,
+                estimator: request.estimator,
+                noise: request.noise,
+                two_tilings: request.two_tilings,
+                diagnostics: request.count_fetches || request.aovs.needs_diagnostics(),
+            })
+            .collect();
+        let total = keys.len() as u64;
+        for (done, &key) in (0..).zip(&keys) {
+            if self.shading.warm(self.gpu, key) {
+                (self.progress)(Progress { stage: "shader variants".to_owned(), done, total });
+            }
+        }
+        keys
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "uniforms are f32 on purpose")]
+    fn uniforms(&self, request: &RenderRequest, view: &View) -> FrameUniforms {
+        let (low, high) = self.world.height_range_m();
+        let (sun, sky, blend) = (&self.scene.sun, &self.scene.sky, &self.scene.blend);
+        let (azimuth, elevation) = (sun.azimuth_deg.to_radians(), sun.elevation_deg.to_radians());
+        let sun_direction = DVec3::new(azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin());
+        let f = |v: DVec3| v.as_vec3().to_array();
+        FrameUniforms {
+            clip_from_local: view.clip_from_local_f32().to_cols_array_2d(),
+            camera: f(view.camera),
+            sector_m: self.world.layout().sector_m as f32,
+            ray_00: f(view.ray_00),
+            near_m: NEAR_M as f32,
+            ray_dx: f(view.ray_dx),
+            height_low_m: low as f32,
+            ray_dy: f(view.ray_dy),
+            height_span_m: (high - low) as f32,
+            camera_sector: view.sector.to_array(),
+            size: view.size,
+            seed: request.seed,
+            frame: request.frame,
+            forced_mask: match request.variant {
+                VariantChoice::Forced(v) | VariantChoice::GenericForced(v) => u32::from(v.mask()),
+                VariantChoice::Auto | VariantChoice::GenericAuto => 0,
+            },
+            page_levels: virtual_texture::LEVELS,
+            tiles: classification::tiles(view.size),
+            hash_scale: blend.hash_scale as f32,
+            height_sharpness: blend.height_sharpness as f32,
+            triplanar_sharpness: blend.triplanar_sharpness as f32,
+            gradient_scale: blend.mip_bias.exp2() as f32,
+            page_texels_per_m: virtual_texture::TEXELS_PER_M as f32,
+            page_anisotropy: f32::from(virtual_texture::anisotropy(blend.anisotropy)),
+            flavours: FlavourParams::new(&self.scene.flavours),
+            sun_direction: f(sun_direction),
+            taps: 4,
+            sun_irradiance: sun.irradiance.map(|v| v as f32),
+            pad_2: 0.0,
+            sky_zenith: sky.zenith.map(|v| v as f32),
+            pad_3: 0.0,
+            sky_horizon: sky.horizon.map(|v| v as f32),
+            pad_4: 0.0,
+        }
+    }
+}
+
+impl Targets {
+    fn new(gpu: &Gpu, size: [u32; 2]) -> Targets {
+        Targets {
+            geometry: geometry::Targets::new(gpu, size),
+            lists: Lists::new(gpu, size),
+            shading: shading::Targets::new(gpu, size),
+            image: gpu.target("image", size, lighting::FORMAT),
+            size,
+        }
+    }
+}
+
+/// Refuses sizes that no picture can have.
+///
+/// # Errors
+/// When a side is 0 or above [`MAX_SIDE`], or there are more than [`MAX_PIXELS`].
+pub fn check_size(size: [u32; 2]) -> Result<()> {
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    if size.contains(&0) || size.iter().any(|&n| n > MAX_SIDE) || pixels > MAX_PIXELS {
+        return Err(Error::Request(format!(
+            "a picture of {}x{} cannot be made: each side must be 1 to {MAX_SIDE} pixels, {MAX_PIXELS} in all",
+            size[0], size[1]
+        )));
+    }
+    Ok(())
+}

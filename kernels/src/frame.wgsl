@@ -1,0 +1,42 @@
+// What every stage of a frame knows: the camera, the flavour rules, the blend, the light.
+// Local coordinates: x, y in metres from the south-west corner of the camera's sector, z = elevation in metres.
+
+struct Frame {
+    clip_from_local: mat4x4<f32>,
+    camera: vec3<f32>,          // camera in local coordinates
+    sector_m: f32,              // edge of a sector
+    ray_00: vec3<f32>,          // ray through the centre of pixel (0, 0), 1 long along the view direction
+    near_m: f32,                // depth = near_m / distance along the view direction
+    ray_dx: vec3<f32>,          // step of the ray per pixel to the right
+    height_low_m: f32,          // elevation of height 0
+    ray_dy: vec3<f32>,          // step of the ray per pixel down
+    height_span_m: f32,         // elevation of height 1 above that of height 0
+    camera_sector: vec2<i32>,   // counted from the world's south-west corner
+    size: vec2<u32>,            // image, pixels
+    seed: u32,
+    frame: u32,                 // frame index
+    forced_mask: u32,           // 0 = automatic, else the variant forced on every tile
+    page_levels: u32,           // levels of the virtual texture
+    tiles: vec2<u32>,           // image, 8 x 8 tiles, rounded up
+    hash_scale: f32,            // cell size of hashed noise, pixels
+    height_sharpness: f32,      // k in w 2^(k h)
+    triplanar_sharpness: f32,   // k in |n|^k
+    gradient_scale: f32,        // 2^mip bias
+    page_texels_per_m: f32,     // texel density of virtual-texture level 0
+    page_anisotropy: f32,       // most ratio of major to minor axis that page filtering covers, 1..4
+    flavours: FlavourParams,
+    sun_direction: vec3<f32>,   // towards the sun
+    taps: u32,                  // 4: splat texels around a point, see terrain.wgsl
+    sun_irradiance: vec3<f32>,  // on a surface facing it
+    pad_2: f32,
+    sky_zenith: vec3<f32>,      // radiance
+    pad_3: f32,
+    sky_horizon: vec3<f32>,     // radiance
+    pad_4: f32,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+
+fn frame_ray(pixel: vec2<f32>) -> vec3<f32> {
+    return frame.ray_00 + frame.ray_dx * pixel.x + frame.ray_dy * pixel.y;
+}

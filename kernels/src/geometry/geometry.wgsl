@@ -1,0 +1,93 @@
+// Geometry pass: patches in, depth + stencil + classification mask + two octahedral normals out.
+
+// True where the scene has holes: only then is a varying spent on them and a discard compiled in.
+override HAS_HOLES: bool = false;
+
+struct Patch {
+    node_origin: vec2<f32>,     // south-west corner of the node, local metres
+    spacing: f32,               // metres between vertices
+    slot: u32,
+    patch_xy: vec2<u32>,        // column, row in the node's 8 x 8 patches
+    deltas: u32,                // 4 bits a side, N E S W from the top
+    lod: u32,
+}
+
+@group(2) @binding(0) var<storage, read> patches: array<Patch>;
+
+struct GeometryVarying {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) local: vec3<f32>,
+    @location(1) node_uv: vec2<f32>,
+    @location(2) @interpolate(flat) slot: u32,
+    @location(3) hole: f32,
+}
+
+const GEOMETRY_NODE_QUADS: u32 = 128u;
+
+// Nearest vertex that a neighbour `delta` levels coarser keeps; of two equally near the lower.
+fn geometry_weld(index: u32, delta: u32) -> u32 {
+    let step = 1u << delta;
+    return (index + (step - 1u) / 2u) / step * step;
+}
+
+fn geometry_stitch(index: vec2<u32>, deltas: u32) -> vec2<u32> {
+    var kept = index;
+    if index.y == GEOMETRY_NODE_QUADS { kept.x = geometry_weld(index.x, (deltas >> 12u) & 15u); }
+    if index.x == GEOMETRY_NODE_QUADS { kept.y = geometry_weld(index.y, (deltas >> 8u) & 15u); }
+    if index.y == 0u { kept.x = geometry_weld(index.x, (deltas >> 4u) & 15u); }
+    if index.x == 0u { kept.y = geometry_weld(index.y, deltas & 15u); }
+    return kept;
+}
+
+@vertex
+fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> GeometryVarying {
+    let p = patches[instance];
+    let in_patch = vec2<u32>(vertex % 17u, vertex / 17u);
+    let index = geometry_stitch(p.patch_xy * 16u + in_patch, p.deltas);
+    let height = textureLoad(height_atlas, index, p.slot, 0).r;
+    let local = vec3<f32>(p.node_origin + vec2<f32>(index) * p.spacing, frame.height_low_m + height * frame.height_span_m);
+    var out: GeometryVarying;
+    out.clip = frame.clip_from_local * vec4<f32>(local, 1.0);
+    out.local = local;
+    out.node_uv = vec2<f32>(index) / f32(GEOMETRY_NODE_QUADS);
+    out.slot = p.slot;
+    out.hole = 0.0;
+    if HAS_HOLES && textureLoad(albedo_atlas, index + 2u, p.slot, 0).a < 0.5 {
+        out.hole = 1.0;
+    }
+    return out;
+}
+
+struct GeometryTargets {
+    @location(0) mask: u32,
+    @location(1) normals: vec4<f32>,
+}
+
+@fragment
+fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
+    // The slope of a plane is the same at every pixel of its triangle; derivatives of the position give it.
+    let across = dpdx(in.local);
+    let down = dpdy(in.local);
+    // A triangle that touches a hole's vertex has hole > 0 everywhere inside.
+    if HAS_HOLES && in.hole > 0.0 {
+        discard;
+    }
+    let shading_normal = terrain_normal(in.slot, in.node_uv).normal;
+    let crossed = cross(down, across);
+    let area = length(crossed);
+    var triangle_normal = shading_normal;
+    if area > 0.0 {
+        triangle_normal = crossed / area;
+        if dot(triangle_normal, in.local - frame.camera) > 0.0 {
+            triangle_normal = -triangle_normal;
+        }
+    }
+    let shading_code = octahedral_encode8_precise(shading_normal);
+    var out: GeometryTargets;
+    out.normals = vec4<f32>(shading_code, octahedral_encode8_precise(triangle_normal));
+    // Weights follow from what the shading pass will read back, so that mask and shading agree.
+    let seen_normal = octahedral_decode(octahedral_dequantise8(shading_code));
+    let weights = flavour_weights(distance(in.local, frame.camera), seen_normal.z, frame.flavours);
+    out.mask = flavour_mask(weights);
+    return out;
+}

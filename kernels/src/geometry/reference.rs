@@ -1,0 +1,18 @@
+//! The vertex stage's stitching, written from the talk and ruling 8: the reference for `geometry_stitch`.
+
+/// The vertex of 0..=128 that an edge vertex is welded to when the neighbour is `delta` levels coarser: the nearest one the
+/// neighbour has, of two equally near the lower.
+pub fn weld(index: u32, delta: u32) -> u32 {
+    let step = 1 << delta;
+    let below = index / step * step;
+    if index - below <= step / 2 { below } else { below + step }
+}
+
+/// Welds a vertex of a node by the packed deltas (north << 12 | east << 8 | south << 4 | west).
+pub fn stitch(index: [u32; 2], deltas: u32) -> [u32; 2] {
+    let last = u32::from(crate::world::NODE_QUADS);
+    let [x, y] = index;
+    let along_x = if y == last { deltas >> 12 } else if y == 0 { deltas >> 4 } else { 0 } & 15;
+    let along_y = if x == last { deltas >> 8 } else if x == 0 { deltas } else { 0 } & 15;
+    [weld(x, along_x), weld(y, along_y)]
+}

@@ -1,0 +1,210 @@
+//! The only place that knows adapters, pipelines, timers and read-back.
+
+use std::sync::{Arc, Mutex};
+
+use crate::error::{Error, Result};
+
+pub mod bindings;
+pub mod probe;
+mod readback;
+mod shader;
+mod timer;
+
+pub use readback::{read_buffer, read_texture};
+pub use shader::{Shader, constants};
+pub use timer::{PassTime, Timer};
+
+/// What the terrain stack cannot do without, with the reason that an error gives.
+const REQUIRED: [(wgpu::Features, &str, &str); 3] = [
+    (wgpu::Features::TEXTURE_COMPRESSION_BC, "BC texture compression", "node payloads and detail textures are BC1 and BC3"),
+    (wgpu::Features::DEPTH32FLOAT_STENCIL8, "32-bit float depth with stencil", "depth is reversed f32, terrain is a stencil bit"),
+    (wgpu::Features::TEXTURE_FORMAT_16BIT_NORM, "16-bit unorm textures", "heights are R16_UNORM"),
+];
+
+/// Used where present; results are equal without.
+const OPTIONAL: [(wgpu::Features, &str); 2] =
+    [(wgpu::Features::TIMESTAMP_QUERY, "timestamp queries"), (wgpu::Features::SUBGROUP, "subgroup operations")];
+
+/// One adapter of this machine and whether it will do.
+#[derive(Clone, Debug)]
+pub struct AdapterReport {
+    /// Name given by the driver.
+    pub name: String,
+    /// Graphics interface: vulkan, metal, dx12.
+    pub backend: String,
+    /// Discrete, integrated, software...
+    pub device_type: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Whether the terrain stack runs on it, or what is missing.
+    pub usable: std::result::Result<(), String>,
+    /// Features of interest and whether they are there.
+    pub features: Vec<(String, bool)>,
+}
+
+/// A device, its queue, and what it can do.
+pub struct Gpu {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    /// Name, driver and kind of the adapter.
+    pub info: wgpu::AdapterInfo,
+    /// Features that were enabled.
+    pub features: wgpu::Features,
+    /// First error that the device reported outside any call, if one did.
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+fn instance() -> wgpu::Instance {
+    wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env())
+}
+
+fn missing(features: wgpu::Features) -> Option<String> {
+    let lacking: Vec<_> = REQUIRED.iter().filter(|(f, ..)| !features.contains(*f)).map(|(_, name, why)| format!("{name} ({why})")).collect();
+    if lacking.is_empty() { None } else { Some(format!("lacks {}", lacking.join(", "))) }
+}
+
+fn report(adapter: &wgpu::Adapter) -> AdapterReport {
+    let info = adapter.get_info();
+    let features = adapter.features();
+    AdapterReport {
+        name: info.name.clone(),
+        backend: info.backend.to_string(),
+        device_type: if info.device_type == wgpu::DeviceType::Cpu { "software".to_owned() } else { format!("{:?}", info.device_type) },
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+        usable: missing(features).map_or(Ok(()), Err),
+        features: REQUIRED
+            .iter()
+            .map(|(f, name, _)| ((*name).to_owned(), features.contains(*f)))
+            .chain(OPTIONAL.iter().map(|(f, name)| ((*name).to_owned(), features.contains(*f))))
+            .collect(),
+    }
+}
+
+/// Every adapter of this machine, in the order the system gives.
+pub fn adapters() -> Vec<AdapterReport> {
+    pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(report).collect()
+}
+
+/// How a device is chosen.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GpuOptions {
+    /// Leaves optional features off, so that the plain path of a stage runs where the adapter has the better one.
+    pub plain: bool,
+}
+
+impl Gpu {
+    /// The first usable adapter, hardware before software. `WGPU_ADAPTER_NAME` narrows the choice to names containing it.
+    ///
+    /// # Errors
+    /// When there is no adapter, none of that name, or none with the features needed: says which are missing on each.
+    pub fn new() -> Result<Gpu> {
+        Gpu::with(GpuOptions::default())
+    }
+
+    /// As [`Gpu::new`], with options.
+    ///
+    /// # Errors
+    /// As [`Gpu::new`].
+    pub fn with(options: GpuOptions) -> Result<Gpu> {
+        let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
+        if found.is_empty() {
+            return Err(Error::Adapter(
+                "no Vulkan, Metal or DirectX 12 driver was found; on Debian or Ubuntu `apt-get install mesa-vulkan-drivers` gives a software one"
+                    .to_owned(),
+            ));
+        }
+        if let Ok(wanted) = std::env::var("WGPU_ADAPTER_NAME") {
+            found.retain(|a| a.get_info().name.to_lowercase().contains(&wanted.to_lowercase()));
+            if found.is_empty() {
+                return Err(Error::Adapter(format!(
+                    "none is named like WGPU_ADAPTER_NAME=`{wanted}`; `experiments adapters` lists what there is"
+                )));
+            }
+        }
+        let rank = |a: &wgpu::Adapter| match a.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        found.sort_by_key(rank);
+        let Some(adapter) = found.iter().find(|a| missing(a.features()).is_none()) else {
+            let each: Vec<_> =
+                found.iter().map(|a| format!("`{}` {}", a.get_info().name, missing(a.features()).unwrap_or_default())).collect();
+            return Err(Error::Adapter(format!(
+                "{}; use another adapter or driver (`experiments adapters` lists what there is)",
+                each.join("; ")
+            )));
+        };
+        let mut features = REQUIRED.iter().fold(wgpu::Features::empty(), |all, (f, ..)| all | *f);
+        if !options.plain {
+            features |= OPTIONAL.iter().fold(wgpu::Features::empty(), |all, (f, _)| all | (*f & adapter.features()));
+        }
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("scree"),
+            required_features: features,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        }))
+        .map_err(|e| Error::Adapter(format!("`{}` gave no device: {e}", adapter.get_info().name)))?;
+        let failure = Arc::new(Mutex::new(None));
+        let slot = failure.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            if let Ok(mut slot) = slot.lock() {
+                slot.get_or_insert_with(|| error.to_string().replace('\n', " "));
+            }
+        }));
+        Ok(Gpu { device, queue, info: adapter.get_info(), features, failure })
+    }
+
+    /// Whether the adapter is a CPU: then times are compared, never quoted alone.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// The error that the device reported since the last call, if any.
+    ///
+    /// # Errors
+    /// With the device's text.
+    pub fn check(&self) -> Result<()> {
+        match self.failure.lock().ok().and_then(|mut slot| slot.take()) {
+            Some(text) => Err(Error::Gpu(text)),
+            None => Ok(()),
+        }
+    }
+
+    /// Submits and waits until the device is idle.
+    ///
+    /// # Errors
+    /// When the device is lost or reported an error.
+    pub fn submit_and_wait(&self, encoder: wgpu::CommandEncoder) -> Result<()> {
+        self.queue.submit([encoder.finish()]);
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| Error::Gpu(e.to_string()))?;
+        self.check()
+    }
+
+    /// A new command encoder.
+    pub fn encoder(&self, label: &str) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
+    }
+
+    /// A buffer holding `contents`.
+    pub fn buffer_with(&self, label: &str, usage: wgpu::BufferUsages, contents: &[u8]) -> wgpu::Buffer {
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: (contents.len() as u64).next_multiple_of(16).max(16),
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, contents);
+        buffer
+    }
+
+    /// An uninitialised (zeroed) buffer of `size` bytes.
+    pub fn buffer(&self, label: &str, usage: wgpu::BufferUsages, size: u64) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+    }
+}

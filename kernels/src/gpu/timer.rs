@@ -1,0 +1,95 @@
+//! Time per pass, by timestamp queries at the beginning and the end of each.
+
+use crate::error::Result;
+use crate::gpu::{Gpu, read_buffer};
+
+/// What one pass took.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PassTime {
+    /// The pass's name.
+    pub name: String,
+    /// Milliseconds on the device.
+    pub time_ms: f64,
+}
+
+const CAPACITY: u32 = 64;
+
+/// Collects the passes of one frame. On a device without timestamps it collects nothing.
+pub struct Timer {
+    queries: Option<wgpu::QuerySet>,
+    resolved: wgpu::Buffer,
+    names: Vec<String>,
+    period_ns: f64,
+}
+
+impl Timer {
+    /// An empty timer.
+    pub fn new(gpu: &Gpu) -> Timer {
+        let queries = gpu.features.contains(wgpu::Features::TIMESTAMP_QUERY).then(|| {
+            gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("pass times"),
+                ty: wgpu::QueryType::Timestamp,
+                count: CAPACITY * 2,
+            })
+        });
+        let resolved = gpu.buffer(
+            "pass times",
+            wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+            u64::from(CAPACITY * 2) * 8,
+        );
+        Timer { queries, resolved, names: Vec::new(), period_ns: f64::from(gpu.queue.get_timestamp_period()) }
+    }
+
+    fn next(&mut self, name: &str) -> Option<(u32, u32)> {
+        let index = u32::try_from(self.names.len()).ok().filter(|&i| i < CAPACITY)?;
+        self.queries.as_ref()?;
+        self.names.push(name.to_owned());
+        Some((index * 2, index * 2 + 1))
+    }
+
+    /// Timestamp writes for a render pass.
+    pub fn render(&mut self, name: &str) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+        let (begin, end) = self.next(name)?;
+        Some(wgpu::RenderPassTimestampWrites {
+            query_set: self.queries.as_ref()?,
+            beginning_of_pass_write_index: Some(begin),
+            end_of_pass_write_index: Some(end),
+        })
+    }
+
+    /// Timestamp writes for a compute pass.
+    pub fn compute(&mut self, name: &str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let (begin, end) = self.next(name)?;
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: self.queries.as_ref()?,
+            beginning_of_pass_write_index: Some(begin),
+            end_of_pass_write_index: Some(end),
+        })
+    }
+
+    /// Records the resolve; call once after the last pass.
+    pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
+        let count = u32::try_from(self.names.len()).unwrap_or(0) * 2;
+        if let (Some(queries), true) = (&self.queries, count > 0) {
+            encoder.resolve_query_set(queries, 0..count, &self.resolved, 0);
+        }
+    }
+
+    /// The times, in the order of the passes; call after the submission is done.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>> {
+        if self.names.is_empty() {
+            return Ok(Vec::new());
+        }
+        let bytes = read_buffer(gpu, &self.resolved, self.names.len() as u64 * 16)?;
+        let stamps: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
+        Ok(self
+            .names
+            .iter()
+            .zip(stamps.chunks_exact(2))
+            .map(|(name, pair)| PassTime { name: name.clone(), time_ms: pair[1].saturating_sub(pair[0]) as f64 * self.period_ns * 1e-6 })
+            .collect())
+    }
+}

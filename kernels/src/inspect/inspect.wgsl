@@ -1,0 +1,38 @@
+// What the shading pass derives from a pixel of the geometry pass, written out for people and tests.
+
+@group(2) @binding(0) var depth_target: texture_depth_2d;
+@group(2) @binding(1) var normal_target: texture_2d<f32>;
+@group(2) @binding(2) var<storage, read_write> inspected: array<Inspected>;
+
+struct Inspected {
+    position: vec3<f32>,        // local coordinates
+    slot: u32,                  // atlas slot of the finest node
+    ddx: vec3<f32>,
+    corner: u32,                // splat texel: x | y << 16
+    ddy: vec3<f32>,
+    pad: f32,
+    splat: vec4<u32>,           // the four palette indices around the pixel
+    bilinear: vec4<f32>,        // and their weights
+}
+
+@compute @workgroup_size(8, 8)
+fn inspect_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size) {
+        return;
+    }
+    var out: Inspected;
+    let depth = textureLoad(depth_target, id.xy, 0);
+    if depth > 0.0 {
+        let footprint = surface_footprint(id.xy, depth, textureLoad(normal_target, id.xy, 0));
+        let node = terrain_node(footprint.place);
+        let cell = terrain_splat_cell(node);
+        out.position = frame.camera + frame_ray(vec2<f32>(id.xy)) * (frame.near_m / depth);
+        out.slot = node.slot;
+        out.ddx = footprint.ddx;
+        out.corner = u32(cell.corner.x) | (u32(cell.corner.y) << 16u);
+        out.ddy = footprint.ddy;
+        out.splat = vec4<u32>(terrain_splat_id(cell, 0u), terrain_splat_id(cell, 1u), terrain_splat_id(cell, 2u), terrain_splat_id(cell, 3u));
+        out.bilinear = splat_blend_bilinear(cell.fraction);
+    }
+    inspected[id.y * frame.size.x + id.x] = out;
+}

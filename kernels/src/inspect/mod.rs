@@ -1,0 +1,103 @@
+//! Inspection: the world position, derivatives and splat texels that shading derives from a pixel, as numbers.
+//!
+//! Reads depth and normals. Writes one [`Inspected`] a pixel. Dispatched only when such a layer is asked for.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::error::Result;
+use crate::frame::FRAME_WGSL;
+use crate::geometry;
+use crate::gpu::bindings::{Binding, FLAT, aspect, view};
+use crate::gpu::{Gpu, Shader, read_buffer};
+use crate::shared;
+use crate::terrain::{self, Terrain};
+
+/// One pixel; the layout matches `Inspected` in `inspect.wgsl`. All zero where there is no terrain.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Inspected {
+    /// Local coordinates, metres.
+    pub position: [f32; 3],
+    /// Atlas slot of the finest node.
+    pub slot: u32,
+    /// Change of the position to the next pixel on the right, metres.
+    pub ddx: [f32; 3],
+    /// South-western of the four splat texels: x | y << 16.
+    pub corner: u32,
+    /// Change of the position to the next pixel below, metres.
+    pub ddy: [f32; 3],
+    /// Unused.
+    pub pad: f32,
+    /// Palette indices of the four splat texels, in the order 00, 10, 01, 11.
+    pub splat: [u32; 4],
+    /// Their bilinear weights.
+    pub bilinear: [f32; 4],
+}
+
+/// The pass.
+pub struct Inspect {
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+}
+
+/// The files of the stage's shader module.
+pub fn files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([FRAME_WGSL, terrain::WGSL, terrain::FOOTPRINT_WGSL, ("inspect/inspect.wgsl", include_str!("inspect.wgsl"))]);
+    files
+}
+
+impl Inspect {
+    /// Compiles the pass.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain) -> Result<Inspect> {
+        let shader = Shader::new(gpu, "inspect", &files())?;
+        let layout = gpu.layout(
+            "inspect",
+            wgpu::ShaderStages::COMPUTE,
+            &[Binding::Depth, Binding::TextureLoaded(FLAT), Binding::StorageWritten],
+        );
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("inspect"),
+            layout: Some(&gpu.pipeline_layout("inspect", &[frame_layout, &terrain.layout, &layout])),
+            module: &shader.module,
+            entry_point: Some("inspect_main"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        Ok(Inspect { pipeline, layout })
+    }
+
+    /// Runs the pass and reads it back, row by row from the top.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn run(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], targets: &geometry::Targets) -> Result<Vec<Inspected>> {
+        let (width, height) = (targets.mask.width(), targets.mask.height());
+        let bytes = u64::from(width) * u64::from(height) * size_of::<Inspected>() as u64;
+        let out = gpu.buffer("inspected", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, bytes);
+        let texture = wgpu::BindingResource::TextureView;
+        let group = gpu.group(
+            "inspect",
+            &self.layout,
+            &[
+                texture(&aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly)),
+                texture(&view(&targets.normals)),
+                out.as_entire_binding(),
+            ],
+        );
+        let mut encoder = gpu.encoder("inspect");
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("inspect"), timestamp_writes: None });
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, groups[0], &[]);
+            pass.set_bind_group(1, groups[1], &[]);
+            pass.set_bind_group(2, &group, &[]);
+            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        }
+        gpu.queue.submit([encoder.finish()]);
+        Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &out, bytes)?))
+    }
+}

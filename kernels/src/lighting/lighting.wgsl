@@ -1,0 +1,47 @@
+// Lighting: one sun (GGX + Lambert), a sky that is linear in the sine of elevation; linear HDR out.
+
+@group(1) @binding(0) var g_albedo: texture_2d<f32>;
+@group(1) @binding(1) var g_normal: texture_2d<f32>;
+@group(1) @binding(2) var depth_target: texture_depth_2d;
+
+@vertex
+fn lighting_vertex(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
+    let corner = vec2<f32>(f32((vertex << 1u) & 2u), f32(vertex & 2u));
+    return vec4<f32>(corner * 2.0 - 1.0, 0.0, 1.0);
+}
+
+fn lighting_sky_radiance(direction: vec3<f32>) -> vec3<f32> {
+    return max(mix(frame.sky_horizon, frame.sky_zenith, direction.z), vec3<f32>(0.0));
+}
+
+// Integral of the sky over the hemisphere around the normal: pi (a + 2/3 b n.z) for radiance a + b w.z.
+fn lighting_sky_irradiance(normal: vec3<f32>) -> vec3<f32> {
+    return max(BRDF_PI * (frame.sky_horizon + (2.0 / 3.0) * (frame.sky_zenith - frame.sky_horizon) * normal.z), vec3<f32>(0.0));
+}
+
+@fragment
+fn lighting_fragment(@builtin(position) clip: vec4<f32>) -> @location(0) vec4<f32> {
+    let index = vec2<u32>(clip.xy);
+    let ray = normalize(frame_ray(vec2<f32>(index)));
+    let depth = textureLoad(depth_target, index, 0);
+    if depth <= 0.0 {
+        return vec4<f32>(lighting_sky_radiance(vec3<f32>(ray.xy, max(ray.z, 0.0))), 0.0);
+    }
+    let surface = textureLoad(g_albedo, index, 0);
+    let normal_smoothness = textureLoad(g_normal, index, 0);
+    let n = normal_smoothness.xyz;
+    let v = -ray;
+    let l = frame.sun_direction;
+    let h = normalize(l + v);
+    let roughness = 1.0 - normal_smoothness.w;
+    let alpha = max(roughness * roughness, 0.002);
+    let n_dot_v = max(dot(n, v), 1e-3);
+    let n_dot_l = max(dot(n, l), 0.0);
+    let f0 = vec3<f32>(0.04);
+    let fresnel = brdf_f_schlick(f0, max(dot(l, h), 0.0));
+    let specular = brdf_d_ggx(max(dot(n, h), 0.0), alpha) * brdf_v_smith_ggx_correlated(n_dot_v, max(n_dot_l, 1e-4), alpha) * fresnel * surface.a;
+    let sun = (surface.rgb / BRDF_PI * (1.0 - fresnel) + specular) * frame.sun_irradiance * n_dot_l;
+    let sky_diffuse = surface.rgb / BRDF_PI * lighting_sky_irradiance(n);
+    let sky_specular = brdf_env_approx(f0, roughness, n_dot_v) * lighting_sky_radiance(reflect(ray, n)) * surface.a;
+    return vec4<f32>(sun + sky_diffuse + sky_specular, 1.0);
+}

@@ -1,0 +1,105 @@
+//! Lighting: G-buffer, sun and sky in; linear HDR out.
+//!
+//! Lambert diffuse and GGX with height-correlated Smith visibility under one directional sun; a sky whose radiance is linear in the sine of elevation,
+//! so that its irradiance is exact (first-order spherical harmonics); specular sky light by the split-sum fit. No shadows.
+//! Reads the G-buffer and depth. Writes RGBA32Float: radiance, alpha = 1 on terrain. One full-screen triangle.
+
+use crate::error::Result;
+use crate::frame::FRAME_WGSL;
+use crate::geometry;
+use crate::gpu::bindings::{Binding, FLAT, aspect, view};
+use crate::gpu::{Gpu, Shader, Timer};
+use crate::shading;
+use crate::shared;
+
+/// Format of the picture.
+pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
+/// The pass.
+pub struct Lighting {
+    pipeline: wgpu::RenderPipeline,
+    layout: wgpu::BindGroupLayout,
+}
+
+/// The files of the stage's shader module.
+pub fn files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([FRAME_WGSL, ("lighting/lighting.wgsl", include_str!("lighting.wgsl"))]);
+    files
+}
+
+impl Lighting {
+    /// Compiles the pass.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout) -> Result<Lighting> {
+        let shader = Shader::new(gpu, "lighting", &files())?;
+        let layout = gpu.layout(
+            "lighting",
+            wgpu::ShaderStages::FRAGMENT,
+            &[Binding::TextureLoaded(FLAT), Binding::TextureLoaded(FLAT), Binding::Depth],
+        );
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("lighting"),
+            layout: Some(&gpu.pipeline_layout("lighting", &[frame_layout, &layout])),
+            vertex: wgpu::VertexState {
+                module: &shader.module,
+                entry_point: Some("lighting_vertex"),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &shader.module,
+                entry_point: Some("lighting_fragment"),
+                compilation_options: Default::default(),
+                targets: &[Some(FORMAT.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        Ok(Lighting { pipeline, layout })
+    }
+
+    /// Records the pass.
+    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    pub fn encode(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut Timer,
+        frame: &wgpu::BindGroup,
+        geometry: &geometry::Targets,
+        shading: &shading::Targets,
+        image: &wgpu::Texture,
+    ) {
+        let texture = wgpu::BindingResource::TextureView;
+        let group = gpu.group(
+            "lighting",
+            &self.layout,
+            &[
+                texture(&view(&shading.albedo)),
+                texture(&view(&shading.normal)),
+                texture(&aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly)),
+            ],
+        );
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("lighting"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &view(image),
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+            })],
+            timestamp_writes: timer.render("lighting"),
+            ..Default::default()
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, frame, &[]);
+        pass.set_bind_group(1, &group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}

@@ -1,0 +1,212 @@
+//! Materials scanned or painted: a folder of images.
+
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, ImageReader};
+use rayon::prelude::*;
+
+use super::{MaterialMaps, wrong};
+use crate::error::{Error, Result};
+
+/// Image files looked for, by extension, in this order.
+const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// Reads a material's maps and resamples them to `size` x `size`.
+///
+/// Looks for `albedo` (sRGB), `normal` (OpenGL: green = up in the image, n = 2 value - 1, renormalised), `height`, `roughness`
+/// (smoothness = 1 - roughness) and, if it is there, `ao` (taken as specular occlusion; 1 without it), each as .png, .jpg or .jpeg with 8
+/// or 16 bits a channel; of a coloured file of a single value, red counts. The format is told by content, not by extension.
+/// All images of a folder are squares of one size, any size: larger ones are averaged over each texel's area, smaller ones
+/// interpolated bilinearly, in linear space, wrapping around. The top row of an image becomes the last row, v = 1. The colour mask is 1
+/// everywhere: a tint applies to the whole material.
+///
+/// # Errors
+/// The folder or a map is missing (the folder's files are listed), a file is not an image that can be read, is not square, or is not of
+/// the size of the others. `name` is the material's, for those messages.
+pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
+    let entries = std::fs::read_dir(dir).map_err(|source| {
+        wrong(
+            name,
+            format!(
+                "cannot read folder {}: {source}; correct `folder` (relative to the scene file)",
+                dir.display()
+            ),
+        )
+    })?;
+    let mut files: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+    files.sort();
+    let find = |map: &str| {
+        EXTENSIONS
+            .iter()
+            .map(|e| format!("{map}.{e}"))
+            .find(|file| files.contains(file))
+            .map(|file| dir.join(file))
+    };
+    let required = |map: &str| {
+        find(map).ok_or_else(|| {
+            let there = if files.is_empty() { "nothing".to_owned() } else { files.join(", ") };
+            wrong(
+                name,
+                format!("no {map}.png, .jpg or .jpeg in {} (there is: {there}); add that map", dir.display()),
+            )
+        })
+    };
+    // All names first: a missing map is told before seconds of decoding.
+    let paths = [
+        required("albedo")?,
+        required("normal")?,
+        required("height")?,
+        required("roughness")?,
+    ];
+    let ao = find("ao");
+
+    let mut edge = None;
+    let mut open = |path: &PathBuf| -> Result<Image> {
+        let image = Image::read(path)?;
+        match &edge {
+            None => edge = Some((image.edge, path.clone())),
+            Some((first, of)) if *first != image.edge => {
+                let (a, b) = (image.edge, *first);
+                return Err(wrong(
+                    name,
+                    format!(
+                        "{} is {a}x{a} but {} is {b}x{b}: give all maps one size",
+                        path.display(),
+                        of.display()
+                    ),
+                ));
+            }
+            Some(_) => {}
+        }
+        Ok(image)
+    };
+    let albedo = open(&paths[0])?.map(|t| t.map(linear_from_srgb)).resample(size);
+    let normal = open(&paths[1])?.map(unit_normal).resample(size);
+    let height = open(&paths[2])?.resample(size);
+    let roughness = open(&paths[3])?.resample(size);
+    let ao = ao.as_ref().map(open).transpose()?.map(|image| image.resample(size));
+
+    let count = (size as usize).pow(2);
+    let red = |texels: &[[f32; 3]]| texels.iter().map(|t| t[0]).collect::<Vec<f32>>();
+    Ok(MaterialMaps {
+        size,
+        albedo,
+        normal: normal.iter().map(|n| [n[0], n[1]]).collect(),
+        smoothness: roughness.iter().map(|t| 1.0 - t[0]).collect(),
+        specular_occlusion: ao.map_or_else(|| vec![1.0; count], |texels| red(&texels)),
+        height: red(&height),
+        colour_mask: vec![1.0; count],
+    })
+}
+
+/// A square image in memory, row 0 at v = 0.
+struct Image {
+    edge: usize,
+    texels: Vec<[f32; 3]>,
+}
+
+impl Image {
+    fn read(path: &Path) -> Result<Image> {
+        let broken = |what: String| Error::Image {
+            file: path.to_owned(),
+            what,
+        };
+        let reader = ImageReader::open(path)
+            .and_then(ImageReader::with_guessed_format)
+            .map_err(|source| Error::File {
+                file: path.to_owned(),
+                source,
+            })?;
+        let decoded = reader
+            .decode()
+            .map_err(|e| broken(format!("not a readable PNG or JPEG ({e}); save it again as 8- or 16-bit PNG")))?;
+        let (width, height) = (decoded.width(), decoded.height());
+        if width != height || width == 0 {
+            return Err(broken(format!(
+                "{width}x{height} texels, but material maps are square: crop or resize it"
+            )));
+        }
+        let edge = width as usize;
+        let mut texels: Vec<[f32; 3]> = rgb(decoded);
+        for row in 0..edge / 2 {
+            let (lower, upper) = texels.split_at_mut((edge - 1 - row) * edge);
+            lower[row * edge..][..edge].swap_with_slice(&mut upper[..edge]);
+        }
+        Ok(Image { edge, texels })
+    }
+
+    fn map(mut self, f: impl Fn([f32; 3]) -> [f32; 3] + Sync) -> Image {
+        self.texels.par_iter_mut().for_each(|t| *t = f(*t));
+        self
+    }
+
+    /// Separable: rows, then columns.
+    fn resample(self, size: u32) -> Vec<[f32; 3]> {
+        let size = size as usize;
+        if self.edge == size {
+            return self.texels;
+        }
+        let taps = taps(self.edge, size);
+        let edge = self.edge;
+        let gather = |tap: &[(usize, f32)], texel: &dyn Fn(usize) -> [f32; 3]| {
+            let mut sum = [0.0_f32; 3];
+            for &(i, w) in tap {
+                let t = texel(i);
+                for c in 0..3 {
+                    sum[c] += w * t[c];
+                }
+            }
+            sum
+        };
+        let texels = &self.texels;
+        let rows: Vec<[f32; 3]> = (0..edge * size)
+            .into_par_iter()
+            .map(|i| gather(&taps[i % size], &|x| texels[i / size * edge + x]))
+            .collect();
+        (0..size * size)
+            .into_par_iter()
+            .map(|i| gather(&taps[i / size], &|y| rows[y * size + i % size]))
+            .collect()
+    }
+}
+
+/// Which source texels a target texel is made of, and their weights (sum 1), along one axis.
+fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
+    let ratio = from as f64 / to as f64;
+    (0..to)
+        .map(|target| {
+            if from > to {
+                let (start, end) = (target as f64 * ratio, (target + 1) as f64 * ratio);
+                let covered = |i: usize| ((end.min((i + 1) as f64) - start.max(i as f64)) / ratio) as f32;
+                (start as usize..from.min(end.ceil() as usize))
+                    .map(|i| (i, covered(i)))
+                    .filter(|&(_, w)| w > 0.0)
+                    .collect()
+            } else {
+                let at = (target as f64 + 0.5) * ratio - 0.5 + from as f64;
+                let (first, fraction) = (at as usize, at.fract() as f32);
+                vec![(first % from, 1.0 - fraction), ((first + 1) % from, fraction)]
+            }
+        })
+        .collect()
+}
+
+/// Channels in 0..1; grey is repeated in all three, alpha dropped.
+fn rgb(decoded: DynamicImage) -> Vec<[f32; 3]> {
+    decoded.into_rgb32f().pixels().map(|p| p.0).collect()
+}
+
+/// n = 2 value - 1, unit length; texels that say nothing are flat.
+fn unit_normal(value: [f32; 3]) -> [f32; 3] {
+    let n = value.map(|c| 2.0 * c - 1.0);
+    crate::shared::real::normalize(n)
+}
+
+/// IEC 61966-2-1.
+fn linear_from_srgb(code: f32) -> f32 {
+    if code <= 0.040_45 {
+        code / 12.92
+    } else {
+        ((code + 0.055) / 1.055).powf(2.4)
+    }
+}

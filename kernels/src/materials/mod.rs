@@ -1,0 +1,282 @@
+//! Detail textures: where they come from, how they are stored, and the palette that names them.
+//!
+//! A terrain material is a set of maps ([`MaterialMaps`], procedural or from a folder of images) plus the way it lies on the ground.
+//! Maps become three block-compressed texture arrays ([`DetailArrays`]), the rest a table of [`PaletteEntry`], indexed by the splat map.
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, on materials: at most 32 textures of a type, 256 palette entries.
+
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::scene::{Material, Scene};
+
+pub mod arrays;
+pub mod folder;
+pub mod procedural;
+
+pub use arrays::{CompressedChain, DetailArrays, MAX_LAYERS};
+
+/// Palette entries that an 8-bit splat texel can name.
+pub const MAX_MATERIALS: usize = 256;
+
+/// Repeats of a texture along a sector must stay below this: the fixed-point count has 7 integer bits, 24 fractional ones and a sign.
+pub const MAX_REPEATS_PER_SECTOR: f64 = 128.0;
+
+/// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask matters.
+pub const FLAG_TINTED: u32 = 1;
+
+/// Uncompressed maps of one material: `size` x `size` texels, row-major, tiling in both directions.
+///
+/// Texel (column i, row j) covers u in [i, i+1) / size and v in [j, j+1) / size: row 0 lies at v = 0, and v grows with the row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaterialMaps {
+    /// Edge length in texels.
+    pub size: u32,
+    /// Diffuse albedo, linear RGB, 0..1.
+    pub albedo: Vec<[f32; 3]>,
+    /// x and y of the unit tangent-space normal; x towards +u, y towards +v (the OpenGL convention), z = sqrt(1 - x² - y²) > 0.
+    pub normal: Vec<[f32; 2]>,
+    /// 1 - perceptual roughness, 0..1.
+    pub smoothness: Vec<f32>,
+    /// Share of specular light that reaches the surface, 0..1.
+    pub specular_occlusion: Vec<f32>,
+    /// Height within the material's own relief, 0 (lowest) to 1 (highest).
+    pub height: Vec<f32>,
+    /// How much of the palette's tint applies, 0..1.
+    pub colour_mask: Vec<f32>,
+}
+
+/// Means of a material over its whole texture: what it looks like from far away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MaterialMeans {
+    /// Mean linear albedo, tint applied: the mean of albedo * mix(1, tint, colour mask).
+    pub albedo: [f32; 3],
+    /// Mean smoothness, 0..1.
+    pub smoothness: f32,
+    /// Mean specular occlusion, 0..1.
+    pub specular_occlusion: f32,
+}
+
+impl MaterialMeans {
+    /// Exact means (summed in f64) of `maps` under a linear RGB `tint`.
+    pub fn of(maps: &MaterialMaps, tint: [f64; 3]) -> MaterialMeans {
+        let count = maps.albedo.len() as f64;
+        let mut albedo = [0.0_f64; 3];
+        for (texel, &mask) in maps.albedo.iter().zip(&maps.colour_mask) {
+            for c in 0..3 {
+                albedo[c] += f64::from(texel[c]) * (1.0 + f64::from(mask) * (tint[c] - 1.0));
+            }
+        }
+        let mean = |values: &[f32]| (values.iter().copied().map(f64::from).sum::<f64>() / count) as f32;
+        MaterialMeans {
+            albedo: albedo.map(|sum| (sum / count) as f32),
+            smoothness: mean(&maps.smoothness),
+            specular_occlusion: mean(&maps.specular_occlusion),
+        }
+    }
+}
+
+/// One material as shaders read it: 64 bytes, four 16-byte rows, the layout of WGSL's `PaletteEntry`.
+///
+/// Texture coordinates of a point (x east, y north, metres): u = x cos + y sin, v = -x sin + y cos, each divided by the tile's edge,
+/// where cos and sin are those of the material's orientation.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct PaletteEntry {
+    /// Layer of the albedo array.
+    pub albedo_layer: u32,
+    /// Layer of the normal, smoothness and specular-occlusion array.
+    pub normal_layer: u32,
+    /// Layer of the height and colour-mask array.
+    pub height_layer: u32,
+    /// Bits: [`FLAG_TINTED`].
+    pub flags: u32,
+    /// Repeats per sector times cos and times sin, in units of 2^-24 repeats: integers, so that coordinates stay exact far from the origin.
+    pub per_sector_fixed: [i32; 2],
+    /// cos / tile and sin / tile, 1/m: coordinates inside a sector.
+    pub per_metre: [f32; 2],
+    /// Linear RGB multiplier where the colour mask is 1.
+    pub tint: [f32; 3],
+    /// Factor on the normal map's slope: 1 = as authored, 0 = flat.
+    pub normal_strength: f32,
+    /// [`MaterialMeans::albedo`].
+    pub mean_albedo: [f32; 3],
+    /// [`MaterialMeans::smoothness`].
+    pub mean_smoothness: f32,
+}
+
+/// Every material of a scene, ready for upload.
+#[derive(Clone, Debug)]
+pub struct Palette {
+    /// One per material, in the scene's order: the splat map's index is the position here.
+    pub entries: Vec<PaletteEntry>,
+    /// The compressed textures that the entries name.
+    pub arrays: DetailArrays,
+    /// One per material: what node payloads are baked from.
+    pub means: Vec<MaterialMeans>,
+}
+
+/// Seed of every procedural material: textures are assets and do not change with the world's seed.
+const TEXTURE_SEED: u32 = 5;
+
+/// Sources whose uncompressed maps are held at once: a 2048² set takes some 170 MB.
+const SOURCES_AT_ONCE: usize = 4;
+
+/// Where a set of maps comes from; equal sources share their layers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Source {
+    Procedural(String),
+    Folder(PathBuf),
+}
+
+impl Source {
+    fn of(material: &Material, scene: &Scene) -> Result<Source> {
+        match (&material.procedural, &material.folder) {
+            (Some(kind), None) => {
+                procedural::known(kind, &material.name)?;
+                Ok(Source::Procedural(kind.clone()))
+            }
+            (None, Some(folder)) => Ok(Source::Folder(scene.folder.join(folder))),
+            _ => Err(wrong(&material.name, "give exactly one of `procedural` and `folder`".to_owned())),
+        }
+    }
+}
+
+fn wrong(name: &str, what: String) -> Error {
+    Error::Material {
+        name: name.to_owned(),
+        what,
+    }
+}
+
+impl Palette {
+    /// Makes or reads every distinct texture of the scene once, compresses it, and lists the materials.
+    ///
+    /// `sector_m` is the edge of a sector in metres, the unit in which exact texture coordinates count; `progress` gets a line when a
+    /// texture is begun, from worker threads. The result depends on the scene alone.
+    ///
+    /// # Errors
+    /// No material or more than [`MAX_MATERIALS`]; more than [`MAX_LAYERS`] distinct textures; a `detail_size` that is not a power of two
+    /// in 64..=2048; an unknown procedural name; a `tile_m` so small that a sector holds [`MAX_REPEATS_PER_SECTOR`] repeats or more; and
+    /// whatever [`folder::load`] reports.
+    pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
+        let of_scene = |what: String| Error::Scene {
+            where_: scene.name.clone(),
+            what,
+        };
+        let count = scene.materials.len();
+        if count == 0 || count > MAX_MATERIALS {
+            return Err(of_scene(format!(
+                "{count} materials, but a splat texel names 1 to {MAX_MATERIALS}: add or remove [[material]] tables"
+            )));
+        }
+        let size = scene.detail_size;
+        if !size.is_power_of_two() || !(64..=2048).contains(&size) {
+            return Err(of_scene(format!("detail_size = {size}: give a power of two from 64 to 2048")));
+        }
+        // Everything that can be refused without reading a texture comes first: textures take seconds.
+        let mut sources: Vec<(Source, &str)> = Vec::new();
+        let mut layer_of = Vec::with_capacity(count);
+        for material in &scene.materials {
+            placement(material, sector_m)?;
+            let source = Source::of(material, scene)?;
+            layer_of.push(sources.iter().position(|(known, _)| *known == source).unwrap_or_else(|| {
+                sources.push((source, &material.name));
+                sources.len() - 1
+            }));
+        }
+        if sources.len() > MAX_LAYERS {
+            return Err(of_scene(format!(
+                "{} distinct detail textures of each type, but at most {MAX_LAYERS} fit: let materials share a `procedural` or `folder` and vary tint, tile_m or orientation_deg",
+                sources.len()
+            )));
+        }
+
+        let total = sources.len();
+        let numbered: Vec<_> = sources.iter().enumerate().collect();
+        let mut arrays = DetailArrays {
+            size,
+            albedo: Vec::new(),
+            normal: Vec::new(),
+            height: Vec::new(),
+        };
+        let mut means: Vec<Option<MaterialMeans>> = vec![None; count];
+        for chunk in numbered.chunks(SOURCES_AT_ONCE) {
+            let done: Vec<_> = chunk
+                .par_iter()
+                .map(|&(layer, (source, name))| {
+                    progress(&format!("detail textures {}/{total}: {name}", layer + 1));
+                    let maps = match source {
+                        Source::Procedural(kind) => procedural::make(kind, size, TEXTURE_SEED)?,
+                        Source::Folder(path) => folder::load(name, path, size)?,
+                    };
+                    let users = (0..count).filter(|&m| layer_of[m] == layer);
+                    let means: Vec<_> = users.map(|m| (m, MaterialMeans::of(&maps, scene.materials[m].tint))).collect();
+                    Ok((arrays::compress(&maps), means))
+                })
+                .collect::<Result<_>>()?;
+            for (layer, of_layer) in done {
+                arrays.albedo.push(layer.albedo);
+                arrays.normal.push(layer.normal);
+                arrays.height.push(layer.height);
+                for (m, mean) in of_layer {
+                    means[m] = Some(mean);
+                }
+            }
+        }
+
+        let means: Vec<MaterialMeans> = means
+            .into_iter()
+            .map(|mean| mean.expect("every material has a source, every source was made"))
+            .collect();
+        let entries = scene
+            .materials
+            .iter()
+            .enumerate()
+            .map(|(m, material)| {
+                let (per_sector_fixed, per_metre) = placement(material, sector_m)?;
+                let layer = u32::try_from(layer_of[m]).expect("at most 32 layers");
+                Ok(PaletteEntry {
+                    albedo_layer: layer,
+                    normal_layer: layer,
+                    height_layer: layer,
+                    flags: if material.tint.iter().any(|&t| (t - 1.0).abs() > f64::from(f32::EPSILON)) {
+                        FLAG_TINTED
+                    } else {
+                        0
+                    },
+                    per_sector_fixed,
+                    per_metre,
+                    tint: material.tint.map(|t| t as f32),
+                    normal_strength: material.normal_strength as f32,
+                    mean_albedo: means[m].albedo,
+                    mean_smoothness: means[m].smoothness,
+                })
+            })
+            .collect::<Result<_>>()?;
+        Ok(Palette { entries, arrays, means })
+    }
+}
+
+/// The fixed-point and floating-point texture rates of a material.
+fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])> {
+    let tile_m = material.tile_m;
+    let usable = tile_m > 0.0 && tile_m.is_finite() && material.orientation_deg.is_finite();
+    let repeats = sector_m / tile_m;
+    if !usable || repeats >= MAX_REPEATS_PER_SECTOR {
+        let least = sector_m / MAX_REPEATS_PER_SECTOR;
+        return Err(wrong(
+            &material.name,
+            format!(
+                "tile_m = {tile_m} gives {repeats:.1} repeats per sector of {sector_m} m, {MAX_REPEATS_PER_SECTOR} or more: enlarge tile_m to more than {least} m"
+            ),
+        ));
+    }
+    let (sin, cos) = material.orientation_deg.to_radians().sin_cos();
+    let fixed = |rate: f64| (rate * f64::from(1_u32 << 24)).round() as i32;
+    Ok((
+        [fixed(repeats * cos), fixed(repeats * sin)],
+        [(cos / tile_m) as f32, (sin / tile_m) as f32],
+    ))
+}

@@ -1,0 +1,278 @@
+//! A finished picture with its layers, and how it becomes a file.
+
+use std::path::{Path, PathBuf};
+
+use exr::prelude as e;
+use half::f16;
+
+use crate::error::{Error, Result};
+use crate::frame::{FrameReport, RenderRequest, Renderer};
+use crate::gpu::read_texture;
+use crate::scene::nearest;
+
+/// Names of the layers that can be asked for, in the order they are written.
+pub const AOV_NAMES: [&str; 10] =
+    ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy"];
+
+/// Which layers are wanted besides the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct AovSet(u16);
+
+impl AovSet {
+    /// All of them.
+    pub const ALL: AovSet = AovSet((1 << AOV_NAMES.len()) - 1);
+
+    /// The set of these names.
+    ///
+    /// # Errors
+    /// For an unknown name, with the nearest known one.
+    pub fn from_names<S: AsRef<str>>(names: &[S]) -> Result<AovSet> {
+        let mut set = AovSet::default();
+        for name in names {
+            let name = name.as_ref();
+            let Some(index) = AOV_NAMES.iter().position(|n| *n == name) else {
+                let hint = nearest(name, &AOV_NAMES).map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
+                return Err(Error::Request(format!("`{name}` is no layer: there are {}{hint}", AOV_NAMES.join(", "))));
+            };
+            set.0 |= 1 << index;
+        }
+        Ok(set)
+    }
+
+    /// Whether a layer of this name is in the set.
+    pub fn has(self, name: &str) -> bool {
+        AOV_NAMES.iter().position(|n| *n == name).is_some_and(|i| self.0 & 1 << i != 0)
+    }
+
+    /// Whether the shading pass has to record diagnostics.
+    pub fn needs_diagnostics(self) -> bool {
+        self.has("fetches") || self.has("choice") || self.has("variant")
+    }
+
+    fn needs_inspection(self) -> bool {
+        self.has("position") || self.has("ddx") || self.has("ddy")
+    }
+}
+
+/// One layer, row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Layer {
+    /// Linear colour.
+    Rgb(Vec<[f32; 3]>),
+    /// A vector in world axes.
+    Xyz(Vec<[f32; 3]>),
+    /// A number.
+    Value(Vec<f32>),
+}
+
+/// A picture, row by row from the top.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Linear radiance; alpha 1 = terrain, 0 = sky.
+    pub hdr: Vec<[f32; 4]>,
+    /// The layers asked for, by name.
+    pub layers: Vec<(String, Layer)>,
+    /// Device time of each pass, milliseconds.
+    pub passes: Vec<(String, f64)>,
+    /// Mean fetches per terrain pixel, if they were counted.
+    pub fetches_per_px: Option<f64>,
+    /// What the frame was made of.
+    pub report: FrameReport,
+}
+
+fn rgba16(bytes: &[u8]) -> Vec<[f32; 4]> {
+    let words: Vec<[f16; 4]> = bytemuck::pod_collect_to_vec(bytes);
+    words.into_iter().map(|t| t.map(f16::to_f32)).collect()
+}
+
+impl Picture {
+    /// Reads back what the renderer drew for `request`.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub(crate) fn read(renderer: &Renderer<'_>, request: &RenderRequest, report: FrameReport) -> Result<Picture> {
+        let gpu = renderer.gpu();
+        let targets = renderer.targets().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
+        let hdr = bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.image, wgpu::TextureAspect::All, 16)?);
+        let wanted = request.aovs;
+        let mut layers = Vec::new();
+        let mut add = |name: &str, layer: Layer| layers.push((name.to_owned(), layer));
+        let rgb = |t: &[f32; 4]| [t[0], t[1], t[2]];
+        if wanted.has("albedo") {
+            let texels = rgba16(&read_texture(gpu, &targets.shading.albedo, wgpu::TextureAspect::All, 8)?);
+            add("albedo", Layer::Rgb(texels.iter().map(rgb).collect()));
+        }
+        if wanted.has("normal") {
+            let texels = rgba16(&read_texture(gpu, &targets.shading.normal, wgpu::TextureAspect::All, 8)?);
+            add("normal", Layer::Xyz(texels.iter().map(rgb).collect()));
+        }
+        if wanted.has("depth") {
+            let depth: Vec<f32> = bytemuck::pod_collect_to_vec(&read_texture(
+                gpu,
+                &targets.geometry.depth_stencil,
+                wgpu::TextureAspect::DepthOnly,
+                4,
+            )?);
+            add("depth", Layer::Value(depth));
+        }
+        if wanted.has("mask") {
+            let mask = read_texture(gpu, &targets.geometry.mask, wgpu::TextureAspect::All, 1)?;
+            add("mask", Layer::Value(mask.into_iter().map(f32::from).collect()));
+        }
+        let mut fetches_per_px = None;
+        if wanted.needs_diagnostics() || request.count_fetches {
+            let words: Vec<u32> =
+                bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.shading.diagnostics, wgpu::TextureAspect::All, 4)?);
+            let layer = |shift: u32, bits: u32| {
+                Layer::Value(words.iter().map(|w| (w >> shift & ((1 << bits) - 1)) as f32).collect())
+            };
+            if wanted.has("variant") {
+                add("variant", layer(24, 8));
+            }
+            if wanted.has("fetches") {
+                add("fetches", layer(0, 16));
+            }
+            if wanted.has("choice") {
+                add("choice", layer(16, 8));
+            }
+            let shaded: Vec<u32> = words.iter().filter(|w| **w >> 24 != 0).map(|w| w & 0xffff).collect();
+            fetches_per_px = Some(shaded.iter().map(|&n| f64::from(n)).sum::<f64>() / (shaded.len().max(1) as f64));
+        }
+        if wanted.needs_inspection() {
+            let view = renderer.view(request);
+            let corner = view.pose.position - view.camera;
+            let inspected = renderer.inspect(request)?;
+            let terrain = |i: &crate::inspect::Inspected| i.slot != 0;
+            if wanted.has("position") {
+                let world = |p: [f32; 3]| std::array::from_fn(|k| (f64::from(p[k]) + corner[k]) as f32);
+                add("position", Layer::Xyz(inspected.iter().map(|i| if terrain(i) { world(i.position) } else { [0.0; 3] }).collect()));
+            }
+            if wanted.has("ddx") {
+                add("ddx", Layer::Xyz(inspected.iter().map(|i| i.ddx).collect()));
+            }
+            if wanted.has("ddy") {
+                add("ddy", Layer::Xyz(inspected.iter().map(|i| i.ddy).collect()));
+            }
+        }
+        let passes = report.passes.iter().map(|p| (p.name.clone(), p.time_ms)).collect();
+        Ok(Picture { size: request.size, hdr, layers, passes, fetches_per_px, report })
+    }
+
+    /// A layer that was asked for.
+    pub fn layer(&self, name: &str) -> Option<&Layer> {
+        self.layers.iter().find(|(n, _)| n == name).map(|(_, layer)| layer)
+    }
+
+    /// Colours or vectors of a layer that was asked for.
+    pub fn vectors(&self, name: &str) -> Option<&[[f32; 3]]> {
+        match self.layer(name)? {
+            Layer::Rgb(texels) | Layer::Xyz(texels) => Some(texels),
+            Layer::Value(_) => None,
+        }
+    }
+
+    /// Numbers of a layer that was asked for.
+    pub fn values(&self, name: &str) -> Option<&[f32]> {
+        match self.layer(name)? {
+            Layer::Value(values) => Some(values),
+            Layer::Rgb(_) | Layer::Xyz(_) => None,
+        }
+    }
+}
+
+/// Linear radiance to sRGB for people: Reinhard's curve on luminance, white at radiance 4, colour kept.
+/// Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
+pub fn tone_map(radiance: [f32; 3]) -> [u8; 3] {
+    const WHITE: f32 = 4.0;
+    let luminance = 0.2126 * radiance[0] + 0.7152 * radiance[1] + 0.0722 * radiance[2];
+    let mapped = luminance * (1.0 + luminance / (WHITE * WHITE)) / (1.0 + luminance);
+    let factor = if luminance > 0.0 { mapped / luminance } else { 0.0 };
+    radiance.map(|c| srgb_code(c * factor))
+}
+
+/// The 8-bit sRGB code of a linear value (IEC 61966-2-1); 0 for NaN.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 just before")]
+pub fn srgb_code(linear: f32) -> u8 {
+    let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
+    let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0 + 0.5) as u8
+}
+
+/// Runs `write` on a temporary file beside `file`, then renames it: the file is whole or absent.
+///
+/// # Errors
+/// When writing or renaming fails; nothing is left behind.
+pub fn write_whole(file: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    let mut name = file.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".{}.tmp", std::process::id()));
+    let temporary = file.with_file_name(name);
+    let done = write(&temporary).and_then(|()| {
+        std::fs::rename(&temporary, file).map_err(|source| Error::File { file: file.to_owned(), source })
+    });
+    if done.is_err() {
+        // The first error is the one to report; the temporary file may not even exist.
+        let _ = std::fs::remove_file(&temporary);
+    }
+    done
+}
+
+/// Writes 8-bit RGB texels as PNG.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_png_texels(file: &Path, size: [u32; 2], texels: &[[u8; 3]]) -> Result<()> {
+    write_whole(file, |temporary| {
+        image::save_buffer_with_format(
+            temporary,
+            bytemuck::cast_slice(texels),
+            size[0],
+            size[1],
+            image::ExtendedColorType::Rgb8,
+            image::ImageFormat::Png,
+        )
+        .map_err(|error| image_error(file, &error))
+    })
+}
+
+/// Writes the tone-mapped picture.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_png(file: &Path, picture: &Picture) -> Result<()> {
+    let texels: Vec<[u8; 3]> = picture.hdr.iter().map(|t| tone_map([t[0], t[1], t[2]])).collect();
+    write_png_texels(file, picture.size, &texels)
+}
+
+fn image_error(file: &Path, error: &dyn std::fmt::Display) -> Error {
+    Error::Image { file: PathBuf::from(file), what: error.to_string() }
+}
+
+/// Writes the linear picture and its layers, f32, as OpenEXR: channels R G B A, and `layer.channel` for each layer, which is how
+/// OpenEXR names layers within one part (Technical Introduction to OpenEXR, "Channel names").
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_exr(file: &Path, picture: &Picture) -> Result<()> {
+    let size = (picture.size[0] as usize, picture.size[1] as usize);
+    let channel = |name: &str, values: Vec<f32>| e::AnyChannel::new(name, e::FlatSamples::F32(values));
+    let mut channels: Vec<_> =
+        ["R", "G", "B", "A"].iter().enumerate().map(|(k, name)| channel(name, picture.hdr.iter().map(|t| t[k]).collect())).collect();
+    for (name, content) in &picture.layers {
+        let mut split = |names: [&str; 3], texels: &[[f32; 3]]| {
+            channels.extend((0..3).map(|k| channel(&format!("{name}.{}", names[k]), texels.iter().map(|t| t[k]).collect())));
+        };
+        match content {
+            Layer::Rgb(texels) => split(["R", "G", "B"], texels),
+            Layer::Xyz(texels) => split(["X", "Y", "Z"], texels),
+            Layer::Value(values) => channels.push(channel(&format!("{name}.V"), values.clone())),
+        }
+    }
+    let layer = e::Layer::new(size, e::LayerAttributes::default(), e::Encoding::FAST_LOSSLESS, e::AnyChannels::sort(channels.into()));
+    let image = e::Image::from_layer(layer);
+    write_whole(file, |temporary| {
+        use e::WritableImage as _;
+        image.write().to_file(temporary).map_err(|error| image_error(file, &error))
+    })
+}

@@ -1,0 +1,114 @@
+//! Which nodes are drawn: walk down from the roots, split where more detail is wanted and every child that can exist is loaded.
+//!
+//! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
+//! Reads the camera and the loaded nodes; makes the node list, the LOD map and the sector data.
+//! Runs on the CPU until the GPU traversal lands, for which it is the reference.
+
+use glam::{DVec2, DVec3};
+
+use crate::camera::View;
+use crate::world::{LODS, Layout, NODE_QUADS, NodeId, SECTORS, World};
+
+/// What the traversal has to know of a loaded node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NodeBounds {
+    /// Lowest and highest elevation, metres.
+    pub height_m: [f64; 2],
+}
+
+/// The nodes of one frame.
+#[derive(Clone, Debug, Default)]
+pub struct Selection {
+    /// Every node visited, coarse before fine: what has to be resident.
+    pub visited: Vec<NodeId>,
+    /// The nodes to draw: they cover what is visible and do not overlap.
+    pub drawn: Vec<NodeId>,
+}
+
+/// A node is split while a quad of it at the node's nearest point is higher than this many pixels.
+pub const QUAD_PX: f64 = 2.5;
+/// Bounds of the ratio of distance to node edge at which that happens: splat texels near the camera must be fine in small pictures,
+/// too, and the resident nodes must fit the atlases in large ones.
+pub const SPLIT_RATIO: [f64; 2] = [0.6, 2.0];
+
+/// A node is split when the camera is nearer than this many of its edges (and the node is visible).
+fn split_ratio(view: &View) -> f64 {
+    let focal_px = f64::from(view.size[1]) / (2.0 * (view.pose.fov / 2.0).tan());
+    (focal_px / (f64::from(NODE_QUADS) * QUAD_PX)).clamp(SPLIT_RATIO[0], SPLIT_RATIO[1])
+}
+
+/// Corner boxes of a node in the view's local coordinates.
+pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View) -> (DVec3, DVec3) {
+    let edge = layout.node_m(node.lod);
+    let first_sector = DVec2::new(f64::from(node.x), f64::from(node.y)) * f64::from(1u32 << node.lod);
+    let corner = (first_sector - view.sector.as_dvec2()) * layout.sector_m;
+    (corner.extend(bounds.height_m[0]), (corner + edge).extend(bounds.height_m[1]))
+}
+
+/// Traverses the tree. `load` is given the nodes of one level that are needed next and returns their bounds in the same order.
+///
+/// # Errors
+/// Whatever `load` returns.
+pub fn select<E>(
+    world: &World,
+    view: &View,
+    mut load: impl FnMut(&[NodeId]) -> std::result::Result<Vec<NodeBounds>, E>,
+) -> std::result::Result<Selection, E> {
+    let layout = world.layout();
+    let ratio = split_ratio(view);
+    let mut selection = Selection::default();
+    let mut level: Vec<NodeId> = NodeId::roots().filter(|&n| world.exists(n)).collect();
+    while !level.is_empty() {
+        let bounds = load(&level)?;
+        selection.visited.extend_from_slice(&level);
+        let mut next = Vec::new();
+        for (&node, &bounds) in level.iter().zip(&bounds) {
+            let (low, high) = local_box(node, bounds, layout, view);
+            let nearest = view.camera.clamp(low, high);
+            // The margin keeps stitches towards unseen, hence coarse, neighbours outside the picture.
+            let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
+            let wanted = nearest.distance(view.camera) < ratio * layout.node_m(node.lod) && view.sees(low - margin, high + margin);
+            let children: Vec<NodeId> =
+                if wanted && node.lod > layout.finest_lod { node.children().into_iter().filter(|&c| world.exists(c)).collect() } else { Vec::new() };
+            if children.is_empty() {
+                selection.drawn.push(node);
+            } else {
+                next.extend(children);
+            }
+        }
+        level = next;
+    }
+    Ok(selection)
+}
+
+/// Each sector's drawn LOD, row by row from the south; sectors without terrain read 0, so that they never ask for a seam.
+pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
+    let mut map = vec![0; usize::from(SECTORS) * usize::from(SECTORS)];
+    for node in drawn {
+        let edge = 1usize << node.lod;
+        let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
+        for row in y..y + edge {
+            map[row * usize::from(SECTORS) + x..][..edge].fill(node.lod);
+        }
+    }
+    map
+}
+
+/// Bits of one LOD's atlas slot in the sector data.
+pub const SLOT_BITS: u32 = 10;
+
+/// Per sector, 10 bits per LOD: the atlas slot of the loaded node that covers it, 0 = none. Slots count from 1.
+pub fn sector_data(nodes: impl Iterator<Item = (NodeId, u32)>) -> Vec<[u32; 2]> {
+    let mut packed = vec![0u64; usize::from(SECTORS) * usize::from(SECTORS)];
+    for (node, slot) in nodes {
+        debug_assert!(slot >= 1 && slot < 1 << SLOT_BITS && node.lod < LODS);
+        let edge = 1usize << node.lod;
+        let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
+        for row in y..y + edge {
+            for entry in &mut packed[row * usize::from(SECTORS) + x..][..edge] {
+                *entry |= u64::from(slot) << (u32::from(node.lod) * SLOT_BITS);
+            }
+        }
+    }
+    packed.into_iter().map(|bits| [bits as u32, (bits >> 32) as u32]).collect()
+}

@@ -1,0 +1,312 @@
+//! A scene file: what there is, and nothing about how it is drawn.
+//!
+//! The types below are the file's schema (TOML, unknown keys refused). Lengths are metres, angles
+//! degrees, colours linear RGB in 0..1; the world's origin lies at its centre, z up, x east, y north.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+mod parse;
+mod requirements;
+mod validate;
+
+pub use parse::{DEFAULT, DEFAULT_TEXT, load, nearest, parse};
+pub use requirements::{FlavourUse, NODE_SLOTS, PAGE_SLOTS, PassUse, Requirements, TargetUse, TextureUse};
+pub use validate::{validate, validate_against_world};
+
+/// Everything a scene file says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Short name, used in output tables.
+    pub name: String,
+    /// One sentence for people.
+    #[serde(default)]
+    pub description: String,
+    /// Where heights come from.
+    pub world: World,
+    /// Palette, in order: the position in this list is the splat map's index. At most 256.
+    #[serde(rename = "material")]
+    pub materials: Vec<Material>,
+    /// Splat rules; at every splat texel the rule of the largest weight gives the material, ties to the later.
+    #[serde(rename = "rule")]
+    pub rules: Vec<Rule>,
+    /// Edge length of detail textures, texels, a power of two in 64..=2048. The height and colour-mask texture is half that.
+    #[serde(default = "default_detail_size")]
+    pub detail_size: u32,
+    /// Where each shading flavour applies.
+    #[serde(default)]
+    pub flavours: FlavourRules,
+    /// Parameters of the material blend.
+    #[serde(default)]
+    pub blend: Blend,
+    /// The sun.
+    #[serde(default)]
+    pub sun: Sun,
+    /// The sky.
+    #[serde(default)]
+    pub sky: Sky,
+    /// Named cameras.
+    #[serde(default, rename = "camera")]
+    pub cameras: Vec<CameraPose>,
+    /// Named camera paths.
+    #[serde(default, rename = "path")]
+    pub paths: Vec<CameraPath>,
+    /// Folder that relative file names refer to: the scene file's own. Not part of the file.
+    #[serde(skip)]
+    pub folder: PathBuf,
+}
+
+fn default_detail_size() -> u32 {
+    1024
+}
+
+/// Where heights come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum World {
+    /// Mountains from a seed: 10 240 m wide, 0.5 m per sample, made node by node.
+    Procedural {
+        /// Every decision of the generator follows from it.
+        seed: u32,
+        /// Radius of circular holes and their places, mostly none.
+        #[serde(default)]
+        holes: Vec<Hole>,
+        /// Peak-to-peak strength of the colour modulation map, 0 (none, not sampled) to 1.
+        #[serde(default)]
+        colour_modulation: f64,
+    },
+    /// An imported heightmap: 16-bit samples, row 0 = north, samples are vertices.
+    Heightmap {
+        /// 16-bit grey PNG, relative to the scene file.
+        file: PathBuf,
+        /// Sample spacing.
+        metres_per_texel: f64,
+        /// Elevation of sample value 0 and of 65535.
+        height_range_m: [f64; 2],
+        /// Metres of procedural relief added below the data's resolution; 0 = none, and LODs only as deep as the data.
+        #[serde(default)]
+        detail_m: f64,
+        /// Seed of that relief and of rule noise.
+        #[serde(default)]
+        seed: u32,
+        /// Circular holes.
+        #[serde(default)]
+        holes: Vec<Hole>,
+        /// Peak-to-peak strength of the colour modulation map, 0 (none, not sampled) to 1.
+        #[serde(default)]
+        colour_modulation: f64,
+    },
+}
+
+/// A circular opening in the ground.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hole {
+    /// Centre, world metres.
+    pub centre: [f64; 2],
+    /// Radius in metres.
+    pub radius_m: f64,
+}
+
+/// A terrain material: detail textures and how they lie on the ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    /// Unique name.
+    pub name: String,
+    /// A built-in procedural material. Exactly one of `procedural` and `folder` is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub procedural: Option<String>,
+    /// Folder with albedo, normal, height, roughness and (optionally) ao images, relative to the scene file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub folder: Option<PathBuf>,
+    /// Edge of one repeat of the texture, metres.
+    pub tile_m: f64,
+    /// Rotation of the texture, degrees.
+    #[serde(default)]
+    pub orientation_deg: f64,
+    /// Linear RGB multiplier where the colour mask is 1.
+    #[serde(default = "white")]
+    pub tint: [f64; 3],
+    /// Strength of the normal map: 1 = as authored, 0 = flat.
+    #[serde(default = "one")]
+    pub normal_strength: f64,
+}
+
+fn white() -> [f64; 3] {
+    [1.0; 3]
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// One splat rule. Its weight is `weight` times the product of the masks given; a mask is a trapezoid
+/// `[from, to]` that is 1 inside and falls to 0 over `*_fade` outside.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rule {
+    /// Name of the material laid down.
+    pub material: String,
+    /// Factor on the product of the masks, > 0.
+    #[serde(default = "one")]
+    pub weight: f64,
+    /// Elevation band, metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height_m: Option<[f64; 2]>,
+    /// Fade outside that band, metres.
+    #[serde(default)]
+    pub height_fade_m: f64,
+    /// Slope band, degrees from horizontal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slope_deg: Option<[f64; 2]>,
+    /// Fade outside that band, degrees.
+    #[serde(default)]
+    pub slope_fade_deg: f64,
+    /// Mean-curvature band, 1/m, positive = convex (ridge), negative = concave (gully).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curvature: Option<[f64; 2]>,
+    /// Fade outside that band, 1/m.
+    #[serde(default)]
+    pub curvature_fade: f64,
+    /// Noise mask: weight is multiplied by a smooth threshold of value noise of this wavelength, metres. 0 = none.
+    #[serde(default)]
+    pub noise_m: f64,
+    /// Share of the ground, 0..1, that the noise mask lets through.
+    #[serde(default = "half")]
+    pub noise_cover: f64,
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+/// Where each flavour applies (SYSTEMS C and F). Distances in metres along the view ray, slopes in degrees of the shading normal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FlavourRules {
+    /// Beyond this distance ground is shaded from the far atlas; virtual texture before it. 0 = no virtual texture.
+    pub far_atlas_m: f64,
+    /// Beyond this distance cliffs, too, are shaded from the far atlas.
+    pub cliff_far_atlas_m: f64,
+    /// Near stochastic cliff before, far stochastic cliff behind (Far Cry 5: 30 m).
+    pub cliff_near_m: f64,
+    /// Width of every distance blend, as a share of its distance.
+    pub distance_blend: f64,
+    /// Slopes above this one are cliff. 90 or more = no cliff flavours.
+    pub cliff_slope_deg: f64,
+    /// Width of slope blends, degrees.
+    pub slope_blend_deg: f64,
+    /// Width of the band of slopes just below `cliff_slope_deg` that is too steep for one projection and borders on contrasting
+    /// materials: full tri-planar splat, up to `cliff_near_m`. 0 = flavour not used.
+    pub splat_band_deg: f64,
+}
+
+impl Default for FlavourRules {
+    fn default() -> Self {
+        FlavourRules {
+            far_atlas_m: 300.0,
+            cliff_far_atlas_m: 1500.0,
+            cliff_near_m: 30.0,
+            distance_blend: 0.15,
+            cliff_slope_deg: 45.0,
+            slope_blend_deg: 4.0,
+            splat_band_deg: 8.0,
+        }
+    }
+}
+
+/// Parameters of the material blend.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Blend {
+    /// k in w' = w 2^(k h): how strongly height wins over the bilinear weight. 0 = plain bilinear.
+    pub height_sharpness: f64,
+    /// k in w = |n|^k: tri-planar sharpness.
+    pub triplanar_sharpness: f64,
+    /// Scale of hashed-alpha noise: cell size in pixels (Wyman & McGuire's g_HashScale).
+    pub hash_scale: f64,
+    /// Anisotropic filtering of detail textures, 1..=16. 1 = trilinear: software Vulkan compiles anything more for minutes.
+    pub anisotropy: u16,
+    /// Bias added to mip levels by scaling gradients by 2^bias.
+    pub mip_bias: f64,
+}
+
+impl Default for Blend {
+    fn default() -> Self {
+        Blend { height_sharpness: 8.0, triplanar_sharpness: 4.0, hash_scale: 1.0, anisotropy: 1, mip_bias: 0.0 }
+    }
+}
+
+/// The sun: a directional light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sun {
+    /// Compass bearing the light comes from, degrees clockwise from north.
+    pub azimuth_deg: f64,
+    /// Height above the horizon, degrees.
+    pub elevation_deg: f64,
+    /// Linear RGB irradiance on a surface facing it.
+    pub irradiance: [f64; 3],
+}
+
+impl Default for Sun {
+    fn default() -> Self {
+        Sun { azimuth_deg: 190.0, elevation_deg: 34.0, irradiance: [4.8, 4.4, 3.8] }
+    }
+}
+
+/// The sky: radiance linear in the sine of elevation, over the whole sphere, so that its irradiance is exact.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sky {
+    /// Linear RGB radiance at the zenith.
+    pub zenith: [f64; 3],
+    /// Linear RGB radiance at the horizon.
+    pub horizon: [f64; 3],
+}
+
+impl Default for Sky {
+    fn default() -> Self {
+        Sky { zenith: [0.10, 0.20, 0.42], horizon: [0.28, 0.34, 0.42] }
+    }
+}
+
+/// A camera: where it stands and looks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraPose {
+    /// Unique name.
+    pub name: String,
+    /// World metres; z is elevation, or metres above the ground if `above_ground`.
+    pub position: [f64; 3],
+    /// Whether z counts from the ground below.
+    #[serde(default)]
+    pub above_ground: bool,
+    /// Compass bearing looked at: 0 = north (+y), 90 = east (+x).
+    pub yaw_deg: f64,
+    /// Degrees above the horizon.
+    pub pitch_deg: f64,
+    /// Vertical field of view, degrees.
+    #[serde(default = "default_fov")]
+    pub fov_deg: f64,
+}
+
+fn default_fov() -> f64 {
+    55.0
+}
+
+/// A camera path: key poses, passed at even intervals of frames, interpolated by Catmull-Rom splines.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraPath {
+    /// Unique name.
+    pub name: String,
+    /// Frames between two key poses, >= 1.
+    pub frames_per_key: u32,
+    /// At least two.
+    #[serde(rename = "key")]
+    pub keys: Vec<CameraPose>,
+}

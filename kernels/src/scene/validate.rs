@@ -1,0 +1,391 @@
+//! What a scene file must satisfy beyond its types.
+
+use std::collections::HashMap;
+use std::fmt;
+
+use super::{CameraPose, Hole, Rule, Scene, World, nearest};
+use crate::error::{Error, Result};
+
+/// One part of the way to a value in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    /// A key of a table.
+    Key(&'static str),
+    /// A place in an array, from 0.
+    Index(usize),
+}
+
+/// What is wrong, and with which value.
+#[derive(Clone, Debug)]
+pub(super) struct Problem {
+    /// Way to the value in the file.
+    pub(super) path: Vec<Step>,
+    /// What is wrong and how to mend it.
+    pub(super) what: String,
+}
+
+impl fmt::Display for Problem {
+    /// `material 3, tile_m: ...`, counting from 1 as people do.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, step) in self.path.iter().enumerate() {
+            match step {
+                Step::Key(key) if i == 0 => write!(f, "{key}")?,
+                Step::Key(key) => write!(f, ", {key}")?,
+                Step::Index(index) => write!(f, " {}", index + 1)?,
+            }
+        }
+        if !self.path.is_empty() {
+            f.write_str(": ")?;
+        }
+        f.write_str(&self.what)
+    }
+}
+
+type Checked = std::result::Result<(), Problem>;
+
+/// Checks a scene made by hand or read from a file: sizes, ranges, names that must be unique, names that must exist, files that
+/// must exist.
+///
+/// # Errors
+/// The first thing found wrong, named by its place in the scene.
+pub fn validate(scene: &Scene) -> Result<()> {
+    check(scene).map_err(|problem| Error::Scene {
+        where_: format!("`{}`", scene.name),
+        what: problem.to_string(),
+    })
+}
+
+/// Checks what only the world's data can tell: that a scene which asks for cliffs has any.
+///
+/// `max_slope_deg`: the steepest slope of the world, degrees.
+///
+/// # Errors
+/// Cliff flavours are asked for and the steepest slope is less than `flavours.cliff_slope_deg`.
+pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
+    let asked = scene.flavours.cliff_slope_deg;
+    // Written so that a slope that is not a number is refused, too.
+    if asked >= 90.0 || max_slope_deg >= asked {
+        return Ok(());
+    }
+    Err(Error::Scene {
+        where_: format!("`{}`", scene.name),
+        what: format!(
+            "flavours, cliff_slope_deg: cliffs start at {asked} degrees, but the steepest slope of this world is {max_slope_deg:.1}: \
+             lower cliff_slope_deg below that, add relief (world, detail_m), or set it to 90 for no cliffs"
+        ),
+    })
+}
+
+/// A value's place while checking: a path that grows on the way down.
+#[derive(Clone)]
+struct At(Vec<Step>);
+
+impl At {
+    fn key(&self, key: &'static str) -> At {
+        let mut path = self.0.clone();
+        path.push(Step::Key(key));
+        At(path)
+    }
+
+    fn index(&self, index: usize) -> At {
+        let mut path = self.0.clone();
+        path.push(Step::Index(index));
+        At(path)
+    }
+
+    fn fail(&self, what: impl Into<String>) -> Checked {
+        Err(Problem {
+            path: self.0.clone(),
+            what: what.into(),
+        })
+    }
+
+    /// `low <= value <= high`; a number that is none fails.
+    fn within(&self, value: f64, low: f64, high: f64) -> Checked {
+        if (low..=high).contains(&value) {
+            Ok(())
+        } else {
+            self.fail(format!("is {value}, must lie in {low}..={high}"))
+        }
+    }
+
+    /// `0 < value <= high`.
+    fn positive(&self, value: f64, high: f64) -> Checked {
+        if value > 0.0 && value <= high {
+            Ok(())
+        } else {
+            self.fail(format!("is {value}, must be above 0 and at most {high}"))
+        }
+    }
+
+    fn all_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
+        values.iter().try_for_each(|&value| self.within(value, low, high))
+    }
+
+    /// A band `[from, to]`, not reversed.
+    fn band(&self, band: Option<[f64; 2]>, low: f64, high: f64) -> Checked {
+        let Some([from, to]) = band else { return Ok(()) };
+        self.all_within(&[from, to], low, high)?;
+        if from <= to {
+            Ok(())
+        } else {
+            self.fail(format!("[{from}, {to}] is reversed: write [{to}, {from}]"))
+        }
+    }
+}
+
+/// Elevations, coordinates and the like beyond this many metres are mistakes.
+const FAR_M: f64 = 1.0e7;
+
+pub(super) fn check(scene: &Scene) -> Checked {
+    let top = At(Vec::new());
+    name(&top.key("name"), &scene.name)?;
+    world(&top.key("world"), scene)?;
+    materials(&top.key("material"), scene)?;
+    rules(&top.key("rule"), scene)?;
+    let size = scene.detail_size;
+    if !(64..=2048).contains(&size) || !size.is_power_of_two() {
+        top.key("detail_size")
+            .fail(format!("is {size}, must be 64, 128, 256, 512, 1024 or 2048"))?;
+    }
+    flavours(&top.key("flavours"), scene)?;
+    blend(&top.key("blend"), scene)?;
+    let sun = top.key("sun");
+    sun.key("azimuth_deg").within(scene.sun.azimuth_deg, -360.0, 360.0)?;
+    sun.key("elevation_deg").within(scene.sun.elevation_deg, -90.0, 90.0)?;
+    sun.key("irradiance").all_within(&scene.sun.irradiance, 0.0, 1.0e4)?;
+    let sky = top.key("sky");
+    sky.key("zenith").all_within(&scene.sky.zenith, 0.0, 1.0e4)?;
+    sky.key("horizon").all_within(&scene.sky.horizon, 0.0, 1.0e4)?;
+    cameras(&top, scene)
+}
+
+fn world(at: &At, scene: &Scene) -> Checked {
+    let (hole_list, modulation) = match &scene.world {
+        World::Procedural {
+            seed: _,
+            holes,
+            colour_modulation,
+        } => (holes, *colour_modulation),
+        World::Heightmap {
+            file,
+            metres_per_texel,
+            height_range_m,
+            detail_m,
+            seed: _,
+            holes,
+            colour_modulation,
+        } => {
+            at.key("metres_per_texel").positive(*metres_per_texel, 1.0e5)?;
+            let range = at.key("height_range_m");
+            let [low, high] = *height_range_m;
+            range.all_within(height_range_m, -FAR_M, FAR_M)?;
+            if low >= high {
+                range.fail(format!(
+                    "[{low}, {high}] must go from low to high: the elevations of sample values 0 and 65535"
+                ))?;
+            }
+            at.key("detail_m").within(*detail_m, 0.0, 1000.0)?;
+            let path = scene.folder.join(file);
+            if !path.is_file() {
+                at.key("file").fail(format!(
+                    "there is no file {}: the name is relative to the scene file's folder",
+                    path.display()
+                ))?;
+            }
+            (holes, *colour_modulation)
+        }
+    };
+    at.key("colour_modulation").within(modulation, 0.0, 1.0)?;
+    holes(&at.key("holes"), hole_list)
+}
+
+fn holes(at: &At, holes: &[Hole]) -> Checked {
+    for (i, hole) in holes.iter().enumerate() {
+        let at = at.index(i);
+        at.key("centre").all_within(&hole.centre, -FAR_M, FAR_M)?;
+        at.key("radius_m").positive(hole.radius_m, FAR_M)?;
+    }
+    Ok(())
+}
+
+fn materials(at: &At, scene: &Scene) -> Checked {
+    let count = scene.materials.len();
+    if count == 0 {
+        at.fail("there is none: give at least one [[material]]")?;
+    }
+    if count > 256 {
+        at.fail(format!(
+            "there are {count}, but a splat map's 8-bit index tells at most 256 apart: remove {}",
+            count - 256
+        ))?;
+    }
+    unique(at, scene.materials.iter().map(|m| m.name.as_str()))?;
+    for (i, material) in scene.materials.iter().enumerate() {
+        let at = at.index(i);
+        name(&at.key("name"), &material.name)?;
+        match (&material.procedural, &material.folder) {
+            (Some(_), None) => {}
+            (None, Some(folder)) => {
+                let path = scene.folder.join(folder);
+                if !path.is_dir() {
+                    at.key("folder").fail(format!(
+                        "there is no folder {}: the name is relative to the scene file's folder",
+                        path.display()
+                    ))?;
+                }
+            }
+            (None, None) => at.fail(format!("`{}` has no textures: give `procedural` or `folder`", material.name))?,
+            (Some(_), Some(_)) => at.fail(format!("`{}` gives both `procedural` and `folder`: remove one", material.name))?,
+        }
+        at.key("tile_m").positive(material.tile_m, 1.0e5)?;
+        at.key("orientation_deg").within(material.orientation_deg, -360.0, 360.0)?;
+        at.key("tint").all_within(&material.tint, 0.0, 16.0)?;
+        at.key("normal_strength").within(material.normal_strength, 0.0, 16.0)?;
+    }
+    Ok(())
+}
+
+fn rules(at: &At, scene: &Scene) -> Checked {
+    if scene.rules.is_empty() {
+        at.fail("there is none: give at least one [[rule]], or no splat texel has a material")?;
+    }
+    let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+    for (i, rule) in scene.rules.iter().enumerate() {
+        one_rule(&at.index(i), rule, &names)?;
+    }
+    Ok(())
+}
+
+fn one_rule(at: &At, rule: &Rule, materials: &[&str]) -> Checked {
+    if !materials.contains(&rule.material.as_str()) {
+        let hint = nearest(&rule.material, materials).map_or_else(
+            || format!("there are {}", materials.join(", ")),
+            |near| format!("did you mean `{near}`?"),
+        );
+        at.key("material")
+            .fail(format!("no material is called `{}`: {hint}", rule.material))?;
+    }
+    at.key("weight").positive(rule.weight, 1.0e6)?;
+    at.key("height_m").band(rule.height_m, -FAR_M, FAR_M)?;
+    at.key("height_fade_m").within(rule.height_fade_m, 0.0, FAR_M)?;
+    at.key("slope_deg").band(rule.slope_deg, 0.0, 90.0)?;
+    at.key("slope_fade_deg").within(rule.slope_fade_deg, 0.0, 90.0)?;
+    at.key("curvature").band(rule.curvature, -1.0e3, 1.0e3)?;
+    at.key("curvature_fade").within(rule.curvature_fade, 0.0, 1.0e3)?;
+    at.key("noise_m").within(rule.noise_m, 0.0, 1.0e5)?;
+    at.key("noise_cover").within(rule.noise_cover, 0.0, 1.0)
+}
+
+fn flavours(at: &At, scene: &Scene) -> Checked {
+    let f = &scene.flavours;
+    at.key("far_atlas_m").within(f.far_atlas_m, 0.0, FAR_M)?;
+    at.key("cliff_slope_deg").within(f.cliff_slope_deg, 1.0, 180.0)?;
+    // Blends of no width would make the shaders divide by zero; a thousandth cannot be told from a step.
+    at.key("distance_blend").within(f.distance_blend, 0.001, 0.9)?;
+    at.key("slope_blend_deg").within(f.slope_blend_deg, 0.001, 45.0)?;
+    at.key("splat_band_deg").within(f.splat_band_deg, 0.0, 89.0)?;
+    at.key("cliff_near_m").positive(f.cliff_near_m, FAR_M)?;
+    at.key("cliff_far_atlas_m").positive(f.cliff_far_atlas_m, FAR_M)?;
+    if f.cliff_slope_deg >= 90.0 {
+        return Ok(());
+    }
+    if f.cliff_near_m >= f.cliff_far_atlas_m {
+        at.key("cliff_near_m").fail(format!(
+            "is {}, must be less than cliff_far_atlas_m = {}, or there is no far cliff between them",
+            f.cliff_near_m, f.cliff_far_atlas_m
+        ))?;
+    }
+    if f.far_atlas_m > f.cliff_far_atlas_m {
+        at.key("far_atlas_m").fail(format!(
+            "is {}, must not exceed cliff_far_atlas_m = {}: cliffs keep their textures at least as far as flat ground",
+            f.far_atlas_m, f.cliff_far_atlas_m
+        ))?;
+    }
+    if f.splat_band_deg >= f.cliff_slope_deg {
+        at.key("splat_band_deg").fail(format!(
+            "is {}, must be less than cliff_slope_deg = {}: the band lies just below the cliffs",
+            f.splat_band_deg, f.cliff_slope_deg
+        ))?;
+    }
+    Ok(())
+}
+
+fn blend(at: &At, scene: &Scene) -> Checked {
+    let b = &scene.blend;
+    at.key("height_sharpness").within(b.height_sharpness, 0.0, 1.0e4)?;
+    at.key("triplanar_sharpness").within(b.triplanar_sharpness, 0.0, 1.0e3)?;
+    at.key("hash_scale").within(b.hash_scale, 0.01, 100.0)?;
+    at.key("anisotropy").within(f64::from(b.anisotropy), 1.0, 16.0)?;
+    at.key("mip_bias").within(b.mip_bias, -16.0, 16.0)
+}
+
+fn cameras(top: &At, scene: &Scene) -> Checked {
+    let cameras = top.key("camera");
+    unique(&cameras, scene.cameras.iter().map(|c| c.name.as_str()))?;
+    for (i, pose) in scene.cameras.iter().enumerate() {
+        camera(&cameras.index(i), pose)?;
+    }
+    let paths = top.key("path");
+    unique(&paths, scene.paths.iter().map(|p| p.name.as_str()))?;
+    for (i, path) in scene.paths.iter().enumerate() {
+        let at = paths.index(i);
+        file_stem(&at.key("name"), &path.name)?;
+        at.key("frames_per_key").within(f64::from(path.frames_per_key), 1.0, 1.0e6)?;
+        let keys = at.key("key");
+        if path.keys.len() < 2 {
+            keys.fail(format!(
+                "path `{}` has {}, a path needs at least two [[path.key]]",
+                path.name,
+                path.keys.len()
+            ))?;
+        }
+        for (i, pose) in path.keys.iter().enumerate() {
+            camera(&keys.index(i), pose)?;
+        }
+    }
+    Ok(())
+}
+
+fn camera(at: &At, pose: &CameraPose) -> Checked {
+    file_stem(&at.key("name"), &pose.name)?;
+    at.key("position").all_within(&pose.position, -FAR_M, FAR_M)?;
+    at.key("yaw_deg").within(pose.yaw_deg, -3600.0, 3600.0)?;
+    at.key("pitch_deg").within(pose.pitch_deg, -90.0, 90.0)?;
+    at.key("fov_deg").within(pose.fov_deg, 1.0, 175.0)
+}
+
+/// Names go into tables and on terminals.
+fn name(at: &At, name: &str) -> Checked {
+    if name.trim().is_empty() {
+        return at.fail("is empty: give a name");
+    }
+    if name.chars().count() > 100 || name.chars().any(char::is_control) {
+        return at.fail("must be at most 100 characters on one line");
+    }
+    Ok(())
+}
+
+/// Names of cameras and paths become parts of file names.
+fn file_stem(at: &At, text: &str) -> Checked {
+    name(at, text)?;
+    let plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
+    if text.chars().all(plain) {
+        Ok(())
+    } else {
+        at.fail(format!("`{text}` may hold only letters, digits, - and _"))
+    }
+}
+
+fn unique<'a>(at: &At, names: impl Iterator<Item = &'a str>) -> Checked {
+    let mut seen = HashMap::new();
+    for (i, name) in names.enumerate() {
+        if let Some(before) = seen.insert(name, i) {
+            return at
+                .index(i)
+                .key("name")
+                .fail(format!("`{name}` is already the name of number {}: give each its own", before + 1));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,291 @@
+//! Shading: one tiled indirect draw per variant, from depth, normals and terrain data to the G-buffer.
+//!
+//! Reads depth, normals, tile lists, terrain, virtual-texture pages. Writes albedo + specular occlusion and normal + smoothness (RGBA16Float), and on
+//! request a diagnostics target (fetches, choice, tile mask). One WGSL module; 31 variants and the generic kernel differ in override constants.
+//! Source: Moore, GDC 2018, "Cliff Shading", "Terrain Shader Variations", "Terrain G-Buffer Pass"; rulings 1, 7, 15.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::str::FromStr;
+
+use crate::classification::{ARGUMENT_BYTES, Lists};
+use crate::error::{Error, Result};
+use crate::frame::FRAME_WGSL;
+use crate::geometry::{self, DEPTH_FORMAT};
+use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
+use crate::gpu::{Gpu, Shader, Timer, constants};
+use crate::shared::noise::NoiseKind;
+use crate::terrain::{self, Terrain};
+use crate::variant::Variant;
+use crate::virtual_texture::{self, VirtualTexture};
+use crate::shared;
+
+/// How a stochastic flavour arrives at its value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Estimator {
+    /// Far Cry 5's: random choices.
+    #[default]
+    Fc5,
+    /// The exact blend of what the random choice chooses from: its mean.
+    Exact,
+    /// The variance over seeds that theory gives `Fc5`, times [`VARIANCE_SCALE`], in place of albedo: the yardstick for measured variance.
+    Variance,
+}
+
+impl Estimator {
+    /// Those that make a picture.
+    pub const ALL: [Estimator; 2] = [Estimator::Fc5, Estimator::Exact];
+
+    /// Name in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Estimator::Fc5 => "fc5",
+            Estimator::Exact => "exact",
+            Estimator::Variance => "variance",
+        }
+    }
+}
+
+impl fmt::Display for Estimator {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Estimator {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Estimator> {
+        Estimator::ALL
+            .into_iter()
+            .find(|e| e.name() == text)
+            .ok_or_else(|| Error::Request(format!("`{text}` is no estimator: give fc5 or exact")))
+    }
+}
+
+/// Factor on the variance that [`Estimator::Variance`] writes, so that f16 does not run into its denormals.
+pub const VARIANCE_SCALE: f64 = 1024.0;
+
+/// Which kernel runs: a variant, or the generic one that takes each tile's mask at run time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kernel {
+    /// Specialised for one variant; draws that variant's tile list.
+    Variant(Variant),
+    /// The über-shader; draws every terrain tile.
+    Generic,
+}
+
+/// Everything a pipeline is specialised by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PipelineKey {
+    /// The kernel.
+    pub kernel: Kernel,
+    /// Estimator of the stochastic flavours.
+    pub estimator: Estimator,
+    /// Their noise.
+    pub noise: NoiseKind,
+    /// Whether full splat blends two tiling scales: 96 fetches.
+    pub two_tilings: bool,
+    /// Whether fetches are counted and choices recorded.
+    pub diagnostics: bool,
+}
+
+impl PipelineKey {
+    /// The override constants of `shading.wgsl`.
+    pub fn overrides(self, colour_modulation: bool) -> [(&'static str, f64); 6] {
+        let flag = |on: bool| f64::from(u8::from(on));
+        let mask = match self.kernel {
+            Kernel::Variant(variant) => variant.mask(),
+            Kernel::Generic => 0,
+        };
+        [
+            ("VARIANT", f64::from(mask)),
+            ("ESTIMATOR", f64::from(self.estimator as u8)),
+            ("NOISE", f64::from(self.noise.code())),
+            ("TWO_TILINGS", flag(self.two_tilings)),
+            ("COUNT_FETCHES", flag(self.diagnostics)),
+            ("COLOUR_MODULATION", flag(colour_modulation)),
+        ]
+    }
+}
+
+/// The G-buffer.
+pub struct Targets {
+    /// Linear albedo, specular occlusion in alpha.
+    pub albedo: wgpu::Texture,
+    /// World normal, smoothness in alpha.
+    pub normal: wgpu::Texture,
+    /// Fetches, choice << 16, tile mask << 24.
+    pub diagnostics: wgpu::Texture,
+}
+
+/// Format of the G-buffer's colour targets.
+pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+
+impl Targets {
+    /// Targets of a size in pixels.
+    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Targets {
+        Targets {
+            albedo: gpu.target("albedo", size, FORMAT),
+            normal: gpu.target("normal", size, FORMAT),
+            diagnostics: gpu.target("diagnostics", size, wgpu::TextureFormat::R32Uint),
+        }
+    }
+}
+
+/// The pass and its pipelines, built when first wanted and kept.
+pub struct Shading {
+    shader: Shader,
+    layout: wgpu::BindGroupLayout,
+    pipeline_layout: wgpu::PipelineLayout,
+    pipelines: HashMap<PipelineKey, wgpu::RenderPipeline>,
+    colour_modulation: bool,
+}
+
+/// The files of the stage's shader module.
+pub fn files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([
+        FRAME_WGSL,
+        terrain::WGSL,
+        terrain::FOOTPRINT_WGSL,
+        virtual_texture::WGSL,
+        ("shading/shading.wgsl", include_str!("shading.wgsl")),
+    ]);
+    files
+}
+
+impl Shading {
+    /// Compiles the module; pipelines follow with [`Shading::warm`].
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, colour_modulation: bool) -> Result<Shading> {
+        let layout = gpu.layout(
+            "shading",
+            wgpu::ShaderStages::VERTEX_FRAGMENT,
+            &[
+                Binding::Depth,
+                Binding::TextureLoaded(FLAT),
+                Binding::Storage,
+                Binding::TextureUint(ARRAY),
+                Binding::Texture(ARRAY),
+                Binding::Texture(ARRAY),
+                Binding::Texture(ARRAY),
+                Binding::Sampler,
+            ],
+        );
+        Ok(Shading {
+            shader: Shader::new(gpu, "shading", &files())?,
+            pipeline_layout: gpu.pipeline_layout("shading", &[frame_layout, &terrain.layout, &layout]),
+            layout,
+            pipelines: HashMap::new(),
+            colour_modulation,
+        })
+    }
+
+    /// Builds a pipeline unless it is there; says whether it had to.
+    pub fn warm(&mut self, gpu: &Gpu, key: PipelineKey) -> bool {
+        if self.pipelines.contains_key(&key) {
+            return false;
+        }
+        let overrides = key.overrides(self.colour_modulation);
+        let mut targets = vec![Some(FORMAT.into()), Some(FORMAT.into())];
+        if key.diagnostics {
+            targets.push(Some(wgpu::TextureFormat::R32Uint.into()));
+        }
+        let terrain_only = wgpu::StencilFaceState { compare: wgpu::CompareFunction::Equal, ..Default::default() };
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("shading"),
+            layout: Some(&self.pipeline_layout),
+            vertex: wgpu::VertexState {
+                module: &self.shader.module,
+                entry_point: Some("shading_vertex"),
+                compilation_options: constants(&overrides),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH_FORMAT,
+                depth_write_enabled: Some(false),
+                depth_compare: Some(wgpu::CompareFunction::Always),
+                stencil: wgpu::StencilState { front: terrain_only, back: terrain_only, read_mask: 0xff, write_mask: 0 },
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &self.shader.module,
+                entry_point: Some(if key.diagnostics { "shading_fragment_counted" } else { "shading_fragment" }),
+                compilation_options: constants(&overrides),
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        self.pipelines.insert(key, pipeline);
+        true
+    }
+
+    /// Records the pass: one indirect draw per key. Every key must be warm.
+    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    pub fn encode(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut Timer,
+        groups: [&wgpu::BindGroup; 2],
+        geometry: &geometry::Targets,
+        lists: &Lists,
+        pages: &VirtualTexture,
+        targets: &Targets,
+        keys: &[PipelineKey],
+    ) {
+        let page_views = pages.views();
+        let texture = wgpu::BindingResource::TextureView;
+        let group = gpu.group(
+            "shading",
+            &self.layout,
+            &[
+                texture(&aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly)),
+                texture(&view(&geometry.normals)),
+                lists.tiles.as_entire_binding(),
+                texture(&page_views[0]),
+                texture(&page_views[1]),
+                texture(&page_views[2]),
+                texture(&page_views[3]),
+                wgpu::BindingResource::Sampler(&pages.sampler),
+            ],
+        );
+        let clear = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };
+        let views = [view(&targets.albedo), view(&targets.normal), view(&targets.diagnostics)];
+        let diagnostics = keys.iter().any(|k| k.diagnostics);
+        let attachments: Vec<_> = views
+            .iter()
+            .take(if diagnostics { 3 } else { 2 })
+            .map(|view| Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops: clear }))
+            .collect();
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("shading"),
+            color_attachments: &attachments,
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &view(&geometry.depth_stencil),
+                depth_ops: None,
+                stencil_ops: None,
+            }),
+            timestamp_writes: timer.render("shading"),
+            ..Default::default()
+        });
+        pass.set_bind_group(0, groups[0], &[]);
+        pass.set_bind_group(1, groups[1], &[]);
+        pass.set_bind_group(2, &group, &[]);
+        pass.set_stencil_reference(1);
+        for key in keys {
+            let list = match key.kernel {
+                Kernel::Variant(variant) => u64::from(variant.mask()),
+                Kernel::Generic => 0,
+            };
+            pass.set_pipeline(&self.pipelines[key]);
+            pass.draw_indirect(&lists.arguments, list * ARGUMENT_BYTES);
+        }
+    }
+}

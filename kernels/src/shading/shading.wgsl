@@ -1,0 +1,310 @@
+// Shading: the tiles of one variant in, G-buffer out. One module, specialised by overrides into 31 variants and the generic kernel.
+
+// Mask of the flavours compiled in, 1..31; 0 = the generic kernel, which takes each tile's mask at run time.
+override VARIANT: u32 = 0u;
+// 0 = Far Cry 5's estimators, 1 = the exact blend of what a stochastic flavour chooses from,
+// 2 = the variance over seeds that theory gives estimator 0, in place of albedo.
+override ESTIMATOR: u32 = 0u;
+// Noise kind of the stochastic choices, see noise.wgsl.
+override NOISE: u32 = 0u;
+// Splat with two tiling scales: 96 fetches, the reference look.
+override TWO_TILINGS: bool = false;
+
+@group(2) @binding(0) var depth_target: texture_depth_2d;
+@group(2) @binding(1) var normal_target: texture_2d<f32>;
+@group(2) @binding(2) var<storage, read> tile_lists: array<u32>;
+@group(2) @binding(3) var page_table: texture_2d_array<u32>;
+@group(2) @binding(4) var page_albedo: texture_2d_array<f32>;
+@group(2) @binding(5) var page_properties: texture_2d_array<f32>;
+@group(2) @binding(6) var page_normal: texture_2d_array<f32>;
+@group(2) @binding(7) var page_sampler: sampler;
+
+const FLAVOUR_VT: u32 = 0u;
+const FLAVOUR_FAR_ATLAS: u32 = 1u;
+const FLAVOUR_NEAR_CLIFF: u32 = 2u;
+const FLAVOUR_FAR_CLIFF: u32 = 3u;
+const FLAVOUR_SPLAT: u32 = 4u;
+
+// Independent random numbers for the two stochastic flavours (ruling 15).
+const SALT_NEAR_CLIFF: u32 = 1u;
+const SALT_FAR_CLIFF: u32 = 2u;
+
+struct Pixel {
+    index: vec2<u32>,
+    footprint: Footprint,
+    node: NodePlace,
+    cell: SplatCell,
+    normal: vec3<f32>,          // shading normal
+    projections: vec3<f32>,     // tri-planar weights
+    tiling: vec2<f32>,          // lower scale exponent, blend towards the next
+}
+
+// First stochastic choice of the pixel + 1, for inspection: splat texel, and 4 times the projection.
+var<private> choice: u32;
+
+fn shade_virtual_texture(pixel: Pixel) -> Surface {
+    let place = pixel.footprint.place;
+    for (var level = virtual_texture_level(pixel.footprint.ddx, pixel.footprint.ddy); level < frame.page_levels; level++) {
+        let address = virtual_texture_address(place, level);
+        count_fetch();
+        let entry = textureLoad(page_table, address.page & vec2<i32>(VIRTUAL_WINDOW - 1), level, 0).r;
+        if (entry & 2047u) == 0u || (entry & ~2047u) != virtual_texture_tag(address.page) {
+            continue;
+        }
+        let layer = (entry & 2047u) - 1u;
+        let uv = (address.uv * VIRTUAL_PAGE_TEXELS + VIRTUAL_BORDER_TEXELS) / VIRTUAL_STORED_TEXELS;
+        let per_m = frame.page_texels_per_m * frame.gradient_scale * exp2(-f32(level)) / VIRTUAL_STORED_TEXELS;
+        let uv_dx = pixel.footprint.ddx.xy * per_m;
+        let uv_dy = pixel.footprint.ddy.xy * per_m;
+        count_fetch();
+        let albedo = textureSampleGrad(page_albedo, page_sampler, uv, layer, uv_dx, uv_dy).rgb;
+        count_fetch();
+        let properties = textureSampleGrad(page_properties, page_sampler, uv, layer, uv_dx, uv_dy).rg;
+        count_fetch();
+        let normal_xy = textureSampleGrad(page_normal, page_sampler, uv, layer, uv_dx, uv_dy).rg * 2.0 - 1.0;
+        let normal_z = sqrt(max(1.0 - dot(normal_xy, normal_xy), 0.01));
+        return Surface(albedo, 0.0, vec3<f32>(-normal_xy / normal_z, 0.0), properties.x, properties.y);
+    }
+    // No page of any level is there: the baked terrain always is.
+    return shade_far_atlas(pixel).surface;
+}
+
+struct FarAtlas {
+    surface: Surface,
+    normal: vec3<f32>,
+}
+
+fn shade_far_atlas(pixel: Pixel) -> FarAtlas {
+    count_fetch();
+    let albedo = textureSampleLevel(albedo_atlas, atlas_sampler, terrain_atlas_uv(pixel.node.uv), pixel.node.slot, 0.0).rgb;
+    count_fetch();
+    let baked = terrain_normal(pixel.node.slot, pixel.node.uv);
+    return FarAtlas(Surface(albedo, 0.0, vec3<f32>(0.0), baked.smoothness, baked.specular_occlusion), baked.normal);
+}
+
+fn shade_noise(pixel: Pixel, salt: u32) -> vec4<f32> {
+    let f = pixel.footprint;
+    return noise_thresholds(
+        NOISE, f.place.sector, f.place.position, frame.sector_m, f.ddx, f.ddy, frame.hash_scale, pixel.index, frame.frame, frame.seed, salt,
+    );
+}
+
+// Three alpha-blended projections, one random splat material each: 12 fetches.
+fn shade_near_cliff(pixel: Pixel) -> Surface {
+    var sum = surface_zero();
+    if ESTIMATOR == 1u {
+        for (var axis = 0u; axis < frame.taps - 1u; axis++) {
+            sum = surface_add(sum, pixel.projections[axis], terrain_splat_mean(pixel.cell, axis, 0u, pixel.footprint));
+        }
+        return sum;
+    }
+    if ESTIMATOR == 2u {
+        // Independent choices per projection: variances add with squared weights.
+        for (var axis = 0u; axis < frame.taps - 1u; axis++) {
+            let moments = terrain_splat_moments(pixel.cell, axis, 0u, pixel.footprint);
+            let w = pixel.projections[axis];
+            sum.albedo += w * w * max(moments.square - moments.mean * moments.mean, vec3<f32>(0.0));
+        }
+        return sum;
+    }
+    let thresholds = shade_noise(pixel, SALT_NEAR_CLIFF);
+    let weights = splat_blend_bilinear(pixel.cell.fraction);
+    for (var axis = 0u; axis < frame.taps - 1u; axis++) {
+        let texel = select_of_4(weights, thresholds[axis]);
+        if axis == 0u && choice == 0u {
+            choice = 1u + texel;
+        }
+        sum = surface_add(sum, pixel.projections[axis], terrain_tap(pixel.cell, texel, axis, 0u, pixel.footprint));
+    }
+    return sum;
+}
+
+// Two alpha-blended tiling scales, each one random projection and material: 8 fetches.
+fn shade_far_cliff(pixel: Pixel) -> Surface {
+    let scales = vec2<f32>(pixel.tiling.x, pixel.tiling.x + 1.0);
+    let shares = vec2<f32>(1.0 - pixel.tiling.y, pixel.tiling.y);
+    var sum = surface_zero();
+    if ESTIMATOR == 1u {
+        for (var i = 0u; i < frame.taps - 2u; i++) {
+            for (var axis = 0u; axis < frame.taps - 1u; axis++) {
+                let mean = terrain_splat_mean(pixel.cell, axis, u32(scales[i]), pixel.footprint);
+                sum = surface_add(sum, shares[i] * pixel.projections[axis], mean);
+            }
+        }
+        return sum;
+    }
+    if ESTIMATOR == 2u {
+        // One choice among 3 x 4 per tiling, independent between tilings.
+        for (var i = 0u; i < frame.taps - 2u; i++) {
+            var mean = vec3<f32>(0.0);
+            var square = vec3<f32>(0.0);
+            for (var axis = 0u; axis < frame.taps - 1u; axis++) {
+                let moments = terrain_splat_moments(pixel.cell, axis, u32(scales[i]), pixel.footprint);
+                mean += pixel.projections[axis] * moments.mean;
+                square += pixel.projections[axis] * moments.square;
+            }
+            sum.albedo += shares[i] * shares[i] * max(square - mean * mean, vec3<f32>(0.0));
+        }
+        return sum;
+    }
+    let thresholds = shade_noise(pixel, SALT_FAR_CLIFF);
+    let weights = splat_blend_bilinear(pixel.cell.fraction);
+    for (var i = 0u; i < frame.taps - 2u; i++) {
+        let axis = select_of_3(pixel.projections, thresholds[2u * i]);
+        let texel = select_of_4(weights, thresholds[2u * i + 1u]);
+        if i == 0u && choice == 0u {
+            choice = 1u + texel + 4u * axis;
+        }
+        sum = surface_add(sum, shares[i], terrain_tap(pixel.cell, texel, axis, u32(scales[i]), pixel.footprint));
+    }
+    return sum;
+}
+
+// Three projections of four materials, all blended: 48 fetches, or 96 with two tiling scales.
+fn shade_splat(pixel: Pixel) -> Surface {
+    var sum = surface_zero();
+    for (var axis = 0u; axis < frame.taps - 1u; axis++) {
+        if TWO_TILINGS {
+            for (var i = 0u; i < frame.taps - 2u; i++) {
+                let share = select(1.0 - pixel.tiling.y, pixel.tiling.y, i == 1u);
+                let blend = terrain_splat_blend(pixel.cell, axis, u32(pixel.tiling.x) + i, pixel.footprint);
+                sum = surface_add(sum, pixel.projections[axis] * share, blend);
+            }
+        } else {
+            sum = surface_add(sum, pixel.projections[axis], terrain_splat_blend(pixel.cell, axis, 0u, pixel.footprint));
+        }
+    }
+    return sum;
+}
+
+struct ShadingVarying {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) @interpolate(flat) mask: u32,
+}
+
+@vertex
+fn shading_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> ShadingVarying {
+    let entry = tile_lists[VARIANT * frame.tiles.x * frame.tiles.y + instance];
+    let tile = vec2<u32>(entry & 4095u, (entry >> 12u) & 4095u);
+    var corners = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
+    let corner = corners[vertex];
+    let pixel = vec2<f32>((tile + vec2<u32>(corner & 1u, corner >> 1u)) * 8u);
+    let ndc = pixel / vec2<f32>(frame.size) * 2.0 - 1.0;
+    return ShadingVarying(vec4<f32>(ndc.x, -ndc.y, 0.0, 1.0), entry >> 24u);
+}
+
+struct GBuffer {
+    @location(0) albedo: vec4<f32>,         // linear rgb, specular occlusion
+    @location(1) normal: vec4<f32>,         // world normal, smoothness
+}
+
+// The theoretical variance of a pixel's albedo over seeds: only the stochastic flavours have one, and they draw independently.
+fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> GBuffer {
+    var variance = vec3<f32>(0.0);
+    if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
+        variance += weights[FLAVOUR_NEAR_CLIFF] * weights[FLAVOUR_NEAR_CLIFF] * shade_near_cliff(pixel).albedo;
+    }
+    if (mask & 8u) != 0u && weights[FLAVOUR_FAR_CLIFF] > 0.0 {
+        variance += weights[FLAVOUR_FAR_CLIFF] * weights[FLAVOUR_FAR_CLIFF] * shade_far_cliff(pixel).albedo;
+    }
+    let modulation = terrain_colour_modulation(pixel.node);
+    // In units of 1/1024, so that f16 does not run into its denormals.
+    return GBuffer(vec4<f32>(variance * modulation * modulation * 1024.0, 0.0), vec4<f32>(pixel.normal, 0.0));
+}
+
+fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {
+    var mask = VARIANT;
+    if VARIANT == 0u {
+        mask = tile_mask;
+    }
+    let depth = textureLoad(depth_target, index, 0);
+    let normals = textureLoad(normal_target, index, 0);
+    var pixel: Pixel;
+    pixel.index = index;
+    pixel.footprint = surface_footprint(index, depth, normals);
+    pixel.node = terrain_node(pixel.footprint.place);
+    pixel.cell = terrain_splat_cell(pixel.node);
+    pixel.normal = octahedral_decode(octahedral_dequantise8(normals.xy));
+    pixel.projections = triplanar_weights(pixel.normal, frame.triplanar_sharpness);
+
+    let distance = length(frame_ray(vec2<f32>(index))) * frame.near_m / depth;
+    let all = flavour_weights(distance, pixel.normal.z, frame.flavours);
+    let weights = flavour_weights_for(all, mask, select(0u, 1u, frame.forced_mask != 0u));
+    pixel.tiling = tiling_scales(distance, frame.flavours.cliff_near_m, flavour_steep(pixel.normal.z, frame.flavours.cliff_cos));
+
+    if ESTIMATOR == 2u {
+        return shade_variance(pixel, mask, weights);
+    }
+
+    var albedo = vec3<f32>(0.0);
+    var normal = vec3<f32>(0.0);
+    var smoothness = 0.0;
+    var occlusion = 0.0;
+    if (mask & 1u) != 0u && weights[FLAVOUR_VT] > 0.0 {
+        let s = shade_virtual_texture(pixel);
+        let w = weights[FLAVOUR_VT];
+        albedo += w * s.albedo;
+        normal += w * triplanar_perturb(pixel.normal, s.gradient);
+        smoothness += w * s.smoothness;
+        occlusion += w * s.specular_occlusion;
+    }
+    if (mask & 2u) != 0u && weights[FLAVOUR_FAR_ATLAS] > 0.0 {
+        let far = shade_far_atlas(pixel);
+        let w = weights[FLAVOUR_FAR_ATLAS];
+        albedo += w * far.surface.albedo;
+        normal += w * far.normal;
+        smoothness += w * far.surface.smoothness;
+        occlusion += w * far.surface.specular_occlusion;
+    }
+    if (mask & 28u) != 0u {
+        // The three splat-map flavours share one colour modulation.
+        var sum = surface_zero();
+        var share = 0.0;
+        if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
+            let s = shade_near_cliff(pixel);
+            let w = weights[FLAVOUR_NEAR_CLIFF];
+            sum = surface_add(sum, w, s);
+            normal += w * triplanar_perturb(pixel.normal, s.gradient);
+            share += w;
+        }
+        if (mask & 8u) != 0u && weights[FLAVOUR_FAR_CLIFF] > 0.0 {
+            let s = shade_far_cliff(pixel);
+            let w = weights[FLAVOUR_FAR_CLIFF];
+            sum = surface_add(sum, w, s);
+            normal += w * triplanar_perturb(pixel.normal, s.gradient);
+            share += w;
+        }
+        if (mask & 16u) != 0u && weights[FLAVOUR_SPLAT] > 0.0 {
+            let s = shade_splat(pixel);
+            let w = weights[FLAVOUR_SPLAT];
+            sum = surface_add(sum, w, s);
+            normal += w * triplanar_perturb(pixel.normal, s.gradient);
+            share += w;
+        }
+        if share > 0.0 {
+            albedo += sum.albedo * terrain_colour_modulation(pixel.node);
+            smoothness += sum.smoothness;
+            occlusion += sum.specular_occlusion;
+        }
+    }
+    return GBuffer(vec4<f32>(albedo, occlusion), vec4<f32>(normalize(normal), smoothness));
+}
+
+@fragment
+fn shading_fragment(in: ShadingVarying) -> GBuffer {
+    return shade(vec2<u32>(in.clip.xy), in.mask);
+}
+
+struct GBufferCounted {
+    @location(0) albedo: vec4<f32>,
+    @location(1) normal: vec4<f32>,
+    @location(2) diagnostics: u32,          // fetches, choice << 16, tile mask << 24
+}
+
+@fragment
+fn shading_fragment_counted(in: ShadingVarying) -> GBufferCounted {
+    fetch_count = 0u;
+    choice = 0u;
+    let g = shade(vec2<u32>(in.clip.xy), in.mask);
+    return GBufferCounted(g.albedo, g.normal, fetch_count | (choice << 16u) | (in.mask << 24u));
+}

@@ -1,0 +1,20 @@
+// Screen derivatives of the position, from depth and the triangle's plane.
+// Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018: rays through the neighbouring pixels are
+// intersected with the tangent plane.
+
+// Smallest |cosine| between plane normal and neighbouring ray. The step along the surface then is at most about
+// 100 times the step across the view: no texture filter resolves more, and behind the horizon there is no hit at all.
+const DERIVATIVES_MIN_COSINE: f32 = 0.01;
+
+// Step of the position, metres per pixel. The point is ray * t, relative to the eye; `ray_step` leads to the neighbouring
+// pixel's ray; `normal`, of any length, is the plane's through the point. Zero where the input is not finite.
+// The hit minus the point, solved by hand: subtracting the two would leave no digits at a distance.
+fn derivatives_on_plane(ray: vec3<f32>, ray_step: vec3<f32>, t: f32, normal: vec3<f32>) -> vec3<f32> {
+    let n = octahedral_unit(normal);
+    let neighbour = ray + ray_step;
+    let limit = max(DERIVATIVES_MIN_COSINE * length(neighbour), 1e-20);
+    let side = select(-1.0, 1.0, dot(n, ray) >= 0.0);
+    let facing = side * max(side * dot(n, neighbour), limit);
+    let step = t * (ray_step - neighbour * (dot(n, ray_step) / facing));
+    return select(vec3<f32>(0.0), step, vec3<bool>(all(abs(step) <= vec3<f32>(1e30))));
+}

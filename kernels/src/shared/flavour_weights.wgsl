@@ -1,0 +1,118 @@
+// Which shading flavours a point needs, and how much of each.
+// Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 ("Terrain Shader Variations").
+// Order, and bit in a mask: virtual texture 1, far atlas 2, near cliff 4, far cliff 8, splat 16.
+
+struct FlavourParams {
+    // Distance, metres, at which ground goes from virtual texture to far atlas.
+    far_atlas_m: f32,
+    // Distance, metres, at which cliffs go to the far atlas.
+    cliff_far_atlas_m: f32,
+    // Distance, metres, at which near cliff goes to far cliff, and splat to ground.
+    cliff_near_m: f32,
+    // Half the width of a distance blend, as a share of its distance, 0..=1.
+    distance_blend: f32,
+    // Normal's z at which all is cliff (x) and at which nothing is (y), x < y; y <= -1 = no cliffs.
+    cliff_cos: vec2<f32>,
+    // Normal's z at which all that is not cliff is splat (x) and at which nothing is (y), x < y.
+    splat_cos: vec2<f32>,
+    // Not 0 = there is a splat band.
+    splat_enabled: u32,
+    // Not 0 = there is a virtual texture; ground is all far atlas otherwise.
+    vt_enabled: u32,
+    // To a multiple of 16 bytes, as uniform buffers want it.
+    padding: vec2<u32>,
+}
+
+const FLAVOUR_BITS: u32 = 31u;
+const FLAVOUR_FAR_ATLAS_BIT: u32 = 2u;
+// Weights up to this one count as zero: half a step of an 8-bit channel, not worth a flavour's cost.
+const FLAVOUR_MIN_WEIGHT: f32 = 0.001953125;
+// Least weight, before normalisation, of each flavour of a forced variant.
+const FLAVOUR_FORCED_WEIGHT: f32 = 1e-3;
+
+// 0 below `low`, 1 above `high`, Hermite between; a step where they meet.
+fn flavour_ramp(x: f32, low: f32, high: f32) -> f32 {
+    let t = clamp((x - low) / max(high - low, 1e-6), 0.0, 1.0);
+    return t * t * (3.0 - 2.0 * t);
+}
+
+// 0 before a distance, 1 behind it. A distance of 0 is always passed.
+fn flavour_behind(distance: f32, border: f32, blend: f32) -> f32 {
+    let at = select(0.0, min(border, 1e9), border > 0.0);
+    let share = select(0.0, min(blend, 1.0), blend > 0.0);
+    return select(flavour_ramp(distance, at * (1.0 - share), at * (1.0 + share)), 1.0, at <= 0.0);
+}
+
+// 1 where the normal is steeper than a band of z, 0 where it is flatter.
+fn flavour_steep(normal_z: f32, band: vec2<f32>) -> f32 {
+    let low = select(-1.0, min(band.x, 1.0), band.x > -1.0);
+    let high = select(-1.0, min(band.y, 1.0), band.y > -1.0);
+    return select(1.0 - flavour_ramp(normal_z, low, high), 0.0, high <= -1.0);
+}
+
+// Blend weights of the five flavours, >= 0, summing to 1. `distance`: metres along the view ray; `normal_z`: of the unit normal.
+fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array<f32, 5> {
+    // Not a number: as far and as flat as can be, the cheapest flavour.
+    let d = select(1e9, max(distance, 0.0), distance < 1e9);
+    let z = select(1.0, max(normal_z, -1.0), normal_z < 1.0);
+
+    let behind_near = flavour_behind(d, params.cliff_near_m, params.distance_blend);
+    let behind_cliff = flavour_behind(d, params.cliff_far_atlas_m, params.distance_blend);
+    let behind_ground = select(1.0, flavour_behind(d, params.far_atlas_m, params.distance_blend), params.vt_enabled != 0u);
+
+    let cliff = flavour_steep(z, params.cliff_cos);
+    // The band's share fades out with distance, and what it gives up is ground.
+    let band = select(0.0, flavour_steep(z, params.splat_cos) * (1.0 - behind_near), params.splat_enabled != 0u);
+    let ground = (1.0 - cliff) * (1.0 - band);
+
+    return array<f32, 5>(
+        ground * (1.0 - behind_ground),
+        ground * behind_ground + cliff * behind_cliff,
+        cliff * (1.0 - behind_cliff) * (1.0 - behind_near),
+        cliff * (1.0 - behind_cliff) * behind_near,
+        (1.0 - cliff) * band,
+    );
+}
+
+// The set of flavours whose weight matters; never empty (far atlas if nothing else).
+fn flavour_mask(weights: array<f32, 5>) -> u32 {
+    var mask = 0u;
+    mask |= select(0u, 1u, weights[0] > FLAVOUR_MIN_WEIGHT);
+    mask |= select(0u, 2u, weights[1] > FLAVOUR_MIN_WEIGHT);
+    mask |= select(0u, 4u, weights[2] > FLAVOUR_MIN_WEIGHT);
+    mask |= select(0u, 8u, weights[3] > FLAVOUR_MIN_WEIGHT);
+    mask |= select(0u, 16u, weights[4] > FLAVOUR_MIN_WEIGHT);
+    return select(mask, FLAVOUR_FAR_ATLAS_BIT, mask == 0u);
+}
+
+fn flavour_restricted(weight: f32, present: bool, forced: bool) -> f32 {
+    let w = select(0.0, min(weight, 1.0), weight > FLAVOUR_MIN_WEIGHT);
+    return select(0.0, select(w, max(w, FLAVOUR_FORCED_WEIGHT), forced), present);
+}
+
+// The weights within a variant's mask, summing to 1. What `flavour_mask` leaves out is zero here too, so that a pixel looks the
+// same in every variant that holds its mask. forced != 0: every flavour of the mask gets a weight, and so is really evaluated.
+// Equal shares where none of the mask has a weight; far atlas where the mask is empty.
+fn flavour_weights_for(weights: array<f32, 5>, mask: u32, forced: u32) -> array<f32, 5> {
+    let usable = mask & FLAVOUR_BITS;
+    let m = select(usable, FLAVOUR_FAR_ATLAS_BIT, usable == 0u);
+    let force = forced != 0u;
+    var w = array<f32, 5>(
+        flavour_restricted(weights[0], (m & 1u) != 0u, force),
+        flavour_restricted(weights[1], (m & 2u) != 0u, force),
+        flavour_restricted(weights[2], (m & 4u) != 0u, force),
+        flavour_restricted(weights[3], (m & 8u) != 0u, force),
+        flavour_restricted(weights[4], (m & 16u) != 0u, force),
+    );
+    var sum = w[0] + w[1] + w[2] + w[3] + w[4];
+    if sum <= 0.0 {
+        for (var i = 0u; i < 5u; i++) {
+            w[i] = f32((m >> i) & 1u);
+        }
+        sum = f32(countOneBits(m));
+    }
+    for (var i = 0u; i < 5u; i++) {
+        w[i] /= sum;
+    }
+    return w;
+}

@@ -1,0 +1,51 @@
+//! What several stages share: pairs of a WGSL file and its reference of the same name.
+//!
+//! A WGSL file holds free functions, prefixed by its topic, without bindings, overrides or directives, so that any
+//! shader can be made by joining [`WGSL`] with its own text. The Rust functions are generic over [`real::Real`]: f64 is the
+//! truth, f32 the yardstick for the shader's error. `hash::pcg4d` here is `hash_pcg4d` there, and so on.
+//! Nothing in either returns NaN or infinity, whatever it is given, unless its documentation says that it only moves numbers.
+
+pub mod brdf;
+pub mod derivatives;
+pub mod flavour_weights;
+pub mod hash;
+pub mod noise;
+pub mod octahedral;
+pub mod real;
+pub mod select;
+pub mod splat_blend;
+pub mod tiling;
+pub mod triplanar;
+
+/// The shared shader sources as (name, text), in the order in which they are joined.
+pub const WGSL: &[(&str, &str)] = &[
+    ("hash", include_str!("hash.wgsl")),
+    ("noise", include_str!("noise.wgsl")),
+    ("octahedral", include_str!("octahedral.wgsl")),
+    ("derivatives", include_str!("derivatives.wgsl")),
+    ("splat_blend", include_str!("splat_blend.wgsl")),
+    ("triplanar", include_str!("triplanar.wgsl")),
+    ("select", include_str!("select.wgsl")),
+    ("tiling", include_str!("tiling.wgsl")),
+    ("flavour_weights", include_str!("flavour_weights.wgsl")),
+    ("brdf", include_str!("brdf.wgsl")),
+];
+
+use real::Real;
+
+/// `x` within `low..=high`; `low` where it is not a number.
+fn bounded<T: Real>(x: T, low: f64, high: f64) -> T {
+    let (low, high) = (T::of(low), T::of(high));
+    if x >= high {
+        high
+    } else if x > low {
+        x
+    } else {
+        low
+    }
+}
+
+/// `x` where its magnitude is at most 1e30, zero elsewhere: what squares and sums of a few still hold in f32.
+fn usable<T: Real>(x: T) -> T {
+    if x.abs() <= T::of(1e30) { x } else { T::zero() }
+}

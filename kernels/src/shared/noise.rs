@@ -1,0 +1,232 @@
+//! Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
+//!
+//! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) hashes the cell that holds the point. Cells are
+//! about as wide as a pixel; two neighbouring powers of two are blended, so that the scale follows the camera without a pop, and
+//! the blend's distribution function makes the result uniform again. Here cells are exact integers (sector index times
+//! cells per sector, plus cell in sector): the noise is the same 0 and 1000 km from the origin.
+//!
+//! The anisotropic kind jumps where one axis reaches a power of two while the others do not: its blend runs along a
+//! cube's diagonal (a limit of the published method).
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::real::{Real, length};
+use super::{bounded, hash, usable};
+
+/// Coarsest scale: log2 of cells per metre.
+pub const LEVEL_MIN: i32 = -5;
+/// Finest scale: log2 of cells per metre.
+pub const LEVEL_MAX: i32 = 16;
+/// The largest threshold: 1 - 2^-24, the largest f32 below 1.
+pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
+
+/// Where a threshold comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum NoiseKind {
+    /// Hashed position, one scale for all axes.
+    HashedIsotropic,
+    /// Hashed position, a scale per axis.
+    HashedAnisotropic,
+    /// White noise of pixel and frame.
+    WhiteScreen,
+}
+
+/// Why a text is not a kind of noise.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{given}` is not a kind of noise: give one of hashed, hashed-anisotropic, white")]
+pub struct NotANoise {
+    given: String,
+}
+
+impl NoiseKind {
+    /// Every kind, in the order of its code.
+    pub const ALL: [NoiseKind; 3] = [NoiseKind::HashedIsotropic, NoiseKind::HashedAnisotropic, NoiseKind::WhiteScreen];
+
+    /// The kind's number in shaders.
+    pub const fn code(self) -> u32 {
+        match self {
+            NoiseKind::HashedIsotropic => 0,
+            NoiseKind::HashedAnisotropic => 1,
+            NoiseKind::WhiteScreen => 2,
+        }
+    }
+
+    /// The name used in files, tables and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            NoiseKind::HashedIsotropic => "hashed",
+            NoiseKind::HashedAnisotropic => "hashed-anisotropic",
+            NoiseKind::WhiteScreen => "white",
+        }
+    }
+}
+
+impl fmt::Display for NoiseKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for NoiseKind {
+    type Err = NotANoise;
+
+    fn from_str(text: &str) -> Result<Self, NotANoise> {
+        NoiseKind::ALL
+            .into_iter()
+            .find(|kind| kind.name() == text)
+            .ok_or_else(|| NotANoise { given: text.to_owned() })
+    }
+}
+
+/// The point a hashed threshold is wanted for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HashedPoint<T> {
+    /// Sector index, east and north.
+    pub sector: [i32; 2],
+    /// Metres: x and y from the sector's south-west corner, z is elevation.
+    pub position: [T; 3],
+    /// Edge of a sector, metres: a power of two in 32..=16384.
+    pub sector_m: T,
+    /// Step of the position to the next pixel on the right, metres.
+    pub ddx: [T; 3],
+    /// Step of the position to the next pixel below, metres.
+    pub ddy: [T; 3],
+    /// Cell size in pixels, > 0 (the paper's g_HashScale).
+    pub hash_scale: T,
+}
+
+/// The two scales' numbers before they are blended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwoScales<T> {
+    /// Uniform numbers of the larger cell.
+    pub coarse: [T; 4],
+    /// Uniform numbers of the smaller cell.
+    pub fine: [T; 4],
+    /// Weight of the smaller cell, 0..=1.
+    pub lerp_factor: T,
+}
+
+impl<T: Real> TwoScales<T> {
+    /// The thresholds: blended, then made uniform by [`correct`].
+    pub fn thresholds(&self) -> [T; 4] {
+        self.blended().map(|x| correct(x, self.lerp_factor))
+    }
+
+    /// The blend alone. Not uniform: what [`correct`] is for.
+    pub fn blended(&self) -> [T; 4] {
+        let l = self.lerp_factor;
+        std::array::from_fn(|i| self.coarse[i] * (T::one() - l) + self.fine[i] * l)
+    }
+}
+
+/// Hashed-alpha thresholds, one scale for all axes: `noise_hashed_isotropic`.
+pub fn hashed_isotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> [T; 4] {
+    isotropic_scales(point, seed, salt).thresholds()
+}
+
+/// Hashed-alpha thresholds, a scale per axis: `noise_hashed_anisotropic`.
+pub fn hashed_anisotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> [T; 4] {
+    anisotropic_scales(point, seed, salt).thresholds()
+}
+
+/// The two scales behind [`hashed_isotropic`].
+pub fn isotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
+    let extent = length(point.ddx).max(length(point.ddy));
+    let (k, part) = split(level(point.hash_scale * extent));
+    TwoScales {
+        coarse: cell_units(point, [k; 3], seed, salt),
+        fine: cell_units(point, [k + 1; 3], seed, salt),
+        lerp_factor: part,
+    }
+}
+
+/// The two scales behind [`hashed_anisotropic`].
+pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
+    // The paper's 0.707: a cell's diagonal, not its edge, spans the pixel.
+    let widen = T::of(std::f64::consts::SQRT_2) * point.hash_scale;
+    let axes: [(i32, T); 3] = std::array::from_fn(|i| split(level(widen * point.ddx[i].abs().max(point.ddy[i].abs()))));
+    let k = axes.map(|(k, _)| k);
+    let part = axes.map(|(_, part)| part);
+    let (to_coarse, to_fine) = (length(part), length(part.map(|p| T::one() - p)));
+    TwoScales {
+        coarse: cell_units(point, k, seed, salt),
+        fine: cell_units(point, k.map(|k| k + 1), seed, salt),
+        lerp_factor: to_coarse / (to_coarse + to_fine),
+    }
+}
+
+/// P((1-l) U1 + l U2 < x) for independent uniform U1 and U2, with l = `lerp_factor`, both arguments in 0..=1: `noise_correct`.
+/// In [0, 1); x itself where l is 0 or 1. Wyman & McGuire 2017, the three cases of the distribution function.
+pub fn correct<T: Real>(x: T, lerp_factor: T) -> T {
+    let one = T::one();
+    let x = bounded(x, 0.0, 1.0);
+    let l = bounded(lerp_factor, 0.0, 1.0);
+    let a = l.min(one - l);
+    let half = T::of(0.5);
+    let p = if a <= T::zero() {
+        x
+    } else if x < a {
+        half * (x / a) * x / (one - a)
+    } else if x <= one - a {
+        (x - half * a) / (one - a)
+    } else {
+        one - half * ((one - x) / a) * (one - x) / (one - a)
+    };
+    bounded(p, 0.0, BELOW_ONE)
+}
+
+/// White noise per pixel and frame: `noise_white_screen`.
+pub fn white_screen<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) -> [T; 4] {
+    hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 0)]).map(hash::to_unit)
+}
+
+/// The thresholds of this kind, of a point seen in a pixel of a frame: `noise_thresholds`.
+pub fn thresholds<T: Real>(kind: NoiseKind, point: &HashedPoint<T>, pixel: [u32; 2], frame: u32, seed: u32, salt: u32) -> [T; 4] {
+    match kind {
+        NoiseKind::HashedIsotropic => hashed_isotropic(point, seed, salt),
+        NoiseKind::HashedAnisotropic => hashed_anisotropic(point, seed, salt),
+        NoiseKind::WhiteScreen => white_screen(pixel, frame, seed, salt),
+    }
+}
+
+/// log2(cells per metre) at which a cell is `footprint` metres wide; finest where that is zero or not a number.
+fn level<T: Real>(footprint: T) -> T {
+    bounded(-bounded(footprint, 1e-6, 1e6).log2(), f64::from(LEVEL_MIN), f64::from(LEVEL_MAX))
+}
+
+/// The lower of the two scales around a level, and the share of the upper one, which always is the next integer (a ceiling
+/// would make both the same where the level is a whole number).
+fn split<T: Real>(level: T) -> (i32, T) {
+    let k = level.floor().to_i32().expect("a level is finite and small").min(LEVEL_MAX - 1);
+    (k, level - T::of(f64::from(k)))
+}
+
+fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32) -> [T; 4] {
+    let cell = |axis: usize| {
+        let per_metre = T::of(f64::from(k[axis]).exp2());
+        let in_sector = whole((usable(point.position[axis]) * per_metre).floor());
+        let sectors = point
+            .sector
+            .get(axis)
+            .map_or(0, |&s| i64::from(s) * whole(bounded(point.sector_m * per_metre, 0.0, 1e12)));
+        wrapped(sectors.wrapping_add(in_sector))
+    };
+    let packed = k.map(|k| (k + 128).cast_unsigned());
+    let level = packed[0] | packed[1] << 8 | packed[2] << 16;
+    hash::pcg4d([cell(0), cell(1), cell(2), hash::mix(seed, salt, level)]).map(hash::to_unit)
+}
+
+/// A whole number as integer, held within what a shader's i32 can come from in f32.
+fn whole<T: Real>(x: T) -> i64 {
+    bounded(x, -2_147_483_520.0, 2_147_483_520.0).to_i64().expect("bounded")
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "cells count modulo 2^32, as in the shader"
+)]
+fn wrapped(cell: i64) -> u32 {
+    cell as u32
+}

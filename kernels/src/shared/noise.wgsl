@@ -1,0 +1,137 @@
+// Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
+// Source: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017: scale from screen derivatives (isotropic and
+// anisotropic), two discrete scales blended, and the CDF that makes the blend uniform again.
+// Cells are exact integers (sector index times cells per sector, plus cell in sector), so the noise is the
+// same 0 and 1000 km from the origin.
+
+const NOISE_HASHED_ISOTROPIC: u32 = 0u;
+const NOISE_HASHED_ANISOTROPIC: u32 = 1u;
+const NOISE_WHITE_SCREEN: u32 = 2u;
+
+// Scales are 2^k cells per metre. With sectors of 32 m or more, a sector is a whole number of cells for every k.
+const NOISE_LEVEL_MIN: f32 = -5.0;
+const NOISE_LEVEL_MAX: f32 = 16.0;
+// The largest f32 below 1.
+const NOISE_BELOW_ONE: f32 = 0.99999994;
+
+// The scale, log2(cells per metre), at which a cell is `footprint` metres wide. Finest where the footprint
+// is zero or not a number.
+fn noise_level(footprint: f32) -> f32 {
+    let usable = select(1e-6, min(footprint, 1e6), footprint > 1e-6);
+    return clamp(-log2(usable), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX);
+}
+
+// The lower of the two scales around a level; the upper one is always the next integer, so that the two
+// cells differ even where the level is a whole number.
+fn noise_lower(level: f32) -> f32 {
+    return clamp(floor(level), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX - 1.0);
+}
+
+// 2^k, exactly: exp2 may be off by some ulp, which would move cell borders.
+fn noise_power_of_two(k: i32) -> f32 {
+    return bitcast<f32>(u32(clamp(k, -126, 127) + 127) << 23u);
+}
+
+// Cell along one axis whose coordinate is split in sector and position in sector.
+fn noise_cell(sector: i32, position: f32, sector_m: f32, k: i32) -> u32 {
+    let cells_per_metre = noise_power_of_two(k);
+    let cells_per_sector = u32(clamp(sector_m * cells_per_metre, 0.0, 2147483520.0));
+    let finite = select(0.0, position, abs(position) <= 1e30);
+    let cell = i32(clamp(floor(finite * cells_per_metre), -2147483520.0, 2147483520.0));
+    return bitcast<u32>(sector) * cells_per_sector + bitcast<u32>(cell);
+}
+
+// Four uniform numbers of the cell that holds the point, at 2^k cells per metre on each axis.
+fn noise_cell_units(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, k: vec3<i32>, seed: u32, salt: u32) -> vec4<f32> {
+    let biased = vec3<u32>(k + vec3<i32>(128));
+    let level = biased.x | (biased.y << 8u) | (biased.z << 16u);
+    let h = hash_pcg4d(vec4<u32>(
+        noise_cell(sector.x, position.x, sector_m, k.x),
+        noise_cell(sector.y, position.y, sector_m, k.y),
+        noise_cell(0, position.z, 0.0, k.z),
+        hash_mix(seed, salt, level),
+    ));
+    return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
+}
+
+// P((1-l) U1 + l U2 < x) for independent uniform U1, U2: what turns the blend into a uniform number again.
+// In [0, 1); x itself where l is 0 or 1.
+fn noise_correct(x: f32, lerp_factor: f32) -> f32 {
+    let l = select(0.0, min(lerp_factor, 1.0), lerp_factor > 0.0);
+    let y = select(0.0, min(x, 1.0), x > 0.0);
+    let a = min(l, 1.0 - l);
+    var p = (y - 0.5 * a) / (1.0 - a);
+    // a > y or a > 1 - y also says that a > 0, so the divisions are safe; ratios before squares keep small a from underflow.
+    if y < a {
+        p = 0.5 * y * (y / a) / (1.0 - a);
+    } else if 1.0 - y < a {
+        p = 1.0 - 0.5 * (1.0 - y) * ((1.0 - y) / a) / (1.0 - a);
+    }
+    return clamp(p, 0.0, NOISE_BELOW_ONE);
+}
+
+fn noise_blend(coarse: vec4<f32>, fine: vec4<f32>, lerp_factor: f32) -> vec4<f32> {
+    let x = (1.0 - lerp_factor) * coarse + lerp_factor * fine;
+    return vec4<f32>(
+        noise_correct(x.x, lerp_factor),
+        noise_correct(x.y, lerp_factor),
+        noise_correct(x.z, lerp_factor),
+        noise_correct(x.w, lerp_factor),
+    );
+}
+
+// Hashed alpha, isotropic. `position`: x, y metres in the sector, z metres of elevation; `ddx`, `ddy`: position's
+// screen derivatives, metres per pixel; `hash_scale`: cell size in pixels; `sector_m`: a power of two, 32..=16384.
+fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
+    let level = noise_level(hash_scale * max(length(ddx), length(ddy)));
+    let lower = noise_lower(level);
+    let k = vec3<i32>(i32(lower));
+    let coarse = noise_cell_units(sector, position, sector_m, k, seed, salt);
+    let fine = noise_cell_units(sector, position, sector_m, k + vec3<i32>(1), seed, salt);
+    return noise_blend(coarse, fine, level - lower);
+}
+
+// Hashed alpha, anisotropic: a scale per axis. Parameters as above.
+fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
+    // sqrt 2: a cell's diagonal, not its edge, spans the pixel.
+    let footprint = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
+    let level = vec3<f32>(noise_level(footprint.x), noise_level(footprint.y), noise_level(footprint.z));
+    let lower = vec3<f32>(noise_lower(level.x), noise_lower(level.y), noise_lower(level.z));
+    let k = vec3<i32>(lower);
+    let coarse = noise_cell_units(sector, position, sector_m, k, seed, salt);
+    let fine = noise_cell_units(sector, position, sector_m, k + vec3<i32>(1), seed, salt);
+    // Distances to the two corners of the unit cube of scales; they never are both zero.
+    let part = level - lower;
+    let to_coarse = length(part);
+    let to_fine = length(vec3<f32>(1.0) - part);
+    return noise_blend(coarse, fine, to_coarse / (to_coarse + to_fine));
+}
+
+// White noise per pixel and frame: the screen-space noise that hashed alpha is compared with.
+fn noise_white_screen(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec4<f32> {
+    let h = hash_pcg4d(vec4<u32>(pixel, frame, hash_mix(seed, salt, 0u)));
+    return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
+}
+
+// The noise of this kind; an unknown kind is white.
+fn noise_thresholds(
+    kind: u32,
+    sector: vec2<i32>,
+    position: vec3<f32>,
+    sector_m: f32,
+    ddx: vec3<f32>,
+    ddy: vec3<f32>,
+    hash_scale: f32,
+    pixel: vec2<u32>,
+    frame: u32,
+    seed: u32,
+    salt: u32,
+) -> vec4<f32> {
+    if kind == NOISE_HASHED_ISOTROPIC {
+        return noise_hashed_isotropic(sector, position, sector_m, ddx, ddy, hash_scale, seed, salt);
+    }
+    if kind == NOISE_HASHED_ANISOTROPIC {
+        return noise_hashed_anisotropic(sector, position, sector_m, ddx, ddy, hash_scale, seed, salt);
+    }
+    return noise_white_screen(pixel, frame, seed, salt);
+}

@@ -1,0 +1,102 @@
+//! Unit vectors on the octahedron, two numbers each.
+//!
+//! Source: Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014.
+//! Of b bits' codes, `0..=2 half` with half = 2^(b-1) - 1 are used: an odd count, so that zero, and with it the six axes, are exact.
+
+use super::real::{Real, dot, sub};
+use super::{bounded, usable};
+
+/// Unit vector along `v`; z where `v` has no usable direction (every component below 1e-30, or any above 1e30 or not a number).
+pub fn unit<T: Real>(v: [T; 3]) -> [T; 3] {
+    let size = v.iter().fold(T::zero(), |m, x| m.max(x.abs()));
+    if !(v.iter().all(|x| x.abs() <= T::of(1e30)) && size > T::of(1e-30)) {
+        return [T::zero(), T::zero(), T::one()];
+    }
+    // Scaled first: squares of large or small components would leave f32's range.
+    let scaled = v.map(|x| x / size);
+    let length = dot(scaled, scaled).sqrt();
+    scaled.map(|x| x / length)
+}
+
+/// Direction to the square [-1, 1]². Any length will do; no direction gives that of z.
+pub fn encode<T: Real>(n: [T; 3]) -> [T; 2] {
+    let [x, y, z] = unit(n);
+    let sum = x.abs() + y.abs() + z.abs();
+    let (x, y) = (x / sum, y / sum);
+    if z < T::zero() { fold([x, y]) } else { [x, y] }
+}
+
+/// Square to unit vector. Coordinates beyond ±1 are clamped.
+pub fn decode<T: Real>(e: [T; 2]) -> [T; 3] {
+    let e = e.map(|x| bounded(usable(x), -1.0, 1.0));
+    let z = T::one() - e[0].abs() - e[1].abs();
+    let [x, y] = if z < T::zero() { fold(e) } else { e };
+    let v = [x, y, z];
+    let length = dot(v, v).sqrt();
+    v.map(|x| x / length)
+}
+
+/// Mirrors a corner of the square on its diagonal: the lower half of the octahedron. Its own inverse.
+fn fold<T: Real>(e: [T; 2]) -> [T; 2] {
+    let sign = |x: T| if x >= T::zero() { T::one() } else { -T::one() };
+    [(T::one() - e[1].abs()) * sign(e[0]), (T::one() - e[0].abs()) * sign(e[1])]
+}
+
+/// Largest code is twice this one, which stands for zero. `bits` is held within 2..=24.
+pub fn half(bits: u32) -> u32 {
+    (1 << (bits.clamp(2, 24) - 1)) - 1
+}
+
+/// Codes of `bits` bits each, `0..=2 half`: the nearest to each coordinate. "oct" in the survey.
+pub fn quantise<T: Real>(e: [T; 2], bits: u32) -> [u32; 2] {
+    let half = f64::from(half(bits));
+    e.map(|x| code((bounded(usable(x), -1.0, 1.0) * T::of(half)).round() + T::of(half)))
+}
+
+/// Coordinates of a code; codes above `2 half` count as that.
+pub fn dequantise<T: Real>(code: [u32; 2], bits: u32) -> [T; 2] {
+    let half = half(bits);
+    code.map(|q| T::of(f64::from(q.min(2 * half)) - f64::from(half)) / T::of(f64::from(half)))
+}
+
+/// The code, of the four around `n`, that decodes nearest to it. "oct-P" in the survey.
+pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
+    let n = unit(n);
+    let half = half(bits);
+    let low = encode(n).map(|x| code((x * T::of(f64::from(half))).floor() + T::of(f64::from(half))));
+    let mut best = low;
+    let mut best_error = T::infinity();
+    for step in [[0, 0], [1, 0], [0, 1], [1, 1]] {
+        let candidate = [(low[0] + step[0]).min(2 * half), (low[1] + step[1]).min(2 * half)];
+        // Squared distance orders like the dot product but keeps its digits where the angle is small.
+        let off = sub(decode(dequantise(candidate, bits)), n);
+        let error = dot(off, off);
+        if error < best_error {
+            (best, best_error) = (candidate, error);
+        }
+    }
+    best
+}
+
+/// What to write to two unorm8 channels for a point of the square: `octahedral_quantise8`.
+pub fn quantise8<T: Real>(e: [T; 2]) -> [T; 2] {
+    quantise(e, 8).map(stored8)
+}
+
+/// The point of the square that two unorm8 channels stand for: `octahedral_dequantise8`.
+pub fn dequantise8<T: Real>(stored: [T; 2]) -> [T; 2] {
+    dequantise(stored.map(|s| code((bounded(s, 0.0, 1.0) * T::of(255.0)).round())), 8)
+}
+
+/// What to write to two unorm8 channels for a direction, by the precise search: `octahedral_encode8_precise`.
+pub fn encode8_precise<T: Real>(n: [T; 3]) -> [T; 2] {
+    encode_precise(n, 8).map(stored8)
+}
+
+fn stored8<T: Real>(q: u32) -> T {
+    T::of(f64::from(q)) / T::of(255.0)
+}
+
+fn code<T: Real>(x: T) -> u32 {
+    x.max(T::zero()).to_u32().expect("codes are bounded")
+}

@@ -1,0 +1,82 @@
+// Unit vectors on the octahedron, two numbers each.
+// Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
+// 8-bit codes use the 255 values 0..=254, so that zero and the six axes are exact.
+
+// Half the number of steps in use: codes -127..=127, stored as 0..=254.
+const OCTAHEDRAL_HALF: f32 = 127.0;
+// 127 times this f32 is exactly 1; a division need not be exact on a GPU.
+const OCTAHEDRAL_STEP: f32 = 0.007874016;
+
+// Unit vector along v; z where v has no usable direction (too short, not finite).
+fn octahedral_unit(v: vec3<f32>) -> vec3<f32> {
+    let finite = all(abs(v) <= vec3<f32>(1e30));
+    let size = max(max(abs(v.x), abs(v.y)), abs(v.z));
+    if !(finite && size > 1e-30) {
+        return vec3<f32>(0.0, 0.0, 1.0);
+    }
+    // Scaled first: squares of large or small components would leave the range of f32.
+    let scaled = v / size;
+    return scaled / sqrt(dot(scaled, scaled));
+}
+
+fn octahedral_sign(v: vec2<f32>) -> vec2<f32> {
+    return select(vec2<f32>(-1.0), vec2<f32>(1.0), v >= vec2<f32>(0.0));
+}
+
+// Direction to square, [-1, 1]². Any length will do; no direction gives that of z.
+fn octahedral_encode(n: vec3<f32>) -> vec2<f32> {
+    let v = octahedral_unit(n);
+    let flat = v.xy / (abs(v.x) + abs(v.y) + abs(v.z));
+    if v.z < 0.0 {
+        return (vec2<f32>(1.0) - abs(flat.yx)) * octahedral_sign(flat);
+    }
+    return flat;
+}
+
+// Square to unit vector.
+fn octahedral_decode(e: vec2<f32>) -> vec3<f32> {
+    let inside = select(vec2<f32>(0.0), clamp(e, vec2<f32>(-1.0), vec2<f32>(1.0)), abs(e) <= vec2<f32>(1e30));
+    let z = 1.0 - abs(inside.x) - abs(inside.y);
+    var flat = inside;
+    if z < 0.0 {
+        flat = (vec2<f32>(1.0) - abs(inside.yx)) * octahedral_sign(inside);
+    }
+    let v = vec3<f32>(flat, z);
+    return v / sqrt(dot(v, v));
+}
+
+fn octahedral_store8(code: vec2<f32>) -> vec2<f32> {
+    return (clamp(code, vec2<f32>(-OCTAHEDRAL_HALF), vec2<f32>(OCTAHEDRAL_HALF)) + OCTAHEDRAL_HALF) / 255.0;
+}
+
+// What to write to a unorm8 channel: q / 255 with q = round(127 e) + 127.
+fn octahedral_quantise8(e: vec2<f32>) -> vec2<f32> {
+    let finite = select(vec2<f32>(0.0), e, abs(e) <= vec2<f32>(1e30));
+    return octahedral_store8(round(finite * OCTAHEDRAL_HALF));
+}
+
+// What a unorm8 channel gives back, in [-1, 1]².
+fn octahedral_dequantise8(stored: vec2<f32>) -> vec2<f32> {
+    let finite = select(vec2<f32>(0.0), stored, abs(stored) <= vec2<f32>(1e30));
+    let code = clamp(round(finite * 255.0) - OCTAHEDRAL_HALF, vec2<f32>(-OCTAHEDRAL_HALF), vec2<f32>(OCTAHEDRAL_HALF));
+    return code * OCTAHEDRAL_STEP;
+}
+
+// The best of the four codes around n, as stored in unorm8 channels ("oct-P" in the survey).
+fn octahedral_encode8_precise(n: vec3<f32>) -> vec2<f32> {
+    let unit = octahedral_unit(n);
+    let low = floor(octahedral_encode(unit) * OCTAHEDRAL_HALF);
+    var best = vec2<f32>(0.0);
+    var best_error = 1e30;
+    for (var i = 0u; i < 4u; i++) {
+        let code = clamp(low + vec2<f32>(f32(i & 1u), f32(i >> 1u)), vec2<f32>(-OCTAHEDRAL_HALF), vec2<f32>(OCTAHEDRAL_HALF));
+        // Squared distance orders like the dot product but keeps its digits where the angle is small.
+        let difference = octahedral_decode(code * OCTAHEDRAL_STEP) - unit;
+        let error = dot(difference, difference);
+        if error < best_error {
+            best = code;
+            best_error = error;
+        }
+    }
+    return octahedral_store8(best);
+}

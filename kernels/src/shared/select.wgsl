@@ -1,0 +1,37 @@
+// Choice of an index with probability proportional to its weight, by inverting the cumulative sum.
+// Weights need not sum to 1; negative and NaN count as 0. An index of weight 0 is never chosen, except 0 where all are 0.
+
+const SELECT_MAX_WEIGHT: f32 = 1e30;
+
+fn select_of_4(weights: vec4<f32>, u: f32) -> u32 {
+    let w = select(vec4<f32>(0.0), min(weights, vec4<f32>(SELECT_MAX_WEIGHT)), weights > vec4<f32>(0.0));
+    let below_1 = w.x;
+    let below_2 = below_1 + w.y;
+    let below_3 = below_2 + w.z;
+    let total = below_3 + w.w;
+    let target_sum = select(0.0, min(u, 1.0), u > 0.0) * total;
+    if target_sum < below_1 {
+        return 0u;
+    }
+    if target_sum < below_2 {
+        return 1u;
+    }
+    if target_sum < below_3 {
+        return 2u;
+    }
+    // u = 1, or rounding carried the product to the total: the last index that can be chosen.
+    if w.w > 0.0 {
+        return 3u;
+    }
+    if w.z > 0.0 {
+        return 2u;
+    }
+    if w.y > 0.0 {
+        return 1u;
+    }
+    return 0u;
+}
+
+fn select_of_3(weights: vec3<f32>, u: f32) -> u32 {
+    return select_of_4(vec4<f32>(weights, 0.0), u);
+}

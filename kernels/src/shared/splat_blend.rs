@@ -1,0 +1,45 @@
+//! Weights of the four splat texels around a point: bilinear, bent by the materials' heights.
+//!
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018. The form used here is w'_i = w_i 2^(k (h_i - h_max)), normalised,
+//! with bilinear w. A texel keeps its factor w_i, so it comes and goes without a pop however high it is.
+//! Texels in the order 00, 10, 01, 11 (x first).
+
+use super::real::Real;
+use super::{bounded, usable};
+
+/// Heights are held within ± this.
+pub const MAX_HEIGHT: f64 = 1024.0;
+/// Sharpness is held within 0 and this.
+pub const MAX_SHARPNESS: f64 = 1e4;
+/// A bilinear weight below this counts as zero: f32 could not divide by it.
+pub const MIN_WEIGHT: f64 = 1e-30;
+
+/// Bilinear weights of a point at `fraction`, [0, 1]², between the texels.
+pub fn bilinear<T: Real>(fraction: [T; 2]) -> [T; 4] {
+    let [x, y] = fraction.map(|f| bounded(f, 0.0, 1.0));
+    let one = T::one();
+    [(one - x) * (one - y), x * (one - y), (one - x) * y, x * y]
+}
+
+/// Height-bent weights, summing to 1; `sharpness` = k >= 0, 0 = plain bilinear; `heights` in any unit that k is the inverse of.
+pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 4] {
+    let w = bilinear(fraction);
+    let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
+    let h = heights.map(|h| bounded(usable(h), -MAX_HEIGHT, MAX_HEIGHT));
+    let used = |i: &usize| w[*i] > T::of(MIN_WEIGHT);
+    // Normalised through the largest term, whose own is then 1: no overflow, and no sum of underflows.
+    let score = |i: usize| w[i].log2() + k * h[i];
+    let top = (0..4)
+        .filter(used)
+        .reduce(|best, i| if score(i) > score(best) { i } else { best })
+        .expect("four weights that sum to 1 are not all tiny");
+    let bent: [T; 4] = std::array::from_fn(|i| {
+        if used(&i) {
+            (w[i] / w[top]) * (k * (h[i] - h[top])).exp2()
+        } else {
+            T::zero()
+        }
+    });
+    let sum = bent.iter().fold(T::zero(), |s, &x| s + x);
+    bent.map(|x| x / sum)
+}

@@ -1,0 +1,50 @@
+// Weights of the four splat texels around a point: bilinear, bent by the materials' heights.
+// Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 (height-modified bilinear weights).
+// Order: 00, 10, 01, 11 (x first).
+
+// Heights and sharpness beyond these limits are clamped.
+const SPLAT_BLEND_MAX_HEIGHT: f32 = 1024.0;
+const SPLAT_BLEND_MAX_SHARPNESS: f32 = 1e4;
+// A bilinear weight below this counts as zero: f32 could not divide by it.
+const SPLAT_BLEND_MIN_WEIGHT: f32 = 1e-30;
+
+// Bilinear weights of a point at `fraction`, [0, 1]², between the texels.
+fn splat_blend_bilinear(fraction: vec2<f32>) -> vec4<f32> {
+    let f = select(vec2<f32>(0.0), min(fraction, vec2<f32>(1.0)), fraction > vec2<f32>(0.0));
+    let g = vec2<f32>(1.0) - f;
+    return vec4<f32>(g.x * g.y, f.x * g.y, g.x * f.y, f.x * f.y);
+}
+
+// w_i 2^(k h_i), normalised, with w bilinear, h = `heights` and k = `sharpness` >= 0 (0 = plain bilinear).
+fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) -> vec4<f32> {
+    let w = splat_blend_bilinear(fraction);
+    let limit = vec4<f32>(SPLAT_BLEND_MAX_HEIGHT);
+    let h = select(vec4<f32>(0.0), clamp(heights, -limit, limit), abs(heights) <= vec4<f32>(1e30));
+    let k = select(0.0, min(sharpness, SPLAT_BLEND_MAX_SHARPNESS), sharpness > 0.0);
+    let used = w > vec4<f32>(SPLAT_BLEND_MIN_WEIGHT);
+
+    // Measured against the texel that wins in the end, not the highest: its own term is then exactly 1, no term
+    // exceeds 1 by more than rounding, and the sum cannot underflow where the highest texel's weight is tiny.
+    let score = select(vec4<f32>(-1e30), log2(max(w, vec4<f32>(SPLAT_BLEND_MIN_WEIGHT))) + k * h, used);
+    var best_score = score.x;
+    var best_weight = w.x;
+    var best_height = h.x;
+    if score.y > best_score {
+        best_score = score.y;
+        best_weight = w.y;
+        best_height = h.y;
+    }
+    if score.z > best_score {
+        best_score = score.z;
+        best_weight = w.z;
+        best_height = h.z;
+    }
+    if score.w > best_score {
+        best_weight = w.w;
+        best_height = h.w;
+    }
+    // The limit matters only to texels not used: it keeps infinity away from the select.
+    let exponent = min(k * (h - vec4<f32>(best_height)), vec4<f32>(120.0));
+    let bent = select(vec4<f32>(0.0), (w / best_weight) * exp2(exponent), used);
+    return bent / (bent.x + bent.y + bent.z + bent.w);
+}

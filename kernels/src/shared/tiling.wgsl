@@ -1,0 +1,26 @@
+// Texture tiling: scales that follow distance, and coordinates that stay exact far from the origin.
+// Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 (cliff tiling).
+
+// Coarsest lower scale: textures repeat every 2^7 tiles there, 2^8 at its upper neighbour.
+const TILING_MAX_LEVEL: f32 = 7.0;
+
+// (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles.
+// One scale per octave of `distance` beyond `near` (metres both); `cliff`, 0..=1, is the cliff's weight: flat ground keeps scale 0.
+fn tiling_scales(distance: f32, near: f32, cliff: f32) -> vec2<f32> {
+    let reference = select(1e-6, min(near, 1e9), near > 1e-6);
+    let ratio = select(1.0, min(distance, 1e9) / reference, distance > reference);
+    let weight = select(0.0, min(cliff, 1.0), cliff > 0.0);
+    let level = clamp(log2(ratio), 0.0, TILING_MAX_LEVEL) * weight;
+    let scale = min(floor(level), TILING_MAX_LEVEL);
+    return vec2<f32>(scale, clamp(level - scale, 0.0, 1.0));
+}
+
+// Texture coordinate of a sector's origin, [0, 1), rounded down to 24 bits: fract(sector * c / 2^scale), where c, the repeats
+// per sector, is given as `per_sector_fixed` = c * 2^24 and may wrap. `scale` is at most 8, so products modulo 2^32 suffice.
+// Add (position in sector / sector size) * c / 2^scale, with the same rounded c, and borders fit.
+fn tiling_fixed(sector: i32, per_sector_fixed: i32, scale: u32) -> f32 {
+    let s = min(scale, 8u);
+    // A shift by 24 + s would be one by 32 at scale 8; counting from the top never is more than 8.
+    let repeat = (bitcast<u32>(sector) * bitcast<u32>(per_sector_fixed)) & (0xffffffffu >> (8u - s));
+    return f32(repeat >> s) * 5.9604644775390625e-8;
+}

@@ -1,0 +1,55 @@
+//! Three axis-aligned projections. Axis 0 looks along x, 1 along y, 2 along z.
+//!
+//! Texture coordinates are signed and never mirrored, so a height gradient in a projection maps straight to the volume's axes.
+//! Source: Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 9(3), 2020, the sections on tri-planar projection and on
+//! resolving a volume gradient.
+
+use super::octahedral::unit;
+use super::real::{Real, dot, scale, sub};
+use super::{bounded, usable};
+
+/// Sharpness is held within 0 and this.
+pub const MAX_SHARPNESS: f64 = 1e4;
+
+/// |n|^k, normalised to sum 1, k = `sharpness` >= 0; z alone where `n` has no direction. 0^0 counts as 1.
+pub fn weights<T: Real>(n: [T; 3], sharpness: T) -> [T; 3] {
+    let a = unit(n).map(T::abs);
+    let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
+    // Measured against the largest component, whose term then is 1: the sum cannot underflow.
+    let top = a[0].max(a[1]).max(a[2]);
+    let w = a.map(|x| (x / top).powf(k));
+    let sum = w[0] + w[1] + w[2];
+    w.map(|x| x / sum)
+}
+
+/// Coordinates in the plane that an axis looks at: (y, z), (x, z), (x, y). An axis above 2 counts as 2. Moves numbers only.
+pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
+    match axis {
+        0 => [p[1], p[2]],
+        1 => [p[0], p[2]],
+        _ => [p[0], p[1]],
+    }
+}
+
+/// Height gradient in that plane (d/du, d/dv), as gradient in the volume. Moves numbers only.
+pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
+    match axis {
+        0 => [T::zero(), g[0], g[1]],
+        1 => [g[0], T::zero(), g[1]],
+        _ => [g[0], g[1], T::zero()],
+    }
+}
+
+/// Normal of the surface displaced by a height whose volume gradient is `gradient` (metres per metre): n minus the surface gradient,
+/// which is the gradient's part along the surface. Slopes are held within 1e6; a gradient that is not finite leaves `n` as it is.
+pub fn perturb<T: Real>(n: [T; 3], gradient: [T; 3]) -> [T; 3] {
+    let n = unit(n);
+    let known = gradient.iter().all(|&g| usable(g) == g);
+    let g = if known {
+        gradient.map(|g| bounded(g, -1e6, 1e6))
+    } else {
+        [T::zero(); 3]
+    };
+    let surface_gradient = sub(g, scale(n, dot(n, g)));
+    unit(sub(n, surface_gradient))
+}

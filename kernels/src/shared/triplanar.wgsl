@@ -1,0 +1,52 @@
+// Three axis-aligned projections. Axis 0 looks along x, 1 along y, 2 along z; texture coordinates are signed and never
+// mirrored, so a height gradient in a projection maps straight to the volume's axes.
+// Source: Mikkelsen, "Surface Gradient-Based Bump Mapping Framework", JCGT 9(3), 2020 (sections on tri-planar projection).
+
+const TRIPLANAR_MAX_SHARPNESS: f32 = 1e4;
+
+fn triplanar_power(ratio: f32, sharpness: f32) -> f32 {
+    // Zero to the power of zero counts as 1: sharpness 0 weights all axes alike.
+    let at_zero = select(0.0, 1.0, sharpness <= 0.0);
+    return select(at_zero, exp2(sharpness * log2(max(ratio, 1e-30))), ratio > 1e-30);
+}
+
+// |n|^k, normalised to sum 1; z alone where n has no direction. k = `sharpness` >= 0.
+fn triplanar_weights(n: vec3<f32>, sharpness: f32) -> vec3<f32> {
+    // Measured against the largest component, whose term then is exactly 1: the sum cannot underflow.
+    let a = abs(octahedral_unit(n));
+    let r = a / max(max(a.x, a.y), a.z);
+    let k = select(0.0, min(sharpness, TRIPLANAR_MAX_SHARPNESS), sharpness > 0.0);
+    let w = vec3<f32>(triplanar_power(r.x, k), triplanar_power(r.y, k), triplanar_power(r.z, k));
+    return w / (w.x + w.y + w.z);
+}
+
+// Coordinates in the plane that an axis looks at: (y, z), (x, z), (x, y). An axis above 2 counts as 2.
+fn triplanar_coordinates(p: vec3<f32>, axis: u32) -> vec2<f32> {
+    if axis == 0u {
+        return p.yz;
+    }
+    if axis == 1u {
+        return p.xz;
+    }
+    return p.xy;
+}
+
+// Height gradient in that plane, as gradient in the volume.
+fn triplanar_from_gradient(g: vec2<f32>, axis: u32) -> vec3<f32> {
+    if axis == 0u {
+        return vec3<f32>(0.0, g.x, g.y);
+    }
+    if axis == 1u {
+        return vec3<f32>(g.x, 0.0, g.y);
+    }
+    return vec3<f32>(g.x, g.y, 0.0);
+}
+
+// Normal of the surface displaced by a height whose volume gradient is `gradient`: n minus the surface gradient.
+// A gradient that is not finite leaves n as it is; slopes are clamped to 1e6.
+fn triplanar_perturb(n: vec3<f32>, gradient: vec3<f32>) -> vec3<f32> {
+    let unit = octahedral_unit(n);
+    let limit = vec3<f32>(1e6);
+    let g = select(vec3<f32>(0.0), clamp(gradient, -limit, limit), vec3<bool>(all(abs(gradient) <= vec3<f32>(1e30))));
+    return octahedral_unit(unit - (g - unit * dot(unit, g)));
+}

@@ -1,0 +1,163 @@
+//! Node payloads in GPU memory: synchronised atlases, one slot a node.
+//!
+//! Reads the nodes a frame visits; makes them resident, least recently used slots first.
+//! Source: Moore, GDC 2018, "Stream Quad Tree"; SYSTEMS A. An atlas is an array texture whose layer is the slot, so
+//! filtering never reaches a neighbour; slots count from 1 (ruling 9), since 0 means "not loaded".
+//! Offline rendering waits for every node it visits, so that a picture never depends on what was there before it.
+
+use std::collections::HashMap;
+
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::quadtree::NodeBounds;
+use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
+use crate::world::{NodeId, NodePayload, PaletteMeans, World};
+
+/// Nodes that can be resident at once (SYSTEMS A: about 500).
+pub const CAPACITY: u32 = 512;
+
+/// The atlases and who sits in them.
+pub struct Streaming {
+    /// R16_UNORM heights.
+    pub height: wgpu::Texture,
+    /// BC3 world normals with smoothness and specular occlusion.
+    pub normal: wgpu::Texture,
+    /// BC1 baked albedo, alpha 0 = hole.
+    pub albedo: wgpu::Texture,
+    /// BC1 colour modulation.
+    pub colour_modulation: wgpu::Texture,
+    /// R8 palette indices.
+    pub splat: wgpu::Texture,
+    resident: HashMap<NodeId, Resident>,
+    free: Vec<u32>,
+    frame: u64,
+    layers: u32,
+}
+
+struct Resident {
+    slot: u32,
+    bounds: NodeBounds,
+    used: u64,
+}
+
+fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::TextureFormat) -> wgpu::Texture {
+    let texels = u32::try_from(texels).unwrap_or(u32::MAX);
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width: texels, height: texels, depth_or_array_layers: layers },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
+}
+
+/// Writes one tightly packed mip level of one layer.
+pub fn upload(gpu: &Gpu, texture: &wgpu::Texture, layer: u32, mip_level: u32, bytes: &[u8]) {
+    let format = texture.format();
+    let (block, _) = format.block_dimensions();
+    let block_bytes = format.block_copy_size(None).unwrap_or(1);
+    let texels = (texture.width() >> mip_level).max(1).next_multiple_of(block);
+    let blocks = texels / block;
+    gpu.queue.write_texture(
+        wgpu::TexelCopyTextureInfo {
+            texture,
+            mip_level,
+            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+            aspect: wgpu::TextureAspect::All,
+        },
+        bytes,
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(blocks * block_bytes), rows_per_image: Some(blocks) },
+        wgpu::Extent3d { width: texels, height: texels, depth_or_array_layers: 1 },
+    );
+}
+
+impl Streaming {
+    /// Empty atlases.
+    pub fn new(gpu: &Gpu) -> Streaming {
+        use wgpu::TextureFormat as Format;
+        let layers = (CAPACITY + 1).min(gpu.device.limits().max_texture_array_layers);
+        Streaming {
+            height: atlas(gpu, "height atlas", HEIGHT_SIDE, layers, Format::R16Unorm),
+            normal: atlas(gpu, "normal atlas", TEXTURE_SIDE, layers, Format::Bc3RgbaUnorm),
+            albedo: atlas(gpu, "albedo atlas", TEXTURE_SIDE, layers, Format::Bc1RgbaUnormSrgb),
+            colour_modulation: atlas(gpu, "colour modulation atlas", TEXTURE_SIDE, layers, Format::Bc1RgbaUnorm),
+            splat: atlas(gpu, "splat atlas", SPLAT_SIDE, layers, Format::R8Uint),
+            resident: HashMap::new(),
+            free: (1..layers).rev().collect(),
+            frame: 0,
+            layers,
+        }
+    }
+
+    /// Begins a frame: what it touches is not evicted in it.
+    pub fn begin_frame(&mut self) {
+        self.frame += 1;
+    }
+
+    /// Makes `nodes` resident, baking those that are not on worker threads; returns their bounds in the same order.
+    ///
+    /// # Errors
+    /// When one frame wants more nodes than there are slots.
+    pub fn load(
+        &mut self,
+        gpu: &Gpu,
+        world: &World,
+        palette: &PaletteMeans,
+        nodes: &[NodeId],
+        on_baked: &(dyn Fn() + Sync),
+    ) -> Result<Vec<NodeBounds>> {
+        let absent: Vec<NodeId> = nodes.iter().copied().filter(|n| !self.resident.contains_key(n)).collect();
+        for node in nodes {
+            if let Some(resident) = self.resident.get_mut(node) {
+                resident.used = self.frame;
+            }
+        }
+        for payload in world.bake_many(&absent, palette, on_baked) {
+            let slot = self.take_slot()?;
+            self.write(gpu, slot, &payload);
+            let bounds = NodeBounds { height_m: [world.elevation_m(payload.min_height), world.elevation_m(payload.max_height)] };
+            self.resident.insert(payload.id, Resident { slot, bounds, used: self.frame });
+        }
+        Ok(nodes.iter().map(|n| self.resident[n].bounds).collect())
+    }
+
+    /// Slot and bounds of a resident node.
+    pub fn get(&self, node: NodeId) -> Option<(u32, NodeBounds)> {
+        self.resident.get(&node).map(|r| (r.slot, r.bounds))
+    }
+
+    /// How many nodes are resident.
+    pub fn len(&self) -> usize {
+        self.resident.len()
+    }
+
+    /// Whether nothing is resident.
+    pub fn is_empty(&self) -> bool {
+        self.resident.is_empty()
+    }
+
+    fn take_slot(&mut self) -> Result<u32> {
+        if let Some(slot) = self.free.pop() {
+            return Ok(slot);
+        }
+        let oldest = self.resident.iter().filter(|(_, r)| r.used < self.frame).min_by_key(|(node, r)| (r.used, **node)).map(|(&node, _)| node);
+        let Some(oldest) = oldest else {
+            return Err(Error::Request(format!(
+                "this view needs more than {} terrain nodes at once; narrow the field of view or lower the image's height",
+                self.layers - 1
+            )));
+        };
+        Ok(self.resident.remove(&oldest).map_or(0, |r| r.slot))
+    }
+
+    fn write(&self, gpu: &Gpu, slot: u32, payload: &NodePayload) {
+        upload(gpu, &self.height, slot, 0, bytemuck::cast_slice(&payload.height));
+        upload(gpu, &self.normal, slot, 0, &payload.normal);
+        upload(gpu, &self.albedo, slot, 0, &payload.albedo);
+        upload(gpu, &self.colour_modulation, slot, 0, &payload.colour_modulation);
+        upload(gpu, &self.splat, slot, 0, &payload.splat);
+    }
+}

@@ -1,0 +1,148 @@
+//! The five shading flavours and their 31 non-empty combinations.
+//!
+//! One table feeds pipelines, indirect arguments, command line, scene files, metrics and tests.
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations".
+
+use std::fmt;
+use std::str::FromStr;
+
+/// One of the five ways a terrain pixel can be shaded; its value is its bit in a mask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Flavour {
+    /// Cached top-down shading from virtual-texture pages.
+    VirtualTexture = 1,
+    /// Baked albedo and normal of the quadtree payload.
+    FarAtlas = 2,
+    /// Three alpha-blended projections, one random splat material each.
+    NearCliff = 4,
+    /// Two alpha-blended tilings, one random projection and material each.
+    FarCliff = 8,
+    /// Three projections of four splat materials, all blended.
+    Splat = 16,
+}
+
+impl Flavour {
+    /// Every flavour, in the order of its bit.
+    pub const ALL: [Flavour; 5] = [
+        Flavour::VirtualTexture,
+        Flavour::FarAtlas,
+        Flavour::NearCliff,
+        Flavour::FarCliff,
+        Flavour::Splat,
+    ];
+
+    /// The flavour's bit in an 8-bit classification mask.
+    pub const fn bit(self) -> u8 {
+        self as u8
+    }
+
+    /// The name used in files, tables and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Flavour::VirtualTexture => "vt",
+            Flavour::FarAtlas => "far-atlas",
+            Flavour::NearCliff => "near-cliff",
+            Flavour::FarCliff => "far-cliff",
+            Flavour::Splat => "splat",
+        }
+    }
+
+    /// Texture samples per pixel that the design promises (`SYSTEMS` C, rulings 1 and 13):
+    /// the number that counted fetches are held against.
+    pub const fn promised_fetches(self) -> u32 {
+        match self {
+            Flavour::VirtualTexture => 4,
+            Flavour::FarAtlas => 2,
+            Flavour::NearCliff => 12,
+            Flavour::FarCliff => 8,
+            Flavour::Splat => 48,
+        }
+    }
+}
+
+/// A non-empty set of flavours: one shader variant, numbered 1 to 31.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Variant(u8);
+
+/// Why a text or number is not a variant.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{given}` is not a variant: give a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat (as in `vt+near-cliff`){hint}")]
+pub struct NotAVariant {
+    given: String,
+    hint: String,
+}
+
+impl Variant {
+    /// How many variants there are.
+    pub const COUNT: usize = 31;
+
+    /// The variant with this mask; `None` unless 1 <= mask <= 31.
+    pub const fn new(mask: u8) -> Option<Variant> {
+        if mask >= 1 && mask <= 31 { Some(Variant(mask)) } else { None }
+    }
+
+    /// The variant of a single flavour.
+    pub const fn only(flavour: Flavour) -> Variant {
+        Variant(flavour.bit())
+    }
+
+    /// All 31, in the order of their numbers.
+    pub fn all() -> impl Iterator<Item = Variant> {
+        (1..=31).map(Variant)
+    }
+
+    /// The set as a bitmask, 1 to 31.
+    pub const fn mask(self) -> u8 {
+        self.0
+    }
+
+    /// Whether a flavour belongs to the set.
+    pub const fn has(self, flavour: Flavour) -> bool {
+        self.0 & flavour.bit() != 0
+    }
+
+    /// The flavours of the set, in the order of their bits.
+    pub fn flavours(self) -> impl Iterator<Item = Flavour> {
+        Flavour::ALL.into_iter().filter(move |&f| self.has(f))
+    }
+
+    /// Sum of the promised fetches of its flavours: what a pixel costs that needs all of them.
+    pub fn promised_fetches(self) -> u32 {
+        self.flavours().map(Flavour::promised_fetches).sum()
+    }
+}
+
+impl fmt::Display for Variant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<_> = self.flavours().map(Flavour::name).collect();
+        f.write_str(&names.join("+"))
+    }
+}
+
+impl FromStr for Variant {
+    type Err = NotAVariant;
+
+    /// Accepts a number 1..=31 or names joined by `+`, in any order.
+    fn from_str(text: &str) -> Result<Self, NotAVariant> {
+        let wrong = |hint: String| NotAVariant { given: text.to_owned(), hint };
+        if let Ok(number) = text.parse::<i64>() {
+            return u8::try_from(number)
+                .ok()
+                .and_then(Variant::new)
+                .ok_or_else(|| wrong(String::new()));
+        }
+        let mut mask = 0;
+        for part in text.split('+') {
+            let part = part.trim();
+            let Some(flavour) = Flavour::ALL.into_iter().find(|f| f.name() == part) else {
+                let names = Flavour::ALL.map(Flavour::name);
+                let hint = crate::scene::nearest(part, &names)
+                    .map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+                return Err(wrong(hint));
+            };
+            mask |= flavour.bit();
+        }
+        Variant::new(mask).ok_or_else(|| wrong(String::new()))
+    }
+}

@@ -1,0 +1,475 @@
+//! Virtual texture: pages of the blended splat map, seen from above, rendered once and sampled with 4 fetches.
+//!
+//! Reads depth, normals and mask (which pages are visible), the splat map (what is on them). Writes the page table (R32Uint, a 64 x 64 torus a
+//! level around the camera: physical layer + 1 in 11 bits, the rest of the page's address as a tag) and physical pages: 256² texels plus 4 of border
+//! on each side and one mip, in arrays of albedo (sRGB), smoothness + specular occlusion, and normal.
+//! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10.
+//!
+//! Each frame is complete: the pages its pixels ask for are rendered before it is shaded. Jittered feedback, page budgets, compression and
+//! FC4's adaptive address space take the places of `requests`, `fill` and the page table's windows when they come.
+
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use bytemuck::{Pod, Zeroable, cast_slice};
+use glam::IVec2;
+
+use crate::error::Result;
+use crate::frame::FRAME_WGSL;
+use crate::geometry;
+use crate::gpu::bindings::{Binding, FLAT, array, aspect, view};
+use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer};
+use crate::quadtree::lod_map;
+use crate::shared;
+use crate::terrain::{self, Terrain};
+use crate::world::{Layout, NodeId, SECTORS};
+
+/// Payload texels along a page's edge.
+pub const PAGE_TEXELS: u32 = 256;
+/// Border texels on each side.
+pub const BORDER_TEXELS: u32 = 4;
+/// Stored texels along a page's edge.
+pub const STORED_TEXELS: u32 = PAGE_TEXELS + 2 * BORDER_TEXELS;
+/// Levels: page edges of 1 m to 8 192 m.
+pub const LEVELS: u32 = 14;
+/// Texel density of level 0, texels per metre.
+pub const TEXELS_PER_M: f64 = 256.0;
+const WINDOW: u32 = 64;
+const TAG_BITS: u32 = 10;
+
+/// The addresses' WGSL.
+pub const WGSL: (&str, &str) = ("virtual_texture/virtual_texture.wgsl", include_str!("virtual_texture.wgsl"));
+
+/// A page: its level and its place, counted from the world's south-west corner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PageId {
+    /// 0 = finest.
+    pub level: u32,
+    /// Column.
+    pub x: u32,
+    /// Row, from the south.
+    pub y: u32,
+}
+
+impl PageId {
+    /// Edge in metres.
+    pub fn edge_m(self) -> f64 {
+        f64::from(PAGE_TEXELS) / TEXELS_PER_M * f64::from(1u32 << self.level)
+    }
+
+    /// Index of its cell in the page table.
+    fn cell(self) -> usize {
+        ((self.level * WINDOW + self.y % WINDOW) * WINDOW + self.x % WINDOW) as usize
+    }
+
+    /// What its cell holds besides the physical layer.
+    fn tag(self) -> u32 {
+        let wrap = (1 << TAG_BITS) - 1;
+        (self.y / WINDOW & wrap) << 21 | (self.x / WINDOW & wrap) << 11
+    }
+
+    /// The page of a non-zero request.
+    fn of_request(index: usize, request: u32) -> PageId {
+        let index = u32::try_from(index).unwrap_or(0);
+        let wrap = (1 << TAG_BITS) - 1;
+        PageId {
+            level: index / (WINDOW * WINDOW),
+            x: (request >> 11 & wrap) * WINDOW + index % WINDOW,
+            y: (request >> 21 & wrap) * WINDOW + index / WINDOW % WINDOW,
+        }
+    }
+
+    fn parent(self) -> Option<PageId> {
+        (self.level + 1 < LEVELS).then(|| PageId { level: self.level + 1, x: self.x / 2, y: self.y / 2 })
+    }
+}
+
+/// One page to render, one mip level of it; the layout matches `PageJob` in `page.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct PageJob {
+    /// Sector of the page's south-west corner.
+    pub sector: [i32; 2],
+    /// That corner in the sector, metres.
+    pub origin: [f32; 2],
+    /// Edge of a texel of this mip level, metres.
+    pub texel_m: f32,
+    /// Texels of border on each side, at this mip level.
+    pub border: f32,
+    /// Elevation that the page is taken to lie at, metres.
+    pub elevation: f32,
+    /// Unused.
+    pub padding: f32,
+}
+
+/// What one frame did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PageCounts {
+    /// Pages the picture asked for.
+    pub wanted: usize,
+    /// Of those, rendered now.
+    pub rendered: usize,
+    /// Pages replaced by a coarser one because the cache was full.
+    pub coarsened: usize,
+}
+
+struct Physical {
+    layer: u32,
+    /// Of the nodes it was rendered from: a page is good only while they are the frame's.
+    source: u64,
+    used: u64,
+}
+
+/// The stage.
+pub struct VirtualTexture {
+    request_pipeline: wgpu::ComputePipeline,
+    request_layout: wgpu::BindGroupLayout,
+    page_pipeline: wgpu::RenderPipeline,
+    job_layout: wgpu::BindGroupLayout,
+    requests: wgpu::Buffer,
+    /// R32Uint, 64 x 64 x levels.
+    pub table: wgpu::Texture,
+    /// Albedo, (smoothness, specular occlusion), normal.
+    pub pages: [wgpu::Texture; 3],
+    /// Trilinear, anisotropic within the border.
+    pub sampler: wgpu::Sampler,
+    cache: HashMap<PageId, Physical>,
+    free: Vec<u32>,
+    frame: u64,
+}
+
+/// Anisotropy of page filtering: what the scene asks for, as far as the border of 4 texels reaches.
+pub fn anisotropy(scene: u16) -> u16 {
+    scene.clamp(1, 4)
+}
+
+const PAGE_FORMATS: [wgpu::TextureFormat; 3] =
+    [wgpu::TextureFormat::Rgba8UnormSrgb, wgpu::TextureFormat::Rg8Unorm, wgpu::TextureFormat::Rg8Unorm];
+
+/// The files of the page-rendering module.
+pub fn page_files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([FRAME_WGSL, terrain::WGSL, ("virtual_texture/page.wgsl", include_str!("page.wgsl"))]);
+    files
+}
+
+/// The files of the request module.
+pub fn request_files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([
+        FRAME_WGSL,
+        terrain::WGSL,
+        terrain::FOOTPRINT_WGSL,
+        WGSL,
+        ("virtual_texture/request.wgsl", include_str!("request.wgsl")),
+    ]);
+    files
+}
+
+impl VirtualTexture {
+    /// Compiles the passes and allocates `capacity` physical pages.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        frame_layout: &wgpu::BindGroupLayout,
+        terrain: &Terrain,
+        colour_modulation: bool,
+        anisotropic: u16,
+        capacity: u32,
+    ) -> Result<VirtualTexture> {
+        let capacity = capacity.min(gpu.device.limits().max_texture_array_layers).min(2046);
+        let request_layout = gpu.layout(
+            "page requests",
+            wgpu::ShaderStages::COMPUTE,
+            &[Binding::Depth, Binding::TextureLoaded(FLAT), Binding::TextureUint(FLAT), Binding::StorageWritten],
+        );
+        let request_shader = Shader::new(gpu, "page requests", &request_files())?;
+        let request_pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("page requests"),
+            layout: Some(&gpu.pipeline_layout("page requests", &[frame_layout, &terrain.layout, &request_layout])),
+            module: &request_shader.module,
+            entry_point: Some("virtual_texture_request"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let job_layout = gpu.layout("page jobs", wgpu::ShaderStages::FRAGMENT, &[Binding::Storage]);
+        let page_shader = Shader::new(gpu, "pages", &page_files())?;
+        let overrides = [("COLOUR_MODULATION", f64::from(u8::from(colour_modulation)))];
+        let page_pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("pages"),
+            layout: Some(&gpu.pipeline_layout("pages", &[frame_layout, &terrain.layout, &job_layout])),
+            vertex: wgpu::VertexState {
+                module: &page_shader.module,
+                entry_point: Some("page_vertex"),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &page_shader.module,
+                entry_point: Some("page_fragment"),
+                compilation_options: constants(&overrides),
+                targets: &PAGE_FORMATS.map(|f| Some(f.into())),
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let texture = |label, size, layers, mips, format, usage| {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
+                mip_level_count: mips,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: usage | wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            })
+        };
+        let table =
+            texture("page table", WINDOW, LEVELS, 1, wgpu::TextureFormat::R32Uint, wgpu::TextureUsages::COPY_DST);
+        let pages = PAGE_FORMATS.map(|f| texture("pages", STORED_TEXELS, capacity, 2, f, wgpu::TextureUsages::RENDER_ATTACHMENT));
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("pages"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            anisotropy_clamp: anisotropy(anisotropic),
+            ..Default::default()
+        });
+        Ok(VirtualTexture {
+            request_pipeline,
+            request_layout,
+            page_pipeline,
+            job_layout,
+            requests: gpu.buffer(
+                "page requests",
+                wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+                u64::from(LEVELS * WINDOW * WINDOW) * 4,
+            ),
+            table,
+            pages,
+            sampler,
+            cache: HashMap::new(),
+            free: (0..capacity).rev().collect(),
+            frame: 0,
+        })
+    }
+
+    /// Records the pass that marks the pages this frame's pixels would sample.
+    pub fn encode_requests(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut Timer,
+        groups: [&wgpu::BindGroup; 2],
+        targets: &geometry::Targets,
+    ) {
+        encoder.clear_buffer(&self.requests, 0, None);
+        let group = gpu.group(
+            "page requests",
+            &self.request_layout,
+            &[
+                wgpu::BindingResource::TextureView(&aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly)),
+                wgpu::BindingResource::TextureView(&view(&targets.normals)),
+                wgpu::BindingResource::TextureView(&view(&targets.mask)),
+                self.requests.as_entire_binding(),
+            ],
+        );
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("page requests"),
+            timestamp_writes: timer.compute("page requests"),
+        });
+        pass.set_pipeline(&self.request_pipeline);
+        pass.set_bind_group(0, groups[0], &[]);
+        pass.set_bind_group(1, groups[1], &[]);
+        pass.set_bind_group(2, &group, &[]);
+        pass.dispatch_workgroups(targets.mask.width().div_ceil(8), targets.mask.height().div_ceil(8), 1);
+    }
+
+    /// Reads the requests back and renders what is missing; the page table then serves the frame. The request pass must have run.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn fill(&mut self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], layout: &Layout, nodes: &[NodeId]) -> Result<PageCounts> {
+        self.frame += 1;
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.requests, self.requests.size())?);
+        let mut wanted: Vec<PageId> =
+            words.iter().enumerate().filter(|(_, w)| **w != 0).map(|(i, &w)| PageId::of_request(i, w)).collect();
+        let mut counts = PageCounts { wanted: wanted.len(), ..PageCounts::default() };
+        let capacity = self.pages[0].depth_or_array_layers() as usize;
+        // Too many for the cache: the finest give way to their parents, level by level.
+        while wanted.len() > capacity {
+            let finest = wanted.iter().map(|p| p.level).min().unwrap_or(0);
+            let before = wanted.len();
+            wanted = wanted.iter().filter_map(|p| if p.level == finest { p.parent() } else { Some(*p) }).collect();
+            wanted.sort_unstable();
+            wanted.dedup();
+            counts.coarsened += before - wanted.len();
+        }
+        // Coarse first, so that the order of slots does not depend on a hash map.
+        wanted.sort_unstable_by_key(|p| (std::cmp::Reverse(p.level), p.y, p.x));
+        let finest_lods = lod_map_of_finest(nodes);
+        for page in &wanted {
+            let source = source_of(*page, layout, &finest_lods);
+            match self.cache.get_mut(page) {
+                Some(physical) if physical.source == source => physical.used = self.frame,
+                Some(physical) => physical.used = 0,
+                None => {}
+            }
+        }
+        let mut jobs = Vec::new();
+        for &page in &wanted {
+            if self.cache.get(&page).is_some_and(|p| p.used == self.frame) {
+                continue;
+            }
+            let layer = self.take_layer(page);
+            self.cache.insert(page, Physical { layer, source: source_of(page, layout, &finest_lods), used: self.frame });
+            jobs.push((page, layer));
+        }
+        counts.rendered = jobs.len();
+        self.render_pages(gpu, groups, layout, &jobs)?;
+        self.write_table(gpu);
+        Ok(counts)
+    }
+
+    fn take_layer(&mut self, page: PageId) -> u32 {
+        if let Some(old) = self.cache.remove(&page) {
+            return old.layer;
+        }
+        if let Some(layer) = self.free.pop() {
+            return layer;
+        }
+        let oldest = self.cache.iter().filter(|(_, p)| p.used < self.frame).min_by_key(|(id, p)| (p.used, **id)).map(|(id, _)| *id);
+        let oldest = oldest.expect("no frame wants more pages than there are layers");
+        self.cache.remove(&oldest).map_or(0, |p| p.layer)
+    }
+
+    fn write_table(&self, gpu: &Gpu) {
+        let mut table = vec![0u32; (LEVELS * WINDOW * WINDOW) as usize];
+        for (page, physical) in self.cache.iter().filter(|(_, p)| p.used == self.frame) {
+            let entry = page.tag() | (physical.layer + 1);
+            // Two pages of one cell: the larger tag, as the request pass decides it.
+            table[page.cell()] = table[page.cell()].max(entry);
+        }
+        gpu.queue.write_texture(
+            self.table.as_image_copy(),
+            cast_slice(&table),
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(WINDOW * 4), rows_per_image: Some(WINDOW) },
+            self.table.size(),
+        );
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "sector indices are small, metres are rounded to f32 on purpose")]
+    fn render_pages(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], layout: &Layout, pages: &[(PageId, u32)]) -> Result<()> {
+        if pages.is_empty() {
+            return Ok(());
+        }
+        let mut jobs = Vec::new();
+        for (page, _) in pages {
+            let edge = page.edge_m();
+            let corner = [f64::from(page.x) * edge, f64::from(page.y) * edge];
+            let sector = corner.map(|c| (c / layout.sector_m).floor());
+            for mip in 0..2u32 {
+                let texels = f64::from(PAGE_TEXELS >> mip);
+                jobs.push(PageJob {
+                    sector: sector.map(|s| s as i32),
+                    origin: [(corner[0] - sector[0] * layout.sector_m) as f32, (corner[1] - sector[1] * layout.sector_m) as f32],
+                    texel_m: (edge / texels) as f32,
+                    border: (BORDER_TEXELS >> mip) as f32,
+                    elevation: 0.0,
+                    padding: 0.0,
+                });
+            }
+        }
+        let list = gpu.buffer_with("page jobs", wgpu::BufferUsages::STORAGE, cast_slice(&jobs));
+        let group = gpu.group("page jobs", &self.job_layout, &[list.as_entire_binding()]);
+        let mut encoder = gpu.encoder("pages");
+        for (index, (_, layer)) in (0u32..).zip(pages) {
+            for mip in 0..2 {
+                let views = self.pages.each_ref().map(|t| {
+                    t.create_view(&wgpu::TextureViewDescriptor {
+                        dimension: Some(wgpu::TextureViewDimension::D2),
+                        base_mip_level: mip,
+                        mip_level_count: Some(1),
+                        base_array_layer: *layer,
+                        array_layer_count: Some(1),
+                        ..Default::default()
+                    })
+                });
+                let attachments = views.each_ref().map(|view| {
+                    Some(wgpu::RenderPassColorAttachment {
+                        view,
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+                    })
+                });
+                let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: Some("page"),
+                    color_attachments: &attachments,
+                    ..Default::default()
+                });
+                pass.set_pipeline(&self.page_pipeline);
+                pass.set_bind_group(0, groups[0], &[]);
+                pass.set_bind_group(1, groups[1], &[]);
+                pass.set_bind_group(2, &group, &[]);
+                let job = index * 2 + mip;
+                pass.draw(0..3, job..job + 1);
+            }
+        }
+        gpu.submit_and_wait(encoder)
+    }
+
+    /// Views that the shading pass binds: table, albedo, properties, normal.
+    pub fn views(&self) -> [wgpu::TextureView; 4] {
+        [array(&self.table), array(&self.pages[0]), array(&self.pages[1]), array(&self.pages[2])]
+    }
+}
+
+/// Per sector the finest LOD loaded, in one byte; what a page's content depends on.
+fn lod_map_of_finest(nodes: &[NodeId]) -> Vec<u8> {
+    // Coarse before fine, so that the finest is written last.
+    let mut sorted = nodes.to_vec();
+    sorted.sort_unstable_by_key(|n| (std::cmp::Reverse(n.lod), n.y, n.x));
+    lod_map(&sorted)
+}
+
+/// Fingerprint of the nodes under a page and its border.
+fn source_of(page: PageId, layout: &Layout, finest: &[u8]) -> u64 {
+    let edge = page.edge_m();
+    let border = edge / f64::from(PAGE_TEXELS) * f64::from(BORDER_TEXELS);
+    let side = i32::from(SECTORS);
+    let range = |low: f64| {
+        let first = ((low - border) / layout.sector_m).floor().clamp(0.0, f64::from(side - 1));
+        let last = ((low + edge + border) / layout.sector_m).floor().clamp(0.0, f64::from(side - 1));
+        (first as usize, last as usize)
+    };
+    let (x, y) = (range(f64::from(page.x) * edge), range(f64::from(page.y) * edge));
+    let mut hasher = DefaultHasher::new();
+    for row in y.0..=y.1 {
+        finest[row * usize::from(SECTORS)..][x.0..=x.1].hash(&mut hasher);
+    }
+    IVec2::new(i32::try_from(page.x).unwrap_or(0), i32::try_from(page.y).unwrap_or(0)).hash(&mut hasher);
+    hasher.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_survives_the_way_through_its_request() {
+        for page in [PageId { level: 0, x: 0, y: 0 }, PageId { level: 3, x: 777, y: 4095 }, PageId { level: 13, x: 1, y: 2 }] {
+            assert_eq!(PageId::of_request(page.cell(), page.tag() | 1), page);
+        }
+        // Negative control: a neighbour one window away shares the cell but not the tag.
+        let (a, b) = (PageId { level: 2, x: 10, y: 5 }, PageId { level: 2, x: 10 + WINDOW, y: 5 });
+        assert_eq!(a.cell(), b.cell());
+        assert_ne!(a.tag(), b.tag());
+    }
+}

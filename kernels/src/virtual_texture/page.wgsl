@@ -1,0 +1,46 @@
+// Renders one page of the virtual texture from the splat map, seen from above, one tiling scale.
+
+struct PageJob {
+    sector: vec2<i32>,          // sector of the page's south-west corner
+    origin: vec2<f32>,          // that corner in the sector, metres
+    texel_m: f32,
+    border: f32,                // texels of border on each side, at this mip level
+    elevation: f32,
+    padding: f32,
+}
+
+@group(2) @binding(0) var<storage, read> jobs: array<PageJob>;
+
+struct PageVarying {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) @interpolate(flat) job: u32,
+}
+
+@vertex
+fn page_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) job: u32) -> PageVarying {
+    let corner = vec2<f32>(f32((vertex << 1u) & 2u), f32(vertex & 2u));
+    return PageVarying(vec4<f32>(corner * 2.0 - 1.0, 0.0, 1.0), job);
+}
+
+struct PageTargets {
+    @location(0) albedo: vec4<f32>,
+    @location(1) properties: vec2<f32>,
+    @location(2) normal: vec2<f32>,
+}
+
+@fragment
+fn page_fragment(in: PageVarying) -> PageTargets {
+    let job = jobs[in.job];
+    // Row 0 of a page is its southern edge.
+    let local = job.origin + (in.clip.xy - job.border) * job.texel_m;
+    let place = terrain_place(job.sector, vec3<f32>(local, job.elevation));
+    let footprint = Footprint(place, vec3<f32>(job.texel_m, 0.0, 0.0), vec3<f32>(0.0, job.texel_m, 0.0));
+    let node = terrain_node(place);
+    let surface = terrain_splat_blend(terrain_splat_cell(node), 2u, 0u, footprint);
+    let normal = normalize(vec3<f32>(-surface.gradient.xy, 1.0));
+    return PageTargets(
+        vec4<f32>(surface.albedo * terrain_colour_modulation(node), 1.0),
+        vec2<f32>(surface.smoothness, surface.specular_occlusion),
+        normal.xy * 0.5 + 0.5,
+    );
+}

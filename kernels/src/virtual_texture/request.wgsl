@@ -1,0 +1,34 @@
+// Marks every page that a visible pixel of this frame would sample.
+
+@group(2) @binding(0) var depth_target: texture_depth_2d;
+@group(2) @binding(1) var normal_target: texture_2d<f32>;
+@group(2) @binding(2) var mask_target: texture_2d<u32>;
+@group(2) @binding(3) var<storage, read_write> requests: array<atomic<u32>>;
+
+@compute @workgroup_size(8, 8)
+fn virtual_texture_request(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size) {
+        return;
+    }
+    let depth = textureLoad(depth_target, id.xy, 0);
+    if depth <= 0.0 {
+        return;
+    }
+    var mask = textureLoad(mask_target, id.xy, 0).r;
+    if frame.forced_mask != 0u {
+        mask = frame.forced_mask;
+    }
+    if (mask & 1u) == 0u {
+        return;
+    }
+    let footprint = surface_footprint(id.xy, depth, textureLoad(normal_target, id.xy, 0));
+    let level = virtual_texture_level(footprint.ddx, footprint.ddy);
+    let page = virtual_texture_address(footprint.place, level).page;
+    if any(page < vec2<i32>(0)) {
+        return;
+    }
+    let cell = page & vec2<i32>(VIRTUAL_WINDOW - 1);
+    let index = (level * u32(VIRTUAL_WINDOW) + u32(cell.y)) * u32(VIRTUAL_WINDOW) + u32(cell.x);
+    // Two wanted pages may share a cell (64 pages apart): the larger tag wins, whatever the order of threads.
+    atomicMax(&requests[index], virtual_texture_tag(page) | 1u);
+}

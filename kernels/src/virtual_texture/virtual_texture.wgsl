@@ -1,0 +1,37 @@
+// Virtual-texture addresses: where a place's page lies in the page table, and which level its footprint asks for.
+
+const VIRTUAL_PAGE_TEXELS: f32 = 256.0;
+const VIRTUAL_BORDER_TEXELS: f32 = 4.0;
+const VIRTUAL_STORED_TEXELS: f32 = 264.0;
+// The page table of each level is a torus of 64 x 64 pages around the camera.
+const VIRTUAL_WINDOW: i32 = 64;
+
+struct VirtualAddress {
+    page: vec2<i32>,            // page of that level, from the world's south-west corner
+    uv: vec2<f32>,              // 0..1 inside the page's payload
+}
+
+fn virtual_texture_level(ddx: vec3<f32>, ddy: vec3<f32>) -> u32 {
+    let across = length(ddx.xy);
+    let down = length(ddy.xy);
+    let texels = max(min(across, down), max(across, down) / frame.page_anisotropy) * frame.page_texels_per_m * frame.gradient_scale;
+    let level = floor(log2(max(texels, 1.0)));
+    return min(u32(level), frame.page_levels - 1u);
+}
+
+fn virtual_texture_address(place: Place, level: u32) -> VirtualAddress {
+    let pages_per_m = frame.page_texels_per_m / VIRTUAL_PAGE_TEXELS;
+    let pages_per_sector = i32(round(frame.sector_m * pages_per_m));
+    let in_sector = place.position.xy * pages_per_m;
+    let whole = floor(in_sector);
+    let finest = place.sector * pages_per_sector + vec2<i32>(whole);
+    let span = 1 << level;
+    let uv = (vec2<f32>(finest & vec2<i32>(span - 1)) + (in_sector - whole)) / f32(span);
+    return VirtualAddress(finest >> vec2<u32>(level), uv);
+}
+
+// What a page-table cell must hold besides the layer, so that a page 64 further on is not taken for this one.
+fn virtual_texture_tag(page: vec2<i32>) -> u32 {
+    let wrap = vec2<u32>(page >> vec2<u32>(6u)) & vec2<u32>(1023u);
+    return (wrap.y << 21u) | (wrap.x << 11u);
+}

@@ -1,0 +1,433 @@
+//! The `world` stage: from a scene to node payloads, each made on demand on worker threads.
+//!
+//! Reads the scene (generator or heightmap, splat rules, holes) and the palette's mean looks; makes [`NodePayload`]s. The world is a
+//! function of position and never one array: 34 125 nodes can exist, some 500 are asked for at a time (SYSTEMS A, Ruling 12).
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Data".
+
+use std::sync::OnceLock;
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::scene::{self, Hole, Scene};
+use crate::shared::hash;
+
+pub mod blocks;
+pub mod cones;
+pub mod generator;
+pub mod heightmap;
+pub mod payload;
+pub mod rules;
+pub mod viewpoints;
+
+pub use payload::{NodePayload, PaletteMeans};
+
+use generator::Generator;
+use heightmap::Heightmap;
+use rules::Rules;
+
+/// Sectors along the world's edge.
+pub const SECTORS: u16 = 160;
+/// LODs of the quadtree: 0 (the finest, a sector a node) to 5.
+pub const LODS: u8 = 6;
+/// Edge of a sector of an unscaled world, metres.
+pub const SECTOR_M: f64 = 64.0;
+/// Quads along a node's edge, at every LOD.
+pub const NODE_QUADS: u16 = 128;
+
+/// A quadtree node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct NodeId {
+    /// 0 = finest.
+    pub lod: u8,
+    /// Nodes of this LOD from the world's western edge.
+    pub x: u16,
+    /// Nodes of this LOD from the world's southern edge.
+    pub y: u16,
+}
+
+impl NodeId {
+    /// Nodes of a LOD along the world's edge.
+    pub const fn per_side(lod: u8) -> u16 {
+        SECTORS >> lod
+    }
+
+    /// The 5 x 5 coarsest nodes, row by row from the south-west.
+    pub fn roots() -> impl Iterator<Item = NodeId> {
+        let lod = LODS - 1;
+        let side = NodeId::per_side(lod);
+        (0..side * side).map(move |i| NodeId { lod, x: i % side, y: i / side })
+    }
+
+    /// The four children in the order south-west, south-east, north-west, north-east.
+    ///
+    /// # Panics
+    /// On LOD 0, which has none.
+    pub fn children(self) -> [NodeId; 4] {
+        assert!(self.lod > 0, "a node of LOD 0 has no children");
+        [0, 1, 2, 3].map(|i| NodeId { lod: self.lod - 1, x: self.x * 2 + i % 2, y: self.y * 2 + i / 2 })
+    }
+
+    /// The node that holds this one; `None` for a root.
+    pub fn parent(self) -> Option<NodeId> {
+        (self.lod + 1 < LODS).then_some(NodeId { lod: self.lod + 1, x: self.x / 2, y: self.y / 2 })
+    }
+
+    /// South-west corner, world metres (origin at the world's centre).
+    pub fn origin_m(self, layout: &Layout) -> DVec2 {
+        DVec2::new(f64::from(self.x), f64::from(self.y)) * layout.node_m(self.lod) - layout.world_m() / 2.0
+    }
+}
+
+/// How the quadtree lies over the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layout {
+    /// Edge of a LOD 0 node: 64 m times a power of two, the smallest with which 160 sectors hold the world.
+    pub sector_m: f64,
+    /// Finest LOD that exists: how deep the data deserves.
+    pub finest_lod: u8,
+}
+
+impl Layout {
+    /// A layout for a world `extent_m` wide whose data are `data_spacing_m` apart; `None` = detail at every scale.
+    pub fn of(extent_m: f64, data_spacing_m: Option<f64>) -> Layout {
+        let mut sector_m = SECTOR_M;
+        while sector_m * f64::from(SECTORS) < extent_m {
+            sector_m *= 2.0;
+        }
+        let mut layout = Layout { sector_m, finest_lod: 0 };
+        if let Some(spacing) = data_spacing_m {
+            layout.finest_lod = (0..LODS).find(|&lod| layout.spacing_m(lod) >= spacing / 2.0).unwrap_or(LODS - 1);
+        }
+        layout
+    }
+
+    /// Edge of a node, metres.
+    pub fn node_m(&self, lod: u8) -> f64 {
+        self.sector_m * f64::from(1u32 << lod)
+    }
+
+    /// Distance of two heights of a node, metres.
+    pub fn spacing_m(&self, lod: u8) -> f64 {
+        self.node_m(lod) / f64::from(NODE_QUADS)
+    }
+
+    /// Edge of the square that the quadtree covers, metres.
+    pub fn world_m(&self) -> f64 {
+        self.sector_m * f64::from(SECTORS)
+    }
+
+    /// The node of a LOD that holds a point; `None` outside the world.
+    pub fn node_at(&self, lod: u8, x: f64, y: f64) -> Option<NodeId> {
+        let edge = self.node_m(lod);
+        let index = |v: f64| {
+            let i = ((v + self.world_m() / 2.0) / edge).floor();
+            (i >= 0.0 && i < f64::from(NodeId::per_side(lod))).then_some(i as u16)
+        };
+        Some(NodeId { lod, x: index(x)?, y: index(y)? })
+    }
+}
+
+enum Source {
+    Generated(Box<Generator>),
+    Data { map: Heightmap, detail_m: f64, relief: generator::Relief },
+}
+
+/// A world: heights, holes and materials as functions of position. Shared freely between threads.
+pub struct World {
+    layout: Layout,
+    source: Source,
+    height_range_m: (f64, f64),
+    /// Half the width (x) and depth (y) of the data, metres.
+    half_extent_m: [f64; 2],
+    footprint_m: f64,
+    holes: Vec<Hole>,
+    colour_modulation: f64,
+    seed: u32,
+    rules: Rules,
+    material_count: usize,
+    max_slope_deg: OnceLock<f64>,
+}
+
+impl World {
+    /// The world of a validated scene. Reads the heightmap, if the scene has one.
+    ///
+    /// # Errors
+    /// [`Error::Heightmap`] where the heightmap cannot be used (see [`heightmap::read`]), [`Error::File`] where it cannot be read.
+    pub fn new(scene: &Scene) -> Result<World> {
+        let rules = Rules::new(scene);
+        let material_count = scene.materials.len();
+        match &scene.world {
+            scene::World::Procedural { seed, holes, colour_modulation } => {
+                let generator = Generator::new(*seed);
+                let half = generator::EXTENT_M / 2.0;
+                Ok(World {
+                    layout: Layout::of(generator::EXTENT_M, None),
+                    height_range_m: generator::HEIGHT_RANGE_M,
+                    half_extent_m: [half; 2],
+                    footprint_m: MIN_FOOTPRINT_M,
+                    source: Source::Generated(Box::new(generator)),
+                    holes: holes.clone(),
+                    colour_modulation: *colour_modulation,
+                    seed: *seed,
+                    rules,
+                    material_count,
+                    max_slope_deg: OnceLock::new(),
+                })
+            }
+            scene::World::Heightmap { file, metres_per_texel, height_range_m, detail_m, seed, holes, colour_modulation } => {
+                let options = heightmap::ReadOptions {
+                    metres_per_texel: *metres_per_texel,
+                    height_range_m: Some(*height_range_m),
+                    ..Default::default()
+                };
+                let path = scene.folder.join(file);
+                let map = heightmap::read(&path, &options)?;
+                if !(detail_m.is_finite() && *detail_m >= 0.0) {
+                    let what = format!("`detail_m = {detail_m}` must be 0 or more metres; 0 adds no relief");
+                    return Err(Error::Heightmap { file: path, what });
+                }
+                Ok(World::from_heightmap(map, *detail_m, *seed, holes.clone(), *colour_modulation, rules, material_count))
+            }
+        }
+    }
+
+    fn from_heightmap(
+        map: Heightmap,
+        detail_m: f64,
+        seed: u32,
+        holes: Vec<Hole>,
+        colour_modulation: f64,
+        rules: Rules,
+        material_count: usize,
+    ) -> World {
+        let extent = map.extent_m();
+        let spacing = map.metres_per_texel;
+        let (low, high) = map.elevation_range_m();
+        let mut footprint_m = MIN_FOOTPRINT_M;
+        while footprint_m < spacing {
+            footprint_m *= 2.0;
+        }
+        World {
+            layout: Layout::of(extent[0].max(extent[1]), (detail_m <= 0.0).then_some(spacing)),
+            height_range_m: (low - detail_m, high + detail_m),
+            half_extent_m: extent.map(|e| e / 2.0),
+            footprint_m,
+            source: Source::Data { relief: generator::Relief::new(seed, spacing), map, detail_m },
+            holes,
+            colour_modulation,
+            seed,
+            rules,
+            material_count,
+            max_slope_deg: OnceLock::new(),
+        }
+    }
+
+    /// How the quadtree lies over this world.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Elevations that height 0 and 65535 of every payload stand for, metres. One range for all nodes: heights on shared edges have
+    /// equal bits.
+    pub fn height_range_m(&self) -> (f64, f64) {
+        self.height_range_m
+    }
+
+    /// Width and depth of the data, metres, centred on the origin.
+    pub fn extent_m(&self) -> [f64; 2] {
+        self.half_extent_m.map(|h| 2.0 * h)
+    }
+
+    /// Elevation of the continuous source, metres, within [`World::height_range_m`]. Outside the data, that of the nearest edge.
+    pub fn height_m(&self, x: f64, y: f64) -> f64 {
+        let height = match &self.source {
+            Source::Generated(generator) => generator.height_m(x, y),
+            Source::Data { map, detail_m, relief } => {
+                if *detail_m > 0.0 {
+                    let (h, dx, dy) = map.sample(x, y);
+                    h + relief.offset_m(x, y, h, (dx * dx + dy * dy).sqrt(), *detail_m)
+                } else {
+                    map.sample(x, y).0
+                }
+            }
+        };
+        height.clamp(self.height_range_m.0, self.height_range_m.1)
+    }
+
+    /// The elevation that slope and curvature are measured on, metres: the source less the relief finer than the footprint.
+    fn broad_height_m(&self, x: f64, y: f64) -> f64 {
+        match &self.source {
+            Source::Generated(generator) => generator.broad_height_m(x, y),
+            Source::Data { .. } => self.height_m(x, y),
+        }
+    }
+
+    /// The nearest 16-bit height.
+    pub fn quantise(&self, height_m: f64) -> u16 {
+        let (low, high) = self.height_range_m;
+        ((height_m - low) / (high - low) * 65535.0).round().clamp(0.0, 65535.0) as u16
+    }
+
+    /// The elevation, in metres, that a 16-bit height stands for.
+    pub fn elevation_m(&self, height: u16) -> f64 {
+        let (low, high) = self.height_range_m;
+        low + (high - low) * (f64::from(height) / 65535.0)
+    }
+
+    /// Height of the finest grid as drawn, metres: quantised vertices, triangles with alternating diagonals (Ruling 11).
+    /// Positions outside the world count as on its edge.
+    pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
+        let spacing = self.layout.spacing_m(self.layout.finest_lod);
+        let half = self.layout.world_m() / 2.0;
+        let last = self.layout.world_m() / spacing - 1.0;
+        let locate = |v: f64| {
+            let at = (v + half) / spacing;
+            let cell = at.floor().clamp(0.0, last);
+            (cell, (at - cell).clamp(0.0, 1.0))
+        };
+        let ((i, u), (j, v)) = (locate(x), locate(y));
+        let vertex = |di: f64, dj: f64| {
+            let height = self.height_m((i + di) * spacing - half, (j + dj) * spacing - half);
+            self.elevation_m(self.quantise(height))
+        };
+        let corners = [vertex(0.0, 0.0), vertex(1.0, 0.0), vertex(0.0, 1.0), vertex(1.0, 1.0)];
+        // A node has an even number of quads, so world indices alternate like a node's own.
+        payload::height_in_quad(corners, payload::diagonal_rises(i as usize, j as usize), u, v)
+    }
+
+    /// Whether a node exists: it is no finer than the data deserve and touches the data's area.
+    pub fn exists(&self, node: NodeId) -> bool {
+        let side = if node.lod < LODS { NodeId::per_side(node.lod) } else { 0 };
+        if node.lod < self.layout.finest_lod || node.x >= side || node.y >= side {
+            return false;
+        }
+        let low = node.origin_m(&self.layout).to_array();
+        let edge = self.layout.node_m(node.lod);
+        (0..2).all(|k| low[k] < self.half_extent_m[k] && low[k] + edge > -self.half_extent_m[k])
+    }
+
+    /// Whether there is no ground at a place: in one of the scene's holes (their rim belongs to the ground), or outside the data.
+    pub fn is_hole(&self, x: f64, y: f64) -> bool {
+        let outside = x.abs() > self.half_extent_m[0] || y.abs() > self.half_extent_m[1];
+        outside
+            || self.holes.iter().any(|hole| {
+                let (dx, dy) = (x - hole.centre[0], y - hole.centre[1]);
+                dx * dx + dy * dy < hole.radius_m * hole.radius_m
+            })
+    }
+
+    /// Whether a rectangle (south-west, north-east) is certainly free of holes.
+    fn is_whole(&self, low: [f64; 2], high: [f64; 2]) -> bool {
+        let inside = (0..2).all(|k| low[k] >= -self.half_extent_m[k] && high[k] <= self.half_extent_m[k]);
+        let touched = |hole: &Hole| (0..2).all(|k| hole.centre[k] + hole.radius_m > low[k] && hole.centre[k] - hole.radius_m < high[k]);
+        inside && !self.holes.iter().any(touched)
+    }
+
+    /// The splat rules.
+    pub fn rules(&self) -> &Rules {
+        &self.rules
+    }
+
+    /// Width over which rules measure slope and curvature, metres: a power of two, at least 4 and at least the data's spacing.
+    pub fn footprint_m(&self) -> f64 {
+        self.footprint_m
+    }
+
+    /// Slope in degrees and mean curvature in 1/m (convex positive) at a place, as the rules see them up to their interpolation.
+    pub fn relief_at(&self, x: f64, y: f64) -> (f64, f64) {
+        let reach = self.footprint_m / 2.0;
+        let h = |dx: f64, dy: f64| self.broad_height_m(x + dx, y + dy);
+        payload::slope_and_curvature(payload::differences(h(0.0, 0.0), h(-reach, 0.0), h(reach, 0.0), h(0.0, -reach), h(0.0, reach), reach))
+    }
+
+    /// Palette index of the material at a place.
+    pub fn material_at(&self, x: f64, y: f64) -> u8 {
+        let (slope_deg, curvature) = self.relief_at(x, y);
+        self.rules.material_at(self.height_m(x, y), slope_deg, curvature, x, y)
+    }
+
+    fn material_count(&self) -> usize {
+        self.material_count
+    }
+
+    fn colour_modulation(&self) -> f64 {
+        self.colour_modulation
+    }
+
+    /// Colour modulation at a place: 0.5 leaves a colour alone. Broad patches of light and dark with a slight shift of hue.
+    fn modulation_at(&self, x: f64, y: f64) -> [f64; 3] {
+        let seed = hash::pcg4d([self.seed, 0xc0, 0x10, 0x5e])[0];
+        let light = rules::value_noise(x / 90.0, y / 90.0, seed) - 0.5;
+        let hue = rules::value_noise(x / 210.0, y / 210.0, seed ^ 0x5bd1_e995) - 0.5;
+        [0.35, 0.0, -0.35].map(|shift| (0.5 + self.colour_modulation * (light + shift * hue)).clamp(0.0, 1.0))
+    }
+
+    /// Makes a node's payload.
+    ///
+    /// # Panics
+    /// If the palette lacks a material of the scene.
+    pub fn bake(&self, node: NodeId, palette: &PaletteMeans) -> NodePayload {
+        payload::bake(self, node, palette)
+    }
+
+    /// Makes the payloads of many nodes on rayon's worker threads, in the order given; the result does not depend on their number.
+    /// `on_done` is called once per finished node, in any order.
+    ///
+    /// # Panics
+    /// If the palette lacks a material of the scene.
+    pub fn bake_many(&self, nodes: &[NodeId], palette: &PaletteMeans, on_done: impl Fn() + Sync) -> Vec<NodePayload> {
+        let bake = |&node: &NodeId| {
+            let payload = self.bake(node, palette);
+            on_done();
+            payload
+        };
+        nodes.par_iter().map(bake).collect()
+    }
+
+    /// The steepest slope, degrees. Exact for data without added relief (over all triangles of neighbouring samples); else the steepest of
+    /// a coarse scan with differences over the finest spacing. Computed once.
+    pub fn max_slope_deg(&self) -> f64 {
+        *self.max_slope_deg.get_or_init(|| {
+            let of_data = match &self.source {
+                Source::Data { map, .. } => map.max_slope(),
+                Source::Generated(_) => 0.0,
+            };
+            let adds_relief = match &self.source {
+                Source::Data { detail_m, .. } => *detail_m > 0.0,
+                Source::Generated(_) => true,
+            };
+            let scanned = if adds_relief { self.scan_slope() } else { 0.0 };
+            of_data.max(scanned).atan().to_degrees()
+        })
+    }
+
+    fn scan_slope(&self) -> f64 {
+        const SIDE: u32 = 192;
+        let step = self.layout.spacing_m(self.layout.finest_lod);
+        let row = |j: u32| {
+            let slope = |i: u32| {
+                let at = |k: u32, axis: usize| ((f64::from(k) + 0.5) / f64::from(SIDE) * 2.0 - 1.0) * (self.half_extent_m[axis] - step);
+                let (x, y) = (at(i, 0), at(j, 1));
+                let h = self.height_m(x, y);
+                let (dx, dy) = (self.height_m(x + step, y) - h, self.height_m(x, y + step) - h);
+                (dx * dx + dy * dy).sqrt() / step
+            };
+            (0..SIDE).map(slope).fold(0.0, f64::max)
+        };
+        (0..SIDE).into_par_iter().map(row).reduce(|| 0.0, f64::max)
+    }
+}
+
+/// Rules never measure slope over less, metres: boulders are not cliffs.
+const MIN_FOOTPRINT_M: f64 = 4.0;
+
+/// Runs work, and what it does in parallel, on so many threads instead of one per core; 0 = one per core.
+///
+/// # Errors
+/// [`Error::Request`] if the system refuses that many threads.
+pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    Ok(pool.map_err(|e| Error::Request(format!("{threads} worker threads: {e}; ask for fewer")))?.install(work))
+}

@@ -1,0 +1,398 @@
+//! A node's payload: everything streaming loads for one quadtree node (SYSTEMS A).
+//!
+//! One grid of heights, wider than the node by a border, serves heights, normals and cones, so that they agree. Slope and curvature
+//! for the splat rules are measured with a fixed footprint in metres whatever the node's LOD: a coarse node lays the same materials.
+
+use std::sync::LazyLock;
+
+use super::blocks::{self, BlockFormat, Effort};
+use super::{NodeId, World, cones};
+
+/// Heights along a node's edge.
+pub const HEIGHT_SIDE: usize = 129;
+/// Texels along the edge of normal, albedo and colour modulation: 128 and 2 of border on each side.
+pub const TEXTURE_SIDE: usize = 132;
+/// Splat texels along a node's edge.
+pub const SPLAT_SIDE: usize = 65;
+/// Border texels on each side.
+pub const BORDER: usize = 2;
+/// Bytes of a payload.
+pub const PAYLOAD_BYTES: usize = 72_419;
+
+/// Heights along the edge of the working grid: vertices -2..=130, so that each of the 132 texels has its 4 corners.
+const GRID_SIDE: usize = TEXTURE_SIDE + 1;
+/// Splat texels along the edge of the working grid: -1..=65, so that border texels of the albedo lie between four.
+const SPLAT_GRID_SIDE: usize = SPLAT_SIDE + 2;
+
+/// Mean looks of the palette's materials, for the baked albedo and the packed channels; one entry per material.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PaletteMeans {
+    /// Linear mean albedo, tint included, 0..=1.
+    pub albedo: Vec<[f32; 3]>,
+    /// Mean smoothness (1 - perceptual roughness), 0..=1.
+    pub smoothness: Vec<f32>,
+    /// Mean specular occlusion, 0..=1, 1 = open.
+    pub specular_occlusion: Vec<f32>,
+}
+
+/// What is loaded for one node; 72 419 bytes in GPU formats.
+///
+/// Vertex (i, j) lies at i/128, j/128 of the node's edge from its south-west corner; row 0 is south. Texel (i, j) of a 132 x 132 image
+/// has its centre at (i - 1.5)/128; splat texel (i, j) lies at i/64.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NodePayload {
+    /// Which node.
+    pub id: NodeId,
+    /// Lowest of `height`.
+    pub min_height: u16,
+    /// Highest of `height`.
+    pub max_height: u16,
+    /// R16_UNORM 129 x 129: elevation over [`World::height_range_m`].
+    pub height: Vec<u16>,
+    /// BC3 132 x 132: alpha = 0.5 n.x + 0.5, green = 0.5 n.y + 0.5 of the world-space normal (z > 0), red = smoothness, blue = specular
+    /// occlusion.
+    pub normal: Vec<u8>,
+    /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 where vertex (i - 2, j - 2) lies in a hole.
+    pub albedo: Vec<u8>,
+    /// BC1 132 x 132, linear; 0.5 leaves the colour alone, c multiplies it by 2 c.
+    pub colour_modulation: Vec<u8>,
+    /// R8 65 x 65: palette index.
+    pub splat: Vec<u8>,
+    /// BC3 8 x 8: a cone per patch, see [`cones`].
+    pub cones: Vec<u8>,
+}
+
+impl NodePayload {
+    /// Size of all textures together, in bytes: [`PAYLOAD_BYTES`].
+    pub fn bytes(&self) -> usize {
+        self.height.len() * 2 + self.normal.len() + self.albedo.len() + self.colour_modulation.len() + self.splat.len() + self.cones.len()
+    }
+}
+
+/// Makes the payload of a node.
+pub(super) fn bake(world: &World, id: NodeId, palette: &PaletteMeans) -> NodePayload {
+    let materials = world.material_count();
+    assert!(
+        palette.albedo.len() >= materials && palette.smoothness.len() >= materials && palette.specular_occlusion.len() >= materials,
+        "palette means for all {materials} materials of the scene"
+    );
+    let grid = Grid::of(world, id);
+    let height = grid.quantised(world);
+    let splat_grid = splat(world, &grid);
+    let mut splat = Vec::with_capacity(SPLAT_SIDE * SPLAT_SIDE);
+    for j in 0..SPLAT_SIDE {
+        splat.extend_from_slice(&splat_grid[(j + 1) * SPLAT_GRID_SIDE + 1..][..SPLAT_SIDE]);
+    }
+    let looks = Looks::of(&splat_grid, palette);
+    NodePayload {
+        id,
+        min_height: height.iter().copied().min().unwrap_or(0),
+        max_height: height.iter().copied().max().unwrap_or(0),
+        normal: normals(&grid, &looks),
+        albedo: albedo(world, &grid, &looks),
+        colour_modulation: colour_modulation(world, &grid),
+        splat,
+        cones: cones::encode(&patch_normals(world, &height, grid.spacing)),
+        height,
+    }
+}
+
+/// Heights of a node and its border, metres, before quantisation.
+struct Grid {
+    /// South-west corner of the node, world metres.
+    origin: [f64; 2],
+    /// Distance of two vertices, metres.
+    spacing: f64,
+    heights: Vec<f64>,
+}
+
+impl Grid {
+    fn of(world: &World, id: NodeId) -> Grid {
+        let layout = world.layout();
+        let origin = id.origin_m(layout).to_array();
+        let spacing = layout.spacing_m(id.lod);
+        let mut grid = Grid { origin, spacing, heights: Vec::with_capacity(GRID_SIDE * GRID_SIDE) };
+        for j in 0..GRID_SIDE {
+            for i in 0..GRID_SIDE {
+                let [x, y] = grid.vertex(i, j);
+                grid.heights.push(world.height_m(x, y));
+            }
+        }
+        grid
+    }
+
+    /// World position of the working grid's vertex (i, j), i.e. of the node's vertex (i - 2, j - 2). Spacing and origin are dyadic
+    /// fractions, so neighbours compute the very same position.
+    fn vertex(&self, i: usize, j: usize) -> [f64; 2] {
+        let at = |origin: f64, k: usize| origin + (k as f64 - BORDER as f64) * self.spacing;
+        [at(self.origin[0], i), at(self.origin[1], j)]
+    }
+
+    fn height(&self, i: usize, j: usize) -> f64 {
+        self.heights[j * GRID_SIDE + i]
+    }
+
+    fn quantised(&self, world: &World) -> Vec<u16> {
+        let mut height = Vec::with_capacity(HEIGHT_SIDE * HEIGHT_SIDE);
+        for j in 0..HEIGHT_SIDE {
+            for i in 0..HEIGHT_SIDE {
+                height.push(world.quantise(self.height(i + BORDER, j + BORDER)));
+            }
+        }
+        height
+    }
+
+    /// Unit normal at the centre of texel (i, j), from its four corners.
+    fn normal(&self, i: usize, j: usize) -> [f64; 3] {
+        let [sw, se, nw, ne] = [self.height(i, j), self.height(i + 1, j), self.height(i, j + 1), self.height(i + 1, j + 1)];
+        let dx = (se - sw + ne - nw) / (2.0 * self.spacing);
+        let dy = (nw - sw + ne - se) / (2.0 * self.spacing);
+        crate::shared::real::normalize([-dx, -dy, 1.0])
+    }
+}
+
+/// Materials of splat texels -1..=65.
+fn splat(world: &World, grid: &Grid) -> Vec<u8> {
+    let step = 2.0 * grid.spacing;
+    let relief = RuleRelief::of(world, grid.origin, step);
+    let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
+    for j in 0..SPLAT_GRID_SIDE {
+        for i in 0..SPLAT_GRID_SIDE {
+            // Splat texel i - 1 is the working grid's vertex 2 (i - 1) + 2.
+            let [x, y] = grid.vertex(2 * i, 2 * j);
+            let (slope_deg, curvature) = relief.at(i, j);
+            splat.push(world.rules().material_at(grid.height(2 * i, 2 * j), slope_deg, curvature, x, y));
+        }
+    }
+    splat
+}
+
+/// Slope and curvature at splat texels, from differences over a fixed footprint.
+///
+/// Both are defined on a lattice of half the footprint, fixed in the world, and linear in between: texels finer than the lattice share
+/// its samples, coarser ones lie on it, so all LODs see one function.
+struct RuleRelief {
+    values: Vec<(f64, f64)>,
+}
+
+impl RuleRelief {
+    fn of(world: &World, origin: [f64; 2], step: f64) -> RuleRelief {
+        let reach = world.footprint_m() / 2.0;
+        let count = SPLAT_GRID_SIDE;
+        let start = [origin[0] - step, origin[1] - step];
+        let mut values = Vec::with_capacity(count * count);
+        if step < reach {
+            // Lattice nodes around the texels, one more on each side for differences.
+            let first = start.map(|s| (s / reach).floor() - 1.0);
+            let side = ((count - 1) as f64 * step / reach).ceil() as usize + 4;
+            let mut lattice = Vec::with_capacity(side * side);
+            for j in 0..side {
+                for i in 0..side {
+                    lattice.push(world.broad_height_m((first[0] + i as f64) * reach, (first[1] + j as f64) * reach));
+                }
+            }
+            let at = |i: usize, j: usize| lattice[j * side + i];
+            let mut measured = vec![[0.0; 3]; side * side];
+            for j in 1..side - 1 {
+                for i in 1..side - 1 {
+                    measured[j * side + i] = differences(at(i, j), at(i - 1, j), at(i + 1, j), at(i, j - 1), at(i, j + 1), reach);
+                }
+            }
+            for j in 0..count {
+                for i in 0..count {
+                    let u = (start[0] + i as f64 * step) / reach - first[0];
+                    let v = (start[1] + j as f64 * step) / reach - first[1];
+                    let (a, b) = (u.floor(), v.floor());
+                    let corner = |k: usize| measured[(b as usize + k / 2) * side + a as usize + k % 2];
+                    let (fu, fv) = (u - a, v - b);
+                    let weights = [(1.0 - fu) * (1.0 - fv), fu * (1.0 - fv), (1.0 - fu) * fv, fu * fv];
+                    let mean = |c: usize| (0..4).map(|k| weights[k] * corner(k)[c]).sum::<f64>();
+                    values.push(slope_and_curvature([mean(0), mean(1), mean(2)]));
+                }
+            }
+        } else {
+            for j in 0..count {
+                for i in 0..count {
+                    let (x, y) = (start[0] + i as f64 * step, start[1] + j as f64 * step);
+                    let h = |dx: f64, dy: f64| world.broad_height_m(x + dx, y + dy);
+                    let d = differences(h(0.0, 0.0), h(-reach, 0.0), h(reach, 0.0), h(0.0, -reach), h(0.0, reach), reach);
+                    values.push(slope_and_curvature(d));
+                }
+            }
+        }
+        RuleRelief { values }
+    }
+
+    fn at(&self, i: usize, j: usize) -> (f64, f64) {
+        self.values[j * SPLAT_GRID_SIDE + i]
+    }
+}
+
+/// dh/dx, dh/dy, and minus half the Laplacian, by central differences.
+pub(super) fn differences(centre: f64, west: f64, east: f64, south: f64, north: f64, reach: f64) -> [f64; 3] {
+    [(east - west) / (2.0 * reach), (north - south) / (2.0 * reach), (4.0 * centre - west - east - south - north) / (2.0 * reach * reach)]
+}
+
+pub(super) fn slope_and_curvature([dx, dy, curvature]: [f64; 3]) -> (f64, f64) {
+    ((dx * dx + dy * dy).sqrt().atan().to_degrees(), curvature)
+}
+
+/// Mean looks at the 132 x 132 texel centres, between the four splat texels around each.
+struct Looks {
+    /// Linear RGB, smoothness, specular occlusion.
+    texels: Vec<[f32; 5]>,
+}
+
+impl Looks {
+    fn of(splat_grid: &[u8], palette: &PaletteMeans) -> Looks {
+        let look = |index: u8| {
+            let i = usize::from(index);
+            let [r, g, b] = palette.albedo[i];
+            [r, g, b, palette.smoothness[i], palette.specular_occlusion[i]]
+        };
+        let mut texels = Vec::with_capacity(TEXTURE_SIDE * TEXTURE_SIDE);
+        // Texel i lies at (i - 1.5)/128 of the edge: in splat texels (i - 1.5)/2, in the working grid one more.
+        let place = |i: usize| {
+            let at = (i as f32 - 1.5) / 2.0 + 1.0;
+            let cell = at.floor();
+            (cell as usize, at - cell)
+        };
+        for j in 0..TEXTURE_SIDE {
+            let (b, v) = place(j);
+            for i in 0..TEXTURE_SIDE {
+                let (a, u) = place(i);
+                let at = |i: usize, j: usize| splat_grid[j * SPLAT_GRID_SIDE + i];
+                let ids = [at(a, b), at(a + 1, b), at(a, b + 1), at(a + 1, b + 1)];
+                if ids.iter().all(|&id| id == ids[0]) {
+                    texels.push(look(ids[0]));
+                    continue;
+                }
+                let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+                let mut sum = [0.0; 5];
+                for (id, weight) in ids.into_iter().zip(weights) {
+                    for (s, c) in sum.iter_mut().zip(look(id)) {
+                        *s += weight * c;
+                    }
+                }
+                texels.push(sum);
+            }
+        }
+        Looks { texels }
+    }
+}
+
+fn unorm8(v: f64) -> u8 {
+    (v * 255.0).round().clamp(0.0, 255.0) as u8
+}
+
+fn normals(grid: &Grid, looks: &Looks) -> Vec<u8> {
+    let mut rgba = Vec::with_capacity(TEXTURE_SIDE * TEXTURE_SIDE * 4);
+    for j in 0..TEXTURE_SIDE {
+        for i in 0..TEXTURE_SIDE {
+            let n = grid.normal(i, j);
+            let look = looks.texels[j * TEXTURE_SIDE + i];
+            let stored = |v: f64| unorm8(v * 0.5 + 0.5);
+            rgba.extend_from_slice(&[unorm8(f64::from(look[3])), stored(n[1]), unorm8(f64::from(look[4])), stored(n[0])]);
+        }
+    }
+    // The normal matters most: smoothness and occlusion ride along on the colour line that suits it.
+    blocks::encode(BlockFormat::Bc3, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [0.15, 1.0, 0.1], Effort::Fast)
+}
+
+/// sRGB bytes of 4097 evenly spaced linear values (IEC 61966-2-1): the square root hides the coarse dark end well enough at 8 bits,
+/// so the table is indexed by it.
+static SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let encode = |root: f64| {
+        let linear = root * root;
+        let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+        unorm8(encoded)
+    };
+    (0..=4096).map(|i| encode(f64::from(i) / 4096.0)).collect()
+});
+
+fn srgb8(linear: f32) -> u8 {
+    SRGB[(linear.clamp(0.0, 1.0).sqrt() * 4096.0).round() as usize]
+}
+
+fn albedo(world: &World, grid: &Grid, looks: &Looks) -> Vec<u8> {
+    let mut rgba = Vec::with_capacity(TEXTURE_SIDE * TEXTURE_SIDE * 4);
+    let far = TEXTURE_SIDE - 1;
+    let whole = world.is_whole(grid.vertex(0, 0), grid.vertex(far, far));
+    for j in 0..TEXTURE_SIDE {
+        for i in 0..TEXTURE_SIDE {
+            let look = looks.texels[j * TEXTURE_SIDE + i];
+            let [x, y] = grid.vertex(i, j);
+            let alpha = if whole || !world.is_hole(x, y) { 255 } else { 0 };
+            rgba.extend_from_slice(&[srgb8(look[0]), srgb8(look[1]), srgb8(look[2]), alpha]);
+        }
+    }
+    blocks::encode(BlockFormat::Bc1, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [0.3, 0.6, 0.1], Effort::Fast)
+}
+
+/// The image that changes nothing: all texels neutral.
+static NEUTRAL: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let rgba = [128, 128, 128, 255].repeat(TEXTURE_SIDE * TEXTURE_SIDE);
+    blocks::encode(BlockFormat::Bc1, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [1.0; 3], Effort::Fast)
+});
+
+fn colour_modulation(world: &World, grid: &Grid) -> Vec<u8> {
+    if world.colour_modulation() <= 0.0 {
+        return NEUTRAL.clone();
+    }
+    let mut rgba = Vec::with_capacity(TEXTURE_SIDE * TEXTURE_SIDE * 4);
+    for j in 0..TEXTURE_SIDE {
+        for i in 0..TEXTURE_SIDE {
+            let [x, y] = grid.vertex(i, j);
+            let half = grid.spacing / 2.0;
+            let [r, g, b] = world.modulation_at(x + half, y + half);
+            rgba.extend_from_slice(&[unorm8(r), unorm8(g), unorm8(b), 255]);
+        }
+    }
+    blocks::encode(BlockFormat::Bc1, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [1.0; 3], Effort::Fast)
+}
+
+/// Whether the quad (i, j) is split from its south-west to its north-east corner; the others from south-east to north-west.
+///
+/// The diagonals alternate, so that every second vertex touches 8 triangles (Ruling 11).
+pub const fn diagonal_rises(i: usize, j: usize) -> bool {
+    (i + j).is_multiple_of(2)
+}
+
+/// Unit normals of the two triangles of each quad, gathered by patch; of the heights as drawn.
+fn patch_normals(world: &World, height: &[u16], spacing: f64) -> Vec<Vec<[f64; 3]>> {
+    let quads = HEIGHT_SIDE - 1;
+    let per_patch = quads / cones::PATCHES;
+    let mut patches = vec![Vec::new(); cones::PATCHES * cones::PATCHES];
+    let at = |i: usize, j: usize| world.elevation_m(height[j * HEIGHT_SIDE + i]);
+    for j in 0..quads {
+        for i in 0..quads {
+            let patch = &mut patches[j / per_patch * cones::PATCHES + i / per_patch];
+            let corners = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
+            for [dx, dy] in triangle_gradients(corners, diagonal_rises(i, j)) {
+                patch.push(crate::shared::real::normalize([-dx / spacing, -dy / spacing, 1.0]));
+            }
+        }
+    }
+    patches
+}
+
+/// Height differences per quad along x and y of the two triangles of a quad with corner heights south-west, south-east, north-west,
+/// north-east: first the triangle with the southern edge, then the one with the northern.
+pub(super) fn triangle_gradients([sw, se, nw, ne]: [f64; 4], rises: bool) -> [[f64; 2]; 2] {
+    if rises { [[se - sw, ne - se], [ne - nw, nw - sw]] } else { [[se - sw, nw - sw], [ne - nw, ne - se]] }
+}
+
+/// Height inside a quad of the same corners, at u, v in 0..=1 from its south-west corner.
+pub(super) fn height_in_quad(corners: [f64; 4], rises: bool, u: f64, v: f64) -> f64 {
+    let [sw, _, _, ne] = corners;
+    let [southern, northern] = triangle_gradients(corners, rises);
+    if rises {
+        // The southern triangle holds u >= v; both start from the south-west corner.
+        let [dx, dy] = if u >= v { southern } else { northern };
+        sw + dx * u + dy * v
+    } else if u + v <= 1.0 {
+        sw + southern[0] * u + southern[1] * v
+    } else {
+        ne - northern[0] * (1.0 - u) - northern[1] * (1.0 - v)
+    }
+}

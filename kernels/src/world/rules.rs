@@ -1,0 +1,141 @@
+//! Splat rules: which material lies where, from height, slope, curvature and noise.
+//!
+//! The weight of a rule is a product of trapezoid masks (see [`crate::scene::Rule`]); the rule of the largest weight wins.
+
+use crate::scene::{Rule, Scene, World};
+use crate::shared::hash;
+
+/// Rules made ready: names resolved to palette indices, noise thresholds from covers.
+#[derive(Clone, Debug)]
+pub struct Rules {
+    rules: Vec<Prepared>,
+}
+
+#[derive(Clone, Debug)]
+struct Prepared {
+    material: u8,
+    rule: Rule,
+    seed: u32,
+    threshold: f64,
+}
+
+/// Half the width of a noise mask's ramp, in units of the noise.
+const NOISE_RAMP: f64 = 0.08;
+
+impl Rules {
+    /// Prepares the rules of a validated scene.
+    ///
+    /// # Panics
+    /// If a rule names a material that the scene lacks, or there are more than 256 materials: validation refuses both.
+    pub fn new(scene: &Scene) -> Rules {
+        let seed = match scene.world {
+            World::Procedural { seed, .. } | World::Heightmap { seed, .. } => seed,
+        };
+        let quantiles = noise_quantiles();
+        let rules = scene.rules.iter().zip(0u32..).map(|(rule, index)| {
+            let position = scene.materials.iter().position(|m| m.name == rule.material);
+            let material = position.expect("validation checks that every rule's material exists");
+            let at = (1.0 - rule.noise_cover).clamp(0.0, 1.0) * (quantiles.len() - 1) as f64;
+            Prepared {
+                material: u8::try_from(material).expect("validation allows at most 256 materials"),
+                rule: rule.clone(),
+                seed: hash::pcg4d([seed, index, 0x51a7, 1])[0],
+                threshold: quantiles[at.round() as usize],
+            }
+        });
+        Rules { rules: rules.collect() }
+    }
+
+    /// Palette index of the material at a place: height in metres, slope in degrees, mean curvature in 1/m (convex positive),
+    /// world position in metres. Where every rule's weight is 0, the first rule's material.
+    pub fn material_at(&self, height_m: f64, slope_deg: f64, curvature: f64, x: f64, y: f64) -> u8 {
+        let mut best = (0.0, self.rules.first().map_or(0, |r| r.material));
+        for prepared in &self.rules {
+            let mut weight = prepared.geometric_weight(height_m, slope_deg, curvature);
+            // Noise is the dear factor, and it only ever lowers a weight.
+            if weight > 0.0 && weight >= best.0 {
+                weight *= prepared.noise_mask(x, y);
+                if weight > 0.0 && weight >= best.0 {
+                    best = (weight, prepared.material);
+                }
+            }
+        }
+        best.1
+    }
+
+    /// Weights of all rules at a place, in the scene's order.
+    pub fn weights_at(&self, height_m: f64, slope_deg: f64, curvature: f64, x: f64, y: f64) -> Vec<f64> {
+        let weight = |p: &Prepared| p.geometric_weight(height_m, slope_deg, curvature) * p.noise_mask(x, y);
+        self.rules.iter().map(weight).collect()
+    }
+}
+
+impl Prepared {
+    fn geometric_weight(&self, height_m: f64, slope_deg: f64, curvature: f64) -> f64 {
+        let rule = &self.rule;
+        rule.weight
+            * trapezoid(height_m, rule.height_m, rule.height_fade_m)
+            * trapezoid(slope_deg, rule.slope_deg, rule.slope_fade_deg)
+            * trapezoid(curvature, rule.curvature, rule.curvature_fade)
+    }
+
+    fn noise_mask(&self, x: f64, y: f64) -> f64 {
+        let rule = &self.rule;
+        if rule.noise_m <= 0.0 || rule.noise_cover >= 1.0 {
+            return 1.0;
+        }
+        if rule.noise_cover <= 0.0 {
+            return 0.0;
+        }
+        let noise = value_noise(x / rule.noise_m, y / rule.noise_m, self.seed);
+        let t = ((noise - self.threshold) / (2.0 * NOISE_RAMP) + 0.5).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    }
+}
+
+/// 1 inside the band, falling linearly to 0 over `fade` on either side; 1 everywhere without a band.
+fn trapezoid(value: f64, band: Option<[f64; 2]>, fade: f64) -> f64 {
+    let Some([from, to]) = band else { return 1.0 };
+    let outside = (from - value).max(value - to).max(0.0);
+    if outside <= 0.0 {
+        1.0
+    } else if outside < fade {
+        1.0 - outside / fade
+    } else {
+        0.0
+    }
+}
+
+/// Value noise in 0..=1 on a unit lattice: two octaves, the finer at 2.7 times the frequency and a third of the weight.
+pub fn value_noise(x: f64, y: f64, seed: u32) -> f64 {
+    let coarse = lattice_noise(x, y, seed);
+    // A turned lattice (a 3-4-5 triangle), so that the two octaves' cells do not line up.
+    let fine = lattice_noise((0.8 * x - 0.6 * y) * 2.7, (0.6 * x + 0.8 * y) * 2.7, seed ^ 0x9e37_79b9);
+    0.75 * coarse + 0.25 * fine
+}
+
+fn lattice_noise(x: f64, y: f64, seed: u32) -> f64 {
+    let (cell_x, cell_y) = (x.floor(), y.floor());
+    let (fx, fy) = (x - cell_x, y - cell_y);
+    // Lattice indices wrap at 2^32: a period no world reaches.
+    let (ix, iy) = (cell_x as i64 as u32, cell_y as i64 as u32);
+    let row = |j: u32| {
+        let corner = |i: u32| f64::from(hash::pcg4d([ix.wrapping_add(i), iy.wrapping_add(j), seed, 0x0a7e])[0]) / f64::from(u32::MAX);
+        let t = fx * fx * (3.0 - 2.0 * fx);
+        let (a, b) = (corner(0), corner(1));
+        a + (b - a) * t
+    };
+    let t = fy * fy * (3.0 - 2.0 * fy);
+    let (a, b) = (row(0), row(1));
+    a + (b - a) * t
+}
+
+/// 257 quantiles of [`value_noise`], measured: covers are shares of the ground, and the noise is not uniform.
+fn noise_quantiles() -> Vec<f64> {
+    const SIDE: u32 = 128;
+    let mut values: Vec<f64> = (0..SIDE * SIDE)
+        .map(|i| value_noise(f64::from(i % SIDE) * 0.618_034 + 0.31, f64::from(i / SIDE) * 0.618_034 + 0.17, 0x7157))
+        .collect();
+    values.sort_by(f64::total_cmp);
+    (0..=256usize).map(|q| values[q * (values.len() - 1) / 256]).collect()
+}

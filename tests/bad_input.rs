@@ -1,0 +1,395 @@
+//! The command line against wrong calls and wrong files: one line that says what, where and how to mend it, and the exit status.
+//!
+//! Runs the built program (`cargo build -p experiments` in the same profile, as `make test` does first).
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+use std::time::SystemTime;
+
+use kernels::probe::PROBES;
+
+/// The program, built beside this test's own binary, and not older than its sources: a stale one would be tested in vain.
+fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let here = std::env::current_exe().expect("a test knows where it is");
+        let folder = here.parent().and_then(Path::parent).expect("tests lie in target/PROFILE/deps");
+        let program = folder.join(format!("experiments{}", std::env::consts::EXE_SUFFIX));
+        let profile = if folder.ends_with("release") { " --release" } else { "" };
+        let remedy = format!("run `cargo build{profile} -p experiments` first, or `make test`");
+        assert!(program.is_file(), "{} is missing: {remedy}", program.display());
+        let built = fs::metadata(&program).and_then(|m| m.modified()).expect("the program has a time");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let newest = newest_source(&root.join("experiments/src")).max(newest_source(&root.join("kernels/src")));
+        if let Some((time, source)) = newest {
+            assert!(time <= built, "{} is older than {}: {remedy}", program.display(), source.display());
+        }
+        program
+    })
+}
+
+/// The source file of a folder and those in it that was changed last.
+fn newest_source(folder: &Path) -> Option<(SystemTime, PathBuf)> {
+    let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok).map(|entry| entry.path());
+    let newest = entries.filter_map(|path| match path.extension().and_then(|e| e.to_str()) {
+        None if path.is_dir() => newest_source(&path),
+        Some("rs" | "wgsl" | "toml") => Some((fs::metadata(&path).and_then(|m| m.modified()).ok()?, path)),
+        _ => None,
+    });
+    newest.max()
+}
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(program())
+        .args(arguments)
+        .output()
+        .expect("the program can be started")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("the program writes UTF-8")
+}
+
+/// The call is wrong: exit 2, and stderr names what.
+fn usage_error(arguments: &[&str], says: &[&str]) {
+    let output = run(arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+    assert!(output.stdout.is_empty(), "{arguments:?} wrote to stdout");
+    for part in says {
+        assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
+    }
+    assert!(!stderr.contains("internal error"), "{arguments:?}: {stderr}");
+}
+
+/// The work fails: exit 1, and one line on stderr that names what.
+fn failure(arguments: &[&str], says: &[&str]) {
+    let output = run(arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {stderr}");
+    assert!(
+        stderr.starts_with("error: ") && stderr.ends_with('\n') && stderr.lines().count() == 1,
+        "{arguments:?}: {stderr:?}"
+    );
+    for part in says {
+        assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
+    }
+}
+
+/// Exit 0; what was written to stdout.
+fn success(arguments: &[&str]) -> String {
+    let output = run(arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// A folder of its own, removed at the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("scree-bad-input-{name}-{}", std::process::id()));
+        fs::create_dir_all(&path).expect("the temporary folder can be made");
+        Folder(path)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+
+    fn write(&self, name: &str, contents: &str) -> String {
+        fs::write(self.0.join(name), contents).expect("a temporary file can be written");
+        self.path(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn wrong_calls_are_usage_errors() {
+    let render = |more: &[&'static str]| {
+        let mut all = vec!["render", "--camera", "cliff", "--out", "x.png"];
+        all.extend_from_slice(more);
+        all
+    };
+    usage_error(&[], &["Usage"]);
+    usage_error(&["rendr"], &["rendr", "render"]);
+    usage_error(&["render", "--out", "x.png"], &["--camera", "--pose"]);
+    usage_error(&["render", "--camera", "cliff"], &["--out"]);
+    usage_error(&["render", "--camera", "cliff", "--out", "x.jpg"], &[".exr", ".png"]);
+    usage_error(&["render", "--camera", "cliff", "--out", "x"], &[".exr", ".png"]);
+    usage_error(
+        &["render", "--camera", "cliff", "--pose", "0,0,0,0,0", "--out", "x.png"],
+        &["cannot be used with"],
+    );
+    usage_error(&["render", "--pose", "0,0,0,0", "--out", "x.png"], &["X,Y,Z,YAW,PITCH"]);
+    usage_error(&["render", "--pose", "0,0,nan,0,0", "--out", "x.png"], &["finite"]);
+    usage_error(&["render", "--pose", "-5,0,9,0,95", "--out", "x.png"], &["PITCH"]);
+    for wrong in ["0", "32", "-1", "4294967297"] {
+        usage_error(
+            &["render", "--camera", "cliff", "--out", "x.png", &format!("--variant={wrong}")],
+            &["1 to 31", wrong],
+        );
+    }
+    usage_error(&render(&["--variant", "vt+vt2"]), &["did you mean `vt`?"]);
+    for wrong in ["0x0", "1000000x1", "16385x1", "16384x16384"] {
+        usage_error(
+            &["render", "--camera", "cliff", "--out", "x.png", "--size", wrong],
+            &["16384", "2^26"],
+        );
+    }
+    usage_error(&render(&["--size", "960"]), &["WIDTHxHEIGHT"]);
+    usage_error(&render(&["--size", "-4x4"]), &["-4"]);
+    usage_error(&render(&["--size=-4x4"]), &["WIDTHxHEIGHT"]);
+    usage_error(&render(&["--fov", "176"]), &["1..=175"]);
+    usage_error(&render(&["--fov", "-5"]), &["1..=175"]);
+    usage_error(&render(&["--noise", "blue"]), &["hashed-anisotropic", "white"]);
+    usage_error(&render(&["--estimator", "best"]), &["fc5", "exact"]);
+    usage_error(&render(&["--reference", "0"]), &["1..=65536"]);
+    usage_error(&render(&["--reference", "4", "--variant", "splat"]), &["cannot be used with"]);
+    usage_error(&render(&["--seed=-1"]), &["--seed"]);
+    usage_error(&render(&["--frames", "0"]), &["--frames"]);
+    usage_error(&render(&["--aov", "albedo"]), &["--aov", ".exr"]);
+    usage_error(
+        &["render", "--camera", "cliff", "--out", "x.exr", "--aov", "albedo,albdo"],
+        &["albdo", "albedo"],
+    );
+    usage_error(&["demo", "--seeds", "1"], &["--seeds"]);
+    usage_error(&["demo", "--size", "0x0"], &["16384"]);
+    usage_error(&["explain"], &["SCENE"]);
+    usage_error(&["import", "x.png", "--out", "y"], &["--metres-per-texel"]);
+    usage_error(&["import", "x.png", "--metres-per-texel", "0", "--out", "y"], &["above 0"]);
+    usage_error(&["import", "x.png", "--metres-per-texel", "nan", "--out", "y"], &["finite"]);
+    usage_error(
+        &["import", "x.png", "--metres-per-texel", "1", "--height-range", "5,5", "--out", "y"],
+        &["LO must be below HI"],
+    );
+    usage_error(
+        &["import", "x.png", "--metres-per-texel", "1", "--window", "0,0,1,1", "--out", "y"],
+        &["X,Y,W,H"],
+    );
+    usage_error(
+        &["import", "x.raw", "--metres-per-texel", "1", "--raw-size", "0x9", "--out", "y"],
+        &["at least 2"],
+    );
+    usage_error(&["probe"], &["KERNEL"]);
+    usage_error(
+        &["probe", "select", "--on", "f16", "--input", "a", "--output", "b"],
+        &["gpu", "f32", "f64"],
+    );
+    usage_error(&["probe", "select", "--input", "a.csv"], &["--output"]);
+}
+
+#[test]
+fn help_and_version_are_no_errors() {
+    for arguments in [
+        &["--help"][..],
+        &["help", "render"],
+        &["render", "--help"],
+        &["probe", "--help"],
+        &["--version"],
+    ] {
+        assert!(!success(arguments).is_empty());
+    }
+    assert!(success(&["--help"]).contains("Exit status"));
+}
+
+#[test]
+fn output_that_cannot_be_written_is_refused_before_the_work() {
+    let folder = Folder::new("output");
+    let render = |out: &str, says: &[&str]| failure(&["render", "--camera", "cliff", "--out", out], says);
+    render(&folder.path("missing/x.png"), &["no folder", "missing", "create it"]);
+    let file = folder.write("file", "");
+    render(&format!("{file}/x.png"), &["is not a folder"]);
+    fs::create_dir(folder.path("taken.png")).expect("a folder can be made");
+    render(&folder.path("taken.png"), &["is a folder"]);
+    // Nothing is left behind by the trial.
+    failure(
+        &["render", "--camera", "clif", "--out", &folder.path("x.png")],
+        &["did you mean `cliff`?"],
+    );
+    let mut left: Vec<_> = fs::read_dir(&folder.0)
+        .expect("readable")
+        .filter_map(|e| e.ok()?.file_name().into_string().ok())
+        .collect();
+    left.sort();
+    assert_eq!(left, ["file", "taken.png"]);
+}
+
+#[test]
+fn wrong_scenes_fail_with_their_place() {
+    let folder = Folder::new("scene");
+    failure(&["explain", "defualt"], &["did you mean `default`?"]);
+    failure(&["explain", &folder.path("no.toml")], &["no such file"]);
+    failure(&["explain", &folder.path("")], &["no scene.toml"]);
+    let bad = folder.write("bad.toml", &kernels::scene::DEFAULT_TEXT.replacen("anisotropy", "anisotropie", 1));
+    failure(&["explain", &bad], &["bad.toml:", "did you mean `anisotropy`?"]);
+    let out = folder.path("x.png");
+    failure(
+        &["render", "--scene", &bad, "--camera", "cliff", "--out", &out],
+        &["did you mean `anisotropy`?"],
+    );
+    failure(
+        &["render", "--camera", "clif", "--out", &out],
+        &["no camera `clif`", "did you mean `cliff`?"],
+    );
+    failure(
+        &["render", "--camera", "spaceship", "--out", &out],
+        &["no camera `spaceship`", "cliff", "vista"],
+    );
+    failure(
+        &["render", "--path", "sidewards", "--out", &out],
+        &["no path `sidewards`", "did you mean `sideways`?"],
+    );
+}
+
+#[test]
+fn explain_prints_both_lists_and_json() {
+    let printed = success(&["explain", "default"]);
+    assert!(printed.contains("required") && printed.contains("not required"), "{printed}");
+    let json: serde_json::Value = serde_json::from_str(&success(&["explain", "default", "--json"])).expect("JSON");
+    assert_eq!(json["variants"].as_array().map(Vec::len), Some(31));
+    assert!(json["texture_bytes"].as_u64().is_some_and(|bytes| bytes > 0));
+}
+
+#[test]
+fn wrong_imports_fail_before_the_file_is_read() {
+    let folder = Folder::new("import");
+    let import = |heightmap: &str, out: &str, says: &[&str]| failure(&["import", heightmap, "--metres-per-texel", "1", "--out", out], says);
+    import(&folder.path("no.png"), &folder.path("new"), &["there is no file"]);
+    let file = folder.write("heights.png", "not an image");
+    import(&file, &folder.path(""), &["is not empty"]);
+    import(&file, &file, &["is a file"]);
+    import(&file, &folder.path("missing/new"), &["there is no folder"]);
+}
+
+#[test]
+fn probe_tables_are_checked() {
+    let folder = Folder::new("probe");
+    let out = folder.path("out.csv");
+    let probe = |contents: &str, says: &[&str]| {
+        let input = folder.write("in.csv", contents);
+        failure(&["probe", "select", "--on", "f64", "--input", &input, "--output", &out], says);
+    };
+    probe("", &["is empty", "w_0,w_1,w_2,w_3,u"]);
+    probe("w_0,w_1,w_2,w_3,u\n", &["no rows"]);
+    probe("w_0,w_1,w_2,u\n1,1,1,0\n", &["no column `w_3`", "w_0,w_1,w_2,w_3,u"]);
+    probe(
+        "w_0,w_1,w_2,w_3,u\n1,1,1,1,0\n1,1,x,1,0\n",
+        &["line 3", "`w_2`", "`x` is not a number"],
+    );
+    probe("w_0,w_1,w_2,w_3,u\n1,1,1,1\n", &["line 2", "4 cells", "5"]);
+    probe("w_0,w_0,w_1,w_2,w_3,u\n1,1,1,1,1,1\n", &["more than one column `w_0`"]);
+    probe("w_0,w_1,w_2,w_3,u,of_4\n1,1,1,1,1,1\n", &["already has a column `of_4`"]);
+    let input = folder.write(
+        "seed.csv",
+        &format!("{}\n{}\n", header("hashed-alpha"), "0,0.5,0,1,1,1,64,1,0,0,0,1,0,1,0,0"),
+    );
+    failure(
+        &["probe", "hashed-alpha", "--on", "f32", "--input", &input, "--output", &out],
+        &["line 2", "`sector_x`", "whole numbers"],
+    );
+    failure(
+        &["probe", "octahedron", "--input", &input, "--output", &out],
+        &["no kernel", "octahedral"],
+    );
+    failure(
+        &[
+            "probe",
+            "select",
+            "--on",
+            "f64",
+            "--input",
+            &folder.path("no.csv"),
+            "--output",
+            &out,
+        ],
+        &["cannot open", "no.csv"],
+    );
+    failure(
+        &[
+            "probe",
+            "select",
+            "--on",
+            "f64",
+            "--input",
+            &input,
+            "--output",
+            &folder.path("no/out.csv"),
+        ],
+        &["no folder"],
+    );
+    assert!(!PathBuf::from(&out).exists(), "a failed probe left its output");
+}
+
+fn header(kernel: &str) -> String {
+    let probe = PROBES.iter().find(|p| p.name == kernel).expect("there is such a probe");
+    probe.inputs.iter().map(|c| c.name).collect::<Vec<_>>().join(",")
+}
+
+#[test]
+fn probe_keeps_the_table_and_adds_its_results() {
+    let folder = Folder::new("table");
+    let input = folder.write(
+        "in.csv",
+        "note,u,w_3,w_2,w_1,w_0\nfirst,0.1,1,1,1,1\nlast,0.9,1,1,1,1\nnone,0.5,0,0,2,0\n",
+    );
+    let out = folder.path("out.csv");
+    for on in ["f64", "f32"] {
+        assert_eq!(success(&["probe", "select", "--on", on, "--input", &input, "--output", &out]), "");
+        let made = fs::read_to_string(&out).expect("the output is there");
+        let expected = "note,u,w_3,w_2,w_1,w_0,of_4,of_3\nfirst,0.1,1,1,1,1,0,0\nlast,0.9,1,1,1,1,3,2\nnone,0.5,0,0,2,0,1,1\n";
+        assert_eq!(made, expected);
+    }
+}
+
+#[test]
+fn every_probe_is_listed_and_runs_on_both_references() {
+    let folder = Folder::new("every");
+    let listed = success(&["probe", "--list"]);
+    let json: serde_json::Value = serde_json::from_str(&success(&["probe", "--list", "--json"])).expect("JSON");
+    assert_eq!(json.as_array().map(Vec::len), Some(PROBES.len()));
+    for probe in PROBES {
+        assert!(listed.contains(probe.name), "{} is not listed", probe.name);
+        // 1 is in the range of every column.
+        let ones = vec!["1"; probe.inputs.len()].join(",");
+        let input = folder.write("in.csv", &format!("{}\n{ones}\n", header(probe.name)));
+        for on in ["f64", "f32"] {
+            let out = folder.path("out.csv");
+            success(&["probe", probe.name, "--on", on, "--input", &input, "--output", &out]);
+            let made = fs::read_to_string(&out).expect("the output is there");
+            let cells = made.lines().nth(1).map_or(0, |row| row.split(',').count());
+            assert_eq!(cells, probe.inputs.len() + probe.outputs.len(), "{made}");
+            for (column, cell) in probe
+                .outputs
+                .iter()
+                .zip(made.lines().nth(1).unwrap_or_default().split(',').skip(probe.inputs.len()))
+            {
+                let value: f64 = cell.parse().expect("a number");
+                assert!(value.is_finite(), "{} {}", probe.name, column.name);
+                assert_eq!(column.accepts(value), Ok(()), "{} {}", probe.name, column.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_checks_above_can_fail() {
+    // A wrong exit status, a missing text and a second line must each be caught.
+    let caught = |check: fn()| std::panic::catch_unwind(check).is_err();
+    assert!(caught(|| usage_error(&["explain", "nowhere"], &[])), "exit 1 passed for exit 2");
+    assert!(caught(|| failure(&["render"], &[])), "exit 2 passed for exit 1");
+    assert!(
+        caught(|| failure(&["explain", "nowhere"], &["sunshine"])),
+        "a text that is not there was found"
+    );
+    assert!(caught(|| {
+        success(&["explain", "nowhere"]);
+    }));
+}

@@ -1,0 +1,222 @@
+//! Host structs and the WGSL structs they are copied into: names, offsets, sizes and kinds of number, by reflection.
+
+use std::mem::offset_of;
+
+use kernels::classification;
+use kernels::culling::Patch;
+use kernels::frame::FrameUniforms;
+use kernels::inspect::Inspected;
+use kernels::materials::PaletteEntry;
+use kernels::shared::flavour_weights::FlavourParams;
+use kernels::virtual_texture::PageJob;
+use naga::{ScalarKind, TypeInner};
+
+use crate::shaders::{sources, validate};
+
+/// What a field is made of; `None` = a struct, compared on its own.
+trait Field {
+    const KIND: Option<ScalarKind>;
+}
+
+macro_rules! kinds {
+    ($($kind:ident: $type:ty),*) => { $(impl Field for $type { const KIND: Option<ScalarKind> = Some(ScalarKind::$kind); })* };
+}
+kinds!(Float: f32, Uint: u32, Sint: i32);
+
+impl<T: Field, const N: usize> Field for [T; N] {
+    const KIND: Option<ScalarKind> = T::KIND;
+}
+
+impl Field for FlavourParams {
+    const KIND: Option<ScalarKind> = None;
+}
+
+/// Name, offset, size, kind of a field.
+type Row = (String, usize, usize, Option<ScalarKind>);
+
+#[derive(Debug, PartialEq)]
+struct Layout {
+    fields: Vec<Row>,
+    size: usize,
+}
+
+/// Size and kind of what a projection gives.
+fn shape<T, F: Field>(_: fn(&T) -> &F) -> (usize, Option<ScalarKind>) {
+    (size_of::<F>(), F::KIND)
+}
+
+/// The layout of a host struct. A field left out does not compile.
+macro_rules! host {
+    ($type:ident { $($field:ident),* $(,)? }) => {{
+        let _ = |all: $type| { let $type { $($field: _),* } = all; };
+        Layout {
+            fields: vec![$({
+                let (size, kind) = shape(|s: &$type| &s.$field);
+                (stringify!($field).to_owned(), offset_of!($type, $field), size, kind)
+            }),*],
+            size: size_of::<$type>(),
+        }
+    }};
+}
+
+/// The layout of a struct of a module.
+fn shader(module: &naga::Module, name: &str) -> Option<Layout> {
+    let (members, span) = module.types.iter().find_map(|(_, t)| match &t.inner {
+        TypeInner::Struct { members, span } if t.name.as_deref() == Some(name) => Some((members, *span)),
+        _ => None,
+    })?;
+    let fields = members
+        .iter()
+        .map(|m| {
+            let inner = &module.types[m.ty].inner;
+            let kind = match inner {
+                TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => Some(scalar.kind),
+                TypeInner::Vector { scalar, .. } | TypeInner::Matrix { scalar, .. } => Some(scalar.kind),
+                _ => None,
+            };
+            (m.name.clone().unwrap_or_default(), m.offset as usize, inner.size(module.to_ctx()) as usize, kind)
+        })
+        .collect();
+    Some(Layout { fields, size: span as usize })
+}
+
+/// Host structs with the name of their WGSL counterpart.
+fn pairs() -> Vec<(&'static str, Layout)> {
+    let mut patch = host!(Patch { node_origin, spacing, slot, patch, deltas, lod });
+    // `patch` is a reserved word of WGSL.
+    for (name, ..) in &mut patch.fields {
+        if name == "patch" {
+            name.push_str("_xy");
+        }
+    }
+    vec![
+        (
+            "Frame",
+            host!(FrameUniforms {
+                clip_from_local,
+                camera,
+                sector_m,
+                ray_00,
+                near_m,
+                ray_dx,
+                height_low_m,
+                ray_dy,
+                height_span_m,
+                camera_sector,
+                size,
+                seed,
+                frame,
+                forced_mask,
+                page_levels,
+                tiles,
+                hash_scale,
+                height_sharpness,
+                triplanar_sharpness,
+                gradient_scale,
+                page_texels_per_m,
+                page_anisotropy,
+                flavours,
+                sun_direction,
+                taps,
+                sun_irradiance,
+                pad_2,
+                sky_zenith,
+                pad_3,
+                sky_horizon,
+                pad_4,
+            }),
+        ),
+        (
+            "FlavourParams",
+            host!(FlavourParams {
+                far_atlas_m,
+                cliff_far_atlas_m,
+                cliff_near_m,
+                distance_blend,
+                cliff_cos,
+                splat_cos,
+                splat_enabled,
+                vt_enabled,
+                padding,
+            }),
+        ),
+        ("Patch", patch),
+        (
+            "PaletteEntry",
+            host!(PaletteEntry {
+                albedo_layer,
+                normal_layer,
+                height_layer,
+                flags,
+                per_sector_fixed,
+                per_metre,
+                tint,
+                normal_strength,
+                mean_albedo,
+                mean_smoothness,
+            }),
+        ),
+        ("Inspected", host!(Inspected { position, slot, ddx, corner, ddy, pad, splat, bilinear })),
+        ("PageJob", host!(PageJob { sector, origin, texel_m, border, elevation, padding })),
+    ]
+}
+
+#[test]
+fn host_structs_have_the_shaders_layout() {
+    let modules: Vec<_> = sources()
+        .into_iter()
+        .map(|s| (s.name, validate(&s.text, naga::valid::Capabilities::all()).unwrap_or_else(|e| panic!("{e}")).0))
+        .collect();
+    for (name, host) in pairs() {
+        let found: Vec<_> = modules.iter().filter_map(|(module, m)| Some((module, shader(m, name)?))).collect();
+        assert!(!found.is_empty(), "no module declares `{name}`");
+        for (module, layout) in found {
+            assert_eq!(host, layout, "`{name}` of {module}: host left, shader right");
+        }
+    }
+}
+
+#[test]
+fn indirect_draws_have_the_shaders_layout() {
+    let text = sources().into_iter().find(|s| s.name == "classification, plain").expect("there is such a module").text;
+    let (module, _) = validate(&text, naga::valid::Capabilities::empty()).unwrap_or_else(|e| panic!("{e}"));
+    let layout = shader(&module, "DrawArguments").expect("the classification pass writes indirect draws");
+    // In the order of the WebGPU specification, drawIndirect: four 32-bit words.
+    let names = ["vertex_count", "instance_count", "first_vertex", "first_instance"];
+    let expected: Vec<Row> = (0..).zip(names).map(|(i, name)| (name.to_owned(), i * 4, 4, Some(ScalarKind::Uint))).collect();
+    assert_eq!(layout, Layout { fields: expected, size: 16 });
+    assert_eq!(layout.size as u64, classification::ARGUMENT_BYTES);
+}
+
+/// Negative controls: each of these must make a difference.
+#[test]
+fn layout_comparison_notices_drift() {
+    #[allow(dead_code, reason = "only its layout is looked at")]
+    #[repr(C)]
+    struct Ours {
+        cell: [i32; 2],
+        edge_m: f32,
+        slot: u32,
+        place: [f32; 3],
+        count: u32,
+    }
+    let ours = host!(Ours { cell, edge_m, slot, place, count });
+    let of = |body: &str| {
+        let text = format!("struct Ours {{ {body} }} @group(0) @binding(0) var<storage, read> list: array<Ours>;");
+        shader(&validate(&text, naga::valid::Capabilities::empty()).unwrap_or_else(|e| panic!("{e}")).0, "Ours").expect("declared")
+    };
+    let right = "cell: vec2<i32>, edge_m: f32, slot: u32, place: vec3<f32>, count: u32";
+    assert_eq!(ours, of(right));
+    for (change, wrong) in [
+        ("fields swapped", "cell: vec2<i32>, slot: u32, edge_m: f32, place: vec3<f32>, count: u32"),
+        ("a field renamed", "cell: vec2<i32>, edge: f32, slot: u32, place: vec3<f32>, count: u32"),
+        ("another kind of number", "cell: vec2<u32>, edge_m: f32, slot: u32, place: vec3<f32>, count: u32"),
+        ("a field missing", "cell: vec2<i32>, edge_m: f32, slot: u32, place: vec3<f32>"),
+        ("a field too many", "cell: vec2<i32>, edge_m: f32, slot: u32, place: vec3<f32>, count: u32, more: u32"),
+        ("another width", "cell: vec3<i32>, edge_m: f32, slot: u32, place: vec3<f32>, count: u32"),
+        // vec3 starts at a multiple of 16 bytes, three numbers do not.
+        ("alignment", "place: vec3<f32>, count: u32, cell: vec2<i32>, slot: u32, edge_m: f32"),
+    ] {
+        assert_ne!(ours, of(wrong), "{change}: not noticed");
+    }
+}

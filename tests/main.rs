@@ -1,0 +1,18 @@
+//! All tests of the project: this module list is their table of contents.
+
+#[cfg(test)]
+mod bad_input;
+#[cfg(test)]
+mod import;
+#[cfg(test)]
+mod layouts;
+#[cfg(test)]
+mod materials;
+#[cfg(test)]
+mod scene;
+#[cfg(test)]
+mod shaders;
+#[cfg(test)]
+mod shared;
+#[cfg(test)]
+mod world;

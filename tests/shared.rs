@@ -1,0 +1,1410 @@
+//! `kernels::shared` on the CPU: statistics of the noise, properties of every pair's reference, and that its WGSL is valid.
+//!
+//! Statistical tests have fixed seeds. Each states its null hypothesis; its family of N tests is held to a level of 0.1 % in all
+//! (each to 1 - 0.999^(1/N), Sidak). Where a comparator decides, a mutant that it must reject stands beside it.
+
+use kernels::scene::FlavourRules;
+use kernels::shared::flavour_weights::FlavourParams;
+use kernels::shared::noise::{HashedPoint, NoiseKind, TwoScales};
+use kernels::shared::real::{Real, add, dot, length, normalize, scale, sub};
+use kernels::shared::{brdf, derivatives, flavour_weights, hash, noise, octahedral, select, splat_blend, tiling, triplanar};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+
+// ---------------------------------------------------------------- tools
+
+/// SplitMix64 (Steele et al. 2014): not the generator under test.
+struct Random(u64);
+
+impl Random {
+    fn word(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+    fn unit(&mut self) -> f64 {
+        (self.word() >> 11) as f64 / 9_007_199_254_740_992.0
+    }
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+    fn below(&mut self, n: usize) -> usize {
+        (self.word() % n as u64) as usize
+    }
+    fn direction(&mut self) -> [f64; 3] {
+        let z = self.between(-1.0, 1.0);
+        let phi = self.between(0.0, std::f64::consts::TAU);
+        let r = (1.0 - z * z).sqrt();
+        [r * phi.cos(), r * phi.sin(), z]
+    }
+}
+
+/// Level of each of `tests` so that the family is at 0.1 %.
+fn sidak(tests: usize) -> f64 {
+    1.0 - 0.999_f64.powf(1.0 / tests as f64)
+}
+
+fn chi_square_p(statistic: f64, freedom: usize) -> f64 {
+    ChiSquared::new(freedom as f64).expect("freedom > 0").sf(statistic)
+}
+
+/// H0: counts follow the expected ones. p-value, `fixed` linear constraints taken off the freedom.
+fn goodness_p(counts: &[f64], expected: &[f64], fixed: usize) -> f64 {
+    let statistic = counts.iter().zip(expected).map(|(c, e)| (c - e) * (c - e) / e).sum();
+    chi_square_p(statistic, counts.len() - fixed)
+}
+
+/// H0: the samples are uniform in [0, 1). Chi-square over 64 bins.
+fn uniform_bins_p(samples: &[f64]) -> f64 {
+    let mut counts = [0.0; 64];
+    for x in samples {
+        counts[(x * 64.0) as usize] += 1.0;
+    }
+    goodness_p(&counts, &[samples.len() as f64 / 64.0; 64], 1)
+}
+
+/// H0: the samples are uniform in [0, 1). Kolmogorov-Smirnov, asymptotic with Stephens' correction.
+fn uniform_ks_p(samples: &[f64]) -> f64 {
+    let mut sorted = samples.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len() as f64;
+    let distance = sorted
+        .iter()
+        .enumerate()
+        .map(|(i, x)| (x - i as f64 / n).max((i + 1) as f64 / n - x))
+        .fold(0.0, f64::max);
+    let lambda = (n.sqrt() + 0.12 + 0.11 / n.sqrt()) * distance;
+    let term = |j: i32| f64::from(1 - 2 * ((j + 1) % 2)) * (-2.0 * f64::from(j * j) * lambda * lambda).exp();
+    if lambda < 0.2 {
+        1.0
+    } else {
+        (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0)
+    }
+}
+
+/// H0: the two are independent. Chi-square over an 8 x 8 table of equal cells.
+fn independent_p(pairs: &[(f64, f64)]) -> f64 {
+    let mut counts = [0.0; 64];
+    for (a, b) in pairs {
+        counts[(a * 8.0) as usize * 8 + (b * 8.0) as usize] += 1.0;
+    }
+    // Uniform margins are part of the null hypothesis, so only the total is fixed.
+    goodness_p(&counts, &[pairs.len() as f64 / 64.0; 64], 1)
+}
+
+/// H0: the two uniform variables do not correlate. Two-sided normal test.
+fn uncorrelated_p(pairs: &[(f64, f64)]) -> f64 {
+    let sum: f64 = pairs.iter().map(|(a, b)| (a - 0.5) * (b - 0.5)).sum();
+    let z = sum * 12.0 / (pairs.len() as f64).sqrt();
+    2.0 * Normal::standard().cdf(-z.abs())
+}
+
+fn sum<const N: usize>(w: [f64; N]) -> f64 {
+    w.iter().sum()
+}
+
+fn largest_difference<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
+    (0..N).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max)
+}
+
+// ---------------------------------------------------------------- hash
+
+#[test]
+fn hashes_have_their_published_values() {
+    // First outputs of the paper's pcg4d and pcg, worked out by hand from the published code.
+    fn pcg4d(v: [u32; 4]) -> [u32; 4] {
+        let [mut x, mut y, mut z, mut w] = v.map(|a| (u64::from(a) * 1_664_525 + 1_013_904_223) as u32);
+        let mad = |a: u32, b: u32, c: u32| ((u64::from(b) * u64::from(c) + u64::from(a)) & 0xffff_ffff) as u32;
+        for last in [false, true] {
+            x = mad(x, y, w);
+            y = mad(y, z, x);
+            z = mad(z, x, y);
+            w = mad(w, y, z);
+            if !last {
+                (x, y, z, w) = (x ^ (x >> 16), y ^ (y >> 16), z ^ (z >> 16), w ^ (w >> 16));
+            }
+        }
+        [x, y, z, w]
+    }
+    let mut random = Random(1);
+    for _ in 0..1000 {
+        let v = [0; 4].map(|_: u32| random.word() as u32);
+        assert_eq!(hash::pcg4d(v), pcg4d(v), "input {v:?}");
+    }
+    // The reference PCG stream (O'Neill 2014, 32-bit RXS-M-XS) is a permutation: no two of 2^16 neighbours meet.
+    let mut seen: Vec<u32> = (0..65_536).map(hash::pcg).collect();
+    seen.sort_unstable();
+    seen.dedup();
+    assert_eq!(seen.len(), 65_536);
+    assert_eq!(hash::to_unit::<f32>(u32::MAX).to_bits(), 0x3f7f_ffff);
+    assert_eq!(hash::to_unit::<f32>(255).to_bits(), 0);
+}
+
+#[test]
+fn parameters_mix_without_cancelling() {
+    let mut seen: Vec<u32> = Vec::new();
+    for seed in 0..40 {
+        for salt in 0..40 {
+            for level in 0..40 {
+                seen.push(hash::mix(seed, salt, level));
+            }
+        }
+    }
+    let distinct = |mut words: Vec<u32>| {
+        words.sort_unstable();
+        words.dedup();
+        words.len()
+    };
+    // 64 000 random words meet about half a time.
+    assert!(distinct(seen) >= 63_990);
+    // Negative control: a plain sum is no mixture.
+    let sums = (0..64_000).map(|i: u32| hash::pcg(i % 40 + i / 40 % 40 + i / 1600)).collect();
+    assert!(distinct(sums) < 63_990);
+}
+
+#[test]
+fn lattice_values_are_uniform_and_uncorrelated() {
+    let values: Vec<f64> = (-100..100)
+        .flat_map(|y| (-100..100).map(move |x| hash::unit2(x, y, 7, 3)))
+        .collect();
+    let along_x: Vec<_> = values.windows(2).map(|w| (w[0], w[1])).collect();
+    let along_y: Vec<_> = values.iter().zip(&values[200..]).map(|(&a, &b)| (a, b)).collect();
+    for p in [
+        uniform_bins_p(&values),
+        uniform_ks_p(&values),
+        independent_p(&along_x),
+        independent_p(&along_y),
+    ] {
+        assert!(p > sidak(4), "p = {p}");
+    }
+}
+
+// ---------------------------------------------------------------- noise
+
+const SECTOR_M: f64 = 64.0;
+/// 0, 10 km and 1000 km from the origin.
+const ORIGINS: [i32; 3] = [0, 156, 15_625];
+
+/// A random point some 260 km around a sector, so that even the largest cells hardly ever meet, at a random scale.
+fn random_point(random: &mut Random, origin: i32) -> HashedPoint<f64> {
+    let mut place = |around: i32| around + random.below(8192) as i32 - 4096;
+    let sector = [place(origin), place(-origin)];
+    // Beyond both ends of the scales, too.
+    let footprint = random.between(-17.0, 6.0).exp2();
+    let (a, b) = (random.direction(), random.direction());
+    HashedPoint {
+        sector,
+        position: [
+            random.between(0.0, SECTOR_M),
+            random.between(0.0, SECTOR_M),
+            random.between(0.0, 3000.0),
+        ],
+        sector_m: SECTOR_M,
+        ddx: scale(a, footprint),
+        ddy: scale(b, footprint * random.unit()),
+        hash_scale: 1.0,
+    }
+}
+
+fn as_f32(p: &HashedPoint<f64>) -> HashedPoint<f32> {
+    HashedPoint {
+        sector: p.sector,
+        position: p.position.map(|x| x as f32),
+        sector_m: p.sector_m as f32,
+        ddx: p.ddx.map(|x| x as f32),
+        ddy: p.ddy.map(|x| x as f32),
+        hash_scale: p.hash_scale as f32,
+    }
+}
+
+type Scales = fn(&HashedPoint<f64>, u32, u32) -> TwoScales<f64>;
+const HASHED: [(&str, Scales); 2] = [
+    ("isotropic", noise::isotropic_scales::<f64>),
+    ("anisotropic", noise::anisotropic_scales::<f64>),
+];
+
+fn sample(scales: Scales, origin: i32, count: usize, of: fn(&TwoScales<f64>) -> [f64; 4]) -> Vec<[f64; 4]> {
+    let mut random = Random(0x5eed + origin as u64);
+    (0..count).map(|_| of(&scales(&random_point(&mut random, origin), 11, 5))).collect()
+}
+
+fn column(samples: &[[f64; 4]], i: usize) -> Vec<f64> {
+    samples.iter().map(|s| s[i]).collect()
+}
+
+#[test]
+fn hashed_thresholds_are_uniform() {
+    // 2 kinds x 3 origins x 4 thresholds x 2 tests.
+    let level = sidak(48);
+    for (name, scales) in HASHED {
+        for origin in ORIGINS {
+            let samples = sample(scales, origin, 20_000, TwoScales::thresholds);
+            for i in 0..4 {
+                let x = column(&samples, i);
+                let (bins, ks) = (uniform_bins_p(&x), uniform_ks_p(&x));
+                assert!(
+                    bins > level && ks > level,
+                    "{name}, sector {origin}, threshold {i}: p = {bins}, {ks}"
+                );
+            }
+            // Negative control: the blend without its correction crowds around one half.
+            let blended = column(&sample(scales, origin, 20_000, TwoScales::blended), 0);
+            assert!(
+                uniform_bins_p(&blended) < level && uniform_ks_p(&blended) < level,
+                "{name}: mutant passed"
+            );
+        }
+    }
+}
+
+#[test]
+fn hashed_thresholds_are_uniform_in_f32() {
+    let mut random = Random(99);
+    let mut samples: Vec<[f64; 4]> = Vec::new();
+    for _ in 0..20_000 {
+        let point = as_f32(&random_point(&mut random, ORIGINS[2]));
+        samples.push(noise::hashed_isotropic(&point, 1, 2).map(f64::from));
+    }
+    for i in 0..4 {
+        let x = column(&samples, i);
+        assert!(uniform_bins_p(&x) > sidak(8) && uniform_ks_p(&x) > sidak(8), "threshold {i}");
+    }
+}
+
+#[test]
+fn thresholds_of_one_call_are_independent() {
+    // 3 kinds x 6 pairs x 2 tests.
+    let level = sidak(36);
+    let mut kinds: Vec<(&str, Vec<[f64; 4]>)> = HASHED
+        .iter()
+        .map(|&(name, scales)| (name, sample(scales, 156, 20_000, TwoScales::thresholds)))
+        .collect();
+    kinds.push((
+        "white",
+        (0..20_000).map(|i| noise::white_screen([i % 160, i / 160], 3, 1, 2)).collect(),
+    ));
+    for (name, samples) in &kinds {
+        for i in 0..4 {
+            for j in 0..i {
+                let pairs: Vec<_> = samples.iter().map(|s| (s[i], s[j])).collect();
+                let (table, line) = (independent_p(&pairs), uncorrelated_p(&pairs));
+                assert!(table > level && line > level, "{name}, thresholds {i} and {j}: p = {table}, {line}");
+            }
+        }
+        // Negative control: one number for two decisions, as it is and as its own blend with another.
+        let same: Vec<_> = samples.iter().map(|s| (s[0], s[0])).collect();
+        let leaning: Vec<_> = samples
+            .iter()
+            .map(|s| (s[0], noise::correct(0.9 * s[1] + 0.1 * s[0], 0.1)))
+            .collect();
+        assert!(
+            independent_p(&same) < level && uncorrelated_p(&leaning) < level,
+            "{name}: mutant passed"
+        );
+    }
+}
+
+#[test]
+fn neighbours_seeds_salts_frames_are_independent() {
+    let k = 3.0_f64;
+    // Exactly at a scale: the threshold is that of one cell, 2^-k wide.
+    let at = |x: f64, y: f64, z: f64| HashedPoint {
+        sector: [15_625, -15_625],
+        position: [x, y, z],
+        sector_m: SECTOR_M,
+        ddx: [(-k).exp2(), 0.0, 0.0],
+        ddy: [0.0; 3],
+        hash_scale: 1.0,
+    };
+    let cell = (-k).exp2();
+    let points: Vec<[f64; 3]> = (0..20_000)
+        .map(|i| [f64::from(i % 200) * cell, f64::from(i / 200) * cell, 100.0 + f64::from(i % 7)])
+        .collect();
+    let value = |[x, y, z]: [f64; 3], seed: u32, salt: u32| noise::hashed_isotropic(&at(x, y, z), seed, salt)[0];
+    let pairs = |other: &dyn Fn([f64; 3]) -> f64| -> Vec<(f64, f64)> { points.iter().map(|&p| (value(p, 4, 9), other(p))).collect() };
+    let doubled = |[x, y, z]: [f64; 3]| {
+        // The same cell numbers at the next scale.
+        let mut point = at(x / 2.0, y / 2.0, z / 2.0);
+        point.sector = [0; 2];
+        point.ddx = scale(point.ddx, 0.5);
+        noise::hashed_isotropic(&point, 4, 9)[0]
+    };
+    let near: Vec<(f64, f64)> = points
+        .iter()
+        .map(|&[x, y, z]| {
+            let mut here = at(x, y, z);
+            here.sector = [0; 2];
+            (noise::hashed_isotropic(&here, 4, 9)[0], doubled([x, y, z]))
+        })
+        .collect();
+    let pixels = |frame: u32| (0..20_000).map(move |i| noise::white_screen::<f64>([i % 200, i / 200], frame, 4, 9)[0]);
+    let families: [(&str, Vec<(f64, f64)>); 8] = [
+        ("x", pairs(&|[x, y, z]| value([x + cell, y, z], 4, 9))),
+        ("y", pairs(&|[x, y, z]| value([x, y + cell, z], 4, 9))),
+        ("z", pairs(&|[x, y, z]| value([x, y, z + cell], 4, 9))),
+        ("seed", pairs(&|p| value(p, 5, 9))),
+        ("salt", pairs(&|p| value(p, 4, 10))),
+        ("seed and salt swapped", pairs(&|p| value(p, 9, 4))),
+        ("scale", near),
+        ("frame", pixels(0).zip(pixels(1)).collect()),
+    ];
+    let level = sidak(2 * families.len());
+    for (name, pairs) in &families {
+        let (table, line) = (independent_p(pairs), uncorrelated_p(pairs));
+        assert!(table > level && line > level, "neighbours in {name}: p = {table}, {line}");
+    }
+    // Negative control: half a cell further is mostly the same cell.
+    let same = pairs(&|[x, y, z]| value([x + 0.5 * cell, y, z], 4, 9));
+    assert!(independent_p(&same) < level && uncorrelated_p(&same) < level);
+}
+
+#[test]
+fn cells_are_the_same_near_and_far() {
+    let point = |sector: i32, x: f64, footprint: f64| HashedPoint {
+        sector: [sector, 3],
+        position: [x, 12.3, 456.7],
+        sector_m: SECTOR_M,
+        ddx: [footprint, 0.0, 0.0],
+        ddy: [0.0, footprint, 0.0],
+        hash_scale: 1.0,
+    };
+    for footprint in [0.003, 0.1, 1.7, 40.0] {
+        for scales in HASHED.map(|(_, scales)| scales) {
+            // Where cells begin along 64 m, at three distances from the origin.
+            let borders = |sector: i32| -> Vec<u32> {
+                (1..4096u32)
+                    .filter(|&i| {
+                        let at = |i: u32| scales(&point(sector, f64::from(i) / 64.0, footprint), 1, 1).thresholds();
+                        at(i) != at(i - 1)
+                    })
+                    .collect()
+            };
+            assert_eq!(borders(0), borders(156));
+            assert_eq!(borders(0), borders(15_625));
+            // A point beyond its sector's edge lies in the neighbour's cell: no seam.
+            for i in 0..200 {
+                let x = f64::from(i) * 0.07;
+                let (over, own) = (point(15_625, SECTOR_M + x, footprint), point(15_626, x, footprint));
+                assert_eq!(scales(&over, 1, 1).coarse, scales(&own, 1, 1).coarse, "{x} m");
+                let north = |sector: i32, y: f64| HashedPoint {
+                    sector: [7, sector],
+                    position: [1.0, y, 456.7],
+                    ..over
+                };
+                assert_eq!(
+                    scales(&north(-156, SECTOR_M + x), 1, 1).coarse,
+                    scales(&north(-155, x), 1, 1).coarse,
+                    "{x} m north"
+                );
+                assert_ne!(scales(&north(-156, x), 1, 1).coarse, scales(&north(-155, x), 1, 1).coarse);
+            }
+        }
+    }
+    // f32 sees the same cells as f64: a million metres away coordinates still have their digits.
+    let mut random = Random(5);
+    for _ in 0..5000 {
+        let small = as_f32(&random_point(&mut random, 15_625));
+        let exact = HashedPoint {
+            sector: small.sector,
+            position: small.position.map(f64::from),
+            sector_m: 64.0,
+            ddx: small.ddx.map(f64::from),
+            ddy: small.ddy.map(f64::from),
+            hash_scale: 1.0,
+        };
+        let (a, b) = (noise::hashed_isotropic(&small, 1, 1), noise::hashed_isotropic(&exact, 1, 1));
+        // The blend follows log2 of the footprint, which f32 has to 16 * 2^-24; the correction's slope is at most 1/max(l, 1-l) <= 2,
+        // that in l at most 2 as well.
+        assert!(
+            largest_difference(a.map(f64::from), b) < 8.0 * 16.0 * f64::from(f32::EPSILON),
+            "{a:?} {b:?}"
+        );
+    }
+}
+
+#[test]
+fn thresholds_follow_the_scale_without_a_pop() {
+    let largest_step = |thresholds: &dyn Fn(f64) -> [f64; 4]| {
+        let mut before = thresholds(-4.0);
+        let mut step: f64 = 0.0;
+        for i in 1..40_000 {
+            let now = thresholds(-4.0 + f64::from(i) * 5e-4);
+            step = step.max(largest_difference(before, now));
+            before = now;
+        }
+        step
+    };
+    let at = |level: f64| {
+        let point = HashedPoint {
+            sector: [3, 4],
+            position: [10.1, 20.2, 30.3],
+            sector_m: SECTOR_M,
+            ddx: [(-level).exp2(), 0.0, 0.0],
+            ddy: [0.0; 3],
+            hash_scale: 1.0,
+        };
+        noise::isotropic_scales(&point, 1, 1)
+    };
+    // 5e-4 levels a step, times at most 4 for the correction.
+    assert!(largest_step(&|level| at(level).thresholds()) < 2.5e-3);
+    // Negative control: the larger cell alone pops at every power of two.
+    assert!(largest_step(&|level| at(level).coarse) > 0.1);
+}
+
+#[test]
+fn correction_is_the_distribution_function_of_the_blend() {
+    // P((1-l) U1 + l U2 < x) as the mean over U1 of the chance that U2 is small enough, by the midpoint rule.
+    let integral = |x: f64, l: f64| {
+        let n = 4000;
+        (0..n)
+            .map(|i| ((x - (1.0 - l) * (f64::from(i) + 0.5) / f64::from(n)) / l).clamp(0.0, 1.0))
+            .sum::<f64>()
+            / f64::from(n)
+    };
+    let worst = |candidate: &dyn Fn(f64, f64) -> f64| {
+        let mut worst: f64 = 0.0;
+        for l in [0.01, 0.1, 0.3, 0.5, 0.7, 0.95, 0.99] {
+            for i in 1..40 {
+                let x = f64::from(i) / 40.0;
+                worst = worst.max((candidate(x, l) - integral(x, l)).abs());
+            }
+        }
+        worst
+    };
+    // The integrand has two kinks with slope at most 1/l: midpoint error below 1/(l n²) times a few.
+    assert!(worst(&noise::correct) < 1e-5);
+    assert!(worst(&|x, _| x) > 0.01, "the mutant without correction passed");
+    assert!(
+        worst(&|x, l| noise::correct(x, (1.0 - l) * 0.9)) > 0.01,
+        "the mutant with a wrong factor passed"
+    );
+    for x in [0.0, 0.25, 0.75, 0.999] {
+        for l in [0.0, 1.0, 1e-30, f64::MIN_POSITIVE] {
+            assert!((noise::correct(x, l) - x).abs() < 1e-12);
+            assert!((noise::correct(x as f32, l as f32) - x as f32).abs() < 1e-6);
+        }
+        // Symmetric in l and 1-l.
+        assert!((noise::correct(x, 0.2) - noise::correct(x, 0.8)).abs() < 1e-12);
+    }
+    assert!(noise::correct(1.0_f32, 0.5) < 1.0);
+}
+
+#[test]
+fn noise_kinds_have_names_and_codes() {
+    for (i, kind) in NoiseKind::ALL.into_iter().enumerate() {
+        assert_eq!(kind.code() as usize, i);
+        assert_eq!(kind.to_string().parse(), Ok(kind));
+    }
+    let error = "blue".parse::<NoiseKind>().expect_err("not a kind").to_string();
+    assert!(
+        error.contains("blue") && NoiseKind::ALL.iter().all(|k| error.contains(k.name())),
+        "{error}"
+    );
+    let point = random_point(&mut Random(3), 0);
+    assert_eq!(
+        noise::thresholds(NoiseKind::HashedIsotropic, &point, [1, 2], 3, 4, 5),
+        noise::hashed_isotropic(&point, 4, 5)
+    );
+    assert_eq!(
+        noise::thresholds(NoiseKind::HashedAnisotropic, &point, [1, 2], 3, 4, 5),
+        noise::hashed_anisotropic(&point, 4, 5)
+    );
+    assert_eq!(
+        noise::thresholds::<f64>(NoiseKind::WhiteScreen, &point, [1, 2], 3, 4, 5),
+        noise::white_screen([1, 2], 3, 4, 5)
+    );
+}
+
+#[test]
+fn cells_are_about_a_pixel_wide() {
+    // Width of the larger cell over the footprint, hash_scale 1 and 2: between 1 and 2 times hash_scale.
+    for hash_scale in [1.0, 2.0] {
+        for footprint in [0.011, 0.3, 1.3] {
+            let at = |x: f64| HashedPoint {
+                sector: [0; 2],
+                position: [x, 0.5, 0.5],
+                sector_m: SECTOR_M,
+                ddx: [0.0, footprint, 0.0],
+                ddy: [0.0; 3],
+                hash_scale,
+            };
+            let coarse = |x: f64| noise::isotropic_scales(&at(x), 1, 1).coarse;
+            let cells = (1..6400)
+                .filter(|&i| coarse(f64::from(i) * 0.01 - 0.005) != coarse(f64::from(i - 1) * 0.01 - 0.005))
+                .count();
+            let width = SECTOR_M / (cells + 1) as f64 / footprint / hash_scale;
+            assert!((0.9..2.2).contains(&width), "{width} pixels at {footprint} m");
+        }
+    }
+}
+
+// ---------------------------------------------------------------- octahedral
+
+fn axes_survive<T: Real>(bits: u32) {
+    for axis in 0..3 {
+        for sign in [1.0, -1.0] {
+            let mut n = [T::zero(); 3];
+            n[axis] = T::of(sign);
+            let plain = octahedral::quantise(octahedral::encode(n), bits);
+            for code in [plain, octahedral::encode_precise(n, bits)] {
+                assert_eq!(octahedral::decode(octahedral::dequantise::<T>(code, bits)), n, "{bits} bits");
+            }
+            if bits == 8 {
+                for stored in [octahedral::quantise8(octahedral::encode(n)), octahedral::encode8_precise(n)] {
+                    assert_eq!(octahedral::decode(octahedral::dequantise8(stored)), n);
+                    // Through a byte, as a texture keeps it.
+                    let bytes = stored.map(|s| T::of(f64::from((s.to_f64() * 255.0).round() as u8)) / T::of(255.0));
+                    assert_eq!(octahedral::decode(octahedral::dequantise8(bytes)), n);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn axes_survive_exactly() {
+    for bits in [8, 12, 16] {
+        axes_survive::<f32>(bits);
+        axes_survive::<f64>(bits);
+    }
+    // Negative control: with all 256 codes zero falls between two of them.
+    let all_codes = |x: f64| ((x * 0.5 + 0.5) * 255.0).round() / 255.0 * 2.0 - 1.0;
+    assert_ne!(
+        octahedral::decode(octahedral::encode([0.0, 0.0, 1.0]).map(all_codes)),
+        [0.0, 0.0, 1.0]
+    );
+}
+
+#[test]
+fn octahedral_errors_are_the_published_ones() {
+    let errors = |code: &dyn Fn([f64; 3]) -> [f64; 2]| {
+        let mut random = Random(17);
+        let (mut mean, mut max): (f64, f64) = (0.0, 0.0);
+        for _ in 0..200_000 {
+            let n = random.direction();
+            let off = length(sub(octahedral::decode(code(n)), n));
+            let degrees = (2.0 * (off / 2.0).asin()).to_degrees();
+            mean += degrees / 200_000.0;
+            max = max.max(degrees);
+        }
+        (mean, max)
+    };
+    // Cigolle et al. 2014, table of mean and maximum errors, 16 bits in all: oct-P mean 0.314°, max 0.636°.
+    let published = |(mean, max): (f64, f64)| (0.310..0.319).contains(&mean) && (0.60..0.64).contains(&max);
+    let precise = errors(&|n| octahedral::dequantise(octahedral::encode_precise(n, 8), 8));
+    assert!(published(precise), "{precise:?}");
+    // Negative control: nearest codes alone are the survey's plain "oct": mean 0.337°, max 0.944°.
+    let plain = errors(&|n| octahedral::dequantise(octahedral::quantise(octahedral::encode(n), 8), 8));
+    assert!(
+        !published(plain) && (0.33..0.345).contains(&plain.0) && (0.88..0.95).contains(&plain.1),
+        "{plain:?}"
+    );
+    // Each bit halves the error.
+    for (bits, factor) in [(12, 16.0), (16, 256.0)] {
+        let (mean, max) = errors(&|n| octahedral::dequantise(octahedral::encode_precise(n, bits), bits));
+        assert!(
+            (mean * factor / precise.0 - 1.0).abs() < 0.03 && max * factor < 0.65,
+            "{bits} bits: {mean} {max}"
+        );
+    }
+    // And the code without quantisation is exact.
+    let exact = errors(&|n| octahedral::encode(n));
+    assert!(exact.1 < 1e-10, "{exact:?}");
+}
+
+// ---------------------------------------------------------------- derivatives
+
+/// The specification read plainly: hit of the neighbour's ray with the plane, minus the point.
+fn hit_minus_point(ray: [f64; 3], ray_step: [f64; 3], t: f64, n: [f64; 3]) -> [f64; 3] {
+    let point = scale(ray, t);
+    let neighbour = add(ray, ray_step);
+    sub(scale(neighbour, dot(n, point) / dot(n, neighbour)), point)
+}
+
+#[test]
+fn derivatives_are_ray_plane_intersections() {
+    type OnPlane = fn([f64; 3], [f64; 3], f64, [f64; 3]) -> [f64; 3];
+    let worst = |candidate: OnPlane, swap: bool| {
+        let mut random = Random(23);
+        let mut worst: f64 = 0.0;
+        let mut tested = 0;
+        while tested < 5000 {
+            // A camera's rays have depth 1 along its axis and steps across it.
+            let (right, up) = (normalize([0.8, 0.6, 0.0]), normalize([-0.3, 0.4, 0.9]));
+            let ray = add(random.direction(), add(scale(right, 0.3), scale(up, 0.2)));
+            let n = random.direction();
+            let steps = [scale(right, 1.0 / 960.0), scale(up, -1.0 / 960.0)];
+            if dot(n, ray).abs() < 0.05 * length(ray) {
+                continue;
+            }
+            tested += 1;
+            let t = random.between(-1.0, 13.0).exp2();
+            for (i, &step) in steps.iter().enumerate() {
+                let truth = hit_minus_point(ray, step, t, n);
+                // The mutant takes the derivative along x twice.
+                let given = candidate(ray, if swap { steps[0] } else { steps[i] }, t, scale(n, 3.0));
+                worst = worst.max(length(sub(given, truth)) / length(truth));
+                // In the plane.
+                if !swap {
+                    assert!(dot(given, n).abs() <= 1e-12 * length(given) * length(ray) / dot(n, ray).abs());
+                }
+            }
+        }
+        worst
+    };
+    // The plain form cancels some 13 bits of 53 here.
+    assert!(worst(derivatives::on_plane, false) < 1e-9);
+    assert!(worst(derivatives::on_plane, true) > 0.1, "the mutant passed");
+}
+
+#[test]
+fn derivatives_keep_their_digits_in_f32() {
+    let (ray, step, n) = ([0.31_f32, 0.92, -0.11], [1.0e-3_f32, -3.4e-4, 2.0e-5], [0.05_f32, -0.21, 0.97]);
+    let t = 9000.0_f32;
+    let truth = hit_minus_point(ray.map(f64::from), step.map(f64::from), f64::from(t), normalize(n.map(f64::from)));
+    let error = |d: [f32; 3]| length(sub(d.map(f64::from), truth)) / length(truth);
+    // Conditioned by the angle alone: n.r is a difference of terms about 3 times its size.
+    assert!(error(derivatives::on_plane(ray, step, t, n)) < 2e-6);
+    // Negative control: subtracting positions loses a factor of a thousand.
+    let unit = normalize(n);
+    let next = add(ray, step);
+    let plain = sub(scale(next, dot(unit, scale(ray, t)) / dot(unit, next)), scale(ray, t));
+    assert!(error(plain) > 2e-6);
+}
+
+#[test]
+fn grazing_derivatives_are_bounded() {
+    let step = [1e-3, 0.0, 0.0];
+    for tilt in [0.2, 0.02, 0.009, 1e-3, 1e-6, 0.0, -1e-6, -1e-3] {
+        for direction in [1.0, -1.0] {
+            let ray = [0.0, 1.0, -tilt];
+            let d = derivatives::on_plane(ray, scale([0.0, 0.0, 1e-3], direction), 100.0, [0.0, 0.0, 1.0]);
+            assert!(length(d) <= 100.0 * 1e-3 * (1.0 + 1.001 / derivatives::MIN_COSINE), "{d:?}");
+            let across = derivatives::on_plane(ray, step, 100.0, [0.0, 0.0, 1.0]);
+            assert!(largest_difference(across, [0.1, 0.0, 0.0]) < 1e-12, "{across:?}");
+        }
+    }
+}
+
+// ---------------------------------------------------------------- splat blend
+
+#[test]
+fn splat_weights_are_the_formula() {
+    let mut random = Random(31);
+    for _ in 0..5000 {
+        let fraction = [random.unit(), random.unit()];
+        let heights = [0.0; 4].map(|_| random.unit());
+        let k = random.between(0.0, 16.0);
+        let [x, y] = fraction;
+        let bent: Vec<f64> = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
+            .iter()
+            .zip(heights)
+            .map(|(w, h)| w * (k * h).exp2())
+            .collect();
+        let total: f64 = bent.iter().sum();
+        let given = splat_blend::weights(fraction, heights, k);
+        assert!(largest_difference(given, [0, 1, 2, 3].map(|i| bent[i] / total)) < 1e-13);
+        assert!((sum(given) - 1.0).abs() < 1e-15 * 4.0);
+        assert!(largest_difference(splat_blend::weights(fraction, heights, 0.0), splat_blend::bilinear(fraction)) < 1e-15);
+        // Only differences of height matter.
+        assert!(largest_difference(given, splat_blend::weights(fraction, heights.map(|h| h + 3.0), k)) < 1e-12);
+    }
+}
+
+#[test]
+fn splat_weights_are_stable_at_any_sharpness() {
+    let mut random = Random(37);
+    for _ in 0..20_000 {
+        // Also where the highest texel has next to no weight.
+        let fraction = [random.between(-150.0, 0.0).exp2() as f32, random.unit() as f32];
+        let heights = [0.0_f32; 4].map(|_| random.unit() as f32);
+        for k in [0.0_f32, 8.0, 1e3, 1e4, f32::MAX] {
+            let w = splat_blend::weights(fraction, heights, k);
+            assert!(w.iter().all(|w| (0.0..=1.0).contains(w)), "{fraction:?} {heights:?} {k}: {w:?}");
+            assert!((w.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        }
+    }
+    // The highest alone at last.
+    let sharp = splat_blend::weights([0.4, 0.4], [0.1, 0.9, 0.3, 0.2], 1e4);
+    assert!(largest_difference(sharp, [0.0, 1.0, 0.0, 0.0]) < 1e-12);
+}
+
+/// Largest jump of any texel's weight on a line through six texels: `weights` of a cell, twice.
+fn largest_jump(weights: &dyn Fn([f64; 2], [f64; 4]) -> [f64; 4], heights: [f64; 6]) -> f64 {
+    let along = |x: f64| {
+        // Texels (0,0) (1,0) (2,0) (0,1) (1,1) (2,1).
+        let cell = usize::from(x >= 1.0);
+        let at = [cell, cell + 1, cell + 3, cell + 4];
+        let w = weights([x - cell as f64, 0.3], at.map(|i| heights[i]));
+        let mut all = [0.0; 6];
+        for (i, w) in at.into_iter().zip(w) {
+            all[i] = w;
+        }
+        all
+    };
+    let steps = 20_000;
+    (1..=steps)
+        .map(|i| {
+            largest_difference(
+                along(2.0 * f64::from(i) / f64::from(steps)),
+                along(2.0 * f64::from(i - 1) / f64::from(steps)),
+            )
+        })
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn splat_weights_are_continuous_across_cells() {
+    let heights = [0.1, 0.8, 0.95, 0.4, 0.2, 0.7];
+    for k in [0.0, 1.0, 8.0] {
+        let jump = largest_jump(&|f, h| splat_blend::weights(f, h, k), heights);
+        // A step is 1e-4; a weight's slope is at most 2^(k dh) <= 2^(0.85 k).
+        assert!(jump < 1e-4 * (0.85 * k).exp2() * 2.0, "k = {k}: {jump}");
+    }
+    // Negative control: heights that act without the bilinear weight pop where a texel comes in.
+    let popping = |f: [f64; 2], h: [f64; 4]| {
+        let w = splat_blend::bilinear(f);
+        let bent: [f64; 4] = std::array::from_fn(|i| if w[i] > 0.0 { (8.0 * h[i]).exp2() } else { 0.0 });
+        bent.map(|b| b / sum(bent))
+    };
+    assert!(largest_jump(&popping, heights) > 1e-4 * (0.85_f64 * 8.0).exp2() * 2.0);
+}
+
+// ---------------------------------------------------------------- triplanar
+
+#[test]
+fn triplanar_weights_are_powers() {
+    let mut random = Random(41);
+    for _ in 0..2000 {
+        let n = random.direction();
+        let k = random.between(0.0, 12.0);
+        let powers = n.map(|x| x.abs().powf(k));
+        let w = triplanar::weights(scale(n, 7.0), k);
+        assert!(largest_difference(w, powers.map(|p| p / sum(powers))) < 1e-13);
+        assert!((sum(w) - 1.0).abs() < 1e-15 * 3.0);
+        let single = triplanar::weights(n.map(|x| x as f32), 1e4);
+        assert!((single.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+    }
+    assert_eq!(triplanar::weights([0.0, 0.0, -2.0], 4.0), [0.0, 0.0, 1.0]);
+    assert!(largest_difference(triplanar::weights([0.0, 0.0, -2.0], 0.0), [1.0 / 3.0; 3]) < 1e-15);
+    assert!(largest_difference(triplanar::weights([1.0, -1.0, 1.0], 1e4), [1.0 / 3.0; 3]) < 1e-12);
+    // Continuous around a great circle through all three.
+    let at = |i: u32| {
+        let phi = f64::from(i) * 1e-4;
+        triplanar::weights([phi.cos(), phi.sin() * 0.6, phi.sin() * 0.8], 8.0)
+    };
+    let jump = (1..63_000).map(|i| largest_difference(at(i), at(i - 1))).fold(0.0, f64::max);
+    assert!(jump < 1e-3, "{jump}");
+}
+
+#[test]
+fn gradients_go_where_coordinates_come_from() {
+    // A height a u + b v in a projection's plane changes along p by its volume gradient times p.
+    let (a, b, p): (f64, f64, _) = (0.3, -1.7, [2.0, 5.0, 11.0]);
+    for axis in 0..3 {
+        let [u, v] = triplanar::coordinates(p, axis);
+        let g = triplanar::from_gradient([a, b], axis);
+        assert!((dot(g, p) - (a * u + b * v)).abs() < 1e-12, "axis {axis}");
+        assert!(g[axis as usize].abs() < f64::MIN_POSITIVE);
+    }
+}
+
+#[test]
+fn perturbed_normals_are_those_of_the_displaced_plane() {
+    let worst = |perturb: fn([f64; 3], [f64; 3]) -> [f64; 3]| {
+        let mut random = Random(43);
+        (0..2000)
+            .map(|_| {
+                let n = random.direction();
+                let g = scale(random.direction(), random.between(0.0, 3.0));
+                // Two tangents of the plane, lifted along n by the height's change along them.
+                let other = if n[0].abs() < 0.7 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+                let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+                let s = normalize(cross(n, other));
+                let t = cross(n, s);
+                let lifted = |v: [f64; 3]| add(v, scale(n, dot(g, v)));
+                let truth = normalize(cross(lifted(s), lifted(t)));
+                largest_difference(perturb(n, g), truth)
+            })
+            .fold(0.0, f64::max)
+    };
+    assert!(worst(triplanar::perturb) < 1e-12);
+    assert!(
+        worst(|n, g| triplanar::perturb(n, scale(g, -1.0))) > 0.1,
+        "the mutant with the gradient's sign turned passed"
+    );
+    assert!(
+        worst(|n, g| normalize(sub(n, g))) > 0.1,
+        "the mutant with the whole gradient passed"
+    );
+}
+
+// ---------------------------------------------------------------- select
+
+/// H0: indices are chosen in proportion to the weights. Indices of weight 0 must not occur at all.
+fn frequencies_p<const N: usize>(weights: [f64; N], choose: &dyn Fn([f64; N], f64) -> usize) -> f64 {
+    let mut random = Random(47);
+    let mut counts = [0.0; N];
+    for _ in 0..20_000 {
+        counts[choose(weights, random.unit())] += 1.0;
+    }
+    let total: f64 = sum(weights);
+    let kept: Vec<(f64, f64)> = counts
+        .into_iter()
+        .zip(weights)
+        .filter(|&(c, w)| w > 0.0 || c > 0.0)
+        .map(|(c, w)| (c, 20_000.0 * w / total))
+        .collect();
+    if kept.iter().any(|&(_, e)| e <= 0.0) {
+        return 0.0;
+    }
+    let (counts, expected): (Vec<f64>, Vec<f64>) = kept.into_iter().unzip();
+    if counts.len() == 1 {
+        1.0
+    } else {
+        goodness_p(&counts, &expected, 1)
+    }
+}
+
+#[test]
+fn choices_occur_as_often_as_their_weights_say() {
+    let of_4 = [
+        [0.25, 0.25, 0.25, 0.25],
+        [0.7, 0.1, 0.15, 0.05],
+        [0.0, 0.5, 0.0, 0.5],
+        [3.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 2.0],
+        [0.01, 0.01, 0.01, 10.0],
+    ];
+    let of_3 = [[1.0, 1.0, 1.0], [0.6, 0.3, 0.1], [0.0, 0.2, 0.8]];
+    let level = sidak(of_4.len() + of_3.len());
+    for weights in of_4 {
+        assert!(frequencies_p(weights, &|w, u| select::of_4(w, u)) > level, "{weights:?}");
+    }
+    for weights in of_3 {
+        assert!(frequencies_p(weights, &|w, u| select::of_3(w, u)) > level, "{weights:?}");
+    }
+    // Negative controls: two indices swapped; the cumulative sum taken one short.
+    assert!(frequencies_p(of_4[1], &|w, u| [1, 0, 2, 3][select::of_4(w, u)]) < level);
+    assert!(frequencies_p(of_4[1], &|w, u| (select::of_4(w, u) + 1).min(3)) < level);
+}
+
+#[test]
+fn nothing_of_weight_zero_is_chosen() {
+    let below_one = 1.0_f32 - f32::EPSILON / 2.0;
+    for mask in 0..16_u32 {
+        for size in [f32::MIN_POSITIVE, 1e-20, 0.3, 1.0, 1e29] {
+            let weights: [f32; 4] = std::array::from_fn(|i| if mask >> i & 1 == 1 { size * (i + 1) as f32 } else { 0.0 });
+            for u in [0.0, 1e-30, 0.25, 0.5, below_one, 1.0, 2.0, f32::NAN, f32::INFINITY, -1.0] {
+                let chosen = select::of_4(weights, u);
+                assert!(weights[chosen] > 0.0 || (mask == 0 && chosen == 0), "{weights:?} {u}: {chosen}");
+            }
+        }
+    }
+    assert_eq!(select::of_4([-1.0, f64::NAN, 1.0, 0.0], 0.0), 2);
+    assert_eq!(select::of_3([0.2, 0.3, 0.5], 0.2), 1);
+}
+
+// ---------------------------------------------------------------- tiling
+
+#[test]
+fn fixed_point_coordinates_are_exact() {
+    let mut random = Random(53);
+    let exact = |sector: i32, fixed: i32, scale: u32| {
+        let modulus = 1_i128 << (24 + scale);
+        let rest = (i128::from(sector) * i128::from(fixed)).rem_euclid(modulus);
+        (rest >> scale) as f64 / 16_777_216.0
+    };
+    for i in 0..50_000_u32 {
+        let (sector, fixed) = (random.word() as i32, random.word() as i32);
+        let scale = i % 9;
+        let value: f64 = tiling::fixed(sector, fixed, scale);
+        assert_eq!(value.to_bits(), exact(sector, fixed, scale).to_bits(), "{sector} {fixed} {scale}");
+        assert!((0.0..1.0).contains(&value));
+        assert_eq!(f64::from(tiling::fixed::<f32>(sector, fixed, scale)).to_bits(), value.to_bits());
+    }
+    for sector in [i32::MIN, -1, 0, 1, i32::MAX] {
+        for fixed in [i32::MIN, -1, 0, 1, i32::MAX] {
+            assert_eq!(tiling::fixed::<f64>(sector, fixed, 8).to_bits(), exact(sector, fixed, 8).to_bits());
+        }
+    }
+}
+
+#[test]
+fn texture_coordinates_fit_across_sector_borders() {
+    let gap = |sector_m: f64, tile_m: f64, sector: i32, scale: u32, repeats: f64| {
+        let fixed = tiling::per_sector_fixed(sector_m, tile_m);
+        let at = |sector: i32, share: f64| tiling::fixed::<f64>(sector, fixed, scale) + share * repeats / f64::from(1 << scale);
+        let difference = at(sector, 1.0) - at(sector + 1, 0.0);
+        (difference - difference.round()).abs()
+    };
+    for tile_m in [0.3, 0.7, 1.7, 2.0, 3.1, 24.0] {
+        for sector in [-15_626, -1, 0, 77, 15_625, 1_000_000] {
+            for scale in 0..=8 {
+                let fit = gap(64.0, tile_m, sector, scale, tiling::repeats(64.0, tile_m));
+                // Both ends are rounded down to 24 bits.
+                assert!(fit <= 1.0 / 16_777_216.0, "tile {tile_m} m, sector {sector}, scale {scale}: {fit}");
+            }
+        }
+    }
+    // Negative control: repeats per sector rounded otherwise do not fit.
+    assert!(gap(64.0, 1.7, 15_625, 0, 64.0_f64 / 1.7 + 1e-4) > 1.0 / 16_777_216.0);
+    assert!((tiling::repeats(64.0, 1.7) - 64.0 / 1.7).abs() < 1e-7);
+}
+
+#[test]
+fn tiling_follows_distance() {
+    for (distance, cliff, scale, part) in [
+        (10.0, 1.0, 0, 0.0),
+        (30.0, 1.0, 0, 0.0),
+        (30.0 * 2.0_f64.sqrt(), 1.0, 0, 0.5),
+        (60.0, 1.0, 1, 0.0),
+        (240.0, 1.0, 3, 0.0),
+        (240.0, 0.5, 1, 0.5),
+        (240.0, 0.0, 0, 0.0),
+        (1e6, 1.0, 7, 0.0),
+    ] {
+        let (s, f) = tiling::scales(distance, 30.0, cliff);
+        assert!(s == scale && (f - part).abs() < 1e-12, "{distance} m, cliff {cliff}: {s} {f}");
+    }
+    // Weight of every scale, along a walk away: continuous.
+    let weights = |i: u32| {
+        let (s, f) = tiling::scales(10.0 * (f64::from(i) * 1e-3).exp2(), 30.0, 0.9);
+        let mut w = [0.0; 9];
+        w[s as usize] += 1.0 - f;
+        w[s as usize + 1] += f;
+        w
+    };
+    let jump = (1..16_000)
+        .map(|i| largest_difference(weights(i), weights(i - 1)))
+        .fold(0.0, f64::max);
+    assert!(jump < 1.1e-3, "{jump}");
+}
+
+// ---------------------------------------------------------------- flavour weights
+
+const VT: usize = 0;
+const FAR_ATLAS: usize = 1;
+const NEAR_CLIFF: usize = 2;
+const FAR_CLIFF: usize = 3;
+const SPLAT: usize = 4;
+
+fn z_of(slope_deg: f64) -> f64 {
+    slope_deg.to_radians().cos()
+}
+
+#[test]
+fn flavours_lie_where_the_rules_put_them() {
+    let rules = FlavourRules::default();
+    let params = FlavourParams::new(&rules);
+    let only = |distance: f64, slope: f64, params: &FlavourParams, flavour: usize| {
+        let w = flavour_weights::weights(distance, z_of(slope), params);
+        assert!(w[flavour] > 0.999_999, "{distance} m, {slope} degrees: {w:?}");
+        assert_eq!(flavour_weights::mask(w), 1 << flavour);
+    };
+    only(5.0, 0.0, &params, VT);
+    only(200.0, 30.0, &params, VT);
+    only(400.0, 0.0, &params, FAR_ATLAS);
+    only(5.0, 60.0, &params, NEAR_CLIFF);
+    only(5.0, 120.0, &params, NEAR_CLIFF);
+    only(100.0, 60.0, &params, FAR_CLIFF);
+    only(2000.0, 60.0, &params, FAR_ATLAS);
+    only(5.0, 41.0, &params, SPLAT);
+    // The band's share goes to the ground where near cliffs end.
+    only(100.0, 41.0, &params, VT);
+    only(400.0, 41.0, &params, FAR_ATLAS);
+    // Half-way points.
+    let w = flavour_weights::weights(f64::from(params.far_atlas_m), 1.0, &params);
+    assert!((w[VT] - 0.5).abs() < 1e-6 && (w[FAR_ATLAS] - 0.5).abs() < 1e-6, "{w:?}");
+    let w = flavour_weights::weights(30.0_f64, 0.0, &params);
+    assert!((w[NEAR_CLIFF] - 0.5).abs() < 1e-6 && (w[FAR_CLIFF] - 0.5).abs() < 1e-6, "{w:?}");
+
+    let no_vt = FlavourParams::new(&FlavourRules {
+        far_atlas_m: 0.0,
+        ..rules.clone()
+    });
+    only(1.0, 0.0, &no_vt, FAR_ATLAS);
+    let no_cliff = FlavourParams::new(&FlavourRules {
+        cliff_slope_deg: 90.0,
+        splat_band_deg: 0.0,
+        ..rules.clone()
+    });
+    only(1.0, 89.0, &no_cliff, VT);
+    only(1.0, 170.0, &no_cliff, VT);
+    let no_band = FlavourParams::new(&FlavourRules {
+        splat_band_deg: 0.0,
+        ..rules
+    });
+    only(5.0, 41.0, &no_band, VT);
+}
+
+#[test]
+fn flavour_weights_sum_to_one() {
+    let mut random = Random(59);
+    for _ in 0..20_000 {
+        let rules = FlavourRules {
+            far_atlas_m: random.between(0.0, 500.0),
+            cliff_far_atlas_m: random.between(0.0, 2000.0),
+            cliff_near_m: random.between(0.0, 100.0),
+            distance_blend: random.unit(),
+            cliff_slope_deg: random.between(0.0, 95.0),
+            slope_blend_deg: random.between(0.0, 20.0),
+            splat_band_deg: random.between(-5.0, 30.0),
+        };
+        let params = FlavourParams::new(&rules);
+        let (distance, z) = (random.between(-4.0, 13.0).exp2(), random.between(-1.0, 1.0));
+        let w = flavour_weights::weights(distance, z, &params);
+        assert!((sum(w) - 1.0).abs() < 1e-14 && w.iter().all(|&x| (0.0..=1.0).contains(&x)), "{w:?}");
+        let mask = flavour_weights::mask(w);
+        for (i, &x) in w.iter().enumerate() {
+            assert_eq!(mask >> i & 1 == 1, x > 1.0 / 512.0, "{w:?}");
+        }
+        for variant in [mask, 31, mask | (random.below(32) as u32)] {
+            // A pixel looks the same in every variant that holds its mask.
+            let own = flavour_weights::weights_for(w, variant, false);
+            assert!((sum(own) - 1.0).abs() < 1e-14);
+            assert!(largest_difference(own, flavour_weights::weights_for(w, mask, false)) < 1e-15);
+            // What is left out is less than four weights of 1/512.
+            assert!(largest_difference(own, w) < 4.0 / 512.0 * 1.01);
+        }
+        let forced = 1 + random.below(31) as u32;
+        let all = flavour_weights::weights_for(w, forced, true);
+        assert!((sum(all) - 1.0).abs() < 1e-14);
+        for (i, &x) in all.iter().enumerate() {
+            assert_eq!(x > 9e-4, forced >> i & 1 == 1, "variant {forced}: {all:?}");
+        }
+        let f32_w: [f32; 5] = flavour_weights::weights(distance as f32, z as f32, &params);
+        assert!((f32_w.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+    }
+    assert_eq!(
+        flavour_weights::weights_for([1.0, 0.0, 0.0, 0.0, 0.0], 0b11000, false),
+        [0.0, 0.0, 0.0, 0.5, 0.5]
+    );
+    assert_eq!(
+        flavour_weights::weights_for([1.0, 0.0, 0.0, 0.0, 0.0], 0, false),
+        [0.0, 1.0, 0.0, 0.0, 0.0]
+    );
+}
+
+#[test]
+fn flavour_weights_are_continuous() {
+    let jump_with_distance = |params: &FlavourParams, slope: f64| {
+        let at = |i: u32| flavour_weights::weights((f64::from(i) * 1e-4).exp(), z_of(slope), params);
+        (1..85_000).map(|i| largest_difference(at(i), at(i - 1))).fold(0.0, f64::max)
+    };
+    let jump_with_slope = |params: &FlavourParams, distance: f64| {
+        let at = |i: u32| flavour_weights::weights(distance, z_of(f64::from(i) * 0.005), params);
+        (1..25_000).map(|i| largest_difference(at(i), at(i - 1))).fold(0.0, f64::max)
+    };
+    let params = FlavourParams::new(&FlavourRules::default());
+    // A ramp's slope is 1.5 over its width: 0.3 of the distance, 4 degrees; at most two ramps act on one weight at a place.
+    for slope in [0.0, 38.0, 41.0, 44.0, 46.0, 60.0] {
+        assert!(jump_with_distance(&params, slope) < 2.0 * 1.5 * 1.2e-4 / 0.3, "{slope} degrees");
+    }
+    for distance in [1.0, 28.0, 31.0, 100.0, 300.0, 1500.0] {
+        assert!(jump_with_slope(&params, distance) < 2.0 * 1.5 * 0.0052 / 4.0, "{distance} m");
+    }
+    // Negative controls: blends without width jump.
+    let hard = FlavourRules {
+        distance_blend: 0.0,
+        slope_blend_deg: 0.0,
+        ..FlavourRules::default()
+    };
+    assert!(jump_with_distance(&FlavourParams::new(&hard), 60.0) > 0.1);
+    assert!(jump_with_slope(&FlavourParams::new(&hard), 10.0) > 0.1);
+}
+
+// ---------------------------------------------------------------- brdf
+
+/// Integral of f(theta) over the hemisphere's solid angle, for f without azimuth: trapezoids in ln tan theta, where lobes of any
+/// width are smooth.
+fn over_hemisphere(f: &dyn Fn(f64) -> f64) -> f64 {
+    let step = 0.01;
+    (-1600..1600)
+        .map(|i| {
+            let theta = (f64::from(i) * step).exp().atan();
+            f(theta.cos()) * std::f64::consts::TAU * theta.sin() * theta.sin() * theta.cos() * step
+        })
+        .sum()
+}
+
+#[test]
+fn ggx_is_normalised() {
+    let normalised = |d: &dyn Fn(f64, f64) -> f64, alpha: f64| (over_hemisphere(&|c| d(c, alpha) * c) - 1.0).abs() < 1e-6;
+    for alpha in [0.002, 0.01, 0.1, 0.3, 0.7, 1.0] {
+        assert!(normalised(&brdf::d_ggx, alpha), "alpha {alpha}");
+        // Negative controls: the projected area forgotten twice, and roughness taken for alpha.
+        assert!(!normalised(&|c, a| brdf::d_ggx(c, a) * c, alpha.max(0.1)));
+        assert!(!normalised(&|c, a| brdf::d_ggx(c, a) * a, alpha.min(0.7)));
+    }
+    // f32 keeps its digits in a highlight, where the textbook form has none left.
+    let c = 1.0_f32 - 5e-7;
+    let truth = brdf::d_ggx(f64::from(c), f64::from(0.002_f32));
+    let error = |d: f32| (f64::from(d) / truth - 1.0).abs();
+    assert!(error(brdf::d_ggx(c, 0.002)) < 1e-6);
+    let a2 = 0.002_f32 * 0.002;
+    let textbook = c * c * (a2 - 1.0) + 1.0;
+    assert!(error(a2 / (std::f32::consts::PI * textbook * textbook)) > 1e-6);
+}
+
+#[test]
+fn visibility_is_smiths_correlated_form() {
+    // Through Lambda and tangents, as the paper writes it.
+    let lambda = |c: f64, a: f64| 0.5 * ((1.0 + a * a * (1.0 - c * c) / (c * c)).sqrt() - 1.0);
+    let worst = |g: &dyn Fn(f64, f64) -> f64| {
+        let mut random = Random(61);
+        (0..2000)
+            .map(|_| {
+                let (v, l, a) = (random.between(0.01, 1.0), random.between(0.01, 1.0), random.between(0.002, 1.0));
+                let truth = g(lambda(v, a), lambda(l, a)) / (4.0 * v * l);
+                (brdf::v_smith_ggx_correlated(v, l, a) / truth - 1.0).abs()
+            })
+            .fold(0.0, f64::max)
+    };
+    assert!(worst(&|v, l| 1.0 / (1.0 + v + l)) < 1e-12);
+    assert!(
+        worst(&|v, l| 1.0 / ((1.0 + v) * (1.0 + l))) > 0.01,
+        "the uncorrelated mutant passed"
+    );
+}
+
+#[test]
+fn fresnel_and_environment_are_in_bounds() {
+    assert!(largest_difference(brdf::f_schlick([0.04, 0.5, 1.0], 1.0), [0.04, 0.5, 1.0]) < 1e-15);
+    assert!(largest_difference(brdf::f_schlick([0.04, 0.5, 1.0], 0.0), [1.0; 3]) < 1e-15);
+    assert!((brdf::f_schlick([0.0_f64; 3], 0.5)[0] - 1.0 / 32.0).abs() < 1e-15);
+    assert!((brdf::alpha(0.5_f64) - 0.25).abs() < 1e-15 && (brdf::alpha(0.0_f64) - brdf::MIN_ALPHA).abs() < 1e-15);
+
+    // The integral that the fit stands for, by stratified sampling of half vectors.
+    let integral = |f0: f64, roughness: f64, n_dot_v: f64| {
+        let alpha = brdf::alpha(roughness);
+        let view = [(1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v];
+        let n = 64;
+        let mut sum = 0.0;
+        for i in 0..n {
+            for j in 0..n {
+                let (u, phi) = (
+                    (f64::from(i) + 0.5) / f64::from(n),
+                    std::f64::consts::TAU * (f64::from(j) + 0.5) / f64::from(n),
+                );
+                let cosine = ((1.0 - u) / (1.0 + (alpha * alpha - 1.0) * u)).sqrt();
+                let sine = (1.0 - cosine * cosine).sqrt();
+                let half = [sine * phi.cos(), sine * phi.sin(), cosine];
+                let v_dot_h = dot(view, half);
+                let l_z = 2.0 * v_dot_h * half[2] - view[2];
+                if v_dot_h > 0.0 && l_z > 0.0 {
+                    let visible = brdf::v_smith_ggx_correlated(n_dot_v, l_z, alpha) * l_z * 4.0 * v_dot_h / cosine;
+                    sum += brdf::f_schlick([f0; 3], v_dot_h)[0] * visible / f64::from(n * n);
+                }
+            }
+        }
+        sum
+    };
+    let worst = |f0: f64, fit: &dyn Fn(f64, f64) -> f64| {
+        let mut worst: f64 = 0.0;
+        for roughness in [0.1, 0.3, 0.5, 0.7, 0.9] {
+            for n_dot_v in [0.1, 0.3, 0.5, 0.8, 1.0] {
+                let truth = integral(f0, roughness, n_dot_v);
+                assert!(truth <= 1.0 + 1e-3, "energy appears: {truth}");
+                worst = worst.max((fit(roughness, n_dot_v) - truth).abs());
+            }
+        }
+        worst
+    };
+    // How far the fit, made for another visibility term, is from ours; not how good one should be.
+    for (f0, bound) in [(0.04, 0.1), (1.0, 0.31)] {
+        let off = worst(f0, &|r, v| brdf::env_approx([f0; 3], r, v)[0]);
+        assert!(off < bound, "f0 {f0}: {off}");
+        assert!(
+            worst(f0, &|r, v| brdf::env_approx([f0; 3], 1.0 - r, v)[0]) > bound,
+            "the mutant that takes smoothness for roughness passed"
+        );
+        assert!(
+            worst(f0, &|r, v| brdf::env_approx([f0; 3], r, 1.0 - v)[0]) > bound || f0 > 0.5,
+            "the mutant with the angle turned passed"
+        );
+    }
+}
+
+// ---------------------------------------------------------------- extremes
+
+fn extremes<T: Real>() {
+    let values: Vec<T> = [
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        0.5,
+        1.0 - 1e-7,
+        64.0,
+        1e-5,
+        1e-20,
+        1e-38,
+        1e-45,
+        -1e-45,
+        1e-310,
+        1e9,
+        1e19,
+        -1e19,
+        1e30,
+        3.4e38,
+        -3.4e38,
+        1e308,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::NAN,
+    ]
+    .map(T::of)
+    .to_vec();
+    let integers = [0, 1, -1, i32::MAX, i32::MIN, 15_625];
+    let mut random = Random(67);
+    let finite = |what: &str, x: &[T]| assert!(x.iter().all(|x| x.is_finite()), "{what}: {x:?}");
+    let within = |what: &str, x: &[T], low: f64, high: f64| {
+        assert!(x.iter().all(|&x| x.to_f64() >= low && x.to_f64() <= high), "{what}: {x:?}");
+    };
+    let one = |what: &str, x: &[T]| {
+        within(what, x, 0.0, 1.0);
+        let sum: f64 = x.iter().map(|&x| x.to_f64()).sum();
+        assert!((sum - 1.0).abs() < 1e-6, "{what}: {x:?}");
+    };
+    for _ in 0..30_000 {
+        // Extreme values among ordinary ones: all extremes at once would meet the same few guards.
+        let mut any = || {
+            if random.below(2) == 0 {
+                values[random.below(values.len())]
+            } else {
+                T::of(random.between(-2.0, 2.0))
+            }
+        };
+        let (a, b, c, d) = (any(), any(), any(), any());
+        let (v3, w3) = ([any(), any(), any()], [any(), any(), any()]);
+        let v4 = [any(), any(), any(), any()];
+        let params: [f32; 8] = std::array::from_fn(|_| any().to_f64() as f32);
+        let mut integer = || integers[random.below(integers.len())];
+        let (m, n) = (integer(), integer());
+        let word = random.word() as u32;
+
+        let point = HashedPoint {
+            sector: [m, n],
+            position: v3,
+            sector_m: a,
+            ddx: w3,
+            ddy: [b, c, d],
+            hash_scale: v4[0],
+        };
+        for kind in NoiseKind::ALL {
+            within(
+                "noise",
+                &noise::thresholds(kind, &point, [word, word], word, word, word),
+                0.0,
+                noise::BELOW_ONE,
+            );
+        }
+        within("correct", &[noise::correct(a, b)], 0.0, noise::BELOW_ONE);
+        within("encode", &octahedral::encode(v3), -1.0, 1.0);
+        within("quantise8", &octahedral::quantise8([a, b]), 0.0, 1.0);
+        within("precise8", &octahedral::encode8_precise(v3), 0.0, 1.0);
+        within("dequantise8", &octahedral::dequantise8([a, b]), -1.0, 1.0);
+        for unit in [octahedral::decode([a, b]), octahedral::unit(v3), triplanar::perturb(v3, w3)] {
+            assert!((length(unit).to_f64() - 1.0).abs() < 1e-6, "{unit:?}");
+        }
+        finite("derivatives", &derivatives::on_plane(v3, w3, a, [b, c, d]));
+        one("bilinear", &splat_blend::bilinear([a, b]));
+        one("splat", &splat_blend::weights([a, b], v4, c));
+        one("triplanar", &triplanar::weights(v3, a));
+        assert!(select::of_4(v4, a) < 4 && select::of_3(v3, a) < 3);
+        let (s, f) = tiling::scales(a, b, c);
+        assert!(s <= 7);
+        within("tiling", &[f, tiling::fixed(m, n, word % 40)], 0.0, 1.0);
+        let params = FlavourParams {
+            far_atlas_m: params[0],
+            cliff_far_atlas_m: params[1],
+            cliff_near_m: params[2],
+            distance_blend: params[3],
+            cliff_cos: [params[4], params[5]],
+            splat_cos: [params[6], params[7]],
+            splat_enabled: word & 1,
+            vt_enabled: word >> 1 & 1,
+            padding: [0; 2],
+        };
+        let weights = flavour_weights::weights(a, b, &params);
+        one("flavours", &weights);
+        one("flavours of a mask", &flavour_weights::weights_for(weights, word, word & 4 != 0));
+        one(
+            "flavours from nothing",
+            &flavour_weights::weights_for([a, b, c, d, v3[0]], word >> 3, word & 4 != 0),
+        );
+        assert!((1..32).contains(&flavour_weights::mask([a, b, c, d, v3[0]])));
+        finite("brdf", &[brdf::d_ggx(a, b), brdf::v_smith_ggx_correlated(a, b, c)]);
+        within("brdf", &[brdf::alpha(a)], brdf::MIN_ALPHA * 0.999, 1.0);
+        within("fresnel", &brdf::f_schlick(v3, a), 0.0, 1.0);
+        within("environment", &brdf::env_approx(v3, a, b), 0.0, 1.0);
+    }
+}
+
+#[test]
+fn extremes_give_finite_results() {
+    extremes::<f32>();
+    extremes::<f64>();
+}
+
+// ---------------------------------------------------------------- shaders
+
+fn joined() -> String {
+    kernels::shared::WGSL.iter().map(|&(_, text)| text).collect()
+}
+
+fn validate(source: &str) -> Result<naga::Module, String> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
+        .validate(&module)
+        .map_err(|e| e.emit_to_string(source))?;
+    Ok(module)
+}
+
+#[test]
+fn shared_wgsl_is_valid_and_prefixed() {
+    let module = validate(&joined()).unwrap_or_else(|e| panic!("{e}"));
+    assert!(module.global_variables.is_empty() && module.overrides.is_empty() && module.entry_points.is_empty());
+    // Negative control.
+    assert!(validate(&joined().replacen("vec4<f32>(weights, 0.0)", "vec4<f32>(weights)", 1)).is_err());
+    for (name, text) in kernels::shared::WGSL {
+        let topic = name.split('_').next().expect("split gives at least one part");
+        for line in text.lines().filter(|l| l.starts_with("fn ")) {
+            assert!(line[3..].starts_with(topic), "{name}.wgsl: `{line}` lacks its topic as prefix");
+        }
+    }
+}
+
+#[test]
+fn flavour_params_have_the_shaders_layout() {
+    let module = validate(&joined()).unwrap_or_else(|e| panic!("{e}"));
+    let (members, span) = module
+        .types
+        .iter()
+        .find_map(|(_, t)| match &t.inner {
+            naga::TypeInner::Struct { members, span } if t.name.as_deref() == Some("FlavourParams") => Some((members, *span)),
+            _ => None,
+        })
+        .expect("flavour_weights.wgsl declares FlavourParams");
+    macro_rules! fields {
+        ($($field:ident),*) => { vec![$((stringify!($field), std::mem::offset_of!(FlavourParams, $field))),*] };
+    }
+    let host = fields!(
+        far_atlas_m,
+        cliff_far_atlas_m,
+        cliff_near_m,
+        distance_blend,
+        cliff_cos,
+        splat_cos,
+        splat_enabled,
+        vt_enabled,
+        padding
+    );
+    let shader: Vec<_> = members
+        .iter()
+        .map(|m| (m.name.as_deref().expect("named"), m.offset as usize))
+        .collect();
+    assert_eq!(shader, host);
+    assert_eq!((span as usize, size_of::<FlavourParams>()), (48, 48));
+}
