@@ -42,10 +42,7 @@ fn newest_source(folder: &Path) -> Option<(SystemTime, PathBuf)> {
 }
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(program())
-        .args(arguments)
-        .output()
-        .expect("the program can be started")
+    Command::new(program()).args(arguments).output().expect("the program can be started")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -69,10 +66,7 @@ fn failure(arguments: &[&str], says: &[&str]) {
     let output = run(arguments);
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{arguments:?}: {stderr}");
-    assert!(
-        stderr.starts_with("error: ") && stderr.ends_with('\n') && stderr.lines().count() == 1,
-        "{arguments:?}: {stderr:?}"
-    );
+    assert!(stderr.starts_with("error: ") && stderr.ends_with('\n') && stderr.lines().count() == 1, "{arguments:?}: {stderr:?}");
     for part in says {
         assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
     }
@@ -124,25 +118,16 @@ fn wrong_calls_are_usage_errors() {
     usage_error(&["render", "--camera", "cliff"], &["--out"]);
     usage_error(&["render", "--camera", "cliff", "--out", "x.jpg"], &[".exr", ".png"]);
     usage_error(&["render", "--camera", "cliff", "--out", "x"], &[".exr", ".png"]);
-    usage_error(
-        &["render", "--camera", "cliff", "--pose", "0,0,0,0,0", "--out", "x.png"],
-        &["cannot be used with"],
-    );
+    usage_error(&["render", "--camera", "cliff", "--pose", "0,0,0,0,0", "--out", "x.png"], &["cannot be used with"]);
     usage_error(&["render", "--pose", "0,0,0,0", "--out", "x.png"], &["X,Y,Z,YAW,PITCH"]);
     usage_error(&["render", "--pose", "0,0,nan,0,0", "--out", "x.png"], &["finite"]);
     usage_error(&["render", "--pose", "-5,0,9,0,95", "--out", "x.png"], &["PITCH"]);
     for wrong in ["0", "32", "-1", "4294967297"] {
-        usage_error(
-            &["render", "--camera", "cliff", "--out", "x.png", &format!("--variant={wrong}")],
-            &["1 to 31", wrong],
-        );
+        usage_error(&["render", "--camera", "cliff", "--out", "x.png", &format!("--variant={wrong}")], &["1 to 31", wrong]);
     }
     usage_error(&render(&["--variant", "vt+vt2"]), &["did you mean `vt`?"]);
     for wrong in ["0x0", "1000000x1", "16385x1", "16384x16384"] {
-        usage_error(
-            &["render", "--camera", "cliff", "--out", "x.png", "--size", wrong],
-            &["16384", "2^26"],
-        );
+        usage_error(&["render", "--camera", "cliff", "--out", "x.png", "--size", wrong], &["16384", "2^26"]);
     }
     usage_error(&render(&["--size", "960"]), &["WIDTHxHEIGHT"]);
     usage_error(&render(&["--size", "-4x4"]), &["-4"]);
@@ -156,45 +141,24 @@ fn wrong_calls_are_usage_errors() {
     usage_error(&render(&["--seed=-1"]), &["--seed"]);
     usage_error(&render(&["--frames", "0"]), &["--frames"]);
     usage_error(&render(&["--aov", "albedo"]), &["--aov", ".exr"]);
-    usage_error(
-        &["render", "--camera", "cliff", "--out", "x.exr", "--aov", "albedo,albdo"],
-        &["albdo", "albedo"],
-    );
+    usage_error(&["render", "--camera", "cliff", "--out", "x.exr", "--aov", "albedo,albdo"], &["albdo", "albedo"]);
     usage_error(&["demo", "--seeds", "1"], &["--seeds"]);
     usage_error(&["demo", "--size", "0x0"], &["16384"]);
     usage_error(&["explain"], &["SCENE"]);
     usage_error(&["import", "x.png", "--out", "y"], &["--metres-per-texel"]);
     usage_error(&["import", "x.png", "--metres-per-texel", "0", "--out", "y"], &["above 0"]);
     usage_error(&["import", "x.png", "--metres-per-texel", "nan", "--out", "y"], &["finite"]);
-    usage_error(
-        &["import", "x.png", "--metres-per-texel", "1", "--height-range", "5,5", "--out", "y"],
-        &["LO must be below HI"],
-    );
-    usage_error(
-        &["import", "x.png", "--metres-per-texel", "1", "--window", "0,0,1,1", "--out", "y"],
-        &["X,Y,W,H"],
-    );
-    usage_error(
-        &["import", "x.raw", "--metres-per-texel", "1", "--raw-size", "0x9", "--out", "y"],
-        &["at least 2"],
-    );
+    usage_error(&["import", "x.png", "--metres-per-texel", "1", "--height-range", "5,5", "--out", "y"], &["LO must be below HI"]);
+    usage_error(&["import", "x.png", "--metres-per-texel", "1", "--window", "0,0,1,1", "--out", "y"], &["X,Y,W,H"]);
+    usage_error(&["import", "x.raw", "--metres-per-texel", "1", "--raw-size", "0x9", "--out", "y"], &["at least 2"]);
     usage_error(&["probe"], &["KERNEL"]);
-    usage_error(
-        &["probe", "select", "--on", "f16", "--input", "a", "--output", "b"],
-        &["gpu", "f32", "f64"],
-    );
+    usage_error(&["probe", "select", "--on", "f16", "--input", "a", "--output", "b"], &["gpu", "f32", "f64"]);
     usage_error(&["probe", "select", "--input", "a.csv"], &["--output"]);
 }
 
 #[test]
 fn help_and_version_are_no_errors() {
-    for arguments in [
-        &["--help"][..],
-        &["help", "render"],
-        &["render", "--help"],
-        &["probe", "--help"],
-        &["--version"],
-    ] {
+    for arguments in [&["--help"][..], &["help", "render"], &["render", "--help"], &["probe", "--help"], &["--version"]] {
         assert!(!success(arguments).is_empty());
     }
     assert!(success(&["--help"]).contains("Exit status"));
@@ -210,14 +174,8 @@ fn output_that_cannot_be_written_is_refused_before_the_work() {
     fs::create_dir(folder.path("taken.png")).expect("a folder can be made");
     render(&folder.path("taken.png"), &["is a folder"]);
     // Nothing is left behind by the trial.
-    failure(
-        &["render", "--camera", "clif", "--out", &folder.path("x.png")],
-        &["did you mean `cliff`?"],
-    );
-    let mut left: Vec<_> = fs::read_dir(&folder.0)
-        .expect("readable")
-        .filter_map(|e| e.ok()?.file_name().into_string().ok())
-        .collect();
+    failure(&["render", "--camera", "clif", "--out", &folder.path("x.png")], &["did you mean `cliff`?"]);
+    let mut left: Vec<_> = fs::read_dir(&folder.0).expect("readable").filter_map(|e| e.ok()?.file_name().into_string().ok()).collect();
     left.sort();
     assert_eq!(left, ["file", "taken.png"]);
 }
@@ -231,22 +189,10 @@ fn wrong_scenes_fail_with_their_place() {
     let bad = folder.write("bad.toml", &kernels::scene::DEFAULT_TEXT.replacen("anisotropy", "anisotropie", 1));
     failure(&["explain", &bad], &["bad.toml:", "did you mean `anisotropy`?"]);
     let out = folder.path("x.png");
-    failure(
-        &["render", "--scene", &bad, "--camera", "cliff", "--out", &out],
-        &["did you mean `anisotropy`?"],
-    );
-    failure(
-        &["render", "--camera", "clif", "--out", &out],
-        &["no camera `clif`", "did you mean `cliff`?"],
-    );
-    failure(
-        &["render", "--camera", "spaceship", "--out", &out],
-        &["no camera `spaceship`", "cliff", "vista"],
-    );
-    failure(
-        &["render", "--path", "sidewards", "--out", &out],
-        &["no path `sidewards`", "did you mean `sideways`?"],
-    );
+    failure(&["render", "--scene", &bad, "--camera", "cliff", "--out", &out], &["did you mean `anisotropy`?"]);
+    failure(&["render", "--camera", "clif", "--out", &out], &["no camera `clif`", "did you mean `cliff`?"]);
+    failure(&["render", "--camera", "spaceship", "--out", &out], &["no camera `spaceship`", "cliff", "vista"]);
+    failure(&["render", "--path", "sidewards", "--out", &out], &["no path `sidewards`", "did you mean `sideways`?"]);
 }
 
 #[test]
@@ -280,51 +226,15 @@ fn probe_tables_are_checked() {
     probe("", &["is empty", "w_0,w_1,w_2,w_3,u"]);
     probe("w_0,w_1,w_2,w_3,u\n", &["no rows"]);
     probe("w_0,w_1,w_2,u\n1,1,1,0\n", &["no column `w_3`", "w_0,w_1,w_2,w_3,u"]);
-    probe(
-        "w_0,w_1,w_2,w_3,u\n1,1,1,1,0\n1,1,x,1,0\n",
-        &["line 3", "`w_2`", "`x` is not a number"],
-    );
+    probe("w_0,w_1,w_2,w_3,u\n1,1,1,1,0\n1,1,x,1,0\n", &["line 3", "`w_2`", "`x` is not a number"]);
     probe("w_0,w_1,w_2,w_3,u\n1,1,1,1\n", &["line 2", "4 cells", "5"]);
     probe("w_0,w_0,w_1,w_2,w_3,u\n1,1,1,1,1,1\n", &["more than one column `w_0`"]);
     probe("w_0,w_1,w_2,w_3,u,of_4\n1,1,1,1,1,1\n", &["already has a column `of_4`"]);
-    let input = folder.write(
-        "seed.csv",
-        &format!("{}\n{}\n", header("hashed-alpha"), "0,0.5,0,1,1,1,64,1,0,0,0,1,0,1,0,0"),
-    );
-    failure(
-        &["probe", "hashed-alpha", "--on", "f32", "--input", &input, "--output", &out],
-        &["line 2", "`sector_x`", "whole numbers"],
-    );
-    failure(
-        &["probe", "octahedron", "--input", &input, "--output", &out],
-        &["no kernel", "octahedral"],
-    );
-    failure(
-        &[
-            "probe",
-            "select",
-            "--on",
-            "f64",
-            "--input",
-            &folder.path("no.csv"),
-            "--output",
-            &out,
-        ],
-        &["cannot open", "no.csv"],
-    );
-    failure(
-        &[
-            "probe",
-            "select",
-            "--on",
-            "f64",
-            "--input",
-            &input,
-            "--output",
-            &folder.path("no/out.csv"),
-        ],
-        &["no folder"],
-    );
+    let input = folder.write("seed.csv", &format!("{}\n{}\n", header("hashed-alpha"), "0,0.5,0,1,1,1,64,1,0,0,0,1,0,1,0,0"));
+    failure(&["probe", "hashed-alpha", "--on", "f32", "--input", &input, "--output", &out], &["line 2", "`sector_x`", "whole numbers"]);
+    failure(&["probe", "octahedron", "--input", &input, "--output", &out], &["no kernel", "octahedral"]);
+    failure(&["probe", "select", "--on", "f64", "--input", &folder.path("no.csv"), "--output", &out], &["cannot open", "no.csv"]);
+    failure(&["probe", "select", "--on", "f64", "--input", &input, "--output", &folder.path("no/out.csv")], &["no folder"]);
     assert!(!PathBuf::from(&out).exists(), "a failed probe left its output");
 }
 
@@ -336,10 +246,7 @@ fn header(kernel: &str) -> String {
 #[test]
 fn probe_keeps_the_table_and_adds_its_results() {
     let folder = Folder::new("table");
-    let input = folder.write(
-        "in.csv",
-        "note,u,w_3,w_2,w_1,w_0\nfirst,0.1,1,1,1,1\nlast,0.9,1,1,1,1\nnone,0.5,0,0,2,0\n",
-    );
+    let input = folder.write("in.csv", "note,u,w_3,w_2,w_1,w_0\nfirst,0.1,1,1,1,1\nlast,0.9,1,1,1,1\nnone,0.5,0,0,2,0\n");
     let out = folder.path("out.csv");
     for on in ["f64", "f32"] {
         assert_eq!(success(&["probe", "select", "--on", on, "--input", &input, "--output", &out]), "");
@@ -366,11 +273,7 @@ fn every_probe_is_listed_and_runs_on_both_references() {
             let made = fs::read_to_string(&out).expect("the output is there");
             let cells = made.lines().nth(1).map_or(0, |row| row.split(',').count());
             assert_eq!(cells, probe.inputs.len() + probe.outputs.len(), "{made}");
-            for (column, cell) in probe
-                .outputs
-                .iter()
-                .zip(made.lines().nth(1).unwrap_or_default().split(',').skip(probe.inputs.len()))
-            {
+            for (column, cell) in probe.outputs.iter().zip(made.lines().nth(1).unwrap_or_default().split(',').skip(probe.inputs.len())) {
                 let value: f64 = cell.parse().expect("a number");
                 assert!(value.is_finite(), "{} {}", probe.name, column.name);
                 assert_eq!(column.accepts(value), Ok(()), "{} {}", probe.name, column.name);
@@ -385,10 +288,7 @@ fn the_checks_above_can_fail() {
     let caught = |check: fn()| std::panic::catch_unwind(check).is_err();
     assert!(caught(|| usage_error(&["explain", "nowhere"], &[])), "exit 1 passed for exit 2");
     assert!(caught(|| failure(&["render"], &[])), "exit 2 passed for exit 1");
-    assert!(
-        caught(|| failure(&["explain", "nowhere"], &["sunshine"])),
-        "a text that is not there was found"
-    );
+    assert!(caught(|| failure(&["explain", "nowhere"], &["sunshine"])), "a text that is not there was found");
     assert!(caught(|| {
         success(&["explain", "nowhere"]);
     }));

@@ -1,7 +1,11 @@
 //! All tests of the project: this module list is their table of contents.
 
 #[cfg(test)]
+mod agreement;
+#[cfg(test)]
 mod bad_input;
+#[cfg(test)]
+mod frame;
 #[cfg(test)]
 mod import;
 #[cfg(test)]

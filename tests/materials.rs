@@ -38,12 +38,7 @@ fn make(name: &str, size: u32) -> MaterialMaps {
 }
 
 fn srgb_from_linear(x: f64) -> f64 {
-    255.0
-        * if x <= 0.003_130_8 {
-            12.92 * x
-        } else {
-            1.055 * x.powf(1.0 / 2.4) - 0.055
-        }
+    255.0 * if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
@@ -80,20 +75,11 @@ fn every_procedural_material_fills_its_maps_within_range() {
             assert!(values.iter().all(|v| (0.0..=1.0).contains(v)), "{name}: {map} leaves 0..1");
         }
         assert_eq!(maps.albedo.len(), count, "{name}");
-        assert!(
-            maps.albedo.iter().flatten().all(|v| (0.0..1.0).contains(v)),
-            "{name}: albedo leaves 0..1"
-        );
+        assert!(maps.albedo.iter().flatten().all(|v| (0.0..1.0).contains(v)), "{name}: albedo leaves 0..1");
         assert_eq!(maps.normal.len(), count, "{name}");
-        assert!(
-            maps.normal.iter().all(|n| n[0].hypot(n[1]) < 1.0),
-            "{name}: a normal points below the surface"
-        );
+        assert!(maps.normal.iter().all(|n| n[0].hypot(n[1]) < 1.0), "{name}: a normal points below the surface");
         let (low, high) = maps.height.iter().fold((1.0_f32, 0.0_f32), |(l, h), &v| (l.min(v), h.max(v)));
-        assert!(
-            low < 1e-6 && high > 1.0 - 1e-6,
-            "{name}: height spans {low}..{high}, not all of 0..1"
-        );
+        assert!(low < 1e-6 && high > 1.0 - 1e-6, "{name}: height spans {low}..{high}, not all of 0..1");
     }
 }
 
@@ -112,10 +98,7 @@ fn procedural_albedos_are_those_of_the_real_ground() {
         let rgb = MaterialMeans::of(&make(name, 64), [1.0; 3]).albedo.map(f64::from);
         let y = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
         assert!((low..=high).contains(&y), "{name}: luminance {y:.3} is not in {low}..{high}");
-        assert!(
-            rgb.iter().all(|&c| c <= rgb[greatest] + 0.002),
-            "{name}: {rgb:.3?}, channel {greatest} should be the greatest"
-        );
+        assert!(rgb.iter().all(|&c| c <= rgb[greatest] + 0.002), "{name}: {rgb:.3?}, channel {greatest} should be the greatest");
     }
 }
 
@@ -130,10 +113,7 @@ fn a_procedural_material_depends_on_name_size_and_seed_alone() {
     for name in ["scree", "moss", "sand", "limestone"] {
         let [small, large] = [128, 256].map(|size| MaterialMeans::of(&make(name, size), [1.0; 3]));
         for c in 0..3 {
-            assert!(
-                (small.albedo[c] / large.albedo[c] - 1.0).abs() < 0.05,
-                "{name}: {small:?} {large:?}"
-            );
+            assert!((small.albedo[c] / large.albedo[c] - 1.0).abs() < 0.05, "{name}: {small:?} {large:?}");
         }
     }
 }
@@ -159,16 +139,10 @@ fn procedural_materials_tile_without_a_seam() {
     for name in procedural::NAMES {
         let maps = make(name, 128);
         let ratio = seam(&maps.height, 128, 128);
-        assert!(
-            ratio < LIMIT,
-            "{name}: the step across the edge is {ratio:.2} of the greatest inside"
-        );
+        assert!(ratio < LIMIT, "{name}: the step across the edge is {ratio:.2} of the greatest inside");
         let green: Vec<f32> = maps.albedo.iter().map(|c| c[1]).collect();
         let ratio = seam(&green, 128, 128);
-        assert!(
-            ratio < LIMIT,
-            "{name}: albedo's step across the edge is {ratio:.2} of the greatest inside"
-        );
+        assert!(ratio < LIMIT, "{name}: albedo's step across the edge is {ratio:.2} of the greatest inside");
     }
     // Negative control: half a tile does not tile.
     for name in ["granite", "mud", "sand", "snow", "limestone"] {
@@ -200,15 +174,9 @@ fn normals_are_the_gradient_of_height() {
             assert!(r > 0.9, "{name}: normal and height disagree along axis {axis} (r = {r:.3})");
             let scale =
                 normal[axis].iter().zip(&slope[axis]).map(|(n, s)| n * s).sum::<f64>() / slope[axis].iter().map(|s| s * s).sum::<f64>();
-            assert!(
-                (scale / relief - 1.0).abs() < 0.01,
-                "{name}: slope is {scale:.4} times the height's, relief says {relief:.4}"
-            );
+            assert!((scale / relief - 1.0).abs() < 0.01, "{name}: slope is {scale:.4} times the height's, relief says {relief:.4}");
             // Negative controls: the other axis, and the other sign of +v.
-            assert!(
-                correlation(&normal[axis], &slope[1 - axis]).abs() < 0.6,
-                "{name}: this test cannot tell u from v"
-            );
+            assert!(correlation(&normal[axis], &slope[1 - axis]).abs() < 0.6, "{name}: this test cannot tell u from v");
             let flipped: Vec<f64> = normal[axis].iter().map(|x| -x).collect();
             assert!(correlation(&flipped, &slope[axis]) < 0.0, "{name}: this test cannot tell the sign");
         }
@@ -261,19 +229,12 @@ fn channels_lie_where_shaders_expect_them() {
             for texel in chain.decode(level) {
                 for c in 0..4 {
                     // half a step of the coarsest end point, 5 bits
-                    assert!(
-                        (f64::from(texel[c]) - expected[c]).abs() <= 4.2,
-                        "{what} level {level}: {texel:?}, expected {expected:.1?}"
-                    );
+                    assert!((f64::from(texel[c]) - expected[c]).abs() <= 4.2, "{what} level {level}: {texel:?}, expected {expected:.1?}");
                 }
             }
         }
     };
-    near(
-        "albedo",
-        &layers.albedo,
-        [srgb_from_linear(0.8), srgb_from_linear(0.2), srgb_from_linear(0.05), 255.0],
-    );
+    near("albedo", &layers.albedo, [srgb_from_linear(0.8), srgb_from_linear(0.2), srgb_from_linear(0.05), 255.0]);
     near("normal", &layers.normal, [0.2 * 255.0, 0.7 * 255.0, 0.9 * 255.0, 0.2 * 255.0]);
     near("height", &layers.height, [0.6 * 255.0, 0.25 * 255.0, 0.0, 255.0]);
 }
@@ -297,10 +258,7 @@ fn mips_average_linear_light() {
         let texel = layers.albedo.decode(level)[0];
         assert!((i32::from(texel[0]) - 188).abs() <= 4, "level {level}: {texel:?}");
         let normal = layers.normal.decode(level)[0];
-        assert!(
-            (i32::from(normal[3]) - 179).abs() <= 2,
-            "n.x of level {level} is not the plain mean 0.4: {normal:?}"
-        );
+        assert!((i32::from(normal[3]) - 179).abs() <= 2, "n.x of level {level} is not the plain mean 0.4: {normal:?}");
     }
 }
 
@@ -331,28 +289,14 @@ fn compressed_albedo_and_normals_stay_close_to_the_maps() {
         // Negative control: the same texture displaced by half a tile.
         let mut shifted = decoded;
         shifted.rotate_left(128 * 256 + 128);
-        assert!(
-            psnr(&original, &shifted) < db - 6.0,
-            "{name}: this test takes a shifted image for the same"
-        );
+        assert!(psnr(&original, &shifted) < db - 6.0, "{name}: this test takes a shifted image for the same");
         // n.x has eight levels a block (alpha), n.y four, shared with smoothness and occlusion.
         let decoded = layers.normal.decode(0);
         let rms = |axis: usize, channel: usize| {
-            mean(
-                maps.normal
-                    .iter()
-                    .zip(&decoded)
-                    .map(|(n, t)| (f64::from(n[axis]) - (f64::from(t[channel]) / 127.5 - 1.0)).powi(2)),
-            )
-            .sqrt()
+            mean(maps.normal.iter().zip(&decoded).map(|(n, t)| (f64::from(n[axis]) - (f64::from(t[channel]) / 127.5 - 1.0)).powi(2))).sqrt()
         };
         println!("{name}: normals off by {:.3} in x and {:.3} in y", rms(0, 3), rms(1, 1));
-        assert!(
-            rms(0, 3) < 0.08 && rms(1, 1) < 0.14,
-            "{name}: normals off by {:.3}, {:.3}",
-            rms(0, 3),
-            rms(1, 1)
-        );
+        assert!(rms(0, 3) < 0.08 && rms(1, 1) < 0.14, "{name}: normals off by {:.3}, {:.3}", rms(0, 3), rms(1, 1));
         assert!(rms(0, 1) > 0.14 && rms(1, 3) > 0.14, "{name}: this test cannot tell x from y");
     }
 }
@@ -371,14 +315,8 @@ fn the_last_mip_is_the_mean() {
         assert!(close([r, g, b], 1.0), "{name}: {:?} against {means:?}", [r, g, b]);
         assert!(!close([r, g, b], 1.2), "{name}: this test takes 1.2 times the mean for the mean");
         let [smoothness, _, occlusion, _] = layers.normal.decode(6)[0].map(|code| f64::from(code) / 255.0);
-        assert!(
-            (smoothness - f64::from(means.smoothness)).abs() < 0.017,
-            "{name}: {smoothness} {means:?}"
-        );
-        assert!(
-            (occlusion - f64::from(means.specular_occlusion)).abs() < 0.017,
-            "{name}: {occlusion} {means:?}"
-        );
+        assert!((smoothness - f64::from(means.smoothness)).abs() < 0.017, "{name}: {smoothness} {means:?}");
+        assert!((occlusion - f64::from(means.specular_occlusion)).abs() < 0.017, "{name}: {occlusion} {means:?}");
     }
 }
 
@@ -401,10 +339,7 @@ fn materials_of_one_source_share_its_layers() {
         assert_eq!(array.len(), 2, "two distinct sources");
     }
     let [a, b, c] = [0, 1, 2].map(|i| palette.entries[i]);
-    assert_eq!(
-        (a.albedo_layer, a.normal_layer, a.height_layer),
-        (c.albedo_layer, c.normal_layer, c.height_layer)
-    );
+    assert_eq!((a.albedo_layer, a.normal_layer, a.height_layer), (c.albedo_layer, c.normal_layer, c.height_layer));
     assert_ne!(a.albedo_layer, b.albedo_layer);
     assert_eq!((a.flags & FLAG_TINTED, c.flags & FLAG_TINTED), (0, FLAG_TINTED));
     assert!((c.normal_strength - 0.5).abs() < 1e-6);
@@ -431,15 +366,9 @@ fn means_apply_the_tint_through_the_mask() {
     let means = MaterialMeans::of(&maps, [0.5, 1.0, 0.0]);
     let expected = [(0.1 + 0.4 * 0.75 + 0.0 + 0.8) / 4.0, 0.4, (0.0 + 0.2 + 0.0 + 0.8) / 4.0];
     for c in 0..3 {
-        assert!(
-            (f64::from(means.albedo[c]) - expected[c]).abs() < 1e-6,
-            "{means:?}, expected {expected:?}"
-        );
+        assert!((f64::from(means.albedo[c]) - expected[c]).abs() < 1e-6, "{means:?}, expected {expected:?}");
     }
-    assert!(
-        (means.smoothness - 0.5).abs() < 1e-6 && (means.specular_occlusion - 0.75).abs() < 1e-6,
-        "{means:?}"
-    );
+    assert!((means.smoothness - 0.5).abs() < 1e-6 && (means.specular_occlusion - 0.75).abs() < 1e-6, "{means:?}");
 }
 
 #[test]
@@ -465,11 +394,8 @@ fn a_palette_entry_is_64_bytes_of_wgsl_rows() {
 
 #[test]
 fn repeats_per_sector_are_exact_in_fixed_point() {
-    let palette = build(&scene(
-        64,
-        &["name = \"a\"\nprocedural = \"sand\"\ntile_m = 4.0\norientation_deg = 30.0".to_owned()],
-    ))
-    .expect("a good scene");
+    let palette =
+        build(&scene(64, &["name = \"a\"\nprocedural = \"sand\"\ntile_m = 4.0\norientation_deg = 30.0".to_owned()])).expect("a good scene");
     let entry = palette.entries[0];
     let one = f64::from(1 << 24);
     // 16 repeats a sector; cos 30 = sqrt 3 / 2, sin 30 = 1/2
@@ -493,21 +419,11 @@ fn palettes_too_large_are_refused_before_any_texture_is_read() {
     assert!(text.contains("257") && text.contains("256"), "{text}");
     assert!(build(&scene(64, &many[..256])).is_ok(), "256 materials of one texture fit");
     // These folders do not exist: were they opened first, the error would be another.
-    let folders: Vec<String> = (0..=MAX_LAYERS)
-        .map(|i| format!("name = \"m{i}\"\nfolder = \"missing{i}\"\ntile_m = 3.0"))
-        .collect();
+    let folders: Vec<String> = (0..=MAX_LAYERS).map(|i| format!("name = \"m{i}\"\nfolder = \"missing{i}\"\ntile_m = 3.0")).collect();
     let text = build(&scene(64, &folders)).expect_err("33 textures");
     assert!(text.contains("33 distinct") && text.contains("share"), "{text}");
-    assert!(
-        build(&scene(96, &many[..1]))
-            .expect_err("not a power of two")
-            .contains("power of two")
-    );
-    assert!(
-        build(&scene(64, &["name = \"m\"\ntile_m = 3.0".to_owned()]))
-            .expect_err("no source")
-            .contains("exactly one")
-    );
+    assert!(build(&scene(96, &many[..1])).expect_err("not a power of two").contains("power of two"));
+    assert!(build(&scene(64, &["name = \"m\"\ntile_m = 3.0".to_owned()])).expect_err("no source").contains("exactly one"));
 }
 
 // -------------------------------------------------------------------------------------------------------------------------- folders
@@ -521,9 +437,7 @@ fn folder_for(test: &str) -> PathBuf {
 }
 
 fn write(dir: &Path, file: &str, edge: u32, texel: impl Fn(u32, u32) -> [u8; 3]) {
-    image::RgbImage::from_fn(edge, edge, |x, y| image::Rgb(texel(x, y)))
-        .save(dir.join(file))
-        .expect("an image file can be written");
+    image::RgbImage::from_fn(edge, edge, |x, y| image::Rgb(texel(x, y))).save(dir.join(file)).expect("an image file can be written");
 }
 
 /// A small whole material: albedo black but for a white top row, normal leaning to +u, height growing downwards.
@@ -543,30 +457,16 @@ fn a_folder_is_read_with_its_top_row_at_v_1() {
     assert!(maps.albedo[0][0] < 0.01);
     assert!((maps.height[0] - 252.0 / 255.0).abs() < 1e-5 && maps.height[63 * 64] < 1e-5);
     assert!((maps.smoothness[0] - 0.8).abs() < 1e-5);
-    assert!(
-        maps.specular_occlusion
-            .iter()
-            .chain(&maps.colour_mask)
-            .all(|&v| (v - 1.0).abs() < 1e-6),
-        "absent ao and the mask are 1"
-    );
+    assert!(maps.specular_occlusion.iter().chain(&maps.colour_mask).all(|&v| (v - 1.0).abs() < 1e-6), "absent ao and the mask are 1");
     // (0.6, 0.0, 0.8) up to 8 bits
-    assert!(
-        (maps.normal[9][0] - 0.6).abs() < 0.01 && maps.normal[9][1].abs() < 0.01,
-        "{:?}",
-        maps.normal[9]
-    );
+    assert!((maps.normal[9][0] - 0.6).abs() < 0.01 && maps.normal[9][1].abs() < 0.01, "{:?}", maps.normal[9]);
 
     write(&dir, "ao.png", 64, |_, _| [102; 3]);
     let maps = folder::load("m", &dir, 64).expect("a whole folder");
     assert!((maps.specular_occlusion[0] - 0.4).abs() < 1e-5);
     // a quarter of the size: the white row is one of four averaged, in linear light
     let small = folder::load("m", &dir, 16).expect("a whole folder");
-    assert!(
-        (small.albedo[15 * 16 + 3][0] - 0.25).abs() < 1e-4,
-        "{:?}",
-        small.albedo[15 * 16 + 3]
-    );
+    assert!((small.albedo[15 * 16 + 3][0] - 0.25).abs() < 1e-4, "{:?}", small.albedo[15 * 16 + 3]);
     // height codes 60, 56, ... : the mean of the lowest four rows
     assert!((small.height[0] - 246.0 / 255.0).abs() < 1e-4, "{}", small.height[0]);
     // a size that does not divide keeps the mean
@@ -585,11 +485,7 @@ fn albedo_may_have_16_bits_and_any_file_may_lie_about_its_extension() {
     deep.save(dir.join("albedo.png")).expect("an image file can be written");
     std::fs::rename(dir.join("height.png"), dir.join("height.jpg")).expect("the test's own file");
     let maps = folder::load("m", &dir, 64).expect("a whole folder");
-    assert!(
-        (maps.albedo[0][0] - 0.214_05).abs() < 1e-4 && maps.albedo[0][2] > 0.999,
-        "{:?}",
-        maps.albedo[0]
-    );
+    assert!((maps.albedo[0][0] - 0.214_05).abs() < 1e-4 && maps.albedo[0][2] > 0.999, "{:?}", maps.albedo[0]);
     std::fs::remove_dir_all(&dir).expect("the test's own folder");
 }
 
@@ -610,9 +506,7 @@ fn a_bad_folder_is_refused_with_its_reason() {
     refuse(&["`cliff`", "no normal.png", "there is: albedo.png, height.png, roughness.png"]);
     write(&dir, "normal.png", 32, |_, _| [128, 128, 255]);
     refuse(&["normal.png is 32x32", "albedo.png is 64x64"]);
-    image::RgbImage::new(64, 32)
-        .save(dir.join("normal.png"))
-        .expect("an image file can be written");
+    image::RgbImage::new(64, 32).save(dir.join("normal.png")).expect("an image file can be written");
     refuse(&["normal.png", "64x32", "square"]);
     std::fs::write(dir.join("normal.png"), b"not an image").expect("the test's own file");
     refuse(&["normal.png", "not a readable PNG or JPEG"]);
@@ -636,11 +530,7 @@ fn scanned_materials_load_where_there_are_any() {
     assert!(!folders.is_empty(), "SCREE_DATA/materials is empty");
     for dir in folders {
         let maps = folder::load("scanned", &dir, 64).unwrap_or_else(|error| panic!("{error}"));
-        let upright = mean(
-            maps.normal
-                .iter()
-                .map(|n| f64::from(1.0 - n[0] * n[0] - n[1] * n[1]).max(0.0).sqrt()),
-        );
+        let upright = mean(maps.normal.iter().map(|n| f64::from(1.0 - n[0] * n[0] - n[1] * n[1]).max(0.0).sqrt()));
         assert!(upright > 0.5, "{}: normals lean by {upright:.2}", dir.display());
         // A green channel of the other convention (DirectX) would make slopes along v oppose the height's.
         let at = |x: usize, y: usize| f64::from(maps.height[(y % 64) * 64 + x % 64]);
@@ -650,11 +540,7 @@ fn scanned_materials_load_where_there_are_any() {
             normals.push(f64::from(n[1]));
         }
         let r = correlation(&slopes, &normals);
-        println!(
-            "{}: mean albedo {:.3?}, v slopes r = {r:.2}",
-            dir.display(),
-            MaterialMeans::of(&maps, [1.0; 3]).albedo
-        );
+        println!("{}: mean albedo {:.3?}, v slopes r = {r:.2}", dir.display(), MaterialMeans::of(&maps, [1.0; 3]).albedo);
         assert!(r > 0.0, "{}: normals oppose the height along v (r = {r:.2})", dir.display());
     }
 }

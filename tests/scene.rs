@@ -105,23 +105,14 @@ fn built_in_scene_loads_and_has_what_the_documents_promise() {
     // The tables that are written out must stay the defaults that the documentation says they are.
     let short: String = DEFAULT_TEXT.split("[flavours]").next().map(str::to_owned).unwrap_or_default();
     let rest = parse(&short).expect("the scene without its optional tables is valid");
-    assert_eq!(
-        (rest.flavours, rest.blend, rest.sun, rest.sky),
-        (scene.flavours, scene.blend, scene.sun, scene.sky)
-    );
+    assert_eq!((rest.flavours, rest.blend, rest.sun, rest.sky), (scene.flavours, scene.blend, scene.sun, scene.sky));
 }
 
 #[test]
 fn scenes_survive_a_round_trip_through_toml() {
     let mut full = small();
-    full.world = scene::World::Procedural {
-        seed: 9,
-        holes: vec![scene::Hole {
-            centre: [1.5, -2.0],
-            radius_m: 3.0,
-        }],
-        colour_modulation: 0.25,
-    };
+    full.world =
+        scene::World::Procedural { seed: 9, holes: vec![scene::Hole { centre: [1.5, -2.0], radius_m: 3.0 }], colour_modulation: 0.25 };
     full.rules[0].curvature = Some([-1.0, 0.1]);
     full.materials[0].tint = [0.1, 0.2, 0.3];
     for scene in [scene::load("default").expect("valid"), small(), full] {
@@ -134,44 +125,14 @@ fn scenes_survive_a_round_trip_through_toml() {
 fn unknown_keys_name_the_nearest_known_one_and_their_line() {
     let cases = [
         ("seed = 1", "sead = 1", 4, "unknown key `sead`: did you mean `seed`?"),
-        (
-            "tile_m = 4.0",
-            "tile_m = 4.0\ntin = [1,1,1]",
-            13,
-            "unknown key `tin`: did you mean `tint`?",
-        ),
+        ("tile_m = 4.0", "tile_m = 4.0\ntin = [1,1,1]", 13, "unknown key `tin`: did you mean `tint`?"),
         ("slope_deg =", "slop_deg =", 17, "unknown key `slop_deg`: did you mean `slope_deg`?"),
-        (
-            "frames_per_key = 4",
-            "frames_per_keys = 4",
-            30,
-            "unknown key `frames_per_keys`: did you mean `frames_per_key`?",
-        ),
-        (
-            "seed = 1",
-            "seed = 1\nholes = [{ centre = [0, 0], radius = 3 }]",
-            5,
-            "unknown key `radius`: did you mean `radius_m`?",
-        ),
-        (
-            "name = \"small\"",
-            "name = \"small\"\n[blends]",
-            2,
-            "unknown key `blends`: did you mean `blend`?",
-        ),
+        ("frames_per_key = 4", "frames_per_keys = 4", 30, "unknown key `frames_per_keys`: did you mean `frames_per_key`?"),
+        ("seed = 1", "seed = 1\nholes = [{ centre = [0, 0], radius = 3 }]", 5, "unknown key `radius`: did you mean `radius_m`?"),
+        ("name = \"small\"", "name = \"small\"\n[blends]", 2, "unknown key `blends`: did you mean `blend`?"),
         // A word like none: all are listed.
-        (
-            "seed = 1",
-            "seed = 1\nxyzzy = 2",
-            5,
-            "unknown key `xyzzy`: known here: colour_modulation, holes, seed",
-        ),
-        (
-            "[[rule]]",
-            "[sun]\nwarmth = 2\n[[rule]]",
-            14,
-            "unknown key `warmth`: known here: azimuth_deg, elevation_deg, irradiance",
-        ),
+        ("seed = 1", "seed = 1\nxyzzy = 2", 5, "unknown key `xyzzy`: known here: colour_modulation, holes, seed"),
+        ("[[rule]]", "[sun]\nwarmth = 2\n[[rule]]", 14, "unknown key `warmth`: known here: azimuth_deg, elevation_deg, irradiance"),
     ];
     for (from, to, line, what) in cases {
         assert_eq!(parse(&edited(from, to)), Err(format!("scene test.toml:{line}: {what}")));
@@ -209,49 +170,19 @@ fn wrong_scenes_are_refused_with_place_and_remedy() {
         ("kind = \"procedural\"\n", "", 2, &["`kind` is missing", "procedural", "heightmap"]),
         ("kind = \"procedural\"", "kind = \"planet\"", 3, &["planet"]),
         ("seed = 1", "seed = 1\ncolour_modulation = 1.5", 5, &["colour_modulation", "0..=1"]),
-        (
-            "seed = 1",
-            "seed = 1\nholes = [{ centre = [0, 0], radius_m = 0 }]",
-            5,
-            &["holes 1, radius_m", "above 0"],
-        ),
+        ("seed = 1", "seed = 1\nholes = [{ centre = [0, 0], radius_m = 0 }]", 5, &["holes 1, radius_m", "above 0"]),
         ("procedural = \"grass\"\n", "", 5, &["material 1", "procedural", "folder"]),
-        (
-            "procedural = \"granite\"",
-            "procedural = \"granite\"\nfolder = \"x\"",
-            9,
-            &["material 2", "both", "remove one"],
-        ),
-        (
-            "procedural = \"grass\"",
-            "folder = \"nowhere\"",
-            7,
-            &["material 1, folder", "nowhere"],
-        ),
+        ("procedural = \"granite\"", "procedural = \"granite\"\nfolder = \"x\"", 9, &["material 2", "both", "remove one"]),
+        ("procedural = \"grass\"", "folder = \"nowhere\"", 7, &["material 1, folder", "nowhere"]),
         ("name = \"rock\"", "name = \"grass\"", 10, &["material 2, name", "already"]),
         ("tile_m = 2.0", "tile_m = 0.0", 8, &["material 1, tile_m", "above 0"]),
         ("tile_m = 2.0", "tile_m = nan", 8, &["tile_m", "NaN"]),
         ("tile_m = 2.0", "tile_m = inf", 8, &["tile_m", "inf"]),
         ("tile_m = 4.0", "tile_m = 4.0\ntint = [1, -1, 1]", 13, &["material 2, tint"]),
         ("tile_m = 4.0", "tile_m = 4.0\nnormal_strength = -0.1", 13, &["normal_strength"]),
-        (
-            "material = \"rock\"",
-            "material = \"rok\"",
-            16,
-            &["rule 2, material", "did you mean `rock`?"],
-        ),
-        (
-            "material = \"rock\"",
-            "material = \"quicksilver\"",
-            16,
-            &["quicksilver", "grass, rock"],
-        ),
-        (
-            "slope_deg = [40, 90]",
-            "slope_deg = [90, 40]",
-            17,
-            &["rule 2, slope_deg", "reversed", "[40, 90]"],
-        ),
+        ("material = \"rock\"", "material = \"rok\"", 16, &["rule 2, material", "did you mean `rock`?"]),
+        ("material = \"rock\"", "material = \"quicksilver\"", 16, &["quicksilver", "grass, rock"]),
+        ("slope_deg = [40, 90]", "slope_deg = [90, 40]", 17, &["rule 2, slope_deg", "reversed", "[40, 90]"]),
         ("slope_deg = [40, 90]", "slope_deg = [40, 91]", 17, &["slope_deg", "0..=90"]),
         ("slope_deg = [40, 90]", "height_m = [9, 8]", 17, &["height_m", "reversed"]),
         ("slope_deg = [40, 90]", "curvature = [1, 0]", 17, &["curvature", "reversed"]),
@@ -261,24 +192,9 @@ fn wrong_scenes_are_refused_with_place_and_remedy() {
         ("name = \"small\"", "name = \"small\"\ndetail_size = 96", 2, &["detail_size", "128"]),
         ("name = \"small\"", "name = \"small\"\ndetail_size = 32", 2, &["detail_size"]),
         ("name = \"small\"", "name = \"small\"\ndetail_size = 4096", 2, &["detail_size"]),
-        (
-            "[[rule]]",
-            "[flavours]\ncliff_near_m = 2000\n[[rule]]",
-            14,
-            &["cliff_near_m", "cliff_far_atlas_m = 1500"],
-        ),
-        (
-            "[[rule]]",
-            "[flavours]\nfar_atlas_m = 2000\n[[rule]]",
-            14,
-            &["far_atlas_m", "cliff_far_atlas_m = 1500"],
-        ),
-        (
-            "[[rule]]",
-            "[flavours]\nsplat_band_deg = 45\n[[rule]]",
-            14,
-            &["splat_band_deg", "cliff_slope_deg = 45"],
-        ),
+        ("[[rule]]", "[flavours]\ncliff_near_m = 2000\n[[rule]]", 14, &["cliff_near_m", "cliff_far_atlas_m = 1500"]),
+        ("[[rule]]", "[flavours]\nfar_atlas_m = 2000\n[[rule]]", 14, &["far_atlas_m", "cliff_far_atlas_m = 1500"]),
+        ("[[rule]]", "[flavours]\nsplat_band_deg = 45\n[[rule]]", 14, &["splat_band_deg", "cliff_slope_deg = 45"]),
         ("[[rule]]", "[flavours]\ndistance_blend = 0\n[[rule]]", 14, &["distance_blend"]),
         ("[[rule]]", "[flavours]\ncliff_slope_deg = 0\n[[rule]]", 14, &["cliff_slope_deg"]),
         ("[[rule]]", "[blend]\nanisotropy = 0\n[[rule]]", 14, &["anisotropy", "1..=16"]),
@@ -289,12 +205,7 @@ fn wrong_scenes_are_refused_with_place_and_remedy() {
         ("[[rule]]", "[sky]\nzenith = [0, 0, -1]\n[[rule]]", 14, &["zenith"]),
         ("name = \"two\"", "name = \"one\"", 24, &["camera 2, name", "already"]),
         ("name = \"two\"", "name = \"../two\"", 24, &["camera 2, name", "letters"]),
-        (
-            "pitch_deg = 0",
-            "pitch_deg = 0\nfov_deg = 176",
-            23,
-            &["camera 1, fov_deg", "1..=175"],
-        ),
+        ("pitch_deg = 0", "pitch_deg = 0\nfov_deg = 176", 23, &["camera 1, fov_deg", "1..=175"]),
         ("pitch_deg = 0", "pitch_deg = 91", 22, &["camera 1, pitch_deg"]),
         ("position = [0, 0, 2]", "position = [0, nan, 2]", 20, &["camera 1, position"]),
         ("frames_per_key = 4", "frames_per_key = 0", 30, &["path 1, frames_per_key"]),
@@ -303,10 +214,7 @@ fn wrong_scenes_are_refused_with_place_and_remedy() {
     ];
     for (from, to, line, says) in cases {
         let error = parse(&edited(from, to)).expect_err(&format!("{to} must be refused"));
-        assert!(
-            error.starts_with(&format!("scene test.toml:{line}: ")),
-            "line {line} expected: {error}"
-        );
+        assert!(error.starts_with(&format!("scene test.toml:{line}: ")), "line {line} expected: {error}");
         assert!(!error.contains('\n'), "{error:?} has more than one line");
         for part in *says {
             assert!(error.contains(part), "`{part}` is not in: {error}");
@@ -329,18 +237,12 @@ fn lists_have_bounds() {
     let many = |count: usize| {
         let mut scene = small();
         let first = scene.materials[0].clone();
-        scene.materials.extend((scene.materials.len()..count).map(|i| scene::Material {
-            name: format!("m{i}"),
-            ..first.clone()
-        }));
+        scene.materials.extend((scene.materials.len()..count).map(|i| scene::Material { name: format!("m{i}"), ..first.clone() }));
         scene::validate(&scene)
     };
     assert!(many(256).is_ok());
     let error = many(257).expect_err("an 8-bit index tells 256 apart").to_string();
-    assert!(
-        error.contains("257") && error.contains("256") && error.contains("remove 1"),
-        "{error}"
-    );
+    assert!(error.contains("257") && error.contains("256") && error.contains("remove 1"), "{error}");
 }
 
 #[test]
@@ -352,10 +254,7 @@ fn files_are_looked_for_beside_the_scene_file() {
     let load = |path: &str| scene::load(path).map_err(|e| e.to_string());
 
     let error = load(&file).expect_err("there is no heightmap yet");
-    assert!(
-        error.contains("scene.toml:4: world, file") && error.contains("heights.png"),
-        "{error}"
-    );
+    assert!(error.contains("scene.toml:4: world, file") && error.contains("heights.png"), "{error}");
     folder.write("heights.png", "");
     let error = load(&file).expect_err("there is no material folder yet");
     assert!(error.contains("material 1, folder") && error.contains("turf"), "{error}");
@@ -386,9 +285,7 @@ fn what_is_no_scene_file_is_refused() {
 #[test]
 fn cliffs_are_refused_where_the_world_has_none() {
     let mut scene = small();
-    let error = scene::validate_against_world(&scene, 31.26)
-        .expect_err("cliffs start at 45 degrees")
-        .to_string();
+    let error = scene::validate_against_world(&scene, 31.26).expect_err("cliffs start at 45 degrees").to_string();
     for part in ["45", "31.3", "cliff_slope_deg", "90"] {
         assert!(error.contains(part), "`{part}` is not in: {error}");
     }
@@ -416,13 +313,7 @@ fn requirements_follow_from_the_scene() {
     assert_eq!(variants(&scene), [2]);
     let least = Requirements::of(&scene);
     let required = |r: &Requirements| r.textures.iter().filter(|t| t.required).map(|t| t.name).collect::<Vec<_>>();
-    assert!(
-        !required(&least)
-            .iter()
-            .any(|name| name.starts_with("detail") || name.starts_with("page")),
-        "{:?}",
-        required(&least)
-    );
+    assert!(!required(&least).iter().any(|name| name.starts_with("detail") || name.starts_with("page")), "{:?}", required(&least));
     assert!(least.bytes() < Requirements::of(&small()).bytes());
 
     scene.flavours.cliff_slope_deg = 45.0;
@@ -432,23 +323,12 @@ fn requirements_follow_from_the_scene() {
 #[test]
 fn required_textures_have_the_sizes_of_the_formats() {
     let mut scene = small();
-    scene.world = scene::World::Procedural {
-        seed: 1,
-        holes: vec![scene::Hole {
-            centre: [0.0; 2],
-            radius_m: 2.0,
-        }],
-        colour_modulation: 0.5,
-    };
+    scene.world =
+        scene::World::Procedural { seed: 1, holes: vec![scene::Hole { centre: [0.0; 2], radius_m: 2.0 }], colour_modulation: 0.5 };
     let requirements = Requirements::of(&scene);
     assert!(requirements.holes && requirements.colour_modulation);
     // A node's payload is 72 419 bytes in all, of which 64 are patch cones, which only culling reads; slot 0 stands for "not loaded".
-    let nodes: u64 = requirements
-        .textures
-        .iter()
-        .filter(|t| t.name.starts_with("node ") && t.required)
-        .map(|t| t.bytes)
-        .sum();
+    let nodes: u64 = requirements.textures.iter().filter(|t| t.name.starts_with("node ") && t.required).map(|t| t.bytes).sum();
     assert_eq!(nodes, (72_419 - 64) * u64::from(NODE_SLOTS + 1));
 
     let of = |r: &Requirements, name: &str| r.textures.iter().find(|t| t.name == name).cloned().expect("it is in the list");
@@ -477,10 +357,7 @@ fn requirements_print_both_lists() {
     let text = requirements.to_string();
     let (required, not) = text.split_once("\nnot required").expect("there are two lists");
     assert!(required.contains("vt+far-atlas") && !required.contains("near-cliff"), "{required}");
-    assert!(
-        not.contains("not allocated") && not.contains("near-cliff+far-cliff+splat") && not.contains("variants: 28 of 31"),
-        "{not}"
-    );
+    assert!(not.contains("not allocated") && not.contains("near-cliff+far-cliff+splat") && not.contains("variants: 28 of 31"), "{not}");
 
     let json = serde_json::to_value(&requirements).expect("requirements can be written as JSON");
     assert_eq!(json["variants"], serde_json::json!(["vt", "far-atlas", "vt+far-atlas"]));
@@ -496,24 +373,12 @@ fn variants_are_the_31_non_empty_sets() {
     for variant in all {
         assert_eq!(variant.to_string().parse(), Ok(variant));
         assert_eq!(variant.mask().to_string().parse(), Ok(variant));
-        let backwards: Vec<&str> = variant
-            .flavours()
-            .map(Flavour::name)
-            .collect::<Vec<_>>()
-            .into_iter()
-            .rev()
-            .collect();
+        let backwards: Vec<&str> = variant.flavours().map(Flavour::name).collect::<Vec<_>>().into_iter().rev().collect();
         assert_eq!(backwards.join("+").parse(), Ok(variant));
         assert_eq!(variant.flavours().fold(0, |mask, f| mask | f.bit()), variant.mask());
-        assert_eq!(
-            variant.promised_fetches(),
-            variant.flavours().map(Flavour::promised_fetches).sum::<u32>()
-        );
+        assert_eq!(variant.promised_fetches(), variant.flavours().map(Flavour::promised_fetches).sum::<u32>());
     }
-    assert_eq!(
-        Variant::new(31).map(|v| v.to_string()),
-        Some("vt+far-atlas+near-cliff+far-cliff+splat".to_owned())
-    );
+    assert_eq!(Variant::new(31).map(|v| v.to_string()), Some("vt+far-atlas+near-cliff+far-cliff+splat".to_owned()));
 }
 
 #[test]

@@ -68,18 +68,10 @@ fn uniform_ks_p(samples: &[f64]) -> f64 {
     let mut sorted = samples.to_vec();
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len() as f64;
-    let distance = sorted
-        .iter()
-        .enumerate()
-        .map(|(i, x)| (x - i as f64 / n).max((i + 1) as f64 / n - x))
-        .fold(0.0, f64::max);
+    let distance = sorted.iter().enumerate().map(|(i, x)| (x - i as f64 / n).max((i + 1) as f64 / n - x)).fold(0.0, f64::max);
     let lambda = (n.sqrt() + 0.12 + 0.11 / n.sqrt()) * distance;
     let term = |j: i32| f64::from(1 - 2 * ((j + 1) % 2)) * (-2.0 * f64::from(j * j) * lambda * lambda).exp();
-    if lambda < 0.2 {
-        1.0
-    } else {
-        (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0)
-    }
+    if lambda < 0.2 { 1.0 } else { (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0) }
 }
 
 /// H0: the two are independent. Chi-square over an 8 x 8 table of equal cells.
@@ -164,17 +156,10 @@ fn parameters_mix_without_cancelling() {
 
 #[test]
 fn lattice_values_are_uniform_and_uncorrelated() {
-    let values: Vec<f64> = (-100..100)
-        .flat_map(|y| (-100..100).map(move |x| hash::unit2(x, y, 7, 3)))
-        .collect();
+    let values: Vec<f64> = (-100..100).flat_map(|y| (-100..100).map(move |x| hash::unit2(x, y, 7, 3))).collect();
     let along_x: Vec<_> = values.windows(2).map(|w| (w[0], w[1])).collect();
     let along_y: Vec<_> = values.iter().zip(&values[200..]).map(|(&a, &b)| (a, b)).collect();
-    for p in [
-        uniform_bins_p(&values),
-        uniform_ks_p(&values),
-        independent_p(&along_x),
-        independent_p(&along_y),
-    ] {
+    for p in [uniform_bins_p(&values), uniform_ks_p(&values), independent_p(&along_x), independent_p(&along_y)] {
         assert!(p > sidak(4), "p = {p}");
     }
 }
@@ -194,11 +179,7 @@ fn random_point(random: &mut Random, origin: i32) -> HashedPoint<f64> {
     let (a, b) = (random.direction(), random.direction());
     HashedPoint {
         sector,
-        position: [
-            random.between(0.0, SECTOR_M),
-            random.between(0.0, SECTOR_M),
-            random.between(0.0, 3000.0),
-        ],
+        position: [random.between(0.0, SECTOR_M), random.between(0.0, SECTOR_M), random.between(0.0, 3000.0)],
         sector_m: SECTOR_M,
         ddx: scale(a, footprint),
         ddy: scale(b, footprint * random.unit()),
@@ -218,10 +199,7 @@ fn as_f32(p: &HashedPoint<f64>) -> HashedPoint<f32> {
 }
 
 type Scales = fn(&HashedPoint<f64>, u32, u32) -> TwoScales<f64>;
-const HASHED: [(&str, Scales); 2] = [
-    ("isotropic", noise::isotropic_scales::<f64>),
-    ("anisotropic", noise::anisotropic_scales::<f64>),
-];
+const HASHED: [(&str, Scales); 2] = [("isotropic", noise::isotropic_scales::<f64>), ("anisotropic", noise::anisotropic_scales::<f64>)];
 
 fn sample(scales: Scales, origin: i32, count: usize, of: fn(&TwoScales<f64>) -> [f64; 4]) -> Vec<[f64; 4]> {
     let mut random = Random(0x5eed + origin as u64);
@@ -242,17 +220,11 @@ fn hashed_thresholds_are_uniform() {
             for i in 0..4 {
                 let x = column(&samples, i);
                 let (bins, ks) = (uniform_bins_p(&x), uniform_ks_p(&x));
-                assert!(
-                    bins > level && ks > level,
-                    "{name}, sector {origin}, threshold {i}: p = {bins}, {ks}"
-                );
+                assert!(bins > level && ks > level, "{name}, sector {origin}, threshold {i}: p = {bins}, {ks}");
             }
             // Negative control: the blend without its correction crowds around one half.
             let blended = column(&sample(scales, origin, 20_000, TwoScales::blended), 0);
-            assert!(
-                uniform_bins_p(&blended) < level && uniform_ks_p(&blended) < level,
-                "{name}: mutant passed"
-            );
+            assert!(uniform_bins_p(&blended) < level && uniform_ks_p(&blended) < level, "{name}: mutant passed");
         }
     }
 }
@@ -275,14 +247,9 @@ fn hashed_thresholds_are_uniform_in_f32() {
 fn thresholds_of_one_call_are_independent() {
     // 3 kinds x 6 pairs x 2 tests.
     let level = sidak(36);
-    let mut kinds: Vec<(&str, Vec<[f64; 4]>)> = HASHED
-        .iter()
-        .map(|&(name, scales)| (name, sample(scales, 156, 20_000, TwoScales::thresholds)))
-        .collect();
-    kinds.push((
-        "white",
-        (0..20_000).map(|i| noise::white_screen([i % 160, i / 160], 3, 1, 2)).collect(),
-    ));
+    let mut kinds: Vec<(&str, Vec<[f64; 4]>)> =
+        HASHED.iter().map(|&(name, scales)| (name, sample(scales, 156, 20_000, TwoScales::thresholds))).collect();
+    kinds.push(("white", (0..20_000).map(|i| noise::white_screen([i % 160, i / 160], 3, 1, 2)).collect()));
     for (name, samples) in &kinds {
         for i in 0..4 {
             for j in 0..i {
@@ -293,14 +260,8 @@ fn thresholds_of_one_call_are_independent() {
         }
         // Negative control: one number for two decisions, as it is and as its own blend with another.
         let same: Vec<_> = samples.iter().map(|s| (s[0], s[0])).collect();
-        let leaning: Vec<_> = samples
-            .iter()
-            .map(|s| (s[0], noise::correct(0.9 * s[1] + 0.1 * s[0], 0.1)))
-            .collect();
-        assert!(
-            independent_p(&same) < level && uncorrelated_p(&leaning) < level,
-            "{name}: mutant passed"
-        );
+        let leaning: Vec<_> = samples.iter().map(|s| (s[0], noise::correct(0.9 * s[1] + 0.1 * s[0], 0.1))).collect();
+        assert!(independent_p(&same) < level && uncorrelated_p(&leaning) < level, "{name}: mutant passed");
     }
 }
 
@@ -317,9 +278,8 @@ fn neighbours_seeds_salts_frames_are_independent() {
         hash_scale: 1.0,
     };
     let cell = (-k).exp2();
-    let points: Vec<[f64; 3]> = (0..20_000)
-        .map(|i| [f64::from(i % 200) * cell, f64::from(i / 200) * cell, 100.0 + f64::from(i % 7)])
-        .collect();
+    let points: Vec<[f64; 3]> =
+        (0..20_000).map(|i| [f64::from(i % 200) * cell, f64::from(i / 200) * cell, 100.0 + f64::from(i % 7)]).collect();
     let value = |[x, y, z]: [f64; 3], seed: u32, salt: u32| noise::hashed_isotropic(&at(x, y, z), seed, salt)[0];
     let pairs = |other: &dyn Fn([f64; 3]) -> f64| -> Vec<(f64, f64)> { points.iter().map(|&p| (value(p, 4, 9), other(p))).collect() };
     let doubled = |[x, y, z]: [f64; 3]| {
@@ -386,16 +346,8 @@ fn cells_are_the_same_near_and_far() {
                 let x = f64::from(i) * 0.07;
                 let (over, own) = (point(15_625, SECTOR_M + x, footprint), point(15_626, x, footprint));
                 assert_eq!(scales(&over, 1, 1).coarse, scales(&own, 1, 1).coarse, "{x} m");
-                let north = |sector: i32, y: f64| HashedPoint {
-                    sector: [7, sector],
-                    position: [1.0, y, 456.7],
-                    ..over
-                };
-                assert_eq!(
-                    scales(&north(-156, SECTOR_M + x), 1, 1).coarse,
-                    scales(&north(-155, x), 1, 1).coarse,
-                    "{x} m north"
-                );
+                let north = |sector: i32, y: f64| HashedPoint { sector: [7, sector], position: [1.0, y, 456.7], ..over };
+                assert_eq!(scales(&north(-156, SECTOR_M + x), 1, 1).coarse, scales(&north(-155, x), 1, 1).coarse, "{x} m north");
                 assert_ne!(scales(&north(-156, x), 1, 1).coarse, scales(&north(-155, x), 1, 1).coarse);
             }
         }
@@ -415,10 +367,7 @@ fn cells_are_the_same_near_and_far() {
         let (a, b) = (noise::hashed_isotropic(&small, 1, 1), noise::hashed_isotropic(&exact, 1, 1));
         // The blend follows log2 of the footprint, which f32 has to 16 * 2^-24; the correction's slope is at most 1/max(l, 1-l) <= 2,
         // that in l at most 2 as well.
-        assert!(
-            largest_difference(a.map(f64::from), b) < 8.0 * 16.0 * f64::from(f32::EPSILON),
-            "{a:?} {b:?}"
-        );
+        assert!(largest_difference(a.map(f64::from), b) < 8.0 * 16.0 * f64::from(f32::EPSILON), "{a:?} {b:?}");
     }
 }
 
@@ -456,10 +405,7 @@ fn correction_is_the_distribution_function_of_the_blend() {
     // P((1-l) U1 + l U2 < x) as the mean over U1 of the chance that U2 is small enough, by the midpoint rule.
     let integral = |x: f64, l: f64| {
         let n = 4000;
-        (0..n)
-            .map(|i| ((x - (1.0 - l) * (f64::from(i) + 0.5) / f64::from(n)) / l).clamp(0.0, 1.0))
-            .sum::<f64>()
-            / f64::from(n)
+        (0..n).map(|i| ((x - (1.0 - l) * (f64::from(i) + 0.5) / f64::from(n)) / l).clamp(0.0, 1.0)).sum::<f64>() / f64::from(n)
     };
     let worst = |candidate: &dyn Fn(f64, f64) -> f64| {
         let mut worst: f64 = 0.0;
@@ -474,10 +420,7 @@ fn correction_is_the_distribution_function_of_the_blend() {
     // The integrand has two kinks with slope at most 1/l: midpoint error below 1/(l n²) times a few.
     assert!(worst(&noise::correct) < 1e-5);
     assert!(worst(&|x, _| x) > 0.01, "the mutant without correction passed");
-    assert!(
-        worst(&|x, l| noise::correct(x, (1.0 - l) * 0.9)) > 0.01,
-        "the mutant with a wrong factor passed"
-    );
+    assert!(worst(&|x, l| noise::correct(x, (1.0 - l) * 0.9)) > 0.01, "the mutant with a wrong factor passed");
     for x in [0.0, 0.25, 0.75, 0.999] {
         for l in [0.0, 1.0, 1e-30, f64::MIN_POSITIVE] {
             assert!((noise::correct(x, l) - x).abs() < 1e-12);
@@ -496,23 +439,11 @@ fn noise_kinds_have_names_and_codes() {
         assert_eq!(kind.to_string().parse(), Ok(kind));
     }
     let error = "blue".parse::<NoiseKind>().expect_err("not a kind").to_string();
-    assert!(
-        error.contains("blue") && NoiseKind::ALL.iter().all(|k| error.contains(k.name())),
-        "{error}"
-    );
+    assert!(error.contains("blue") && NoiseKind::ALL.iter().all(|k| error.contains(k.name())), "{error}");
     let point = random_point(&mut Random(3), 0);
-    assert_eq!(
-        noise::thresholds(NoiseKind::HashedIsotropic, &point, [1, 2], 3, 4, 5),
-        noise::hashed_isotropic(&point, 4, 5)
-    );
-    assert_eq!(
-        noise::thresholds(NoiseKind::HashedAnisotropic, &point, [1, 2], 3, 4, 5),
-        noise::hashed_anisotropic(&point, 4, 5)
-    );
-    assert_eq!(
-        noise::thresholds::<f64>(NoiseKind::WhiteScreen, &point, [1, 2], 3, 4, 5),
-        noise::white_screen([1, 2], 3, 4, 5)
-    );
+    assert_eq!(noise::thresholds(NoiseKind::HashedIsotropic, &point, [1, 2], 3, 4, 5), noise::hashed_isotropic(&point, 4, 5));
+    assert_eq!(noise::thresholds(NoiseKind::HashedAnisotropic, &point, [1, 2], 3, 4, 5), noise::hashed_anisotropic(&point, 4, 5));
+    assert_eq!(noise::thresholds::<f64>(NoiseKind::WhiteScreen, &point, [1, 2], 3, 4, 5), noise::white_screen::<f64>([1, 2], 3, 4, 5));
 }
 
 #[test]
@@ -529,9 +460,7 @@ fn cells_are_about_a_pixel_wide() {
                 hash_scale,
             };
             let coarse = |x: f64| noise::isotropic_scales(&at(x), 1, 1).coarse;
-            let cells = (1..6400)
-                .filter(|&i| coarse(f64::from(i) * 0.01 - 0.005) != coarse(f64::from(i - 1) * 0.01 - 0.005))
-                .count();
+            let cells = (1..6400).filter(|&i| coarse(f64::from(i) * 0.01 - 0.005) != coarse(f64::from(i - 1) * 0.01 - 0.005)).count();
             let width = SECTOR_M / (cells + 1) as f64 / footprint / hash_scale;
             assert!((0.9..2.2).contains(&width), "{width} pixels at {footprint} m");
         }
@@ -569,10 +498,7 @@ fn axes_survive_exactly() {
     }
     // Negative control: with all 256 codes zero falls between two of them.
     let all_codes = |x: f64| ((x * 0.5 + 0.5) * 255.0).round() / 255.0 * 2.0 - 1.0;
-    assert_ne!(
-        octahedral::decode(octahedral::encode([0.0, 0.0, 1.0]).map(all_codes)),
-        [0.0, 0.0, 1.0]
-    );
+    assert_ne!(octahedral::decode(octahedral::encode([0.0, 0.0, 1.0]).map(all_codes)), [0.0, 0.0, 1.0]);
 }
 
 #[test]
@@ -595,17 +521,11 @@ fn octahedral_errors_are_the_published_ones() {
     assert!(published(precise), "{precise:?}");
     // Negative control: nearest codes alone are the survey's plain "oct": mean 0.337°, max 0.944°.
     let plain = errors(&|n| octahedral::dequantise(octahedral::quantise(octahedral::encode(n), 8), 8));
-    assert!(
-        !published(plain) && (0.33..0.345).contains(&plain.0) && (0.88..0.95).contains(&plain.1),
-        "{plain:?}"
-    );
+    assert!(!published(plain) && (0.33..0.345).contains(&plain.0) && (0.88..0.95).contains(&plain.1), "{plain:?}");
     // Each bit halves the error.
     for (bits, factor) in [(12, 16.0), (16, 256.0)] {
         let (mean, max) = errors(&|n| octahedral::dequantise(octahedral::encode_precise(n, bits), bits));
-        assert!(
-            (mean * factor / precise.0 - 1.0).abs() < 0.03 && max * factor < 0.65,
-            "{bits} bits: {mean} {max}"
-        );
+        assert!((mean * factor / precise.0 - 1.0).abs() < 0.03 && max * factor < 0.65, "{bits} bits: {mean} {max}");
     }
     // And the code without quantisation is exact.
     let exact = errors(&|n| octahedral::encode(n));
@@ -696,11 +616,8 @@ fn splat_weights_are_the_formula() {
         let heights = [0.0; 4].map(|_| random.unit());
         let k = random.between(0.0, 16.0);
         let [x, y] = fraction;
-        let bent: Vec<f64> = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
-            .iter()
-            .zip(heights)
-            .map(|(w, h)| w * (k * h).exp2())
-            .collect();
+        let bent: Vec<f64> =
+            [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y].iter().zip(heights).map(|(w, h)| w * (k * h).exp2()).collect();
         let total: f64 = bent.iter().sum();
         let given = splat_blend::weights(fraction, heights, k);
         assert!(largest_difference(given, [0, 1, 2, 3].map(|i| bent[i] / total)) < 1e-13);
@@ -744,12 +661,7 @@ fn largest_jump(weights: &dyn Fn([f64; 2], [f64; 4]) -> [f64; 4], heights: [f64;
     };
     let steps = 20_000;
     (1..=steps)
-        .map(|i| {
-            largest_difference(
-                along(2.0 * f64::from(i) / f64::from(steps)),
-                along(2.0 * f64::from(i - 1) / f64::from(steps)),
-            )
-        })
+        .map(|i| largest_difference(along(2.0 * f64::from(i) / f64::from(steps)), along(2.0 * f64::from(i - 1) / f64::from(steps))))
         .fold(0.0, f64::max)
 }
 
@@ -829,14 +741,8 @@ fn perturbed_normals_are_those_of_the_displaced_plane() {
             .fold(0.0, f64::max)
     };
     assert!(worst(triplanar::perturb) < 1e-12);
-    assert!(
-        worst(|n, g| triplanar::perturb(n, scale(g, -1.0))) > 0.1,
-        "the mutant with the gradient's sign turned passed"
-    );
-    assert!(
-        worst(|n, g| normalize(sub(n, g))) > 0.1,
-        "the mutant with the whole gradient passed"
-    );
+    assert!(worst(|n, g| triplanar::perturb(n, scale(g, -1.0))) > 0.1, "the mutant with the gradient's sign turned passed");
+    assert!(worst(|n, g| normalize(sub(n, g))) > 0.1, "the mutant with the whole gradient passed");
 }
 
 // ---------------------------------------------------------------- select
@@ -849,21 +755,13 @@ fn frequencies_p<const N: usize>(weights: [f64; N], choose: &dyn Fn([f64; N], f6
         counts[choose(weights, random.unit())] += 1.0;
     }
     let total: f64 = sum(weights);
-    let kept: Vec<(f64, f64)> = counts
-        .into_iter()
-        .zip(weights)
-        .filter(|&(c, w)| w > 0.0 || c > 0.0)
-        .map(|(c, w)| (c, 20_000.0 * w / total))
-        .collect();
+    let kept: Vec<(f64, f64)> =
+        counts.into_iter().zip(weights).filter(|&(c, w)| w > 0.0 || c > 0.0).map(|(c, w)| (c, 20_000.0 * w / total)).collect();
     if kept.iter().any(|&(_, e)| e <= 0.0) {
         return 0.0;
     }
     let (counts, expected): (Vec<f64>, Vec<f64>) = kept.into_iter().unzip();
-    if counts.len() == 1 {
-        1.0
-    } else {
-        goodness_p(&counts, &expected, 1)
-    }
+    if counts.len() == 1 { 1.0 } else { goodness_p(&counts, &expected, 1) }
 }
 
 #[test]
@@ -975,9 +873,7 @@ fn tiling_follows_distance() {
         w[s as usize + 1] += f;
         w
     };
-    let jump = (1..16_000)
-        .map(|i| largest_difference(weights(i), weights(i - 1)))
-        .fold(0.0, f64::max);
+    let jump = (1..16_000).map(|i| largest_difference(weights(i), weights(i - 1))).fold(0.0, f64::max);
     assert!(jump < 1.1e-3, "{jump}");
 }
 
@@ -1019,22 +915,12 @@ fn flavours_lie_where_the_rules_put_them() {
     let w = flavour_weights::weights(30.0_f64, 0.0, &params);
     assert!((w[NEAR_CLIFF] - 0.5).abs() < 1e-6 && (w[FAR_CLIFF] - 0.5).abs() < 1e-6, "{w:?}");
 
-    let no_vt = FlavourParams::new(&FlavourRules {
-        far_atlas_m: 0.0,
-        ..rules.clone()
-    });
+    let no_vt = FlavourParams::new(&FlavourRules { far_atlas_m: 0.0, ..rules.clone() });
     only(1.0, 0.0, &no_vt, FAR_ATLAS);
-    let no_cliff = FlavourParams::new(&FlavourRules {
-        cliff_slope_deg: 90.0,
-        splat_band_deg: 0.0,
-        ..rules.clone()
-    });
+    let no_cliff = FlavourParams::new(&FlavourRules { cliff_slope_deg: 90.0, splat_band_deg: 0.0, ..rules.clone() });
     only(1.0, 89.0, &no_cliff, VT);
     only(1.0, 170.0, &no_cliff, VT);
-    let no_band = FlavourParams::new(&FlavourRules {
-        splat_band_deg: 0.0,
-        ..rules
-    });
+    let no_band = FlavourParams::new(&FlavourRules { splat_band_deg: 0.0, ..rules });
     only(5.0, 41.0, &no_band, VT);
 }
 
@@ -1076,14 +962,8 @@ fn flavour_weights_sum_to_one() {
         let f32_w: [f32; 5] = flavour_weights::weights(distance as f32, z as f32, &params);
         assert!((f32_w.iter().sum::<f32>() - 1.0).abs() < 1e-6);
     }
-    assert_eq!(
-        flavour_weights::weights_for([1.0, 0.0, 0.0, 0.0, 0.0], 0b11000, false),
-        [0.0, 0.0, 0.0, 0.5, 0.5]
-    );
-    assert_eq!(
-        flavour_weights::weights_for([1.0, 0.0, 0.0, 0.0, 0.0], 0, false),
-        [0.0, 1.0, 0.0, 0.0, 0.0]
-    );
+    assert_eq!(flavour_weights::weights_for([1.0, 0.0, 0.0, 0.0, 0.0], 0b11000, false), [0.0, 0.0, 0.0, 0.5, 0.5]);
+    assert_eq!(flavour_weights::weights_for([1.0, 0.0, 0.0, 0.0, 0.0], 0, false), [0.0, 1.0, 0.0, 0.0, 0.0]);
 }
 
 #[test]
@@ -1105,11 +985,7 @@ fn flavour_weights_are_continuous() {
         assert!(jump_with_slope(&params, distance) < 2.0 * 1.5 * 0.0052 / 4.0, "{distance} m");
     }
     // Negative controls: blends without width jump.
-    let hard = FlavourRules {
-        distance_blend: 0.0,
-        slope_blend_deg: 0.0,
-        ..FlavourRules::default()
-    };
+    let hard = FlavourRules { distance_blend: 0.0, slope_blend_deg: 0.0, ..FlavourRules::default() };
     assert!(jump_with_distance(&FlavourParams::new(&hard), 60.0) > 0.1);
     assert!(jump_with_slope(&FlavourParams::new(&hard), 10.0) > 0.1);
 }
@@ -1162,10 +1038,7 @@ fn visibility_is_smiths_correlated_form() {
             .fold(0.0, f64::max)
     };
     assert!(worst(&|v, l| 1.0 / (1.0 + v + l)) < 1e-12);
-    assert!(
-        worst(&|v, l| 1.0 / ((1.0 + v) * (1.0 + l))) > 0.01,
-        "the uncorrelated mutant passed"
-    );
+    assert!(worst(&|v, l| 1.0 / ((1.0 + v) * (1.0 + l))) > 0.01, "the uncorrelated mutant passed");
 }
 
 #[test]
@@ -1183,10 +1056,7 @@ fn fresnel_and_environment_are_in_bounds() {
         let mut sum = 0.0;
         for i in 0..n {
             for j in 0..n {
-                let (u, phi) = (
-                    (f64::from(i) + 0.5) / f64::from(n),
-                    std::f64::consts::TAU * (f64::from(j) + 0.5) / f64::from(n),
-                );
+                let (u, phi) = ((f64::from(i) + 0.5) / f64::from(n), std::f64::consts::TAU * (f64::from(j) + 0.5) / f64::from(n));
                 let cosine = ((1.0 - u) / (1.0 + (alpha * alpha - 1.0) * u)).sqrt();
                 let sine = (1.0 - cosine * cosine).sqrt();
                 let half = [sine * phi.cos(), sine * phi.sin(), cosine];
@@ -1219,10 +1089,7 @@ fn fresnel_and_environment_are_in_bounds() {
             worst(f0, &|r, v| brdf::env_approx([f0; 3], 1.0 - r, v)[0]) > bound,
             "the mutant that takes smoothness for roughness passed"
         );
-        assert!(
-            worst(f0, &|r, v| brdf::env_approx([f0; 3], r, 1.0 - v)[0]) > bound || f0 > 0.5,
-            "the mutant with the angle turned passed"
-        );
+        assert!(worst(f0, &|r, v| brdf::env_approx([f0; 3], r, 1.0 - v)[0]) > bound || f0 > 0.5, "the mutant with the angle turned passed");
     }
 }
 
@@ -1270,11 +1137,7 @@ fn extremes<T: Real>() {
     for _ in 0..30_000 {
         // Extreme values among ordinary ones: all extremes at once would meet the same few guards.
         let mut any = || {
-            if random.below(2) == 0 {
-                values[random.below(values.len())]
-            } else {
-                T::of(random.between(-2.0, 2.0))
-            }
+            if random.below(2) == 0 { values[random.below(values.len())] } else { T::of(random.between(-2.0, 2.0)) }
         };
         let (a, b, c, d) = (any(), any(), any(), any());
         let (v3, w3) = ([any(), any(), any()], [any(), any(), any()]);
@@ -1284,21 +1147,9 @@ fn extremes<T: Real>() {
         let (m, n) = (integer(), integer());
         let word = random.word() as u32;
 
-        let point = HashedPoint {
-            sector: [m, n],
-            position: v3,
-            sector_m: a,
-            ddx: w3,
-            ddy: [b, c, d],
-            hash_scale: v4[0],
-        };
+        let point = HashedPoint { sector: [m, n], position: v3, sector_m: a, ddx: w3, ddy: [b, c, d], hash_scale: v4[0] };
         for kind in NoiseKind::ALL {
-            within(
-                "noise",
-                &noise::thresholds(kind, &point, [word, word], word, word, word),
-                0.0,
-                noise::BELOW_ONE,
-            );
+            within("noise", &noise::thresholds(kind, &point, [word, word], word, word, word), 0.0, noise::BELOW_ONE);
         }
         within("correct", &[noise::correct(a, b)], 0.0, noise::BELOW_ONE);
         within("encode", &octahedral::encode(v3), -1.0, 1.0);
@@ -1330,10 +1181,7 @@ fn extremes<T: Real>() {
         let weights = flavour_weights::weights(a, b, &params);
         one("flavours", &weights);
         one("flavours of a mask", &flavour_weights::weights_for(weights, word, word & 4 != 0));
-        one(
-            "flavours from nothing",
-            &flavour_weights::weights_for([a, b, c, d, v3[0]], word >> 3, word & 4 != 0),
-        );
+        one("flavours from nothing", &flavour_weights::weights_for([a, b, c, d, v3[0]], word >> 3, word & 4 != 0));
         assert!((1..32).contains(&flavour_weights::mask([a, b, c, d, v3[0]])));
         finite("brdf", &[brdf::d_ggx(a, b), brdf::v_smith_ggx_correlated(a, b, c)]);
         within("brdf", &[brdf::alpha(a)], brdf::MIN_ALPHA * 0.999, 1.0);
@@ -1390,21 +1238,9 @@ fn flavour_params_have_the_shaders_layout() {
     macro_rules! fields {
         ($($field:ident),*) => { vec![$((stringify!($field), std::mem::offset_of!(FlavourParams, $field))),*] };
     }
-    let host = fields!(
-        far_atlas_m,
-        cliff_far_atlas_m,
-        cliff_near_m,
-        distance_blend,
-        cliff_cos,
-        splat_cos,
-        splat_enabled,
-        vt_enabled,
-        padding
-    );
-    let shader: Vec<_> = members
-        .iter()
-        .map(|m| (m.name.as_deref().expect("named"), m.offset as usize))
-        .collect();
+    let host =
+        fields!(far_atlas_m, cliff_far_atlas_m, cliff_near_m, distance_blend, cliff_cos, splat_cos, splat_enabled, vt_enabled, padding);
+    let shader: Vec<_> = members.iter().map(|m| (m.name.as_deref().expect("named"), m.offset as usize)).collect();
     assert_eq!(shader, host);
     assert_eq!((span as usize, size_of::<FlavourParams>()), (48, 48));
 }

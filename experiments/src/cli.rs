@@ -31,6 +31,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// The main job in small, on the built-in world: frames, metrics, plots, report
     Demo(DemoArgs),
+    /// Measure the ratios that the design promises, in one run
+    Bench(BenchArgs),
     /// Render pictures of a scene
     Render(Box<RenderArgs>),
     /// Turn a heightmap into a scene folder
@@ -49,10 +51,10 @@ Example:
   experiments demo --out demo --seeds 32")]
 pub(crate) struct DemoArgs {
     /// Folder that receives the results; created if missing
-    #[arg(long, value_name = "DIR", default_value = "demo")]
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
     pub(crate) out: PathBuf,
     /// Size of the pictures, pixels
-    #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = size)]
+    #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     pub(crate) size: [u32; 2],
     /// Number of seeds over which bias and variance are taken
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=4096))]
@@ -60,6 +62,24 @@ pub(crate) struct DemoArgs {
     /// Camera of the built-in scene
     #[arg(long, value_name = "NAME", default_value = "cliff")]
     pub(crate) camera: String,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Times of a software adapter are only comparable with each other; that is why ratios are printed.
+
+Example:
+  experiments bench --size 960x540 --record notebooks-data/bench.csv")]
+pub(crate) struct BenchArgs {
+    /// Size of the pictures, pixels
+    #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = size)]
+    pub(crate) size: [u32; 2],
+    /// Times each picture is taken; the median counts
+    #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) repeats: u32,
+    /// CSV file that receives every median
+    #[arg(long, value_name = "FILE")]
+    pub(crate) record: Option<PathBuf>,
 }
 
 #[derive(Args, Debug)]
@@ -265,9 +285,7 @@ impl Cli {
         let cli = Cli::parse();
         if let Err((command, what)) = cli.check() {
             let mut top = Cli::command();
-            let found = top
-                .find_subcommand_mut(command)
-                .map(|c| c.clone().bin_name(format!("experiments {command}")));
+            let found = top.find_subcommand_mut(command).map(|c| c.clone().bin_name(format!("experiments {command}")));
             found.unwrap_or(top).error(ErrorKind::ArgumentConflict, what).exit();
         }
         cli
@@ -301,34 +319,21 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) && pixels <= MAX_PIXELS {
         Ok([width, height])
     } else {
-        Err(format!(
-            "must be 1 to {MAX_SIDE} pixels a side and at most {MAX_PIXELS} (2^26) in all"
-        ))
+        Err(format!("must be 1 to {MAX_SIDE} pixels a side and at most {MAX_PIXELS} (2^26) in all"))
     }
 }
 
 fn raw_size(text: &str) -> Result<[u32; 2], String> {
     let [width, height] = pair(text)?;
-    if width >= 2 && height >= 2 {
-        Ok([width, height])
-    } else {
-        Err("a heightmap has at least 2 samples a side".to_owned())
-    }
+    if width >= 2 && height >= 2 { Ok([width, height]) } else { Err("a heightmap has at least 2 samples a side".to_owned()) }
 }
 
 /// `N` numbers joined by commas, all finite.
 fn numbers<const N: usize>(text: &str, shape: &str) -> Result<[f64; N], String> {
     let wrong = || format!("give {shape}: {N} numbers joined by commas");
-    let parts: Vec<f64> = text
-        .split(',')
-        .map(|part| part.trim().parse::<f64>().map_err(|_| wrong()))
-        .collect::<Result<_, _>>()?;
+    let parts: Vec<f64> = text.split(',').map(|part| part.trim().parse::<f64>().map_err(|_| wrong())).collect::<Result<_, _>>()?;
     let all: [f64; N] = parts.try_into().map_err(|_| wrong())?;
-    if all.iter().all(|v| v.is_finite()) {
-        Ok(all)
-    } else {
-        Err(format!("{shape} must be finite numbers"))
-    }
+    if all.iter().all(|v| v.is_finite()) { Ok(all) } else { Err(format!("{shape} must be finite numbers")) }
 }
 
 fn pose(text: &str) -> Result<[f64; 5], String> {
@@ -344,52 +349,29 @@ fn pose(text: &str) -> Result<[f64; 5], String> {
 
 fn fov(text: &str) -> Result<f64, String> {
     let [fov] = numbers(text, "DEG")?;
-    if (1.0..=175.0).contains(&fov) {
-        Ok(fov)
-    } else {
-        Err("must lie in 1..=175 degrees".to_owned())
-    }
+    if (1.0..=175.0).contains(&fov) { Ok(fov) } else { Err("must lie in 1..=175 degrees".to_owned()) }
 }
 
 fn spacing(text: &str) -> Result<f64, String> {
     let [spacing] = numbers(text, "M")?;
-    if spacing > 0.0 && spacing <= 1.0e5 {
-        Ok(spacing)
-    } else {
-        Err("must be above 0 and at most 100000 metres".to_owned())
-    }
+    if spacing > 0.0 && spacing <= 1.0e5 { Ok(spacing) } else { Err("must be above 0 and at most 100000 metres".to_owned()) }
 }
 
 fn detail(text: &str) -> Result<f64, String> {
     let [detail] = numbers(text, "M")?;
-    if (0.0..=1000.0).contains(&detail) {
-        Ok(detail)
-    } else {
-        Err("must lie in 0..=1000 metres".to_owned())
-    }
+    if (0.0..=1000.0).contains(&detail) { Ok(detail) } else { Err("must lie in 0..=1000 metres".to_owned()) }
 }
 
 fn height_range(text: &str) -> Result<[f64; 2], String> {
     let [low, high] = numbers(text, "LO,HI")?;
-    if low < high {
-        Ok([low, high])
-    } else {
-        Err("LO must be below HI".to_owned())
-    }
+    if low < high { Ok([low, high]) } else { Err("LO must be below HI".to_owned()) }
 }
 
 fn window(text: &str) -> Result<[u32; 4], String> {
     let shape = "give X,Y,W,H: 4 whole numbers joined by commas, W and H at least 2";
-    let parts: Vec<u32> = text
-        .split(',')
-        .map(|part| part.trim().parse().map_err(|_| shape.to_owned()))
-        .collect::<Result<_, _>>()?;
+    let parts: Vec<u32> = text.split(',').map(|part| part.trim().parse().map_err(|_| shape.to_owned())).collect::<Result<_, _>>()?;
     let all: [u32; 4] = parts.try_into().map_err(|_| shape.to_owned())?;
-    if all[2] >= 2 && all[3] >= 2 {
-        Ok(all)
-    } else {
-        Err(shape.to_owned())
-    }
+    if all[2] >= 2 && all[3] >= 2 { Ok(all) } else { Err(shape.to_owned()) }
 }
 
 fn variant(text: &str) -> Result<VariantArg, String> {
@@ -404,8 +386,7 @@ fn variant(text: &str) -> Result<VariantArg, String> {
 }
 
 fn noise(text: &str) -> Result<NoiseKind, String> {
-    text.parse()
-        .map_err(|_| format!("must be one of {}", NoiseKind::ALL.map(|kind| kind.to_string()).join(", ")))
+    text.parse().map_err(|_| format!("must be one of {}", NoiseKind::ALL.map(|kind| kind.to_string()).join(", ")))
 }
 
 fn picture(text: &str) -> Result<PathBuf, String> {
@@ -429,18 +410,7 @@ mod tests {
     fn sizes() {
         assert_eq!(size("960x540"), Ok([960, 540]));
         assert_eq!(size("16384x4096"), Ok([16_384, 4096]));
-        for wrong in [
-            "0x0",
-            "1000000x1",
-            "16384x16384",
-            "16385x1",
-            "960",
-            "x",
-            "-1x5",
-            "9.5x4",
-            "99999999999x1",
-            "",
-        ] {
+        for wrong in ["0x0", "1000000x1", "16384x16384", "16385x1", "960", "x", "-1x5", "9.5x4", "99999999999x1", ""] {
             assert!(size(wrong).is_err(), "{wrong}");
         }
     }
@@ -448,15 +418,7 @@ mod tests {
     #[test]
     fn poses() {
         assert_eq!(pose("-1,2.5,3,-90,10"), Ok([-1.0, 2.5, 3.0, -90.0, 10.0]));
-        for wrong in [
-            "1,2,3,4",
-            "1,2,3,4,5,6",
-            "nan,0,0,0,0",
-            "0,0,inf,0,0",
-            "0,0,0,0,91",
-            "1e9,0,0,0,0",
-            "a,b,c,d,e",
-        ] {
+        for wrong in ["1,2,3,4", "1,2,3,4,5,6", "nan,0,0,0,0", "0,0,inf,0,0", "0,0,0,0,91", "1e9,0,0,0,0", "a,b,c,d,e"] {
             assert!(pose(wrong).is_err(), "{wrong}");
         }
     }

@@ -3,9 +3,9 @@
 use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
 use plotters::coord::combinators::{BindKeyPoints, IntoLogRange};
-use plotters::element::{Circle, EmptyElement, PathElement, Rectangle, Text};
+use plotters::element::{Circle, PathElement, Rectangle, Text};
 use plotters::prelude::{
-    ChartBuilder, Color, DrawingArea, FontStyle, IntoDrawingArea, IntoFont, LineSeries, RGBColor, SVGBackend, ShapeStyle, TextStyle,
+    ChartBuilder, Color, DrawingArea, IntoDrawingArea, IntoFont, LineSeries, RGBColor, SVGBackend, ShapeStyle, TextStyle,
 };
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -153,7 +153,8 @@ pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str
     Ok(Some(inline(&svg, title)))
 }
 
-/// Times of passes: a bar for each name, stacked in the order of the passes, which are coloured as in [`BAR_COLOURS`]. `None` without any time.
+/// Times of passes: a bar for each name, stacked in the order of the passes, which are coloured as in [`BAR_COLOURS`].
+/// `None` without any time.
 ///
 /// # Errors
 /// When the backend fails.
@@ -215,7 +216,9 @@ fn failed(error: impl std::fmt::Display) -> anyhow::Error {
 }
 
 fn text(px: f64, colour: RGBColor) -> TextStyle<'static> {
-    TextStyle::from(("sans-serif", px * LINE_HEIGHT).into_font().style(FontStyle::Normal)).color(&colour)
+    let mut style = TextStyle::from(("sans-serif", px * LINE_HEIGHT).into_font());
+    style.color = colour.to_backend_color();
+    style
 }
 
 /// Three significant digits, without needless zeros.
@@ -274,6 +277,8 @@ struct Wanted {
     at: (i32, i32),
     radius: f64,
     ink: RGBColor,
+    /// Left out if it would hide anything but the line.
+    optional: bool,
 }
 
 /// A text with its place.
@@ -297,21 +302,23 @@ fn labels(points: &[&Point], at: &[(i32, i32)]) -> Vec<Wanted> {
     let mut order: Vec<_> = points.iter().zip(at).filter_map(|(p, at)| Some((rank(p)?, *p, *at))).collect();
     order.sort_by_key(|(rank, _, _)| *rank);
     let mut wanted: Vec<Wanted> = Vec::new();
-    for (_, point, at) in order {
+    for (rank, point, at) in order {
         let radius = f64::from(point.marker.radius());
         match wanted.iter_mut().find(|w| (w.at.0 - at.0).abs() <= 4 && (w.at.1 - at.1).abs() <= 4) {
             Some(near) => {
                 near.words = format!("{}, {}", near.words, point.label);
                 near.radius = near.radius.max(radius);
             }
-            None => wanted.push(Wanted { words: point.label.clone(), at, radius, ink: point.marker.ink() }),
+            None => wanted.push(Wanted { words: point.label.clone(), at, radius, ink: point.marker.ink(), optional: rank == 3 }),
         }
     }
     wanted
 }
 
-/// Gives each text, in turn, the nearest of some places around its point that hides least: other texts above all, then points, then the line.
+/// Gives each text, in turn, the nearest of some places around its point that hides least:
+/// other texts above all, then points, then the line.
 fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: Box2) -> Vec<Placed> {
+    const HIDES_POINT: f64 = 40.0;
     let markers: Vec<Box2> = points.iter().map(|p| Box2::around(*p, 4.0)).collect();
     let segments: Vec<Box2> = line
         .windows(2)
@@ -325,7 +332,7 @@ fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: B
         let (width, height) = (text.words.chars().count() as f64 * LABEL_PX * ADVANCE + 4.0, LABEL_PX + 4.0);
         let (x, y) = (f64::from(text.at.0), f64::from(text.at.1));
         let mut best: Option<(f64, Placed)> = None;
-        for gap in [4.0, 14.0, 26.0, 40.0, 56.0, 74.0] {
+        for gap in [4.0, 14.0, 26.0, 40.0, 56.0, 74.0].into_iter().filter(|g| !text.optional || *g < 30.0) {
             let r = text.radius + gap;
             let d = r * 0.7;
             // East first, as in writing; the offsets are to the text's left top corner.
@@ -344,9 +351,14 @@ fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: B
                 let hidden = |boxes: &[Box2]| boxes.iter().filter(|b| area.meets(b)).count() as f64;
                 let texts = placed.iter().filter(|p| area.meets(&p.area)).count() as f64;
                 let outside = if area.inside(&frame) { 0.0 } else { 1e4 };
-                let cost = outside + 1e3 * texts + 30.0 * hidden(&markers) + 12.0 * hidden(&segments) + 0.5 * gap + 0.3 * f64::from(turn);
+                let cost = outside
+                    + 1e3 * texts
+                    + HIDES_POINT * hidden(&markers)
+                    + 6.0 * hidden(&segments).min(3.0)
+                    + 0.5 * gap
+                    + 0.3 * f64::from(turn);
                 if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                    let leader = (gap > 14.0).then(|| {
+                    let leader = (gap > 10.0).then(|| {
                         let end = (x.clamp(area.left, area.right) as i32, y.clamp(area.top, area.bottom) as i32);
                         [text.at, end]
                     });
@@ -354,7 +366,7 @@ fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: B
                 }
             }
         }
-        placed.extend(best.map(|(_, p)| p));
+        placed.extend(best.filter(|(cost, _)| !text.optional || *cost < HIDES_POINT).map(|(_, p)| p));
     }
     placed
 }
@@ -365,7 +377,7 @@ fn draw_label(root: &DrawingArea<SVGBackend<'_>, Shift>, label: &Placed) -> Resu
     }
     let at = ((label.area.left + 2.0).round() as i32, f64::midpoint(label.area.top, label.area.bottom).round() as i32);
     let style = text(LABEL_PX, label.ink).pos(Pos::new(HPos::Left, VPos::Center));
-    root.draw(&(EmptyElement::at(at) + Text::new(label.words.clone(), (0, 0), style))).map_err(failed)
+    root.draw(&Text::new(label.words.clone(), at, style)).map_err(failed)
 }
 
 /// Lets the page decide the size, and gives the picture a name for those who do not see it.
@@ -380,7 +392,7 @@ mod tests {
     use super::*;
 
     fn wanted(words: &str, at: (i32, i32)) -> Wanted {
-        Wanted { words: words.to_owned(), at, radius: 5.0, ink: INK }
+        Wanted { words: words.to_owned(), at, radius: 5.0, ink: INK, optional: false }
     }
 
     #[test]
@@ -388,12 +400,19 @@ mod tests {
         let frame = Box2 { left: 0.0, right: 600.0, top: 0.0, bottom: 400.0 };
         let at = [(300, 200), (306, 203), (297, 209), (590, 10)];
         let texts: Vec<Wanted> = at.iter().map(|p| wanted("near-cliff+splat", *p)).collect();
-        let placed = place(&texts, &at, &[], frame);
+        // Without points in the way: texts alone must keep texts apart.
+        let placed = place(&texts, &[], &[], frame);
         assert_eq!(placed.len(), texts.len());
         for (i, a) in placed.iter().enumerate() {
             assert!(a.area.inside(&frame), "{a:?}");
             assert!(placed[..i].iter().all(|b| !a.area.meets(&b.area)), "{placed:?}");
         }
+        // Where there is no room, an optional text is left out; others stay.
+        let small = Box2 { left: 290.0, right: 420.0, top: 190.0, bottom: 214.0 };
+        let kept = |optional: bool| {
+            place(&[wanted("auto", at[0]), Wanted { optional, ..wanted("near-cliff+splat", at[1]) }], &at, &[], small).len()
+        };
+        assert_eq!([kept(true), kept(false)], [1, 2]);
         // Negative control: the same texts, each simply to the right of its point, do meet.
         let naive = |p: (i32, i32)| Box2 { left: f64::from(p.0) + 9.0, right: f64::from(p.0) + 120.0, ..Box2::around(p, 8.0) };
         assert!(naive(at[0]).meets(&naive(at[1])));

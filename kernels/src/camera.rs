@@ -55,9 +55,8 @@ pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) 
     let at = |i: isize| keys[usize::try_from(i.max(0)).unwrap_or(0).min(last)];
     let i = isize::try_from(whole).unwrap_or(0);
     let [p0, p1, p2, p3] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
-    let spline = |a: f64, b: f64, c: f64, d: f64| {
-        b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
-    };
+    let spline =
+        |a: f64, b: f64, c: f64, d: f64| b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)));
     Pose {
         position: DVec3::from_array(std::array::from_fn(|k| spline(p0.position[k], p1.position[k], p2.position[k], p3.position[k]))),
         yaw: spline(p0.yaw, p1.yaw, p2.yaw, p3.yaw),

@@ -1,11 +1,13 @@
 //! The frame, on one page: [`Renderer::render`] calls the stages in their order, what one makes being the next one's argument.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use bytemuck::{Pod, Zeroable, bytes_of};
 use glam::DVec3;
 
 use crate::camera::{NEAR_M, Pose, View};
 use crate::classification::{self, Classification, Lists};
-use crate::culling;
+use crate::culling::{self, Patch};
 use crate::error::{Error, Result};
 use crate::geometry::{self, Geometry};
 use crate::gpu::bindings::Binding;
@@ -21,9 +23,9 @@ use crate::shared::flavour_weights::FlavourParams;
 use crate::shared::noise::NoiseKind;
 use crate::streaming::Streaming;
 use crate::terrain::{Terrain, palette_means};
-use crate::variant::Variant;
+use crate::variant::{Flavour, Variant};
 use crate::virtual_texture::{self, PageCounts, VirtualTexture};
-use crate::world::{PaletteMeans, World};
+use crate::world::{NodeId, PaletteMeans, World};
 
 /// The uniforms that every stage knows.
 pub const FRAME_WGSL: (&str, &str) = ("frame.wgsl", include_str!("frame.wgsl"));
@@ -115,6 +117,9 @@ pub struct RenderRequest {
     pub aovs: AovSet,
     /// Whether fetches are counted (a slower shader; never timed).
     pub count_fetches: bool,
+    /// Shades the geometry of the last frame again instead of drawing it: for many seeds or variants of one view. The pose, size and
+    /// jitter must be those of the last frame, else it is drawn all the same.
+    pub keep_geometry: bool,
 }
 
 impl RenderRequest {
@@ -132,6 +137,7 @@ impl RenderRequest {
             jitter: [0.0; 2],
             aovs: AovSet::default(),
             count_fetches: false,
+            keep_geometry: false,
         }
     }
 }
@@ -186,10 +192,21 @@ pub struct Renderer<'a> {
     inspect: Inspect,
     frame_layout: wgpu::BindGroupLayout,
     targets: Option<Targets>,
+    last: Option<Drawn>,
     progress: &'a (dyn Fn(Progress) + Sync),
 }
 
-/// Pages kept at once: some 240 MB.
+/// What the geometry targets hold.
+struct Drawn {
+    pose: Pose,
+    size: [u32; 2],
+    jitter: [f64; 2],
+    visited: Vec<NodeId>,
+    nodes: usize,
+    patches: usize,
+}
+
+/// Pages kept at once: some 180 MB.
 const PAGE_CAPACITY: u32 = scene::PAGE_SLOTS;
 
 impl<'a> Renderer<'a> {
@@ -204,12 +221,11 @@ impl<'a> Renderer<'a> {
         let palette = Palette::build(scene, world.layout().sector_m, |name| {
             progress(Progress { stage: format!("texture {name}"), done: 0, total: 0 });
         })?;
-        let streaming = Streaming::new(gpu);
+        let streaming = Streaming::new(gpu, requirements.colour_modulation);
         let terrain = Terrain::new(gpu, &streaming, &palette, scene.blend.anisotropy);
         progress(Progress { stage: "shaders".to_owned(), done: 0, total: 0 });
-        let frame_layout =
-            gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
-        let capacity = if requirements.has(crate::variant::Flavour::VirtualTexture) { PAGE_CAPACITY } else { 1 };
+        let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
+        let capacity = if requirements.has(Flavour::VirtualTexture) { PAGE_CAPACITY } else { 0 };
         let modulated = requirements.colour_modulation;
         Ok(Renderer {
             geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes)?,
@@ -227,6 +243,7 @@ impl<'a> Renderer<'a> {
             gpu,
             frame_layout,
             targets: None,
+            last: None,
             progress,
         })
     }
@@ -282,8 +299,10 @@ impl<'a> Renderer<'a> {
     /// As [`Renderer::render`].
     pub fn draw(&mut self, request: &RenderRequest) -> Result<FrameReport> {
         check_size(request.size)?;
+        self.check_variant(request.variant)?;
         let gpu = self.gpu;
         if self.targets.as_ref().is_none_or(|t| t.size != request.size) {
+            self.last = None;
             self.targets = Some(Targets::new(gpu, request.size));
         }
         let targets = self.targets.take().expect("made just above");
@@ -292,28 +311,21 @@ impl<'a> Renderer<'a> {
         report
     }
 
+    /// Refuses to force what the scene has no textures for.
+    fn check_variant(&self, choice: VariantChoice) -> Result<()> {
+        let (VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant)) = choice else { return Ok(()) };
+        if variant.has(Flavour::VirtualTexture) && !self.requirements.has(Flavour::VirtualTexture) {
+            return Err(Error::Request(format!(
+                "scene `{}` has no virtual texture, so `{variant}` cannot be forced: set flavours.far_atlas_m above 0, or leave out vt",
+                self.scene.name
+            )));
+        }
+        Ok(())
+    }
+
     fn draw_into(&mut self, request: &RenderRequest, targets: &Targets) -> Result<FrameReport> {
         let gpu = self.gpu;
         let view = self.view(request);
-
-        // streaming, quadtree: which nodes, and their payloads
-        self.streaming.begin_frame();
-        let (streaming, world, means, progress) = (&mut self.streaming, &self.world, &self.means, self.progress);
-        let selection = quadtree::select(world, &view, |nodes| {
-            let done = std::sync::atomic::AtomicU64::new(0);
-            let on_baked = || {
-                let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-                progress(Progress { stage: "terrain nodes".to_owned(), done, total: 0 });
-            };
-            streaming.load(gpu, world, means, nodes, &on_baked)
-        })?;
-        let slots = selection.visited.iter().filter_map(|&n| Some((n, self.streaming.get(n)?.0)));
-        self.terrain.update(gpu, slots);
-
-        // culling: patches
-        let drawn: Vec<_> = selection.drawn.iter().filter_map(|&n| self.streaming.get(n).map(|(slot, bounds)| (n, slot, bounds))).collect();
-        let lod_map = quadtree::lod_map(&selection.drawn);
-        let patches = culling::cull(&drawn, &lod_map, self.world.layout(), &view);
 
         let uniforms = self.uniforms(request, &view);
         let buffer = gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
@@ -321,17 +333,34 @@ impl<'a> Renderer<'a> {
         let terrain_group = self.terrain.group.clone();
         let groups = [&frame, &terrain_group];
         let mut timer = Timer::new(gpu);
-
-        // geometry: depth, stencil, mask, normals; classification: tiles per variant; requests: visible virtual-texture pages
         let mut encoder = gpu.encoder("geometry");
-        self.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, &targets.geometry);
+
+        let same = |d: &Drawn| (d.pose, d.size, d.jitter) == (request.pose, request.size, request.jitter);
+        let drawn = match self.last.take().filter(|d| request.keep_geometry && same(d)) {
+            Some(drawn) => drawn,
+            None => {
+                // streaming, quadtree: which nodes, and their payloads; culling: patches
+                let (visited, drawn, patches) = self.visible_patches(&view)?;
+                // geometry: depth, stencil, mask, normals
+                self.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, &targets.geometry);
+                let (pose, size, jitter) = (request.pose, request.size, request.jitter);
+                Drawn { pose, size, jitter, visited, nodes: drawn, patches: patches.len() }
+            }
+        };
+        // classification: tiles per variant; requests: visible virtual-texture pages
         self.classification.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.lists);
-        self.virtual_texture.encode_requests(gpu, &mut encoder, &mut timer, groups, &targets.geometry);
+        if self.virtual_texture.is_required() {
+            self.virtual_texture.encode_requests(gpu, &mut encoder, &mut timer, groups, &targets.geometry);
+        }
         gpu.submit_and_wait(encoder)?;
         let tiles = targets.lists.read_counts(gpu)?;
 
         // virtual texture: pages that are missing
-        let pages = self.virtual_texture.fill(gpu, groups, self.world.layout(), &selection.visited)?;
+        let pages = if self.virtual_texture.is_required() {
+            self.virtual_texture.fill(gpu, groups, self.world.layout(), &drawn.visited)?
+        } else {
+            PageCounts::default()
+        };
 
         // shading: G-buffer, by the variants that have tiles; lighting: linear HDR
         let keys = self.warm(request, &tiles);
@@ -351,13 +380,29 @@ impl<'a> Renderer<'a> {
         timer.resolve(&mut encoder);
         gpu.submit_and_wait(encoder)?;
 
-        Ok(FrameReport {
-            passes: timer.read(gpu)?,
-            nodes: drawn.len(),
-            patches: patches.len(),
-            pages,
-            tiles: tiles.to_vec(),
-        })
+        let report = FrameReport { passes: timer.read(gpu)?, nodes: drawn.nodes, patches: drawn.patches, pages, tiles: tiles.to_vec() };
+        self.last = Some(drawn);
+        Ok(report)
+    }
+
+    /// The nodes a view visits (made resident), how many of them it draws, and the patches of those that it may see.
+    fn visible_patches(&mut self, view: &View) -> Result<(Vec<NodeId>, usize, Vec<Patch>)> {
+        self.streaming.begin_frame();
+        let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, self.gpu);
+        let selection = quadtree::select(world, view, |nodes| {
+            let done = AtomicU64::new(0);
+            let on_baked = || {
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                progress(Progress { stage: "terrain nodes".to_owned(), done, total: 0 });
+            };
+            streaming.load(gpu, world, means, nodes, &on_baked)
+        })?;
+        let slots = selection.visited.iter().filter_map(|&n| Some((n, self.streaming.get(n)?.0)));
+        self.terrain.update(gpu, slots);
+        let drawn: Vec<_> = selection.drawn.iter().filter_map(|&n| self.streaming.get(n).map(|(slot, bounds)| (n, slot, bounds))).collect();
+        let lod_map = quadtree::lod_map(&selection.drawn);
+        let patches = culling::cull(&drawn, &lod_map, self.world.layout(), view);
+        Ok((selection.visited, drawn.len(), patches))
     }
 
     /// Runs the inspection pass over the last frame, which `request` made.

@@ -11,8 +11,7 @@ use crate::gpu::read_texture;
 use crate::scene::nearest;
 
 /// Names of the layers that can be asked for, in the order they are written.
-pub const AOV_NAMES: [&str; 10] =
-    ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy"];
+pub const AOV_NAMES: [&str; 10] = ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy"];
 
 /// Which layers are wanted besides the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -109,12 +108,8 @@ impl Picture {
             add("normal", Layer::Xyz(texels.iter().map(rgb).collect()));
         }
         if wanted.has("depth") {
-            let depth: Vec<f32> = bytemuck::pod_collect_to_vec(&read_texture(
-                gpu,
-                &targets.geometry.depth_stencil,
-                wgpu::TextureAspect::DepthOnly,
-                4,
-            )?);
+            let depth: Vec<f32> =
+                bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.geometry.depth_stencil, wgpu::TextureAspect::DepthOnly, 4)?);
             add("depth", Layer::Value(depth));
         }
         if wanted.has("mask") {
@@ -125,9 +120,7 @@ impl Picture {
         if wanted.needs_diagnostics() || request.count_fetches {
             let words: Vec<u32> =
                 bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.shading.diagnostics, wgpu::TextureAspect::All, 4)?);
-            let layer = |shift: u32, bits: u32| {
-                Layer::Value(words.iter().map(|w| (w >> shift & ((1 << bits) - 1)) as f32).collect())
-            };
+            let layer = |shift: u32, bits: u32| Layer::Value(words.iter().map(|w| (w >> shift & ((1 << bits) - 1)) as f32).collect());
             if wanted.has("variant") {
                 add("variant", layer(24, 8));
             }
@@ -208,9 +201,8 @@ pub fn write_whole(file: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Resu
     let mut name = file.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}.tmp", std::process::id()));
     let temporary = file.with_file_name(name);
-    let done = write(&temporary).and_then(|()| {
-        std::fs::rename(&temporary, file).map_err(|source| Error::File { file: file.to_owned(), source })
-    });
+    let done =
+        write(&temporary).and_then(|()| std::fs::rename(&temporary, file).map_err(|source| Error::File { file: file.to_owned(), source }));
     if done.is_err() {
         // The first error is the one to report; the temporary file may not even exist.
         let _ = std::fs::remove_file(&temporary);

@@ -37,11 +37,7 @@ impl Column {
     }
 
     const fn whole(name: &'static str, unit: &'static str, low: i32, high: i32) -> Column {
-        Column {
-            name,
-            unit,
-            whole: Some([low, high]),
-        }
+        Column { name, unit, whole: Some([low, high]) }
     }
 
     /// Whether a value may stand in this column.
@@ -90,10 +86,8 @@ impl Probe {
     pub fn find(name: &str) -> Result<&'static Probe> {
         PROBES.iter().find(|probe| probe.name == name).ok_or_else(|| {
             let names: Vec<&str> = PROBES.iter().map(|probe| probe.name).collect();
-            let hint = nearest(name, &names).map_or_else(
-                || format!("there are {}", names.join(", ")),
-                |near| format!("did you mean `{near}`?"),
-            );
+            let hint =
+                nearest(name, &names).map_or_else(|| format!("there are {}", names.join(", ")), |near| format!("did you mean `{near}`?"));
             Error::Request(format!("no kernel is called `{name}`: {hint}"))
         })
     }
@@ -139,11 +133,7 @@ pub const PROBES: &[Probe] = &[
     Probe {
         name: "octahedral",
         about: "A direction as an octahedral code of 8 + 8 bits (best of the four neighbours), and decoded again",
-        inputs: &[
-            real("n_x", "direction, any length"),
-            real("n_y", "direction"),
-            real("n_z", "direction"),
-        ],
+        inputs: &[real("n_x", "direction, any length"), real("n_y", "direction"), real("n_z", "direction")],
         outputs: &[
             real("e_x", "continuous code, -1..1"),
             real("e_y", "continuous code, -1..1"),
@@ -222,11 +212,7 @@ fn probe(row: array<f32, 16>) -> array<f32, 4> {
             real("normal_y", "normal"),
             real("normal_z", "normal"),
         ],
-        outputs: &[
-            real("d_x", "unit of ray * t"),
-            real("d_y", "unit of ray * t"),
-            real("d_z", "unit of ray * t"),
-        ],
+        outputs: &[real("d_x", "unit of ray * t"), real("d_y", "unit of ray * t"), real("d_z", "unit of ray * t")],
         wgsl: "\
 fn probe(row: array<f32, 10>) -> array<f32, 3> {
     let d = derivatives_on_plane(
@@ -249,12 +235,7 @@ fn probe(row: array<f32, 10>) -> array<f32, 3> {
             real("h_11", "height, 0..1"),
             real("sharpness", "k in w' = w 2^(k h)"),
         ],
-        outputs: &[
-            real("w_00", "0..1"),
-            real("w_10", "0..1"),
-            real("w_01", "0..1"),
-            real("w_11", "0..1"),
-        ],
+        outputs: &[real("w_00", "0..1"), real("w_10", "0..1"), real("w_01", "0..1"), real("w_11", "0..1")],
         wgsl: "\
 fn probe(row: array<f32, 7>) -> array<f32, 4> {
     let w = splat_blend_weights(vec2<f32>(row[0], row[1]), vec4<f32>(row[2], row[3], row[4], row[5]), row[6]);
@@ -334,11 +315,7 @@ fn octahedral_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.extend(octahedral::decode(octahedral::dequantise8(stored)));
 }
 
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "Column::accepts keeps these columns whole and in range"
-)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
 fn hashed_alpha_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     let point = HashedPoint {
         sector: take::<T, 2>(row, 1).map(|v| v.to_f64() as i32),
@@ -349,11 +326,7 @@ fn hashed_alpha_row<T: Real>(row: &[T], out: &mut Vec<T>) {
         hash_scale: row[13],
     };
     let [seed, salt] = take::<T, 2>(row, 14).map(|v| v.to_f64() as u32);
-    out.extend(if row[0] < T::one() {
-        hashed_isotropic(&point, seed, salt)
-    } else {
-        hashed_anisotropic(&point, seed, salt)
-    });
+    out.extend(if row[0] < T::one() { hashed_isotropic(&point, seed, salt) } else { hashed_anisotropic(&point, seed, salt) });
 }
 
 fn derivatives_row<T: Real>(row: &[T], out: &mut Vec<T>) {

@@ -24,13 +24,7 @@ pub enum Flavour {
 
 impl Flavour {
     /// Every flavour, in the order of its bit.
-    pub const ALL: [Flavour; 5] = [
-        Flavour::VirtualTexture,
-        Flavour::FarAtlas,
-        Flavour::NearCliff,
-        Flavour::FarCliff,
-        Flavour::Splat,
-    ];
+    pub const ALL: [Flavour; 5] = [Flavour::VirtualTexture, Flavour::FarAtlas, Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat];
 
     /// The flavour's bit in an 8-bit classification mask.
     pub const fn bit(self) -> u8 {
@@ -48,7 +42,7 @@ impl Flavour {
         }
     }
 
-    /// Texture samples per pixel that the design promises (`SYSTEMS` C, rulings 1 and 13):
+    /// Texture samples per pixel that the design promises (Moore, GDC 2018, "Near and Far Cliff Differences", with its two rows set right):
     /// the number that counted fetches are held against.
     pub const fn promised_fetches(self) -> u32 {
         match self {
@@ -67,7 +61,9 @@ pub struct Variant(u8);
 
 /// Why a text or number is not a variant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{given}` is not a variant: give a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat (as in `vt+near-cliff`){hint}")]
+#[error(
+    "`{given}` is not a variant: give a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat (as in `vt+near-cliff`){hint}"
+)]
 pub struct NotAVariant {
     given: String,
     hint: String,
@@ -127,18 +123,14 @@ impl FromStr for Variant {
     fn from_str(text: &str) -> Result<Self, NotAVariant> {
         let wrong = |hint: String| NotAVariant { given: text.to_owned(), hint };
         if let Ok(number) = text.parse::<i64>() {
-            return u8::try_from(number)
-                .ok()
-                .and_then(Variant::new)
-                .ok_or_else(|| wrong(String::new()));
+            return u8::try_from(number).ok().and_then(Variant::new).ok_or_else(|| wrong(String::new()));
         }
         let mut mask = 0;
         for part in text.split('+') {
             let part = part.trim();
             let Some(flavour) = Flavour::ALL.into_iter().find(|f| f.name() == part) else {
                 let names = Flavour::ALL.map(Flavour::name);
-                let hint = crate::scene::nearest(part, &names)
-                    .map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+                let hint = crate::scene::nearest(part, &names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
                 return Err(wrong(hint));
             };
             mask |= flavour.bit();

@@ -47,10 +47,7 @@ pub(crate) fn run(args: &AdaptersArgs) -> Result<()> {
         bail!("no graphics adapter: install a Vulkan driver (Debian, Ubuntu: `apt-get install mesa-vulkan-drivers` gives a software one)");
     }
     if reports.iter().all(|report| report.usable.is_err()) {
-        bail!(
-            "none of the {} adapter(s) will do; the list says what each lacks: update its driver or use another",
-            reports.len()
-        );
+        bail!("none of the {} adapter(s) will do; the list says what each lacks: update its driver or use another", reports.len());
     }
     Ok(())
 }
@@ -63,11 +60,7 @@ fn table(reports: &[AdapterReport]) -> String {
             Err(reason) => format!("not usable: {reason}"),
         };
         // Writing into a String cannot fail.
-        let _ = writeln!(
-            text,
-            "{} ({}, {}, {}): {verdict}",
-            report.name, report.backend, report.device_type, report.driver
-        );
+        let _ = writeln!(text, "{} ({}, {}, {}): {verdict}", report.name, report.backend, report.device_type, report.driver);
         for (name, has) in &report.features {
             let _ = writeln!(text, "  {} {name}", if *has { "yes" } else { "no " });
         }

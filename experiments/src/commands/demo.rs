@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -29,12 +30,8 @@ struct Candidate {
 }
 
 fn candidates() -> Vec<Candidate> {
-    let forced = Variant::all().map(|v| Candidate {
-        name: v.to_string(),
-        mode: Mode::Forced,
-        choice: VariantChoice::Forced(v),
-        variant: Some(v),
-    });
+    let forced =
+        Variant::all().map(|v| Candidate { name: v.to_string(), mode: Mode::Forced, choice: VariantChoice::Forced(v), variant: Some(v) });
     let auto = Candidate { name: "auto".to_owned(), mode: Mode::Auto, choice: VariantChoice::Auto, variant: None };
     let generic = Candidate { name: "generic".to_owned(), mode: Mode::Generic, choice: VariantChoice::GenericAuto, variant: None };
     [auto, generic].into_iter().chain(forced).collect()
@@ -46,17 +43,25 @@ pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     fs::create_dir_all(&args.out).with_context(|| format!("cannot make the folder {}: choose another with --out", args.out.display()))?;
     super::check_writable(&args.out)?;
     let scene = scene::load(scene::DEFAULT)?;
-    let camera = scene.cameras.iter().find(|c| c.name == args.camera).with_context(|| {
-        super::render::no_such("camera", &args.camera, &scene, scene.cameras.iter().map(|c| c.name.as_str()))
-    })?;
+    let camera = scene
+        .cameras
+        .iter()
+        .find(|c| c.name == args.camera)
+        .with_context(|| super::render::no_such("camera", &args.camera, &scene, scene.cameras.iter().map(|c| c.name.as_str())))?;
     watch_interrupts()?;
     let gpu = Gpu::new()?;
     let reporter = Reporter::new();
-    let show = |p: Progress| reporter.report(&p.stage, p.done, p.total);
+    // Once the sweep runs, its own count is the progress; nodes and shaders come by the way.
+    let sweeping = AtomicBool::new(false);
+    let show = |p: Progress| {
+        if !sweeping.load(Ordering::Relaxed) {
+            reporter.report(&p.stage, p.done, p.total);
+        }
+    };
     let mut renderer = Renderer::new(&gpu, &scene, &show)?;
     let pose = Pose::of(camera, |x, y| renderer.ground_m(x, y));
     let albedo = AovSet::from_names(&["albedo"])?;
-    let base = RenderRequest { aovs: albedo, ..RenderRequest::new(pose, args.size) };
+    let base = RenderRequest { aovs: albedo, keep_geometry: true, ..RenderRequest::new(pose, args.size) };
 
     // The 96-fetch blend at the same sample points: what every variant is an approximation of.
     let truth = renderer.render(&RenderRequest {
@@ -66,6 +71,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     })?;
     let truth = Reference::of(&truth)?;
 
+    sweeping.store(true, Ordering::Relaxed);
     let mut pictures = Gallery { folder: &args.out, entries: Vec::new() };
     let candidates = candidates();
     let total = candidates.len() as u64 * u64::from(args.seeds);
@@ -76,7 +82,12 @@ pub(crate) fn run(args: &DemoArgs) -> Result<()> {
         step(0);
         rows.push(measure(&mut renderer, &request, candidate, args.seeds, &truth, &mut pictures, &step)?);
     }
-    pictures.keep("reference", "96-fetch reference", "Every pixel: three projections, four materials, two tilings, all blended.", &truth.picture)?;
+    pictures.keep(
+        "reference",
+        "96-fetch reference",
+        "Every pixel: three projections, four materials, two tilings, all blended.",
+        &truth.picture,
+    )?;
     pictures.variants(&mut renderer, &base)?;
 
     let results = DemoResults {
@@ -125,7 +136,7 @@ fn measure(
     let runs = if stochastic { seeds } else { seeds.min(3) };
     for seed in 0..runs {
         check_interrupted()?;
-        let picture = renderer.render(&RenderRequest { seed, ..request.clone() })?;
+        let picture = renderer.render(&RenderRequest { seed, keep_geometry: seed > 0, ..request.clone() })?;
         for (pass, ms) in &picture.passes {
             times.entry(pass.clone()).or_default().push(*ms);
         }
@@ -142,10 +153,15 @@ fn measure(
     }
     let (mut bias, mut bias_standard_error, mut variance_theory) = (0.0, 0.0, 0.0);
     if stochastic {
-        let exact = renderer.render(&RenderRequest { estimator: Estimator::Exact, ..request.clone() })?;
+        // The generic kernel equals the variants (tested), and one pipeline then serves all of them.
+        let generic = match request.variant {
+            VariantChoice::Forced(v) => VariantChoice::GenericForced(v),
+            _ => VariantChoice::GenericAuto,
+        };
+        let exact = renderer.render(&RenderRequest { estimator: Estimator::Exact, variant: generic, ..request.clone() })?;
         let bias_of = statistics.bias(exact.vectors("albedo").context("the albedo layer was asked for")?);
         (bias, bias_standard_error) = (bias_of.value, bias_of.standard_error);
-        let theory = renderer.render(&RenderRequest { estimator: Estimator::Variance, ..request.clone() })?;
+        let theory = renderer.render(&RenderRequest { estimator: Estimator::Variance, variant: generic, ..request.clone() })?;
         let theory = theory.vectors("albedo").context("the albedo layer was asked for")?;
         variance_theory = truth.terrain_mean(theory) / VARIANCE_SCALE;
     }
@@ -219,16 +235,15 @@ impl Gallery<'_> {
             .collect();
         let file = "variants.png".to_owned();
         picture::write_png_texels(&self.folder.join(&file), picture.size, &texels)?;
-        let caption = "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixtures: tiles of several.";
+        let caption =
+            "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixtures: tiles of several.";
         self.entries.push(PictureEntry { file, title: "Which tile runs what (auto)".to_owned(), caption: caption.to_owned() });
         Ok(())
     }
 }
 
 fn summary(results: &DemoResults, out: &Path) -> String {
-    let ms = |name: &str| {
-        results.rows.iter().find(|r| r.name == name).and_then(|r| r.gpu_ms.get("shading")).copied().unwrap_or(f64::NAN)
-    };
+    let ms = |name: &str| results.rows.iter().find(|r| r.name == name).and_then(|r| r.gpu_ms.get("shading")).copied().unwrap_or(f64::NAN);
     let mut text = format!("{} of scene `{}`, camera `{}`\n", results.adapter, results.scene, results.camera);
     for row in &results.golden {
         text += &format!(

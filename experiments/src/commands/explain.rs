@@ -22,9 +22,5 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
         return print(&requirements.to_string());
     }
     let (texture_bytes, bytes_per_px) = (requirements.bytes(), requirements.bytes_per_px());
-    print_json(&Answer {
-        requirements,
-        texture_bytes,
-        bytes_per_px,
-    })
+    print_json(&Answer { requirements, texture_bytes, bytes_per_px })
 }

@@ -9,10 +9,7 @@ use crate::cli::ImportArgs;
 /// Writes the scene folder, whole or not at all.
 pub(crate) fn run(args: &ImportArgs) -> Result<()> {
     if !args.heightmap.is_file() {
-        bail!(
-            "there is no file {}: give a PNG, RAW, EXR or TIFF heightmap",
-            args.heightmap.display()
-        );
+        bail!("there is no file {}: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());
     }
     if args.out.exists() {
         if !args.out.is_dir() {
@@ -35,7 +32,5 @@ pub(crate) fn run(args: &ImportArgs) -> Result<()> {
     };
     heightmap::import(&args.heightmap, &options, args.materials.as_deref(), args.detail, &args.out)?;
     let out = args.out.display();
-    print(&format!(
-        "{out}: scene.toml, heightmap.png\nlook at it: experiments render --scene {out} --camera vista --out vista.png\n"
-    ))
+    print(&format!("{out}: scene.toml, heightmap.png\nlook at it: experiments render --scene {out} --camera vista --out vista.png\n"))
 }

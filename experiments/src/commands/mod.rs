@@ -1,6 +1,7 @@
 //! One file per command, and what they share: output, progress, interruption.
 
 mod adapters;
+mod bench;
 mod demo;
 mod explain;
 mod import;
@@ -23,6 +24,7 @@ use crate::cli::{Cli, Command};
 /// Runs the command that was asked for.
 pub(crate) fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
+        Command::Bench(args) => bench::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Render(args) => render::run(args),
         Command::Import(args) => import::run(args),
@@ -85,12 +87,7 @@ pub(crate) fn check_writable(folder: &Path) -> Result<()> {
         .truncate(true)
         .open(&trial)
         .and_then(|_| fs::remove_file(&trial))
-        .with_context(|| {
-            format!(
-                "cannot write into {}: change its permissions, or choose another folder",
-                folder.display()
-            )
-        })
+        .with_context(|| format!("cannot write into {}: change its permissions, or choose another folder", folder.display()))
 }
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -131,10 +128,7 @@ struct State {
 impl Reporter {
     /// Nothing is shown before the first report.
     pub(crate) fn new() -> Reporter {
-        Reporter {
-            terminal: io::stderr().is_terminal(),
-            state: Mutex::default(),
-        }
+        Reporter { terminal: io::stderr().is_terminal(), state: Mutex::default() }
     }
 
     /// `done` of `total` parts of `stage` are finished; stages follow one another. A `total` of 0 = not known.
@@ -176,11 +170,7 @@ impl Reporter {
 
 fn bar(stage: &str, total: u64) -> ProgressBar {
     let bar = ProgressBar::new(total);
-    let template = if total == 0 {
-        "{spinner} {msg} {pos}"
-    } else {
-        "{msg:28} {bar:32} {pos}/{len} {eta}"
-    };
+    let template = if total == 0 { "{spinner} {msg} {pos}" } else { "{msg:28} {bar:32} {pos}/{len} {eta}" };
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }

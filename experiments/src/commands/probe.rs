@@ -39,10 +39,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
     let probe = Probe::find(kernel).context("`probe --list` prints them all")?;
     check_output_file(output)?;
     let table = read(input, probe)?;
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "f32 and GPU take values rounded to f32, as the list says"
-    )]
+    #[allow(clippy::cast_possible_truncation, reason = "f32 and GPU take values rounded to f32, as the list says")]
     let single = || table.values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
     let results: Vec<String> = match args.on {
         On::F64 => probe.on_f64(&table.values).iter().map(ToString::to_string).collect(),
@@ -54,12 +51,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
 
 fn list(json: bool) -> Result<()> {
     if json {
-        let all = PROBES.iter().map(|p| Listed {
-            name: p.name,
-            about: p.about,
-            inputs: p.inputs,
-            outputs: p.outputs,
-        });
+        let all = PROBES.iter().map(|p| Listed { name: p.name, about: p.about, inputs: p.inputs, outputs: p.outputs });
         return print_json(&all.collect::<Vec<_>>());
     }
     let mut text = String::new();
@@ -68,9 +60,7 @@ fn list(json: bool) -> Result<()> {
         let _ = writeln!(text, "{}\n  {}", probe.name, probe.about);
         for (title, columns) in [("in ", probe.inputs), ("out", probe.outputs)] {
             for column in columns {
-                let whole = column
-                    .whole
-                    .map_or_else(String::new, |[low, high]| format!(" (whole, {low} to {high})"));
+                let whole = column.whole.map_or_else(String::new, |[low, high]| format!(" (whole, {low} to {high})"));
                 let _ = writeln!(text, "    {title} {:<12} {}{whole}", column.name, column.unit);
             }
         }
@@ -86,26 +76,13 @@ fn read(path: &Path, probe: &Probe) -> Result<Table> {
     let header = reader.headers().with_context(|| format!("cannot read the table {name}"))?.clone();
     let expected = || probe.inputs.iter().map(|column| column.name).collect::<Vec<_>>().join(",");
     if header.is_empty() {
-        bail!(
-            "{name} is empty: give a header and rows; `{}` takes the columns {}",
-            probe.name,
-            expected()
-        );
+        bail!("{name} is empty: give a header and rows; `{}` takes the columns {}", probe.name, expected());
     }
     let mut places = Vec::new();
     for column in probe.inputs {
-        let mut found = header
-            .iter()
-            .enumerate()
-            .filter(|(_, title)| *title == column.name)
-            .map(|(place, _)| place);
+        let mut found = header.iter().enumerate().filter(|(_, title)| *title == column.name).map(|(place, _)| place);
         let Some(place) = found.next() else {
-            bail!(
-                "{name} has no column `{}`: `{}` takes the columns {}",
-                column.name,
-                probe.name,
-                expected()
-            );
+            bail!("{name} has no column `{}`: `{}` takes the columns {}", column.name, probe.name, expected());
         };
         if found.next().is_some() {
             bail!("{name} has more than one column `{}`: keep one", column.name);
@@ -113,11 +90,7 @@ fn read(path: &Path, probe: &Probe) -> Result<Table> {
         places.push((place, column));
     }
     if let Some(column) = probe.outputs.iter().find(|column| header.iter().any(|title| title == column.name)) {
-        bail!(
-            "{name} already has a column `{}`, which `{}` makes: rename or remove it",
-            column.name,
-            probe.name
-        );
+        bail!("{name} already has a column `{}`, which `{}` makes: rename or remove it", column.name, probe.name);
     }
     let (mut rows, mut values) = (Vec::new(), Vec::new());
     for record in reader.records() {
@@ -125,13 +98,9 @@ fn read(path: &Path, probe: &Probe) -> Result<Table> {
         let line = record.position().map_or(0, csv::Position::line);
         for &(place, column) in &places {
             let cell = &record[place];
-            let value: f64 = cell
-                .parse()
-                .ok()
-                .with_context(|| format!("{name}, line {line}, column `{}`: `{cell}` is not a number", column.name))?;
-            column
-                .accepts(value)
-                .map_err(|what| anyhow::anyhow!("{name}, line {line}: {what}"))?;
+            let value: f64 =
+                cell.parse().ok().with_context(|| format!("{name}, line {line}, column `{}`: `{cell}` is not a number", column.name))?;
+            column.accepts(value).map_err(|what| anyhow::anyhow!("{name}, line {line}: {what}"))?;
             values.push(value);
         }
         rows.push(record);
@@ -149,10 +118,7 @@ fn explain(error: &csv::Error) -> String {
             format!("line {line} has {len} cells, the header has {expected_len}")
         }
         csv::ErrorKind::Utf8 { pos, .. } => {
-            format!(
-                "line {} is not UTF-8 text: is it a CSV table?",
-                pos.as_ref().map_or(0, csv::Position::line)
-            )
+            format!("line {} is not UTF-8 text: is it a CSV table?", pos.as_ref().map_or(0, csv::Position::line))
         }
         _ => error.to_string(),
     }
@@ -174,10 +140,8 @@ fn write(path: &Path, probe: &Probe, table: &Table, results: &[String]) -> Resul
         fs::rename(&temporary, path)?;
         Ok(())
     };
-    write()
-        .with_context(|| format!("cannot write the table {}", path.display()))
-        .inspect_err(|_| {
-            // The first error is the one to tell.
-            let _ = fs::remove_file(&temporary);
-        })
+    write().with_context(|| format!("cannot write the table {}", path.display())).inspect_err(|_| {
+        // The first error is the one to tell.
+        let _ = fs::remove_file(&temporary);
+    })
 }

@@ -59,12 +59,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let frames = match (&shot, args.frames) {
         (_, Some(frames)) => frames,
         (Shot::Still(_), None) => 1,
-        (Shot::Along(path), None) => {
-            u32::try_from(path.keys.len() - 1)
-                .unwrap_or(u32::MAX)
-                .saturating_mul(path.frames_per_key)
-                + 1
-        }
+        (Shot::Along(path), None) => u32::try_from(path.keys.len() - 1).unwrap_or(u32::MAX).saturating_mul(path.frames_per_key) + 1,
     };
     let numbered = args.frames.is_some() || matches!(shot, Shot::Along(_));
 
@@ -77,9 +72,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let mut summary = Summary {
         scene: scene.name.clone(),
         size: args.size,
-        variant: args
-            .reference
-            .map_or_else(|| args.variant.to_string(), |_| Flavour::Splat.name().to_owned()),
+        variant: args.reference.map_or_else(|| args.variant.to_string(), |_| Flavour::Splat.name().to_owned()),
         estimator: args.reference.map_or(args.estimator, |_| EstimatorArg::Exact).to_string(),
         noise: args.noise.to_string(),
         seed: args.seed,
@@ -90,14 +83,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     };
     for frame in 0..frames {
         check_interrupted().with_context(|| format!("{frame} of {frames} pictures were written"))?;
-            let mut pose = match &shot {
+        let mut pose = match &shot {
             Shot::Still(camera) => Pose::of(camera, |x, y| renderer.ground_m(x, y)),
             Shot::Along(path) => camera::along(path, frame, |x, y| renderer.ground_m(x, y)),
         };
         pose.fov = args.fov.map_or(pose.fov, f64::to_radians);
         let request = RenderRequest {
-            pose,
-            size: args.size,
             variant: match args.variant {
                 VariantArg::Auto => VariantChoice::Auto,
                 VariantArg::Forced(variant) => VariantChoice::Forced(variant),
@@ -110,10 +101,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             noise: args.noise,
             seed: args.seed,
             frame,
-            two_tilings: false,
-            jitter: [0.0; 2],
             aovs,
             count_fetches: args.aov.iter().any(|name| name == "fetches"),
+            ..RenderRequest::new(pose, args.size)
         };
         let picture = match args.reference {
             None => {
@@ -124,11 +114,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             }
             Some(samples) => reference(&mut renderer, &request, samples, !args.aov.is_empty(), &reporter)?,
         };
-        let file = if numbered {
-            numbered_file(&args.out, frame)
-        } else {
-            args.out.clone()
-        };
+        let file = if numbered { numbered_file(&args.out, frame) } else { args.out.clone() };
         if extension(&file) == "png" {
             picture::write_png(&file, &picture)?;
         } else {
@@ -136,17 +122,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         }
         let gpu_ms = picture.passes.iter().map(|(name, ms)| (name.clone(), (*ms).into())).collect();
         // Entry 0 counts all tiles; entry i is variant i.
-        let tiles = Variant::all()
-            .zip(picture.report.tiles.iter().skip(1))
-            .filter(|(_, count)| **count > 0);
+        let tiles = Variant::all().zip(picture.report.tiles.iter().skip(1)).filter(|(_, count)| **count > 0);
         let tiles = tiles.map(|(variant, &count)| (variant.to_string(), count.into())).collect();
-        summary.frames.push(FrameSummary {
-            frame,
-            file,
-            gpu_ms,
-            fetches_per_px: picture.fetches_per_px,
-            tiles,
-        });
+        summary.frames.push(FrameSummary { frame, file, gpu_ms, fetches_per_px: picture.fetches_per_px, tiles });
     }
     reporter.finish();
     if args.json { print_json(&summary) } else { print(&text(&summary)) }
@@ -155,9 +133,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 fn shot<'a>(args: &RenderArgs, scene: &'a Scene) -> Result<Shot<'a>> {
     if let Some(name) = &args.path {
         let path = scene.paths.iter().find(|path| &path.name == name);
-        return path
-            .map(Shot::Along)
-            .with_context(|| no_such("path", name, scene, scene.paths.iter().map(|path| path.name.as_str())));
+        return path.map(Shot::Along).with_context(|| no_such("path", name, scene, scene.paths.iter().map(|path| path.name.as_str())));
     }
     let camera = match (&args.camera, args.pose) {
         (Some(name), _) => scene
@@ -166,14 +142,9 @@ fn shot<'a>(args: &RenderArgs, scene: &'a Scene) -> Result<Shot<'a>> {
             .find(|camera| &camera.name == name)
             .cloned()
             .with_context(|| no_such("camera", name, scene, scene.cameras.iter().map(|camera| camera.name.as_str())))?,
-        (None, Some([x, y, z, yaw_deg, pitch_deg])) => CameraPose {
-            name: "pose".to_owned(),
-            position: [x, y, z],
-            above_ground: false,
-            yaw_deg,
-            pitch_deg,
-            fov_deg: 55.0,
-        },
+        (None, Some([x, y, z, yaw_deg, pitch_deg])) => {
+            CameraPose { name: "pose".to_owned(), position: [x, y, z], above_ground: false, yaw_deg, pitch_deg, fov_deg: 55.0 }
+        }
         (None, None) => bail!("give --camera, --pose or --path"),
     };
     Ok(Shot::Still(camera))
@@ -210,24 +181,14 @@ pub(crate) fn reference(
     for sample in 0..samples {
         check_interrupted()?;
         reporter.report("reference samples", u64::from(sample), u64::from(samples));
-        let picture = renderer.render(&RenderRequest {
-            jitter: sample_point(sample),
-            ..truth.clone()
-        })?;
+        let picture = renderer.render(&RenderRequest { jitter: sample_point(sample), ..truth.clone() })?;
         match &mut total {
             None => total = Some(Sums::of(&picture)),
             Some(sums) => sums.add(&picture)?,
         }
     }
     let total = total.context("a reference needs at least one sample")?;
-    let centre = if layers {
-        renderer.render(&truth)?
-    } else {
-        renderer.render(&RenderRequest {
-            jitter: sample_point(0),
-            ..truth
-        })?
-    };
+    let centre = if layers { renderer.render(&truth)? } else { renderer.render(&RenderRequest { jitter: sample_point(0), ..truth })? };
     total.mean(centre, samples)
 }
 
@@ -252,11 +213,7 @@ impl Sums {
             Layer::Rgb(texels) => Some((name.clone(), texels.iter().map(|t| t.map(f64::from)).collect())),
             Layer::Xyz(_) | Layer::Value(_) => None,
         });
-        Sums {
-            hdr: picture.hdr.iter().map(|t| t.map(f64::from)).collect(),
-            colours: colours.collect(),
-            passes: picture.passes.clone(),
-        }
+        Sums { hdr: picture.hdr.iter().map(|t| t.map(f64::from)).collect(), colours: colours.collect(), passes: picture.passes.clone() }
     }
 
     fn add(&mut self, picture: &Picture) -> Result<()> {
@@ -298,28 +255,15 @@ fn numbered_file(out: &Path, frame: u32) -> PathBuf {
 }
 
 fn text(summary: &Summary) -> String {
-    let software = if summary.software {
-        " (software: compare its times, never quote them alone)"
-    } else {
-        ""
-    };
+    let software = if summary.software { " (software: compare its times, never quote them alone)" } else { "" };
     let mut lines = Vec::new();
     for frame in &summary.frames {
         let total: f64 = frame.gpu_ms.values().filter_map(serde_json::Value::as_f64).sum();
-        let time = if frame.gpu_ms.is_empty() {
-            String::new()
-        } else {
-            format!("  {total:.2} ms on the GPU")
-        };
+        let time = if frame.gpu_ms.is_empty() { String::new() } else { format!("  {total:.2} ms on the GPU") };
         lines.push(format!("{}{time}", frame.file.display()));
     }
     if let [frame] = summary.frames.as_slice() {
-        lines.extend(
-            frame
-                .gpu_ms
-                .iter()
-                .map(|(name, ms)| format!("  {name:<28} {:>9.3} ms", ms.as_f64().unwrap_or(f64::NAN))),
-        );
+        lines.extend(frame.gpu_ms.iter().map(|(name, ms)| format!("  {name:<28} {:>9.3} ms", ms.as_f64().unwrap_or(f64::NAN))));
     }
     lines.push(format!("adapter: {}{software}", summary.adapter));
     lines.push(String::new());

@@ -137,7 +137,12 @@ impl Geometry {
             label: Some("geometry"),
             color_attachments: &[
                 Some(wgpu::RenderPassColorAttachment { view: &view(&targets.mask), depth_slice: None, resolve_target: None, ops: clear }),
-                Some(wgpu::RenderPassColorAttachment { view: &view(&targets.normals), depth_slice: None, resolve_target: None, ops: clear }),
+                Some(wgpu::RenderPassColorAttachment {
+                    view: &view(&targets.normals),
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: clear,
+                }),
             ],
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: &view(&targets.depth_stencil),

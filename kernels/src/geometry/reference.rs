@@ -12,7 +12,19 @@ pub fn weld(index: u32, delta: u32) -> u32 {
 pub fn stitch(index: [u32; 2], deltas: u32) -> [u32; 2] {
     let last = u32::from(crate::world::NODE_QUADS);
     let [x, y] = index;
-    let along_x = if y == last { deltas >> 12 } else if y == 0 { deltas >> 4 } else { 0 } & 15;
-    let along_y = if x == last { deltas >> 8 } else if x == 0 { deltas } else { 0 } & 15;
+    let along_x = if y == last {
+        deltas >> 12
+    } else if y == 0 {
+        deltas >> 4
+    } else {
+        0
+    } & 15;
+    let along_y = if x == last {
+        deltas >> 8
+    } else if x == 0 {
+        deltas
+    } else {
+        0
+    } & 15;
     [weld(x, along_x), weld(y, along_y)]
 }

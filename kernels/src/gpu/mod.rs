@@ -61,7 +61,8 @@ fn instance() -> wgpu::Instance {
 }
 
 fn missing(features: wgpu::Features) -> Option<String> {
-    let lacking: Vec<_> = REQUIRED.iter().filter(|(f, ..)| !features.contains(*f)).map(|(_, name, why)| format!("{name} ({why})")).collect();
+    let lacking: Vec<_> =
+        REQUIRED.iter().filter(|(f, ..)| !features.contains(*f)).map(|(_, name, why)| format!("{name} ({why})")).collect();
     if lacking.is_empty() { None } else { Some(format!("lacks {}", lacking.join(", "))) }
 }
 

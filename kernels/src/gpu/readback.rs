@@ -23,11 +23,8 @@ pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, aspect: wgpu::TextureAsp
     let (width, height) = (texture.width(), texture.height());
     let row = width * bytes_per_texel;
     let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-    let staging = gpu.buffer(
-        "read-back",
-        wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        u64::from(padded) * u64::from(height),
-    );
+    let staging =
+        gpu.buffer("read-back", wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ, u64::from(padded) * u64::from(height));
     let mut encoder = gpu.encoder("read-back");
     encoder.copy_texture_to_buffer(
         wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin: wgpu::Origin3d::ZERO, aspect },

@@ -32,11 +32,8 @@ impl Timer {
                 count: CAPACITY * 2,
             })
         });
-        let resolved = gpu.buffer(
-            "pass times",
-            wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
-            u64::from(CAPACITY * 2) * 8,
-        );
+        let resolved =
+            gpu.buffer("pass times", wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC, u64::from(CAPACITY * 2) * 8);
         Timer { queries, resolved, names: Vec::new(), period_ns: f64::from(gpu.queue.get_timestamp_period()) }
     }
 

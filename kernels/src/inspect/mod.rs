@@ -54,11 +54,8 @@ impl Inspect {
     /// When the shader does not compile.
     pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain) -> Result<Inspect> {
         let shader = Shader::new(gpu, "inspect", &files())?;
-        let layout = gpu.layout(
-            "inspect",
-            wgpu::ShaderStages::COMPUTE,
-            &[Binding::Depth, Binding::TextureLoaded(FLAT), Binding::StorageWritten],
-        );
+        let layout =
+            gpu.layout("inspect", wgpu::ShaderStages::COMPUTE, &[Binding::Depth, Binding::TextureLoaded(FLAT), Binding::StorageWritten]);
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("inspect"),
             layout: Some(&gpu.pipeline_layout("inspect", &[frame_layout, &terrain.layout, &layout])),

@@ -53,11 +53,7 @@ impl CompressedChain {
     pub fn decode(&self, level: usize) -> Vec<[u8; 4]> {
         let size = self.level_size(level) as usize;
         let blocks = &self.levels[level];
-        let format = if blocks.len() == Format::Bc1.compressed_size(size, size) {
-            Format::Bc1
-        } else {
-            Format::Bc3
-        };
+        let format = if blocks.len() == Format::Bc1.compressed_size(size, size) { Format::Bc1 } else { Format::Bc3 };
         let mut bytes = vec![0_u8; size * size * 4];
         format.decompress(blocks, size, size, &mut bytes);
         bytes.chunks_exact(4).map(|t| [t[0], t[1], t[2], t[3]]).collect()
@@ -82,14 +78,7 @@ pub fn compress(maps: &MaterialMaps) -> CompressedLayers {
         [r, g, b, 255]
     });
     let normal = (0..maps.normal.len())
-        .map(|i| {
-            [
-                maps.smoothness[i],
-                maps.normal[i][1] * 0.5 + 0.5,
-                maps.specular_occlusion[i],
-                maps.normal[i][0] * 0.5 + 0.5,
-            ]
-        })
+        .map(|i| [maps.smoothness[i], maps.normal[i][1] * 0.5 + 0.5, maps.specular_occlusion[i], maps.normal[i][0] * 0.5 + 0.5])
         .collect();
     let normal = chain(normal, maps.size, Format::Bc3, NORMAL, |t| t.map(unorm8));
     let height: Vec<[f32; 2]> = maps.height.iter().zip(&maps.colour_mask).map(|(&h, &m)| [h, m]).collect();
@@ -102,11 +91,7 @@ pub fn compress(maps: &MaterialMaps) -> CompressedLayers {
 
 /// The range fit, improved by [`refine`], comes within a decibel of texpresso's cluster fit in a small part of its time.
 const fn params(weights: [f32; 3]) -> Params {
-    Params {
-        algorithm: Algorithm::RangeFit,
-        weights,
-        weigh_colour_by_alpha: false,
-    }
+    Params { algorithm: Algorithm::RangeFit, weights, weigh_colour_by_alpha: false }
 }
 
 const ALBEDO: Params = params([1.0, 1.0, 1.0]);
@@ -145,20 +130,16 @@ fn chain<const N: usize>(
 fn refine_level(blocks: &mut [u8], bytes: &[u8], edge: usize, format: Format, weights: [f32; 3]) {
     let block_size = format.block_size();
     let across = edge / 4;
-    blocks
-        .par_chunks_mut(block_size)
-        .with_min_len(256)
-        .enumerate()
-        .for_each(|(index, block)| {
-            let corner = (index / across * edge + index % across) * 4;
-            let texels: [[f32; 3]; 16] = std::array::from_fn(|i| {
-                let at = (corner + i / 4 * edge + i % 4) * 4;
-                [0, 1, 2].map(|c| f32::from(bytes[at + c]))
-            });
-            if let Ok(colour) = (&mut block[block_size - 8..]).try_into() {
-                refine(colour, &texels, weights);
-            }
+    blocks.par_chunks_mut(block_size).with_min_len(256).enumerate().for_each(|(index, block)| {
+        let corner = (index / across * edge + index % across) * 4;
+        let texels: [[f32; 3]; 16] = std::array::from_fn(|i| {
+            let at = (corner + i / 4 * edge + i % 4) * 4;
+            [0, 1, 2].map(|c| f32::from(bytes[at + c]))
         });
+        if let Ok(colour) = (&mut block[block_size - 8..]).try_into() {
+            refine(colour, &texels, weights);
+        }
+    });
 }
 
 /// Alternates the two halves of the fit while that helps, at most twice: end points by least squares for the given indices, then the
@@ -178,11 +159,7 @@ fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
     let distance = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|c| weights[c] * (a[c] - b[c]).powi(2)).sum::<f32>();
     let mut indices = u32::from_le_bytes([block[4], block[5], block[6], block[7]]);
     let colours = palette(ends);
-    let mut error: f32 = texels
-        .iter()
-        .enumerate()
-        .map(|(i, t)| distance(t, &colours[(indices >> (2 * i)) as usize & 3]))
-        .sum();
+    let mut error: f32 = texels.iter().enumerate().map(|(i, t)| distance(t, &colours[(indices >> (2 * i)) as usize & 3])).sum();
     for _ in 0..2 {
         let (mut aa, mut ab, mut bb) = (0.0, 0.0, 0.0);
         let (mut ax, mut bx) = ([0.0; 3], [0.0; 3]);
@@ -262,9 +239,5 @@ fn unorm8(value: f32) -> u8 {
 
 /// Nearest 8-bit sRGB code of a linear value (IEC 61966-2-1).
 fn srgb8(linear: f32) -> u8 {
-    unorm8(if linear <= 0.003_130_8 {
-        linear * 12.92
-    } else {
-        1.055 * linear.powf(1.0 / 2.4) - 0.055
-    })
+    unorm8(if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 })
 }

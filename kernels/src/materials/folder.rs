@@ -25,39 +25,19 @@ const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// the size of the others. `name` is the material's, for those messages.
 pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
     let entries = std::fs::read_dir(dir).map_err(|source| {
-        wrong(
-            name,
-            format!(
-                "cannot read folder {}: {source}; correct `folder` (relative to the scene file)",
-                dir.display()
-            ),
-        )
+        wrong(name, format!("cannot read folder {}: {source}; correct `folder` (relative to the scene file)", dir.display()))
     })?;
     let mut files: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
     files.sort();
-    let find = |map: &str| {
-        EXTENSIONS
-            .iter()
-            .map(|e| format!("{map}.{e}"))
-            .find(|file| files.contains(file))
-            .map(|file| dir.join(file))
-    };
+    let find = |map: &str| EXTENSIONS.iter().map(|e| format!("{map}.{e}")).find(|file| files.contains(file)).map(|file| dir.join(file));
     let required = |map: &str| {
         find(map).ok_or_else(|| {
             let there = if files.is_empty() { "nothing".to_owned() } else { files.join(", ") };
-            wrong(
-                name,
-                format!("no {map}.png, .jpg or .jpeg in {} (there is: {there}); add that map", dir.display()),
-            )
+            wrong(name, format!("no {map}.png, .jpg or .jpeg in {} (there is: {there}); add that map", dir.display()))
         })
     };
     // All names first: a missing map is told before seconds of decoding.
-    let paths = [
-        required("albedo")?,
-        required("normal")?,
-        required("height")?,
-        required("roughness")?,
-    ];
+    let paths = [required("albedo")?, required("normal")?, required("height")?, required("roughness")?];
     let ao = find("ao");
 
     let mut edge = None;
@@ -67,14 +47,7 @@ pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
             None => edge = Some((image.edge, path.clone())),
             Some((first, of)) if *first != image.edge => {
                 let (a, b) = (image.edge, *first);
-                return Err(wrong(
-                    name,
-                    format!(
-                        "{} is {a}x{a} but {} is {b}x{b}: give all maps one size",
-                        path.display(),
-                        of.display()
-                    ),
-                ));
+                return Err(wrong(name, format!("{} is {a}x{a} but {} is {b}x{b}: give all maps one size", path.display(), of.display())));
             }
             Some(_) => {}
         }
@@ -107,24 +80,15 @@ struct Image {
 
 impl Image {
     fn read(path: &Path) -> Result<Image> {
-        let broken = |what: String| Error::Image {
-            file: path.to_owned(),
-            what,
-        };
+        let broken = |what: String| Error::Image { file: path.to_owned(), what };
         let reader = ImageReader::open(path)
             .and_then(ImageReader::with_guessed_format)
-            .map_err(|source| Error::File {
-                file: path.to_owned(),
-                source,
-            })?;
-        let decoded = reader
-            .decode()
-            .map_err(|e| broken(format!("not a readable PNG or JPEG ({e}); save it again as 8- or 16-bit PNG")))?;
+            .map_err(|source| Error::File { file: path.to_owned(), source })?;
+        let decoded =
+            reader.decode().map_err(|e| broken(format!("not a readable PNG or JPEG ({e}); save it again as 8- or 16-bit PNG")))?;
         let (width, height) = (decoded.width(), decoded.height());
         if width != height || width == 0 {
-            return Err(broken(format!(
-                "{width}x{height} texels, but material maps are square: crop or resize it"
-            )));
+            return Err(broken(format!("{width}x{height} texels, but material maps are square: crop or resize it")));
         }
         let edge = width as usize;
         let mut texels: Vec<[f32; 3]> = rgb(decoded);
@@ -159,14 +123,9 @@ impl Image {
             sum
         };
         let texels = &self.texels;
-        let rows: Vec<[f32; 3]> = (0..edge * size)
-            .into_par_iter()
-            .map(|i| gather(&taps[i % size], &|x| texels[i / size * edge + x]))
-            .collect();
-        (0..size * size)
-            .into_par_iter()
-            .map(|i| gather(&taps[i / size], &|y| rows[y * size + i % size]))
-            .collect()
+        let rows: Vec<[f32; 3]> =
+            (0..edge * size).into_par_iter().map(|i| gather(&taps[i % size], &|x| texels[i / size * edge + x])).collect();
+        (0..size * size).into_par_iter().map(|i| gather(&taps[i / size], &|y| rows[y * size + i % size])).collect()
     }
 }
 
@@ -178,10 +137,7 @@ fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
             if from > to {
                 let (start, end) = (target as f64 * ratio, (target + 1) as f64 * ratio);
                 let covered = |i: usize| ((end.min((i + 1) as f64) - start.max(i as f64)) / ratio) as f32;
-                (start as usize..from.min(end.ceil() as usize))
-                    .map(|i| (i, covered(i)))
-                    .filter(|&(_, w)| w > 0.0)
-                    .collect()
+                (start as usize..from.min(end.ceil() as usize)).map(|i| (i, covered(i))).filter(|&(_, w)| w > 0.0).collect()
             } else {
                 let at = (target as f64 + 0.5) * ratio - 0.5 + from as f64;
                 let (first, fraction) = (at as usize, at.fract() as f32);
@@ -204,9 +160,5 @@ fn unit_normal(value: [f32; 3]) -> [f32; 3] {
 
 /// IEC 61966-2-1.
 fn linear_from_srgb(code: f32) -> f32 {
-    if code <= 0.040_45 {
-        code / 12.92
-    } else {
-        ((code + 0.055) / 1.055).powf(2.4)
-    }
+    if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }

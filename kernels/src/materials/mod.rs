@@ -144,10 +144,7 @@ impl Source {
 }
 
 fn wrong(name: &str, what: String) -> Error {
-    Error::Material {
-        name: name.to_owned(),
-        what,
-    }
+    Error::Material { name: name.to_owned(), what }
 }
 
 impl Palette {
@@ -161,10 +158,7 @@ impl Palette {
     /// in 64..=2048; an unknown procedural name; a `tile_m` so small that a sector holds [`MAX_REPEATS_PER_SECTOR`] repeats or more; and
     /// whatever [`folder::load`] reports.
     pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
-        let of_scene = |what: String| Error::Scene {
-            where_: scene.name.clone(),
-            what,
-        };
+        let of_scene = |what: String| Error::Scene { where_: scene.name.clone(), what };
         let count = scene.materials.len();
         if count == 0 || count > MAX_MATERIALS {
             return Err(of_scene(format!(
@@ -195,12 +189,7 @@ impl Palette {
 
         let total = sources.len();
         let numbered: Vec<_> = sources.iter().enumerate().collect();
-        let mut arrays = DetailArrays {
-            size,
-            albedo: Vec::new(),
-            normal: Vec::new(),
-            height: Vec::new(),
-        };
+        let mut arrays = DetailArrays { size, albedo: Vec::new(), normal: Vec::new(), height: Vec::new() };
         let mut means: Vec<Option<MaterialMeans>> = vec![None; count];
         for chunk in numbered.chunks(SOURCES_AT_ONCE) {
             let done: Vec<_> = chunk
@@ -226,10 +215,8 @@ impl Palette {
             }
         }
 
-        let means: Vec<MaterialMeans> = means
-            .into_iter()
-            .map(|mean| mean.expect("every material has a source, every source was made"))
-            .collect();
+        let means: Vec<MaterialMeans> =
+            means.into_iter().map(|mean| mean.expect("every material has a source, every source was made")).collect();
         let entries = scene
             .materials
             .iter()
@@ -241,11 +228,7 @@ impl Palette {
                     albedo_layer: layer,
                     normal_layer: layer,
                     height_layer: layer,
-                    flags: if material.tint.iter().any(|&t| (t - 1.0).abs() > f64::from(f32::EPSILON)) {
-                        FLAG_TINTED
-                    } else {
-                        0
-                    },
+                    flags: if material.tint.iter().any(|&t| (t - 1.0).abs() > f64::from(f32::EPSILON)) { FLAG_TINTED } else { 0 },
                     per_sector_fixed,
                     per_metre,
                     tint: material.tint.map(|t| t as f32),
@@ -275,8 +258,5 @@ fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])>
     }
     let (sin, cos) = material.orientation_deg.to_radians().sin_cos();
     let fixed = |rate: f64| (rate * f64::from(1_u32 << 24)).round() as i32;
-    Ok((
-        [fixed(repeats * cos), fixed(repeats * sin)],
-        [(cos / tile_m) as f32, (sin / tile_m) as f32],
-    ))
+    Ok(([fixed(repeats * cos), fixed(repeats * sin)], [(cos / tile_m) as f32, (sin / tile_m) as f32]))
 }

@@ -16,20 +16,8 @@ use crate::error::Result;
 use crate::shared::hash::pcg4d;
 
 /// Names of the built-in materials.
-pub const NAMES: [&str; 12] = [
-    "granite",
-    "limestone",
-    "scree",
-    "gravel",
-    "grass",
-    "meadow",
-    "dirt",
-    "mud",
-    "sand",
-    "snow",
-    "moss",
-    "forest-floor",
-];
+pub const NAMES: [&str; 12] =
+    ["granite", "limestone", "scree", "gravel", "grass", "meadow", "dirt", "mud", "sand", "snow", "moss", "forest-floor"];
 
 /// How to make one material.
 struct Recipe {
@@ -42,87 +30,24 @@ struct Recipe {
 }
 
 const RECIPES: [Recipe; 12] = [
-    Recipe {
-        name: "granite",
-        relief: 0.10,
-        luminance: 0.25,
-        sketch: granite,
-    },
-    Recipe {
-        name: "limestone",
-        relief: 0.09,
-        luminance: 0.42,
-        sketch: limestone,
-    },
-    Recipe {
-        name: "scree",
-        relief: 0.10,
-        luminance: 0.24,
-        sketch: scree,
-    },
-    Recipe {
-        name: "gravel",
-        relief: 0.045,
-        luminance: 0.22,
-        sketch: gravel,
-    },
-    Recipe {
-        name: "grass",
-        relief: 0.05,
-        luminance: 0.075,
-        sketch: grass,
-    },
-    Recipe {
-        name: "meadow",
-        relief: 0.06,
-        luminance: 0.10,
-        sketch: meadow,
-    },
-    Recipe {
-        name: "dirt",
-        relief: 0.04,
-        luminance: 0.13,
-        sketch: dirt,
-    },
-    Recipe {
-        name: "mud",
-        relief: 0.035,
-        luminance: 0.065,
-        sketch: mud,
-    },
-    Recipe {
-        name: "sand",
-        relief: 0.025,
-        luminance: 0.36,
-        sketch: sand,
-    },
-    Recipe {
-        name: "snow",
-        relief: 0.04,
-        luminance: 0.80,
-        sketch: snow,
-    },
-    Recipe {
-        name: "moss",
-        relief: 0.05,
-        luminance: 0.085,
-        sketch: moss,
-    },
-    Recipe {
-        name: "forest-floor",
-        relief: 0.045,
-        luminance: 0.07,
-        sketch: forest_floor,
-    },
+    Recipe { name: "granite", relief: 0.10, luminance: 0.25, sketch: granite },
+    Recipe { name: "limestone", relief: 0.09, luminance: 0.42, sketch: limestone },
+    Recipe { name: "scree", relief: 0.10, luminance: 0.24, sketch: scree },
+    Recipe { name: "gravel", relief: 0.045, luminance: 0.22, sketch: gravel },
+    Recipe { name: "grass", relief: 0.05, luminance: 0.075, sketch: grass },
+    Recipe { name: "meadow", relief: 0.06, luminance: 0.10, sketch: meadow },
+    Recipe { name: "dirt", relief: 0.04, luminance: 0.13, sketch: dirt },
+    Recipe { name: "mud", relief: 0.035, luminance: 0.065, sketch: mud },
+    Recipe { name: "sand", relief: 0.025, luminance: 0.36, sketch: sand },
+    Recipe { name: "snow", relief: 0.04, luminance: 0.80, sketch: snow },
+    Recipe { name: "moss", relief: 0.05, luminance: 0.085, sketch: moss },
+    Recipe { name: "forest-floor", relief: 0.045, luminance: 0.07, sketch: forest_floor },
 ];
 
 fn recipe(kind: &str, material: &str) -> Result<&'static Recipe> {
     RECIPES.iter().find(|r| r.name == kind).ok_or_else(|| {
         let hint = crate::scene::nearest(kind, &NAMES).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
-        wrong(
-            material,
-            format!("no procedural material `{kind}`; {hint}known: {}", NAMES.join(", ")),
-        )
+        wrong(material, format!("no procedural material `{kind}`; {hint}known: {}", NAMES.join(", ")))
     })
 }
 
@@ -177,11 +102,7 @@ pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
     let gain = recipe.luminance / mean as f32;
     Ok(MaterialMaps {
         size,
-        albedo: sketch
-            .albedo
-            .into_par_iter()
-            .map(|c| c.map(|x| (x * gain).clamp(0.004, 0.95)))
-            .collect(),
+        albedo: sketch.albedo.into_par_iter().map(|c| c.map(|x| (x * gain).clamp(0.004, 0.95))).collect(),
         normal,
         smoothness: sketch.smoothness.v.into_iter().map(|s| s.clamp(0.0, 1.0)).collect(),
         specular_occlusion,
@@ -260,15 +181,9 @@ struct Field {
 impl Field {
     /// Linearly to 0..1.
     fn stretched(self) -> Field {
-        let (low, high) = self
-            .v
-            .iter()
-            .fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+        let (low, high) = self.v.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
         let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
-        Field {
-            n: self.n,
-            v: self.v.into_iter().map(|x| ((x - low) * scale).clamp(0.0, 1.0)).collect(),
-        }
+        Field { n: self.n, v: self.v.into_iter().map(|x| ((x - low) * scale).clamp(0.0, 1.0)).collect() }
     }
 
     /// The same image seen through displaced coordinates: the value at (u, v) is that at (u, v) + `amount` * `by`.
@@ -286,11 +201,7 @@ impl Field {
                 let i = y * n + x;
                 let (x0, x1, tx) = axis(x, by[0].v[i]);
                 let (y0, y1, ty) = axis(y, by[1].v[i]);
-                *out = mix(
-                    mix(self.v[y0 * n + x0], self.v[y0 * n + x1], tx),
-                    mix(self.v[y1 * n + x0], self.v[y1 * n + x1], tx),
-                    ty,
-                );
+                *out = mix(mix(self.v[y0 * n + x0], self.v[y0 * n + x1], tx), mix(self.v[y1 * n + x0], self.v[y1 * n + x1], tx), ty);
             }
         });
         Field { n, v }
@@ -368,18 +279,11 @@ impl Bench {
     }
 
     fn uv(&self, i: usize) -> [f32; 2] {
-        [
-            ((i % self.n) as f32 + 0.5) / self.n as f32,
-            ((i / self.n) as f32 + 0.5) / self.n as f32,
-        ]
+        [((i % self.n) as f32 + 0.5) / self.n as f32, ((i / self.n) as f32 + 0.5) / self.n as f32]
     }
 
     fn dice(&self, salt: u32, index: u32) -> Dice {
-        Dice {
-            key: [index, salt, self.seed, 0],
-            words: [0; 4],
-            used: 4,
-        }
+        Dice { key: [index, salt, self.seed, 0], words: [0; 4], used: 4 }
     }
 
     /// Adds `amplitude` times shaped gradient noise of `waves` lattice cells across and up, about -1..1 before shaping.
@@ -405,11 +309,7 @@ impl Bench {
             for (out, &(x0, x1, tx, sx)) in row.iter_mut().zip(&columns) {
                 let dot = |g: [f32; 2], dx: f32, dy: f32| g[0] * dx + g[1] * dy;
                 let low = mix(dot(lattice[y0 * wx + x0], tx, ty), dot(lattice[y0 * wx + x1], tx - 1.0, ty), sx);
-                let high = mix(
-                    dot(lattice[y1 * wx + x0], tx, ty - 1.0),
-                    dot(lattice[y1 * wx + x1], tx - 1.0, ty - 1.0),
-                    sx,
-                );
+                let high = mix(dot(lattice[y1 * wx + x0], tx, ty - 1.0), dot(lattice[y1 * wx + x1], tx - 1.0, ty - 1.0), sx);
                 *out += amplitude * shape(1.5 * mix(low, high, sy));
             }
         });
@@ -474,12 +374,7 @@ impl Bench {
             let near = first.sqrt();
             (id, near, second.sqrt() - near, from)
         });
-        let mut out = Cells {
-            id: Vec::new(),
-            near: Vec::new(),
-            edge: Vec::new(),
-            from: Vec::new(),
-        };
+        let mut out = Cells { id: Vec::new(), near: Vec::new(), edge: Vec::new(), from: Vec::new() };
         for (id, near, edge, from) in found {
             out.id.push(id);
             out.near.push(near);
@@ -494,10 +389,7 @@ impl Bench {
         (0..across * across).map(move |i| {
             let mut dice = self.dice(salt, i);
             let jitter = [dice.unit(), dice.unit()];
-            let position = [
-                ((i % across) as f32 + jitter[0]) / across as f32,
-                ((i / across) as f32 + jitter[1]) / across as f32,
-            ];
+            let position = [((i % across) as f32 + jitter[0]) / across as f32, ((i / across) as f32 + jitter[1]) / across as f32];
             (position, dice)
         })
     }
@@ -538,10 +430,7 @@ struct Texel {
 
 impl Canvas {
     fn new(bench: &Bench, f: impl Fn(usize) -> Texel + Sync + Send) -> Canvas {
-        Canvas {
-            n: bench.n,
-            texels: bench.par(f),
-        }
+        Canvas { n: bench.n, texels: bench.par(f) }
     }
 
     /// Lays every shape, in order. `touch` gets the shape, the offset from its origin and the texel's index.
@@ -582,10 +471,7 @@ impl Canvas {
 
     fn sketch(self) -> Sketch {
         let n = self.n;
-        let pick = |f: fn(&Texel) -> f32| Field {
-            n,
-            v: self.texels.iter().map(f).collect(),
-        };
+        let pick = |f: fn(&Texel) -> f32| Field { n, v: self.texels.iter().map(f).collect() };
         Sketch {
             height: pick(|t| t.height),
             smoothness: pick(|t| t.smoothness),
@@ -712,12 +598,7 @@ impl Strip {
             let middle = self.length * 0.5 * self.direction[c];
             sign * (sign * end).max(sign * middle).max(0.0) + sign * self.width
         };
-        Stamp {
-            origin: root,
-            low: [extent(0, -1.0), extent(1, -1.0)],
-            high: [extent(0, 1.0), extent(1, 1.0)],
-            shape: self,
-        }
+        Stamp { origin: root, low: [extent(0, -1.0), extent(1, -1.0)], high: [extent(0, 1.0), extent(1, 1.0)], shape: self }
     }
 
     fn touch(&self, d: [f32; 2], texel: f32) -> Option<Touch> {
@@ -741,10 +622,7 @@ impl Strip {
         let s = (across / width.max(1e-6)).min(1.0);
         let (profile, shade) = match self.kind {
             StripKind::Blade => (self.width * 0.5 * s, mix(0.86, 1.06, s)),
-            StripKind::Leaf => (
-                self.width * 0.45 * s * s,
-                if s < 0.09 { 1.3 } else { 0.92 + 0.1 * (t * 60.0 + s * 9.0).sin() },
-            ),
+            StripKind::Leaf => (self.width * 0.45 * s * s, if s < 0.09 { 1.3 } else { 0.92 + 0.1 * (t * 60.0 + s * 9.0).sin() }),
             StripKind::Twig => (self.width * (1.0 - s * s).sqrt(), mix(1.1, 0.75, s)),
         };
         Some(Touch {
@@ -781,12 +659,7 @@ fn granite(bench: &Bench) -> Sketch {
     let stain = bench.fbm(4, 5, 22);
     let lichen = bench.fbm(9, 5, 23);
     let grain = bench.cells([150, 150], 24, None, 0.0);
-    let mut canvas = Canvas::new(bench, |i| Texel {
-        height: -0.04 + 0.02 * wx.v[i],
-        colour: [0.8; 3],
-        smoothness: 0.0,
-        mask: 1.0,
-    });
+    let mut canvas = Canvas::new(bench, |i| Texel { height: -0.04 + 0.02 * wx.v[i], colour: [0.8; 3], smoothness: 0.0, mask: 1.0 });
     let mut blocks = Vec::new();
     for (layer, (across, low, high)) in [(5, 0.17, 0.30), (8, 0.08, 0.16), (14, 0.035, 0.07)].into_iter().enumerate() {
         for (position, mut dice) in bench.scatter(across, 40 + layer as u32) {
@@ -849,11 +722,7 @@ fn limestone(bench: &Bench) -> Sketch {
         |i: usize| (ramp(-0.5, 0.15, open.v[i]) * gap(beds.edge[i], i)).max(0.6 * ramp(0.0, 0.4, open.v[i]) * gap(blocks.edge[i], i));
     let pit = |i: usize| {
         let size = 0.08 + 0.3 * unit(pits.id[i].wrapping_mul(0x9e37_79b1)).powi(2);
-        if unit(pits.id[i]) < 0.3 {
-            1.0 - ramp(0.3 * size, size, pits.near[i])
-        } else {
-            0.0
-        }
+        if unit(pits.id[i]) < 0.3 { 1.0 - ramp(0.3 * size, size, pits.near[i]) } else { 0.0 }
     };
     // A bed stands out at its upper edge and recedes below.
     let height = bench.field(|i| {
@@ -873,12 +742,7 @@ fn limestone(bench: &Bench) -> Sketch {
         times(grey, (1.0 - 0.4 * crack(i)) * (1.0 - 0.3 * pit(i)))
     });
     let smoothness = bench.field(|i| 0.3 + 0.05 * lamina.v[i] - 0.12 * crack(i) - 0.1 * pit(i));
-    let mut sketch = Sketch {
-        albedo,
-        height,
-        smoothness,
-        mask: bench.field(|_| 1.0),
-    };
+    let mut sketch = Sketch { albedo, height, smoothness, mask: bench.field(|_| 1.0) };
     shade_hollows(&mut sketch, 0.012, 1.6);
     sketch
 }
@@ -912,34 +776,20 @@ fn scree(bench: &Bench) -> Sketch {
         mask: 1.0,
     });
     let mut stones = Vec::new();
-    for (layer, (across, low, high)) in [(64, 0.007, 0.014), (34, 0.014, 0.028), (15, 0.03, 0.055), (6, 0.05, 0.10)]
-        .into_iter()
-        .enumerate()
+    for (layer, (across, low, high)) in [(64, 0.007, 0.014), (34, 0.014, 0.028), (15, 0.03, 0.055), (6, 0.05, 0.10)].into_iter().enumerate()
     {
         for (position, mut dice) in bench.scatter(across, 40 + layer as u32) {
             let radius = mix(low, high, dice.unit().powi(2));
             let warm = dice.unit();
             let value = dice.between(0.7, 1.25);
             let colour = times(mix3([0.235, 0.235, 0.235], [0.27, 0.235, 0.19], warm), value);
-            stones.push(Stone::stamp(
-                position,
-                radius,
-                false,
-                radius * dice.between(-0.1, 0.35),
-                &mut dice,
-                colour,
-                0.3,
-            ));
+            stones.push(Stone::stamp(position, radius, false, radius * dice.between(-0.1, 0.35), &mut dice, colour, 0.3));
         }
     }
     lay_stones(bench, &mut canvas, &stones, &rough, 0.06);
     let mut sketch = canvas.sketch();
     shade_hollows(&mut sketch, 0.012, 26.0);
-    sketch
-        .albedo
-        .iter_mut()
-        .zip(&tone.v)
-        .for_each(|(c, t)| *c = times(*c, 1.0 + 0.12 * t));
+    sketch.albedo.iter_mut().zip(&tone.v).for_each(|(c, t)| *c = times(*c, 1.0 + 0.12 * t));
     sketch
 }
 
@@ -961,29 +811,15 @@ fn gravel(bench: &Bench) -> Sketch {
         smoothness: 0.15,
         mask: 1.0,
     });
-    const ROCKS: [[f32; 3]; 6] = [
-        [0.24, 0.235, 0.23],
-        [0.15, 0.15, 0.155],
-        [0.31, 0.27, 0.215],
-        [0.40, 0.38, 0.35],
-        [0.235, 0.16, 0.125],
-        [0.20, 0.21, 0.195],
-    ];
+    const ROCKS: [[f32; 3]; 6] =
+        [[0.24, 0.235, 0.23], [0.15, 0.15, 0.155], [0.31, 0.27, 0.215], [0.40, 0.38, 0.35], [0.235, 0.16, 0.125], [0.20, 0.21, 0.195]];
     let mut stones = Vec::new();
     for (layer, (across, low, high)) in [(80, 0.006, 0.010), (44, 0.010, 0.018), (19, 0.018, 0.040)].into_iter().enumerate() {
         for (position, mut dice) in bench.scatter(across, 40 + layer as u32) {
             let radius = mix(low, high, dice.unit().powi(2));
             let colour = times(ROCKS[(dice.unit() * 6.0) as usize], dice.between(0.8, 1.2));
             let smoothness = dice.between(0.3, 0.5);
-            stones.push(Stone::stamp(
-                position,
-                radius,
-                true,
-                radius * dice.between(0.0, 0.3),
-                &mut dice,
-                colour,
-                smoothness,
-            ));
+            stones.push(Stone::stamp(position, radius, true, radius * dice.between(0.0, 0.3), &mut dice, colour, smoothness));
         }
     }
     lay_stones(bench, &mut canvas, &stones, &rough, 0.025);
@@ -1042,12 +878,7 @@ fn grass(bench: &Bench) -> Sketch {
         smoothness: 0.12,
         mask: 0.5,
     });
-    let green = [
-        [0.035, 0.075, 0.014],
-        [0.05, 0.105, 0.018],
-        [0.075, 0.125, 0.025],
-        [0.13, 0.135, 0.045],
-    ];
+    let green = [[0.035, 0.075, 0.014], [0.05, 0.105, 0.018], [0.075, 0.125, 0.025], [0.13, 0.135, 0.045]];
     let strips = blades(bench, 90, 40, [0.03, 0.065], 0.0030, &green, &clump);
     lay_strips(bench, &mut canvas, &strips);
     let mut sketch = canvas.sketch();
@@ -1065,13 +896,7 @@ fn meadow(bench: &Bench) -> Sketch {
         smoothness: 0.12,
         mask: 0.5,
     });
-    let mixed = [
-        [0.04, 0.075, 0.018],
-        [0.06, 0.105, 0.022],
-        [0.085, 0.125, 0.03],
-        [0.125, 0.14, 0.04],
-        [0.22, 0.18, 0.08],
-    ];
+    let mixed = [[0.04, 0.075, 0.018], [0.06, 0.105, 0.022], [0.085, 0.125, 0.03], [0.125, 0.14, 0.04], [0.22, 0.18, 0.08]];
     let mut strips = blades(bench, 96, 40, [0.04, 0.085], 0.0032, &mixed, &clump);
     // clover: three round leaflets
     for (centre, mut dice) in bench.scatter(17, 50) {
@@ -1161,17 +986,10 @@ fn dirt(bench: &Bench) -> Sketch {
         let clod = (0.75 - clods.near[i]).max(0.0) * unit(clods.id[i]) * loose;
         let crumb = (0.7 - crumbs.near[i]).max(0.0) * unit(crumbs.id[i]);
         let h = 0.012 * swell.v[i] + 0.014 * clod + 0.005 * crumb * mix(0.4, 1.0, loose) + 0.0022 * rough.v[i];
-        let tone = mix3(
-            [0.15, 0.105, 0.066],
-            [0.185, 0.14, 0.098],
-            ramp(-0.5, 0.5, swell.v[i] + 0.4 * rough.v[i]),
-        );
+        let tone = mix3([0.15, 0.105, 0.066], [0.185, 0.14, 0.098], ramp(-0.5, 0.5, swell.v[i] + 0.4 * rough.v[i]));
         Texel {
             height: h,
-            colour: times(
-                tone,
-                (0.82 + 0.35 * crumb + 0.25 * clod) * mix(1.06, 0.92, loose) * (1.0 + 0.12 * rough.v[i]),
-            ),
+            colour: times(tone, (0.82 + 0.35 * crumb + 0.25 * clod) * mix(1.06, 0.92, loose) * (1.0 + 0.12 * rough.v[i])),
             smoothness: mix(0.24, 0.14, loose),
             mask: 1.0,
         }
@@ -1231,12 +1049,7 @@ fn mud(bench: &Bench) -> Sketch {
         mix3(soaked, [0.045, 0.037, 0.026], ramp(0.0, 0.12, depth(i)))
     });
     let smoothness = bench.field(|i| mix(mix(0.34, 0.68, wet(i)), 0.93, ramp(0.0, 0.03, depth(i))) + 0.04 * rough.v[i] * (1.0 - wet(i)));
-    Sketch {
-        albedo,
-        height,
-        smoothness,
-        mask: bench.field(|i| 1.0 - ramp(0.0, 0.08, depth(i))),
-    }
+    Sketch { albedo, height, smoothness, mask: bench.field(|i| 1.0 - ramp(0.0, 0.08, depth(i))) }
 }
 
 /// Wind ripples: gentle windward and steep lee sides.
@@ -1261,12 +1074,7 @@ fn sand(bench: &Bench) -> Sketch {
         let dry = mix3([0.36, 0.27, 0.175], [0.45, 0.36, 0.25], ramp(0.1, 0.9, ripple(i)));
         times(dry, 1.0 + 0.075 * grain.v[i] + 0.08 * swell.v[i])
     });
-    Sketch {
-        albedo,
-        height,
-        smoothness: bench.field(|i| 0.22 + 0.04 * grain.v[i]),
-        mask: bench.field(|_| 1.0),
-    }
+    Sketch { albedo, height, smoothness: bench.field(|i| 0.22 + 0.04 * grain.v[i]), mask: bench.field(|_| 1.0) }
 }
 
 /// Wind-packed snow: soft drifts, low ripples, fine crystals.
@@ -1284,12 +1092,7 @@ fn snow(bench: &Bench) -> Sketch {
         times(white, 1.0 + 0.025 * crystal.v[i] + 0.03 * drift.v[i])
     });
     let smoothness = bench.field(|i| 0.42 + 0.1 * packed.v[i] + 0.1 * crystal.v[i]);
-    Sketch {
-        albedo,
-        height,
-        smoothness,
-        mask: bench.field(|_| 1.0),
-    }
+    Sketch { albedo, height, smoothness, mask: bench.field(|_| 1.0) }
 }
 
 /// Cushions of moss: domes covered in short shoots, dark between.
@@ -1303,19 +1106,10 @@ fn moss(bench: &Bench) -> Sketch {
     let body = bench
         .field(|i| 0.010 * swell.v[i] + 0.022 * dome(cushion.near[i]) * (0.6 + 0.5 * unit(cushion.id[i])) + 0.008 * dome(tuft.near[i]));
     let green = |i: usize| {
-        let fresh = mix3(
-            [0.05, 0.085, 0.012],
-            [0.125, 0.15, 0.02],
-            ramp(-0.5, 0.6, tone.v[i] + 0.5 * (unit(cushion.id[i]) - 0.5)),
-        );
+        let fresh = mix3([0.05, 0.085, 0.012], [0.125, 0.15, 0.02], ramp(-0.5, 0.6, tone.v[i] + 0.5 * (unit(cushion.id[i]) - 0.5)));
         mix3(fresh, [0.13, 0.09, 0.035], 0.55 * ramp(0.80, 0.97, unit(tuft.id[i])))
     };
-    let mut canvas = Canvas::new(bench, |i| Texel {
-        height: body.v[i],
-        colour: times(green(i), 0.55),
-        smoothness: 0.12,
-        mask: 1.0,
-    });
+    let mut canvas = Canvas::new(bench, |i| Texel { height: body.v[i], colour: times(green(i), 0.55), smoothness: 0.12, mask: 1.0 });
     let shoots: Vec<_> = bench
         .scatter(150, 40)
         .map(|(root, mut dice)| {
@@ -1382,13 +1176,8 @@ fn forest_floor(bench: &Bench) -> Sketch {
     }
     for (root, mut dice) in bench.scatter(17, 41) {
         let (sin, cos) = dice.between(0.0, TAU).sin_cos();
-        const FALLEN: [[f32; 3]; 5] = [
-            [0.17, 0.085, 0.030],
-            [0.12, 0.065, 0.032],
-            [0.21, 0.13, 0.045],
-            [0.085, 0.052, 0.032],
-            [0.085, 0.095, 0.028],
-        ];
+        const FALLEN: [[f32; 3]; 5] =
+            [[0.17, 0.085, 0.030], [0.12, 0.065, 0.032], [0.21, 0.13, 0.045], [0.085, 0.052, 0.032], [0.085, 0.095, 0.028]];
         let colour = times(FALLEN[(dice.unit() * 4.999) as usize], dice.between(0.8, 1.2));
         let mut stamp = leaf(
             root,

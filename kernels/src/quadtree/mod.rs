@@ -68,8 +68,11 @@ pub fn select<E>(
             // The margin keeps stitches towards unseen, hence coarse, neighbours outside the picture.
             let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
             let wanted = nearest.distance(view.camera) < ratio * layout.node_m(node.lod) && view.sees(low - margin, high + margin);
-            let children: Vec<NodeId> =
-                if wanted && node.lod > layout.finest_lod { node.children().into_iter().filter(|&c| world.exists(c)).collect() } else { Vec::new() };
+            let children: Vec<NodeId> = if wanted && node.lod > layout.finest_lod {
+                node.children().into_iter().filter(|&c| world.exists(c)).collect()
+            } else {
+                Vec::new()
+            };
             if children.is_empty() {
                 selection.drawn.push(node);
             } else {
@@ -101,7 +104,7 @@ pub const SLOT_BITS: u32 = 10;
 pub fn sector_data(nodes: impl Iterator<Item = (NodeId, u32)>) -> Vec<[u32; 2]> {
     let mut packed = vec![0u64; usize::from(SECTORS) * usize::from(SECTORS)];
     for (node, slot) in nodes {
-        debug_assert!(slot >= 1 && slot < 1 << SLOT_BITS && node.lod < LODS);
+        debug_assert!((1..1 << SLOT_BITS).contains(&slot) && node.lod < LODS);
         let edge = 1usize << node.lod;
         let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
         for row in y..y + edge {

@@ -29,15 +29,8 @@ pub fn load(path_or_name: &str) -> Result<Scene> {
         return parse(DEFAULT_TEXT, DEFAULT, Path::new(""));
     }
     let given = Path::new(path_or_name);
-    let scene_error = |what: String| Error::Scene {
-        where_: given.display().to_string(),
-        what,
-    };
-    let file: PathBuf = if given.is_dir() {
-        given.join("scene.toml")
-    } else {
-        given.to_owned()
-    };
+    let scene_error = |what: String| Error::Scene { where_: given.display().to_string(), what };
+    let file: PathBuf = if given.is_dir() { given.join("scene.toml") } else { given.to_owned() };
     if !file.exists() {
         return Err(scene_error(if given.is_dir() {
             "the folder holds no scene.toml: give the path of the scene's .toml file".to_owned()
@@ -46,22 +39,14 @@ pub fn load(path_or_name: &str) -> Result<Scene> {
             format!("no such file or folder{hint}: give `{DEFAULT}`, a .toml file, or a folder with scene.toml")
         }));
     }
-    let unreadable = |source| Error::File {
-        file: file.clone(),
-        source,
-    };
+    let unreadable = |source| Error::File { file: file.clone(), source };
     // A device or pipe has no end to read to.
     let metadata = fs::metadata(&file).map_err(unreadable)?;
     if !metadata.is_file() {
-        return Err(scene_error(
-            "is not a plain file: give a .toml file, or a folder with scene.toml".to_owned(),
-        ));
+        return Err(scene_error("is not a plain file: give a .toml file, or a folder with scene.toml".to_owned()));
     }
     if metadata.len() > MAX_BYTES {
-        return Err(scene_error(format!(
-            "{} bytes is too large for a scene file (limit {MAX_BYTES}): is it a TOML file?",
-            metadata.len()
-        )));
+        return Err(scene_error(format!("{} bytes is too large for a scene file (limit {MAX_BYTES}): is it a TOML file?", metadata.len())));
     }
     let bytes = fs::read(&file).map_err(unreadable)?;
     let text = String::from_utf8(bytes).map_err(|_| scene_error("is not UTF-8 text: a scene is a TOML file".to_owned()))?;
@@ -83,10 +68,7 @@ pub fn parse(text: &str, where_: &str, folder: &Path) -> Result<Scene> {
     scene.folder = folder.to_owned();
     check(&scene).map_err(|problem| {
         let line = line_of_problem(text, &problem).map_or_else(String::new, |line| format!(":{line}"));
-        Error::Scene {
-            where_: format!("{where_}{line}"),
-            what: problem.to_string(),
-        }
+        Error::Scene { where_: format!("{where_}{line}"), what: problem.to_string() }
     })?;
     Ok(scene)
 }
@@ -160,11 +142,7 @@ struct Entry {
 fn entries(text: &str) -> Vec<Entry> {
     fn visit(table: &DeTable<'_>, found: &mut Vec<Entry>) {
         for (name, value) in table {
-            found.push(Entry {
-                key: name.get_ref().to_string(),
-                key_at: name.span(),
-                value_at: value.span(),
-            });
+            found.push(Entry { key: name.get_ref().to_string(), key_at: name.span(), value_at: value.span() });
             visit_value(value.get_ref(), found);
         }
     }
@@ -203,15 +181,9 @@ fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String,
     }
     let entries = entries(text);
     let quoted = message.split(['`', '"']).nth(1)?;
-    let written = |entry: &&Entry| {
-        text.get(entry.value_at.clone())
-            .is_some_and(|value| value.trim_matches('"') == quoted)
-    };
+    let written = |entry: &&Entry| text.get(entry.value_at.clone()).is_some_and(|value| value.trim_matches('"') == quoted);
     // The last is the innermost.
-    let exact = entries
-        .iter()
-        .rev()
-        .find(|entry| holds(&entry.value_at, span) && !text[entry.value_at.clone()].starts_with('['));
+    let exact = entries.iter().rev().find(|entry| holds(&entry.value_at, span) && !text[entry.value_at.clone()].starts_with('['));
     let found = exact.or_else(|| entries.iter().filter(|entry| entry.key_at.start >= span.start).find(written))?;
     Some((found.key.clone(), found.key_at.clone()))
 }

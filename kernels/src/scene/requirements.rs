@@ -111,28 +111,19 @@ impl Requirements {
     /// Everything that follows from a (valid) scene.
     pub fn of(scene: &Scene) -> Requirements {
         let flavours = flavours_of(scene);
-        let mask = flavours
-            .iter()
-            .zip(Flavour::ALL)
-            .filter(|(used, _)| used.required)
-            .fold(0, |mask, (_, f)| mask | f.bit());
+        let mask = flavours.iter().zip(Flavour::ALL).filter(|(used, _)| used.required).fold(0, |mask, (_, f)| mask | f.bit());
         let variants: Vec<Variant> = Variant::all().filter(|v| v.mask() & !mask == 0).collect();
         let (holes, colour_modulation) = match &scene.world {
-            World::Procedural {
-                holes, colour_modulation, ..
-            }
-            | World::Heightmap {
-                holes, colour_modulation, ..
-            } => (!holes.is_empty(), *colour_modulation > 0.0),
+            World::Procedural { holes, colour_modulation, .. } => (!holes.is_empty(), *colour_modulation > 0.0),
+            // Beyond the data there is no ground, and data seldom end where a sector does.
+            World::Heightmap { colour_modulation, .. } => (true, *colour_modulation > 0.0),
         };
         let has = |flavour: Flavour| mask & flavour.bit() != 0;
         let virtual_texture = has(Flavour::VirtualTexture);
-        // The virtual texture's pages are rendered from the same detail textures as the cliffs.
-        let detail = mask != Flavour::FarAtlas.bit();
         Requirements {
             scene: scene.name.clone(),
             flavours,
-            textures: textures(scene, detail, virtual_texture, colour_modulation),
+            textures: textures(scene, virtual_texture, colour_modulation),
             targets: targets(),
             passes: passes(variants.len(), virtual_texture),
             variants,
@@ -163,28 +154,14 @@ fn flavours_of(scene: &Scene) -> Vec<FlavourUse> {
     let no_cliffs = || format!("flavours.cliff_slope_deg = {}: nothing is cliff", rules.cliff_slope_deg);
     let decide = |flavour: Flavour| match flavour {
         Flavour::VirtualTexture if rules.far_atlas_m > 0.0 => (true, format!("ground nearer than {} m", rules.far_atlas_m)),
-        Flavour::VirtualTexture => (
-            false,
-            "flavours.far_atlas_m = 0: all ground is shaded from the far atlas".to_owned(),
-        ),
-        Flavour::FarAtlas => (
-            true,
-            format!("ground beyond {} m, and whatever is not resident yet", rules.far_atlas_m),
-        ),
-        Flavour::NearCliff if cliffs => (
-            true,
-            format!(
-                "slopes above {} degrees nearer than {} m",
-                rules.cliff_slope_deg, rules.cliff_near_m
-            ),
-        ),
-        Flavour::FarCliff if cliffs => (
-            true,
-            format!(
-                "slopes above {} degrees from {} m to {} m",
-                rules.cliff_slope_deg, rules.cliff_near_m, rules.cliff_far_atlas_m
-            ),
-        ),
+        Flavour::VirtualTexture => (false, "flavours.far_atlas_m = 0: all ground is shaded from the far atlas".to_owned()),
+        Flavour::FarAtlas => (true, format!("ground beyond {} m, and whatever is not resident yet", rules.far_atlas_m)),
+        Flavour::NearCliff if cliffs => {
+            (true, format!("slopes above {} degrees nearer than {} m", rules.cliff_slope_deg, rules.cliff_near_m))
+        }
+        Flavour::FarCliff if cliffs => {
+            (true, format!("slopes above {} degrees from {} m to {} m", rules.cliff_slope_deg, rules.cliff_near_m, rules.cliff_far_atlas_m))
+        }
         Flavour::Splat if cliffs && rules.splat_band_deg > 0.0 => (
             true,
             format!(
@@ -201,12 +178,7 @@ fn flavours_of(scene: &Scene) -> Vec<FlavourUse> {
         .into_iter()
         .map(|flavour| {
             let (required, reason) = decide(flavour);
-            FlavourUse {
-                name: flavour.name(),
-                required,
-                fetches_per_px: flavour.promised_fetches(),
-                reason,
-            }
+            FlavourUse { name: flavour.name(), required, fetches_per_px: flavour.promised_fetches(), reason }
         })
         .collect()
 }
@@ -233,7 +205,7 @@ fn chain_bytes(format: &str, size: [u32; 2], mips: u32) -> u64 {
         .sum()
 }
 
-fn textures(scene: &Scene, detail: bool, virtual_texture: bool, colour_modulation: bool) -> Vec<TextureUse> {
+fn textures(scene: &Scene, virtual_texture: bool, colour_modulation: bool) -> Vec<TextureUse> {
     let texture = |name, format, edge: u32, mips, layers: u32, required, reason| TextureUse {
         name,
         format,
@@ -253,27 +225,20 @@ fn textures(scene: &Scene, detail: bool, virtual_texture: bool, colour_modulatio
     let half = scene.detail_size / 2;
     let drawn = "the terrain's shape";
     let baked = "far atlas, and whatever is not resident yet";
-    let textured = if detail {
-        "textures of the palette"
-    } else {
-        "everything is shaded from the far atlas"
-    };
+    // Also where no flavour samples them: every error is measured against the full blend.
+    let textured = "cliffs, splat, pages, and the reference that errors are measured against";
     let paged = if virtual_texture { "virtual texture" } else { "no virtual texture" };
     let page = |name, format| texture(name, format, PAGE_TEXELS, 2, PAGE_SLOTS, virtual_texture, paged);
-    let modulated = if colour_modulation {
-        "colour modulation"
-    } else {
-        "world.colour_modulation = 0"
-    };
+    let modulated = if colour_modulation { "colour modulation" } else { "world.colour_modulation = 0" };
     vec![
         node("node height", "r16unorm", 129, true, drawn),
         node("node normal", "bc3-rgba-unorm", 132, true, baked),
         node("node albedo", "bc1-rgba-unorm-srgb", 132, true, baked),
         node("node colour modulation", "bc1-rgba-unorm", 132, colour_modulation, modulated),
-        node("node splat map", "r8uint", 65, detail, textured),
-        texture("detail albedo", "bc1-rgba-unorm-srgb", full, chain(full), layers, detail, textured),
-        texture("detail normal", "bc3-rgba-unorm", full, chain(full), layers, detail, textured),
-        texture("detail height", "bc1-rgba-unorm", half, chain(half), layers, detail, textured),
+        node("node splat map", "r8uint", 65, true, textured),
+        texture("detail albedo", "bc1-rgba-unorm-srgb", full, chain(full), layers, true, textured),
+        texture("detail normal", "bc3-rgba-unorm", full, chain(full), layers, true, textured),
+        texture("detail height", "bc1-rgba-unorm", half, chain(half), layers, true, textured),
         page("page albedo", "rgba8unorm-srgb"),
         page("page normal", "rg8unorm"),
         page("page smoothness, occlusion", "rg8unorm"),
@@ -282,11 +247,7 @@ fn textures(scene: &Scene, detail: bool, virtual_texture: bool, colour_modulatio
 }
 
 fn targets() -> Vec<TargetUse> {
-    let target = |name, format, bytes_per_px| TargetUse {
-        name,
-        format,
-        bytes_per_px,
-    };
+    let target = |name, format, bytes_per_px| TargetUse { name, format, bytes_per_px };
     vec![
         target("depth and stencil", "depth32float-stencil8", 5),
         target("classification mask", "r8uint", 1),
@@ -299,20 +260,15 @@ fn targets() -> Vec<TargetUse> {
 }
 
 fn passes(variants: usize, virtual_texture: bool) -> Vec<PassUse> {
-    let pass = |name, pipelines, required, reason| PassUse {
-        name,
-        pipelines,
-        required,
-        reason,
-    };
+    let pass = |name, pipelines, required, reason| PassUse { name, pipelines, required, reason };
     let variants = u32::try_from(variants).expect("at most 31");
     let paged = if virtual_texture { "virtual texture" } else { "no virtual texture" };
     vec![
         pass("geometry", 1, true, "depth, stencil, mask, normals"),
+        pass("classification", 1, true, "tile list per variant"),
         pass("page requests", 1, virtual_texture, paged),
         pass("pages", 1, virtual_texture, paged),
-        pass("classification", 1, true, "tile list per variant"),
-        pass("shading", variants, true, "a pipeline per variant"),
+        pass("shading", variants + 1, true, "a pipeline per variant that has tiles, and the generic kernel"),
         pass("lighting", 1, true, "sun and sky"),
     ]
 }
@@ -341,49 +297,30 @@ impl fmt::Display for Requirements {
         writeln!(f, "scene `{}`", self.scene)?;
         for required in [true, false] {
             let (title, note) = if required {
-                (
-                    "required",
-                    format!("{} of textures, {} bytes per pixel on top", mib(self.bytes()), self.bytes_per_px()),
-                )
+                ("required", format!("{} of textures, {} bytes per pixel on top", mib(self.bytes()), self.bytes_per_px()))
             } else {
                 ("not required", "not compiled, not allocated, not dispatched".to_owned())
             };
             writeln!(f, "\n{title} ({note})")?;
             let variants: Vec<Variant> = Variant::all().filter(|v| self.variants.contains(v) == required).collect();
-            section(
-                f,
-                "flavours",
-                self.flavours.iter().filter(|used| used.required == required),
-                |f, used| writeln!(f, "    {:<12} {:>2} fetches/px  {}", used.name, used.fetches_per_px, used.reason),
-            )?;
-            section(
-                f,
-                &format!("variants: {} of {}", variants.len(), Variant::COUNT),
-                variants.iter(),
-                |f, variant| writeln!(f, "    {:>2}  {variant}", variant.mask()),
-            )?;
-            section(
-                f,
-                "passes",
-                self.passes.iter().filter(|pass| pass.required == required),
-                |f, pass| writeln!(f, "    {:<26} {:>2} pipeline(s)  {}", pass.name, pass.pipelines, pass.reason),
-            )?;
+            section(f, "flavours", self.flavours.iter().filter(|used| used.required == required), |f, used| {
+                writeln!(f, "    {:<12} {:>2} fetches/px  {}", used.name, used.fetches_per_px, used.reason)
+            })?;
+            section(f, &format!("variants: {} of {}", variants.len(), Variant::COUNT), variants.iter(), |f, variant| {
+                writeln!(f, "    {:>2}  {variant}", variant.mask())
+            })?;
+            section(f, "passes", self.passes.iter().filter(|pass| pass.required == required), |f, pass| {
+                writeln!(f, "    {:<26} {:>2} pipeline(s)  {}", pass.name, pass.pipelines, pass.reason)
+            })?;
             section(f, "textures", self.textures.iter().filter(|t| t.required == required), |f, t| {
                 let size = format!("{}x{}", t.size[0], t.size[1]);
                 let bytes = mib(t.bytes);
                 let (name, format, layers, mips) = (t.name, t.format, t.layers, t.mips);
-                writeln!(
-                    f,
-                    "    {name:<30} {format:<20} {size:>9} x {layers:<3} {mips:>2} mips {bytes:>11}  {}",
-                    t.reason
-                )
+                writeln!(f, "    {name:<30} {format:<20} {size:>9} x {layers:<3} {mips:>2} mips {bytes:>11}  {}", t.reason)
             })?;
-            section(
-                f,
-                "textures of the picture's size",
-                self.targets.iter().filter(|_| required),
-                |f, t| writeln!(f, "    {:<30} {:<20} {:>2} bytes/px", t.name, t.format, t.bytes_per_px),
-            )?;
+            section(f, "textures of the picture's size", self.targets.iter().filter(|_| required), |f, t| {
+                writeln!(f, "    {:<30} {:<20} {:>2} bytes/px", t.name, t.format, t.bytes_per_px)
+            })?;
             if self.holes == required {
                 f.write_str(if required {
                     "  holes: the vertex stage reads the baked albedo's alpha\n"
@@ -392,11 +329,7 @@ impl fmt::Display for Requirements {
                 })?;
             }
             if self.colour_modulation == required {
-                f.write_str(if required {
-                    "  colour modulation: sampled\n"
-                } else {
-                    "  colour modulation: not made\n"
-                })?;
+                f.write_str(if required { "  colour modulation: sampled\n" } else { "  colour modulation: not made\n" })?;
             }
         }
         Ok(())

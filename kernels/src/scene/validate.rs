@@ -49,10 +49,7 @@ type Checked = std::result::Result<(), Problem>;
 /// # Errors
 /// The first thing found wrong, named by its place in the scene.
 pub fn validate(scene: &Scene) -> Result<()> {
-    check(scene).map_err(|problem| Error::Scene {
-        where_: format!("`{}`", scene.name),
-        what: problem.to_string(),
-    })
+    check(scene).map_err(|problem| Error::Scene { where_: format!("`{}`", scene.name), what: problem.to_string() })
 }
 
 /// Checks what only the world's data can tell: that a scene which asks for cliffs has any.
@@ -94,28 +91,17 @@ impl At {
     }
 
     fn fail(&self, what: impl Into<String>) -> Checked {
-        Err(Problem {
-            path: self.0.clone(),
-            what: what.into(),
-        })
+        Err(Problem { path: self.0.clone(), what: what.into() })
     }
 
     /// `low <= value <= high`; a number that is none fails.
     fn within(&self, value: f64, low: f64, high: f64) -> Checked {
-        if (low..=high).contains(&value) {
-            Ok(())
-        } else {
-            self.fail(format!("is {value}, must lie in {low}..={high}"))
-        }
+        if (low..=high).contains(&value) { Ok(()) } else { self.fail(format!("is {value}, must lie in {low}..={high}")) }
     }
 
     /// `0 < value <= high`.
     fn positive(&self, value: f64, high: f64) -> Checked {
-        if value > 0.0 && value <= high {
-            Ok(())
-        } else {
-            self.fail(format!("is {value}, must be above 0 and at most {high}"))
-        }
+        if value > 0.0 && value <= high { Ok(()) } else { self.fail(format!("is {value}, must be above 0 and at most {high}")) }
     }
 
     fn all_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
@@ -126,11 +112,7 @@ impl At {
     fn band(&self, band: Option<[f64; 2]>, low: f64, high: f64) -> Checked {
         let Some([from, to]) = band else { return Ok(()) };
         self.all_within(&[from, to], low, high)?;
-        if from <= to {
-            Ok(())
-        } else {
-            self.fail(format!("[{from}, {to}] is reversed: write [{to}, {from}]"))
-        }
+        if from <= to { Ok(()) } else { self.fail(format!("[{from}, {to}] is reversed: write [{to}, {from}]")) }
     }
 }
 
@@ -145,8 +127,7 @@ pub(super) fn check(scene: &Scene) -> Checked {
     rules(&top.key("rule"), scene)?;
     let size = scene.detail_size;
     if !(64..=2048).contains(&size) || !size.is_power_of_two() {
-        top.key("detail_size")
-            .fail(format!("is {size}, must be 64, 128, 256, 512, 1024 or 2048"))?;
+        top.key("detail_size").fail(format!("is {size}, must be 64, 128, 256, 512, 1024 or 2048"))?;
     }
     flavours(&top.key("flavours"), scene)?;
     blend(&top.key("blend"), scene)?;
@@ -162,36 +143,19 @@ pub(super) fn check(scene: &Scene) -> Checked {
 
 fn world(at: &At, scene: &Scene) -> Checked {
     let (hole_list, modulation) = match &scene.world {
-        World::Procedural {
-            seed: _,
-            holes,
-            colour_modulation,
-        } => (holes, *colour_modulation),
-        World::Heightmap {
-            file,
-            metres_per_texel,
-            height_range_m,
-            detail_m,
-            seed: _,
-            holes,
-            colour_modulation,
-        } => {
+        World::Procedural { seed: _, holes, colour_modulation } => (holes, *colour_modulation),
+        World::Heightmap { file, metres_per_texel, height_range_m, detail_m, seed: _, holes, colour_modulation } => {
             at.key("metres_per_texel").positive(*metres_per_texel, 1.0e5)?;
             let range = at.key("height_range_m");
             let [low, high] = *height_range_m;
             range.all_within(height_range_m, -FAR_M, FAR_M)?;
             if low >= high {
-                range.fail(format!(
-                    "[{low}, {high}] must go from low to high: the elevations of sample values 0 and 65535"
-                ))?;
+                range.fail(format!("[{low}, {high}] must go from low to high: the elevations of sample values 0 and 65535"))?;
             }
             at.key("detail_m").within(*detail_m, 0.0, 1000.0)?;
             let path = scene.folder.join(file);
             if !path.is_file() {
-                at.key("file").fail(format!(
-                    "there is no file {}: the name is relative to the scene file's folder",
-                    path.display()
-                ))?;
+                at.key("file").fail(format!("there is no file {}: the name is relative to the scene file's folder", path.display()))?;
             }
             (holes, *colour_modulation)
         }
@@ -215,10 +179,7 @@ fn materials(at: &At, scene: &Scene) -> Checked {
         at.fail("there is none: give at least one [[material]]")?;
     }
     if count > 256 {
-        at.fail(format!(
-            "there are {count}, but a splat map's 8-bit index tells at most 256 apart: remove {}",
-            count - 256
-        ))?;
+        at.fail(format!("there are {count}, but a splat map's 8-bit index tells at most 256 apart: remove {}", count - 256))?;
     }
     unique(at, scene.materials.iter().map(|m| m.name.as_str()))?;
     for (i, material) in scene.materials.iter().enumerate() {
@@ -229,10 +190,8 @@ fn materials(at: &At, scene: &Scene) -> Checked {
             (None, Some(folder)) => {
                 let path = scene.folder.join(folder);
                 if !path.is_dir() {
-                    at.key("folder").fail(format!(
-                        "there is no folder {}: the name is relative to the scene file's folder",
-                        path.display()
-                    ))?;
+                    at.key("folder")
+                        .fail(format!("there is no folder {}: the name is relative to the scene file's folder", path.display()))?;
                 }
             }
             (None, None) => at.fail(format!("`{}` has no textures: give `procedural` or `folder`", material.name))?,
@@ -259,12 +218,9 @@ fn rules(at: &At, scene: &Scene) -> Checked {
 
 fn one_rule(at: &At, rule: &Rule, materials: &[&str]) -> Checked {
     if !materials.contains(&rule.material.as_str()) {
-        let hint = nearest(&rule.material, materials).map_or_else(
-            || format!("there are {}", materials.join(", ")),
-            |near| format!("did you mean `{near}`?"),
-        );
-        at.key("material")
-            .fail(format!("no material is called `{}`: {hint}", rule.material))?;
+        let hint = nearest(&rule.material, materials)
+            .map_or_else(|| format!("there are {}", materials.join(", ")), |near| format!("did you mean `{near}`?"));
+        at.key("material").fail(format!("no material is called `{}`: {hint}", rule.material))?;
     }
     at.key("weight").positive(rule.weight, 1.0e6)?;
     at.key("height_m").band(rule.height_m, -FAR_M, FAR_M)?;
@@ -334,11 +290,7 @@ fn cameras(top: &At, scene: &Scene) -> Checked {
         at.key("frames_per_key").within(f64::from(path.frames_per_key), 1.0, 1.0e6)?;
         let keys = at.key("key");
         if path.keys.len() < 2 {
-            keys.fail(format!(
-                "path `{}` has {}, a path needs at least two [[path.key]]",
-                path.name,
-                path.keys.len()
-            ))?;
+            keys.fail(format!("path `{}` has {}, a path needs at least two [[path.key]]", path.name, path.keys.len()))?;
         }
         for (i, pose) in path.keys.iter().enumerate() {
             camera(&keys.index(i), pose)?;
@@ -370,21 +322,14 @@ fn name(at: &At, name: &str) -> Checked {
 fn file_stem(at: &At, text: &str) -> Checked {
     name(at, text)?;
     let plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
-    if text.chars().all(plain) {
-        Ok(())
-    } else {
-        at.fail(format!("`{text}` may hold only letters, digits, - and _"))
-    }
+    if text.chars().all(plain) { Ok(()) } else { at.fail(format!("`{text}` may hold only letters, digits, - and _")) }
 }
 
 fn unique<'a>(at: &At, names: impl Iterator<Item = &'a str>) -> Checked {
     let mut seen = HashMap::new();
     for (i, name) in names.enumerate() {
         if let Some(before) = seen.insert(name, i) {
-            return at
-                .index(i)
-                .key("name")
-                .fail(format!("`{name}` is already the name of number {}: give each its own", before + 1));
+            return at.index(i).key("name").fail(format!("`{name}` is already the name of number {}: give each its own", before + 1));
         }
     }
     Ok(())

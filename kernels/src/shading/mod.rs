@@ -14,11 +14,11 @@ use crate::frame::FRAME_WGSL;
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Shader, Timer, constants};
+use crate::shared;
 use crate::shared::noise::NoiseKind;
 use crate::terrain::{self, Terrain};
 use crate::variant::Variant;
 use crate::virtual_texture::{self, VirtualTexture};
-use crate::shared;
 
 /// How a stochastic flavour arrives at its value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

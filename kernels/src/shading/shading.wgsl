@@ -66,7 +66,9 @@ fn shade_virtual_texture(pixel: Pixel) -> Surface {
         return Surface(albedo, 0.0, vec3<f32>(-normal_xy / normal_z, 0.0), properties.x, properties.y);
     }
     // No page of any level is there: the baked terrain always is.
-    return shade_far_atlas(pixel).surface;
+    var baked = shade_far_atlas(pixel).surface;
+    baked.albedo *= terrain_colour_modulation(pixel.node);
+    return baked;
 }
 
 struct FarAtlas {
@@ -76,7 +78,9 @@ struct FarAtlas {
 
 fn shade_far_atlas(pixel: Pixel) -> FarAtlas {
     count_fetch();
-    let albedo = textureSampleLevel(albedo_atlas, atlas_sampler, terrain_atlas_uv(pixel.node.uv), pixel.node.slot, 0.0).rgb;
+    // Texels of holes are black and transparent: dividing by the filtered alpha keeps them out of the colour around a hole.
+    let texel = textureSampleLevel(albedo_atlas, atlas_sampler, terrain_atlas_uv(pixel.node.uv), pixel.node.slot, 0.0);
+    let albedo = texel.rgb / max(texel.a, 0.25);
     count_fetch();
     let baked = terrain_normal(pixel.node.slot, pixel.node.uv);
     return FarAtlas(Surface(albedo, 0.0, vec3<f32>(0.0), baked.smoothness, baked.specular_occlusion), baked.normal);
@@ -248,18 +252,17 @@ fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {
         smoothness += w * s.smoothness;
         occlusion += w * s.specular_occlusion;
     }
-    if (mask & 2u) != 0u && weights[FLAVOUR_FAR_ATLAS] > 0.0 {
-        let far = shade_far_atlas(pixel);
-        let w = weights[FLAVOUR_FAR_ATLAS];
-        albedo += w * far.surface.albedo;
-        normal += w * far.normal;
-        smoothness += w * far.surface.smoothness;
-        occlusion += w * far.surface.specular_occlusion;
-    }
-    if (mask & 28u) != 0u {
-        // The three splat-map flavours share one colour modulation.
+    if (mask & 30u) != 0u {
+        // All but the virtual texture, whose pages already hold it, share one colour modulation.
         var sum = surface_zero();
         var share = 0.0;
+        if (mask & 2u) != 0u && weights[FLAVOUR_FAR_ATLAS] > 0.0 {
+            let far = shade_far_atlas(pixel);
+            let w = weights[FLAVOUR_FAR_ATLAS];
+            sum = surface_add(sum, w, far.surface);
+            normal += w * far.normal;
+            share += w;
+        }
         if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
             let s = shade_near_cliff(pixel);
             let w = weights[FLAVOUR_NEAR_CLIFF];

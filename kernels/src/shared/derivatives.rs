@@ -20,15 +20,7 @@ pub fn on_plane<T: Real>(ray: [T; 3], ray_step: [T; 3], t: T, normal: [T; 3]) ->
     let limit = (T::of(MIN_COSINE) * length(neighbour)).max(T::of(1e-20));
     // The neighbour is taken to see the plane from the same side as the point does.
     let towards = dot(n, neighbour);
-    let facing = if dot(n, ray) >= T::zero() {
-        towards.max(limit)
-    } else {
-        towards.min(-limit)
-    };
+    let facing = if dot(n, ray) >= T::zero() { towards.max(limit) } else { towards.min(-limit) };
     let step = scale(sub(ray_step, scale(neighbour, dot(n, ray_step) / facing)), t);
-    if step.iter().all(|x| x.abs() <= T::of(1e30)) {
-        step
-    } else {
-        [T::zero(); 3]
-    }
+    if step.iter().all(|x| x.abs() <= T::of(1e30)) { step } else { [T::zero(); 3] }
 }

@@ -52,11 +52,7 @@ impl FlavourParams {
             cliff_far_atlas_m: rules.cliff_far_atlas_m as f32,
             cliff_near_m: rules.cliff_near_m as f32,
             distance_blend: rules.distance_blend as f32,
-            cliff_cos: if rules.cliff_slope_deg >= 90.0 {
-                [-2.0, -1.0]
-            } else {
-                band(rules.cliff_slope_deg)
-            },
+            cliff_cos: if rules.cliff_slope_deg >= 90.0 { [-2.0, -1.0] } else { band(rules.cliff_slope_deg) },
             splat_cos: band(rules.cliff_slope_deg - rules.splat_band_deg),
             splat_enabled: u32::from(rules.splat_band_deg > 0.0),
             vt_enabled: u32::from(rules.far_atlas_m > 0.0),
@@ -69,19 +65,11 @@ impl FlavourParams {
 /// What is not a number counts as far and flat, the cheapest.
 pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T; 5] {
     let one = T::one();
-    let distance = if distance < T::of(1e9) {
-        distance.max(T::zero())
-    } else {
-        T::of(1e9)
-    };
+    let distance = if distance < T::of(1e9) { distance.max(T::zero()) } else { T::of(1e9) };
     let normal_z = if normal_z < one { normal_z.max(-one) } else { one };
     let behind = |border: f32| behind(distance, border, params.distance_blend);
     let of_cliff = steep(normal_z, params.cliff_cos);
-    let of_rest = if params.splat_enabled == 0 {
-        T::zero()
-    } else {
-        steep(normal_z, params.splat_cos)
-    };
+    let of_rest = if params.splat_enabled == 0 { T::zero() } else { steep(normal_z, params.splat_cos) };
 
     let near = one - behind(params.cliff_near_m);
     let beyond_cliff = behind(params.cliff_far_atlas_m);
@@ -90,13 +78,7 @@ pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T;
     let cliff = of_cliff * (one - beyond_cliff);
     let splat = (one - of_cliff) * of_rest * near;
     let ground = (one - of_cliff) * (one - of_rest * near);
-    [
-        ground * (one - beyond_ground),
-        ground * beyond_ground + of_cliff * beyond_cliff,
-        cliff * near,
-        cliff * (one - near),
-        splat,
-    ]
+    [ground * (one - beyond_ground), ground * beyond_ground + of_cliff * beyond_cliff, cliff * near, cliff * (one - near), splat]
 }
 
 /// The set of flavours whose weight matters, as bits of [`crate::variant::Flavour`]; never empty (far atlas if nothing else).
@@ -143,9 +125,5 @@ fn behind<T: Real>(distance: T, border: f32, blend: f32) -> T {
 /// weight of cliff. 0 throughout if the band ends at -1 or below.
 pub fn steep<T: Real>(normal_z: T, band: [f32; 2]) -> T {
     let [low, high]: [T; 2] = band.map(|z| bounded(T::of(f64::from(z)), -1.0, 1.0));
-    if high <= -T::one() {
-        T::zero()
-    } else {
-        T::one() - ramp(normal_z, low, high)
-    }
+    if high <= -T::one() { T::zero() } else { T::one() - ramp(normal_z, low, high) }
 }

@@ -72,10 +72,7 @@ impl FromStr for NoiseKind {
     type Err = NotANoise;
 
     fn from_str(text: &str) -> Result<Self, NotANoise> {
-        NoiseKind::ALL
-            .into_iter()
-            .find(|kind| kind.name() == text)
-            .ok_or_else(|| NotANoise { given: text.to_owned() })
+        NoiseKind::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| NotANoise { given: text.to_owned() })
     }
 }
 
@@ -134,11 +131,7 @@ pub fn hashed_anisotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32)
 pub fn isotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
     let extent = length(point.ddx).max(length(point.ddy));
     let (k, part) = split(level(point.hash_scale * extent));
-    TwoScales {
-        coarse: cell_units(point, [k; 3], seed, salt),
-        fine: cell_units(point, [k + 1; 3], seed, salt),
-        lerp_factor: part,
-    }
+    TwoScales { coarse: cell_units(point, [k; 3], seed, salt), fine: cell_units(point, [k + 1; 3], seed, salt), lerp_factor: part }
 }
 
 /// The two scales behind [`hashed_anisotropic`].
@@ -206,10 +199,7 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
     let cell = |axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());
         let in_sector = whole((usable(point.position[axis]) * per_metre).floor());
-        let sectors = point
-            .sector
-            .get(axis)
-            .map_or(0, |&s| i64::from(s) * whole(bounded(point.sector_m * per_metre, 0.0, 1e12)));
+        let sectors = point.sector.get(axis).map_or(0, |&s| i64::from(s) * whole(bounded(point.sector_m * per_metre, 0.0, 1e12)));
         wrapped(sectors.wrapping_add(in_sector))
     };
     let packed = k.map(|k| (k + 128).cast_unsigned());
@@ -222,11 +212,7 @@ fn whole<T: Real>(x: T) -> i64 {
     bounded(x, -2_147_483_520.0, 2_147_483_520.0).to_i64().expect("bounded")
 }
 
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "cells count modulo 2^32, as in the shader"
-)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells count modulo 2^32, as in the shader")]
 fn wrapped(cell: i64) -> u32 {
     cell as u32
 }

@@ -33,13 +33,7 @@ pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 
         .filter(used)
         .reduce(|best, i| if score(i) > score(best) { i } else { best })
         .expect("four weights that sum to 1 are not all tiny");
-    let bent: [T; 4] = std::array::from_fn(|i| {
-        if used(&i) {
-            (w[i] / w[top]) * (k * (h[i] - h[top])).exp2()
-        } else {
-            T::zero()
-        }
-    });
+    let bent: [T; 4] = std::array::from_fn(|i| if used(&i) { (w[i] / w[top]) * (k * (h[i] - h[top])).exp2() } else { T::zero() });
     let sum = bent.iter().fold(T::zero(), |s, &x| s + x);
     bent.map(|x| x / sum)
 }

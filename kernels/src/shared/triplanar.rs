@@ -45,11 +45,7 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
 pub fn perturb<T: Real>(n: [T; 3], gradient: [T; 3]) -> [T; 3] {
     let n = unit(n);
     let known = gradient.iter().all(|&g| usable(g) == g);
-    let g = if known {
-        gradient.map(|g| bounded(g, -1e6, 1e6))
-    } else {
-        [T::zero(); 3]
-    };
+    let g = if known { gradient.map(|g| bounded(g, -1e6, 1e6)) } else { [T::zero(); 3] };
     let surface_gradient = sub(g, scale(n, dot(n, g)));
     unit(sub(n, surface_gradient))
 }

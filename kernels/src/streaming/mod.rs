@@ -75,15 +75,21 @@ pub fn upload(gpu: &Gpu, texture: &wgpu::Texture, layer: u32, mip_level: u32, by
 }
 
 impl Streaming {
-    /// Empty atlases.
-    pub fn new(gpu: &Gpu) -> Streaming {
+    /// Empty atlases; that of colour modulation only if the scene has one (else a single layer, since something must be bound).
+    pub fn new(gpu: &Gpu, colour_modulation: bool) -> Streaming {
         use wgpu::TextureFormat as Format;
         let layers = (CAPACITY + 1).min(gpu.device.limits().max_texture_array_layers);
         Streaming {
             height: atlas(gpu, "height atlas", HEIGHT_SIDE, layers, Format::R16Unorm),
             normal: atlas(gpu, "normal atlas", TEXTURE_SIDE, layers, Format::Bc3RgbaUnorm),
             albedo: atlas(gpu, "albedo atlas", TEXTURE_SIDE, layers, Format::Bc1RgbaUnormSrgb),
-            colour_modulation: atlas(gpu, "colour modulation atlas", TEXTURE_SIDE, layers, Format::Bc1RgbaUnorm),
+            colour_modulation: atlas(
+                gpu,
+                "colour modulation atlas",
+                TEXTURE_SIDE,
+                if colour_modulation { layers } else { 1 },
+                Format::Bc1RgbaUnorm,
+            ),
             splat: atlas(gpu, "splat atlas", SPLAT_SIDE, layers, Format::R8Uint),
             resident: HashMap::new(),
             free: (1..layers).rev().collect(),
@@ -143,7 +149,8 @@ impl Streaming {
         if let Some(slot) = self.free.pop() {
             return Ok(slot);
         }
-        let oldest = self.resident.iter().filter(|(_, r)| r.used < self.frame).min_by_key(|(node, r)| (r.used, **node)).map(|(&node, _)| node);
+        let oldest =
+            self.resident.iter().filter(|(_, r)| r.used < self.frame).min_by_key(|(node, r)| (r.used, **node)).map(|(&node, _)| node);
         let Some(oldest) = oldest else {
             return Err(Error::Request(format!(
                 "this view needs more than {} terrain nodes at once; narrow the field of view or lower the image's height",
@@ -157,7 +164,9 @@ impl Streaming {
         upload(gpu, &self.height, slot, 0, bytemuck::cast_slice(&payload.height));
         upload(gpu, &self.normal, slot, 0, &payload.normal);
         upload(gpu, &self.albedo, slot, 0, &payload.albedo);
-        upload(gpu, &self.colour_modulation, slot, 0, &payload.colour_modulation);
+        if self.colour_modulation.depth_or_array_layers() > 1 {
+            upload(gpu, &self.colour_modulation, slot, 0, &payload.colour_modulation);
+        }
         upload(gpu, &self.splat, slot, 0, &payload.splat);
     }
 }

@@ -102,8 +102,7 @@ impl Terrain {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
-        let atlases =
-            [&streaming.height, &streaming.normal, &streaming.albedo, &streaming.colour_modulation, &streaming.splat].map(array);
+        let atlases = [&streaming.height, &streaming.normal, &streaming.albedo, &streaming.colour_modulation, &streaming.splat].map(array);
         let detail_views = details.each_ref().map(array);
         let texture = wgpu::BindingResource::TextureView;
         let group = gpu.group(

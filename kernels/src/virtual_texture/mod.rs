@@ -65,7 +65,7 @@ impl PageId {
     /// What its cell holds besides the physical layer.
     fn tag(self) -> u32 {
         let wrap = (1 << TAG_BITS) - 1;
-        (self.y / WINDOW & wrap) << 21 | (self.x / WINDOW & wrap) << 11
+        ((self.y / WINDOW) & wrap) << 21 | ((self.x / WINDOW) & wrap) << 11
     }
 
     /// The page of a non-zero request.
@@ -120,12 +120,17 @@ struct Physical {
     used: u64,
 }
 
-/// The stage.
-pub struct VirtualTexture {
+/// What is compiled only for scenes that have a virtual texture.
+struct Passes {
     request_pipeline: wgpu::ComputePipeline,
     request_layout: wgpu::BindGroupLayout,
     page_pipeline: wgpu::RenderPipeline,
     job_layout: wgpu::BindGroupLayout,
+}
+
+/// The stage.
+pub struct VirtualTexture {
+    passes: Option<Passes>,
     requests: wgpu::Buffer,
     /// R32Uint, 64 x 64 x levels.
     pub table: wgpu::Texture,
@@ -166,20 +171,8 @@ pub fn request_files() -> Vec<(&'static str, &'static str)> {
     files
 }
 
-impl VirtualTexture {
-    /// Compiles the passes and allocates `capacity` physical pages.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(
-        gpu: &Gpu,
-        frame_layout: &wgpu::BindGroupLayout,
-        terrain: &Terrain,
-        colour_modulation: bool,
-        anisotropic: u16,
-        capacity: u32,
-    ) -> Result<VirtualTexture> {
-        let capacity = capacity.min(gpu.device.limits().max_texture_array_layers).min(2046);
+impl Passes {
+    fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, colour_modulation: bool) -> Result<Passes> {
         let request_layout = gpu.layout(
             "page requests",
             wgpu::ShaderStages::COMPUTE,
@@ -218,6 +211,26 @@ impl VirtualTexture {
             multiview_mask: None,
             cache: None,
         });
+        Ok(Passes { request_pipeline, request_layout, page_pipeline, job_layout })
+    }
+}
+
+impl VirtualTexture {
+    /// Compiles the passes and allocates `capacity` physical pages; with 0 the scene has no virtual texture, nothing is compiled, and the
+    /// textures are there only because the shading pass must have something bound.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        frame_layout: &wgpu::BindGroupLayout,
+        terrain: &Terrain,
+        colour_modulation: bool,
+        anisotropic: u16,
+        capacity: u32,
+    ) -> Result<VirtualTexture> {
+        let passes = if capacity > 0 { Some(Passes::new(gpu, frame_layout, terrain, colour_modulation)?) } else { None };
+        let capacity = capacity.clamp(1, gpu.device.limits().max_texture_array_layers.min(2046));
         let texture = |label, size, layers, mips, format, usage| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
@@ -230,8 +243,7 @@ impl VirtualTexture {
                 view_formats: &[],
             })
         };
-        let table =
-            texture("page table", WINDOW, LEVELS, 1, wgpu::TextureFormat::R32Uint, wgpu::TextureUsages::COPY_DST);
+        let table = texture("page table", WINDOW, LEVELS, 1, wgpu::TextureFormat::R32Uint, wgpu::TextureUsages::COPY_DST);
         let pages = PAGE_FORMATS.map(|f| texture("pages", STORED_TEXELS, capacity, 2, f, wgpu::TextureUsages::RENDER_ATTACHMENT));
         let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("pages"),
@@ -242,10 +254,7 @@ impl VirtualTexture {
             ..Default::default()
         });
         Ok(VirtualTexture {
-            request_pipeline,
-            request_layout,
-            page_pipeline,
-            job_layout,
+            passes,
             requests: gpu.buffer(
                 "page requests",
                 wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
@@ -260,6 +269,11 @@ impl VirtualTexture {
         })
     }
 
+    /// Whether the scene has a virtual texture.
+    pub fn is_required(&self) -> bool {
+        self.passes.is_some()
+    }
+
     /// Records the pass that marks the pages this frame's pixels would sample.
     pub fn encode_requests(
         &self,
@@ -269,10 +283,11 @@ impl VirtualTexture {
         groups: [&wgpu::BindGroup; 2],
         targets: &geometry::Targets,
     ) {
+        let Some(passes) = &self.passes else { return };
         encoder.clear_buffer(&self.requests, 0, None);
         let group = gpu.group(
             "page requests",
-            &self.request_layout,
+            &passes.request_layout,
             &[
                 wgpu::BindingResource::TextureView(&aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly)),
                 wgpu::BindingResource::TextureView(&view(&targets.normals)),
@@ -284,7 +299,7 @@ impl VirtualTexture {
             label: Some("page requests"),
             timestamp_writes: timer.compute("page requests"),
         });
-        pass.set_pipeline(&self.request_pipeline);
+        pass.set_pipeline(&passes.request_pipeline);
         pass.set_bind_group(0, groups[0], &[]);
         pass.set_bind_group(1, groups[1], &[]);
         pass.set_bind_group(2, &group, &[]);
@@ -298,8 +313,7 @@ impl VirtualTexture {
     pub fn fill(&mut self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], layout: &Layout, nodes: &[NodeId]) -> Result<PageCounts> {
         self.frame += 1;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.requests, self.requests.size())?);
-        let mut wanted: Vec<PageId> =
-            words.iter().enumerate().filter(|(_, w)| **w != 0).map(|(i, &w)| PageId::of_request(i, w)).collect();
+        let mut wanted: Vec<PageId> = words.iter().enumerate().filter(|(_, w)| **w != 0).map(|(i, &w)| PageId::of_request(i, w)).collect();
         let mut counts = PageCounts { wanted: wanted.len(), ..PageCounts::default() };
         let capacity = self.pages[0].depth_or_array_layers() as usize;
         // Too many for the cache: the finest give way to their parents, level by level.
@@ -366,9 +380,7 @@ impl VirtualTexture {
 
     #[allow(clippy::cast_possible_truncation, reason = "sector indices are small, metres are rounded to f32 on purpose")]
     fn render_pages(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], layout: &Layout, pages: &[(PageId, u32)]) -> Result<()> {
-        if pages.is_empty() {
-            return Ok(());
-        }
+        let Some(passes) = self.passes.as_ref().filter(|_| !pages.is_empty()) else { return Ok(()) };
         let mut jobs = Vec::new();
         for (page, _) in pages {
             let edge = page.edge_m();
@@ -387,7 +399,7 @@ impl VirtualTexture {
             }
         }
         let list = gpu.buffer_with("page jobs", wgpu::BufferUsages::STORAGE, cast_slice(&jobs));
-        let group = gpu.group("page jobs", &self.job_layout, &[list.as_entire_binding()]);
+        let group = gpu.group("page jobs", &passes.job_layout, &[list.as_entire_binding()]);
         let mut encoder = gpu.encoder("pages");
         for (index, (_, layer)) in (0u32..).zip(pages) {
             for mip in 0..2 {
@@ -414,7 +426,7 @@ impl VirtualTexture {
                     color_attachments: &attachments,
                     ..Default::default()
                 });
-                pass.set_pipeline(&self.page_pipeline);
+                pass.set_pipeline(&passes.page_pipeline);
                 pass.set_bind_group(0, groups[0], &[]);
                 pass.set_bind_group(1, groups[1], &[]);
                 pass.set_bind_group(2, &group, &[]);

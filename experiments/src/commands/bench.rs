@@ -1,0 +1,110 @@
+//! `bench`: the ratios that the design promises, measured in one run on the built-in world.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use kernels::camera::Pose;
+use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
+use kernels::gpu::Gpu;
+use kernels::picture::write_whole;
+use kernels::scene;
+use kernels::variant::{Flavour, Variant};
+
+use super::{Reporter, check_interrupted, check_output_file, print, watch_interrupts};
+use crate::cli::BenchArgs;
+use crate::measure::median;
+
+/// Median milliseconds by camera, choice and pass.
+type Times = BTreeMap<(String, String, String), f64>;
+
+const AUTO: &str = "auto";
+const GENERIC: &str = "generic";
+const VIEWS: [&str; 2] = ["cliff", "ground"];
+
+/// Measures and prints the ratios.
+pub(crate) fn run(args: &BenchArgs) -> Result<()> {
+    if let Some(file) = &args.record {
+        check_output_file(file)?;
+    }
+    watch_interrupts()?;
+    let scene = scene::load(scene::DEFAULT)?;
+    let gpu = Gpu::new()?;
+    let reporter = Reporter::new();
+    let show = |p: Progress| reporter.report(&p.stage, p.done, p.total);
+    let mut renderer = Renderer::new(&gpu, &scene, &show)?;
+    let mut choices = vec![(AUTO.to_owned(), VariantChoice::Auto), (GENERIC.to_owned(), VariantChoice::GenericAuto)];
+    choices.extend(Flavour::ALL.map(|f| (f.name().to_owned(), VariantChoice::Forced(Variant::only(f)))));
+    let mut times = Times::new();
+    for camera in scene.cameras.iter().filter(|c| VIEWS.contains(&c.name.as_str())) {
+        let pose = Pose::of(camera, |x, y| renderer.ground_m(x, y));
+        // The first round warms pipelines, nodes and pages; choices take turns, so that a drift of the machine hits all alike.
+        let mut samples: BTreeMap<(String, String), Vec<f64>> = BTreeMap::new();
+        for round in 0..=args.repeats {
+            for (name, choice) in &choices {
+                check_interrupted()?;
+                let report = renderer.draw(&RenderRequest { variant: *choice, ..RenderRequest::new(pose, args.size) })?;
+                if round > 0 {
+                    for pass in report.passes {
+                        samples.entry((name.clone(), pass.name)).or_default().push(pass.time_ms);
+                    }
+                }
+            }
+        }
+        for ((name, pass), mut ms) in samples {
+            times.insert((camera.name.clone(), name, pass), median(&mut ms));
+        }
+    }
+    reporter.finish();
+    if let Some(file) = &args.record {
+        record(file, &gpu, args, &times)?;
+    }
+    print(&text(&gpu, args, &times))
+}
+
+fn shading(times: &Times, camera: &str, choice: &str) -> f64 {
+    times.get(&(camera.to_owned(), choice.to_owned(), "shading".to_owned())).copied().unwrap_or(f64::NAN)
+}
+
+/// Share of the classification pass in a frame of automatic variants.
+fn classification_share(times: &Times, camera: &str) -> f64 {
+    let of_frame: Vec<_> = times.iter().filter(|((c, name, _), _)| c == camera && name == AUTO).collect();
+    let all: f64 = of_frame.iter().map(|(_, ms)| **ms).sum();
+    of_frame.iter().filter(|((_, _, pass), _)| pass == "classification").map(|(_, ms)| **ms).sum::<f64>() / all
+}
+
+fn text(gpu: &Gpu, args: &BenchArgs, times: &Times) -> String {
+    let kind = if gpu.is_software() { ", a software adapter" } else { "" };
+    let mut out = format!("{}{kind}; {}x{}, median of {}\n", gpu.info.name, args.size[0], args.size[1], args.repeats);
+    for camera in VIEWS {
+        let ms = |choice: &str| shading(times, camera, choice);
+        out += &format!("camera {camera}\n");
+        out += &format!("  {:<46} {:>6.2}   asked: 3\n", "full splat / auto, shading", ms("splat") / ms(AUTO));
+        out += &format!("  {:<46} {:>6.2}   asked: above 1\n", "generic kernel / auto, shading", ms(GENERIC) / ms(AUTO));
+        out += &format!("  {:<46} {:>6.2}   asked: 3\n", "full splat / far cliff, same pixels", ms("splat") / ms("far-cliff"));
+        out += &format!("  {:<46} {:>6.2}   asked: 2\n", "full splat / near cliff, same pixels", ms("splat") / ms("near-cliff"));
+        out += &format!(
+            "  {:<46} {:>5.1} %  asked: below 10 %\n",
+            "classification, share of the frame",
+            100.0 * classification_share(times, camera)
+        );
+    }
+    out
+}
+
+fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, times: &Times) -> Result<()> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    csv.write_record([
+        "adapter", "driver", "software", "scene", "camera", "width", "height", "variant", "pass", "metric", "unit", "value",
+    ])?;
+    for ((camera, variant, pass), ms) in times {
+        let software = gpu.is_software().to_string();
+        let [width, height] = args.size.map(|n| n.to_string());
+        let row = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height, variant, pass];
+        csv.write_record(row.into_iter().map(ToString::to_string).chain(["gpu_ms".to_owned(), "ms".to_owned(), format!("{ms:.4}")]))?;
+    }
+    let bytes = csv.into_inner().context("cannot finish the table")?;
+    Ok(write_whole(file, |temporary| {
+        std::fs::write(temporary, &bytes).map_err(|source| kernels::error::Error::File { file: temporary.to_owned(), source })
+    })?)
+}

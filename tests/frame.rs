@@ -1,0 +1,302 @@
+//! The whole frame on the GPU: variants against the generic kernel, counted fetches, the statistics of random choice, cracks, history.
+//!
+//! One renderer of a small scene serves all tests: a pipeline takes software Vulkan a second to compile.
+
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+use kernels::camera::Pose;
+use kernels::frame::{RenderRequest, Renderer, VariantChoice};
+use kernels::gpu::Gpu;
+use kernels::picture::{AovSet, Picture};
+use kernels::scene;
+use kernels::shading::{Estimator, VARIANCE_SCALE};
+use kernels::shared::noise::NoiseKind;
+use kernels::variant::{Flavour, Variant};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+const SIZE: [u32; 2] = [96, 64];
+
+/// The built-in scene with small textures.
+pub(crate) fn small_scene() -> scene::Scene {
+    let mut scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
+    scene.detail_size = 64;
+    scene
+}
+
+pub(crate) fn gpu() -> &'static Gpu {
+    static GPU: OnceLock<Gpu> = OnceLock::new();
+    GPU.get_or_init(|| Gpu::new().expect("these tests need an adapter; `make setup` installs a software one"))
+}
+
+fn renderer() -> MutexGuard<'static, Renderer<'static>> {
+    static RENDERER: OnceLock<Mutex<Renderer<'static>>> = OnceLock::new();
+    let make = || Mutex::new(Renderer::new(gpu(), &small_scene(), &|_| {}).expect("the small scene renders"));
+    RENDERER.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn pose(renderer: &Renderer<'_>, camera: &str) -> Pose {
+    let scene = renderer.scene();
+    let camera = scene.cameras.iter().find(|c| c.name == camera).expect("a camera of the built-in scene");
+    Pose::of(camera, |x, y| renderer.ground_m(x, y))
+}
+
+fn request(renderer: &Renderer<'_>, camera: &str) -> RenderRequest {
+    let aovs = AovSet::from_names(&["albedo"]).expect("known layers");
+    RenderRequest { aovs, keep_geometry: true, ..RenderRequest::new(pose(renderer, camera), SIZE) }
+}
+
+fn terrain(picture: &Picture) -> Vec<bool> {
+    picture.hdr.iter().map(|t| t[3] > 0.0).collect()
+}
+
+/// Largest difference of two albedo layers over terrain, in units of the last place of f16 (the G-buffer's format).
+fn largest_difference(a: &Picture, b: &Picture) -> f64 {
+    let (left, right) = (a.vectors("albedo").expect("asked for"), b.vectors("albedo").expect("asked for"));
+    let pairs = left.iter().flatten().zip(right.iter().flatten());
+    pairs.map(|(&l, &r)| f64::from((l - r).abs()) / (f64::from(l.abs().max(r.abs())).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
+}
+
+#[test]
+fn every_variant_equals_the_generic_kernel_and_takes_the_fetches_promised() {
+    let mut renderer = renderer();
+    let mut base = request(&renderer, "cliff");
+    base.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
+    // Equal arithmetic, specialised: the compiler may contract differently, which moves a filtered value by at most an ulp of f16 or two.
+    const TOLERANCE: f64 = 2.0;
+    let mut previous: Option<Picture> = None;
+    for variant in Variant::all() {
+        let special = renderer.render(&RenderRequest { variant: VariantChoice::Forced(variant), ..base.clone() }).expect("renders");
+        let generic = renderer.render(&RenderRequest { variant: VariantChoice::GenericForced(variant), ..base.clone() }).expect("renders");
+        let difference = largest_difference(&special, &generic);
+        assert!(difference <= TOLERANCE, "{variant} differs from the generic kernel by {difference} ulp");
+        let fetches = special.values("fetches").expect("asked for");
+        let promised = variant.promised_fetches() as f32;
+        for (&counted, on) in fetches.iter().zip(terrain(&special)) {
+            assert_eq!(counted, if on { promised } else { 0.0 }, "{variant}: a pixel took {counted} fetches");
+        }
+        assert_eq!(special.report.tiles[usize::from(variant.mask())], special.report.tiles[0], "{variant} was forced on every tile");
+        // Negative control: the variant before this one is another picture.
+        if let Some(previous) = previous.replace(special) {
+            assert!(largest_difference(&previous, &generic) > TOLERANCE, "{variant} looks like its predecessor");
+        }
+    }
+}
+
+#[test]
+fn golden_table_of_fetches() {
+    let promised = Flavour::ALL.map(|f| Variant::only(f).promised_fetches());
+    assert_eq!(promised, [4, 2, 12, 8, 48]);
+    let mut renderer = renderer();
+    let base = RenderRequest { count_fetches: true, ..request(&renderer, "cliff") };
+    for (flavour, promised) in Flavour::ALL.into_iter().zip(promised) {
+        let request = RenderRequest { variant: VariantChoice::Forced(Variant::only(flavour)), ..base.clone() };
+        assert_eq!(renderer.render(&request).expect("renders").fetches_per_px, Some(f64::from(promised)), "{}", flavour.name());
+    }
+    let reference = RenderRequest { variant: VariantChoice::Forced(Variant::only(Flavour::Splat)), two_tilings: true, ..base };
+    assert_eq!(renderer.render(&reference).expect("renders").fetches_per_px, Some(96.0));
+}
+
+#[test]
+fn automatic_tiles_hold_what_their_pixels_need() {
+    let mut renderer = renderer();
+    let mut base = request(&renderer, "cliff");
+    base.aovs = AovSet::from_names(&["albedo", "mask", "variant"]).expect("known layers");
+    let auto = renderer.render(&base).expect("renders");
+    let generic = renderer.render(&RenderRequest { variant: VariantChoice::GenericAuto, ..base }).expect("renders");
+    assert!(largest_difference(&auto, &generic) <= 2.0);
+    let (mask, variant) = (auto.values("mask").expect("asked for"), auto.values("variant").expect("asked for"));
+    let mut used = std::collections::BTreeSet::new();
+    for ((&mask, &variant), on) in mask.iter().zip(variant).zip(terrain(&auto)) {
+        let (mask, variant) = (mask as u32, variant as u32);
+        if on {
+            assert!(mask != 0 && mask & !variant == 0, "a pixel needs {mask:05b}, its tile runs {variant:05b}");
+            used.insert(variant);
+        } else {
+            assert_eq!(variant, 0, "a sky pixel was shaded");
+        }
+    }
+    assert!(used.len() >= 4, "the view should need several variants, got {used:?}");
+    // Auto must be cheap: far below the 48 fetches of splat everywhere.
+    let counting = RenderRequest { count_fetches: true, ..request(&renderer, "cliff") };
+    let counted = renderer.render(&counting).expect("renders");
+    assert!(counted.fetches_per_px.expect("counted") < 16.0);
+}
+
+/// Two-sided p-value of the hypothesis that independent samples have mean zero (Student's t).
+fn p_of_zero_mean(samples: &[f64]) -> f64 {
+    let n = samples.len() as f64;
+    let mean = samples.iter().sum::<f64>() / n;
+    let variance = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let t = mean / (variance / n).sqrt();
+    let student = StudentsT::new(0.0, 1.0, n - 1.0).expect("more than one sample");
+    2.0 * student.cdf(-t.abs())
+}
+
+/// Sign of a pixel in the `pattern`-th of a few fixed random patterns; pattern 0 is all +1.
+fn sign(pattern: u32, pixel: usize) -> f64 {
+    let hash = kernels::shared::hash::pcg4d([u32::try_from(pixel).expect("small picture"), pattern, 11, 5])[0];
+    if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }
+}
+
+#[test]
+fn random_choice_has_the_mean_and_variance_of_theory() {
+    // Null hypothesis: over seeds, the picture's mean is the exact blend and its variance that of theory. One number per seed (a signed sum over
+    // pixels) is independent between seeds, however noise correlates pixels. 2 flavours x 2 noises x (4 means + 1 variance) = 20 tests,
+    // family level 0.001, Sidak.
+    const SEEDS: u32 = 48;
+    const PATTERNS: u32 = 4;
+    let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 20.0);
+    let mut renderer = renderer();
+    for (flavour, other) in [(Flavour::NearCliff, Flavour::Splat), (Flavour::FarCliff, Flavour::Splat)] {
+        for noise in [NoiseKind::HashedIsotropic, NoiseKind::HashedAnisotropic] {
+            let forced = |f: Flavour, estimator| RenderRequest {
+                variant: VariantChoice::GenericForced(Variant::only(f)),
+                estimator,
+                noise,
+                ..request(&renderer, "ground")
+            };
+            let requests = [
+                forced(flavour, Estimator::Exact),
+                forced(flavour, Estimator::Variance),
+                forced(other, Estimator::Exact),
+                forced(flavour, Estimator::Fc5),
+            ];
+            let mut albedo = |request: &RenderRequest| -> Vec<f64> {
+                let picture = renderer.render(request).expect("renders");
+                picture.vectors("albedo").expect("asked for").iter().flatten().map(|&v| f64::from(v)).collect()
+            };
+            let exact = albedo(&requests[0]);
+            let variance: Vec<f64> = albedo(&requests[1]).into_iter().map(|v| v / VARIANCE_SCALE).collect();
+            let wrong = albedo(&requests[2]);
+            assert!(variance.iter().sum::<f64>() > 0.0, "the view must have something to choose from");
+            let samples: Vec<Vec<f64>> = (0..SEEDS).map(|seed| albedo(&RenderRequest { seed, ..requests[3].clone() })).collect();
+            let sums = |expected: &[f64], pattern: u32| -> Vec<f64> {
+                let sum = |s: &Vec<f64>| s.iter().zip(expected).enumerate().map(|(i, (a, b))| (a - b) * sign(pattern, i)).sum();
+                samples.iter().map(sum).collect()
+            };
+            let what = format!("{} by {noise}", flavour.name());
+            for pattern in 0..PATTERNS {
+                let p = p_of_zero_mean(&sums(&exact, pattern));
+                assert!(p > level, "{what}: mean differs from the exact blend, pattern {pattern}, p = {p:e}");
+            }
+            let spread = |scale: f64| -> Vec<f64> {
+                let sum = |s: &Vec<f64>| s.iter().zip(&exact).zip(&variance).map(|((a, e), v)| (a - e).powi(2) - scale * v).sum();
+                samples.iter().map(sum).collect()
+            };
+            let p = p_of_zero_mean(&spread(1.0));
+            assert!(p > level, "{what}: variance differs from theory, p = {p:e}");
+            // Negative controls: another flavour's mean, and a variance off by a third, are told apart.
+            assert!((0..PATTERNS).any(|pattern| p_of_zero_mean(&sums(&wrong, pattern)) < level), "{what}: a wrong mean passes");
+            assert!(p_of_zero_mean(&spread(4.0 / 3.0)) < level, "{what}: a wrong variance passes");
+        }
+    }
+}
+
+/// In each column of an upright camera over a heightfield, below terrain there is only terrain: sky below it is a crack.
+fn cracks(on: &[bool], size: [u32; 2]) -> usize {
+    let (width, height) = (size[0] as usize, size[1] as usize);
+    (0..width).map(|x| (1..height).filter(|y| on[(y - 1) * width + x] && !on[y * width + x]).count()).sum()
+}
+
+#[test]
+fn pictures_have_no_cracks_no_black_and_no_nan() {
+    let mut renderer = renderer();
+    for camera in ["cliff", "ground", "vista", "grazing"] {
+        let size = [320, 200];
+        let request =
+            RenderRequest { size, variant: VariantChoice::Forced(Variant::only(Flavour::FarAtlas)), ..request(&renderer, camera) };
+        let picture = renderer.render(&request).expect("renders");
+        let mut on = terrain(&picture);
+        assert!(on.iter().filter(|t| **t).count() > on.len() / 4, "{camera}: hardly any terrain");
+        assert_eq!(cracks(&on, size), 0, "{camera}: sky below terrain");
+        for (texel, albedo) in picture.hdr.iter().zip(picture.vectors("albedo").expect("asked for")) {
+            assert!(texel.iter().all(|v| v.is_finite() && *v >= 0.0), "{camera}: radiance {texel:?}");
+            if texel[3] > 0.0 {
+                assert!(albedo.iter().sum::<f32>() > 0.01 && texel[1] > 0.0, "{camera}: a black pixel");
+            }
+        }
+        // Negative control: one missing pixel is found.
+        let hole = on.len() - size[0] as usize / 2;
+        on[hole] = false;
+        assert!(cracks(&on, size) > 0);
+    }
+}
+
+#[test]
+fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
+    let mut renderer = renderer();
+    let mut request = request(&renderer, "ground");
+    request.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+    request.aovs = AovSet::from_names(&["position", "ddx", "ddy", "depth"]).expect("known layers");
+    let picture = renderer.render(&request).expect("renders");
+    let (position, ddx, ddy) = ["position", "ddx", "ddy"].map(|n| picture.vectors(n).expect("asked for")).into();
+    let eye = request.pose.position;
+    let width = SIZE[0] as usize;
+    let (mut checked, mut right, mut wrong) = (0, Vec::new(), Vec::new());
+    for (i, p) in position.iter().enumerate() {
+        let p = p.map(f64::from);
+        let distance = ((p[0] - eye.x).powi(2) + (p[1] - eye.y).powi(2) + (p[2] - eye.z).powi(2)).sqrt();
+        // Within 30 m everything is LOD 0, whose triangles `ground_m` follows; heights of both are the same 16-bit numbers.
+        // What is left is f32: world coordinates of some 10^3 m in the layer, slopes of up to 10.
+        if picture.hdr[i][3] > 0.0 && distance < 30.0 {
+            let off = (p[2] - renderer.ground_m(p[0], p[1])).abs();
+            assert!(off < 0.01, "pixel {i} lies {off} m off the ground at {distance} m");
+            checked += 1;
+            if i % width + 1 < width && i + width < position.len() {
+                let next = position[i + 1].map(f64::from);
+                let step: [f64; 3] = std::array::from_fn(|k| next[k] - p[k]);
+                let length = step.iter().map(|s| s * s).sum::<f64>().sqrt();
+                let relative = |d: [f32; 3]| (0..3).map(|k| (f64::from(d[k]) - step[k]).powi(2)).sum::<f64>().sqrt() / length;
+                right.push(relative(ddx[i]));
+                wrong.push(relative(ddy[i]));
+            }
+        }
+    }
+    assert!(checked > 500, "only {checked} pixels are near");
+    // 8-bit normals are off by up to a degree: a few percent of the derivative on slopes seen at 70 degrees; pixels on triangle edges
+    // are outliers, hence medians. Negative control: the other derivative.
+    let median = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let (good, bad) = (median(&mut right), median(&mut wrong));
+    assert!(good < 0.06, "median relative error of ddx is {good}");
+    assert!(bad > 0.5, "ddy passes for ddx: {bad}");
+}
+
+#[test]
+fn a_picture_does_not_depend_on_what_was_looked_at_before() {
+    let mut renderer = renderer();
+    let mut request = request(&renderer, "cliff");
+    request.keep_geometry = false;
+    let first = renderer.render(&request).expect("renders");
+    let mut elsewhere = request.clone();
+    elsewhere.pose = pose(&renderer, "vista");
+    let other = renderer.render(&elsewhere).expect("renders");
+    let again = renderer.render(&request).expect("renders");
+    assert_eq!(first.hdr, again.hdr);
+    assert_ne!(first.hdr, other.hdr);
+    // Kept geometry gives the same picture as drawn geometry.
+    let kept = renderer.render(&RenderRequest { keep_geometry: true, ..request }).expect("renders");
+    assert_eq!(first.hdr, kept.hdr);
+}
+
+#[test]
+fn the_kernel_refuses_what_it_cannot_draw() {
+    let mut renderer = renderer();
+    for size in [[0, 0], [0, 5], [1_000_000, 1], [16_000, 16_000]] {
+        let request = RenderRequest { size, ..request(&renderer, "cliff") };
+        let message = renderer.render(&request).expect_err("no such picture").to_string();
+        assert!(message.contains("1 to 16384"), "{message}");
+    }
+    let mut scene = small_scene();
+    scene.flavours.far_atlas_m = 0.0;
+    let mut without = Renderer::new(gpu(), &scene, &|_| {}).expect("renders without virtual texture");
+    let vt = RenderRequest { variant: VariantChoice::Forced(Variant::only(Flavour::VirtualTexture)), ..request(&renderer, "cliff") };
+    let message = without.render(&vt).expect_err("there is no virtual texture").to_string();
+    assert!(message.contains("far_atlas_m"), "{message}");
+    // And it draws without one.
+    let far = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+    assert!(without.render(&RenderRequest { variant: far, ..vt }).is_ok());
+}
