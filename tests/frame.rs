@@ -300,3 +300,41 @@ fn the_kernel_refuses_what_it_cannot_draw() {
     let far = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
     assert!(without.render(&RenderRequest { variant: far, ..vt }).is_ok());
 }
+
+#[test]
+fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
+    let mut scene = small_scene();
+    let (x, y) = (31.0, -160.0);
+    let hole = scene::Hole { centre: [x, y], radius_m: 6.0 };
+    let scene::World::Procedural { holes, colour_modulation, .. } = &mut scene.world else { panic!("the built-in world is procedural") };
+    holes.push(hole);
+    *colour_modulation = 0.4;
+    let mut renderer = Renderer::new(gpu(), &scene, &|_| {}).expect("renders");
+    // Straight down from 40 m: the hole is a disc in the middle, an eighth of the picture's height in radius or so.
+    let above = Pose {
+        position: glam::DVec3::new(x, y, renderer.ground_m(x + 20.0, y) + 40.0),
+        yaw: 0.0,
+        pitch: -std::f64::consts::FRAC_PI_2,
+        fov: 60f64.to_radians(),
+    };
+    let counted = |flavour: Flavour| RenderRequest {
+        variant: VariantChoice::Forced(Variant::only(flavour)),
+        count_fetches: true,
+        aovs: AovSet::from_names(&["albedo", "position"]).expect("known layers"),
+        ..RenderRequest::new(above, SIZE)
+    };
+    for (flavour, fetches) in [(Flavour::FarAtlas, 3.0), (Flavour::NearCliff, 13.0), (Flavour::VirtualTexture, 4.0)] {
+        let picture = renderer.render(&counted(flavour)).expect("renders");
+        assert_eq!(picture.fetches_per_px, Some(fetches), "{}", flavour.name());
+        let on = terrain(&picture);
+        assert!(!on[SIZE[0] as usize * SIZE[1] as usize / 2 + SIZE[0] as usize / 2], "the middle of the hole is covered");
+        assert!(on[0] && on[on.len() - 1], "the corners are ground");
+        // No ground inside the hole; 1 m of grace, the resolution of holes. Nor is the rim darkened by the hole's transparent black.
+        let (position, albedo) = (picture.vectors("position").expect("asked for"), picture.vectors("albedo").expect("asked for"));
+        for (p, a) in position.iter().zip(albedo).zip(&on).filter(|(_, on)| **on).map(|(pair, _)| pair) {
+            let from_centre = (f64::from(p[0]) - x).hypot(f64::from(p[1]) - y);
+            assert!(from_centre > hole.radius_m - 1.0, "ground {from_centre} m from the hole's centre");
+            assert!(a.iter().sum::<f32>() > 0.02, "{}: dark ground {from_centre} m from the hole's centre", flavour.name());
+        }
+    }
+}

@@ -209,3 +209,18 @@ impl Gpu {
         self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_adapter_without_block_compression_is_refused_by_name() {
+        let all = REQUIRED.iter().fold(wgpu::Features::empty(), |all, (f, ..)| all | *f);
+        assert_eq!(missing(all), None);
+        let text = missing(all - wgpu::Features::TEXTURE_COMPRESSION_BC).expect("something is missing");
+        assert!(text.contains("BC texture compression") && !text.contains("depth"), "{text}");
+        let text = missing(wgpu::Features::empty()).expect("everything is missing");
+        assert!(REQUIRED.iter().all(|(_, name, _)| text.contains(name)), "{text}");
+    }
+}
