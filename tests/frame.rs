@@ -233,7 +233,7 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
     let (position, ddx, ddy) = ["position", "ddx", "ddy"].map(|n| picture.vectors(n).expect("asked for")).into();
     let eye = request.pose.position;
     let width = SIZE[0] as usize;
-    let (mut checked, mut right, mut wrong) = (0, Vec::new(), Vec::new());
+    let (mut checked, mut right, mut below, mut wrong) = (0, Vec::new(), Vec::new(), Vec::new());
     for (i, p) in position.iter().enumerate() {
         let p = p.map(f64::from);
         let distance = ((p[0] - eye.x).powi(2) + (p[1] - eye.y).powi(2) + (p[2] - eye.z).powi(2)).sqrt();
@@ -244,12 +244,14 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
             assert!(off < 0.01, "pixel {i} lies {off} m off the ground at {distance} m");
             checked += 1;
             if i % width + 1 < width && i + width < position.len() {
-                let next = position[i + 1].map(f64::from);
-                let step: [f64; 3] = std::array::from_fn(|k| next[k] - p[k]);
-                let length = step.iter().map(|s| s * s).sum::<f64>().sqrt();
-                let relative = |d: [f32; 3]| (0..3).map(|k| (f64::from(d[k]) - step[k]).powi(2)).sum::<f64>().sqrt() / length;
-                right.push(relative(ddx[i]));
-                wrong.push(relative(ddy[i]));
+                let relative = |d: [f32; 3], neighbour: usize| {
+                    let step: [f64; 3] = std::array::from_fn(|k| f64::from(position[neighbour][k]) - p[k]);
+                    let length = step.iter().map(|s| s * s).sum::<f64>().sqrt();
+                    (0..3).map(|k| (f64::from(d[k]) - step[k]).powi(2)).sum::<f64>().sqrt() / length
+                };
+                right.push(relative(ddx[i], i + 1));
+                below.push(relative(ddy[i], i + width));
+                wrong.push(relative(ddy[i], i + 1));
             }
         }
     }
@@ -260,8 +262,9 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
-    let (good, bad) = (median(&mut right), median(&mut wrong));
+    let (good, down, bad) = (median(&mut right), median(&mut below), median(&mut wrong));
     assert!(good < 0.06, "median relative error of ddx is {good}");
+    assert!(down < 0.1, "median relative error of ddy is {down}");
     assert!(bad > 0.5, "ddy passes for ddx: {bad}");
 }
 
@@ -336,5 +339,31 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
             assert!(from_centre > hole.radius_m - 1.0, "ground {from_centre} m from the hole's centre");
             assert!(a.iter().sum::<f32>() > 0.02, "{}: dark ground {from_centre} m from the hole's centre", flavour.name());
         }
+    }
+}
+
+#[test]
+fn a_picture_of_the_sky_holds_nothing_of_the_one_before() {
+    let mut renderer = renderer();
+    let mut request = request(&renderer, "cliff");
+    request.aovs = AovSet::from_names(&["variant", "fetches", "depth"]).expect("known layers");
+    request.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+    let ground = renderer.render(&request).expect("renders");
+    assert!(ground.values("variant").expect("asked for").iter().any(|v| *v > 0.0));
+    request.pose.pitch = 80f64.to_radians();
+    request.pose.position.z += 2000.0;
+    let sky = renderer.render(&request).expect("renders");
+    for layer in ["variant", "fetches", "depth"] {
+        assert!(sky.values(layer).expect("asked for").iter().all(|v| *v == 0.0), "{layer} of an empty sky");
+    }
+    // Odd sizes, a camera beyond the world, and the extremes of the field of view are pictures, too.
+    request.aovs = AovSet::from_names(&["position", "albedo"]).expect("known layers");
+    for (size, fov, x) in [([1, 1], 55.0, 0.0), ([13, 7], 1.0, 0.0), ([31, 17], 175.0, 0.0), ([9, 9], 55.0, 9000.0)] {
+        let mut odd = RenderRequest { size, ..request.clone() };
+        odd.pose =
+            Pose { position: glam::DVec3::new(x, 0.0, 2600.0), yaw: -std::f64::consts::FRAC_PI_2, pitch: -0.3, fov: f64::to_radians(fov) };
+        let picture = renderer.render(&odd).expect("renders");
+        assert_eq!(picture.hdr.len(), (size[0] * size[1]) as usize);
+        assert!(picture.hdr.iter().flatten().all(|v| v.is_finite()), "{size:?} {fov}");
     }
 }

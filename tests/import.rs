@@ -226,7 +226,7 @@ fn bad_files_are_refused_with_what_where_and_how() {
     write_tiff(&temp.path("short.tif"), SIZE, 29, 16, 1, &bytes(&values(SIZE), false)[..900]);
     refuse("short.tif", &options(), &["truncated"]);
 
-    for (name, bad) in [("nan.exr", f32::NAN), ("infinite.exr", f32::INFINITY)] {
+    for (name, bad) in [("nan.exr", f32::NAN), ("infinite.exr", f32::INFINITY), ("gap.exr", -9999.0)] {
         write_exr(&temp.path(name), SIZE, |x, y| if (x, y) == (20, 11) { bad } else { x as f32 });
         refuse(name, &options(), &["1 samples are NaN", "column 20, row 11", "fill"]);
     }

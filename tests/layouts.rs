@@ -157,7 +157,7 @@ fn pairs() -> Vec<(&'static str, Layout)> {
             }),
         ),
         ("Inspected", host!(Inspected { position, slot, ddx, corner, ddy, pad, splat, bilinear })),
-        ("PageJob", host!(PageJob { sector, origin, texel_m, border, elevation, padding })),
+        ("PageJob", host!(PageJob { sector, origin, texel_m, border })),
     ]
 }
 

@@ -7,6 +7,8 @@ mod bad_input;
 #[cfg(test)]
 mod frame;
 #[cfg(test)]
+mod geometry;
+#[cfg(test)]
 mod import;
 #[cfg(test)]
 mod layouts;

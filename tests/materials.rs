@@ -404,8 +404,8 @@ fn repeats_per_sector_are_exact_in_fixed_point() {
     assert!((f64::from(entry.per_metre[1]) - 0.125).abs() < 1e-7);
 
     let with_tile = |tile: &str| build(&scene(64, &[format!("name = \"a\"\nprocedural = \"sand\"\ntile_m = {tile}")]));
-    assert!(with_tile("0.501").is_ok(), "127.7 repeats fit");
-    let text = with_tile("0.5").expect_err("128 repeats do not fit");
+    assert!(with_tile("0.001").is_ok(), "64 000 repeats fit");
+    let text = with_tile("0.0009").expect_err("71 111 repeats do not fit");
     assert!(text.contains("enlarge tile_m") && text.contains("`a`"), "{text}");
     for nonsense in ["0.0", "-1.0", "nan"] {
         assert!(with_tile(nonsense).is_err(), "tile_m = {nonsense}");

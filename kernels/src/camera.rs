@@ -1,5 +1,7 @@
 //! Where the camera stands, and the rays it looks along.
 
+use std::f64::consts::PI;
+
 use glam::{DMat4, DVec2, DVec3, DVec4, IVec2, Mat4};
 
 use crate::scene::{CameraPath, CameraPose};
@@ -43,22 +45,29 @@ impl Pose {
     }
 }
 
-/// The pose of frame `frame` of a path: Catmull-Rom through the keys, so that it passes each of them exactly.
+/// The pose of frame `frame` of a path: Catmull-Rom through the keys, so that it passes each of them exactly. Yaw takes the shorter way
+/// round; where every key counts from the ground, so does every frame between them.
 pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
-    let keys: Vec<Pose> = path.keys.iter().map(|k| Pose::of(k, &ground_m)).collect();
-    let last = keys.len().saturating_sub(1);
-    let whole = (frame / path.frames_per_key.max(1)) as usize;
-    if whole >= last {
-        return keys[last];
+    let on_ground = path.keys.iter().all(|k| k.above_ground);
+    let mut keys: Vec<Pose> = path.keys.iter().map(|k| Pose::of(k, |x, y| if on_ground { 0.0 } else { ground_m(x, y) })).collect();
+    for i in 1..keys.len() {
+        let turn = (keys[i].yaw - keys[i - 1].yaw + PI).rem_euclid(2.0 * PI) - PI;
+        keys[i].yaw = keys[i - 1].yaw + turn;
     }
-    let t = f64::from(frame % path.frames_per_key) / f64::from(path.frames_per_key);
-    let at = |i: isize| keys[usize::try_from(i.max(0)).unwrap_or(0).min(last)];
-    let i = isize::try_from(whole).unwrap_or(0);
-    let [p0, p1, p2, p3] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+    let last = keys.len().saturating_sub(1);
+    let per_key = path.frames_per_key.max(1);
+    let whole = ((frame / per_key) as usize).min(last);
+    let t = if whole == last { 0.0 } else { f64::from(frame % per_key) / f64::from(per_key) };
+    let at = |i: usize| keys[i.min(last)];
+    let [p0, p1, p2, p3] = [at(whole.saturating_sub(1)), at(whole), at(whole + 1), at(whole + 2)];
     let spline =
         |a: f64, b: f64, c: f64, d: f64| b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)));
+    let mut position = DVec3::from_array(std::array::from_fn(|k| spline(p0.position[k], p1.position[k], p2.position[k], p3.position[k])));
+    if on_ground {
+        position.z += ground_m(position.x, position.y);
+    }
     Pose {
-        position: DVec3::from_array(std::array::from_fn(|k| spline(p0.position[k], p1.position[k], p2.position[k], p3.position[k]))),
+        position,
         yaw: spline(p0.yaw, p1.yaw, p2.yaw, p3.yaw),
         pitch: spline(p0.pitch, p1.pitch, p2.pitch, p3.pitch),
         fov: spline(p0.fov, p1.fov, p2.fov, p3.fov),
@@ -156,6 +165,30 @@ mod tests {
                 assert!((clip.z / clip.w - NEAR_M / depth).abs() < 1e-12);
             }
         }
+    }
+
+    #[test]
+    fn paths_turn_the_short_way_and_stay_above_the_ground() {
+        let key = |x: f64, yaw_deg: f64| CameraPose {
+            name: String::new(),
+            position: [x, 0.0, 2.0],
+            above_ground: true,
+            yaw_deg,
+            pitch_deg: 0.0,
+            fov_deg: 50.0,
+        };
+        let path = CameraPath { name: String::new(), frames_per_key: 4, keys: vec![key(0.0, 350.0), key(8.0, 10.0)] };
+        // A ridge between the keys that neither of them stands on.
+        let ridge = |x: f64, _: f64| 100.0 - (x - 4.0).abs();
+        for frame in 0..=9 {
+            let pose = along(&path, frame, ridge);
+            assert!((pose.position.z - ridge(pose.position.x, 0.0) - 2.0).abs() < 1e-9, "frame {frame}");
+            let yaw = pose.yaw.to_degrees();
+            assert!((349.9..=370.1).contains(&yaw), "frame {frame} looks at {yaw}");
+        }
+        assert_eq!(along(&path, 0, ridge).position.x, 0.0);
+        assert_eq!(along(&path, 4, ridge).position.x, 8.0);
+        assert_eq!(along(&path, 9, ridge).position.x, 8.0);
     }
 
     #[test]

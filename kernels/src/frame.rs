@@ -142,6 +142,13 @@ impl RenderRequest {
     }
 }
 
+impl RenderRequest {
+    /// Whether the shading pass has to count fetches and record choices.
+    pub fn wants_diagnostics(&self) -> bool {
+        self.count_fetches || self.aovs.needs_diagnostics()
+    }
+}
+
 /// The largest picture side, pixels: 12 bits of tile coordinates would allow more, textures do not.
 pub const MAX_SIDE: u32 = 16_384;
 /// The largest picture, pixels.
@@ -227,7 +234,7 @@ impl<'a> Renderer<'a> {
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
         let capacity = if requirements.has(Flavour::VirtualTexture) { PAGE_CAPACITY } else { 0 };
         let modulated = requirements.colour_modulation;
-        Ok(Renderer {
+        let renderer = Renderer {
             geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes)?,
             virtual_texture: VirtualTexture::new(gpu, &frame_layout, &terrain, modulated, scene.blend.anisotropy, capacity)?,
             classification: Classification::new(gpu, &frame_layout)?,
@@ -245,7 +252,10 @@ impl<'a> Renderer<'a> {
             targets: None,
             last: None,
             progress,
-        })
+        };
+        // A pipeline that the device refused is this call's failure, not that of the first picture.
+        gpu.check()?;
+        Ok(renderer)
     }
 
     /// The world drawn.
@@ -298,7 +308,7 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn draw(&mut self, request: &RenderRequest) -> Result<FrameReport> {
-        check_size(request.size)?;
+        check_size(request.size, &self.gpu.device.limits())?;
         self.check_variant(request.variant)?;
         let gpu = self.gpu;
         if self.targets.as_ref().is_none_or(|t| t.size != request.size) {
@@ -357,7 +367,7 @@ impl<'a> Renderer<'a> {
 
         // virtual texture: pages that are missing
         let pages = if self.virtual_texture.is_required() {
-            self.virtual_texture.fill(gpu, groups, self.world.layout(), &drawn.visited)?
+            self.virtual_texture.fill(gpu, groups, self.world.layout(), &drawn.visited, view.sector)?
         } else {
             PageCounts::default()
         };
@@ -375,6 +385,7 @@ impl<'a> Renderer<'a> {
             &self.virtual_texture,
             &targets.shading,
             &keys,
+            request.wants_diagnostics(),
         );
         self.lighting.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.shading, &targets.image);
         timer.resolve(&mut encoder);
@@ -389,8 +400,8 @@ impl<'a> Renderer<'a> {
     fn visible_patches(&mut self, view: &View) -> Result<(Vec<NodeId>, usize, Vec<Patch>)> {
         self.streaming.begin_frame();
         let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, self.gpu);
+        let done = AtomicU64::new(0);
         let selection = quadtree::select(world, view, |nodes| {
-            let done = AtomicU64::new(0);
             let on_baked = || {
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(Progress { stage: "terrain nodes".to_owned(), done, total: 0 });
@@ -433,7 +444,7 @@ impl<'a> Renderer<'a> {
                 estimator: request.estimator,
                 noise: request.noise,
                 two_tilings: request.two_tilings,
-                diagnostics: request.count_fetches || request.aovs.needs_diagnostics(),
+                diagnostics: request.wants_diagnostics(),
             })
             .collect();
         let total = keys.len() as u64;
@@ -503,15 +514,18 @@ impl Targets {
     }
 }
 
-/// Refuses sizes that no picture can have.
+/// Refuses sizes that no picture can have on a device with these limits.
 ///
 /// # Errors
-/// When a side is 0 or above [`MAX_SIDE`], or there are more than [`MAX_PIXELS`].
-pub fn check_size(size: [u32; 2]) -> Result<()> {
+/// When a side is 0 or above [`MAX_SIDE`], there are more than [`MAX_PIXELS`], or the device cannot hold the targets or tile lists.
+pub fn check_size(size: [u32; 2], limits: &wgpu::Limits) -> Result<()> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
-    if size.contains(&0) || size.iter().any(|&n| n > MAX_SIDE) || pixels > MAX_PIXELS {
+    let side = MAX_SIDE.min(limits.max_texture_dimension_2d);
+    let [columns, rows] = classification::tiles(size).map(u64::from);
+    let lists = columns * rows * u64::from(classification::LISTS) * 4;
+    if size.contains(&0) || size.iter().any(|&n| n > side) || pixels > MAX_PIXELS || lists > limits.max_storage_buffer_binding_size {
         return Err(Error::Request(format!(
-            "a picture of {}x{} cannot be made: each side must be 1 to {MAX_SIDE} pixels, {MAX_PIXELS} in all",
+            "a picture of {}x{} cannot be made here: each side must be 1 to {side} pixels, {MAX_PIXELS} in all; make it smaller",
             size[0], size[1]
         )));
     }

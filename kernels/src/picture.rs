@@ -110,7 +110,9 @@ impl Picture {
         if wanted.has("depth") {
             let depth: Vec<f32> =
                 bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.geometry.depth_stencil, wgpu::TextureAspect::DepthOnly, 4)?);
-            add("depth", Layer::Value(depth));
+            // Metres along the view direction; 0 = no terrain.
+            let metres = |d: f32| if d > 0.0 { crate::camera::NEAR_M as f32 / d } else { 0.0 };
+            add("depth", Layer::Value(depth.into_iter().map(metres).collect()));
         }
         if wanted.has("mask") {
             let mask = read_texture(gpu, &targets.geometry.mask, wgpu::TextureAspect::All, 1)?;

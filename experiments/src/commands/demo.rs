@@ -145,7 +145,7 @@ fn measure(
     let runs = if stochastic { seeds } else { seeds.min(3) };
     for seed in 0..runs {
         check_interrupted()?;
-        let picture = renderer.render(&RenderRequest { seed, keep_geometry: seed > 0, ..request.clone() })?;
+        let picture = renderer.render(&RenderRequest { seed, keep_geometry: seed >= 3, ..request.clone() })?;
         for (pass, ms) in &picture.passes {
             let fastest = times.entry(pass.clone()).or_insert(f64::INFINITY);
             *fastest = fastest.min(*ms);

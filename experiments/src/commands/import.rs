@@ -3,11 +3,19 @@
 use anyhow::{Result, bail};
 use kernels::world::heightmap::{self, ReadOptions};
 
-use super::{check_writable, print};
+use super::{check_writable, print, watch_interrupts};
 use crate::cli::ImportArgs;
 
 /// Writes the scene folder, whole or not at all.
 pub(crate) fn run(args: &ImportArgs) -> Result<()> {
+    if args.heightmap.is_dir() {
+        bail!("{} is a folder: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());
+    }
+    if let Some(materials) = &args.materials
+        && !materials.is_dir()
+    {
+        bail!("there is no folder {}: --materials takes a folder that holds a folder of images per material", materials.display());
+    }
     if !args.heightmap.is_file() {
         bail!("there is no file {}: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());
     }
@@ -30,6 +38,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<()> {
         raw_big_endian: args.raw_big_endian,
         window: args.window,
     };
+    watch_interrupts()?;
     heightmap::import(&args.heightmap, &options, args.materials.as_deref(), args.detail, &args.out)?;
     let out = args.out.display();
     print(&format!("{out}: scene.toml, heightmap.png\nlook at it: experiments render --scene {out} --camera vista --out vista.png\n"))

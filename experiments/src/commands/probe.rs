@@ -38,6 +38,11 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
     };
     let probe = Probe::find(kernel).context("`probe --list` prints them all")?;
     check_output_file(output)?;
+    if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
+        && from == to
+    {
+        bail!("--output {} is the input: give another file, or the table would be lost", output.display());
+    }
     let table = read(input, probe)?;
     #[allow(clippy::cast_possible_truncation, reason = "f32 and GPU take values rounded to f32, as the list says")]
     let single = || table.values.iter().map(|&v| v as f32).collect::<Vec<f32>>();

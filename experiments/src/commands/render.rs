@@ -102,7 +102,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             seed: args.seed,
             frame,
             aovs,
-            count_fetches: args.aov.iter().any(|name| name == "fetches"),
             ..RenderRequest::new(pose, args.size)
         };
         let picture = match args.reference {
@@ -112,8 +111,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
                 }
                 renderer.render(&request)?
             }
-            Some(samples) => reference(&mut renderer, &request, samples, !args.aov.is_empty(), &reporter)?,
+            Some(samples) => reference(&mut renderer, &request, samples, &reporter)?,
         };
+        if picture.report.tiles.first() == Some(&0) {
+            eprintln!("note: frame {frame} shows no terrain: the camera looks past it, stands outside the world, or is under ground");
+        }
         let file = if numbered { numbered_file(&args.out, frame) } else { args.out.clone() };
         if extension(&file) == "png" {
             picture::write_png(&file, &picture)?;
@@ -164,32 +166,22 @@ pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Ite
 /// The converged truth: three projections of four materials in two tilings (96 fetches), all blended, averaged over
 /// `samples` points of each pixel's square. Colours are averaged, layers that an average would make meaningless (ids,
 /// directions, distances) are those of the pixel's centre.
-pub(crate) fn reference(
-    renderer: &mut Renderer<'_>,
-    request: &RenderRequest,
-    samples: u32,
-    layers: bool,
-    reporter: &Reporter,
-) -> Result<Picture> {
+pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, samples: u32, reporter: &Reporter) -> Result<Picture> {
     let truth = RenderRequest {
         variant: VariantChoice::Forced(Variant::only(Flavour::Splat)),
         estimator: Estimator::Exact,
         two_tilings: true,
         ..request.clone()
     };
-    let mut total: Option<Sums> = None;
-    for sample in 0..samples {
+    // The first sample is the pixel's centre.
+    let centre = renderer.render(&RenderRequest { jitter: sample_point(0), ..truth.clone() })?;
+    let mut sums = Sums::of(&centre);
+    for sample in 1..samples {
         check_interrupted()?;
         reporter.report("reference samples", u64::from(sample), u64::from(samples));
-        let picture = renderer.render(&RenderRequest { jitter: sample_point(sample), ..truth.clone() })?;
-        match &mut total {
-            None => total = Some(Sums::of(&picture)),
-            Some(sums) => sums.add(&picture)?,
-        }
+        sums.add(&renderer.render(&RenderRequest { jitter: sample_point(sample), ..truth.clone() })?)?;
     }
-    let total = total.context("a reference needs at least one sample")?;
-    let centre = if layers { renderer.render(&truth)? } else { renderer.render(&RenderRequest { jitter: sample_point(0), ..truth })? };
-    total.mean(centre, samples)
+    sums.mean(centre, samples)
 }
 
 /// Point `i` of the R2 sequence, relative to the pixel's centre, in -0.5..0.5. Its first point is the centre itself.

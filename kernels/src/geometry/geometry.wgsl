@@ -22,23 +22,6 @@ struct GeometryVarying {
     @location(3) hole: f32,
 }
 
-const GEOMETRY_NODE_QUADS: u32 = 128u;
-
-// Nearest vertex that a neighbour `delta` levels coarser keeps; of two equally near the lower.
-fn geometry_weld(index: u32, delta: u32) -> u32 {
-    let step = 1u << delta;
-    return (index + (step - 1u) / 2u) / step * step;
-}
-
-fn geometry_stitch(index: vec2<u32>, deltas: u32) -> vec2<u32> {
-    var kept = index;
-    if index.y == GEOMETRY_NODE_QUADS { kept.x = geometry_weld(index.x, (deltas >> 12u) & 15u); }
-    if index.x == GEOMETRY_NODE_QUADS { kept.y = geometry_weld(index.y, (deltas >> 8u) & 15u); }
-    if index.y == 0u { kept.x = geometry_weld(index.x, (deltas >> 4u) & 15u); }
-    if index.x == 0u { kept.y = geometry_weld(index.y, deltas & 15u); }
-    return kept;
-}
-
 @vertex
 fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> GeometryVarying {
     let p = patches[instance];

@@ -49,10 +49,13 @@ pub struct Geometry {
     index_count: u32,
 }
 
+/// Stitching, without bindings.
+pub const STITCH_WGSL: (&str, &str) = ("geometry/stitch.wgsl", include_str!("stitch.wgsl"));
+
 /// The files of the stage's shader module.
 pub fn files() -> Vec<(&'static str, &'static str)> {
     let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, terrain::WGSL, ("geometry/geometry.wgsl", include_str!("geometry.wgsl"))]);
+    files.extend([FRAME_WGSL, terrain::WGSL, STITCH_WGSL, ("geometry/geometry.wgsl", include_str!("geometry.wgsl"))]);
     files
 }
 

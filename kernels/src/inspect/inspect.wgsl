@@ -3,6 +3,8 @@
 @group(2) @binding(0) var depth_target: texture_depth_2d;
 @group(2) @binding(1) var normal_target: texture_2d<f32>;
 @group(2) @binding(2) var<storage, read_write> inspected: array<Inspected>;
+// First row of the band that this dispatch covers, and the row after its last.
+@group(2) @binding(3) var<uniform> band: vec4<u32>;
 
 struct Inspected {
     position: vec3<f32>,        // local coordinates
@@ -17,16 +19,17 @@ struct Inspected {
 
 @compute @workgroup_size(8, 8)
 fn inspect_main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= frame.size) {
+    let pixel = vec2<u32>(id.x, id.y + band.x);
+    if pixel.x >= frame.size.x || pixel.y >= band.y {
         return;
     }
     var out: Inspected;
-    let depth = textureLoad(depth_target, id.xy, 0);
+    let depth = textureLoad(depth_target, pixel, 0);
     if depth > 0.0 {
-        let footprint = surface_footprint(id.xy, depth, textureLoad(normal_target, id.xy, 0));
+        let footprint = surface_footprint(pixel, depth, textureLoad(normal_target, pixel, 0));
         let node = terrain_node(footprint.place);
         let cell = terrain_splat_cell(node);
-        out.position = frame.camera + frame_ray(vec2<f32>(id.xy)) * (frame.near_m / depth);
+        out.position = frame.camera + frame_ray(vec2<f32>(pixel)) * (frame.near_m / depth);
         out.slot = node.slot;
         out.ddx = footprint.ddx;
         out.corner = u32(cell.corner.x) | (u32(cell.corner.y) << 16u);
@@ -34,5 +37,5 @@ fn inspect_main(@builtin(global_invocation_id) id: vec3<u32>) {
         out.splat = vec4<u32>(terrain_splat_id(cell, 0u), terrain_splat_id(cell, 1u), terrain_splat_id(cell, 2u), terrain_splat_id(cell, 3u));
         out.bilinear = splat_blend_bilinear(cell.fraction);
     }
-    inspected[id.y * frame.size.x + id.x] = out;
+    inspected[(pixel.y - band.x) * frame.size.x + pixel.x] = out;
 }

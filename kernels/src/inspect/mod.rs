@@ -54,8 +54,11 @@ impl Inspect {
     /// When the shader does not compile.
     pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain) -> Result<Inspect> {
         let shader = Shader::new(gpu, "inspect", &files())?;
-        let layout =
-            gpu.layout("inspect", wgpu::ShaderStages::COMPUTE, &[Binding::Depth, Binding::TextureLoaded(FLAT), Binding::StorageWritten]);
+        let layout = gpu.layout(
+            "inspect",
+            wgpu::ShaderStages::COMPUTE,
+            &[Binding::Depth, Binding::TextureLoaded(FLAT), Binding::StorageWritten, Binding::Uniform],
+        );
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("inspect"),
             layout: Some(&gpu.pipeline_layout("inspect", &[frame_layout, &terrain.layout, &layout])),
@@ -73,28 +76,38 @@ impl Inspect {
     /// When the device is lost.
     pub fn run(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], targets: &geometry::Targets) -> Result<Vec<Inspected>> {
         let (width, height) = (targets.mask.width(), targets.mask.height());
-        let bytes = u64::from(width) * u64::from(height) * size_of::<Inspected>() as u64;
-        let out = gpu.buffer("inspected", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, bytes);
-        let texture = wgpu::BindingResource::TextureView;
-        let group = gpu.group(
-            "inspect",
-            &self.layout,
-            &[
-                texture(&aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly)),
-                texture(&view(&targets.normals)),
-                out.as_entire_binding(),
-            ],
-        );
-        let mut encoder = gpu.encoder("inspect");
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("inspect"), timestamp_writes: None });
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, groups[0], &[]);
-            pass.set_bind_group(1, groups[1], &[]);
-            pass.set_bind_group(2, &group, &[]);
-            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        let row_bytes = u64::from(width) * size_of::<Inspected>() as u64;
+        // In bands of rows that fit what the device lets a shader address at once.
+        let rows = u32::try_from(gpu.device.limits().max_storage_buffer_binding_size / row_bytes).unwrap_or(height).clamp(1, height);
+        let out = gpu.buffer("inspected", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, u64::from(rows) * row_bytes);
+        let views = [aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly), view(&targets.normals)];
+        let mut pixels = Vec::new();
+        for first in (0..height).step_by(rows as usize) {
+            let end = (first + rows).min(height);
+            let band = gpu.buffer_with("band", wgpu::BufferUsages::UNIFORM, bytemuck::bytes_of(&[first, end, 0, 0]));
+            let group = gpu.group(
+                "inspect",
+                &self.layout,
+                &[
+                    wgpu::BindingResource::TextureView(&views[0]),
+                    wgpu::BindingResource::TextureView(&views[1]),
+                    out.as_entire_binding(),
+                    band.as_entire_binding(),
+                ],
+            );
+            let mut encoder = gpu.encoder("inspect");
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("inspect"), timestamp_writes: None });
+                pass.set_pipeline(&self.pipeline);
+                pass.set_bind_group(0, groups[0], &[]);
+                pass.set_bind_group(1, groups[1], &[]);
+                pass.set_bind_group(2, &group, &[]);
+                pass.dispatch_workgroups(width.div_ceil(8), (end - first).div_ceil(8), 1);
+            }
+            gpu.queue.submit([encoder.finish()]);
+            let band: Vec<Inspected> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &out, u64::from(end - first) * row_bytes)?);
+            pixels.extend(band);
         }
-        gpu.queue.submit([encoder.finish()]);
-        Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &out, bytes)?))
+        Ok(pixels)
     }
 }

@@ -32,9 +32,10 @@ fn lighting_fragment(@builtin(position) clip: vec4<f32>) -> @location(0) vec4<f3
     let n = normal_smoothness.xyz;
     let v = -ray;
     let l = frame.sun_direction;
-    let h = normalize(l + v);
+    // Looking straight into the sun there is no half vector; the safe one keeps NaN out.
+    let h = octahedral_unit(l + v);
     let roughness = 1.0 - normal_smoothness.w;
-    let alpha = max(roughness * roughness, 0.002);
+    let alpha = brdf_alpha(roughness);
     let n_dot_v = max(dot(n, v), 1e-3);
     let n_dot_l = max(dot(n, l), 0.0);
     let f0 = vec3<f32>(0.04);

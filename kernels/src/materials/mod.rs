@@ -21,7 +21,7 @@ pub use arrays::{CompressedChain, DetailArrays, MAX_LAYERS};
 pub const MAX_MATERIALS: usize = 256;
 
 /// Repeats of a texture along a sector must stay below this: the fixed-point count has 7 integer bits, 24 fractional ones and a sign.
-pub const MAX_REPEATS_PER_SECTOR: f64 = 128.0;
+pub const MAX_REPEATS_PER_SECTOR: f64 = 65_536.0;
 
 /// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask matters.
 pub const FLAG_TINTED: u32 = 1;
@@ -257,6 +257,7 @@ fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])>
         ));
     }
     let (sin, cos) = material.orientation_deg.to_radians().sin_cos();
-    let fixed = |rate: f64| (rate * f64::from(1_u32 << 24)).round() as i32;
+    // Whole repeats beyond 8 bits wrap around, which no texture coordinate can tell.
+    let fixed = |rate: f64| (rate * f64::from(1_u32 << 24)).round() as i64 as i32;
     Ok(([fixed(repeats * cos), fixed(repeats * sin)], [(cos / tile_m) as f32, (sin / tile_m) as f32]))
 }

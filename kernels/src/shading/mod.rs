@@ -226,7 +226,8 @@ impl Shading {
         true
     }
 
-    /// Records the pass: one indirect draw per key. Every key must be warm.
+    /// Records the pass: one indirect draw per key. Every key must be warm, and record diagnostics if and only if `diagnostics` says so
+    /// (also a picture without a single terrain tile has its diagnostics cleared).
     #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
     pub fn encode(
         &self,
@@ -239,6 +240,7 @@ impl Shading {
         pages: &VirtualTexture,
         targets: &Targets,
         keys: &[PipelineKey],
+        diagnostics: bool,
     ) {
         let page_views = pages.views();
         let texture = wgpu::BindingResource::TextureView;
@@ -258,7 +260,6 @@ impl Shading {
         );
         let clear = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };
         let views = [view(&targets.albedo), view(&targets.normal), view(&targets.diagnostics)];
-        let diagnostics = keys.iter().any(|k| k.diagnostics);
         let attachments: Vec<_> = views
             .iter()
             .take(if diagnostics { 3 } else { 2 })

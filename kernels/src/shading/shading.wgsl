@@ -44,7 +44,7 @@ var<private> choice: u32;
 
 fn shade_virtual_texture(pixel: Pixel) -> Surface {
     let place = pixel.footprint.place;
-    for (var level = virtual_texture_level(pixel.footprint.ddx, pixel.footprint.ddy); level < frame.page_levels; level++) {
+    for (var level = virtual_texture_level(pixel.footprint.ddx, pixel.footprint.ddy, 0.0); level < frame.page_levels; level++) {
         let address = virtual_texture_address(place, level);
         count_fetch();
         let entry = textureLoad(page_table, address.page & vec2<i32>(VIRTUAL_WINDOW - 1), level, 0).r;

@@ -156,16 +156,19 @@ fn terrain_material(id: u32, axis: u32, scale: u32, footprint: Footprint) -> Sur
     let shrink = exp2(-f32(scale));
     let c = entry.per_metre.x * shrink;
     let s = entry.per_metre.y * shrink;
-    let q = triplanar_coordinates(footprint.place.position, axis);
+    // Elevation is folded by sectors like the horizontal axes, so that a wall on a high mountain is as exact as one at sea level.
+    let storey = floor(footprint.place.position.z / frame.sector_m);
+    let folded = vec3<f32>(footprint.place.position.xy, footprint.place.position.z - storey * frame.sector_m);
+    let q = triplanar_coordinates(folded, axis);
     let qx = triplanar_coordinates(footprint.ddx, axis) * frame.gradient_scale;
     let qy = triplanar_coordinates(footprint.ddy, axis) * frame.gradient_scale;
-    // Whole sectors contribute in exact fixed point; only the first coordinate of a side projection is horizontal.
+    // Whole sectors contribute in exact fixed point.
     let first = select(footprint.place.sector.x, footprint.place.sector.y, axis == 0u);
-    var base = vec2<f32>(tiling_fixed(first, entry.per_sector_fixed.x, scale), -tiling_fixed(first, entry.per_sector_fixed.y, scale));
-    if axis == 2u {
-        let second = footprint.place.sector.y;
-        base += vec2<f32>(tiling_fixed(second, entry.per_sector_fixed.y, scale), tiling_fixed(second, entry.per_sector_fixed.x, scale));
-    }
+    let second = select(i32(storey), footprint.place.sector.y, axis == 2u);
+    let base = vec2<f32>(
+        tiling_fixed(first, entry.per_sector_fixed.x, scale) + tiling_fixed(second, entry.per_sector_fixed.y, scale),
+        tiling_fixed(second, entry.per_sector_fixed.x, scale) - tiling_fixed(first, entry.per_sector_fixed.y, scale),
+    );
     let uv = base + vec2<f32>(q.x * c + q.y * s, q.y * c - q.x * s);
     let uv_dx = vec2<f32>(qx.x * c + qx.y * s, qx.y * c - qx.x * s);
     let uv_dy = vec2<f32>(qy.x * c + qy.y * s, qy.y * c - qy.x * s);

@@ -68,14 +68,22 @@ impl PageId {
         ((self.y / WINDOW) & wrap) << 21 | ((self.x / WINDOW) & wrap) << 11
     }
 
-    /// The page of a non-zero request.
-    fn of_request(index: usize, request: u32) -> PageId {
+    /// The page of a non-zero request. A tag wraps around after 2^16 pages; of the pages it can mean, the one nearest `camera` (the finest
+    /// page the camera stands on) is meant: no picture asks for fine pages 32 km away.
+    fn of_request(index: usize, request: u32, camera: [i64; 2]) -> PageId {
         let index = u32::try_from(index).unwrap_or(0);
         let wrap = (1 << TAG_BITS) - 1;
+        let level = index / (WINDOW * WINDOW);
+        let unwrap = |low: u32, camera: i64| {
+            let period = i64::from(WINDOW) << TAG_BITS;
+            let camera = camera >> level;
+            let near = camera + (i64::from(low) - camera + period / 2).rem_euclid(period) - period / 2;
+            u32::try_from(near).unwrap_or(low)
+        };
         PageId {
-            level: index / (WINDOW * WINDOW),
-            x: (request >> 11 & wrap) * WINDOW + index % WINDOW,
-            y: (request >> 21 & wrap) * WINDOW + index / WINDOW % WINDOW,
+            level,
+            x: unwrap(((request >> 11) & wrap) * WINDOW + index % WINDOW, camera[0]),
+            y: unwrap(((request >> 21) & wrap) * WINDOW + index / WINDOW % WINDOW, camera[1]),
         }
     }
 
@@ -96,10 +104,6 @@ pub struct PageJob {
     pub texel_m: f32,
     /// Texels of border on each side, at this mip level.
     pub border: f32,
-    /// Elevation that the page is taken to lie at, metres.
-    pub elevation: f32,
-    /// Unused.
-    pub padding: f32,
 }
 
 /// What one frame did.
@@ -310,20 +314,29 @@ impl VirtualTexture {
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn fill(&mut self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], layout: &Layout, nodes: &[NodeId]) -> Result<PageCounts> {
+    pub fn fill(
+        &mut self,
+        gpu: &Gpu,
+        groups: [&wgpu::BindGroup; 2],
+        layout: &Layout,
+        nodes: &[NodeId],
+        camera_sector: IVec2,
+    ) -> Result<PageCounts> {
         self.frame += 1;
+        let pages_per_sector = (layout.sector_m * TEXELS_PER_M / f64::from(PAGE_TEXELS)).round() as i64;
+        let camera = camera_sector.to_array().map(|s| i64::from(s) * pages_per_sector);
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &self.requests, self.requests.size())?);
-        let mut wanted: Vec<PageId> = words.iter().enumerate().filter(|(_, w)| **w != 0).map(|(i, &w)| PageId::of_request(i, w)).collect();
+        let mut wanted: Vec<PageId> =
+            words.iter().enumerate().filter(|(_, w)| **w != 0).map(|(i, &w)| PageId::of_request(i, w, camera)).collect();
         let mut counts = PageCounts { wanted: wanted.len(), ..PageCounts::default() };
         let capacity = self.pages[0].depth_or_array_layers() as usize;
         // Too many for the cache: the finest give way to their parents, level by level.
         while wanted.len() > capacity {
             let finest = wanted.iter().map(|p| p.level).min().unwrap_or(0);
-            let before = wanted.len();
+            counts.coarsened += wanted.iter().filter(|p| p.level == finest).count();
             wanted = wanted.iter().filter_map(|p| if p.level == finest { p.parent() } else { Some(*p) }).collect();
             wanted.sort_unstable();
             wanted.dedup();
-            counts.coarsened += before - wanted.len();
         }
         // Coarse first, so that the order of slots does not depend on a hash map.
         wanted.sort_unstable_by_key(|p| (std::cmp::Reverse(p.level), p.y, p.x));
@@ -393,8 +406,6 @@ impl VirtualTexture {
                     origin: [(corner[0] - sector[0] * layout.sector_m) as f32, (corner[1] - sector[1] * layout.sector_m) as f32],
                     texel_m: (edge / texels) as f32,
                     border: (BORDER_TEXELS >> mip) as f32,
-                    elevation: 0.0,
-                    padding: 0.0,
                 });
             }
         }
@@ -476,8 +487,14 @@ mod tests {
 
     #[test]
     fn a_page_survives_the_way_through_its_request() {
-        for page in [PageId { level: 0, x: 0, y: 0 }, PageId { level: 3, x: 777, y: 4095 }, PageId { level: 13, x: 1, y: 2 }] {
-            assert_eq!(PageId::of_request(page.cell(), page.tag() | 1), page);
+        for page in [
+            PageId { level: 0, x: 0, y: 0 },
+            PageId { level: 0, x: 70_000, y: 131_071 },
+            PageId { level: 3, x: 777, y: 4095 },
+            PageId { level: 13, x: 1, y: 2 },
+        ] {
+            let camera = [i64::from(page.x << page.level) + 900, i64::from(page.y << page.level) - 900];
+            assert_eq!(PageId::of_request(page.cell(), page.tag() | 1, camera), page);
         }
         // Negative control: a neighbour one window away shares the cell but not the tag.
         let (a, b) = (PageId { level: 2, x: 10, y: 5 }, PageId { level: 2, x: 10 + WINDOW, y: 5 });

@@ -5,8 +5,6 @@ struct PageJob {
     origin: vec2<f32>,          // that corner in the sector, metres
     texel_m: f32,
     border: f32,                // texels of border on each side, at this mip level
-    elevation: f32,
-    padding: f32,
 }
 
 @group(2) @binding(0) var<storage, read> jobs: array<PageJob>;
@@ -33,8 +31,10 @@ fn page_fragment(in: PageVarying) -> PageTargets {
     let job = jobs[in.job];
     // Row 0 of a page is its southern edge.
     let local = job.origin + (in.clip.xy - job.border) * job.texel_m;
-    let place = terrain_place(job.sector, vec3<f32>(local, job.elevation));
-    let footprint = Footprint(place, vec3<f32>(job.texel_m, 0.0, 0.0), vec3<f32>(0.0, job.texel_m, 0.0));
+    let place = terrain_place(job.sector, vec3<f32>(local, 0.0));
+    // The bias of mip levels acts where pages are sampled, and must not act twice.
+    let step = job.texel_m / frame.gradient_scale;
+    let footprint = Footprint(place, vec3<f32>(step, 0.0, 0.0), vec3<f32>(0.0, step, 0.0));
     let node = terrain_node(place);
     let surface = terrain_splat_blend(terrain_splat_cell(node), 2u, 0u, footprint);
     let normal = normalize(vec3<f32>(-surface.gradient.xy, 1.0));

@@ -11,11 +11,12 @@ struct VirtualAddress {
     uv: vec2<f32>,              // 0..1 inside the page's payload
 }
 
-fn virtual_texture_level(ddx: vec3<f32>, ddy: vec3<f32>) -> u32 {
+// The level a footprint asks for; `offset` moves it by a fraction of a level.
+fn virtual_texture_level(ddx: vec3<f32>, ddy: vec3<f32>, offset: f32) -> u32 {
     let across = length(ddx.xy);
     let down = length(ddy.xy);
     let texels = max(min(across, down), max(across, down) / frame.page_anisotropy) * frame.page_texels_per_m * frame.gradient_scale;
-    let level = floor(log2(max(texels, 1.0)));
+    let level = floor(max(log2(max(texels, 1.0)) + offset, 0.0));
     return min(u32(level), frame.page_levels - 1u);
 }
 
@@ -24,7 +25,8 @@ fn virtual_texture_address(place: Place, level: u32) -> VirtualAddress {
     let pages_per_sector = i32(round(frame.sector_m * pages_per_m));
     let in_sector = place.position.xy * pages_per_m;
     let whole = floor(in_sector);
-    let finest = place.sector * pages_per_sector + vec2<i32>(whole);
+    // Rounding may put the world's south-western rim a hair outside it.
+    let finest = max(place.sector * pages_per_sector + vec2<i32>(whole), vec2<i32>(0));
     let span = 1 << level;
     let uv = (vec2<f32>(finest & vec2<i32>(span - 1)) + (in_sector - whole)) / f32(span);
     return VirtualAddress(finest >> vec2<u32>(level), uv);

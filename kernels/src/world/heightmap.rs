@@ -392,11 +392,13 @@ impl Reader<'_> {
             }
         };
         let place = |i: usize| (i % width as usize, i / width as usize);
-        if let Some(i) = samples.iter().position(|s| !s.is_finite()) {
+        // -9999 and -32768 m lie on no land: files without a no-data tag mark gaps with them.
+        let gap = |s: f32| !s.is_finite() || [-9999.0, -32_768.0].contains(&s);
+        if let Some(i) = samples.iter().position(|&s| gap(s)) {
             let (x, y) = place(i);
-            let count = samples.iter().filter(|s| !s.is_finite()).count();
+            let count = samples.iter().filter(|&&s| gap(s)).count();
             return Err(self.error(format!(
-                "{count} samples are NaN, infinite or marked as no data, the first at column {x}, row {y}; fill the gaps or name a window without them"
+                "{count} samples are NaN, infinite or marks of no data (-9999, -32768), the first at column {x}, row {y}; fill the gaps or name a window without them"
             )));
         }
         if let Some(i) = samples.iter().position(|s| s.abs() > MAX_ELEVATION_M) {

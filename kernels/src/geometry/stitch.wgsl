@@ -1,0 +1,19 @@
+// Stitching: vertices on the border to a coarser node move to the nearest vertex that the neighbour has (rulings 3 and 8).
+// Free of bindings, so that it can be compared with its reference.
+
+const GEOMETRY_NODE_QUADS: u32 = 128u;
+
+// Nearest vertex that a neighbour `delta` levels coarser keeps; of two equally near the lower.
+fn geometry_weld(index: u32, delta: u32) -> u32 {
+    let step = 1u << delta;
+    return (index + (step - 1u) / 2u) / step * step;
+}
+
+fn geometry_stitch(index: vec2<u32>, deltas: u32) -> vec2<u32> {
+    var kept = index;
+    if index.y == GEOMETRY_NODE_QUADS { kept.x = geometry_weld(index.x, (deltas >> 12u) & 15u); }
+    if index.x == GEOMETRY_NODE_QUADS { kept.y = geometry_weld(index.y, (deltas >> 8u) & 15u); }
+    if index.y == 0u { kept.x = geometry_weld(index.x, (deltas >> 4u) & 15u); }
+    if index.x == 0u { kept.y = geometry_weld(index.y, deltas & 15u); }
+    return kept;
+}

@@ -1,0 +1,56 @@
+//! Stitching: the vertex stage's welding on the GPU against its reference, and against what it is for.
+
+use kernels::geometry::{STITCH_WGSL, reference};
+use kernels::gpu::probe;
+
+use crate::frame::gpu;
+
+/// Every border vertex of a node, a few inside, against every delta on every side.
+fn rows() -> Vec<([u32; 2], u32)> {
+    let mut rows = Vec::new();
+    for deltas in (0..6u32).flat_map(|d| [d, d << 4, d << 8, d << 12, d | d << 4 | d << 8 | d << 12, d | (5 - d) << 4]) {
+        for i in 0..=128 {
+            rows.extend([[i, 0], [i, 128], [0, i], [128, i], [i, 64], [i, 127 - i / 2]].map(|index| (index, deltas)));
+        }
+    }
+    rows
+}
+
+fn on_gpu(wgsl: &str) -> Vec<[u32; 2]> {
+    let body = format!(
+        "{wgsl}\nfn probe(row: array<f32, 3>) -> array<f32, 2> {{
+    let kept = geometry_stitch(vec2<u32>(u32(row[0]), u32(row[1])), u32(row[2]));
+    return array<f32, 2>(f32(kept.x), f32(kept.y));
+}}"
+    );
+    let inputs: Vec<f32> = rows().iter().flat_map(|(i, d)| [i[0] as f32, i[1] as f32, *d as f32]).collect();
+    let out = probe::run(gpu(), &body, &inputs, 3, 2).expect("the probe runs");
+    out.chunks_exact(2).map(|c| [c[0] as u32, c[1] as u32]).collect()
+}
+
+fn differences(wgsl: &str) -> usize {
+    on_gpu(wgsl).iter().zip(rows()).filter(|(kept, (index, deltas))| **kept != reference::stitch(*index, *deltas)).count()
+}
+
+#[test]
+fn stitching_equals_its_reference() {
+    assert_eq!(differences(STITCH_WGSL.1), 0);
+    // Negative controls: ties to the upper vertex, and north taken for south.
+    for (from, to) in [("(step - 1u) / 2u", "step / 2u"), ("(deltas >> 12u) & 15u", "(deltas >> 4u) & 15u")] {
+        assert!(STITCH_WGSL.1.contains(from), "the mutant must change something");
+        assert!(differences(&STITCH_WGSL.1.replace(from, to)) > 0, "{to} passes");
+    }
+}
+
+#[test]
+fn welded_vertices_are_the_neighbours_and_the_nearest() {
+    for delta in 0..=5u32 {
+        let step = 1 << delta;
+        for index in 0..=128u32 {
+            let kept = reference::weld(index, delta);
+            assert_eq!(kept % step, 0, "the neighbour has no vertex {kept} at delta {delta}");
+            assert!(kept <= 128 && kept.abs_diff(index) <= step / 2, "{index} moves to {kept} at delta {delta}");
+        }
+        assert_eq!((reference::weld(0, delta), reference::weld(128, delta)), (0, 128), "corners stay, whatever the two sides ask");
+    }
+}
