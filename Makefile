@@ -17,7 +17,7 @@ export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"
     if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
 endif
 
-.PHONY: help setup demo test bench clean
+.PHONY: help setup demo test bench audit clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,6 +39,10 @@ test: setup ## format, lints, documentation, every test
 
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench
+
+audit: ## licences, advisories, spelling; needs cargo-deny and typos
+	$(CARGO) deny check
+	typos
 
 clean: ## removes what was built and what the demo wrote
 	$(CARGO) clean

@@ -88,6 +88,18 @@ pub(crate) struct BenchArgs {
 A picture in .exr is linear, with a layer per AOV; one in .png is for looking at.
 With --path or --frames, frame numbers go between stem and extension: out.exr becomes out-0000.exr, out-0001.exr, ...
 
+Layers of --aov:
+  albedo    linear colour before lighting
+  normal    unit normal, world axes
+  depth     metres along the view direction; 0 = no terrain
+  mask      flavours the rules give the pixel: sum of vt 1, far-atlas 2, near-cliff 4, far-cliff 8, splat 16
+  variant   flavours the pixel's tile ran, summed alike
+  fetches   texture fetches of the pixel
+  choice    first random choice: 1 + splat texel + 4 x projection; 0 = none
+  position  world position, metres
+  ddx       metres to the next pixel to the right, on the triangle's plane
+  ddy       metres to the next pixel below, on the triangle's plane
+
 Examples:
   experiments render --camera cliff --out cliff.png
   experiments render --camera ground --size 960x540 --variant near-cliff --estimator exact --out mean.exr --aov albedo,choice
@@ -131,7 +143,8 @@ pub(crate) struct RenderArgs {
     /// Render the converged 96-fetch truth with this many samples per pixel instead
     #[arg(long, value_name = "SPP", conflicts_with_all = ["variant", "estimator", "noise"], value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub(crate) reference: Option<u32>,
-    /// Layers to write beside the picture: albedo, normal, depth, mask, variant, fetches, choice, position, ddx, ddy (.exr only)
+    /// Layers to write beside the picture: albedo, normal, depth, mask, variant, fetches, choice, position, ddx, ddy (.exr only;
+    /// each is explained below)
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true, value_parser = AOV_NAMES)]
     pub(crate) aov: Vec<String>,
     /// The picture: .exr or .png

@@ -36,9 +36,10 @@ struct Summary {
 struct FrameSummary {
     frame: u32,
     file: PathBuf,
-    /// GPU time of each pass, milliseconds; of a reference, the sum over its samples.
+    /// GPU time of each pass, milliseconds; of a reference, the sum over its samples. With the layers `fetches`, `choice` or `variant`
+    /// shading is that of the counting pipelines, which are slower.
     gpu_ms: serde_json::Map<String, serde_json::Value>,
-    /// Texture samples per terrain pixel; absent unless the layer `fetches` was asked for.
+    /// Mean fetches over terrain pixels only (sky does not count); absent unless the layer `fetches` was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     fetches_per_px: Option<f64>,
     /// 8 x 8 tiles shaded by each variant that has any.
