@@ -36,6 +36,7 @@ test: setup ## format, lints, documentation, every test
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps --workspace
 	$(CARGO) build --release --locked -p experiments
 	$(CARGO) test --release --locked --workspace
+	@if [ -z "$${SCREE_DATA:-}" ]; then echo "Left out, since SCREE_DATA is not set: the tests on real elevation and real materials."; fi
 
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench

@@ -220,3 +220,40 @@ fn layout_comparison_notices_drift() {
         assert_ne!(ours, of(wrong), "{change}: not noticed");
     }
 }
+
+/// The numeric constants of a module, by name.
+fn constants(files: &[(&str, &str)]) -> std::collections::BTreeMap<String, f64> {
+    let text: String = files.iter().flat_map(|(_, text)| [*text, "\n"]).collect();
+    let module = naga::front::wgsl::parse_str(&text).expect("the module parses");
+    let value = |init| match &module.global_expressions[init] {
+        naga::Expression::Literal(naga::Literal::F32(v)) => Some(f64::from(*v)),
+        naga::Expression::Literal(naga::Literal::U32(v)) => Some(f64::from(*v)),
+        naga::Expression::Literal(naga::Literal::I32(v)) => Some(f64::from(*v)),
+        _ => None,
+    };
+    module.constants.iter().filter_map(|(_, c)| Some((c.name.clone()?, value(c.init)?))).collect()
+}
+
+#[test]
+fn constants_of_shaders_are_those_of_the_host() {
+    use kernels::{quadtree, streaming, virtual_texture as vt, world};
+    let shading = constants(&kernels::shading::files());
+    let geometry = constants(&kernels::geometry::files());
+    let expected = [
+        (&shading, "VIRTUAL_PAGE_TEXELS", f64::from(vt::PAGE_TEXELS)),
+        (&shading, "VIRTUAL_BORDER_TEXELS", f64::from(vt::BORDER_TEXELS)),
+        (&shading, "VIRTUAL_STORED_TEXELS", f64::from(vt::STORED_TEXELS)),
+        (&shading, "VIRTUAL_WINDOW", f64::from(vt::WINDOW)),
+        (&shading, "TERRAIN_SECTORS", f64::from(world::SECTORS)),
+        (&shading, "TERRAIN_LODS", f64::from(world::LODS)),
+        (&geometry, "GEOMETRY_NODE_QUADS", f64::from(world::NODE_QUADS)),
+    ];
+    for (module, name, host) in expected {
+        assert_eq!(module.get(name), Some(&host), "{name}");
+    }
+    // A slot must fit its bits of the sector data, and a layer those of the page table.
+    const { assert!(streaming::CAPACITY < 1 << quadtree::SLOT_BITS && vt::CAPACITY < 2047) };
+    // Negative control: another value is seen.
+    let other = constants(&[("mutant", "const VIRTUAL_WINDOW: i32 = 32;")]);
+    assert_ne!(other.get("VIRTUAL_WINDOW"), Some(&f64::from(vt::WINDOW)));
+}

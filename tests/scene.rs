@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use kernels::scene::{self, DEFAULT_TEXT, NODE_SLOTS, Requirements, Scene};
+use kernels::scene::{self, DEFAULT_TEXT, Requirements, Scene};
+use kernels::streaming;
 use kernels::variant::{Flavour, Variant};
 
 /// The least that a scene file can say, line by line, so that errors' lines can be checked.
@@ -330,7 +331,7 @@ fn required_textures_have_the_sizes_of_the_formats() {
     assert!(requirements.holes && requirements.colour_modulation);
     // A node's payload is 72 419 bytes in all, of which 64 are patch cones, which only culling reads; slot 0 stands for "not loaded".
     let nodes: u64 = requirements.textures.iter().filter(|t| t.name.starts_with("node ") && t.required).map(|t| t.bytes).sum();
-    assert_eq!(nodes, (72_419 - 64) * u64::from(NODE_SLOTS + 1));
+    assert_eq!(nodes, (72_419 - 64) * u64::from(streaming::CAPACITY + 1));
 
     let of = |r: &Requirements, name: &str| r.textures.iter().find(|t| t.name == name).cloned().expect("it is in the list");
     // BC1 of 1024² down to 1²: blocks of 256², 128², ..., 2², and 1 for each of 4², 2², 1² texels.

@@ -213,9 +213,6 @@ struct Drawn {
     patches: usize,
 }
 
-/// Pages kept at once: some 180 MB.
-const PAGE_CAPACITY: u32 = scene::PAGE_SLOTS;
-
 impl<'a> Renderer<'a> {
     /// Makes a scene ready: world, palette, atlases, shaders.
     ///
@@ -232,7 +229,7 @@ impl<'a> Renderer<'a> {
         let terrain = Terrain::new(gpu, &streaming, &palette, scene.blend.anisotropy);
         progress(Progress { stage: "shaders".to_owned(), done: 0, total: 0 });
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
-        let capacity = if requirements.has(Flavour::VirtualTexture) { PAGE_CAPACITY } else { 0 };
+        let capacity = if requirements.has(Flavour::VirtualTexture) { virtual_texture::CAPACITY } else { 0 };
         let modulated = requirements.colour_modulation;
         let renderer = Renderer {
             geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes)?,

@@ -12,7 +12,7 @@ mod requirements;
 mod validate;
 
 pub use parse::{DEFAULT, DEFAULT_TEXT, load, nearest, parse};
-pub use requirements::{FlavourUse, NODE_SLOTS, PAGE_SLOTS, PassUse, Requirements, TargetUse, TextureUse};
+pub use requirements::{FlavourUse, PassUse, Requirements, TargetUse, TextureUse};
 pub use validate::{validate, validate_against_world};
 
 /// Everything a scene file says.

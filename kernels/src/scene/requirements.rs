@@ -9,19 +9,9 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use super::{Scene, World};
+use crate::streaming;
 use crate::variant::{Flavour, Variant};
-
-/// Node payloads resident at once: slots of the node atlases, whose layers are one more.
-pub const NODE_SLOTS: u32 = 512;
-
-/// Virtual-texture pages resident at once: layers of the page textures.
-pub const PAGE_SLOTS: u32 = 256;
-
-/// Edge of a stored virtual-texture page, texels: 256 and a border of 4 on each side.
-const PAGE_TEXELS: u32 = 264;
-
-/// Edge of a level of the page table, and their number.
-const PAGE_TABLE: [u32; 2] = [64, 14];
+use crate::virtual_texture;
 
 /// A flavour and whether the scene requires it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -205,7 +195,7 @@ fn chain_bytes(format: &str, size: [u32; 2], mips: u32) -> u64 {
         .sum()
 }
 
-fn textures(scene: &Scene, virtual_texture: bool, colour_modulation: bool) -> Vec<TextureUse> {
+fn textures(scene: &Scene, has_pages: bool, colour_modulation: bool) -> Vec<TextureUse> {
     let texture = |name, format, edge: u32, mips, layers: u32, required, reason| TextureUse {
         name,
         format,
@@ -217,7 +207,7 @@ fn textures(scene: &Scene, virtual_texture: bool, colour_modulation: bool) -> Ve
         reason,
     };
     // Slots count from 1, since 0 means that nothing is loaded.
-    let node = |name, format, edge, required, reason| texture(name, format, edge, 1, NODE_SLOTS + 1, required, reason);
+    let node = |name, format, edge, required, reason| texture(name, format, edge, 1, streaming::CAPACITY + 1, required, reason);
     let sources: BTreeSet<_> = scene.materials.iter().map(|m| (&m.procedural, &m.folder)).collect();
     let layers = u32::try_from(sources.len()).expect("a valid scene has at most 256 materials");
     let chain = |edge: u32| edge.max(1).ilog2() + 1;
@@ -227,8 +217,8 @@ fn textures(scene: &Scene, virtual_texture: bool, colour_modulation: bool) -> Ve
     let baked = "far atlas, and whatever is not resident yet";
     // Also where no flavour samples them: every error is measured against the full blend.
     let textured = "cliffs, splat, pages, and the reference that errors are measured against";
-    let paged = if virtual_texture { "virtual texture" } else { "no virtual texture" };
-    let page = |name, format| texture(name, format, PAGE_TEXELS, 2, PAGE_SLOTS, virtual_texture, paged);
+    let paged = if has_pages { "virtual texture" } else { "no virtual texture" };
+    let page = |name, format| texture(name, format, virtual_texture::STORED_TEXELS, 2, virtual_texture::CAPACITY, has_pages, paged);
     let modulated = if colour_modulation { "colour modulation" } else { "world.colour_modulation = 0" };
     vec![
         node("node height", "r16unorm", 129, true, drawn),
@@ -242,7 +232,7 @@ fn textures(scene: &Scene, virtual_texture: bool, colour_modulation: bool) -> Ve
         page("page albedo", "rgba8unorm-srgb"),
         page("page normal", "rg8unorm"),
         page("page smoothness, occlusion", "rg8unorm"),
-        texture("page table", "r32uint", PAGE_TABLE[0], 1, PAGE_TABLE[1], virtual_texture, paged),
+        texture("page table", "r32uint", virtual_texture::WINDOW, 1, virtual_texture::LEVELS, has_pages, paged),
     ]
 }
 

@@ -34,7 +34,10 @@ pub const STORED_TEXELS: u32 = PAGE_TEXELS + 2 * BORDER_TEXELS;
 pub const LEVELS: u32 = 14;
 /// Texel density of level 0, texels per metre.
 pub const TEXELS_PER_M: f64 = 256.0;
-const WINDOW: u32 = 64;
+/// Pages along the edge of a level's page table.
+pub const WINDOW: u32 = 64;
+/// Physical pages kept at once: some 180 MB.
+pub const CAPACITY: u32 = 256;
 const TAG_BITS: u32 = 10;
 
 /// The addresses' WGSL.
