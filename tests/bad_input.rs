@@ -58,6 +58,8 @@ fn usage_error(arguments: &[&str], says: &[&str]) {
     for part in says {
         assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
     }
+    // Only the call without any arguments is answered with the help text.
+    assert!(arguments.is_empty() || stderr.lines().count() == 1, "{arguments:?}: {stderr:?}");
     assert!(!stderr.contains("internal error"), "{arguments:?}: {stderr}");
 }
 
@@ -114,6 +116,8 @@ fn wrong_calls_are_usage_errors() {
     };
     usage_error(&[], &["Usage"]);
     usage_error(&["rendr"], &["rendr", "render"]);
+    usage_error(&render(&["--seed", "-1"]), &["--seed", "-1"]);
+    usage_error(&render(&["--variant", "-1"]), &["1 to 31"]);
     usage_error(&["render", "--out", "x.png"], &["--camera", "--pose"]);
     usage_error(&["render", "--camera", "cliff"], &["--out"]);
     usage_error(&["render", "--camera", "cliff", "--out", "x.jpg"], &[".exr", ".png"]);

@@ -21,7 +21,7 @@ Examples:
   experiments adapters
   experiments explain default
   experiments render --camera cliff --out cliff.png
-  experiments demo --out demo")]
+  experiments demo --out out/demo")]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -48,7 +48,7 @@ pub(crate) enum Command {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
-  experiments demo --out demo --seeds 32")]
+  experiments demo --out out/demo --seeds 32")]
 pub(crate) struct DemoArgs {
     /// Folder that receives the results; created if missing
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
@@ -129,7 +129,7 @@ pub(crate) struct RenderArgs {
     pub(crate) size: [u32; 2],
     /// Which flavours shade: `auto` = the tiles' own variants; a variant's name or number = that one everywhere; `generic` =
     /// the tiles' own, by the one pipeline that takes the mask at run time
-    #[arg(long, value_name = "auto|NAME|1..31|generic", default_value = "auto", value_parser = variant)]
+    #[arg(long, value_name = "auto|NAME|1..31|generic", default_value = "auto", allow_negative_numbers = true, value_parser = variant)]
     pub(crate) variant: VariantArg,
     /// `fc5` = the stochastic flavours of Far Cry 5; `exact` = their mean
     #[arg(long, value_enum, default_value_t = EstimatorArg::Fc5)]
@@ -138,7 +138,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "KIND", default_value_t = NoiseKind::HashedIsotropic, value_parser = noise)]
     pub(crate) noise: NoiseKind,
     /// Seed of the random numbers
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub(crate) seed: u32,
     /// Render the converged 96-fetch truth with this many samples per pixel instead
     #[arg(long, value_name = "SPP", conflicts_with_all = ["variant", "estimator", "noise"], value_parser = clap::value_parser!(u32).range(1..=65_536))]
@@ -293,13 +293,13 @@ pub(crate) enum On {
 }
 
 impl Cli {
-    /// Parses the command line; a wrong call ends the process here with exit 2.
+    /// Parses the command line; a wrong call ends the process here with one line and exit 2.
     pub(crate) fn read() -> Cli {
-        let cli = Cli::parse();
+        let cli = Cli::try_parse().unwrap_or_else(|error| refuse(&error));
         if let Err((command, what)) = cli.check() {
             let mut top = Cli::command();
             let found = top.find_subcommand_mut(command).map(|c| c.clone().bin_name(format!("experiments {command}")));
-            found.unwrap_or(top).error(ErrorKind::ArgumentConflict, what).exit();
+            refuse(&found.unwrap_or(top).error(ErrorKind::ArgumentConflict, what));
         }
         cli
     }
@@ -312,6 +312,18 @@ impl Cli {
         }
         Ok(())
     }
+}
+
+/// Ends the process: help and version as they are, an error as one line and exit 2.
+fn refuse(error: &clap::Error) -> ! {
+    if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        error.exit();
+    }
+    let text = error.to_string();
+    // What follows the first of these is about calls in general; `--help` says it better.
+    let end = ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| text.find(mark)).min().unwrap_or(text.len());
+    eprintln!("{} (`--help` explains)", crate::commands::one_line(&text[..end]));
+    std::process::exit(2)
 }
 
 /// A file's extension in small letters.
