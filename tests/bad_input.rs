@@ -297,3 +297,33 @@ fn the_checks_above_can_fail() {
         success(&["explain", "nowhere"]);
     }));
 }
+
+#[test]
+fn no_adapter_is_said_in_one_line_with_the_remedy() {
+    let folder = Folder::new("adapter");
+    let out = folder.path("x.png");
+    let arguments = ["render", "--camera", "cliff", "--size", "8x8", "--out", &out];
+    // A name that no adapter has, and a machine whose drivers are not found (Vulkan is the only interface on Linux).
+    let cases: [(&str, &str, &str); 2] = [
+        ("WGPU_ADAPTER_NAME", "no such adapter", "experiments adapters"),
+        ("VK_DRIVER_FILES", "/nowhere/driver.json", "mesa-vulkan-drivers"),
+    ];
+    for (variable, value, says) in cases {
+        if variable.starts_with("VK") && !cfg!(target_os = "linux") {
+            continue;
+        }
+        let mut command = Command::new(program());
+        command.args(arguments).env(variable, value);
+        if variable == "VK_DRIVER_FILES" {
+            // The older name of the same setting must not bring a driver back.
+            command.env_remove("VK_ICD_FILENAMES");
+        }
+        let output = command.output().expect("the program can be started");
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{variable}: {stderr}");
+        // The Vulkan loader may say something of its own before; the error is one line and the last.
+        let error = stderr.lines().last().unwrap_or_default();
+        assert!(error.starts_with("error: adapter: ") && error.contains(says), "{variable}: {stderr}");
+        assert!(!Path::new(&out).exists(), "{variable}: a picture was written");
+    }
+}
