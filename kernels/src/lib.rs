@@ -20,6 +20,7 @@ pub mod scene;
 pub mod shading;
 pub mod shared;
 pub mod streaming;
+pub mod temporal;
 pub mod terrain;
 pub mod variant;
 pub mod virtual_texture;
