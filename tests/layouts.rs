@@ -3,11 +3,15 @@
 use std::mem::offset_of;
 
 use kernels::classification;
+use kernels::composition::CompositionStream;
 use kernels::culling::Patch;
 use kernels::frame::FrameUniforms;
 use kernels::inspect::Inspected;
 use kernels::materials::PaletteEntry;
+use kernels::metrics::{self, MeasureFrame, MeasureTile, MotionFrame, SeedFrame};
 use kernels::shared::flavour_weights::FlavourParams;
+use kernels::shared::motion::MotionPast;
+use kernels::temporal::TemporalFrame;
 use kernels::virtual_texture::PageJob;
 use naga::{ScalarKind, TypeInner};
 
@@ -28,6 +32,10 @@ impl<T: Field, const N: usize> Field for [T; N] {
 }
 
 impl Field for FlavourParams {
+    const KIND: Option<ScalarKind> = None;
+}
+
+impl Field for MotionPast {
     const KIND: Option<ScalarKind> = None;
 }
 
@@ -121,7 +129,7 @@ fn pairs() -> Vec<(&'static str, Layout)> {
                 sun_irradiance,
                 pad_2,
                 sky_zenith,
-                pad_3,
+                sample_pattern,
                 sky_horizon,
                 pad_4,
             }),
@@ -158,6 +166,30 @@ fn pairs() -> Vec<(&'static str, Layout)> {
         ),
         ("Inspected", host!(Inspected { position, slot, ddx, corner, ddy, pad, splat, bilinear })),
         ("PageJob", host!(PageJob { sector, origin, texel_m, border })),
+        ("CompositionStream", host!(CompositionStream { mask, offset, modulated, squared })),
+        ("MotionPast", host!(MotionPast { offset, x_shift, forward, y_shift, x_row, pad_0, y_row, pad_1 })),
+        ("MotionFrame", host!(MotionFrame { past, lags, slot, tolerance, pad_0, past_slots })),
+        ("MeasureFrame", host!(MeasureFrame { size, tiles, slot, lags, subset, pad_0, past_slots })),
+        ("MeasureTile", host!(MeasureTile { links, differences, terrain, fetches, rejections, pad_0 })),
+        ("SeedFrame", host!(SeedFrame { size, tiles, blocks, block, count, offset, zero, pad_1, pad_2 })),
+        (
+            "TemporalFrame",
+            host!(TemporalFrame {
+                size,
+                slot,
+                past_slot,
+                has_past,
+                flipquad,
+                exponential,
+                share,
+                neighbour,
+                past_neighbour,
+                history_in,
+                history_out,
+                pad_0,
+                pad_1,
+            }),
+        ),
     ]
 }
 
@@ -239,7 +271,12 @@ fn constants_of_shaders_are_those_of_the_host() {
     use kernels::{quadtree, streaming, virtual_texture as vt, world};
     let shading = constants(&kernels::shading::files());
     let geometry = constants(&kernels::geometry::files());
+    let measure = constants(&metrics::files());
+    let motion = constants(&metrics::motion_files());
     let expected = [
+        (&measure, "MEASURE_BINS", metrics::BINS as f64),
+        (&measure, "MEASURE_NO_LINK", f64::from(metrics::NO_LINK)),
+        (&motion, "MOTION_NO_LINK", f64::from(metrics::NO_LINK)),
         (&shading, "VIRTUAL_PAGE_TEXELS", f64::from(vt::PAGE_TEXELS)),
         (&shading, "VIRTUAL_BORDER_TEXELS", f64::from(vt::BORDER_TEXELS)),
         (&shading, "VIRTUAL_STORED_TEXELS", f64::from(vt::STORED_TEXELS)),

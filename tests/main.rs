@@ -15,6 +15,8 @@ mod layouts;
 #[cfg(test)]
 mod materials;
 #[cfg(test)]
+mod metrics;
+#[cfg(test)]
 mod scene;
 #[cfg(test)]
 mod shaders;

@@ -5,7 +5,7 @@
 use kernels::shading::{Estimator, Kernel, PipelineKey};
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::Variant;
-use kernels::{classification, geometry, inspect, lighting, shading, virtual_texture};
+use kernels::{classification, composition, geometry, inspect, lighting, metrics, shading, temporal, virtual_texture};
 use naga::ShaderStage;
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
@@ -28,6 +28,8 @@ fn source(name: &'static str, files: &Files, needs: Capabilities) -> Source {
 /// Every module that a device is given.
 pub(crate) fn sources() -> Vec<Source> {
     let base = Capabilities::empty();
+    // Packing to f16 in a word, which every adapter has: WGSL's pack2x16float.
+    let half = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
     vec![
         source("geometry", &geometry::files(), base),
         source("pages", &virtual_texture::page_files(), base),
@@ -37,6 +39,11 @@ pub(crate) fn sources() -> Vec<Source> {
         source("shading", &shading::files(), base),
         source("lighting", &lighting::files(), base),
         source("inspect", &inspect::files(), base),
+        source("composition", &composition::files(), half),
+        source("motion", &metrics::motion_files(), base),
+        source("temporal", &temporal::files(), half),
+        source("measure", &metrics::files(), half),
+        source("seeds", &metrics::seeds_files(), half),
     ]
 }
 

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use crate::camera::{NEAR_M, Pose, View};
 use crate::classification::{self, Classification, Lists};
+use crate::composition::{Composition, CompositionStream, Layers};
 use crate::culling::{self, Patch};
 use crate::error::{Error, Result};
 use crate::geometry::{self, Geometry};
@@ -15,6 +16,7 @@ use crate::gpu::{Gpu, PassTime, Timer};
 use crate::inspect::Inspect;
 use crate::lighting::{self, Lighting};
 use crate::materials::Palette;
+use crate::metrics::{FrameSums, Meter};
 use crate::picture::{AovSet, Picture};
 use crate::quadtree;
 use crate::scene::{self, Requirements, Scene};
@@ -22,6 +24,7 @@ use crate::shading::{self, Estimator, Kernel, PipelineKey, Shading};
 use crate::shared::flavour_weights::FlavourParams;
 use crate::shared::noise::NoiseKind;
 use crate::streaming::Streaming;
+use crate::temporal::{Resolve, SamplePattern};
 use crate::terrain::{Terrain, palette_means};
 use crate::variant::{Flavour, Variant};
 use crate::virtual_texture::{self, PageCounts, VirtualTexture};
@@ -63,7 +66,7 @@ pub struct FrameUniforms {
     pub sun_irradiance: [f32; 3],
     pub pad_2: f32,
     pub sky_zenith: [f32; 3],
-    pub pad_3: f32,
+    pub sample_pattern: u32,
     pub sky_horizon: [f32; 3],
     pub pad_4: f32,
 }
@@ -92,6 +95,16 @@ pub enum VariantChoice {
     GenericForced(Variant),
 }
 
+impl VariantChoice {
+    /// Whether some pixel may be shaded by this flavour.
+    pub fn may_use(self, flavour: Flavour) -> bool {
+        match self {
+            VariantChoice::Auto | VariantChoice::GenericAuto => true,
+            VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant) => variant.has(flavour),
+        }
+    }
+}
+
 /// One picture to make.
 #[derive(Clone, Debug)]
 pub struct RenderRequest {
@@ -113,10 +126,14 @@ pub struct RenderRequest {
     pub two_tilings: bool,
     /// Shift of the sample points in pixels, for supersampling.
     pub jitter: [f64; 2],
+    /// Where in its pixel the terrain is shaded, for temporal supersampling.
+    pub sample_pattern: SamplePattern,
     /// Layers wanted besides the picture.
     pub aovs: AovSet,
     /// Whether fetches are counted (a slower shader; never timed).
     pub count_fetches: bool,
+    /// Whether the picture is lit; without, only the G-buffer is made.
+    pub lit: bool,
     /// Shades the geometry of the last frame again instead of drawing it: for many seeds or variants of one view. The pose, size and
     /// jitter must be those of the last frame, else it is drawn all the same.
     pub keep_geometry: bool,
@@ -135,8 +152,10 @@ impl RenderRequest {
             frame: 0,
             two_tilings: false,
             jitter: [0.0; 2],
+            sample_pattern: SamplePattern::Centre,
             aovs: AovSet::default(),
             count_fetches: false,
+            lit: true,
             keep_geometry: false,
         }
     }
@@ -197,6 +216,7 @@ pub struct Renderer<'a> {
     shading: Shading,
     lighting: Lighting,
     inspect: Inspect,
+    composition: Composition,
     frame_layout: wgpu::BindGroupLayout,
     targets: Option<Targets>,
     last: Option<Drawn>,
@@ -238,6 +258,7 @@ impl<'a> Renderer<'a> {
             shading: Shading::new(gpu, &frame_layout, &terrain, modulated)?,
             lighting: Lighting::new(gpu, &frame_layout)?,
             inspect: Inspect::new(gpu, &frame_layout, &terrain)?,
+            composition: Composition::new(gpu, &frame_layout, modulated)?,
             means: palette_means(&palette),
             scene: scene.clone(),
             requirements,
@@ -334,9 +355,7 @@ impl<'a> Renderer<'a> {
         let gpu = self.gpu;
         let view = self.view(request);
 
-        let uniforms = self.uniforms(request, &view);
-        let buffer = gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
-        let frame = gpu.group("frame", &self.frame_layout, &[buffer.as_entire_binding()]);
+        let frame = self.frame_group(request);
         let terrain_group = self.terrain.group.clone();
         let groups = [&frame, &terrain_group];
         let mut timer = Timer::new(gpu);
@@ -356,14 +375,15 @@ impl<'a> Renderer<'a> {
         };
         // classification: tiles per variant; requests: visible virtual-texture pages
         self.classification.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.lists);
-        if self.virtual_texture.is_required() {
+        let has_pages = self.virtual_texture.is_required() && request.variant.may_use(Flavour::VirtualTexture);
+        if has_pages {
             self.virtual_texture.encode_requests(gpu, &mut encoder, &mut timer, groups, &targets.geometry);
         }
         gpu.submit_and_wait(encoder)?;
         let tiles = targets.lists.read_counts(gpu)?;
 
         // virtual texture: pages that are missing
-        let pages = if self.virtual_texture.is_required() {
+        let pages = if has_pages {
             self.virtual_texture.fill(gpu, groups, self.world.layout(), &drawn.visited, view.sector)?
         } else {
             PageCounts::default()
@@ -384,13 +404,99 @@ impl<'a> Renderer<'a> {
             &keys,
             request.wants_diagnostics(),
         );
-        self.lighting.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.shading, &targets.image);
+        if request.lit {
+            self.lighting.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.shading, &targets.image);
+        }
         timer.resolve(&mut encoder);
         gpu.submit_and_wait(encoder)?;
 
         let report = FrameReport { passes: timer.read(gpu)?, nodes: drawn.nodes, patches: drawn.patches, pages, tiles: tiles.to_vec() };
         self.last = Some(drawn);
         Ok(report)
+    }
+
+    /// The uniforms of a request, bound.
+    fn frame_group(&self, request: &RenderRequest) -> wgpu::BindGroup {
+        let uniforms = self.uniforms(request, &self.view(request));
+        let buffer = self.gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
+        self.gpu.group("frame", &self.frame_layout, &[buffer.as_entire_binding()])
+    }
+
+    /// Shades one view by each flavour of `flavours` alone, on every pixel, and keeps the results in their layers: what pictures of any variant are
+    /// composed from. Fetches and choices are counted. The geometry of the last frame serves again if the view is the same.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn draw_flavours(&mut self, request: &RenderRequest, flavours: Variant, layers: &Layers) -> Result<()> {
+        for flavour in flavours.flavours() {
+            let variant = VariantChoice::Forced(Variant::only(flavour));
+            self.draw(&RenderRequest { variant, count_fetches: true, lit: false, keep_geometry: true, ..request.clone() })?;
+            let targets = self.targets.as_ref().expect("just drawn into");
+            let mut encoder = self.gpu.encoder("flavour layer");
+            layers.capture(&mut encoder, flavour, &targets.shading);
+            self.gpu.queue.submit([encoder.finish()]);
+        }
+        Ok(())
+    }
+
+    /// Follows streams of this renderer's pictures over frames.
+    ///
+    /// # Errors
+    /// When a shader does not compile or the device has not the memory.
+    pub fn meter(&self, size: [u32; 2], resolves: &[Resolve]) -> Result<Meter> {
+        Meter::new(self.gpu, &self.frame_layout, size, resolves)
+    }
+
+    /// Composes pictures of the last frame drawn, which `request` made, from its flavours' layers: each stream into its buffer.
+    ///
+    /// # Errors
+    /// When nothing was drawn yet or the device fails.
+    pub fn compose<'b>(
+        &self,
+        request: &RenderRequest,
+        layers: &Layers,
+        streams: impl Iterator<Item = (CompositionStream, &'b wgpu::Buffer)>,
+    ) -> Result<()> {
+        let targets = self.targets.as_ref().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
+        let frame = self.frame_group(request);
+        let mut encoder = self.gpu.encoder("composition");
+        self.composition.encode(self.gpu, &mut encoder, &frame, &targets.geometry, layers, streams);
+        self.gpu.submit_and_wait(encoder)
+    }
+
+    /// Composes the streams of `meter` (`variants`: one each, `None` = each pixel what it needs) from the last frame drawn, which `request` made, and
+    /// measures them against the frames before.
+    ///
+    /// # Errors
+    /// When nothing was drawn yet or the device fails.
+    pub fn measure(
+        &self,
+        request: &RenderRequest,
+        layers: &Layers,
+        meter: &mut Meter,
+        variants: &[Option<Variant>],
+    ) -> Result<(Vec<FrameSums>, Vec<PassTime>)> {
+        let gpu = self.gpu;
+        let targets = self.targets.as_ref().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
+        let frame = self.frame_group(request);
+        let view = self.view(request);
+        let mut timer = Timer::new(gpu);
+        let mut encoder = gpu.encoder("metrics");
+        let slots = meter.slots();
+        meter.motion.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &view, &slots);
+        let streams = variants.iter().zip(&meter.streams).map(|(&v, s)| (self.composition.stream(v, slots.now), &s.signal));
+        self.composition.encode(gpu, &mut encoder, &frame, &targets.geometry, layers, streams);
+        meter.encode(gpu, &mut encoder, &mut timer);
+        timer.resolve(&mut encoder);
+        gpu.submit_and_wait(encoder)?;
+        let sums = meter.read(gpu)?;
+        meter.motion.advance(view);
+        Ok((sums, timer.read(gpu)?))
+    }
+
+    /// The pass that composes pictures, for its streams.
+    pub fn composition(&self) -> &Composition {
+        &self.composition
     }
 
     /// The nodes a view visits (made resident), how many of them it draws, and the patches of those that it may see.
@@ -419,9 +525,7 @@ impl<'a> Renderer<'a> {
     /// When there is no frame yet or the device fails.
     pub fn inspect(&self, request: &RenderRequest) -> Result<Vec<crate::inspect::Inspected>> {
         let targets = self.targets.as_ref().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
-        let uniforms = self.uniforms(request, &self.view(request));
-        let buffer = self.gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
-        let frame = self.gpu.group("frame", &self.frame_layout, &[buffer.as_entire_binding()]);
+        let frame = self.frame_group(request);
         self.inspect.run(self.gpu, [&frame, &self.terrain.group], &targets.geometry)
     }
 
@@ -492,7 +596,7 @@ impl<'a> Renderer<'a> {
             sun_irradiance: sun.irradiance.map(|v| v as f32),
             pad_2: 0.0,
             sky_zenith: sky.zenith.map(|v| v as f32),
-            pad_3: 0.0,
+            sample_pattern: request.sample_pattern.code(),
             sky_horizon: sky.horizon.map(|v| v as f32),
             pad_4: 0.0,
         }

@@ -30,7 +30,7 @@ struct Frame {
     sun_irradiance: vec3<f32>,  // on a surface facing it
     pad_2: f32,
     sky_zenith: vec3<f32>,      // radiance
-    pad_3: f32,
+    sample_pattern: u32,        // where in its pixel a frame is sampled: 0 = centre, 1 = left edge, 2 = top edge, see footprint.wgsl
     sky_horizon: vec3<f32>,     // radiance
     pad_4: f32,
 }

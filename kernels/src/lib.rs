@@ -5,6 +5,7 @@
 
 pub mod camera;
 pub mod classification;
+pub mod composition;
 pub mod culling;
 pub mod error;
 pub mod frame;
@@ -13,6 +14,7 @@ pub mod gpu;
 pub mod inspect;
 pub mod lighting;
 pub mod materials;
+pub mod metrics;
 pub mod picture;
 pub mod probe;
 pub mod quadtree;

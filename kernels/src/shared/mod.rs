@@ -9,10 +9,13 @@ pub mod brdf;
 pub mod derivatives;
 pub mod flavour_weights;
 pub mod hash;
+pub mod moments;
+pub mod motion;
 pub mod noise;
 pub mod octahedral;
 pub mod real;
 pub mod select;
+pub mod signal;
 pub mod splat_blend;
 pub mod tiling;
 pub mod triplanar;
@@ -22,6 +25,8 @@ pub const WGSL: &[(&str, &str)] = &[
     ("hash", include_str!("hash.wgsl")),
     ("noise", include_str!("noise.wgsl")),
     ("octahedral", include_str!("octahedral.wgsl")),
+    ("moments", include_str!("moments.wgsl")),
+    ("motion", include_str!("motion.wgsl")),
     ("derivatives", include_str!("derivatives.wgsl")),
     ("splat_blend", include_str!("splat_blend.wgsl")),
     ("triplanar", include_str!("triplanar.wgsl")),
@@ -30,6 +35,9 @@ pub const WGSL: &[(&str, &str)] = &[
     ("flavour_weights", include_str!("flavour_weights.wgsl")),
     ("brdf", include_str!("brdf.wgsl")),
 ];
+
+/// The packing of measured pixels. Not part of [`WGSL`]: it converts to f16, which a validator counts as a capability of its own.
+pub const SIGNAL_WGSL: (&str, &str) = ("signal", include_str!("signal.wgsl"));
 
 use real::Real;
 

@@ -1,10 +1,32 @@
 //! Temporal resolve: what a game does to noise before anybody sees it. Off by default, since it hides what is measured.
+//!
+//! *Exponential*: a history, fetched bilinearly where the surface point was one frame before, clamped to the 3 x 3 colour box of the current frame, and
+//! blended with a tenth of the current one (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
+//! *FlipQuad*: two of four samples a pixel each frame, on its edges, so that neighbours share them; the other two from the frame before (Akenine-Moller,
+//! *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015). A pixel shades one sample a frame. Its
+//! derivatives are those of whole pixel steps, taken on the triangle's plane and not between samples: they match in both frames, which in Far Cry 4 took a
+//! reordering of the samples.
+//!
+//! Reads the ring of shaded pictures, links and positions. Writes the ring of resolved pictures and a history. Dispatch: a workgroup an 8 x 8 tile.
 
 use std::fmt;
 use std::str::FromStr;
 
-use crate::error::Error;
+use bytemuck::{Pod, Zeroable, bytes_of};
+
+use crate::error::{Error, Result};
+use crate::gpu::bindings::Binding;
+use crate::gpu::{Gpu, Shader};
+use crate::metrics::{Motion, Slots};
 use crate::scene::nearest;
+use crate::shared;
+
+pub mod reference;
+
+/// Share of the current frame in the exponential history.
+pub const SHARE: f32 = 0.1;
+/// How far from the middle of an edge FlipQuad's sample lies, pixels: a sixth, so that the four have four rows and four columns, a third apart.
+pub const FLIPQUAD_SHIFT: f64 = 1.0 / 6.0;
 
 /// How frames are resolved over time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -23,6 +45,25 @@ pub enum Resolve {
 impl Resolve {
     /// All of them.
     pub const ALL: [Resolve; 4] = [Resolve::Off, Resolve::Exponential, Resolve::FlipQuad, Resolve::FlipQuadExponential];
+
+    /// Whether FlipQuad's samples are averaged.
+    pub const fn has_flipquad(self) -> bool {
+        matches!(self, Resolve::FlipQuad | Resolve::FlipQuadExponential)
+    }
+
+    /// Whether there is an exponential history.
+    pub const fn has_history(self) -> bool {
+        matches!(self, Resolve::Exponential | Resolve::FlipQuadExponential)
+    }
+
+    /// Where the samples of a frame lie: `sample_pattern` of the frame's uniforms.
+    pub const fn sample_pattern(self, frame: u32) -> SamplePattern {
+        match (self.has_flipquad(), frame.is_multiple_of(2)) {
+            (false, _) => SamplePattern::Centre,
+            (true, true) => SamplePattern::LeftEdges,
+            (true, false) => SamplePattern::TopEdges,
+        }
+    }
 
     /// Name in files and on the command line.
     pub const fn name(self) -> &'static str {
@@ -44,11 +85,154 @@ impl fmt::Display for Resolve {
 impl FromStr for Resolve {
     type Err = Error;
 
-    fn from_str(text: &str) -> Result<Resolve, Error> {
+    fn from_str(text: &str) -> Result<Resolve> {
         Resolve::ALL.into_iter().find(|r| r.name() == text).ok_or_else(|| {
             let names = Resolve::ALL.map(Resolve::name);
             let hint = nearest(text, &names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             Error::Request(format!("`{text}` is no temporal resolve: give one of {}{hint}", names.join(", ")))
         })
+    }
+}
+
+/// Where in its pixel a frame is sampled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum SamplePattern {
+    /// At the centre.
+    #[default]
+    Centre,
+    /// FlipQuad's first frame: on the left edge, above or below its middle by turns from column to column.
+    LeftEdges,
+    /// Its second: on the top edge, left or right of its middle by turns from row to row.
+    TopEdges,
+}
+
+impl SamplePattern {
+    /// The pattern's number in shaders.
+    pub const fn code(self) -> u32 {
+        self as u32
+    }
+
+    /// The sample's place relative to the centre of pixel (x, y), pixels: `surface_sample_offset`.
+    pub fn offset(self, pixel: [u32; 2]) -> [f64; 2] {
+        let turn = |i: u32| if i.is_multiple_of(2) { FLIPQUAD_SHIFT } else { -FLIPQUAD_SHIFT };
+        match self {
+            SamplePattern::Centre => [0.0; 2],
+            SamplePattern::LeftEdges => [-0.5, turn(pixel[0])],
+            SamplePattern::TopEdges => [-turn(pixel[1]), -0.5],
+        }
+    }
+
+    /// Steps to the pixel whose sample lies on the opposite edge of this one.
+    const fn neighbour(self) -> [u32; 2] {
+        match self {
+            SamplePattern::Centre => [0, 0],
+            SamplePattern::LeftEdges => [1, 0],
+            SamplePattern::TopEdges => [0, 1],
+        }
+    }
+}
+
+/// The layout of `TemporalFrame` in `temporal.wgsl`.
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TemporalFrame {
+    pub size: [u32; 2],
+    pub slot: u32,
+    pub past_slot: u32,
+    pub has_past: u32,
+    pub flipquad: u32,
+    pub exponential: u32,
+    pub share: f32,
+    pub neighbour: [u32; 2],
+    pub past_neighbour: [u32; 2],
+    pub history_in: u32,
+    pub history_out: u32,
+    pub pad_0: u32,
+    pub pad_1: u32,
+}
+
+impl TemporalFrame {
+    /// Of the `index`-th frame of a sequence.
+    pub fn new(resolve: Resolve, size: [u32; 2], index: u32, slots: &Slots) -> TemporalFrame {
+        let pixels = size[0] * size[1];
+        TemporalFrame {
+            size,
+            slot: slots.now,
+            past_slot: slots.past[0],
+            has_past: u32::from(index > 0),
+            flipquad: u32::from(resolve.has_flipquad()),
+            exponential: u32::from(resolve.has_history()),
+            share: SHARE,
+            neighbour: resolve.sample_pattern(index).neighbour(),
+            past_neighbour: resolve.sample_pattern(index + 1).neighbour(),
+            history_in: (index + 1) % 2 * pixels,
+            history_out: index % 2 * pixels,
+            pad_0: 0,
+            pad_1: 0,
+        }
+    }
+}
+
+/// The files of the stage's shader module.
+pub fn files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([shared::SIGNAL_WGSL, ("temporal/temporal.wgsl", include_str!("temporal.wgsl"))]);
+    files
+}
+
+/// The pass.
+pub struct Temporal {
+    pipeline: wgpu::ComputePipeline,
+    frame_layout: wgpu::BindGroupLayout,
+    layout: wgpu::BindGroupLayout,
+}
+
+impl Temporal {
+    /// Compiles the pass.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu) -> Result<Temporal> {
+        let stage = wgpu::ShaderStages::COMPUTE;
+        let frame_layout = gpu.layout("resolved frame", stage, &[Binding::Uniform, Binding::Storage, Binding::Storage]);
+        let layout = gpu.layout("resolved stream", stage, &[Binding::Storage, Binding::StorageWritten, Binding::StorageWritten]);
+        let shader = Shader::new(gpu, "temporal", &files())?;
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("temporal"),
+            layout: Some(&gpu.pipeline_layout("temporal", &[&frame_layout, &layout])),
+            module: &shader.module,
+            entry_point: Some("temporal_main"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        Ok(Temporal { pipeline, frame_layout, layout })
+    }
+
+    /// Records the resolve of one stream's frame `index`: from its ring into `resolved` (ring, two histories).
+    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    pub fn encode(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        resolve: Resolve,
+        size: [u32; 2],
+        index: u32,
+        slots: &Slots,
+        motion: &Motion,
+        signal: &wgpu::Buffer,
+        resolved: &[wgpu::Buffer; 2],
+    ) {
+        let uniform = TemporalFrame::new(resolve, size, index, slots);
+        let buffer = gpu.buffer_with("resolved frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniform));
+        let buffers = [&buffer, &motion.links, &motion.positions];
+        let frame = gpu.group("resolved frame", &self.frame_layout, &buffers.map(|b| b.as_entire_binding()));
+        let buffers = [signal, &resolved[0], &resolved[1]];
+        let stream = gpu.group("resolved stream", &self.layout, &buffers.map(|b| b.as_entire_binding()));
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("temporal"), timestamp_writes: None });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &frame, &[]);
+        pass.set_bind_group(1, &stream, &[]);
+        pass.dispatch_workgroups(size[0].div_ceil(8), size[1].div_ceil(8), 1);
     }
 }

@@ -1,0 +1,91 @@
+// Composition: the pictures of single flavours in, the picture of any set of them out. Albedo is linear in the flavours, and a pixel's weights
+// follow from its distance, its normal and the set: so 31 variants cost five flavours and 31 weighted sums.
+
+struct CompositionStream {
+    mask: u32,              // the variant forced on every tile; 0 = each pixel the flavours that it needs
+    offset: u32,            // of the picture in `signal`, pixels
+    modulated: u32,         // 1 = all flavours but the virtual texture count one shared fetch of colour modulation each
+    squared: u32,           // 1 = weights squared: variances of independent flavours add so
+}
+
+@group(1) @binding(0) var depth_target: texture_depth_2d;
+@group(1) @binding(1) var normal_target: texture_2d<f32>;
+@group(1) @binding(2) var albedo_0: texture_2d<f32>;
+@group(1) @binding(3) var albedo_1: texture_2d<f32>;
+@group(1) @binding(4) var albedo_2: texture_2d<f32>;
+@group(1) @binding(5) var albedo_3: texture_2d<f32>;
+@group(1) @binding(6) var albedo_4: texture_2d<f32>;
+@group(1) @binding(7) var diagnostics_0: texture_2d<u32>;
+@group(1) @binding(8) var diagnostics_1: texture_2d<u32>;
+@group(1) @binding(9) var diagnostics_2: texture_2d<u32>;
+@group(1) @binding(10) var diagnostics_3: texture_2d<u32>;
+@group(1) @binding(11) var diagnostics_4: texture_2d<u32>;
+@group(2) @binding(0) var<uniform> stream: CompositionStream;
+@group(2) @binding(1) var<storage, read_write> signal: array<vec2<u32>>;
+
+fn composition_albedo(flavour: u32, pixel: vec2<u32>) -> vec3<f32> {
+    switch flavour {
+        case 0u: { return textureLoad(albedo_0, pixel, 0).rgb; }
+        case 1u: { return textureLoad(albedo_1, pixel, 0).rgb; }
+        case 2u: { return textureLoad(albedo_2, pixel, 0).rgb; }
+        case 3u: { return textureLoad(albedo_3, pixel, 0).rgb; }
+        default: { return textureLoad(albedo_4, pixel, 0).rgb; }
+    }
+}
+
+// Fetches, choice << 16.
+fn composition_diagnostics(flavour: u32, pixel: vec2<u32>) -> u32 {
+    switch flavour {
+        case 0u: { return textureLoad(diagnostics_0, pixel, 0).r; }
+        case 1u: { return textureLoad(diagnostics_1, pixel, 0).r; }
+        case 2u: { return textureLoad(diagnostics_2, pixel, 0).r; }
+        case 3u: { return textureLoad(diagnostics_3, pixel, 0).r; }
+        default: { return textureLoad(diagnostics_4, pixel, 0).r; }
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= frame.size) {
+        return;
+    }
+    let at = stream.offset + pixel.y * frame.size.x + pixel.x;
+    let depth = textureLoad(depth_target, pixel, 0);
+    if depth <= 0.0 {
+        signal[at] = vec2<u32>(0u);
+        return;
+    }
+    // As the shading pass computes them, from the same depth and normal.
+    let normal = octahedral_decode(octahedral_dequantise8(textureLoad(normal_target, pixel, 0).xy));
+    let distance = length(frame_ray(vec2<f32>(pixel))) * frame.near_m / depth;
+    let all = flavour_weights(distance, normal.z, frame.flavours);
+    var mask = stream.mask;
+    if mask == 0u {
+        mask = flavour_mask(all);
+    }
+    var weights = flavour_weights_for(all, mask, select(0u, 1u, stream.mask != 0u));
+
+    var albedo = vec3<f32>(0.0);
+    var fetches = 0u;
+    var choice = 0u;
+    var shared_fetches = 0u;
+    for (var flavour = 0u; flavour < 5u; flavour++) {
+        let w = weights[flavour];
+        if ((mask >> flavour) & 1u) == 0u || w <= 0.0 {
+            continue;
+        }
+        albedo += select(w, w * w, stream.squared != 0u) * composition_albedo(flavour, pixel);
+        let diagnostics = composition_diagnostics(flavour, pixel);
+        fetches += diagnostics & 0xffffu;
+        if flavour > 0u {
+            shared_fetches += stream.modulated;
+        }
+        // The first that chose, in the order in which the shading pass evaluates them.
+        if choice == 0u {
+            choice = (diagnostics >> 16u) & 255u;
+        }
+    }
+    fetches -= max(shared_fetches, 1u) - 1u;
+    signal[at] = signal_pack(albedo, fetches, choice);
+}

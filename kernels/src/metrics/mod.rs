@@ -1,0 +1,349 @@
+//! Metrics: what a sequence of pictures does over frames and over seeds, summed on the device.
+//!
+//! A *stream* is one way to shade (variant, estimator, noise, resolve) followed over time: a ring of five pictures, two words a pixel (`shared::signal`).
+//! Each frame, [`Motion`] links every pixel to those that showed its surface point 1 to 4 frames before; then each stream is measured against its own
+//! past by sums a tile, which are all that is read back. Nothing here grows with the number of frames.
+//!
+//! The formulas are in METHODOLOGY; `reference` holds them in f64.
+
+use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
+
+use crate::classification;
+use crate::error::Result;
+use crate::gpu::bindings::Binding;
+use crate::gpu::{Gpu, Shader, Timer, read_buffer};
+use crate::shared;
+use crate::temporal::{Resolve, Temporal};
+
+mod motion;
+pub mod reference;
+mod seeds;
+
+pub use motion::{Motion, MotionFrame, NO_LINK, TOLERANCE, files as motion_files};
+pub use seeds::{BLOCK, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums, files as seeds_files};
+
+/// Frames before that a frame is compared with.
+pub const LAGS: usize = 4;
+/// Pictures of a ring: a frame and those it is compared with.
+pub const SLOTS: u32 = 5;
+/// Bins of the histogram of differences at lag 1: 16 an octave, from 2^-14 to 2^2.
+pub const BINS: usize = 256;
+const LOWEST_OCTAVE: f64 = -14.0;
+const BINS_PER_OCTAVE: f64 = 16.0;
+
+/// Where in their rings the pictures of a frame and of those before begin, pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Slots {
+    /// This frame's.
+    pub now: u32,
+    /// Those of 1 to 4 frames before.
+    pub past: [u32; LAGS],
+}
+
+impl Slots {
+    /// Of the `index`-th frame of a sequence of pictures of `pixels` pixels.
+    pub fn of(index: u32, pixels: u32) -> Slots {
+        let slot = |back: u32| (index % SLOTS + SLOTS - back) % SLOTS * pixels;
+        Slots { now: slot(0), past: [slot(1), slot(2), slot(3), slot(4)] }
+    }
+}
+
+/// The layout of `MeasureFrame` in `measure.wgsl`.
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MeasureFrame {
+    pub size: [u32; 2],
+    pub tiles: [u32; 2],
+    pub slot: u32,
+    pub lags: u32,
+    pub subset: u32,
+    pub pad_0: u32,
+    pub past_slots: [u32; LAGS],
+}
+
+/// The layout of `MeasureTile` in `measure.wgsl`.
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct MeasureTile {
+    pub links: [u32; LAGS],
+    pub differences: [f32; LAGS],
+    pub terrain: u32,
+    pub fetches: u32,
+    pub rejections: u32,
+    pub pad_0: u32,
+}
+
+/// What one lag came to in one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LagSums {
+    /// Terrain pixels whose point was seen then.
+    pub linked: u64,
+    /// Of those, pixels with a random choice at both ends.
+    pub chosen: u64,
+    /// Of those, pixels whose choice differs.
+    pub flipped: u64,
+    /// Sum over linked pixels of the absolute difference in luminance.
+    pub difference: f64,
+}
+
+/// What one frame of one stream came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameSums {
+    /// Terrain pixels.
+    pub terrain: u64,
+    /// Their fetches.
+    pub fetches: u64,
+    /// Against 1 to 4 frames before.
+    pub lags: [LagSums; LAGS],
+    /// Pixels whose history was tested against the 3 x 3 box: a quarter of those linked at lag 1, another quarter each frame.
+    pub tested: u64,
+    /// Of those, rejected.
+    pub rejected: u64,
+    /// Absolute differences at lag 1 of the pixels tested.
+    pub histogram: [u32; BINS],
+}
+
+impl Default for FrameSums {
+    fn default() -> Self {
+        FrameSums { terrain: 0, fetches: 0, lags: [LagSums::default(); LAGS], tested: 0, rejected: 0, histogram: [0; BINS] }
+    }
+}
+
+impl FrameSums {
+    fn of(tiles: &[MeasureTile], histogram: [u32; BINS]) -> FrameSums {
+        let mut sums = FrameSums { histogram, ..FrameSums::default() };
+        for tile in tiles {
+            sums.terrain += u64::from(tile.terrain);
+            sums.fetches += u64::from(tile.fetches);
+            sums.tested += u64::from(tile.rejections & 255);
+            sums.rejected += u64::from(tile.rejections >> 8);
+            for ((lag, &word), &difference) in sums.lags.iter_mut().zip(&tile.links).zip(&tile.differences) {
+                lag.linked += u64::from(word & 255);
+                lag.chosen += u64::from(word >> 8 & 255);
+                lag.flipped += u64::from(word >> 16);
+                lag.difference += f64::from(difference);
+            }
+        }
+        sums
+    }
+}
+
+/// The value below which a share of a histogram's counts lies, interpolated within its bin on the log scale: good to 1/16 of an octave (4.4 %).
+/// 0 where it falls into the lowest bin, which holds all below 2^-14; absent for an empty histogram.
+pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
+    let total: u64 = histogram.iter().sum();
+    if total == 0 {
+        return None;
+    }
+    let wanted = share * total as f64;
+    let mut below = 0.0;
+    for (bin, &count) in histogram.iter().enumerate() {
+        let count = count as f64;
+        if below + count >= wanted && count > 0.0 {
+            let octave = LOWEST_OCTAVE + (bin as f64 + (wanted - below) / count) / BINS_PER_OCTAVE;
+            return Some(if bin == 0 { 0.0 } else { octave.exp2() });
+        }
+        below += count;
+    }
+    None
+}
+
+/// A way to shade, followed over time.
+pub struct Stream {
+    /// The ring of pictures as they are shaded.
+    pub signal: wgpu::Buffer,
+    /// What is done to them before they are measured.
+    pub resolve: Resolve,
+    /// The ring of resolved pictures and two histories; absent without a resolve.
+    resolved: Option<[wgpu::Buffer; 2]>,
+    tiles: wgpu::Buffer,
+    histogram: wgpu::Buffer,
+}
+
+impl Stream {
+    /// The ring that is measured.
+    pub fn measured(&self) -> &wgpu::Buffer {
+        self.resolved.as_ref().map_or(&self.signal, |[ring, _]| ring)
+    }
+}
+
+/// Follows streams over frames.
+pub struct Meter {
+    size: [u32; 2],
+    pipeline: wgpu::ComputePipeline,
+    frame_layout: wgpu::BindGroupLayout,
+    stream_layout: wgpu::BindGroupLayout,
+    /// Links between frames.
+    pub motion: Motion,
+    temporal: Option<Temporal>,
+    /// The streams, in the order in which they were given.
+    pub streams: Vec<Stream>,
+    index: u32,
+}
+
+/// The files of the measuring module.
+pub fn files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([shared::SIGNAL_WGSL, ("metrics/measure.wgsl", include_str!("measure.wgsl"))]);
+    files
+}
+
+impl Meter {
+    /// Compiles the passes and allocates a stream for each resolve given.
+    ///
+    /// # Errors
+    /// When a shader does not compile or the device has not the memory.
+    pub fn new(gpu: &Gpu, frame_uniforms: &wgpu::BindGroupLayout, size: [u32; 2], resolves: &[Resolve]) -> Result<Meter> {
+        let stage = wgpu::ShaderStages::COMPUTE;
+        let frame_layout = gpu.layout("measured frame", stage, &[Binding::Uniform, Binding::Storage]);
+        let stream_layout = gpu.layout("measured stream", stage, &[Binding::Storage, Binding::StorageWritten, Binding::StorageWritten]);
+        let shader = Shader::new(gpu, "measure", &files())?;
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("measure"),
+            layout: Some(&gpu.pipeline_layout("measure", &[&frame_layout, &stream_layout])),
+            module: &shader.module,
+            entry_point: Some("measure_main"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let [columns, rows] = classification::tiles(size);
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let ring = |label| gpu.buffer(label, usage, pixels * u64::from(SLOTS) * 8);
+        let streams = resolves
+            .iter()
+            .map(|&resolve| Stream {
+                signal: ring("signal"),
+                resolve,
+                resolved: (resolve != Resolve::Off).then(|| [ring("resolved"), gpu.buffer("history", usage, pixels * 2 * 16)]),
+                tiles: gpu.buffer("measured tiles", usage, u64::from(columns * rows) * size_of::<MeasureTile>() as u64),
+                histogram: gpu.buffer("differences", usage, BINS as u64 * 4),
+            })
+            .collect();
+        let temporal = if resolves.iter().any(|&r| r != Resolve::Off) { Some(Temporal::new(gpu)?) } else { None };
+        let motion = Motion::new(gpu, frame_uniforms, size)?;
+        gpu.check()?;
+        Ok(Meter { size, pipeline, frame_layout, stream_layout, motion, temporal, streams, index: 0 })
+    }
+
+    /// Where this frame's pictures go.
+    pub fn slots(&self) -> Slots {
+        Slots::of(self.index, self.size[0] * self.size[1])
+    }
+
+    /// Frame of the sequence, from 0.
+    pub fn index(&self) -> u32 {
+        self.index
+    }
+
+    /// Records resolves and measuring of this frame; signals and links must have been recorded or written.
+    pub fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, timer: &mut Timer) {
+        let slots = self.slots();
+        let lags = self.index.min(LAGS as u32);
+        if let Some(temporal) = &self.temporal {
+            for stream in &self.streams {
+                if let Some(buffers) = &stream.resolved {
+                    temporal.encode(gpu, encoder, stream.resolve, self.size, self.index, &slots, &self.motion, &stream.signal, buffers);
+                }
+            }
+        }
+        let [columns, rows] = classification::tiles(self.size);
+        let uniform = MeasureFrame {
+            size: self.size,
+            tiles: [columns, rows],
+            slot: slots.now,
+            lags,
+            subset: self.index % 4,
+            pad_0: 0,
+            past_slots: slots.past,
+        };
+        let buffer = gpu.buffer_with("measured frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniform));
+        let frame = gpu.group("measured frame", &self.frame_layout, &[&buffer, &self.motion.links].map(|b| b.as_entire_binding()));
+        for stream in &self.streams {
+            encoder.clear_buffer(&stream.histogram, 0, None);
+        }
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("measure"), timestamp_writes: timer.compute("measure") });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &frame, &[]);
+        for stream in &self.streams {
+            let buffers = [stream.measured(), &stream.tiles, &stream.histogram];
+            pass.set_bind_group(1, &gpu.group("measured stream", &self.stream_layout, &buffers.map(|b| b.as_entire_binding())), &[]);
+            pass.dispatch_workgroups((columns * rows).div_ceil(64), 1, 1);
+        }
+    }
+
+    /// Reads the sums of the frame, a stream each, and goes on to the next; call after the submission is done.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read(&mut self, gpu: &Gpu) -> Result<Vec<FrameSums>> {
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let size = |stream: &Stream| stream.tiles.size() + stream.histogram.size();
+        let all = gpu.buffer("sums", usage, self.streams.iter().map(size).sum::<u64>().max(4));
+        let mut encoder = gpu.encoder("sums");
+        let mut at = 0;
+        for stream in &self.streams {
+            for buffer in [&stream.tiles, &stream.histogram] {
+                encoder.copy_buffer_to_buffer(buffer, 0, &all, at, buffer.size());
+                at += buffer.size();
+            }
+        }
+        gpu.queue.submit([encoder.finish()]);
+        let bytes = read_buffer(gpu, &all, at)?;
+        let mut left = bytes.as_slice();
+        let mut sums = Vec::with_capacity(self.streams.len());
+        for stream in &self.streams {
+            let (tiles, rest) = left.split_at(usize::try_from(stream.tiles.size()).unwrap_or(0));
+            let (bins, rest) = rest.split_at(BINS * 4);
+            left = rest;
+            let tiles: Vec<MeasureTile> = bytemuck::pod_collect_to_vec(tiles);
+            let bins: Vec<u32> = bytemuck::pod_collect_to_vec(bins);
+            sums.push(FrameSums::of(&tiles, std::array::from_fn(|i| bins[i])));
+        }
+        self.index += 1;
+        Ok(sums)
+    }
+
+    /// The picture of a stream that was measured last, as signals.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn picture(&self, gpu: &Gpu, stream: usize) -> Result<Vec<[u32; 2]>> {
+        let pixels = self.size[0] * self.size[1];
+        let slot = Slots::of(self.index + SLOTS - 1, pixels).now;
+        read_signal(gpu, self.streams[stream].measured(), slot, pixels)
+    }
+
+    /// Writes a picture into this frame's slot of a stream: for signals that no renderer makes.
+    pub fn write(&self, gpu: &Gpu, stream: usize, signal: &[[u32; 2]]) {
+        gpu.queue.write_buffer(&self.streams[stream].signal, u64::from(self.slots().now) * 8, cast_slice(signal));
+    }
+
+    /// Writes the links of this frame, a picture a lag, and the positions one frame before: for motion that no renderer makes.
+    pub fn write_links(&self, gpu: &Gpu, links: &[u32], positions: &[[f32; 2]]) {
+        gpu.queue.write_buffer(&self.motion.links, 0, cast_slice(links));
+        gpu.queue.write_buffer(&self.motion.positions, 0, cast_slice(positions));
+    }
+
+    /// Begins a new sequence.
+    pub fn restart(&mut self) {
+        self.index = 0;
+        self.motion.restart();
+    }
+}
+
+/// `pixels` signals of a buffer, from pixel `offset` on.
+///
+/// # Errors
+/// When the device is lost.
+pub fn read_signal(gpu: &Gpu, buffer: &wgpu::Buffer, offset: u32, pixels: u32) -> Result<Vec<[u32; 2]>> {
+    let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    let part = gpu.buffer("signal", usage, u64::from(pixels) * 8);
+    let mut encoder = gpu.encoder("signal");
+    encoder.copy_buffer_to_buffer(buffer, u64::from(offset) * 8, &part, 0, u64::from(pixels) * 8);
+    gpu.queue.submit([encoder.finish()]);
+    Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &part, u64::from(pixels) * 8)?))
+}

@@ -1,0 +1,136 @@
+//! Motion: links from each pixel to the pixels that showed its surface point 1 to 4 frames before.
+//!
+//! Reads depth, triangle normals, and the distances of the frames before. Writes this frame's distances, an index a pixel and lag (or none, where the point
+//! was hidden, outside the picture, or behind the camera), and the exact position one frame before. Dispatch: a workgroup an 8 x 8 tile.
+
+use bytemuck::{Pod, Zeroable, bytes_of};
+
+use super::{LAGS, SLOTS};
+use crate::camera::View;
+use crate::error::Result;
+use crate::frame::FRAME_WGSL;
+use crate::geometry;
+use crate::gpu::bindings::{Binding, FLAT, aspect, view};
+use crate::gpu::{Gpu, Shader, Timer};
+use crate::shared;
+use crate::shared::motion::{MotionPast, Past};
+
+/// No pixel showed the point.
+pub const NO_LINK: u32 = u32::MAX;
+/// Relative difference of depth up to which two points are on one surface. The surface expected is the point's own plane through the pixel nearest to it:
+/// what is left is the normal's 8-bit code (under 1 degree) and the bend of the ground over half a pixel.
+pub const TOLERANCE: f32 = 0.02;
+
+/// The layout of `MotionFrame` in `motion.wgsl`.
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MotionFrame {
+    pub past: [MotionPast; LAGS],
+    pub lags: u32,
+    pub slot: u32,
+    pub tolerance: f32,
+    pub pad_0: u32,
+    pub past_slots: [u32; LAGS],
+}
+
+/// The files of the pass's shader module.
+pub fn files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([FRAME_WGSL, ("metrics/motion.wgsl", include_str!("motion.wgsl"))]);
+    files
+}
+
+/// The pass and what it keeps between frames.
+pub struct Motion {
+    pipeline: wgpu::ComputePipeline,
+    targets_layout: wgpu::BindGroupLayout,
+    layout: wgpu::BindGroupLayout,
+    distances: wgpu::Buffer,
+    /// Index of the linked pixel, a picture a lag; [`NO_LINK`] = none.
+    pub links: wgpu::Buffer,
+    /// Where the point was one frame before, pixels.
+    pub positions: wgpu::Buffer,
+    /// Views of the frames before, the last one first.
+    views: Vec<View>,
+}
+
+impl Motion {
+    /// Compiles the pass and allocates for pictures of `size` pixels.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, size: [u32; 2]) -> Result<Motion> {
+        let stage = wgpu::ShaderStages::COMPUTE;
+        let targets_layout = gpu.layout("motion targets", stage, &[Binding::Depth, Binding::TextureLoaded(FLAT)]);
+        let written = Binding::StorageWritten;
+        let layout = gpu.layout("motion", stage, &[Binding::Uniform, written, written, written]);
+        let shader = Shader::new(gpu, "motion", &files())?;
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("motion"),
+            layout: Some(&gpu.pipeline_layout("motion", &[frame_layout, &targets_layout, &layout])),
+            module: &shader.module,
+            entry_point: Some("motion_main"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        Ok(Motion {
+            pipeline,
+            targets_layout,
+            layout,
+            distances: gpu.buffer("distances", usage, pixels * u64::from(SLOTS) * 4),
+            links: gpu.buffer("links", usage, pixels * LAGS as u64 * 4),
+            positions: gpu.buffer("positions", usage, pixels * 8),
+            views: Vec::new(),
+        })
+    }
+
+    /// Frames before that there are, at most 4.
+    pub fn lags(&self) -> u32 {
+        u32::try_from(self.views.len()).unwrap_or(0)
+    }
+
+    /// Forgets the frames before.
+    pub fn restart(&mut self) {
+        self.views.clear();
+    }
+
+    /// Records the pass for frame `index` of the sequence, seen by `view`, into its slot.
+    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    pub fn encode(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut Timer,
+        frame: &wgpu::BindGroup,
+        geometry: &geometry::Targets,
+        now: &View,
+        slots: &super::Slots,
+    ) {
+        let mut uniform =
+            MotionFrame { lags: self.lags(), slot: slots.now, tolerance: TOLERANCE, past_slots: slots.past, ..MotionFrame::default() };
+        for (to, past) in uniform.past.iter_mut().zip(&self.views) {
+            *to = Past::between(now, past).uniform();
+        }
+        let buffer = gpu.buffer_with("motion", wgpu::BufferUsages::UNIFORM, bytes_of(&uniform));
+        let views = [aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly), view(&geometry.normals)];
+        let targets = gpu.group("motion targets", &self.targets_layout, &views.each_ref().map(wgpu::BindingResource::TextureView));
+        let buffers = [&buffer, &self.distances, &self.links, &self.positions];
+        let group = gpu.group("motion", &self.layout, &buffers.map(wgpu::Buffer::as_entire_binding));
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("motion"), timestamp_writes: timer.compute("motion") });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, frame, &[]);
+        pass.set_bind_group(1, &targets, &[]);
+        pass.set_bind_group(2, &group, &[]);
+        pass.dispatch_workgroups(now.size[0].div_ceil(8), now.size[1].div_ceil(8), 1);
+    }
+
+    /// Keeps the view of a frame that is done.
+    pub fn advance(&mut self, done: View) {
+        self.views.insert(0, done);
+        self.views.truncate(LAGS);
+    }
+}

@@ -1,0 +1,83 @@
+//! The sums of one frame in f64: what `measure.wgsl` and `seeds.wgsl` are held to.
+
+use super::{FrameSums, LAGS, NO_LINK, SeedSums};
+use crate::shared::signal;
+
+/// Sums of a frame over pictures of `size` pixels: `now` against `past[lag]` by the links of that lag, with box tests on the quarter `subset`.
+/// The histogram is left empty.
+pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], subset: u32) -> FrameSums {
+    let mut sums = FrameSums::default();
+    let [width, height] = size.map(|n| n as usize);
+    for (at, &signal_now) in now.iter().enumerate().filter(|(_, s)| signal::is_terrain(**s)) {
+        sums.terrain += 1;
+        sums.fetches += u64::from(signal::fetches(signal_now));
+        let (x, y) = (at % width, at / width);
+        for (lag, (picture, links)) in past.iter().enumerate().take(LAGS) {
+            let link = links[at];
+            if link == NO_LINK || !signal::is_terrain(picture[link as usize]) {
+                continue;
+            }
+            let before = picture[link as usize];
+            let (colour_now, colour_before) = (signal::colour(signal_now), signal::colour(before));
+            let lag_sums = &mut sums.lags[lag];
+            lag_sums.linked += 1;
+            lag_sums.difference += (signal::luminance(colour_now) - signal::luminance(colour_before)).abs();
+            let (choice_now, choice_before) = (signal::choice(signal_now), signal::choice(before));
+            if choice_now != 0 && choice_before != 0 {
+                lag_sums.chosen += 1;
+                lag_sums.flipped += u64::from(choice_now != choice_before);
+            }
+            if lag == 0 && (x + 2 * y) as u32 % 4 == subset {
+                sums.tested += 1;
+                let mut low = [f32::MAX; 3];
+                let mut high = [f32::MIN; 3];
+                for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
+                    for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+                        let neighbour = now[ny * width + nx];
+                        if signal::is_terrain(neighbour) {
+                            let c = signal::colour(neighbour);
+                            low = std::array::from_fn(|k| low[k].min(c[k]));
+                            high = std::array::from_fn(|k| high[k].max(c[k]));
+                        }
+                    }
+                }
+                let slack = 1.0 / 1024.0;
+                let outside = (0..3).any(|k| colour_before[k] < low[k] * (1.0 - slack) || colour_before[k] > high[k] * (1.0 + slack));
+                sums.rejected += u64::from(outside);
+            }
+        }
+    }
+    sums
+}
+
+/// Sums of one seed's picture against the exact blend: `seeds_add` and `seeds_blocks`.
+pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]) -> SeedSums {
+    let mut sums = SeedSums::default();
+    let [width, height] = size.map(|n| n as usize);
+    let block = block as usize;
+    for (&now, &exact) in picture.iter().zip(exact).filter(|(now, _)| signal::is_terrain(**now)) {
+        let (a, b) = (signal::colour(now), signal::colour(exact));
+        for k in 0..3 {
+            let d = f64::from(a[k]) - f64::from(b[k]);
+            sums.error += d;
+            sums.squared_error += d * d;
+        }
+        sums.terrain += 1.0;
+    }
+    for by in 0..height / block {
+        for bx in 0..width / block {
+            let inside = (0..block * block).map(|i| (by * block + i / block) * width + bx * block + i % block);
+            let pixels: Vec<usize> = inside.collect();
+            if !pixels.iter().all(|&at| signal::is_terrain(picture[at])) {
+                continue;
+            }
+            let error = |at: usize| signal::luminance(signal::colour(picture[at])) - signal::luminance(signal::colour(exact[at]));
+            let n = pixels.len() as f64;
+            let mean = pixels.iter().map(|&at| error(at)).sum::<f64>() / n;
+            sums.blocks += 1.0;
+            sums.block_squares += mean * mean;
+            sums.pixel_squares += pixels.iter().map(|&at| error(at).powi(2)).sum::<f64>() / n;
+        }
+    }
+    sums
+}

@@ -1,0 +1,215 @@
+//! One view over many seeds: bias, variance and clumping of streams, summed on the device.
+
+use bytemuck::{Pod, Zeroable, bytes_of};
+
+use crate::classification;
+use crate::error::Result;
+use crate::gpu::bindings::Binding;
+use crate::gpu::{Gpu, Shader, read_buffer};
+use crate::shared;
+
+/// Edge of the blocks whose means tell clumping, pixels.
+pub const BLOCK: u32 = 5;
+
+/// The layout of `SeedFrame` in `seeds.wgsl`.
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SeedFrame {
+    pub size: [u32; 2],
+    pub tiles: [u32; 2],
+    pub blocks: [u32; 2],
+    pub block: u32,
+    pub count: u32,
+    pub offset: u32,
+    pub zero: u32,
+    pub pad_1: u32,
+    pub pad_2: u32,
+}
+
+/// What one seed came to, in one stream.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SeedSums {
+    /// Terrain pixels.
+    pub terrain: f64,
+    /// Sum over pixels and channels of the difference from the exact blend.
+    pub error: f64,
+    /// Sum of its square.
+    pub squared_error: f64,
+    /// Blocks that are all terrain.
+    pub blocks: f64,
+    /// Sum over blocks of the square of the mean error in luminance.
+    pub block_squares: f64,
+    /// Sum over blocks of the mean of its square.
+    pub pixel_squares: f64,
+}
+
+impl SeedSums {
+    /// Block variance relative to that of white noise of the same strength: white = 1. Absent where nothing varies.
+    pub fn clumping(&self) -> Option<f64> {
+        (self.pixel_squares > 0.0).then(|| f64::from(BLOCK * BLOCK) * self.block_squares / self.pixel_squares)
+    }
+}
+
+/// What all seeds came to, in one stream.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct VarianceSums {
+    /// Terrain pixels.
+    pub terrain: f64,
+    /// Sum over pixels and channels of the mean over seeds less the exact blend.
+    pub bias: f64,
+    /// Sum over pixels and channels of the unbiased variance over seeds.
+    pub variance: f64,
+}
+
+/// Buffers of one stream.
+pub struct SeedStream {
+    /// The picture of the current seed.
+    pub signal: wgpu::Buffer,
+    /// The exact blend.
+    pub exact: wgpu::Buffer,
+    moments: wgpu::Buffer,
+    tiles: wgpu::Buffer,
+    blocks: wgpu::Buffer,
+}
+
+/// The passes.
+pub struct Seeds {
+    size: [u32; 2],
+    add: wgpu::ComputePipeline,
+    finish: wgpu::ComputePipeline,
+    arrange: wgpu::ComputePipeline,
+    frame_layout: wgpu::BindGroupLayout,
+    layout: wgpu::BindGroupLayout,
+}
+
+/// The files of the passes' shader module.
+pub fn files() -> Vec<(&'static str, &'static str)> {
+    let mut files = shared::WGSL.to_vec();
+    files.extend([shared::SIGNAL_WGSL, ("metrics/seeds.wgsl", include_str!("seeds.wgsl"))]);
+    files
+}
+
+impl Seeds {
+    /// Compiles the passes.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Seeds> {
+        let stage = wgpu::ShaderStages::COMPUTE;
+        let frame_layout = gpu.layout("seed frame", stage, &[Binding::Uniform]);
+        let (read, written) = (Binding::Storage, Binding::StorageWritten);
+        let layout = gpu.layout("seed stream", stage, &[read, read, written, written, written]);
+        let shader = Shader::new(gpu, "seeds", &files())?;
+        let pipeline_layout = gpu.pipeline_layout("seeds", &[&frame_layout, &layout]);
+        let pipeline = |entry_point: &str| {
+            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry_point),
+                layout: Some(&pipeline_layout),
+                module: &shader.module,
+                entry_point: Some(entry_point),
+                compilation_options: Default::default(),
+                cache: None,
+            })
+        };
+        let (add, finish, arrange) = (pipeline("seeds_add"), pipeline("seeds_finish"), pipeline("seeds_blocks"));
+        Ok(Seeds { size, add, finish, arrange, frame_layout, layout })
+    }
+
+    fn blocks(&self) -> [u32; 2] {
+        self.size.map(|n| n / BLOCK)
+    }
+
+    /// Buffers of a stream.
+    pub fn stream(&self, gpu: &Gpu) -> SeedStream {
+        let pixels = u64::from(self.size[0]) * u64::from(self.size[1]);
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let [columns, rows] = classification::tiles(self.size);
+        let [across, down] = self.blocks();
+        SeedStream {
+            signal: gpu.buffer("signal", usage, pixels * 8),
+            exact: gpu.buffer("exact", usage, pixels * 8),
+            moments: gpu.buffer("moments", usage, pixels * 3 * 16),
+            tiles: gpu.buffer("seed tiles", usage, u64::from(columns * rows) * 16),
+            blocks: gpu.buffer("seed blocks", usage, u64::from(across * down).max(1) * 16),
+        }
+    }
+
+    fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, streams: &[SeedStream], count: u32, passes: &[&wgpu::ComputePipeline]) {
+        let tiles = classification::tiles(self.size);
+        let blocks = self.blocks();
+        let uniform = SeedFrame { size: self.size, tiles, blocks, block: BLOCK, count, ..SeedFrame::default() };
+        let buffer = gpu.buffer_with("seed frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniform));
+        let frame = gpu.group("seed frame", &self.frame_layout, &[buffer.as_entire_binding()]);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("seeds"), timestamp_writes: None });
+        pass.set_bind_group(0, &frame, &[]);
+        for stream in streams {
+            let buffers = [&stream.signal, &stream.exact, &stream.moments, &stream.tiles, &stream.blocks];
+            pass.set_bind_group(1, &gpu.group("seed stream", &self.layout, &buffers.map(|b| b.as_entire_binding())), &[]);
+            for pipeline in passes {
+                pass.set_pipeline(pipeline);
+                // One more than needed costs nothing: what lies outside returns at once.
+                let invocations = (tiles[0] * tiles[1]).max(blocks[0] * blocks[1]);
+                pass.dispatch_workgroups(invocations.div_ceil(64), 1, 1);
+            }
+        }
+    }
+
+    /// Records the taking of a seed's pictures; `count` includes it, from 1.
+    pub fn encode_add(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, streams: &[SeedStream], count: u32) {
+        self.encode(gpu, encoder, streams, count, &[&self.add, &self.arrange]);
+    }
+
+    /// Records the end, after `count` seeds.
+    pub fn encode_finish(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, streams: &[SeedStream], count: u32) {
+        self.encode(gpu, encoder, streams, count, &[&self.finish]);
+    }
+
+    /// The sums of the seed added last, a stream each.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read(&self, gpu: &Gpu, streams: &[SeedStream]) -> Result<Vec<SeedSums>> {
+        let quads = |buffer: &wgpu::Buffer| -> Result<Vec<[f32; 4]>> {
+            Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, buffer, buffer.size())?))
+        };
+        let [across, down] = self.blocks();
+        streams
+            .iter()
+            .map(|stream| {
+                let mut sums = SeedSums::default();
+                for [error, squared, pixels, _] in quads(&stream.tiles)? {
+                    sums.error += f64::from(error);
+                    sums.squared_error += f64::from(squared);
+                    sums.terrain += f64::from(pixels);
+                }
+                for [mean_squared, squared, whole, _] in quads(&stream.blocks)?.into_iter().take((across * down) as usize) {
+                    sums.block_squares += f64::from(mean_squared);
+                    sums.pixel_squares += f64::from(squared);
+                    sums.blocks += f64::from(whole);
+                }
+                Ok(sums)
+            })
+            .collect()
+    }
+
+    /// What all seeds came to, a stream each; after [`Seeds::encode_finish`].
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read_finished(&self, gpu: &Gpu, streams: &[SeedStream]) -> Result<Vec<VarianceSums>> {
+        streams
+            .iter()
+            .map(|stream| {
+                let tiles: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &stream.tiles, stream.tiles.size())?);
+                let mut sums = VarianceSums::default();
+                for [bias, variance, pixels, _] in tiles {
+                    sums.bias += f64::from(bias);
+                    sums.variance += f64::from(variance);
+                    sums.terrain += f64::from(pixels);
+                }
+                Ok(sums)
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,65 @@
+//! Mean and variance of a stream of numbers, one at a time.
+//!
+//! Welford's recurrence (*Technometrics* 4(3), 1962) with compensated sums (Knuth, *The Art of Computer Programming* 2, section 4.2.2,
+//! theorem B): in f32, a mean of 1e6 with a variance of 1e-6 and a stream of 1e6 numbers keep their digits. A sample is a number in two parts, since
+//! f32 alone has no two values 1e-3 apart near 1e6.
+
+use super::real::Real;
+
+/// What a stream has come to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moments<T> {
+    /// Mean, in two parts.
+    pub mean: [T; 2],
+    /// Sum of squared differences from the mean, in two parts.
+    pub squares: [T; 2],
+    /// Samples.
+    pub count: u32,
+}
+
+impl<T: Real> Moments<T> {
+    /// Of no samples.
+    pub fn new() -> Moments<T> {
+        Moments { mean: [T::zero(); 2], squares: [T::zero(); 2], count: 0 }
+    }
+
+    /// Takes a sample in two parts (high, low): `moments_add`. One that is not finite counts as the mean so far.
+    pub fn add(&mut self, sample: [T; 2]) {
+        self.count = self.count.saturating_add(1);
+        let n = T::of(f64::from(self.count));
+        let difference = (sample[0] - self.mean[0]) + (sample[1] - self.mean[1]);
+        if self.count == 1 {
+            // Exactly the sample: the sum of its parts would round the lower one away.
+            self.mean = if difference.abs() <= T::of(1e18) { sample } else { [T::zero(); 2] };
+            return;
+        }
+        let delta = if difference.abs() <= T::of(1e18) { difference } else { T::zero() };
+        self.mean = sum(self.mean, delta / n);
+        self.squares = sum(self.squares, delta * (delta * ((n - T::one()) / n)));
+    }
+
+    /// The mean.
+    pub fn mean(&self) -> f64 {
+        self.mean[0].to_f64() + self.mean[1].to_f64()
+    }
+
+    /// Unbiased variance; 0 for fewer than two samples: `moments_variance`.
+    pub fn variance(&self) -> f64 {
+        if self.count < 2 { 0.0 } else { (self.squares[0].to_f64() + self.squares[1].to_f64()).max(0.0) / f64::from(self.count - 1) }
+    }
+
+    /// Standard error of the mean of independent samples; absent for fewer than two.
+    pub fn standard_error(&self) -> Option<f64> {
+        (self.count >= 2).then(|| (self.variance() / f64::from(self.count)).sqrt())
+    }
+}
+
+/// Sum of a two-part number and another: `moments_sum`.
+fn sum<T: Real>(a: [T; 2], b: T) -> [T; 2] {
+    let total = a[0] + b;
+    let part = total - a[0];
+    let lost = (a[0] - (total - part)) + (b - part);
+    let low = a[1] + lost;
+    let high = total + low;
+    [high, low - (high - total)]
+}

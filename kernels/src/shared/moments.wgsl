@@ -1,0 +1,40 @@
+// Mean and variance of a stream of numbers, one at a time: Welford's recurrence with compensated sums, so that a mean of 1e6 with a variance
+// of 1e-6 and a stream of 1e6 numbers keep their digits in f32.
+// Source: Welford, "Note on a Method for Calculating Corrected Sums of Squares and Products", Technometrics 4(3), 1962;
+// two-sum: Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B.
+
+// WGSL lets a compiler take (a + b) - a for b, and Mesa does: then nothing is compensated. Where a rounded sum must stay one it passes through an
+// exclusive or with `zero`, which is 0 but comes from memory, so that no compiler knows.
+fn moments_rounded(x: f32, zero: u32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(x) ^ zero);
+}
+
+// Sum of a two-part number and another: (high, low) with |low| at most half an ulp of high.
+fn moments_sum(a: vec2<f32>, b: f32, zero: u32) -> vec2<f32> {
+    let sum = moments_rounded(a.x + b, zero);
+    let part = moments_rounded(sum - a.x, zero);
+    let rest = moments_rounded(sum - part, zero);
+    let low = moments_rounded(a.y + ((a.x - rest) + (b - part)), zero);
+    let high = moments_rounded(sum + low, zero);
+    return vec2<f32>(high, low - moments_rounded(high - sum, zero));
+}
+
+// State: (mean high, mean low, squares high, squares low). `sample` is (high, low) too, low = 0 for a plain f32. `count` includes it, 1 for the first.
+// A sample that is not finite counts as the mean so far. `zero`: 0, from memory.
+fn moments_add(state: vec4<f32>, sample: vec2<f32>, count: f32, zero: u32) -> vec4<f32> {
+    let n = max(count, 1.0);
+    let difference = moments_rounded(sample.x - state.x, zero) + moments_rounded(sample.y - state.y, zero);
+    if n < 1.5 {
+        // Exactly the sample: the sum of its parts would round the lower one away.
+        return select(vec4<f32>(0.0), vec4<f32>(sample, 0.0, 0.0), abs(difference) <= 1e18);
+    }
+    let delta = select(0.0, difference, abs(difference) <= 1e18);
+    let mean = moments_sum(state.xy, delta / n, zero);
+    let squares = moments_sum(state.zw, delta * (delta * ((n - 1.0) / n)), zero);
+    return vec4<f32>(mean, squares);
+}
+
+// Unbiased variance of `count` samples, 0 for fewer than two.
+fn moments_variance(state: vec4<f32>, count: f32) -> f32 {
+    return select(0.0, max(state.z + state.w, 0.0) / max(count - 1.0, 1.0), count > 1.5);
+}

@@ -1,0 +1,127 @@
+//! Where a point of this frame was seen by an earlier camera: exact, from depth and the two cameras.
+//!
+//! A point q relative to the earlier eye lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), r having length 1 along the view direction f.
+//! So its distance is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, since dx is perpendicular to f's and dy's part of the ray; y alike.
+//! The same mathematics as the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a matrix whose
+//! translation would lose digits far from the origin.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use super::real::{Real, add, dot, length, scale};
+use crate::camera::View;
+
+/// Nearest distance along the view direction, metres.
+pub const MIN_DISTANCE: f64 = 1e-4;
+/// Farthest, metres.
+pub const FAR: f64 = 1e9;
+
+/// An earlier camera as seen from a later eye.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Past<T> {
+    /// The later eye minus the earlier one, metres.
+    pub offset: [T; 3],
+    /// The earlier view direction.
+    pub forward: [T; 3],
+    /// Pixel x = dot(`x_row`, q) / distance - `x_shift`.
+    pub x_row: [T; 3],
+    /// Pixel y alike.
+    pub y_row: [T; 3],
+    /// Shift of x, pixels.
+    pub x_shift: T,
+    /// Shift of y, pixels.
+    pub y_shift: T,
+}
+
+/// The layout of `MotionPast` in `motion.wgsl`.
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct MotionPast {
+    pub offset: [f32; 3],
+    pub x_shift: f32,
+    pub forward: [f32; 3],
+    pub y_shift: f32,
+    pub x_row: [f32; 3],
+    pub pad_0: f32,
+    pub y_row: [f32; 3],
+    pub pad_1: f32,
+}
+
+impl Past<f64> {
+    /// The earlier view `past` from the eye of `now`. Both belong to one world.
+    pub fn between(now: &View, past: &View) -> Past<f64> {
+        let row = |d: DVec3| d / d.length_squared();
+        let (x_row, y_row) = (row(past.ray_dx), row(past.ray_dy));
+        Past {
+            offset: (now.pose.position - past.pose.position).to_array(),
+            forward: past.pose.axes()[2].to_array(),
+            x_row: x_row.to_array(),
+            y_row: y_row.to_array(),
+            x_shift: past.ray_00.dot(x_row),
+            y_shift: past.ray_00.dot(y_row),
+        }
+    }
+}
+
+impl<T: Real> Past<T> {
+    /// In another precision.
+    pub fn cast<U: Real>(&self) -> Past<U> {
+        let v = |a: [T; 3]| a.map(|x| U::of(x.to_f64()));
+        Past {
+            offset: v(self.offset),
+            forward: v(self.forward),
+            x_row: v(self.x_row),
+            y_row: v(self.y_row),
+            x_shift: U::of(self.x_shift.to_f64()),
+            y_shift: U::of(self.y_shift.to_f64()),
+        }
+    }
+
+    /// For the shader.
+    pub fn uniform(&self) -> MotionPast {
+        let p = self.cast::<f32>();
+        MotionPast {
+            offset: p.offset,
+            x_shift: p.x_shift,
+            forward: p.forward,
+            y_shift: p.y_shift,
+            x_row: p.x_row,
+            pad_0: 0.0,
+            y_row: p.y_row,
+            pad_1: 0.0,
+        }
+    }
+}
+
+/// Pixel and distance of a point relative to the later eye: `motion_reproject`. `[-1e9, -1e9, 0]` behind the camera or where the input is not finite.
+pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
+    let nowhere = [T::of(-1e9), T::of(-1e9), T::zero()];
+    let q = add(point, past.offset);
+    let distance = dot(q, past.forward);
+    if !(distance > T::of(MIN_DISTANCE) && distance < T::of(FAR)) {
+        return nowhere;
+    }
+    let pixel = [dot(q, past.x_row) / distance - past.x_shift, dot(q, past.y_row) / distance - past.y_shift];
+    if pixel.iter().all(|p| p.abs() <= T::of(1e9)) { [pixel[0], pixel[1], distance] } else { nowhere }
+}
+
+/// The ray of an earlier pixel, 1 long along the view direction: `motion_past_ray`.
+pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
+    let x = (pixel[0] + past.x_shift) / dot(past.x_row, past.x_row);
+    let y = (pixel[1] + past.y_shift) / dot(past.y_row, past.y_row);
+    add(past.forward, add(scale(past.x_row, x), scale(past.y_row, y)))
+}
+
+/// Where a pixel's ray meets the plane of the point: `motion_expected_distance`. 0 = edge-on or behind.
+pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], normal: [T; 3]) -> T {
+    let along = dot(normal, ray);
+    let distance = dot(normal, add(point, past.offset)) / along;
+    let hit = along.abs() > T::of(1e-6) * length(ray) && distance > T::of(MIN_DISTANCE) && distance < T::of(FAR);
+    if hit { distance } else { T::zero() }
+}
+
+/// Whether an earlier depth belongs to the surface expected there: `motion_same_surface`.
+pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
+    found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
+}

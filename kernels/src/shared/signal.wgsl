@@ -1,0 +1,35 @@
+// A pixel of a measured sequence in two words: linear colour as f16, and what the shading pass knew of it.
+// Word 0: red, green. Word 1: blue, then 10 bits of fetches, 5 of the first random choice (0 = none), 1 that says terrain.
+
+const SIGNAL_TERRAIN: u32 = 0x80000000u;
+
+fn signal_pack(colour: vec3<f32>, fetches: u32, choice: u32) -> vec2<u32> {
+    let known = min(fetches, 1023u) | (min(choice, 31u) << 10u);
+    return vec2<u32>(pack2x16float(colour.rg), (pack2x16float(vec2<f32>(colour.b, 0.0)) & 0xffffu) | (known << 16u) | SIGNAL_TERRAIN);
+}
+
+fn signal_is_terrain(signal: vec2<u32>) -> bool {
+    return signal.y >= SIGNAL_TERRAIN;
+}
+
+fn signal_colour(signal: vec2<u32>) -> vec3<f32> {
+    return vec3<f32>(unpack2x16float(signal.x), unpack2x16float(signal.y & 0xffffu).x);
+}
+
+fn signal_fetches(signal: vec2<u32>) -> u32 {
+    return (signal.y >> 16u) & 1023u;
+}
+
+fn signal_choice(signal: vec2<u32>) -> u32 {
+    return (signal.y >> 26u) & 31u;
+}
+
+// The same pixel with another colour.
+fn signal_recolour(signal: vec2<u32>, colour: vec3<f32>) -> vec2<u32> {
+    return vec2<u32>(pack2x16float(colour.rg), (pack2x16float(vec2<f32>(colour.b, 0.0)) & 0xffffu) | (signal.y & 0xffff0000u));
+}
+
+// Relative luminance of linear colour, Rec. ITU-R BT.709.
+fn signal_luminance(colour: vec3<f32>) -> f32 {
+    return dot(colour, vec3<f32>(0.2126, 0.7152, 0.0722));
+}

@@ -1,0 +1,391 @@
+//! Metrics on sequences whose answer is known in closed form, on the device against f64, and at the extremes.
+
+use std::f64::consts::PI;
+
+use kernels::gpu::Gpu;
+use kernels::gpu::probe::run;
+use kernels::metrics::{BINS, BLOCK, FrameSums, LAGS, Meter, NO_LINK, Seeds, quantile, reference};
+use kernels::shared::hash;
+use kernels::shared::moments::Moments;
+use kernels::shared::signal;
+use kernels::temporal::{self, Resolve, SamplePattern};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use crate::frame::gpu;
+
+const SIZE: [u32; 2] = [96, 64];
+const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
+
+/// Uniform in (0, 1), of a pixel, a frame and a stream of numbers.
+fn uniform(pixel: usize, frame: u32, stream: u32) -> f64 {
+    let h = hash::pcg4d([u32::try_from(pixel).expect("small"), frame, stream, 77])[0];
+    (f64::from(h) + 0.5) / 4_294_967_296.0
+}
+
+fn gaussian(pixel: usize, frame: u32) -> f64 {
+    Normal::new(0.0, 1.0).expect("a distribution").inverse_cdf(uniform(pixel, frame, 1))
+}
+
+fn grey(value: f64, choice: u32) -> [u32; 2] {
+    signal::pack([value as f32; 3], 12, choice)
+}
+
+/// No motion at all: every pixel is linked to itself.
+fn still() -> (Vec<u32>, Vec<[f32; 2]>) {
+    let width = SIZE[0] as usize;
+    let links: Vec<u32> = (0..PIXELS as u32).collect();
+    let positions = (0..PIXELS).map(|i| [(i % width) as f32, (i / width) as f32]).collect();
+    (links.repeat(LAGS), positions)
+}
+
+fn meter(gpu: &Gpu, resolves: &[Resolve]) -> Meter {
+    let layout = gpu.layout("frame", wgpu::ShaderStages::COMPUTE, &[kernels::gpu::bindings::Binding::Uniform]);
+    Meter::new(gpu, &layout, SIZE, resolves).expect("the passes compile")
+}
+
+/// Sums of each frame of a sequence of pictures without motion.
+fn follow(frames: u32, picture: impl Fn(u32) -> Vec<[u32; 2]>) -> Vec<FrameSums> {
+    let gpu = gpu();
+    let mut meter = meter(gpu, &[Resolve::Off]);
+    let (links, positions) = still();
+    meter.write_links(gpu, &links, &positions);
+    (0..frames)
+        .map(|frame| {
+            meter.write(gpu, 0, &picture(frame));
+            let mut encoder = gpu.encoder("metrics");
+            meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
+            gpu.submit_and_wait(encoder).expect("the device works");
+            meter.read(gpu).expect("the device works").remove(0)
+        })
+        .collect()
+}
+
+#[test]
+fn a_still_picture_with_fixed_noise_neither_flickers_nor_flips() {
+    let picture = |_| (0..PIXELS).map(|i| grey(0.2 + 0.5 * uniform(i, 0, 2), 1 + (i % 12) as u32)).collect();
+    for (frame, sums) in follow(7, picture).into_iter().enumerate() {
+        assert_eq!((sums.terrain, sums.fetches), (PIXELS as u64, PIXELS as u64 * 12));
+        for (lag, sums) in sums.lags.iter().enumerate() {
+            let expected = if lag < frame { PIXELS as u64 } else { 0 };
+            assert_eq!((sums.linked, sums.chosen, sums.flipped), (expected, expected, 0), "frame {frame}, lag {}", lag + 1);
+            assert_eq!(sums.difference, 0.0);
+        }
+        assert_eq!(sums.rejected, 0);
+        assert_eq!(sums.tested, if frame > 0 { PIXELS as u64 / 4 } else { 0 });
+        assert_eq!(sums.histogram.iter().map(|&n| u64::from(n)).sum::<u64>(), sums.tested);
+    }
+}
+
+#[test]
+fn fresh_white_noise_differs_by_two_sigma_over_root_pi() {
+    // |X - Y| of two normal numbers of variance s² has mean 2 s / sqrt(pi), variance 2 s² - 4 s² / pi, and its 95 % point at sqrt(2) s times
+    // normal's 97.5 %. A history lies outside the box of nine like it with probability 2/10. A choice of four differs with probability 3/4.
+    // Null hypothesis: so measured. 4 lags x 2 + 2 tests, family level 0.001, Sidak.
+    const S: f64 = 0.05;
+    const FRAMES: u32 = 12;
+    let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 10.0);
+    let bound = Normal::new(0.0, 1.0).expect("a distribution").inverse_cdf(1.0 - level / 2.0);
+    let choice = |i: usize, frame: u32| 1 + (uniform(i, frame, 3) * 4.0) as u32;
+    let sums = follow(FRAMES, |f| (0..PIXELS).map(|i| grey(0.5 + S * gaussian(i, f), choice(i, f))).collect());
+    for lag in 0..LAGS {
+        // Differences of disjoint pairs of frames are independent; overlapping ones are correlated, which at most doubles the variance of the mean.
+        let used: Vec<_> = sums.iter().skip(lag + 1).map(|s| s.lags[lag]).collect();
+        let n: f64 = used.iter().map(|s| s.linked as f64).sum();
+        let mean = used.iter().map(|s| s.difference).sum::<f64>() / n;
+        let expected = 2.0 * S / PI.sqrt();
+        let error = (2.0 * (2.0 * S * S - 4.0 * S * S / PI) / n).sqrt();
+        assert!(((mean - expected) / error).abs() < bound, "lag {}: {mean}, expected {expected} +- {error}", lag + 1);
+        // Negative control: the mean difference of noise a tenth stronger is told apart.
+        assert!(((mean - 1.1 * expected) / error).abs() > bound);
+        let flips = used.iter().map(|s| s.flipped as f64).sum::<f64>() / n;
+        let error = (2.0 * 0.75 * 0.25 / n).sqrt();
+        assert!(((flips - 0.75) / error).abs() < bound, "lag {}: {flips} flip", lag + 1);
+    }
+    let mut histogram = [0u64; BINS];
+    let (mut tested, mut rejected) = (0.0, 0.0);
+    for sums in &sums {
+        histogram.iter_mut().zip(&sums.histogram).for_each(|(to, &n)| *to += u64::from(n));
+        tested += sums.tested as f64;
+        rejected += sums.rejected as f64;
+    }
+    // Pixels at the border have a box of six or four: 2/7 and 2/5 in place of 2/10.
+    let [w, h] = SIZE.map(f64::from);
+    let (edges, corners) = (2.0 * (w + h - 4.0), 4.0);
+    let expected = (0.2 * (w * h - edges - corners) + 2.0 / 7.0 * edges + 0.4 * corners) / (w * h);
+    let share = rejected / tested;
+    // Boxes of neighbours overlap: nine times the variance of independent ones is an upper bound.
+    let error = (9.0 * 0.2 * 0.8 / tested).sqrt();
+    assert!(((share - expected) / error).abs() < bound, "{share} rejected, expected {expected} +- {error}");
+    let expected = S * 2f64.sqrt() * Normal::new(0.0, 1.0).expect("a distribution").inverse_cdf(0.975);
+    let p95 = quantile(&histogram, 0.95).expect("not empty");
+    // The bins' resolution, 1/16 octave, and chance.
+    assert!((p95 / expected).log2().abs() < 1.0 / 16.0, "95 % point {p95}, expected {expected}");
+    assert!(quantile(&[0; BINS], 0.95).is_none());
+}
+
+#[test]
+fn differences_follow_the_links_and_stop_where_there_is_none() {
+    // The picture moves 3 pixels right each frame. With the links that say so nothing differs; without them it does.
+    let gpu = gpu();
+    let width = SIZE[0] as usize;
+    let picture = |frame: usize| -> Vec<[u32; 2]> {
+        (0..PIXELS).map(|i| grey(uniform((i / width) * 4096 + 2048 + i % width - 3 * frame, 0, 4), 1)).collect()
+    };
+    for (moved, differs) in [(true, false), (false, true)] {
+        let mut meter = meter(gpu, &[Resolve::Off]);
+        let (links, positions) = still();
+        let shifted = |(at, &own): (usize, &u32)| {
+            let lag = at / PIXELS + 1;
+            let x = own as usize % width;
+            if x >= 3 * lag { own - 3 * lag as u32 } else { NO_LINK }
+        };
+        let links = if moved { links.iter().enumerate().map(shifted).collect() } else { links };
+        meter.write_links(gpu, &links, &positions);
+        let mut last = FrameSums::default();
+        let pictures: Vec<_> = (0..6).map(picture).collect();
+        for picture in &pictures {
+            meter.write(gpu, 0, picture);
+            let mut encoder = gpu.encoder("metrics");
+            meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
+            gpu.submit_and_wait(encoder).expect("the device works");
+            last = meter.read(gpu).expect("the device works").remove(0);
+        }
+        let past: Vec<_> = (0..LAGS).map(|lag| (pictures[4 - lag].as_slice(), &links[lag * PIXELS..(lag + 1) * PIXELS])).collect();
+        let expected = reference::measure(SIZE, &pictures[5], &past, 5 % 4);
+        for (lag, (found, expected)) in last.lags.iter().zip(&expected.lags).enumerate() {
+            let missing = if moved { 3 * (lag + 1) * SIZE[1] as usize } else { 0 };
+            assert_eq!(found.linked, (PIXELS - missing) as u64);
+            assert_eq!((found.linked, found.chosen, found.flipped), (expected.linked, expected.chosen, expected.flipped));
+            // Sums of 64 numbers below 1 in f32, each rounded: at most 64 * 64 half ulps of 64 a tile.
+            assert!((found.difference - expected.difference).abs() <= 96.0 * 64.0 * 64.0 * 2f64.powi(-19), "{found:?} {expected:?}");
+            assert_eq!(found.difference > 0.0, differs, "lag {}", lag + 1);
+        }
+        assert_eq!((last.tested, last.rejected), (expected.tested, expected.rejected));
+        assert_eq!(last.rejected > 0, differs);
+    }
+}
+
+#[test]
+fn block_noise_is_caught_by_clumping() {
+    // Null hypothesis: white noise has clumping 1, noise in cells of a block 25. Clumping of n blocks has standard deviation of at most sqrt(2 / n) of itself
+    // for normal noise. 2 tests, level 0.001.
+    let gpu = gpu();
+    let seeds = Seeds::new(gpu, SIZE).expect("the passes compile");
+    let streams = [seeds.stream(gpu), seeds.stream(gpu)];
+    let width = SIZE[0] as usize;
+    let block = BLOCK as usize;
+    let exact: Vec<[u32; 2]> = (0..PIXELS).map(|_| grey(0.5, 0)).collect();
+    let cell = |i: usize| (i / width / block) * 1000 + i % width / block;
+    let (mut clumping, mut squares, mut count) = ([0.0; 2], [0.0; 2], 0.0);
+    const SEEDS: u32 = 16;
+    for seed in 0..SEEDS {
+        let pictures: [Vec<[u32; 2]>; 2] = [
+            (0..PIXELS).map(|i| grey(0.5 + 0.05 * gaussian(i, seed), 1)).collect(),
+            (0..PIXELS).map(|i| grey(0.5 + 0.05 * gaussian(cell(i), seed), 1)).collect(),
+        ];
+        for (stream, picture) in streams.iter().zip(&pictures) {
+            gpu.queue.write_buffer(&stream.signal, 0, bytemuck::cast_slice(picture));
+            gpu.queue.write_buffer(&stream.exact, 0, bytemuck::cast_slice(&exact));
+        }
+        let mut encoder = gpu.encoder("seeds");
+        seeds.encode_add(gpu, &mut encoder, &streams, seed + 1);
+        gpu.submit_and_wait(encoder).expect("the device works");
+        for (k, (sums, picture)) in seeds.read(gpu, &streams).expect("the device works").iter().zip(&pictures).enumerate() {
+            let expected = reference::seed(SIZE, BLOCK, picture, &exact);
+            assert_eq!((sums.terrain, sums.blocks), (expected.terrain, expected.blocks));
+            // Sums of some 200 numbers a tile in f32: 200 half ulps of the largest partial sum.
+            let close = |a: f64, b: f64, scale: f64| (a - b).abs() <= 200.0 * 2f64.powi(-24) * scale;
+            assert!(close(sums.squared_error, expected.squared_error, expected.squared_error), "{sums:?} {expected:?}");
+            assert!(close(sums.error, expected.error, 0.2 * 3.0 * PIXELS as f64), "{sums:?} {expected:?}");
+            assert!(close(sums.block_squares, expected.block_squares, expected.pixel_squares), "{sums:?} {expected:?}");
+            clumping[k] += sums.block_squares;
+            squares[k] += sums.pixel_squares;
+            count += expected.blocks / 2.0;
+        }
+    }
+    let value: Vec<f64> = (0..2).map(|k| f64::from(BLOCK * BLOCK) * clumping[k] / squares[k]).collect();
+    assert!((value[0] - 1.0).abs() < 3.5 * (2.0 / count).sqrt(), "white noise: {}", value[0]);
+    // Within a block all pixels are alike: exactly 25 but for rounding.
+    assert!((value[1] - 25.0).abs() < 0.01, "block noise: {}", value[1]);
+
+    let mut encoder = gpu.encoder("seeds");
+    seeds.encode_finish(gpu, &mut encoder, &streams, SEEDS);
+    gpu.submit_and_wait(encoder).expect("the device works");
+    let finished = seeds.read_finished(gpu, &streams).expect("the device works");
+    for sums in &finished {
+        let n = sums.terrain * 3.0;
+        assert_eq!(sums.terrain, PIXELS as f64);
+        // Channels are equal, so PIXELS numbers (or cells) of SEEDS each; the block noise has 25 times fewer.
+        let variance = sums.variance / n;
+        let error = 0.0025 * (2.0 / (f64::from(SEEDS - 1) * PIXELS as f64 / 25.0)).sqrt();
+        assert!((variance - 0.0025).abs() < 3.5 * error, "variance {variance}");
+        let error = 0.05 / (f64::from(SEEDS) * PIXELS as f64 / 25.0).sqrt();
+        assert!((sums.bias / n).abs() < 3.5 * error, "bias {}", sums.bias / n);
+    }
+}
+
+/// Goes on from a state with `n` samples from number `start` on, high plus low, made from hashes alike on CPU and GPU: mean + step (hash's 4 high bits - 7.5).
+const MOMENTS_BODY: &str = "fn probe(row: array<f32, 9>) -> array<f32, 4> {
+    var state = vec4<f32>(row[0], row[1], row[2], row[3]);
+    let start = u32(row[6]);
+    for (var i = start; i < start + u32(row[7]); i++) {
+        let sample = vec2<f32>(row[4], (f32(hash_pcg(i) >> 28u) - 7.5) * row[5]);
+        // The last column is the zero that no compiler knows.
+        state = moments_add(state, sample, f32(i + 1u), u32(row[8]));
+    }
+    return array<f32, 4>(state.x, state.y, state.z, state.w);
+}";
+
+/// States of streams of (mean, step, count) on the device. Software Vulkan ends an invocation's loops after 65 535 rounds, so 50 000 at a time.
+fn moments_on_gpu(rows: &[[f32; 3]]) -> Vec<[f32; 4]> {
+    let mut states = vec![[0.0f32; 4]; rows.len()];
+    let mut start = 0.0f32;
+    while rows.iter().any(|row| row[2] > start) {
+        let flat: Vec<f32> = rows
+            .iter()
+            .zip(&states)
+            .flat_map(|(&[mean, step, count], s)| {
+                let n = (count - start).clamp(0.0, 50_000.0);
+                [s[0], s[1], s[2], s[3], mean, step, start, n, 0.0]
+            })
+            .collect();
+        let out = run(gpu(), MOMENTS_BODY, &flat, 9, 4).expect("the probe runs");
+        states = out.chunks_exact(4).map(|s| std::array::from_fn(|k| s[k])).collect();
+        start += 50_000.0;
+    }
+    states
+}
+
+#[test]
+fn moments_hold_at_the_extremes() {
+    // Mean 1e6 with variance 1e-6 over 1e6 numbers, and others, on the device and in f32 and f64.
+    let rows = [
+        [1e6f32, 2f32.powi(-12), 1e6],
+        [0.0, 1.0, 1000.0],
+        [1e6, 2f32.powi(-12), 2.0],
+        [-3e4, 64.0, 1e5],
+        [0.25, 0.0, 1e5],
+        [7.0, 1.0, 1.0],
+    ];
+    for (row, state) in rows.iter().zip(moments_on_gpu(&rows)) {
+        let [mean, step, count] = row.map(f64::from);
+        let samples = || (0..count as u32).map(|i| f64::from(hash::pcg(i) >> 28) - 7.5);
+        let exact_mean = mean + step * samples().sum::<f64>() / count;
+        let squares: f64 = samples().map(|s| (mean + s * step - exact_mean).powi(2)).sum();
+        let exact = if count > 1.0 { squares / (count - 1.0) } else { 0.0 };
+        let mut single = Moments::<f32>::new();
+        let mut double = Moments::<f64>::new();
+        for s in samples() {
+            single.add([row[0], (s * step) as f32]);
+            double.add([mean, s * step]);
+        }
+        let found_mean = f64::from(state[0]) + f64::from(state[1]);
+        let found = (f64::from(state[2]) + f64::from(state[3])) / (count - 1.0).max(1.0);
+        for (what, m, v) in
+            [("gpu", found_mean, found), ("f32", single.mean(), single.variance()), ("f64", double.mean(), double.variance())]
+        {
+            // Each step rounds delta / n and delta² relative to themselves; sums are compensated. Some 4 ulp of f32 in the variance; in the mean, 4 ulp of
+            // the deviation, whose sum over steps is bounded by the largest sample.
+            assert!(
+                (m - exact_mean).abs() <= 4.0 * 2f64.powi(-24) * (7.5 * step + f64::EPSILON * mean.abs() * 16.0) + mean.abs() * 1e-14,
+                "{what}: mean {m}, not {exact_mean}"
+            );
+            assert!((v - exact).abs() <= 4.0 * 2f64.powi(-24) * exact + 1e-300, "{what}: variance {v}, not {exact} ({row:?})");
+        }
+        // Negative control: plain sums of squares in f32 have no digit left.
+        if mean == 1e6 && count > 2.0 {
+            let (sum, square) = samples().fold((0f32, 0f32), |(a, b), s| {
+                let x = row[0] + (s * step) as f32;
+                (a + x, b + x * x)
+            });
+            let naive = f64::from(square / count as f32 - (sum / count as f32).powi(2));
+            assert!((naive - exact).abs() > 100.0 * exact, "plain sums give {naive}");
+        }
+    }
+}
+
+#[test]
+fn resolves_agree_with_their_reference() {
+    let gpu = gpu();
+    let resolves = Resolve::ALL;
+    let mut meter = meter(gpu, &resolves);
+    let (mut links, mut positions) = still();
+    let width = SIZE[0] as usize;
+    // Some points were hidden, the others half a pixel to the left and a third up.
+    for i in (0..PIXELS).step_by(13) {
+        links[i] = NO_LINK;
+    }
+    positions.iter_mut().for_each(|p| *p = [p[0] - 0.5, p[1] - 1.0 / 3.0]);
+    meter.write_links(gpu, &links, &positions);
+    let picture = |f: u32| -> Vec<[u32; 2]> {
+        let sky = |i: usize| (i % width) < 5 && (i / width) < 9;
+        (0..PIXELS)
+            .map(|i| if sky(i) { [0, 0] } else { signal::pack([0.1 + uniform(i, f, 5), uniform(i, f, 6), 0.5].map(|v| v as f32), 3, 2) })
+            .collect()
+    };
+    let mut histories = vec![vec![[0.0; 4]; PIXELS]; resolves.len()];
+    let mut before = vec![[0, 0]; PIXELS];
+    for frame in 0..5 {
+        let now = picture(frame);
+        (0..resolves.len()).for_each(|stream| meter.write(gpu, stream, &now));
+        let mut encoder = gpu.encoder("metrics");
+        meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
+        gpu.submit_and_wait(encoder).expect("the device works");
+        meter.read(gpu).expect("the device works");
+        for (stream, resolve) in resolves.into_iter().enumerate() {
+            let inputs = temporal::reference::Frame {
+                now: &now,
+                before: &before,
+                links: &links[..PIXELS],
+                positions: &positions,
+                history: &histories[stream],
+            };
+            let expected = temporal::reference::resolve(resolve, SIZE, frame, &inputs);
+            let found = meter.picture(gpu, stream).expect("the device works");
+            for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                assert_eq!(signal::is_terrain(*found), expected[3] > 0.0);
+                assert!(expected[3] == 0.0 || (signal::choice(*found), signal::fetches(*found)) == (2, 3), "the meta data are lost");
+                for (k, c) in signal::colour(*found).into_iter().enumerate() {
+                    // One rounding to f16, and f32 arithmetic of a dozen steps.
+                    let tolerance = expected[k].abs() * (2f64.powi(-11) + 16.0 * 2f64.powi(-24)) + 1e-7;
+                    assert!(
+                        (f64::from(c) - expected[k]).abs() <= tolerance,
+                        "{resolve}, frame {frame}, pixel {i}: {c}, not {}",
+                        expected[k]
+                    );
+                }
+            }
+            histories[stream] = expected;
+        }
+        before = now;
+    }
+    // What they are for: they all calm white noise, and none is a copy of another.
+    let spread = |h: &[[f64; 4]]| h.iter().filter(|p| p[3] > 0.0).map(|p| (p[1] - 0.5).powi(2)).sum::<f64>();
+    let spreads: Vec<f64> = histories.iter().map(|h| spread(h)).collect();
+    assert!(spreads[1..].iter().all(|&s| s < 0.75 * spreads[0]), "{spreads:?}");
+}
+
+#[test]
+fn flipquad_has_four_rows_and_four_columns_shared_with_the_neighbours() {
+    // The four samples of a pixel over two frames: its own two, the right neighbour's left one, the lower neighbour's top one.
+    let at = |pattern: SamplePattern, pixel: [u32; 2], origin: [u32; 2]| -> [f64; 2] {
+        let offset = pattern.offset(pixel);
+        std::array::from_fn(|k| f64::from(pixel[k]) - f64::from(origin[k]) + offset[k])
+    };
+    for pixel in [[4u32, 6u32], [5, 6], [4, 7], [5, 7]] {
+        let [x, y] = pixel;
+        let samples = [
+            at(SamplePattern::LeftEdges, pixel, pixel),
+            at(SamplePattern::LeftEdges, [x + 1, y], pixel),
+            at(SamplePattern::TopEdges, pixel, pixel),
+            at(SamplePattern::TopEdges, [x, y + 1], pixel),
+        ];
+        for k in 0..2 {
+            let mut coordinates: Vec<f64> = samples.iter().map(|s| s[k]).collect();
+            coordinates.sort_by(f64::total_cmp);
+            for (found, expected) in coordinates.iter().zip([-0.5, -1.0 / 6.0, 1.0 / 6.0, 0.5]) {
+                assert!((found - expected).abs() < 1e-12, "pixel {pixel:?}: {samples:?}");
+            }
+        }
+    }
+}
