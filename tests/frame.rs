@@ -15,7 +15,7 @@ use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-const SIZE: [u32; 2] = [96, 64];
+pub(crate) const SIZE: [u32; 2] = [96, 64];
 
 /// The built-in scene with small textures.
 pub(crate) fn small_scene() -> scene::Scene {
@@ -29,24 +29,24 @@ pub(crate) fn gpu() -> &'static Gpu {
     GPU.get_or_init(|| Gpu::new().expect("these tests need an adapter; `make setup` installs a software one"))
 }
 
-fn renderer() -> MutexGuard<'static, Renderer<'static>> {
+pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
     static RENDERER: OnceLock<Mutex<Renderer<'static>>> = OnceLock::new();
     let make = || Mutex::new(Renderer::new(gpu(), &small_scene(), &|_| {}).expect("the small scene renders"));
     RENDERER.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn pose(renderer: &Renderer<'_>, camera: &str) -> Pose {
+pub(crate) fn pose(renderer: &Renderer<'_>, camera: &str) -> Pose {
     let scene = renderer.scene();
     let camera = scene.cameras.iter().find(|c| c.name == camera).expect("a camera of the built-in scene");
     Pose::of(camera, |x, y| renderer.ground_m(x, y))
 }
 
-fn request(renderer: &Renderer<'_>, camera: &str) -> RenderRequest {
+pub(crate) fn request(renderer: &Renderer<'_>, camera: &str) -> RenderRequest {
     let aovs = AovSet::from_names(&["albedo"]).expect("known layers");
     RenderRequest { aovs, keep_geometry: true, ..RenderRequest::new(pose(renderer, camera), SIZE) }
 }
 
-fn terrain(picture: &Picture) -> Vec<bool> {
+pub(crate) fn terrain(picture: &Picture) -> Vec<bool> {
     picture.hdr.iter().map(|t| t[3] > 0.0).collect()
 }
 

@@ -29,7 +29,8 @@ fn inspect_main(@builtin(global_invocation_id) id: vec3<u32>) {
         let footprint = surface_footprint(pixel, depth, textureLoad(normal_target, pixel, 0));
         let node = terrain_node(footprint.place);
         let cell = terrain_splat_cell(node);
-        out.position = frame.camera + frame_ray(vec2<f32>(pixel)) * (frame.near_m / depth);
+        let place = footprint.place;
+        out.position = vec3<f32>(vec2<f32>(place.sector - frame.camera_sector) * frame.sector_m + place.position.xy, place.position.z);
         out.slot = node.slot;
         out.ddx = footprint.ddx;
         out.corner = u32(cell.corner.x) | (u32(cell.corner.y) << 16u);

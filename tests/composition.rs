@@ -1,0 +1,194 @@
+//! Pictures composed from flavours against the variants' own shaders; motion of a rendered sequence against positions.
+
+use kernels::composition::Layers;
+use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::metrics::{LAGS, NO_LINK, read_signal};
+use kernels::picture::AovSet;
+use kernels::shared::motion::{Past, expected_distance, past_ray, reproject};
+use kernels::shared::signal;
+use kernels::temporal::{Resolve, SamplePattern};
+use kernels::variant::Variant;
+
+use crate::frame::{SIZE, gpu, pose, renderer, request, terrain};
+
+const PIXELS: u32 = SIZE[0] * SIZE[1];
+
+fn all_flavours() -> Variant {
+    Variant::new(31).expect("a variant")
+}
+
+#[test]
+fn every_variant_composed_equals_its_own_shader() {
+    let mut renderer = renderer();
+    let mut base = request(&renderer, "cliff");
+    base.aovs = AovSet::from_names(&["albedo", "fetches", "choice"]).expect("known layers");
+    let layers = Layers::new(gpu(), SIZE);
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    let buffer = gpu().buffer("composed", usage, u64::from(PIXELS) * 8);
+    renderer.draw_flavours(&base, all_flavours(), &layers).expect("draws");
+    let mut previous: Option<Vec<[u32; 2]>> = None;
+    for variant in Variant::all().map(Some).chain([None]) {
+        let stream = renderer.composition().stream(variant, 0);
+        renderer.compose(&base, &layers, [(stream, &buffer)].into_iter()).expect("composes");
+        let composed = read_signal(gpu(), &buffer, 0, PIXELS).expect("the device works");
+        let choice = variant.map_or(VariantChoice::Auto, VariantChoice::Forced);
+        let own = renderer.render(&RenderRequest { variant: choice, ..base.clone() }).expect("renders");
+        let name = variant.map_or_else(|| "auto".to_owned(), |v| v.to_string());
+        let (albedo, fetches) = (own.vectors("albedo").expect("asked for"), own.values("fetches").expect("asked for"));
+        let choices = own.values("choice").expect("asked for");
+        let differs = |composed: &[[u32; 2]]| {
+            let mut worst = 0.0f64;
+            for ((found, own), on) in composed.iter().zip(albedo).zip(terrain(&own)) {
+                assert_eq!(signal::is_terrain(*found), on, "{name}");
+                for (c, o) in signal::colour(*found).into_iter().zip(own) {
+                    // In ulp of f16. Two roundings to f16 (the layer's and the sum's) in place of one, and the shaders' own two.
+                    worst = worst.max(f64::from((c - o).abs()) / (f64::from(o.abs()).max(1.0 / 1024.0) / 2048.0));
+                }
+            }
+            worst
+        };
+        let worst = differs(&composed);
+        assert!(worst <= 4.0, "{name} composed differs by {worst} ulp");
+        for (i, found) in composed.iter().enumerate() {
+            assert_eq!(signal::fetches(*found), fetches[i] as u32, "{name}: fetches of pixel {i}");
+            assert_eq!(signal::choice(*found), choices[i] as u32, "{name}: choice of pixel {i}");
+        }
+        // Negative control: the variant before this one is another picture.
+        if let Some(previous) = previous.replace(composed) {
+            assert!(differs(&previous) > 4.0, "{name} looks like its predecessor");
+        }
+    }
+}
+
+#[test]
+fn links_lead_to_the_same_surface_point() {
+    let mut renderer = renderer();
+    let base = RenderRequest {
+        aovs: AovSet::from_names(&["position", "depth", "ddx", "ddy"]).expect("known layers"),
+        ..request(&renderer, "ground")
+    };
+    let layers = Layers::new(gpu(), SIZE);
+    let mut meter = renderer.meter(SIZE, &[Resolve::Off]).expect("the passes compile");
+    let right = pose(&renderer, "ground").axes()[0];
+    let mut positions = Vec::new();
+    let mut footprints = Vec::new();
+    let mut views = Vec::new();
+    // Two frames of standing still, then steps of 7 cm to the right: some pixels a frame up close.
+    let steps = [0.0, 0.0, 0.07, 0.14, 0.21, 0.28];
+    let flavour = Variant::new(2).expect("a variant");
+    for (index, step) in steps.into_iter().enumerate() {
+        let mut request = base.clone();
+        request.pose.position += right * step;
+        request.variant = VariantChoice::Forced(flavour);
+        let picture = renderer.render(&request).expect("renders");
+        renderer.draw_flavours(&request, flavour, &layers).expect("draws");
+        let (sums, _) = renderer.measure(&request, &layers, &mut meter, &[Some(flavour)]).expect("measures");
+        positions.push(picture.vectors("position").expect("asked for").to_vec());
+        let (ddx, ddy) = (picture.vectors("ddx").expect("asked for"), picture.vectors("ddy").expect("asked for"));
+        let length = |v: &[f32; 3]| v.iter().map(|x| x * x).sum::<f32>().sqrt();
+        footprints.push(ddx.iter().zip(ddy).map(|(x, y)| length(x) + length(y)).collect::<Vec<_>>());
+        views.push(renderer.view(&request));
+        let bytes = kernels::gpu::read_buffer(gpu(), &meter.motion.links, u64::from(PIXELS) * LAGS as u64 * 4).expect("the device works");
+        let links: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+        let depth = picture.values("depth").expect("asked for");
+        for lag in 1..=index.min(LAGS) {
+            let (mut linked, mut moved) = (0, 0);
+            let past = Past::between(&views[index], &views[index - lag]);
+            for at in 0..PIXELS as usize {
+                let link = links[(lag - 1) * PIXELS as usize + at];
+                if depth[at] <= 0.0 || link == NO_LINK {
+                    continue;
+                }
+                linked += 1;
+                moved += usize::from(link as usize != at);
+                let (here, there) = (positions[index][at], positions[index - lag][link as usize]);
+                let apart = (0..3).map(|k| (here[k] - there[k]).powi(2)).sum::<f32>().sqrt();
+                // The nearest pixel's centre is at most half a step of ddx and of ddy away, on a flat triangle; f32 world positions of 10^3 m, bends.
+                let reach = 0.75 * footprints[index - lag][link as usize].max(footprints[index][at]) + 0.01;
+                assert!(apart <= reach, "frame {index}, lag {lag}, pixel {at}: {apart} m apart, reach {reach}");
+                // The same pixel follows from the reference in f64, but for points within a thousandth of a pixel of a border.
+                let [x, y] = [at as f64 % f64::from(SIZE[0]), (at as f64 / f64::from(SIZE[0])).floor()];
+                let point = (views[index].ray(x, y) * f64::from(depth[at])).to_array();
+                let [px, py, _] = reproject(point, &past);
+                let border = [px, py].iter().any(|p| ((p - 0.5).rem_euclid(1.0) - 0.5).abs() > 0.499);
+                let nearest = (py + 0.5).floor() * f64::from(SIZE[0]) + (px + 0.5).floor();
+                assert!(border || nearest == f64::from(link), "frame {index}, lag {lag}, pixel {at}: {px} {py}, linked to {link}");
+            }
+            let on = depth.iter().filter(|d| **d > 0.0).count();
+            assert_eq!(sums[0].lags[lag - 1].linked, linked as u64);
+            assert!(linked * 10 > on * 8, "frame {index}, lag {lag}: {linked} of {on} linked");
+            if steps[index] == steps[index - lag] {
+                assert_eq!((linked, moved, sums[0].lags[lag - 1].difference), (on, 0, 0.0), "standing still");
+            } else {
+                assert!(moved * 4 > linked, "frame {index}, lag {lag}: only {moved} of {linked} moved");
+            }
+        }
+    }
+}
+
+#[test]
+fn reprojection_inverts_rays_also_a_thousand_kilometres_out() {
+    use glam::DVec3;
+    use kernels::camera::{Pose, View};
+    for origin in [DVec3::ZERO, DVec3::new(1.0e6, -9.0e5, 2000.0)] {
+        let pose = |p: DVec3, yaw: f64| Pose { position: origin + p, yaw, pitch: -0.3, fov: 0.9 };
+        let view = |p, yaw| View::new(pose(p, yaw), [320, 180], [0.2, -0.3], 64.0, 10_240.0);
+        let (now, before) = (view(DVec3::new(1.0, 2.0, 3.0), 0.7), view(DVec3::new(1.5, 1.8, 3.1), 0.72));
+        let past = Past::between(&now, &before);
+        let single = past.cast::<f32>();
+        for (x, y, distance) in [(0.0, 0.0, 5.0), (200.0, 17.0, 900.0), (319.0, 179.0, 0.9)] {
+            // A point on the earlier ray of a pixel comes back to that pixel.
+            let point = before.ray(x, y) * distance + (before.pose.position - now.pose.position);
+            let [px, py, d] = reproject(point.to_array(), &past);
+            assert!((px - x).abs() + (py - y).abs() + (d - distance).abs() < 1e-8, "{px} {py} {d}");
+            let ray = past_ray(&past, [x, y]);
+            assert!((DVec3::from_array(ray) - before.ray(x, y)).length() < 1e-12);
+            let normal = [0.3, -0.2, 0.9];
+            let expected = expected_distance(point.to_array(), &past, ray, normal);
+            assert!((expected - distance).abs() < 1e-9 * distance);
+            // f32 relative to an eye: as good out there as at the origin. A pixel in 320 of some 2^-24 * 320 * 8 operations.
+            let [sx, sy, _] = reproject(point.as_vec3().to_array(), &single);
+            assert!((f64::from(sx) - x).abs() + (f64::from(sy) - y).abs() < 1e-3, "{sx} {sy}");
+        }
+        // Behind the camera, and not a number: nowhere.
+        assert_eq!(reproject((-before.ray(5.0, 5.0)).to_array(), &past)[2], 0.0);
+        assert_eq!(reproject([f64::NAN, 0.0, 0.0], &past), [-1e9, -1e9, 0.0]);
+    }
+}
+
+#[test]
+fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
+    let mut renderer = renderer();
+    let base =
+        RenderRequest { aovs: AovSet::from_names(&["position", "ddx", "ddy"]).expect("known layers"), ..request(&renderer, "ground") };
+    let flavour = VariantChoice::Forced(Variant::new(2).expect("a variant"));
+    let [centre, left, top] = [SamplePattern::Centre, SamplePattern::LeftEdges, SamplePattern::TopEdges]
+        .map(|sample_pattern| renderer.render(&RenderRequest { sample_pattern, variant: flavour, ..base.clone() }).expect("renders"));
+    let vectors = |p: &kernels::picture::Picture, n: &str| p.vectors(n).expect("asked for").to_vec();
+    let (mut checked, mut wrong) = (0, 0);
+    for (picture, pattern) in [(&left, SamplePattern::LeftEdges), (&top, SamplePattern::TopEdges)] {
+        let (at, ddx, ddy) = (vectors(&centre, "position"), vectors(&centre, "ddx"), vectors(&centre, "ddy"));
+        let (moved, moved_x) = (vectors(picture, "position"), vectors(picture, "ddx"));
+        for i in (0..PIXELS as usize).filter(|&i| centre.hdr[i][3] > 0.0 && at[i][1] < -162.0) {
+            let pixel = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
+            let offset = pattern.offset(pixel).map(|o| o as f32);
+            let size: f32 = ddx[i].iter().chain(&ddy[i]).map(|v| v * v).sum::<f32>().sqrt();
+            // Near ground: what is seen edge-on bends by more than its step.
+            if size > 0.6 {
+                continue;
+            }
+            let off = (0..3).map(|k| (moved[i][k] - at[i][k] - ddx[i][k] * offset[0] - ddy[i][k] * offset[1]).powi(2)).sum::<f32>().sqrt();
+            let turned =
+                (0..3).map(|k| (moved[i][k] - at[i][k] + ddx[i][k] * offset[0] + ddy[i][k] * offset[1]).powi(2)).sum::<f32>().sqrt();
+            // Perspective bends a step of half a pixel by a share of it; world positions in f32 have 1e-4 m.
+            let close = 0.1 * size + 1e-3;
+            checked += usize::from(off <= close);
+            wrong += usize::from(turned <= close);
+            let change = (0..3).map(|k| (moved_x[i][k] - ddx[i][k]).powi(2)).sum::<f32>().sqrt();
+            assert!(change <= 0.1 * size, "pixel {i}: derivative changes by {change} of {size}");
+        }
+    }
+    assert!(checked > 500, "{checked} samples where they belong");
+    // Negative control: the opposite edge is told apart.
+    assert!(wrong * 10 < checked, "{wrong} of {checked} also fit the opposite edge");
+}
