@@ -341,7 +341,7 @@ fn resolves_agree_with_their_reference() {
                 history: &histories[stream],
             };
             let expected = temporal::reference::resolve(resolve, SIZE, frame, &inputs);
-            let found = meter.picture(gpu, stream).expect("the device works");
+            let found = meter.picture(gpu, stream, 0).expect("the device works");
             for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
                 assert_eq!(signal::is_terrain(*found), expected[3] > 0.0);
                 assert!(expected[3] == 0.0 || (signal::choice(*found), signal::fetches(*found)) == (2, 3), "the meta data are lost");

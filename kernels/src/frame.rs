@@ -19,7 +19,7 @@ use crate::materials::Palette;
 use crate::metrics::{FrameSums, Meter};
 use crate::picture::{AovSet, Picture};
 use crate::quadtree;
-use crate::scene::{self, Requirements, Scene};
+use crate::scene::{self, Blend, Requirements, Scene};
 use crate::shading::{self, Estimator, Kernel, PipelineKey, Shading};
 use crate::shared::flavour_weights::FlavourParams;
 use crate::shared::noise::NoiseKind;
@@ -68,7 +68,7 @@ pub struct FrameUniforms {
     pub sky_zenith: [f32; 3],
     pub sample_pattern: u32,
     pub sky_horizon: [f32; 3],
-    pub pad_4: f32,
+    pub exact_normals: u32,
 }
 
 /// Something that takes a while and how far it is.
@@ -182,6 +182,8 @@ pub struct FrameReport {
     pub nodes: usize,
     /// Patches drawn.
     pub patches: usize,
+    /// The nodes drawn, each covering what no other does.
+    pub drawn: Vec<NodeId>,
     /// Virtual-texture pages.
     pub pages: PageCounts,
     /// Tiles: all that hold terrain, then per variant 1..=31.
@@ -201,10 +203,18 @@ pub struct Targets {
     size: [u32; 2],
 }
 
+/// Choices of a renderer that no scene makes: what an experiment varies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RendererOptions {
+    /// Normals in f32 instead of octahedral codes of 2 x 8 bits, to tell what the codes cost.
+    pub exact_normals: bool,
+}
+
 /// A scene on a device, ready to be drawn.
 pub struct Renderer<'a> {
     gpu: &'a Gpu,
     scene: Scene,
+    options: RendererOptions,
     requirements: Requirements,
     world: World,
     means: PaletteMeans,
@@ -229,7 +239,7 @@ struct Drawn {
     size: [u32; 2],
     jitter: [f64; 2],
     visited: Vec<NodeId>,
-    nodes: usize,
+    nodes: Vec<NodeId>,
     patches: usize,
 }
 
@@ -239,6 +249,14 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// When the scene's data are wrong (file and reason), it asks for cliffs that its world does not have, or a shader does not compile.
     pub fn new(gpu: &'a Gpu, scene: &Scene, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
+        Renderer::with(gpu, scene, RendererOptions::default(), progress)
+    }
+
+    /// As [`Renderer::new`], with options.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn with(gpu: &'a Gpu, scene: &Scene, options: RendererOptions, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         let world = World::new(scene)?;
         scene::validate_against_world(scene, world.max_slope_deg())?;
         let requirements = Requirements::of(scene);
@@ -252,7 +270,7 @@ impl<'a> Renderer<'a> {
         let capacity = if requirements.has(Flavour::VirtualTexture) { virtual_texture::CAPACITY } else { 0 };
         let modulated = requirements.colour_modulation;
         let renderer = Renderer {
-            geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes)?,
+            geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes, options.exact_normals)?,
             virtual_texture: VirtualTexture::new(gpu, &frame_layout, &terrain, modulated, scene.blend.anisotropy, capacity)?,
             classification: Classification::new(gpu, &frame_layout)?,
             shading: Shading::new(gpu, &frame_layout, &terrain, modulated)?,
@@ -261,6 +279,7 @@ impl<'a> Renderer<'a> {
             composition: Composition::new(gpu, &frame_layout, modulated)?,
             means: palette_means(&palette),
             scene: scene.clone(),
+            options,
             requirements,
             world,
             streaming,
@@ -274,6 +293,30 @@ impl<'a> Renderer<'a> {
         // A pipeline that the device refused is this call's failure, not that of the first picture.
         gpu.check()?;
         Ok(renderer)
+    }
+
+    /// Takes another scene over, if it differs from the one drawn only in numbers that no texture and no pipeline holds: the blend (but for its
+    /// anisotropy), the flavours' distances and slopes, the light. Says whether it could; if not, nothing was changed.
+    ///
+    /// # Errors
+    /// When the scene asks for cliffs that the world does not have.
+    pub fn retune(&mut self, scene: &Scene) -> Result<bool> {
+        let mut same = scene.clone();
+        same.flavours.clone_from(&self.scene.flavours);
+        same.blend = Blend { anisotropy: scene.blend.anisotropy, ..self.scene.blend.clone() };
+        same.sun.clone_from(&self.scene.sun);
+        same.sky.clone_from(&self.scene.sky);
+        let requirements = Requirements::of(scene);
+        let has = |r: &Requirements| Flavour::ALL.map(|f| r.has(f));
+        if same != self.scene || has(&requirements) != has(&self.requirements) {
+            return Ok(false);
+        }
+        scene::validate_against_world(scene, self.world.max_slope_deg())?;
+        self.virtual_texture.forget();
+        self.scene = scene.clone();
+        self.requirements = requirements;
+        self.last = None;
+        Ok(true)
     }
 
     /// The world drawn.
@@ -331,7 +374,7 @@ impl<'a> Renderer<'a> {
         let gpu = self.gpu;
         if self.targets.as_ref().is_none_or(|t| t.size != request.size) {
             self.last = None;
-            self.targets = Some(Targets::new(gpu, request.size));
+            self.targets = Some(Targets::new(gpu, request.size, self.options));
         }
         let targets = self.targets.take().expect("made just above");
         let report = self.draw_into(request, &targets);
@@ -410,7 +453,14 @@ impl<'a> Renderer<'a> {
         timer.resolve(&mut encoder);
         gpu.submit_and_wait(encoder)?;
 
-        let report = FrameReport { passes: timer.read(gpu)?, nodes: drawn.nodes, patches: drawn.patches, pages, tiles: tiles.to_vec() };
+        let report = FrameReport {
+            passes: timer.read(gpu)?,
+            nodes: drawn.nodes.len(),
+            patches: drawn.patches,
+            drawn: drawn.nodes.clone(),
+            pages,
+            tiles: tiles.to_vec(),
+        };
         self.last = Some(drawn);
         Ok(report)
     }
@@ -499,8 +549,8 @@ impl<'a> Renderer<'a> {
         &self.composition
     }
 
-    /// The nodes a view visits (made resident), how many of them it draws, and the patches of those that it may see.
-    fn visible_patches(&mut self, view: &View) -> Result<(Vec<NodeId>, usize, Vec<Patch>)> {
+    /// The nodes a view visits (made resident), those of them it draws, and the patches of those that it may see.
+    fn visible_patches(&mut self, view: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Vec<Patch>)> {
         self.streaming.begin_frame();
         let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, self.gpu);
         let done = AtomicU64::new(0);
@@ -516,7 +566,8 @@ impl<'a> Renderer<'a> {
         let drawn: Vec<_> = selection.drawn.iter().filter_map(|&n| self.streaming.get(n).map(|(slot, bounds)| (n, slot, bounds))).collect();
         let lod_map = quadtree::lod_map(&selection.drawn);
         let patches = culling::cull(&drawn, &lod_map, self.world.layout(), view);
-        Ok((selection.visited, drawn.len(), patches))
+        let drawn = drawn.into_iter().map(|(node, ..)| node).collect();
+        Ok((selection.visited, drawn, patches))
     }
 
     /// Runs the inspection pass over the last frame, which `request` made.
@@ -598,15 +649,15 @@ impl<'a> Renderer<'a> {
             sky_zenith: sky.zenith.map(|v| v as f32),
             sample_pattern: request.sample_pattern.code(),
             sky_horizon: sky.horizon.map(|v| v as f32),
-            pad_4: 0.0,
+            exact_normals: u32::from(self.options.exact_normals),
         }
     }
 }
 
 impl Targets {
-    fn new(gpu: &Gpu, size: [u32; 2]) -> Targets {
+    fn new(gpu: &Gpu, size: [u32; 2], options: RendererOptions) -> Targets {
         Targets {
-            geometry: geometry::Targets::new(gpu, size),
+            geometry: geometry::Targets::new(gpu, size, options.exact_normals),
             lists: Lists::new(gpu, size),
             shading: shading::Targets::new(gpu, size),
             image: gpu.target("image", size, lighting::FORMAT),

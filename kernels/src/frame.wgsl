@@ -32,10 +32,18 @@ struct Frame {
     sky_zenith: vec3<f32>,      // radiance
     sample_pattern: u32,        // where in its pixel a frame is sampled: 0 = centre, 1 = left edge, 2 = top edge, see footprint.wgsl
     sky_horizon: vec3<f32>,     // radiance
-    pad_4: f32,
+    exact_normals: u32,         // not 0 = the geometry pass stores normals in f32 instead of 2 x 8 bits
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
+
+// Unit vector of two channels of the geometry pass's normals.
+fn frame_normal(stored: vec2<f32>) -> vec3<f32> {
+    if frame.exact_normals != 0u {
+        return octahedral_decode(stored);
+    }
+    return octahedral_decode(octahedral_dequantise8(stored));
+}
 
 fn frame_ray(pixel: vec2<f32>) -> vec3<f32> {
     return frame.ray_00 + frame.ray_dx * pixel.x + frame.ray_dy * pixel.y;

@@ -57,7 +57,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     // As the shading pass computes them, from the same depth and normal.
-    let normal = octahedral_decode(octahedral_dequantise8(textureLoad(normal_target, pixel, 0).xy));
+    let normal = frame_normal(textureLoad(normal_target, pixel, 0).xy);
     let distance = length(frame_ray(vec2<f32>(pixel))) * frame.near_m / depth;
     let all = flavour_weights(distance, normal.z, frame.flavours);
     var mask = stream.mask;

@@ -65,11 +65,14 @@ fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
             triangle_normal = -triangle_normal;
         }
     }
-    let shading_code = octahedral_encode8_precise(shading_normal);
     var out: GeometryTargets;
-    out.normals = vec4<f32>(shading_code, octahedral_encode8_precise(triangle_normal));
+    if frame.exact_normals != 0u {
+        out.normals = vec4<f32>(octahedral_encode(shading_normal), octahedral_encode(triangle_normal));
+    } else {
+        out.normals = vec4<f32>(octahedral_encode8_precise(shading_normal), octahedral_encode8_precise(triangle_normal));
+    }
     // Weights follow from what the shading pass will read back, so that mask and shading agree.
-    let seen_normal = octahedral_decode(octahedral_dequantise8(shading_code));
+    let seen_normal = frame_normal(out.normals.xy);
     let weights = flavour_weights(distance(in.local, frame.camera), seen_normal.z, frame.flavours);
     out.mask = flavour_mask(weights);
     return out;

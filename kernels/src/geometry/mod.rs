@@ -23,7 +23,7 @@ pub struct Targets {
     pub depth_stencil: wgpu::Texture,
     /// Classification mask, R8Uint.
     pub mask: wgpu::Texture,
-    /// Shading and triangle normal, RGBA8Unorm.
+    /// Shading and triangle normal, see [`normal_format`].
     pub normals: wgpu::Texture,
 }
 
@@ -32,13 +32,18 @@ pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32FloatS
 
 impl Targets {
     /// Targets of a size in pixels.
-    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Targets {
+    pub fn new(gpu: &Gpu, size: [u32; 2], exact_normals: bool) -> Targets {
         Targets {
             depth_stencil: gpu.target("depth and stencil", size, DEPTH_FORMAT),
             mask: gpu.target("classification mask", size, wgpu::TextureFormat::R8Uint),
-            normals: gpu.target("normals", size, wgpu::TextureFormat::Rgba8Unorm),
+            normals: gpu.target("normals", size, normal_format(exact_normals)),
         }
     }
+}
+
+/// Format of the two normals: octahedral, 2 x 8 bits each, or in f32 where a measurement wants them exact.
+pub const fn normal_format(exact: bool) -> wgpu::TextureFormat {
+    if exact { wgpu::TextureFormat::Rgba32Float } else { wgpu::TextureFormat::Rgba8Unorm }
 }
 
 /// The pass.
@@ -82,7 +87,13 @@ impl Geometry {
     ///
     /// # Errors
     /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, has_holes: bool) -> Result<Geometry> {
+    pub fn new(
+        gpu: &Gpu,
+        frame_layout: &wgpu::BindGroupLayout,
+        terrain: &Terrain,
+        has_holes: bool,
+        exact_normals: bool,
+    ) -> Result<Geometry> {
         let shader = Shader::new(gpu, "geometry", &files())?;
         let layout = gpu.layout("patches", wgpu::ShaderStages::VERTEX, &[Binding::Storage]);
         let overrides = [("HAS_HOLES", f64::from(u8::from(has_holes)))];
@@ -109,7 +120,7 @@ impl Geometry {
                 module: &shader.module,
                 entry_point: Some("geometry_fragment"),
                 compilation_options: constants(&overrides),
-                targets: &[Some(wgpu::TextureFormat::R8Uint.into()), Some(wgpu::TextureFormat::Rgba8Unorm.into())],
+                targets: &[Some(wgpu::TextureFormat::R8Uint.into()), Some(normal_format(exact_normals).into())],
             }),
             multiview_mask: None,
             cache: None,

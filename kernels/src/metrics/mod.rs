@@ -307,13 +307,13 @@ impl Meter {
         Ok(sums)
     }
 
-    /// The picture of a stream that was measured last, as signals.
+    /// The picture of a stream that was measured last, or `back` frames before (0 to 4), as signals.
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn picture(&self, gpu: &Gpu, stream: usize) -> Result<Vec<[u32; 2]>> {
+    pub fn picture(&self, gpu: &Gpu, stream: usize, back: u32) -> Result<Vec<[u32; 2]>> {
         let pixels = self.size[0] * self.size[1];
-        let slot = Slots::of(self.index + SLOTS - 1, pixels).now;
+        let slot = Slots::of(self.index + SLOTS - 1 - back, pixels).now;
         read_signal(gpu, self.streams[stream].measured(), slot, pixels)
     }
 

@@ -33,7 +33,7 @@ fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let distance = select(0.0, frame.near_m / depth, depth > 0.0);
     distances[motion.slot + at] = distance;
     let point = frame_ray(vec2<f32>(pixel)) * distance;
-    let normal = octahedral_decode(octahedral_dequantise8(textureLoad(normal_target, pixel, 0).zw));
+    let normal = frame_normal(textureLoad(normal_target, pixel, 0).zw);
     var position = vec2<f32>(-1e9);
     for (var lag = 0u; lag < 4u; lag++) {
         var link = MOTION_NO_LINK;

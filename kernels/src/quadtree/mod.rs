@@ -97,6 +97,16 @@ pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
     map
 }
 
+/// LOD drawn at a place, given in sectors from the world's south-west corner; absent outside the world.
+pub fn lod_at(map: &[u8], place: [f64; 2]) -> Option<u8> {
+    let [x, y] = place.map(f64::floor);
+    let edge = f64::from(SECTORS);
+    if !(0.0..edge).contains(&x) || !(0.0..edge).contains(&y) {
+        return None;
+    }
+    map.get(y as usize * usize::from(SECTORS) + x as usize).copied()
+}
+
 /// Bits of one LOD's atlas slot in the sector data.
 pub const SLOT_BITS: u32 = 10;
 

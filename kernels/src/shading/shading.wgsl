@@ -228,7 +228,7 @@ fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {
     pixel.footprint = surface_footprint(index, depth, normals);
     pixel.node = terrain_node(pixel.footprint.place);
     pixel.cell = terrain_splat_cell(pixel.node);
-    pixel.normal = octahedral_decode(octahedral_dequantise8(normals.xy));
+    pixel.normal = frame_normal(normals.xy);
     pixel.projections = triplanar_weights(pixel.normal, frame.triplanar_sharpness);
 
     let distance = length(frame_ray(vec2<f32>(index))) * frame.near_m / depth;

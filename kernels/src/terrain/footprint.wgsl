@@ -16,7 +16,7 @@ fn surface_sample_offset(pixel: vec2<u32>) -> vec2<f32> {
 // World position from depth, derivatives from the triangle's plane: never from a texture coordinate.
 fn surface_footprint(pixel: vec2<u32>, depth: f32, normals: vec4<f32>) -> Footprint {
     let centre = frame_ray(vec2<f32>(pixel));
-    let triangle_normal = octahedral_decode(octahedral_dequantise8(normals.zw));
+    let triangle_normal = frame_normal(normals.zw);
     // A sample off the centre lies on the plane of the triangle seen there. Grazing planes reach no farther than half or twice as far away.
     let offset = surface_sample_offset(pixel);
     let ray = centre + frame.ray_dx * offset.x + frame.ray_dy * offset.y;

@@ -276,6 +276,13 @@ impl VirtualTexture {
         })
     }
 
+    /// Forgets all pages: what they were rendered with has changed.
+    pub fn forget(&mut self) {
+        self.free.extend(self.cache.drain().map(|(_, physical)| physical.layer));
+        // Layers are taken from the end, lowest first, as when nothing had been rendered yet.
+        self.free.sort_unstable_by_key(|&layer| std::cmp::Reverse(layer));
+    }
+
     /// Whether the scene has a virtual texture.
     pub fn is_required(&self) -> bool {
         self.passes.is_some()
