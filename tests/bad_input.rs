@@ -41,16 +41,16 @@ fn newest_source(folder: &Path) -> Option<(SystemTime, PathBuf)> {
     newest.max()
 }
 
-fn run(arguments: &[&str]) -> Output {
+pub(crate) fn run(arguments: &[&str]) -> Output {
     Command::new(program()).args(arguments).output().expect("the program can be started")
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the program writes UTF-8")
 }
 
 /// The call is wrong: exit 2, and stderr names what.
-fn usage_error(arguments: &[&str], says: &[&str]) {
+pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
     let output = run(arguments);
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
@@ -64,7 +64,7 @@ fn usage_error(arguments: &[&str], says: &[&str]) {
 }
 
 /// The work fails: exit 1, and one line on stderr that names what.
-fn failure(arguments: &[&str], says: &[&str]) {
+pub(crate) fn failure(arguments: &[&str], says: &[&str]) {
     let output = run(arguments);
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{arguments:?}: {stderr}");
@@ -75,27 +75,27 @@ fn failure(arguments: &[&str], says: &[&str]) {
 }
 
 /// Exit 0; what was written to stdout.
-fn success(arguments: &[&str]) -> String {
+pub(crate) fn success(arguments: &[&str]) -> String {
     let output = run(arguments);
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     text(&output.stdout)
 }
 
 /// A folder of its own, removed at the end.
-struct Folder(PathBuf);
+pub(crate) struct Folder(PathBuf);
 
 impl Folder {
-    fn new(name: &str) -> Folder {
+    pub(crate) fn new(name: &str) -> Folder {
         let path = std::env::temp_dir().join(format!("scree-bad-input-{name}-{}", std::process::id()));
         fs::create_dir_all(&path).expect("the temporary folder can be made");
         Folder(path)
     }
 
-    fn path(&self, name: &str) -> String {
+    pub(crate) fn path(&self, name: &str) -> String {
         self.0.join(name).display().to_string()
     }
 
-    fn write(&self, name: &str, contents: &str) -> String {
+    pub(crate) fn write(&self, name: &str, contents: &str) -> String {
         fs::write(self.0.join(name), contents).expect("a temporary file can be written");
         self.path(name)
     }

@@ -5,6 +5,8 @@ mod agreement;
 #[cfg(test)]
 mod bad_input;
 #[cfg(test)]
+mod compare;
+#[cfg(test)]
 mod composition;
 #[cfg(test)]
 mod frame;

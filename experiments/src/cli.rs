@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use clap::error::ErrorKind;
 use clap::{ArgGroup, Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use experiments::judge::{Metric, flip};
 use kernels::frame::{MAX_PIXELS, MAX_SIDE};
 use kernels::picture::AOV_NAMES;
 use kernels::shared::noise::NoiseKind;
@@ -39,6 +40,8 @@ pub(crate) enum Command {
     Import(ImportArgs),
     /// Apply one shared function to the rows of a table, on the GPU or with its references
     Probe(ProbeArgs),
+    /// Judge a picture against a reference: FLIP, MSE, MRSE, PSNR, SSIM
+    Compare(CompareArgs),
     /// Say what a scene requires, and what it does not: flavours, variants, textures, passes, bytes
     Explain(ExplainArgs),
     /// List the graphics adapters of this machine and whether they will do
@@ -218,6 +221,48 @@ pub(crate) struct ProbeArgs {
     pub(crate) list: bool,
     /// Print the list for a program
     #[arg(long, requires = "list")]
+    pub(crate) json: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+With t the test and r the reference, linear colour (PNG and JPEG are decoded from sRGB):
+  flip  what a viewer sees who flips between the two, 0 (nothing) to 1: LDR-FLIP of their sRGB encodings in 8 bits; mean over
+        pixels, quartiles of the sum of errors, and maximum
+  mse   mean of (t - r)^2 over pixels and channels
+  mrse  mean of (t - r)^2 / (r^2 + 0.01) over pixels and channels
+  psnr  10 log10(1 / mse) of their sRGB encodings, dB; infinite (null in JSON) where they are equal
+  ssim  structural similarity of their sRGB encodings, -1 to 1 (alike): Gaussian window of 11x11, sigma 1.5; none (null in JSON)
+        where no window fits
+Encodings are clamped to 0..1. Layers of vectors and numbers have no encoding: they are compared by mse and mrse.
+
+Examples:
+  experiments compare noisy.exr truth.exr --layer albedo --terrain
+  experiments compare noisy.png truth.png --metric flip,ssim --map error.png")]
+pub(crate) struct CompareArgs {
+    /// The test: the picture to judge (.exr, .png or .jpg)
+    #[arg(value_name = "A")]
+    pub(crate) test: PathBuf,
+    /// The reference: what the test should look like
+    #[arg(value_name = "B")]
+    pub(crate) reference: PathBuf,
+    /// What to measure, from flip, mse, mrse, psnr, ssim [default: all that the channels allow]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = metric)]
+    pub(crate) metric: Vec<Metric>,
+    /// Layer of both, such as `albedo` (.exr only) [default: the picture itself]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) layer: Option<String>,
+    /// Count only pixels of terrain, whose alpha in B is 1; elsewhere A is made equal to B before flip and ssim look
+    #[arg(long)]
+    pub(crate) terrain: bool,
+    /// Write the map of FLIP errors in the colours of magma: 0 is black, 1 pale yellow
+    #[arg(long, value_name = "FILE.png", value_parser = png)]
+    pub(crate) map: Option<PathBuf>,
+    /// Pixels in a degree of the viewer's sight, for flip, 4 to 400
+    #[arg(long, value_name = "N", default_value_t = flip::PIXELS_PER_DEGREE, allow_hyphen_values = true, value_parser = pixels_per_degree)]
+    pub(crate) pixels_per_degree: f32,
+    /// Print for a program
+    #[arg(long)]
     pub(crate) json: bool,
 }
 
@@ -412,6 +457,20 @@ fn variant(text: &str) -> Result<VariantArg, String> {
 
 fn noise(text: &str) -> Result<NoiseKind, String> {
     text.parse().map_err(|_| format!("must be one of {}", NoiseKind::ALL.map(|kind| kind.to_string()).join(", ")))
+}
+
+fn metric(text: &str) -> Result<Metric, String> {
+    text.parse().map_err(|error: kernels::error::Error| error.to_string())
+}
+
+fn pixels_per_degree(text: &str) -> Result<f32, String> {
+    let [low, high] = flip::PIXELS_PER_DEGREE_RANGE;
+    text.parse().ok().filter(|n| (low..=high).contains(n)).ok_or_else(|| format!("must be a number in {low}..={high}"))
+}
+
+fn png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if extension(&path) == "png" { Ok(path) } else { Err("must end in .png".to_owned()) }
 }
 
 fn picture(text: &str) -> Result<PathBuf, String> {

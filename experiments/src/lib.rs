@@ -3,6 +3,7 @@
 //! The program is [`main`]; everything else is a library, so that an application can run the same experiments.
 
 pub mod definition;
+pub mod judge;
 pub mod row;
 pub mod unit;
 

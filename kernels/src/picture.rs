@@ -188,11 +188,20 @@ pub fn tone_map(radiance: [f32; 3]) -> [u8; 3] {
 }
 
 /// The 8-bit sRGB code of a linear value (IEC 61966-2-1); 0 for NaN.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 just before")]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=1 by srgb_from_linear")]
 pub fn srgb_code(linear: f32) -> u8 {
+    (srgb_from_linear(linear) * 255.0 + 0.5) as u8
+}
+
+/// A linear value, clamped to 0..=1, in the encoding of sRGB, 0..=1 (IEC 61966-2-1); 0 for NaN.
+pub fn srgb_from_linear(linear: f32) -> f32 {
     let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
-    let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0 + 0.5) as u8
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The linear value of an sRGB-encoded one in 0..=1 (IEC 61966-2-1).
+pub fn linear_from_srgb(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Runs `write` on a temporary file beside `file`, then renames it: the file is whole or absent.

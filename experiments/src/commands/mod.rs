@@ -2,6 +2,7 @@
 
 mod adapters;
 mod bench;
+mod compare;
 mod demo;
 mod explain;
 mod import;
@@ -29,6 +30,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Import(args) => import::run(args),
         Command::Probe(args) => probe::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Explain(args) => explain::run(args),
         Command::Adapters(args) => adapters::run(args),
     }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::{MaterialMaps, wrong};
 use crate::error::{Error, Result};
+use crate::picture::linear_from_srgb;
 
 /// Image files looked for, by extension, in this order.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -156,9 +157,4 @@ fn rgb(decoded: DynamicImage) -> Vec<[f32; 3]> {
 fn unit_normal(value: [f32; 3]) -> [f32; 3] {
     let n = value.map(|c| 2.0 * c - 1.0);
     crate::shared::real::normalize(n)
-}
-
-/// IEC 61966-2-1.
-fn linear_from_srgb(code: f32) -> f32 {
-    if code <= 0.040_45 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }

@@ -1,0 +1,198 @@
+//! FLIP: what a viewer who flips between two pictures sees of their difference. Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and
+//! Fairchild 2020, *FLIP: A Difference Evaluator for Alternating Images*, for low dynamic range, by its authors' own code (crate
+//! `nv-flip`), which takes 8-bit sRGB codes.
+
+use kernels::error::{Error, Result};
+use nv_flip::FlipImageRgb8;
+
+use super::area;
+
+/// Pixels in a degree of the viewer's sight: 3840 pixels on 0.7 m, seen from 0.7 m.
+pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
+/// What is accepted. Below, the feature filters have less than a pixel's width; above, a window is wider than any display.
+pub const PIXELS_PER_DEGREE_RANGE: [f32; 2] = [4.0, 400.0];
+
+/// A map of errors in one number each, 0..=1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flip {
+    /// The number the authors recommend where it must be one.
+    pub mean: f64,
+    /// The errors below which pixels hold a quarter, a half and three quarters of the sum of all errors.
+    pub weighted_quartiles: [f64; 3],
+    /// The largest error.
+    pub max: f64,
+}
+
+/// The error of each pixel, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map {
+    /// Width and height.
+    pub size: [u32; 2],
+    /// 0..=1.
+    pub errors: Vec<f32>,
+}
+
+/// FLIP errors of two pictures of `size` (width, height), values in 0..=1, sRGB-encoded; rounded to 8 bits.
+///
+/// # Errors
+/// When lengths do not fit, or `pixels_per_degree` lies outside [`PIXELS_PER_DEGREE_RANGE`].
+pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per_degree: f32) -> Result<Map> {
+    let [low, high] = PIXELS_PER_DEGREE_RANGE;
+    if !(low..=high).contains(&pixels_per_degree) {
+        return Err(Error::Request(format!("{pixels_per_degree} pixels per degree: FLIP takes {low} to {high}")));
+    }
+    if test.len() != area(size) || reference.len() != area(size) || test.is_empty() {
+        return Err(Error::Request(format!("FLIP of {}x{} pixels needs as many values of test and reference", size[0], size[1])));
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 just before; NaN becomes 0")]
+    let code = |v: &f32| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+    let codes = |texels: &[[f32; 3]]| texels.as_flattened().iter().map(code).collect::<Vec<u8>>();
+    let picture = |texels: &[[f32; 3]]| FlipImageRgb8::with_data(size[0], size[1], &codes(texels));
+    let errors = nv_flip::flip(picture(reference), picture(test), pixels_per_degree).to_vec();
+    if let Some(wrong) = errors.iter().find(|e| !(0.0..=1.0).contains(*e)) {
+        return Err(Error::Request(format!("FLIP gave {wrong}, which is not in 0..=1: please report it, with the pictures")));
+    }
+    Ok(Map { size, errors })
+}
+
+impl Map {
+    /// The numbers of the pixels that count: all without a mask. Of no pixel: all 0.
+    ///
+    /// The crate's own pooling sums in f32 and starts its maximum above 0.
+    pub fn pool(&self, mask: Option<&[bool]>) -> Flip {
+        let counts = |index: usize| mask.is_none_or(|mask| mask.get(index).copied().unwrap_or(false));
+        let mut errors: Vec<f32> = self.errors.iter().enumerate().filter(|(i, _)| counts(*i)).map(|(_, e)| *e).collect();
+        errors.sort_by(f32::total_cmp);
+        let sum: f64 = errors.iter().map(|e| f64::from(*e)).sum();
+        let quartile = |share: f64| {
+            let mut below = 0.0;
+            let holds = |e: &&f32| {
+                below += f64::from(**e);
+                below > share * sum
+            };
+            errors.iter().find(holds).map_or(0.0, |e| f64::from(*e))
+        };
+        Flip {
+            mean: sum / errors.len().max(1) as f64,
+            weighted_quartiles: [0.25, 0.5, 0.75].map(quartile),
+            max: errors.last().map_or(0.0, |e| f64::from(*e)),
+        }
+    }
+
+    /// The map in the colours of [`magma`], 0 black, 1 pale yellow.
+    pub fn coloured(&self) -> Vec<[u8; 3]> {
+        let colours = magma();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "errors lie in 0..=1")]
+        let index = |error: f32| (error.clamp(0.0, 1.0) * 255.0 + 0.5) as usize;
+        self.errors.iter().map(|e| colours[index(*e)]).collect()
+    }
+}
+
+/// The 256 colours of matplotlib's perceptually uniform `magma` (van der Walt and Smith 2015), sRGB codes, 0 first.
+pub fn magma() -> Vec<[u8; 3]> {
+    nv_flip::magma_lut().to_vec().as_chunks().0.to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [u32; 2] = [32, 24];
+
+    fn uniform(colour: [f32; 3]) -> Vec<[f32; 3]> {
+        vec![colour; area(SIZE)]
+    }
+
+    /// CIELAB of linear sRGB with the Hunt effect of the paper: a and b times 0.01 L.
+    fn hunt_lab([r, g, b]: [f64; 3]) -> [f64; 3] {
+        let xyz = |r: f64, g: f64, b: f64| {
+            // IEC 61966-2-1 by its primaries, as the paper's code has it.
+            let x = 10_135_552.0 / 24_577_794.0 * r + 8_788_810.0 / 24_577_794.0 * g + 4_435_075.0 / 24_577_794.0 * b;
+            let y = 2_613_072.0 / 12_288_897.0 * r + 8_788_810.0 / 12_288_897.0 * g + 887_015.0 / 12_288_897.0 * b;
+            let z = 1_425_312.0 / 73_733_382.0 * r + 8_788_810.0 / 73_733_382.0 * g + 70_074_185.0 / 73_733_382.0 * b;
+            [x, y, z]
+        };
+        let (c, white) = (xyz(r, g, b), xyz(1.0, 1.0, 1.0));
+        let f = |t: f64| if t > (6.0f64 / 29.0).powi(3) { t.cbrt() } else { t / (3.0 * (6.0f64 / 29.0).powi(2)) + 4.0 / 29.0 };
+        let [x, y, z] = [0, 1, 2].map(|k| f(c[k] / white[k]));
+        let lightness = 116.0 * y - 16.0;
+        [lightness, 500.0 * (x - y) * 0.01 * lightness, 200.0 * (y - z) * 0.01 * lightness]
+    }
+
+    /// The paper's colour error of two uniform pictures, which have no features: HyAB distance to the power 0.7, relative to the largest
+    /// (green against blue); the first 40 % of it take 95 % of the scale.
+    fn uniform_error(a: [f64; 3], b: [f64; 3]) -> f64 {
+        let distance = |a: [f64; 3], b: [f64; 3]| {
+            let (a, b) = (hunt_lab(a), hunt_lab(b));
+            ((a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])).powf(0.7)
+        };
+        let largest = distance([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        let (d, knee) = (distance(a, b), 0.4 * largest);
+        if d < knee { 0.95 * d / knee } else { 0.95 + 0.05 * (d - knee) / (largest - knee) }
+    }
+
+    #[test]
+    fn uniform_pictures_have_the_papers_closed_form() {
+        let linear = |encoded: [f32; 3]| encoded.map(|c| f64::from(kernels::picture::linear_from_srgb(c)));
+        let code = |c: [u8; 3]| c.map(|v| f32::from(v) / 255.0);
+        let pairs = [
+            ([0, 255, 0], [0, 0, 255]),
+            ([0, 0, 0], [255, 255, 255]),
+            ([120, 120, 120], [128, 128, 128]),
+            ([200, 180, 90], [190, 180, 100]),
+            ([10, 60, 30], [40, 40, 40]),
+        ];
+        for (a, b) in pairs {
+            let (a, b) = (code(a), code(b));
+            let pooled = map(SIZE, &uniform(a), &uniform(b), PIXELS_PER_DEGREE).unwrap().pool(None);
+            let expected = uniform_error(linear(a), linear(b));
+            // The code works in f32 and raises differences of Lab values up to 100 to a power: some 1e-5 of 100.
+            for found in [pooled.mean, pooled.max, pooled.weighted_quartiles[1]] {
+                assert!((found - expected).abs() < 1e-3, "{a:?} {b:?}: {found} is not {expected}");
+            }
+            // Negative control: linear values given for encoded ones do not pass (save where both are 0 or 1).
+            let wrong = uniform_error(a.map(f64::from), b.map(f64::from));
+            assert!(a.map(f64::from) == linear(a) || (wrong - expected).abs() > 0.01);
+        }
+    }
+
+    #[test]
+    fn pooling_follows_its_definition() {
+        let map = Map { size: [6, 1], errors: vec![0.5, 0.0, 0.125, 0.25, 0.375, 1.0] };
+        // Sums of the sorted errors: 0, 0.125, 0.375, 0.75, 1.25, 2.25; quarters of the whole are 0.5625, 1.125, 1.6875.
+        assert_eq!(map.pool(None), Flip { mean: 0.375, weighted_quartiles: [0.375, 0.5, 1.0], max: 1.0 });
+        let masked = map.pool(Some(&[true, true, false, true, true, false]));
+        assert_eq!(masked, Flip { mean: 1.125 / 4.0, weighted_quartiles: [0.375, 0.375, 0.5], max: 0.5 });
+        assert_eq!(map.pool(Some(&[false; 6])), Flip { mean: 0.0, weighted_quartiles: [0.0; 3], max: 0.0 });
+    }
+
+    #[test]
+    fn a_dot_is_seen_where_it_is_and_more_from_near() {
+        let reference = uniform([0.5; 3]);
+        let mut test = reference.clone();
+        test[12 * 32 + 20] = [1.0; 3];
+        let far = map(SIZE, &test, &reference, PIXELS_PER_DEGREE).unwrap();
+        let peak = far.errors.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| i);
+        assert_eq!(peak, Some(12 * 32 + 20));
+        let near = map(SIZE, &test, &reference, 20.0).unwrap();
+        assert!(near.pool(None).max > far.pool(None).max + 0.05);
+        let colours = far.coloured();
+        assert_eq!((colours[0], colours.len()), (magma()[0], area(SIZE)));
+        assert_eq!((magma().len(), magma()[0], magma()[255]), (256, [0, 0, 4], [252, 253, 191]));
+    }
+
+    #[test]
+    fn wrong_arguments_are_refused() {
+        let picture = uniform([0.5; 3]);
+        for wrong in [0.0, 3.9, 401.0, f32::NAN, f32::INFINITY, -67.0] {
+            assert!(map(SIZE, &picture, &picture, wrong).is_err(), "{wrong}");
+        }
+        for right in PIXELS_PER_DEGREE_RANGE {
+            let mut test = picture.clone();
+            test[7] = [0.0; 3];
+            assert!(map(SIZE, &test, &picture, right).is_ok(), "{right}");
+        }
+        assert!(map(SIZE, &picture[1..], &picture, PIXELS_PER_DEGREE).is_err());
+        assert!(map([0, 0], &[], &[], PIXELS_PER_DEGREE).is_err());
+    }
+}

@@ -1,0 +1,389 @@
+//! Judges a picture against a reference: MSE, MRSE, PSNR, SSIM, FLIP; spectra of errors; the calls of metrics that judge video.
+//!
+//! With t the test and r the reference, linear colour, P the pixels counted, k the channel (red, green, blue), and s(x) the sRGB
+//! encoding of x clamped to 0..=1:
+//!
+//! - MSE = mean over P and k of (t - r)²; as in tev and in pbrt's imgtool.
+//! - MRSE = mean over P and k of (t - r)² / (r² + 0.01), tev's. imgtool's denominator is (r + 0.01)²: 100 times smaller at black, where a
+//!   single pixel then decides the mean, and 0 for r = -0.01. tev's is the relative error of Rousselle, Knaus and Zwicker 2011, *Adaptive
+//!   Sampling and Reconstruction using Greedy Error Minimization*, with their epsilon.
+//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. Neither tool has it. A peak needs bounded values, hence the encoding: of 8-bit
+//!   pictures it is what every other tool gives. Infinite where nothing differs. Of linear values with peak 1 it would say what MSE says:
+//!   [`psnr_db`] of it.
+//! - SSIM of s(t) and s(r): [`ssim`].
+//! - FLIP of s(t) and s(r) in 8 bits: [`flip`].
+//!
+//! tev and imgtool pass over differences that are infinite; here a value that is NaN or infinite is an error, since it is a defect of the
+//! picture. All sums are in f64.
+
+pub mod flip;
+mod image;
+pub mod spectrum;
+pub mod ssim;
+pub mod video;
+
+use std::fmt;
+use std::str::FromStr;
+use std::sync::OnceLock;
+
+use kernels::error::{Error, Result};
+use kernels::picture::srgb_from_linear;
+use kernels::scene::nearest;
+
+pub use image::{Content, Image};
+
+/// Keeps relative errors of dark references finite; linear colour squared (tev; Rousselle et al. 2011).
+pub const MRSE_EPSILON: f64 = 0.01;
+
+/// What can be measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Metric {
+    /// Visible difference, 0..=1.
+    Flip,
+    /// Mean squared error.
+    Mse,
+    /// Mean relative squared error.
+    Mrse,
+    /// Peak signal-to-noise ratio, dB.
+    Psnr,
+    /// Structural similarity, -1..=1.
+    Ssim,
+}
+
+impl Metric {
+    /// All of them, in the order in which they are printed.
+    pub const ALL: [Metric; 5] = [Metric::Flip, Metric::Mse, Metric::Mrse, Metric::Psnr, Metric::Ssim];
+
+    /// As the command line spells it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Metric::Flip => "flip",
+            Metric::Mse => "mse",
+            Metric::Mrse => "mrse",
+            Metric::Psnr => "psnr",
+            Metric::Ssim => "ssim",
+        }
+    }
+
+    /// Unit and definition in a line.
+    pub fn definition(self) -> &'static str {
+        match self {
+            Metric::Flip => "0..1, 0 = alike; mean of LDR-FLIP over pixels, sRGB-encoded, 8 bits",
+            Metric::Mse => "linear colour²; mean of (t - r)² over pixels and channels",
+            Metric::Mrse => "1; mean of (t - r)² / (r² + 0.01) over pixels and channels, linear",
+            Metric::Psnr => "dB; 10 log10(1 / MSE), sRGB-encoded, peak 1",
+            Metric::Ssim => "-1..1, 1 = alike; Gaussian window of 11x11, sRGB-encoded, mean over pixels and channels",
+        }
+    }
+
+    /// Whether it means something for colour only, since it takes values as a display would show them.
+    pub fn needs_colour(self) -> bool {
+        matches!(self, Metric::Flip | Metric::Psnr | Metric::Ssim)
+    }
+}
+
+impl fmt::Display for Metric {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Metric {
+    type Err = Error;
+
+    /// # Errors
+    /// For an unknown name, with the nearest known one.
+    fn from_str(text: &str) -> Result<Metric> {
+        let names = Metric::ALL.map(Metric::name);
+        Metric::ALL.into_iter().find(|metric| metric.name() == text).ok_or_else(|| {
+            let hint = nearest(text, &names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            Error::Request(format!("`{text}` is no metric: there are {}{hint}", names.join(", ")))
+        })
+    }
+}
+
+/// Everything that is measured of a pair of pictures; [`Pair`] has each number on its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Errors {
+    /// Pixels counted.
+    pub pixels: usize,
+    /// Linear colour squared.
+    pub mse: f64,
+    /// A ratio.
+    pub mrse: f64,
+    /// dB; infinite where nothing differs.
+    pub psnr: f64,
+    /// -1..=1; `None` where no window lies inside the picture around a pixel that counts.
+    pub ssim: Option<f64>,
+    /// 0..=1, at [`flip::PIXELS_PER_DEGREE`].
+    pub flip: flip::Flip,
+}
+
+/// All metrics of a test against a reference, linear colour, row by row.
+///
+/// MSE, MRSE and PSNR are means over the pixels whose `mask` is true. FLIP and SSIM look at neighbourhoods: there the masked-out pixels of
+/// the test are first made equal to the reference's, then left out of the mean. So what is behind the mask has no influence, and a pixel
+/// beside its border is judged a little more mildly than one far from it.
+///
+/// FLIP takes most of the time; a caller that does without it asks [`Pair`].
+///
+/// # Errors
+/// See [`Pair::new`].
+pub fn errors(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: &[bool]) -> Result<Errors> {
+    let pair = Pair::new(size, test, reference, Some(mask))?;
+    let flip = pair.flip(flip::PIXELS_PER_DEGREE)?.pool(Some(mask));
+    Ok(Errors { pixels: pair.pixels(), mse: pair.mse(), mrse: pair.mrse(), psnr: pair.psnr(), ssim: pair.ssim(), flip })
+}
+
+/// PSNR in dB of a mean squared error of values whose peak is 1: 0 gives infinity.
+pub fn psnr_db(mean_squared_error: f64) -> f64 {
+    // Not minus the logarithm: that is -0 for an error of 1.
+    10.0 * mean_squared_error.recip().log10()
+}
+
+/// A test and its reference, checked.
+#[derive(Debug)]
+pub struct Pair<'a> {
+    size: [u32; 2],
+    test: &'a [[f32; 3]],
+    reference: &'a [[f32; 3]],
+    mask: Option<&'a [bool]>,
+    pixels: usize,
+    encoded: OnceLock<[Vec<[f32; 3]>; 2]>,
+}
+
+impl<'a> Pair<'a> {
+    /// Two pictures of `size` (width, height) in linear colour, row by row; no `mask` = every pixel counts.
+    ///
+    /// # Errors
+    /// When lengths do not fit the size, no pixel counts, or a value is NaN or infinite (in masked-out pixels, too).
+    pub fn new(size: [u32; 2], test: &'a [[f32; 3]], reference: &'a [[f32; 3]], mask: Option<&'a [bool]>) -> Result<Pair<'a>> {
+        let area = area(size);
+        let lengths = [test.len(), reference.len(), mask.map_or(area, <[bool]>::len)];
+        if lengths != [area; 3] {
+            let [width, height] = size;
+            let [test, reference, mask] = lengths;
+            return Err(Error::Request(format!(
+                "a pair of {width}x{height} pixels needs {area} values each: the test has {test}, the reference {reference}, the mask {mask}"
+            )));
+        }
+        for (name, texels) in [("test", test), ("reference", reference)] {
+            if let Some(what) = not_finite(size, texels) {
+                return Err(Error::Request(format!("the {name} holds {what}: a picture to compare has none")));
+            }
+        }
+        let pixels = mask.map_or(area, |mask| mask.iter().filter(|m| **m).count());
+        if pixels == 0 {
+            return Err(Error::Request("no pixel is left to compare: the mask takes all, or the picture is empty".to_owned()));
+        }
+        Ok(Pair { size, test, reference, mask, pixels, encoded: OnceLock::new() })
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Number of pixels that count.
+    pub fn pixels(&self) -> usize {
+        self.pixels
+    }
+
+    /// Whether no value differs in the pixels that count.
+    pub fn identical(&self) -> bool {
+        self.counted(self.test, self.reference).all(|(t, r)| t == r)
+    }
+
+    /// Mean squared error, linear colour squared.
+    pub fn mse(&self) -> f64 {
+        self.mean(self.test, self.reference, |t, r| (t - r) * (t - r))
+    }
+
+    /// Mean relative squared error.
+    pub fn mrse(&self) -> f64 {
+        self.mean(self.test, self.reference, |t, r| (t - r) * (t - r) / (r * r + MRSE_EPSILON))
+    }
+
+    /// PSNR of the sRGB encodings, dB; infinite where they are equal.
+    pub fn psnr(&self) -> f64 {
+        let [test, reference] = self.encoded();
+        psnr_db(self.mean(test, reference, |t, r| (t - r) * (t - r)))
+    }
+
+    /// Mean SSIM of the sRGB encodings, -1..=1; `None` where no window lies inside the picture around a pixel that counts.
+    pub fn ssim(&self) -> Option<f64> {
+        let [test, reference] = self.encoded();
+        ssim::ssim(self.size, test, reference, self.mask)
+    }
+
+    /// The map of FLIP errors of the sRGB encodings.
+    ///
+    /// # Errors
+    /// See [`flip::map`].
+    pub fn flip(&self, pixels_per_degree: f32) -> Result<flip::Map> {
+        let [test, reference] = self.encoded();
+        flip::map(self.size, test, reference, pixels_per_degree)
+    }
+
+    /// sRGB encodings of test and reference, the test's masked-out pixels replaced by the reference's.
+    fn encoded(&self) -> &[Vec<[f32; 3]>; 2] {
+        self.encoded.get_or_init(|| {
+            let encode = |texels: &[[f32; 3]]| texels.iter().map(|t| t.map(srgb_from_linear)).collect::<Vec<_>>();
+            let (mut test, reference) = (encode(self.test), encode(self.reference));
+            if let Some(mask) = self.mask {
+                for ((test, reference), _) in test.iter_mut().zip(&reference).zip(mask).filter(|(_, counts)| !**counts) {
+                    *test = *reference;
+                }
+            }
+            [test, reference]
+        })
+    }
+
+    fn counted<'b>(&'b self, test: &'b [[f32; 3]], reference: &'b [[f32; 3]]) -> impl Iterator<Item = (&'b [f32; 3], &'b [f32; 3])> {
+        let counts = move |index: usize| self.mask.is_none_or(|mask| mask[index]);
+        test.iter().zip(reference).enumerate().filter(move |(index, _)| counts(*index)).map(|(_, pair)| pair)
+    }
+
+    fn mean(&self, test: &[[f32; 3]], reference: &[[f32; 3]], error: impl Fn(f64, f64) -> f64) -> f64 {
+        let of_pixel = |(t, r): (&[f32; 3], &[f32; 3])| (0..3).map(|k| error(f64::from(t[k]), f64::from(r[k]))).sum::<f64>();
+        self.counted(test, reference).map(of_pixel).sum::<f64>() / (3.0 * self.pixels as f64)
+    }
+}
+
+/// Number of pixels of a picture.
+fn area(size: [u32; 2]) -> usize {
+    size[0] as usize * size[1] as usize
+}
+
+/// How many values are NaN or infinite and where the first is, if there are any.
+fn not_finite(size: [u32; 2], texels: &[[f32; 3]]) -> Option<String> {
+    let first = texels.iter().position(|t| t.iter().any(|v| !v.is_finite()))?;
+    let all = || texels.as_flattened().iter();
+    let (nan, infinite) = (all().filter(|v| v.is_nan()).count(), all().filter(|v| v.is_infinite()).count());
+    let width = size[0].max(1) as usize;
+    let (x, y) = (first % width, first / width);
+    let counted = [(nan, "NaN"), (infinite, "infinite")].into_iter().filter(|(count, _)| *count > 0);
+    let counted: Vec<String> = counted.map(|(count, name)| format!("{count} {name}")).collect();
+    let values = if nan + infinite == 1 { "value" } else { "values" };
+    Some(format!("{} {values}, first in column {x}, row {y} (from 0, 0 at the upper left)", counted.join(" and ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::picture::linear_from_srgb;
+    use kernels::shared::hash::unit2;
+
+    use super::*;
+
+    const SIZE: [u32; 2] = [24, 20];
+
+    fn constant(value: f32) -> Vec<[f32; 3]> {
+        vec![[value; 3]; area(SIZE)]
+    }
+
+    fn close(a: f64, b: f64, relative: f64) {
+        assert!((a - b).abs() <= relative * b.abs(), "{a} is not {b}");
+    }
+
+    #[test]
+    fn a_constant_offset_has_closed_forms() {
+        // Exact in f32, so that only the sums round.
+        let (t, r) = (0.75, 0.5);
+        let (test, reference) = (constant(t), constant(r));
+        let found = errors(SIZE, &test, &reference, &vec![true; area(SIZE)]).unwrap();
+        assert_eq!(found.pixels, area(SIZE));
+        close(found.mse, 0.0625, 1e-12);
+        close(found.mrse, 0.0625 / 0.26, 1e-12);
+        // Roles matter: MRSE divides by the reference.
+        close(Pair::new(SIZE, &reference, &test, None).unwrap().mrse(), 0.0625 / 0.5725, 1e-12);
+        // At black MRSE is MSE / epsilon, where imgtool's would be 100 times that.
+        close(Pair::new(SIZE, &test, &constant(0.0), None).unwrap().mrse(), 0.5625 / 0.01, 1e-12);
+        let [et, er] = [t, r].map(|v| f64::from(srgb_from_linear(v)));
+        close(found.psnr, -20.0 * (et - er).log10(), 1e-9);
+        // No variance: SSIM is its luminance term.
+        let c1 = 1e-4;
+        close(found.ssim.unwrap(), (2.0 * et * er + c1) / (et * et + er * er + c1), 1e-9);
+    }
+
+    #[test]
+    fn noise_of_known_variance_gives_it() {
+        // +-d by the bits of a hash: the mean square is d² whatever the hash does.
+        let d = 0.125;
+        let reference: Vec<[f32; 3]> = (0..area(SIZE)).map(|i| [0.5 + (i % 7) as f32 / 64.0; 3]).collect();
+        let sign = |i: usize, k: usize| if unit2(i as i32, k as i32, 7, 0) < 0.5 { -d } else { d };
+        let test: Vec<_> = reference.iter().enumerate().map(|(i, r)| [0, 1, 2].map(|k| r[k] + sign(i, k))).collect();
+        let pair = Pair::new(SIZE, &test, &reference, None).unwrap();
+        close(pair.mse(), f64::from(d) * f64::from(d), 1e-12);
+        let relative = (0..area(SIZE)).map(|i| 1.0 / ((0.5 + (i % 7) as f64 / 64.0).powi(2) + 0.01)).sum::<f64>() / area(SIZE) as f64;
+        close(pair.mrse(), pair.mse() * relative, 1e-12);
+        assert!(!pair.identical());
+        assert!(pair.ssim().is_some_and(|s| s < 0.5), "noise passed for likeness");
+    }
+
+    #[test]
+    fn identical_pictures_have_no_error_and_infinite_psnr() {
+        let picture: Vec<[f32; 3]> = (0..area(SIZE)).map(|i| [0, 1, 2].map(|k| unit2(i as i32, k, 3, 0) as f32 * 1.5 - 0.2)).collect();
+        let found = errors(SIZE, &picture, &picture, &vec![true; area(SIZE)]).unwrap();
+        assert_eq!((found.mse, found.mrse, found.psnr), (0.0, 0.0, f64::INFINITY));
+        assert_eq!(found.ssim, Some(1.0));
+        assert_eq!(found.flip, flip::Flip { mean: 0.0, weighted_quartiles: [0.0; 3], max: 0.0 });
+        assert!(Pair::new(SIZE, &picture, &picture, None).unwrap().identical());
+        assert_eq!(psnr_db(1.0), 0.0);
+    }
+
+    #[test]
+    fn encoded_metrics_clamp_and_linear_ones_do_not() {
+        let (test, reference) = (constant(2.0), constant(1.0));
+        let pair = Pair::new(SIZE, &test, &reference, None).unwrap();
+        assert_eq!((pair.mse(), pair.psnr(), pair.identical()), (1.0, f64::INFINITY, false));
+        // PSNR is that of 8-bit codes where both are made of them: 255 / 5 is 34.15 dB.
+        let (test, reference) = (constant(linear_from_srgb(105.0 / 255.0)), constant(linear_from_srgb(100.0 / 255.0)));
+        close(Pair::new(SIZE, &test, &reference, None).unwrap().psnr(), 20.0 * 51f64.log10(), 1e-6);
+    }
+
+    #[test]
+    fn what_is_behind_the_mask_does_not_count() {
+        let reference: Vec<[f32; 3]> = (0..area(SIZE)).map(|i| [unit2(i as i32, 1, 5, 0) as f32; 3]).collect();
+        let mask: Vec<bool> = (0..area(SIZE)).map(|i| i % SIZE[0] as usize >= 8).collect();
+        let offset = |hidden: f32, seen: f32| -> Vec<[f32; 3]> {
+            reference.iter().zip(&mask).map(|(r, m)| r.map(|v| v + if *m { seen } else { hidden })).collect()
+        };
+        let (mild, wild, clean) = (offset(0.0, 0.25), offset(-9.0, 0.25), offset(0.5, 0.0));
+        let found = errors(SIZE, &wild, &reference, &mask).unwrap();
+        assert_eq!(found, errors(SIZE, &mild, &reference, &mask).unwrap());
+        assert_eq!(found.pixels, 16 * 20);
+        close(found.mse, 0.0625, 1e-6);
+        let none = errors(SIZE, &clean, &reference, &mask).unwrap();
+        assert_eq!((none.mse, none.psnr, none.ssim, none.flip.max), (0.0, f64::INFINITY, Some(1.0), 0.0));
+        // Negative control: without the mask it does count.
+        let all = errors(SIZE, &wild, &reference, &vec![true; area(SIZE)]).unwrap();
+        assert!(all.mse > 2.0 * found.mse && all.flip.mean > found.flip.mean);
+    }
+
+    #[test]
+    fn wrong_pairs_are_refused_with_their_place() {
+        let picture = constant(0.5);
+        let refused = |test: &[[f32; 3]], mask: Option<&[bool]>, says: &str| {
+            let text = Pair::new(SIZE, test, &picture, mask).map(|_| ()).unwrap_err().to_string();
+            assert!(text.contains(says), "{text}");
+        };
+        refused(&picture[1..], None, "needs 480 values");
+        refused(&picture, Some(&[true]), "the mask 1");
+        refused(&picture, Some(&vec![false; area(SIZE)]), "no pixel is left");
+        let mut broken = picture.clone();
+        broken[3 * 24 + 5][2] = f32::NAN;
+        refused(&broken, None, "the test holds 1 NaN value, first in column 5, row 3");
+        broken[3 * 24 + 7] = [f32::NEG_INFINITY; 3];
+        refused(&broken, None, "1 NaN and 3 infinite values, first in column 5, row 3");
+        assert!(Pair::new([0, 0], &[], &[], None).is_err());
+    }
+
+    #[test]
+    fn metrics_are_found_by_name() {
+        for metric in Metric::ALL {
+            assert_eq!(metric.name().parse::<Metric>().ok(), Some(metric));
+        }
+        let refused = "flop".parse::<Metric>().unwrap_err().to_string();
+        assert!(refused.contains("did you mean `flip`?") && refused.contains("mse, mrse"), "{refused}");
+    }
+}

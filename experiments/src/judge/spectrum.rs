@@ -1,0 +1,346 @@
+//! How the values of a field are arranged: its power by frequency, and its clumping. White noise is 1 in both.
+//!
+//! Noise that buys stability with blotches has power at low frequencies and clumps; blue noise has little of either (Ulichney 1987,
+//! *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
+
+use kernels::error::{Error, Result};
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex;
+
+use super::area;
+
+/// Power of a band of frequencies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// Mean frequency of the band, cycles per pixel, 0..0.5.
+    pub frequency_cycles_per_px: f64,
+    /// Relative to white noise of the field's variance.
+    pub power: f64,
+    /// Of the power, had the field been drawn again: see [`radial_power`].
+    pub standard_error: f64,
+    /// Number of frequencies averaged; those of opposite sign, which are equal, count twice.
+    pub frequencies: usize,
+}
+
+/// Radially averaged power spectrum of a field of `size` (width, height), row by row, in `bands` of equal width from 0 to 0.5 cycles per
+/// pixel. With f the field, m its mean, w the Hann window of both axes (periodic), F the discrete Fourier transform of w (f - m):
+///
+/// > P(k) = |F(k)|² / Σ w² (f - m)²
+///
+/// and a band's power is the mean of P over its frequencies. By Parseval's theorem the mean of P over all frequencies is 1 whatever the
+/// field, and white noise has 1 in every band. The nine frequencies within one step of 0 on both axes are left out, since taking off the
+/// mean takes power from these (and, by the window, from no other); so are those beyond 0.5 in the corners of the spectrum. A constant field
+/// has power 0.
+///
+/// Standard error, for a Gaussian field or many pixels: P(k) is exponential with its mean for standard deviation, half the frequencies
+/// are independent of each other but for the window, which correlates neighbours: P(k) and P(k + d) by (2/3)² for d = 1 and (1/6)² for 2,
+/// in all a factor of (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)² on the variance of the mean over both axes.
+///
+/// # Errors
+/// When lengths do not fit, a value is NaN or infinite, or a band would be less than 4 frequencies wide: at least 1 band, at most the
+/// smaller side / 8.
+pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<Band>> {
+    check(field, size)?;
+    let [width, height] = size.map(|side| side as usize);
+    let most = width.min(height) / 8;
+    if !(1..=most).contains(&bands) {
+        return Err(Error::Request(format!(
+            "a spectrum of {width}x{height} values in {bands} bands: a band needs 4 frequencies, so give 8 pixels a side for each band"
+        )));
+    }
+    let mean = field.iter().map(|v| f64::from(*v)).sum::<f64>() / field.len() as f64;
+    let hann = |n: usize| (0..n).map(|i| (std::f64::consts::PI * i as f64 / n as f64).sin().powi(2)).collect::<Vec<f64>>();
+    let (across, down) = (hann(width), hann(height));
+    let value = |(i, v): (usize, &f32)| Complex::new((f64::from(*v) - mean) * across[i % width] * down[i / width], 0.0);
+    let mut rows: Vec<Complex<f64>> = field.iter().enumerate().map(value).collect();
+    let energy: f64 = rows.iter().map(Complex::norm_sqr).sum();
+    let mut planner = FftPlanner::new();
+    planner.plan_fft_forward(width).process(&mut rows);
+    let mut columns: Vec<Complex<f64>> = (0..rows.len()).map(|i| rows[i % height * width + i / height]).collect();
+    planner.plan_fft_forward(height).process(&mut columns);
+
+    /// Number, sum of frequencies, of powers, of squared powers.
+    type Sums = (usize, f64, f64, f64);
+    let mut sums: Vec<Sums> = vec![(0, 0.0, 0.0, 0.0); bands];
+    let steps = |k: usize, n: usize| k.min(n - k);
+    for (i, amplitude) in columns.iter().enumerate() {
+        let (kx, ky) = (steps(i / height, width), steps(i % height, height));
+        let frequency = (kx as f64 / width as f64).hypot(ky as f64 / height as f64);
+        if (kx <= 1 && ky <= 1) || frequency >= 0.5 {
+            continue;
+        }
+        let power = if energy > 0.0 { amplitude.norm_sqr() / energy } else { 0.0 };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= frequency < 0.5")]
+        let band = &mut sums[((frequency * 2.0 * bands as f64) as usize).min(bands - 1)];
+        *band = (band.0 + 1, band.1 + frequency, band.2 + power, band.3 + power * power);
+    }
+    let band = |(frequencies, frequency, power, squared): Sums| {
+        // Not 0: the first band is the least full and has all that lies between 1 and 4 steps of 0.
+        let n = frequencies as f64;
+        Band {
+            frequency_cycles_per_px: frequency / n,
+            power: power / n,
+            standard_error: 35.0 / 18.0 * (squared / n / n).sqrt(),
+            frequencies,
+        }
+    };
+    Ok(sums.into_iter().map(band).collect())
+}
+
+/// How much means of blocks vary, relative to white noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clumping {
+    /// 1 for white noise; block² where blocks are uniform; 0 where all block means are equal.
+    pub ratio: f64,
+    /// Number of blocks; of white noise the ratio has standard error sqrt(2 / (blocks - 1)).
+    pub blocks: usize,
+}
+
+/// Clumping of a field of `size` (width, height), row by row: with b² pixels in a block,
+///
+/// > b² Var(block mean) / Var(pixel)
+///
+/// Blocks are squares side by side from the upper left; both variances are unbiased and of the same pixels, those of the blocks that lie
+/// within the picture and wholly within `mask` (no mask = everywhere). Sums are of squared differences from the mean, so a large offset
+/// does no harm. `None` with fewer than two blocks, or where pixels do not vary.
+///
+/// # Errors
+/// When lengths do not fit, a value is NaN or infinite, or `block` is 0.
+pub fn clumping(field: &[f32], size: [u32; 2], block: u32, mask: Option<&[bool]>) -> Result<Option<Clumping>> {
+    check(field, size)?;
+    if block == 0 || mask.is_some_and(|mask| mask.len() != field.len()) {
+        return Err(Error::Request("clumping needs blocks of at least 1 pixel, and a mask of the field's size".to_owned()));
+    }
+    let [width, height] = size.map(|side| side as usize);
+    let block = block as usize;
+    let (across, down) = (width / block, height / block);
+    let pixels_of = |index: usize| {
+        let corner = index / across * block * width + index % across * block;
+        (0..block * block).map(move |i| corner + i / block * width + i % block)
+    };
+    let whole = |index: &usize| mask.is_none_or(|mask| pixels_of(*index).all(|i| mask[i]));
+    let blocks: Vec<usize> = (0..across * down).filter(whole).collect();
+    let pixel = |i: usize| f64::from(field[i]);
+    let per_block = (block * block) as f64;
+    let means: Vec<f64> = blocks.iter().map(|b| pixels_of(*b).map(pixel).sum::<f64>() / per_block).collect();
+    if means.len() < 2 {
+        return Ok(None);
+    }
+    let count = means.len() as f64;
+    let mean = means.iter().sum::<f64>() / count;
+    let between = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let all = blocks.iter().flat_map(|b| pixels_of(*b)).map(|i| (pixel(i) - mean).powi(2)).sum::<f64>() / (count * per_block - 1.0);
+    Ok((all > 0.0).then(|| Clumping { ratio: per_block * between / all, blocks: means.len() }))
+}
+
+fn check(field: &[f32], size: [u32; 2]) -> Result<()> {
+    if field.len() != area(size) {
+        return Err(Error::Request(format!("a field of {}x{} values was given {}", size[0], size[1], field.len())));
+    }
+    match field.iter().position(|v| !v.is_finite()) {
+        Some(index) => Err(Error::Request(format!("the field's value {index} (from 0, row by row) is {}", field[index]))),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::shared::hash::unit2;
+
+    use super::*;
+
+    const SIDE: usize = 256;
+    const SIZE: [u32; 2] = [SIDE as u32; 2];
+    const BANDS: usize = 16;
+    /// Two-sided 0.1 % shared by 16 tests (Sidak): each at 1 - 0.999^(1/16) = 6.25e-5.
+    const Z: f64 = 4.003;
+
+    /// Uniform white noise.
+    fn white(seed: u32) -> Vec<f32> {
+        (0..SIDE * SIDE).map(|i| unit2((i % SIDE) as i32, (i / SIDE) as i32, seed, 9) as f32).collect()
+    }
+
+    /// White noise in cells of 4 x 4 pixels.
+    fn blocks(seed: u32) -> Vec<f32> {
+        (0..SIDE * SIDE).map(|i| unit2((i % SIDE / 4) as i32, (i / SIDE / 4) as i32, seed, 9) as f32).collect()
+    }
+
+    fn spectrum(field: &[f32]) -> Vec<Band> {
+        radial_power(field, SIZE, BANDS).unwrap()
+    }
+
+    /// Null hypothesis: 1 in every band. 0.1 % for the 16 bands together.
+    fn is_white(bands: &[Band]) -> bool {
+        bands.iter().all(|b| (b.power - 1.0).abs() <= Z * b.standard_error)
+    }
+
+    #[test]
+    fn white_noise_is_flat_and_nothing_else_is() {
+        for seed in 0..4 {
+            assert!(is_white(&spectrum(&white(seed))), "seed {seed}");
+        }
+        // Offset and scale do not matter.
+        let moved: Vec<f32> = white(1).iter().map(|v| 1000.0 + 64.0 * v).collect();
+        for (a, b) in spectrum(&white(1)).iter().zip(spectrum(&moved)) {
+            assert!((a.power - b.power).abs() < 1e-3);
+        }
+        assert!(!is_white(&spectrum(&blocks(1))));
+        // Cells of 2 x 1: a weak colour.
+        let weak: Vec<f32> = (0..SIDE * SIDE).map(|i| unit2((i % SIDE / 2) as i32, (i / SIDE) as i32, 1, 9) as f32).collect();
+        assert!(!is_white(&spectrum(&weak)));
+    }
+
+    #[test]
+    fn the_standard_error_is_what_chance_does() {
+        const SEEDS: usize = 64;
+        let all: Vec<Vec<Band>> = (0..SEEDS as u32).map(|seed| spectrum(&white(100 + seed))).collect();
+        for band in 0..BANDS {
+            let powers: Vec<f64> = all.iter().map(|bands| bands[band].power).collect();
+            let mean = powers.iter().sum::<f64>() / SEEDS as f64;
+            let spread = (powers.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (SEEDS - 1) as f64).sqrt();
+            let stated = all.iter().map(|bands| bands[band].standard_error).sum::<f64>() / SEEDS as f64;
+            // A standard deviation of 64 normal values is known to 1 / sqrt(2 · 63) = 9 %; 16 bands at 0.1 % together: 4.0 of that.
+            // Without the window's correlation the stated error would be half of the real.
+            assert!((spread / stated - 1.0).abs() < Z / (2.0 * (SEEDS - 1) as f64).sqrt(), "band {band}: {spread} against {stated}");
+            // The mean over seeds shows a bias 8 times smaller than one field would.
+            assert!((mean - 1.0).abs() < Z * stated / (SEEDS as f64).sqrt(), "band {band}: {mean}");
+        }
+    }
+
+    #[test]
+    fn a_cosine_is_in_its_band_alone() {
+        // 100 and 36 cycles in 256 pixels: 0.4152 cycles per pixel, band 13; the window spreads it over one step, within the band.
+        let phase = |i: usize| std::f64::consts::TAU * (100 * (i % SIDE) + 36 * (i / SIDE)) as f64 / SIDE as f64;
+        let field: Vec<f32> = (0..SIDE * SIDE).map(|i| phase(i).cos() as f32 + 3.0).collect();
+        let bands = spectrum(&field);
+        let expected = (SIDE * SIDE) as f64 / bands[13].frequencies as f64;
+        assert!((bands[13].power / expected - 1.0).abs() < 1e-6, "{:?}", bands[13]);
+        for (index, band) in bands.iter().enumerate() {
+            assert!((band.frequency_cycles_per_px - (index as f64 + 0.5) / 32.0).abs() < 1e-2);
+            // f32 rounds the cosine to 6e-8 of itself.
+            assert!(index == 13 || band.power < 1e-10, "band {index}: {}", band.power);
+        }
+        // Off the grid of frequencies the window still holds what leaks beyond the band under a thousandth.
+        let phase = |i: usize| std::f64::consts::TAU * (100.5 * (i % SIDE) as f64 + 36.5 * (i / SIDE) as f64) / SIDE as f64;
+        let bands = spectrum(&(0..SIDE * SIDE).map(|i| phase(i).cos() as f32).collect::<Vec<_>>());
+        let elsewhere: f64 = bands.iter().enumerate().filter(|(i, _)| *i != 13).map(|(_, b)| b.power * b.frequencies as f64).sum();
+        assert!(elsewhere < 1e-3 * (SIDE * SIDE) as f64, "{elsewhere}");
+    }
+
+    #[test]
+    fn block_noise_has_the_spectrum_of_its_cell() {
+        // Of cells of b pixels: sin²(pi b f) / (b sin²(pi f)) on each axis, the transform of the box over that of a pixel.
+        let axis = |k: usize| {
+            let f = std::f64::consts::PI * k as f64 / SIDE as f64;
+            if k == 0 { 4.0 } else { (4.0 * f).sin().powi(2) / (4.0 * f.sin().powi(2)) }
+        };
+        let mut expected = [(0.0, 0.0); BANDS];
+        for i in 0..SIDE * SIDE {
+            let k = [i % SIDE, i / SIDE].map(|k| k.min(SIDE - k));
+            let frequency = (k[0] as f64).hypot(k[1] as f64) / SIDE as f64;
+            if frequency < 0.5 && k.iter().any(|k| *k > 1) {
+                let band = &mut expected[(frequency * 32.0) as usize];
+                *band = (band.0 + axis(k[0]) * axis(k[1]), band.1 + 1.0);
+            }
+        }
+        const SEEDS: u32 = 16;
+        let all: Vec<Vec<Band>> = (0..SEEDS).map(|seed| spectrum(&blocks(seed))).collect();
+        for (index, (sum, count)) in expected.iter().enumerate() {
+            let expected = sum / count;
+            let mean = all.iter().map(|bands| bands[index].power).sum::<f64>() / f64::from(SEEDS);
+            // There are 16 times fewer independent numbers than pixels, which makes neighbours' powers repeat (aliases): 4 on the error.
+            let error = 4.0 * all.iter().map(|bands| bands[index].standard_error).sum::<f64>() / f64::from(SEEDS).powf(1.5);
+            assert!((mean - expected).abs() < Z * error, "band {index}: {mean} is not {expected} +- {error}");
+        }
+        let one = &all[0];
+        assert!(one[0].power > 8.0 && one[BANDS - 1].power < 1.0, "not low-pass: {one:?}");
+    }
+
+    #[test]
+    fn high_passed_noise_lacks_low_bands() {
+        // Each value less the mean of the 3 x 3 around it, around the edges: the response is 1 - D(kx) D(ky), D(k) = (1 + 2 cos k) / 3.
+        let noise = white(5);
+        let at = |x: usize, y: usize| noise[y % SIDE * SIDE + x % SIDE];
+        let around = |x: usize, y: usize| (0..9).map(|n| at(x + SIDE - 1 + n % 3, y + SIDE - 1 + n / 3)).sum::<f32>() / 9.0;
+        let high: Vec<f32> = (0..SIDE * SIDE).map(|i| at(i % SIDE, i / SIDE) - around(i % SIDE, i / SIDE)).collect();
+        let bands = spectrum(&high);
+        assert!(bands[0].power < 1e-3 && bands[1].power < 0.02, "{bands:?}");
+        assert!(bands[BANDS - 1].power > 1.2);
+        assert!(spectrum(&noise)[0].power > 0.5, "the noise itself had no low band");
+    }
+
+    #[test]
+    fn spectra_of_odd_sizes_and_of_nothing() {
+        let size = [135u32, 96];
+        let field: Vec<f32> = (0..area(size)).map(|i| unit2((i % 135) as i32, (i / 135) as i32, 2, 9) as f32).collect();
+        let bands = radial_power(&field, size, 12).unwrap();
+        assert!(is_white(&bands), "{bands:?}");
+        assert!(bands.iter().all(|b| b.frequencies > 0));
+        for band in radial_power(&vec![7.0; area(size)], size, 12).unwrap() {
+            assert_eq!((band.power, band.standard_error), (0.0, 0.0));
+        }
+        assert!(radial_power(&field, size, 13).is_err());
+        assert!(radial_power(&field, size, 0).is_err());
+        assert!(radial_power(&field[1..], size, 4).is_err());
+        assert!(radial_power(&[], [0, 0], 1).is_err());
+        let mut broken = field;
+        broken[17] = f32::NAN;
+        let refused = radial_power(&broken, size, 4).unwrap_err().to_string();
+        assert!(refused.contains("value 17") && refused.contains("NaN"), "{refused}");
+        // The smallest: one band of a field of 8 x 8.
+        let least: Vec<f32> = (0..64).map(|i| unit2(i, 0, 1, 9) as f32).collect();
+        assert!(radial_power(&least, [8, 8], 1).unwrap()[0].power.is_finite());
+    }
+
+    fn ratio(field: &[f32], block: u32) -> f64 {
+        clumping(field, SIZE, block, None).unwrap().unwrap().ratio
+    }
+
+    #[test]
+    fn clumping_has_closed_forms() {
+        for block in [1, 3, 5, 8] {
+            let found = clumping(&white(3), SIZE, block, None).unwrap().unwrap();
+            let side = SIDE / block as usize;
+            assert_eq!(found.blocks, side * side);
+            // White: four tests at 0.1 % together are at 3.7 standard errors.
+            assert!((found.ratio - 1.0).abs() <= 3.7 * (2.0 / (found.blocks as f64 - 1.0)).sqrt(), "block {block}: {found:?}");
+        }
+        // Uniform blocks: block², but for the two counts less 1.
+        let (pixels, cells) = ((SIDE * SIDE) as f64, (SIDE * SIDE / 16) as f64);
+        assert!((ratio(&blocks(3), 4) - (pixels - 1.0) / (cells - 1.0)).abs() < 1e-9);
+        assert!(ratio(&blocks(3), 8) > 14.0, "larger blocks of the same cells");
+        // Alternating values: every block of an even side has the same mean.
+        let board: Vec<f32> = (0..SIDE * SIDE).map(|i| ((i % SIDE + i / SIDE) % 2) as f32).collect();
+        assert!(ratio(&board, 4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn clumping_holds_at_extremes() {
+        // 2^20 with steps of 1/8, the spacing of f32 there: the offset is exact, so nothing may change.
+        let small: Vec<f32> = white(4).iter().map(|v| (v * 8.0).floor() / 8.0).collect();
+        let large: Vec<f32> = small.iter().map(|v| v + 1_048_576.0).collect();
+        assert!((ratio(&large, 5) / ratio(&small, 5) - 1.0).abs() < 1e-9);
+        let huge: Vec<f32> = small.iter().map(|v| v * f32::MAX).collect();
+        assert!((ratio(&huge, 5) / ratio(&small, 5) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn clumping_leaves_masked_blocks_out() {
+        let size = [23u32, 17];
+        let inside = |i: usize| !(i % 23 >= 5 && i / 23 >= 10);
+        let mask: Vec<bool> = (0..area(size)).map(inside).collect();
+        let field = |hidden: f32| -> Vec<f32> {
+            (0..area(size)).map(|i| if inside(i) { unit2(i as i32, 1, 6, 9) as f32 } else { hidden }).collect()
+        };
+        let found = clumping(&field(0.0), size, 5, Some(&mask)).unwrap().unwrap();
+        // 4 x 3 blocks fit; of the lowest row, which hides from column 5 on, one is whole.
+        assert_eq!(found.blocks, 9);
+        assert_eq!(Some(found), clumping(&field(1e9), size, 5, Some(&mask)).unwrap());
+        assert_ne!(Some(found), clumping(&field(1e9), size, 5, None).unwrap());
+        assert_eq!(clumping(&field(0.0), size, 23, None).unwrap(), None);
+        assert_eq!(clumping(&vec![2.0; area(size)], size, 5, None).unwrap(), None);
+        assert!(clumping(&field(f32::NAN), size, 5, None).is_err());
+        assert!(clumping(&field(0.0), size, 0, None).is_err());
+        assert!(clumping(&field(0.0), size, 5, Some(&mask[1..])).is_err());
+    }
+}

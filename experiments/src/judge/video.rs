@@ -1,0 +1,61 @@
+//! Metrics of video that others have written: how to call them on our frames.
+//!
+//! Option names are those of gfxdisp/ColorVideoVDP 0.5.4 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`;
+//! frames by a `%0Nd` pattern, counted from 0 to the first that is missing). IntelLabs/cgvqm (commit 9872ccb) has no command line: its
+//! function `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called, which reads videos through
+//! PyAV. They are made of the frames without loss: FFV1 of RGB gives back equal bytes.
+
+/// Shell commands that judge the PNG frames `test_pattern` against `reference_pattern`, for people: comments say what must be installed.
+///
+/// Patterns are printf's, as in `frames/step-%04d.png`, numbered from 0; `size` is width and height in pixels. ColorVideoVDP prints JOD
+/// (10 = no difference; a step of 1 is preferred by 3 of 4 people), CGVQM a quality of 0..=100.
+pub fn commands(test_pattern: &str, reference_pattern: &str, fps: f64, size: [u32; 2]) -> String {
+    let (test, reference) = (quoted(test_pattern), quoted(reference_pattern));
+    let display = if size[0] <= 1920 && size[1] <= 1080 { "standard_fhd" } else { "standard_4k" };
+    // Patches of equal size need a scale that divides both sides; 4 is the tool's default.
+    let patch_scale = [4, 3, 2].into_iter().find(|scale| size.iter().all(|side| side % scale == 0)).unwrap_or(1);
+    format!(
+        "\
+# Frames of {width}x{height} pixels at {fps} per second, numbered from 0.
+
+# ColorVideoVDP (https://github.com/gfxdisp/ColorVideoVDP): pip install cvvdp
+cvvdp --test {test} --ref {reference} --fps {fps} --display {display} --result cvvdp.csv
+
+# CGVQM (https://github.com/IntelLabs/cgvqm): clone it, set CGVQM to its folder,
+# pip install torch==2.4.1 torchvision==0.19.1 numpy scipy av (later releases of torchvision have lost what reads videos).
+# It judges clips of a second (at most 30 frames) and repeats the last frame to fill one: give it at least that many.
+ffmpeg -framerate {fps} -start_number 0 -i {test} -c:v ffv1 -pix_fmt bgr0 test.mkv
+ffmpeg -framerate {fps} -start_number 0 -i {reference} -c:v ffv1 -pix_fmt bgr0 reference.mkv
+PYTHONPATH=\"$CGVQM\" python -c \"import torch; from cgvqm import run_cgvqm, CGVQM_TYPE; \
+q, _ = run_cgvqm('test.mkv', 'reference.mkv', cgvqm_type=CGVQM_TYPE.CGVQM_2, \
+device='cuda' if torch.cuda.is_available() else 'cpu', patch_pool='mean', patch_scale={patch_scale}); print(q.item())\"
+",
+        width = size[0],
+        height = size[1],
+    )
+}
+
+/// The text as one word of a POSIX shell.
+fn quoted(text: &str) -> String {
+    format!("'{}'", text.replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_name_frames_rate_and_size() {
+        let text = commands("a b/test-%04d.png", "it's/ref-%04d.png", 30.0, [480, 270]);
+        let line = |start: &str| text.lines().filter(|l| l.starts_with(start)).collect::<Vec<_>>();
+        let test = "--test 'a b/test-%04d.png' --ref 'it'\\''s/ref-%04d.png' --fps 30 --display standard_fhd --result cvvdp.csv";
+        assert_eq!(line("cvvdp "), [format!("cvvdp {test}")]);
+        assert_eq!(line("ffmpeg ").len(), 2);
+        assert!(line("ffmpeg ")[0].contains("-i 'a b/test-%04d.png'") && line("ffmpeg ")[1].contains("'it'\\''s/ref-%04d.png'"));
+        // 480 and 270 are both divisible by 3, not by 4.
+        assert!(text.contains("patch_scale=3"));
+        assert!(commands("a", "b", 60.0, [3840, 2160]).contains("standard_4k"));
+        assert!(commands("a", "b", 23.976, [481, 270]).contains("--fps 23.976"));
+        assert!(commands("a", "b", 60.0, [481, 270]).contains("patch_scale=1"));
+    }
+}
