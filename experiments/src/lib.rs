@@ -3,7 +3,10 @@
 //! The program is [`main`]; everything else is a library, so that an application can run the same experiments.
 
 pub mod definition;
+pub mod expectations;
+pub mod metrics;
 pub mod row;
+pub mod store;
 pub mod unit;
 
 mod cli;
@@ -33,8 +36,7 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(error)) => {
-            let chain: Vec<String> = error.chain().map(ToString::to_string).collect();
-            eprintln!("error: {}", commands::one_line(&chain.join(": ")));
+            eprintln!("error: {}", commands::error_line(&error));
             ExitCode::FAILURE
         }
         Err(_) => ExitCode::FAILURE,
