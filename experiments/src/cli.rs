@@ -4,13 +4,15 @@
 
 use std::path::PathBuf;
 
+use crate::judge::{Metric, flip};
 use clap::error::ErrorKind;
 use clap::{ArgGroup, Args, CommandFactory, Parser, Subcommand, ValueEnum};
-use experiments::judge::{Metric, flip};
 use kernels::frame::{MAX_PIXELS, MAX_SIDE};
 use kernels::picture::AOV_NAMES;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::Variant;
+
+use crate::unit::Shard;
 
 /// Measures what a cheaper terrain material blend saves, and what it lets you see.
 #[derive(Parser, Debug)]
@@ -32,6 +34,10 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// The main job in small, on the built-in world: frames, metrics, plots, report
     Demo(DemoArgs),
+    /// Run experiments from definition files: measure everything they ask for
+    Run(RunArgs),
+    /// Run experiments small and fail where a result leaves its expected range
+    Check(CheckArgs),
     /// Measure the ratios that the design promises, in one run
     Bench(BenchArgs),
     /// Render pictures of a scene
@@ -65,6 +71,49 @@ pub(crate) struct DemoArgs {
     /// Camera of the built-in scene
     #[arg(long, value_name = "NAME", default_value = "cliff")]
     pub(crate) camera: String,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Results go to DIR/<name of the experiment>: manifest.json, metrics.parquet, metrics.csv, times.parquet, times.csv, pictures.
+What was stopped, by Ctrl-C or worse, goes on with --resume, and its metrics are the same as if it had not been. Shards may run on
+several machines with equal adapters; `experiments report DIR/<name>` reads them together.
+
+Examples:
+  experiments run experiments/definitions/noise.toml --out out
+  experiments run experiments/definitions/noise.toml --out out --resume
+  experiments run experiments/definitions/noise.toml --out out --shard 2/4")]
+pub(crate) struct RunArgs {
+    /// Definition files, run one after the other
+    #[arg(value_name = "DEFINITION.toml", required = true)]
+    pub(crate) definitions: Vec<PathBuf>,
+    /// Folder that receives a folder for each experiment; created if missing
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// Go on with a run that was stopped
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Do only the K-th of N pieces, 1 <= K <= N
+    #[arg(long, value_name = "K/N")]
+    pub(crate) shard: Option<Shard>,
+    /// Worker threads for what the processor makes [default: one for each of its cores]
+    #[arg(long, value_name = "J", value_parser = jobs)]
+    pub(crate) jobs: Option<usize>,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Each definition is run with what its [small] changes. Exit 1 names the claims that do not hold.
+
+Example:
+  experiments check experiments/definitions/*.toml")]
+pub(crate) struct CheckArgs {
+    /// Definition files, checked one after the other
+    #[arg(value_name = "DEFINITION.toml", required = true)]
+    pub(crate) definitions: Vec<PathBuf>,
+    /// Folder that keeps the results; without it they are removed
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
 }
 
 #[derive(Args, Debug)]
@@ -391,6 +440,10 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     } else {
         Err(format!("must be 1 to {MAX_SIDE} pixels a side and at most {MAX_PIXELS} (2^26) in all"))
     }
+}
+
+fn jobs(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|jobs| (1..=1024).contains(jobs)).ok_or_else(|| "must be a whole number from 1 to 1024".to_owned())
 }
 
 fn raw_size(text: &str) -> Result<[u32; 2], String> {

@@ -3,8 +3,11 @@
 //! The program is [`main`]; everything else is a library, so that an application can run the same experiments.
 
 pub mod definition;
+pub mod expectations;
 pub mod judge;
+pub mod metrics;
 pub mod row;
+pub mod store;
 pub mod unit;
 
 mod cli;
@@ -34,8 +37,7 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(error)) => {
-            let chain: Vec<String> = error.chain().map(ToString::to_string).collect();
-            eprintln!("error: {}", commands::one_line(&chain.join(": ")));
+            eprintln!("error: {}", commands::error_line(&error));
             ExitCode::FAILURE
         }
         Err(_) => ExitCode::FAILURE,

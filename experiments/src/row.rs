@@ -1,10 +1,12 @@
 //! One measured number and all it takes to know what it is: the row of `metrics.parquet` and `metrics.csv`.
 
+use std::cmp::Ordering;
+
 use serde::{Deserialize, Serialize};
 
 /// A number of a run. Tidy: one value a row; a column that does not apply is empty (text) or absent (number).
 ///
-/// The order of the fields is the order of the columns, and rows are kept sorted by them.
+/// The order of the fields is the order of the columns ([`COLUMNS`]), and [`Row::order`] sorts by them in turn.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Name of the definition.
@@ -39,4 +41,136 @@ pub struct Row {
     pub value: f64,
     /// Standard error of the value, in its unit; absent = not known or none.
     pub standard_error: Option<f64>,
+}
+
+/// What a column holds, and how it is reached.
+#[derive(Clone, Copy, Debug)]
+pub enum Field {
+    /// A text; empty = does not apply.
+    Text(fn(&Row) -> &str, fn(&mut Row) -> &mut String),
+    /// A whole number, or none.
+    Count(fn(&Row) -> Option<u32>, fn(&mut Row) -> &mut Option<u32>),
+    /// A number, or none.
+    Number(fn(&Row) -> Option<f64>, fn(&mut Row) -> &mut Option<f64>),
+    /// A number; NaN where the metric has no value.
+    Value(fn(&Row) -> f64, fn(&mut Row) -> &mut f64),
+}
+
+/// A column of the tables.
+#[derive(Clone, Copy, Debug)]
+pub struct Column {
+    /// Its name.
+    pub name: &'static str,
+    /// What it says, with its unit.
+    pub meaning: &'static str,
+    /// What it holds.
+    pub field: Field,
+}
+
+const fn column(name: &'static str, meaning: &'static str, field: Field) -> Column {
+    Column { name, meaning, field }
+}
+
+/// The columns of `metrics` and `times`, in their order.
+pub const COLUMNS: [Column; 16] = [
+    column("experiment", "name of the definition", Field::Text(|r| &r.experiment, |r| &mut r.experiment)),
+    column("scene", "name of the scene", Field::Text(|r| &r.scene, |r| &mut r.scene)),
+    column("view", "name of the camera, path, or camera with a motion", Field::Text(|r| &r.view, |r| &mut r.view)),
+    column("variant", "`auto`, `generic`, or the variant forced on every tile", Field::Text(|r| &r.variant, |r| &mut r.variant)),
+    column("estimator", "estimator of the stochastic flavours; empty = of none", Field::Text(|r| &r.estimator, |r| &mut r.estimator)),
+    column("noise", "noise of the stochastic flavours; empty = of none", Field::Text(|r| &r.noise, |r| &mut r.noise)),
+    column("temporal", "temporal resolve; empty = of none", Field::Text(|r| &r.temporal, |r| &mut r.temporal)),
+    column("parameter", "parameter that the definition varies; empty = none", Field::Text(|r| &r.parameter, |r| &mut r.parameter)),
+    column("setting", "the parameter's value, as text; empty = none", Field::Text(|r| &r.setting, |r| &mut r.setting)),
+    column("frame", "frame index, from 0; absent = over all frames", Field::Count(|r| r.frame, |r| &mut r.frame)),
+    column("lag", "frames between the two that are compared, 1 to 4; absent = none are", Field::Count(|r| r.lag, |r| &mut r.lag)),
+    column(
+        "frequency",
+        "centre of a band of a spectrum, cycles per pixel; absent = no spectrum",
+        Field::Number(|r| r.frequency, |r| &mut r.frequency),
+    ),
+    column("metric", "name of the metric", Field::Text(|r| &r.metric, |r| &mut r.metric)),
+    column("unit", "unit of value and standard error", Field::Text(|r| &r.unit, |r| &mut r.unit)),
+    column("value", "the number; NaN where the metric has none", Field::Value(|r| r.value, |r| &mut r.value)),
+    column(
+        "standard_error",
+        "standard error of the value, in its unit; absent = not known or none",
+        Field::Number(|r| r.standard_error, |r| &mut r.standard_error),
+    ),
+];
+
+impl Row {
+    /// The column of this name.
+    pub fn column(name: &str) -> Option<&'static Column> {
+        COLUMNS.iter().find(|column| column.name == name)
+    }
+
+    /// The order of rows: by the columns in turn; absent before present. Total, NaN included.
+    pub fn order(&self, other: &Row) -> Ordering {
+        let number = |a: Option<f64>, b: Option<f64>| match (a, b) {
+            (Some(a), Some(b)) => a.total_cmp(&b),
+            (a, b) => a.is_some().cmp(&b.is_some()),
+        };
+        COLUMNS
+            .iter()
+            .map(|column| match column.field {
+                Field::Text(get, _) => get(self).cmp(get(other)),
+                Field::Count(get, _) => get(self).cmp(&get(other)),
+                Field::Number(get, _) => number(get(self), get(other)),
+                Field::Value(get, _) => get(self).total_cmp(&get(other)),
+            })
+            .find(|order| order.is_ne())
+            .unwrap_or(Ordering::Equal)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_the_fields_in_their_order() {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        writer.serialize(Row::default()).unwrap();
+        let text = String::from_utf8(writer.into_inner().unwrap()).unwrap();
+        let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+        assert_eq!(header, COLUMNS.map(|column| column.name));
+        // Each accessor reaches the field of its own name: a value set through one column is seen in that column of the file, and in no other.
+        for (i, column) in COLUMNS.iter().enumerate() {
+            let mut row = Row::default();
+            match column.field {
+                Field::Text(get, set) => {
+                    *set(&mut row) = "7".to_owned();
+                    assert_eq!(get(&row), "7");
+                }
+                Field::Count(get, set) => {
+                    *set(&mut row) = Some(7);
+                    assert_eq!(get(&row), Some(7));
+                }
+                Field::Number(get, set) => {
+                    *set(&mut row) = Some(7.0);
+                    assert_eq!(get(&row), Some(7.0));
+                }
+                Field::Value(get, set) => {
+                    *set(&mut row) = 7.0;
+                    assert_eq!(get(&row), 7.0);
+                }
+            }
+            let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+            writer.serialize(&row).unwrap();
+            let text = String::from_utf8(writer.into_inner().unwrap()).unwrap();
+            let set: Vec<usize> =
+                text.trim_end().split(',').enumerate().filter(|(_, cell)| cell.starts_with('7')).map(|(at, _)| at).collect();
+            assert_eq!(set, [i], "{}: {text}", column.name);
+            assert!(Row::default().order(&row).is_lt() && row.order(&Row::default()).is_gt() && row.order(&row).is_eq(), "{}", column.name);
+        }
+    }
+
+    #[test]
+    fn order_is_total_with_nan_and_absent_numbers() {
+        let value = |value| Row { value, ..Row::default() };
+        assert!(value(1.0).order(&value(f64::NAN)).is_lt() && value(f64::NAN).order(&value(f64::NAN)).is_eq());
+        let lag = |lag| Row { lag, ..Row::default() };
+        assert!(lag(None).order(&lag(Some(1))).is_lt() && lag(Some(2)).order(&lag(Some(10))).is_lt());
+    }
 }

@@ -1,9 +1,12 @@
 //! The parts that a run is cut into: each is done whole or not at all, so that a run can be stopped anywhere, resumed, and split over machines.
 
+use std::fmt;
 use std::path::Path;
+use std::str::FromStr;
 
 use anyhow::Result;
 
+use crate::definition::{Definition, Times, setting_text};
 use crate::row::Row;
 
 /// A value of the varied parameter; `None` where the definition varies none.
@@ -64,4 +67,135 @@ pub trait Measure {
     /// # Errors
     /// What cannot be rendered or written; the part then counts as not done.
     fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome>;
+}
+
+/// The parts of a definition that was found right, in the order they are done: for each value of the varied parameter and each view its reference,
+/// then what is measured against it, then times. Nothing is left out because it cannot matter: a table without gaps is easier to read than to explain.
+pub fn plan(definition: &Definition) -> Vec<Unit> {
+    let settings: Vec<Setting> = match &definition.vary {
+        None => vec![None],
+        Some(vary) => vary.values.iter().cloned().map(Some).collect(),
+    };
+    let timed: &[String] = match definition.times {
+        Times::None => &[],
+        Times::FirstNoise => definition.noises.get(..1).unwrap_or(&[]),
+        Times::All => &definition.noises,
+    };
+    let mut units: Vec<Unit> = Vec::new();
+    for setting in &settings {
+        for view in definition.view_names() {
+            let mut add = |work: Work| {
+                let mut words: Vec<&str> = match &work {
+                    Work::Reference => vec!["reference", view],
+                    Work::Sweep { estimator, noise, temporal } => vec!["sweep", view, estimator, noise, temporal],
+                    Work::Timing { estimator, noise } => vec!["timing", view, estimator, noise],
+                };
+                let value = setting.as_ref().map(setting_text);
+                words.extend(value.as_deref());
+                let id = words.into_iter().map(file_word).collect::<Vec<_>>().join("-");
+                units.push(Unit { index: units.len(), id, view: view.to_owned(), setting: setting.clone(), work });
+            };
+            add(Work::Reference);
+            for estimator in &definition.estimators {
+                for noise in &definition.noises {
+                    for temporal in &definition.temporal {
+                        add(Work::Sweep { estimator: estimator.clone(), noise: noise.clone(), temporal: temporal.clone() });
+                    }
+                }
+            }
+            for estimator in &definition.estimators {
+                for noise in timed {
+                    add(Work::Timing { estimator: estimator.clone(), noise: noise.clone() });
+                }
+            }
+        }
+    }
+    units
+}
+
+/// The text as part of a file name: other characters become `_`, and it ends after 30, so that six of them fit a file name.
+fn file_word(text: &str) -> String {
+    text.chars().take(30).map(|c| if c.is_ascii_alphanumeric() || "-_+.".contains(c) { c } else { '_' }).collect()
+}
+
+/// One of several pieces that a run is split into, for several machines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Shard {
+    /// Which, 1 to `count`.
+    pub number: u32,
+    /// How many there are, 1 to [`Shard::MAX`].
+    pub count: u32,
+}
+
+impl Shard {
+    /// The most pieces.
+    pub const MAX: u32 = 1000;
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.count)
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Shard, String> {
+        let wrong = || format!("`{text}` is not K/N, as in 2/4, with 1 <= K <= N <= {}", Shard::MAX);
+        let (number, count) = text.split_once('/').ok_or_else(wrong)?;
+        let parse = |digits: &str| digits.parse::<u32>().map_err(|_| wrong());
+        let shard = Shard { number: parse(number)?, count: parse(count)? };
+        if shard.number >= 1 && shard.number <= shard.count && shard.count <= Shard::MAX { Ok(shard) } else { Err(wrong()) }
+    }
+}
+
+/// A part that a run does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Share {
+    /// The part.
+    pub unit: Unit,
+    /// Whether its rows are this run's to keep. A reference is made by every shard that measures against it, and its rows are kept by one.
+    pub kept: bool,
+}
+
+/// What a shard does of a plan; everything where there is none. Sweeps and times are dealt out in turn, and so are the rows of references: all shards
+/// together keep the rows of each part exactly once.
+pub fn share(units: &[Unit], shard: Option<Shard>) -> Vec<Share> {
+    let Some(shard) = shard else { return units.iter().cloned().map(|unit| Share { unit, kept: true }).collect() };
+    let (count, own) = (shard.count as usize, shard.number as usize - 1);
+    let (mut references, mut others) = (0, 0);
+    let shares: Vec<Share> = units
+        .iter()
+        .map(|unit| {
+            let dealt = if unit.work == Work::Reference { &mut references } else { &mut others };
+            *dealt += 1;
+            Share { unit: unit.clone(), kept: (*dealt - 1) % count == own }
+        })
+        .collect();
+    let needed = |reference: &Unit| {
+        let judged = |share: &&Share| share.kept && matches!(share.unit.work, Work::Sweep { .. });
+        shares.iter().filter(judged).any(|share| share.unit.view == reference.view && share.unit.setting == reference.setting)
+    };
+    shares.iter().filter(|share| share.kept || share.unit.work == Work::Reference && needed(&share.unit)).cloned().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_are_read_and_refused() {
+        assert_eq!("2/4".parse(), Ok(Shard { number: 2, count: 4 }));
+        for wrong in ["", "2", "0/4", "5/4", "-1/4", "1/0", "1/1001", "a/b", "1/2/3"] {
+            assert!(wrong.parse::<Shard>().is_err_and(|text| text.contains("K/N")), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn words_become_file_names() {
+        assert_eq!(file_word("0.05"), "0.05");
+        assert_eq!(file_word("[1.0, 2]/..\\é"), "_1.0__2__..__");
+        assert_eq!(file_word(&"x".repeat(300)).len(), 30);
+    }
 }

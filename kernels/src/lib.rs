@@ -7,6 +7,7 @@ pub mod camera;
 pub mod classification;
 pub mod composition;
 pub mod culling;
+pub mod document;
 pub mod error;
 pub mod frame;
 pub mod geometry;

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use crate::judge::{Content, Image, Metric, Pair, flip};
 use anyhow::{Result, bail};
-use experiments::judge::{Content, Image, Metric, Pair, flip};
 use kernels::picture::write_png_texels;
 use serde::Serialize;
 

@@ -2,12 +2,14 @@
 
 mod adapters;
 mod bench;
+mod check;
 mod compare;
 mod demo;
 mod explain;
 mod import;
 mod probe;
 mod render;
+mod run;
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, IsTerminal, Write};
@@ -25,6 +27,8 @@ use crate::cli::{Cli, Command};
 /// Runs the command that was asked for.
 pub(crate) fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
+        Command::Run(args) => run::run(args),
+        Command::Check(args) => check::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Demo(args) => demo::run(args),
         Command::Render(args) => render::run(args),
@@ -39,6 +43,12 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
 /// The text with every run of white space, line breaks included, made one blank.
 pub(crate) fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The whole chain of an error on one line.
+pub(crate) fn error_line(error: &anyhow::Error) -> String {
+    let chain: Vec<String> = error.chain().map(ToString::to_string).collect();
+    one_line(&chain.join(": "))
 }
 
 /// Writes to stdout. A reader that has seen enough (`| head`) is no error.

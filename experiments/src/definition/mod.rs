@@ -5,7 +5,19 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use kernels::frame::VariantChoice;
+use kernels::variant::{NotAVariant, Variant};
 use serde::{Deserialize, Serialize};
+
+use crate::metrics::{self, Needs};
+
+mod parameters;
+mod parse;
+mod validate;
+
+pub(crate) use parameters::hash;
+pub use parameters::{ClassifyBy, FrameChoices, Normals};
+pub use parse::{load, parse, stored};
 
 /// Everything a definition file says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -209,4 +221,123 @@ pub struct Expectation {
     pub over: Option<BTreeMap<String, toml::Value>>,
     /// Smallest and largest value expected.
     pub range: [f64; 2],
+}
+
+/// Every one of the 31 variants in a definition's list.
+pub const ALL_VARIANTS: &str = "all";
+
+/// A way to choose variants by its name: `auto`, `generic`, a variant's name or its number.
+///
+/// # Errors
+/// What is none of these.
+pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
+    match text {
+        "auto" => Ok(VariantChoice::Auto),
+        "generic" => Ok(VariantChoice::GenericAuto),
+        _ => text.parse().map(VariantChoice::Forced),
+    }
+}
+
+/// The name of a choice in tables: what [`variant_choice`] reads.
+pub fn variant_name(choice: VariantChoice) -> String {
+    match choice {
+        VariantChoice::Auto => "auto".to_owned(),
+        VariantChoice::GenericAuto => "generic".to_owned(),
+        VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant) => variant.to_string(),
+    }
+}
+
+/// A value as it stands in the column `setting`: a text as it is, a number in the fewest digits, anything else as TOML.
+pub fn setting_text(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(text) => text.clone(),
+        toml::Value::Float(number) => number.to_string(),
+        other => other.to_string(),
+    }
+}
+
+impl Definition {
+    /// Names of all views, still or moving, in their order.
+    pub fn view_names(&self) -> impl Iterator<Item = &str> {
+        self.views.iter().chain(self.moving_views.iter().map(|view| &view.name)).map(String::as_str)
+    }
+
+    /// The variants asked for, `all` written out, by the names that tables have.
+    ///
+    /// # Errors
+    /// A text that names none.
+    pub fn variant_choices(&self) -> Result<Vec<(String, VariantChoice)>, NotAVariant> {
+        let mut choices = Vec::new();
+        for text in &self.variants {
+            if text == ALL_VARIANTS {
+                choices.extend(Variant::all().map(VariantChoice::Forced));
+            } else {
+                choices.push(variant_choice(text)?);
+            }
+        }
+        Ok(choices.into_iter().map(|choice| (variant_name(choice), choice)).collect())
+    }
+
+    /// Whether a run measures this metric: it is asked for, and there is what it needs.
+    pub fn measures(&self, metric: &str) -> bool {
+        self.why_not(metric).is_ok()
+    }
+
+    /// # Errors
+    /// Why a run does not measure this metric, and how to mend it.
+    fn why_not(&self, metric: &str) -> Result<(), String> {
+        let needs = metrics::known(metric)?.needs;
+        match needs {
+            Needs::Seeds if self.seeds < 2 => return Err(format!("`{metric}` is taken over seeds: set `seeds` to 2 or more")),
+            Needs::Frames if self.frames < 2 => return Err(format!("`{metric}` compares frames: set `frames` to 2 or more")),
+            Needs::Clock if self.times == Times::None => {
+                return Err(format!("`{metric}` is a time: set `times` to \"first-noise\" or \"all\""));
+            }
+            _ => {}
+        }
+        // Device times are asked for by `times`.
+        if needs == Needs::Clock || self.metrics.is_empty() || self.metrics.iter().any(|name| name == metric) {
+            return Ok(());
+        }
+        Err(format!("`{metric}` is not among `metrics`: add it there"))
+    }
+
+    /// The definition with what [`Small`] changes.
+    #[must_use]
+    pub fn small(&self) -> Definition {
+        let mut small = self.clone();
+        let Small { size, frames, seeds, views, variants, values } = std::mem::take(&mut small.small);
+        small.size = size.unwrap_or(small.size);
+        small.frames = frames.unwrap_or(small.frames);
+        small.seeds = seeds.unwrap_or(small.seeds);
+        small.variants = variants.unwrap_or(small.variants);
+        if let Some(views) = views {
+            small.views.retain(|name| views.contains(name));
+            small.moving_views.retain(|view| views.contains(&view.name));
+        }
+        if let (Some(vary), Some(values)) = (&mut small.vary, values) {
+            vary.values = values;
+        }
+        small
+    }
+
+    /// What decides the numbers: without the prose and what is expected of them.
+    pub(crate) fn measured(&self) -> Definition {
+        Definition {
+            question: String::new(),
+            analysis: String::new(),
+            expectations: Vec::new(),
+            small: Small::default(),
+            folder: PathBuf::new(),
+            ..self.clone()
+        }
+    }
+
+    /// The definition as TOML; [`stored`] reads it back.
+    ///
+    /// # Errors
+    /// A value that TOML cannot hold, which no definition that was read has.
+    pub fn to_toml(&self) -> anyhow::Result<String> {
+        Ok(toml::to_string(self)?)
+    }
 }

@@ -11,7 +11,8 @@ mod parse;
 mod requirements;
 mod validate;
 
-pub use parse::{DEFAULT, DEFAULT_TEXT, load, nearest, parse};
+pub use crate::document::nearest;
+pub use parse::{DEFAULT, DEFAULT_TEXT, SceneText, load, parse, text};
 pub use requirements::{FlavourUse, PassUse, Requirements, TargetUse, TextureUse};
 pub use validate::{validate, validate_against_world};
 

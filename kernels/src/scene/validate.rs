@@ -1,47 +1,8 @@
 //! What a scene file must satisfy beyond its types.
 
-use std::collections::HashMap;
-use std::fmt;
-
-use super::{CameraPose, Hole, Rule, Scene, World, nearest};
+use super::{CameraPose, Hole, Rule, Scene, World};
+use crate::document::{At, Checked, suggestion};
 use crate::error::{Error, Result};
-
-/// One part of the way to a value in the file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Step {
-    /// A key of a table.
-    Key(&'static str),
-    /// A place in an array, from 0.
-    Index(usize),
-}
-
-/// What is wrong, and with which value.
-#[derive(Clone, Debug)]
-pub(super) struct Problem {
-    /// Way to the value in the file.
-    pub(super) path: Vec<Step>,
-    /// What is wrong and how to mend it.
-    pub(super) what: String,
-}
-
-impl fmt::Display for Problem {
-    /// `material 3, tile_m: ...`, counting from 1 as people do.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, step) in self.path.iter().enumerate() {
-            match step {
-                Step::Key(key) if i == 0 => write!(f, "{key}")?,
-                Step::Key(key) => write!(f, ", {key}")?,
-                Step::Index(index) => write!(f, " {}", index + 1)?,
-            }
-        }
-        if !self.path.is_empty() {
-            f.write_str(": ")?;
-        }
-        f.write_str(&self.what)
-    }
-}
-
-type Checked = std::result::Result<(), Problem>;
 
 /// Checks a scene made by hand or read from a file: sizes, ranges, names that must be unique, names that must exist, files that
 /// must exist.
@@ -73,55 +34,12 @@ pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     })
 }
 
-/// A value's place while checking: a path that grows on the way down.
-#[derive(Clone)]
-struct At(Vec<Step>);
-
-impl At {
-    fn key(&self, key: &'static str) -> At {
-        let mut path = self.0.clone();
-        path.push(Step::Key(key));
-        At(path)
-    }
-
-    fn index(&self, index: usize) -> At {
-        let mut path = self.0.clone();
-        path.push(Step::Index(index));
-        At(path)
-    }
-
-    fn fail(&self, what: impl Into<String>) -> Checked {
-        Err(Problem { path: self.0.clone(), what: what.into() })
-    }
-
-    /// `low <= value <= high`; a number that is none fails.
-    fn within(&self, value: f64, low: f64, high: f64) -> Checked {
-        if (low..=high).contains(&value) { Ok(()) } else { self.fail(format!("is {value}, must lie in {low}..={high}")) }
-    }
-
-    /// `0 < value <= high`.
-    fn positive(&self, value: f64, high: f64) -> Checked {
-        if value > 0.0 && value <= high { Ok(()) } else { self.fail(format!("is {value}, must be above 0 and at most {high}")) }
-    }
-
-    fn all_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
-        values.iter().try_for_each(|&value| self.within(value, low, high))
-    }
-
-    /// A band `[from, to]`, not reversed.
-    fn band(&self, band: Option<[f64; 2]>, low: f64, high: f64) -> Checked {
-        let Some([from, to]) = band else { return Ok(()) };
-        self.all_within(&[from, to], low, high)?;
-        if from <= to { Ok(()) } else { self.fail(format!("[{from}, {to}] is reversed: write [{to}, {from}]")) }
-    }
-}
-
 /// Elevations, coordinates and the like beyond this many metres are mistakes.
 const FAR_M: f64 = 1.0e7;
 
 pub(super) fn check(scene: &Scene) -> Checked {
-    let top = At(Vec::new());
-    name(&top.key("name"), &scene.name)?;
+    let top = At::top();
+    top.key("name").name(&scene.name)?;
     world(&top.key("world"), scene)?;
     materials(&top.key("material"), scene)?;
     rules(&top.key("rule"), scene)?;
@@ -181,10 +99,10 @@ fn materials(at: &At, scene: &Scene) -> Checked {
     if count > 256 {
         at.fail(format!("there are {count}, but a splat map's 8-bit index tells at most 256 apart: remove {}", count - 256))?;
     }
-    unique(at, scene.materials.iter().map(|m| m.name.as_str()))?;
+    at.unique_names(scene.materials.iter().map(|m| m.name.as_str()))?;
     for (i, material) in scene.materials.iter().enumerate() {
         let at = at.index(i);
-        name(&at.key("name"), &material.name)?;
+        at.key("name").name(&material.name)?;
         match (&material.procedural, &material.folder) {
             (Some(_), None) => {}
             (None, Some(folder)) => {
@@ -218,8 +136,7 @@ fn rules(at: &At, scene: &Scene) -> Checked {
 
 fn one_rule(at: &At, rule: &Rule, materials: &[&str]) -> Checked {
     if !materials.contains(&rule.material.as_str()) {
-        let hint = nearest(&rule.material, materials)
-            .map_or_else(|| format!("there are {}", materials.join(", ")), |near| format!("did you mean `{near}`?"));
+        let hint = suggestion(&rule.material, materials);
         at.key("material").fail(format!("no material is called `{}`: {hint}", rule.material))?;
     }
     at.key("weight").positive(rule.weight, 1.0e6)?;
@@ -278,15 +195,15 @@ fn blend(at: &At, scene: &Scene) -> Checked {
 
 fn cameras(top: &At, scene: &Scene) -> Checked {
     let cameras = top.key("camera");
-    unique(&cameras, scene.cameras.iter().map(|c| c.name.as_str()))?;
+    cameras.unique_names(scene.cameras.iter().map(|c| c.name.as_str()))?;
     for (i, pose) in scene.cameras.iter().enumerate() {
         camera(&cameras.index(i), pose)?;
     }
     let paths = top.key("path");
-    unique(&paths, scene.paths.iter().map(|p| p.name.as_str()))?;
+    paths.unique_names(scene.paths.iter().map(|p| p.name.as_str()))?;
     for (i, path) in scene.paths.iter().enumerate() {
         let at = paths.index(i);
-        file_stem(&at.key("name"), &path.name)?;
+        at.key("name").file_stem(&path.name)?;
         at.key("frames_per_key").within(f64::from(path.frames_per_key), 1.0, 1.0e6)?;
         let keys = at.key("key");
         if path.keys.len() < 2 {
@@ -300,37 +217,9 @@ fn cameras(top: &At, scene: &Scene) -> Checked {
 }
 
 fn camera(at: &At, pose: &CameraPose) -> Checked {
-    file_stem(&at.key("name"), &pose.name)?;
+    at.key("name").file_stem(&pose.name)?;
     at.key("position").all_within(&pose.position, -FAR_M, FAR_M)?;
     at.key("yaw_deg").within(pose.yaw_deg, -3600.0, 3600.0)?;
     at.key("pitch_deg").within(pose.pitch_deg, -90.0, 90.0)?;
     at.key("fov_deg").within(pose.fov_deg, 1.0, 175.0)
-}
-
-/// Names go into tables and on terminals.
-fn name(at: &At, name: &str) -> Checked {
-    if name.trim().is_empty() {
-        return at.fail("is empty: give a name");
-    }
-    if name.chars().count() > 100 || name.chars().any(char::is_control) {
-        return at.fail("must be at most 100 characters on one line");
-    }
-    Ok(())
-}
-
-/// Names of cameras and paths become parts of file names.
-fn file_stem(at: &At, text: &str) -> Checked {
-    name(at, text)?;
-    let plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
-    if text.chars().all(plain) { Ok(()) } else { at.fail(format!("`{text}` may hold only letters, digits, - and _")) }
-}
-
-fn unique<'a>(at: &At, names: impl Iterator<Item = &'a str>) -> Checked {
-    let mut seen = HashMap::new();
-    for (i, name) in names.enumerate() {
-        if let Some(before) = seen.insert(name, i) {
-            return at.index(i).key("name").fail(format!("`{name}` is already the name of number {}: give each its own", before + 1));
-        }
-    }
-    Ok(())
 }

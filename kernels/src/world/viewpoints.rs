@@ -38,17 +38,15 @@ struct Hit {
     facing: f64,
 }
 
+/// Names of the cameras that [`find`] finds.
+pub const NAMES: [&str; 4] = ["cliff", "ground", "vista", "grazing"];
+
 /// Finds the four cameras, named `cliff` (rock faces from 5 to 300 m in view), `ground` (2 m above a border of contrasting materials),
 /// `vista` (farthest view) and `grazing` (along a slope almost edge-on). Positions are absolute elevations.
 pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
     let places = survey(world);
     let steep_deg = scene.flavours.cliff_slope_deg.min(world.max_slope_deg() * 0.85);
-    let poses = [
-        ("cliff", cliff(world, &places, steep_deg)),
-        ("ground", ground(world, &places, scene)),
-        ("vista", vista(world, &places)),
-        ("grazing", grazing(world, &places)),
-    ];
+    let poses = [cliff(world, &places, steep_deg), ground(world, &places, scene), vista(world, &places), grazing(world, &places)];
     let camera = |(name, pose): (&str, Pose)| CameraPose {
         name: name.to_owned(),
         position: pose.eye.map(|v| (v * 100.0).round() / 100.0),
@@ -57,7 +55,7 @@ pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
         pitch_deg: (pose.pitch.to_degrees() * 10.0).round() / 10.0,
         fov_deg: FOV_DEG,
     };
-    poses.into_iter().map(camera).collect()
+    NAMES.into_iter().zip(poses).map(camera).collect()
 }
 
 /// How a material counts as a contrast: vegetation, bare rock and rubble, soil, snow.

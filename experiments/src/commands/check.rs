@@ -1,0 +1,79 @@
+//! `check`: experiments run small, and their expectations are held against the result. For continuous integration.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+
+use super::print;
+use super::run::each;
+use crate::cli::CheckArgs;
+use crate::definition::Definition;
+use crate::expectations::{self, Verdict};
+use crate::store::Place;
+
+/// A folder for results that nobody asked to keep.
+struct Temporary(PathBuf);
+
+impl Temporary {
+    fn new() -> Result<Temporary> {
+        let path = std::env::temp_dir().join(format!("scree-check-{}", std::process::id()));
+        fs::create_dir_all(&path).with_context(|| format!("cannot make the folder {}: give one with --out", path.display()))?;
+        Ok(Temporary(path))
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        // Nothing is left to do about a temporary folder that cannot be removed.
+        drop(fs::remove_dir_all(&self.0));
+    }
+}
+
+/// Runs each definition small and fails where a result leaves its range.
+pub(crate) fn run(args: &CheckArgs) -> Result<()> {
+    let temporary = args.out.is_none().then(Temporary::new).transpose()?;
+    let out = args.out.as_deref().or(temporary.as_ref().map(|folder| folder.0.as_path())).unwrap_or(Path::new("."));
+    let place = Place { out, resume: false, shard: None, small: true };
+    each(&args.definitions, |definition, session| {
+        let small = definition.small();
+        has_expectations(&small)?;
+        let data = session.carry_out(&small, &place)?;
+        let verdicts = expectations::evaluate(&small, &data.rows, &data.times);
+        let lines: String = verdicts.iter().map(|verdict| format!("  {verdict}\n")).collect();
+        print(&format!("{}, on {}:\n{lines}", small.name, data.manifest.provenance.adapter))?;
+        judge(&small.name, &verdicts)
+    })
+}
+
+/// # Errors
+/// Nothing is expected, so nothing could fail.
+fn has_expectations(definition: &Definition) -> Result<()> {
+    if definition.expectations.is_empty() {
+        bail!("`{}` expects nothing, so there is nothing to check: give it an [[expect]], or leave it out", definition.name);
+    }
+    Ok(())
+}
+
+/// # Errors
+/// Names what left its range.
+fn judge(name: &str, verdicts: &[Verdict]) -> Result<()> {
+    let failed: Vec<&str> = verdicts.iter().filter(|verdict| !verdict.met).map(|verdict| verdict.claim.trim()).collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    bail!("`{name}`: {} of {} expectations do not hold: {}", failed.len(), verdicts.len(), failed.join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_left_its_range_is_named() {
+        let verdict = |claim: &str, met| Verdict { claim: claim.to_owned(), value: 1.0, range: [0.0, 2.0], met, why: String::new() };
+        assert!(judge("x", &[verdict("a", true)]).is_ok());
+        let text = judge("x", &[verdict("a", true), verdict("b", false)]).unwrap_err().to_string();
+        assert!(text.contains("1 of 2") && text.ends_with(": b"), "{text}");
+    }
+}

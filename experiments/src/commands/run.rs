@@ -1,0 +1,126 @@
+//! `run`: experiments from definition files, one after the other; `check` shares it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, anyhow, bail};
+use kernels::gpu::Gpu;
+
+use super::{Reporter, check_interrupted, error_line, print, watch_interrupts};
+use crate::cli::RunArgs;
+use crate::definition::{self, Definition};
+use crate::expectations::{self, Verdict};
+use crate::store::{Place, Provenance, Run, RunData};
+use crate::unit::Measure;
+
+/// Who measures the parts of a run, on a device. `imported` = folder of the imported scene, where the definition imports one.
+pub(crate) fn measurer<'a>(gpu: &'a Gpu, definition: &'a Definition, imported: Option<&'a Path>) -> Result<Box<dyn Measure + 'a>> {
+    // ==== INTEGRATION: the one place that makes the measurer; replace these two lines by it. ====
+    let _ = (gpu, definition, imported);
+    bail!("the measurer is not built yet")
+}
+
+/// Runs the definitions; what one of them fails at does not stop the others.
+pub(crate) fn run(args: &RunArgs) -> Result<()> {
+    if let Some(jobs) = args.jobs {
+        rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global().context("cannot start worker threads: leave --jobs out")?;
+    }
+    let place = Place { out: &args.out, resume: args.resume, shard: args.shard, small: false };
+    each(&args.definitions, |definition, session| {
+        let data = session.carry_out(&definition, &place)?;
+        let verdicts = expectations::evaluate(&definition, &data.rows, &data.times);
+        print(&summary(&data, &verdicts))
+    })
+}
+
+/// The device and the progress of a whole call.
+pub(crate) struct Session {
+    gpu: Gpu,
+    reporter: Reporter,
+}
+
+impl Session {
+    /// One run from its first part to its joined tables.
+    pub(crate) fn carry_out(&self, definition: &Definition, place: &Place<'_>) -> Result<RunData> {
+        let info = &self.gpu.info;
+        let provenance = Provenance {
+            adapter: info.name.clone(),
+            driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+            software: self.gpu.is_software(),
+            command: exact_command(),
+        };
+        let mut run = Run::open(definition, place, &provenance)?;
+        for note in run.notes() {
+            eprintln!("note: {note}");
+        }
+        let (done, all) = run.progress();
+        if done < all {
+            let imported = run.imported();
+            let mut measure = measurer(&self.gpu, definition, imported.as_deref())?;
+            // Parts are too few and too long to be the steps of a bar.
+            let show = |done: u64, total: u64| self.reporter.report(&format!("{} (%)", definition.name), done * 100 / total.max(1), 100);
+            let outcome = run.carry_out(measure.as_mut(), &show, &check_interrupted);
+            self.reporter.finish();
+            outcome?;
+        }
+        run.finish()
+    }
+}
+
+/// Loads all definitions, then does something with each. The first error of a single definition is this call's; of several, each is said and counted.
+pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) -> Result<()>) -> Result<()> {
+    let loaded: Vec<(&PathBuf, Result<Definition>)> = files.iter().map(|file| (file, definition::load(file))).collect();
+    let names: Vec<(&PathBuf, &str)> = loaded.iter().filter_map(|(file, d)| Some((*file, d.as_ref().ok()?.name.as_str()))).collect();
+    for (i, (file, name)) in names.iter().enumerate() {
+        if let Some((before, _)) = names[..i].iter().find(|(_, other)| other.eq_ignore_ascii_case(name)) {
+            bail!("{} and {} are both called `{name}`, and would share a folder: rename one", before.display(), file.display());
+        }
+    }
+    let mut session = None;
+    let mut failed = Vec::new();
+    for (file, definition) in loaded {
+        let outcome = definition.and_then(|definition| {
+            if session.is_none() {
+                watch_interrupts()?;
+                session = Some(Session { gpu: Gpu::new()?, reporter: Reporter::new() });
+            }
+            let session = session.as_ref().context("made just above")?;
+            act(definition, session)
+        });
+        if let Err(error) = outcome {
+            // Ctrl-C means all of them.
+            if files.len() == 1 || check_interrupted().is_err() {
+                return Err(error);
+            }
+            eprintln!("error: {}", error_line(&error));
+            failed.push(file.display().to_string());
+        }
+    }
+    if failed.is_empty() { Ok(()) } else { Err(anyhow!("{} of {} experiments failed: {}", failed.len(), files.len(), failed.join(", "))) }
+}
+
+/// The command line as it can be typed again.
+fn exact_command() -> String {
+    let quoted = |text: String| {
+        let plain = |c: char| c.is_alphanumeric() || "-_./+=,:@%\\".contains(c);
+        if !text.is_empty() && text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
+    };
+    let arguments = std::env::args_os().skip(1).map(|argument| quoted(argument.to_string_lossy().into_owned()));
+    std::iter::once("experiments".to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
+}
+
+fn summary(data: &RunData, verdicts: &[Verdict]) -> String {
+    let folder = data.folder.display();
+    let provenance = &data.manifest.provenance;
+    let software = if provenance.software { ", a software adapter" } else { "" };
+    let mut text = format!("{folder}: {} metrics and {} times, on {}{software}\n", data.rows.len(), data.times.len(), provenance.adapter);
+    if data.manifest.shard.is_some() {
+        if !verdicts.is_empty() {
+            text += "  what is expected is judged when all shards are together: experiments report\n";
+        }
+        return text;
+    }
+    for verdict in verdicts {
+        text += &format!("  {verdict}\n");
+    }
+    text
+}

@@ -1,0 +1,321 @@
+//! Parameters that a definition sets or varies: keys of the scene file, and choices of the frame.
+
+use std::ffi::OsString;
+use std::fs;
+use std::hash::Hasher;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, anyhow};
+use kernels::document::suggestion;
+use kernels::scene::{self, Scene, SceneText};
+use kernels::world::heightmap::ReadOptions;
+use toml::{Table, Value};
+use twox_hash::XxHash64;
+
+use super::{Definition, Import};
+use crate::unit::Setting;
+
+/// Parameters that begin with this are choices of the frame; all others are keys of the scene.
+pub(super) const FRAME: &str = "frame.";
+
+/// Normals that derivatives are taken with (`frame.normals`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Normals {
+    /// As they come out of the geometry pass: octahedral, 2 x 8 bits.
+    #[default]
+    Octahedral,
+    /// In full precision.
+    Exact,
+}
+
+/// What has a variant of its own (`frame.classification`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ClassifyBy {
+    /// A tile of the screen.
+    #[default]
+    Tile,
+    /// A patch of the terrain.
+    Patch,
+}
+
+/// Choices of the frame, which no scene makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameChoices {
+    /// Normals for derivatives.
+    pub normals: Normals,
+    /// Edge of a tile, pixels: 4, 8 or 16 (`frame.tile`).
+    pub tile: u32,
+    /// What is classified.
+    pub classification: ClassifyBy,
+}
+
+impl Default for FrameChoices {
+    fn default() -> Self {
+        FrameChoices { normals: Normals::default(), tile: 8, classification: ClassifyBy::default() }
+    }
+}
+
+impl FrameChoices {
+    /// The parameters there are.
+    pub const NAMES: [&str; 3] = ["frame.normals", "frame.tile", "frame.classification"];
+
+    /// Takes a parameter of the frame over; all others are passed by.
+    pub(super) fn apply(&mut self, parameter: &str, value: &Value) -> Result<(), String> {
+        match value {
+            // `frame.tile = 4` without quotes is a table to TOML.
+            Value::Table(table) if is_of_frame(parameter, value) => {
+                table.iter().try_for_each(|(key, value)| self.set(&format!("{FRAME}{key}"), value))
+            }
+            _ if is_of_frame(parameter, value) => self.set(parameter, value),
+            _ => Ok(()),
+        }
+    }
+
+    fn set(&mut self, parameter: &str, value: &Value) -> Result<(), String> {
+        let text = value.as_str().unwrap_or_default();
+        let wrong = |kinds: &str| Err(format!("`{parameter}` cannot be {value}: give {kinds}"));
+        match parameter.strip_prefix(FRAME).unwrap_or_default() {
+            "normals" => match text {
+                "octahedral" => self.normals = Normals::Octahedral,
+                "exact" => self.normals = Normals::Exact,
+                _ => return wrong("\"octahedral\" or \"exact\""),
+            },
+            "tile" => match value.as_integer().and_then(|edge| u32::try_from(edge).ok()) {
+                Some(edge @ (4 | 8 | 16)) => self.tile = edge,
+                _ => return wrong("4, 8 or 16"),
+            },
+            "classification" => match text {
+                "tile" => self.classification = ClassifyBy::Tile,
+                "patch" => self.classification = ClassifyBy::Patch,
+                _ => return wrong("\"tile\" or \"patch\""),
+            },
+            _ => return Err(format!("`{parameter}` is no choice of the frame: {}", suggestion(parameter, &FrameChoices::NAMES))),
+        }
+        Ok(())
+    }
+}
+
+/// Sets what `path` names in a document; a table is merged into the one that is there. In a list of tables a step of the path is a name or a number
+/// from 1.
+fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
+    let Some((step, rest)) = path.split_first() else {
+        match (at, value) {
+            (Value::Table(old), Value::Table(new)) => {
+                for (key, value) in new {
+                    set(old.entry(key.clone()).or_insert_with(|| Value::Table(Table::new())), &[], value)?;
+                }
+            }
+            (at, value) => *at = value.clone(),
+        }
+        return Ok(());
+    };
+    match at {
+        Value::Table(table) => set(table.entry((*step).to_owned()).or_insert_with(|| Value::Table(Table::new())), rest, value),
+        Value::Array(items) => {
+            let name = |item: &Value| item.get("name").and_then(Value::as_str).map(str::to_owned);
+            let number = step.parse::<usize>().ok().and_then(|number| number.checked_sub(1)).filter(|&index| index < items.len());
+            let Some(index) = items.iter().position(|item| name(item).as_deref() == Some(step)).or(number) else {
+                let names: Vec<String> = items.iter().filter_map(name).collect();
+                let names: Vec<&str> = names.iter().map(String::as_str).collect();
+                return Err(if names.is_empty() {
+                    format!("`{step}` is not in a list of {}: give a number from 1 to {}", items.len(), items.len())
+                } else {
+                    format!("`{step}` is not in the list: {}", suggestion(step, &names))
+                });
+            };
+            set(&mut items[index], rest, value)
+        }
+        other => Err(format!("{other} has no key `{step}`")),
+    }
+}
+
+/// A file name of a definition: `$SCREE_DATA` at its start is replaced, and it is relative to the definition's folder.
+pub(super) fn resolve(text: &str, folder: &Path) -> Result<PathBuf, String> {
+    resolve_with(text, folder, std::env::var_os("SCREE_DATA"))
+}
+
+fn resolve_with(text: &str, folder: &Path, data: Option<OsString>) -> Result<PathBuf, String> {
+    let Some(rest) = text.strip_prefix("$SCREE_DATA").filter(|rest| rest.is_empty() || rest.starts_with(['/', '\\'])) else {
+        return Ok(folder.join(text));
+    };
+    match data.filter(|value| !value.is_empty()) {
+        Some(data) => Ok(Path::new(&data).join(rest.trim_start_matches(['/', '\\']))),
+        None => {
+            Err(format!("`{text}` needs the variable SCREE_DATA, which is not set: set it to the folder of real terrain and materials"))
+        }
+    }
+}
+
+/// A heightmap to import, its files found.
+pub(crate) struct ImportJob {
+    /// The heightmap.
+    pub(crate) heightmap: PathBuf,
+    /// How to read it.
+    pub(crate) options: ReadOptions,
+    /// Folder of material folders.
+    pub(crate) materials: Option<PathBuf>,
+    /// Procedural relief, metres.
+    pub(crate) detail_m: f64,
+}
+
+impl Import {
+    /// # Errors
+    /// `$SCREE_DATA` is needed and not set.
+    pub(crate) fn job(&self, folder: &Path) -> Result<ImportJob, String> {
+        Ok(ImportJob {
+            heightmap: resolve(&self.heightmap, folder)?,
+            options: ReadOptions { metres_per_texel: self.metres_per_texel, height_range_m: self.height_range_m, ..ReadOptions::default() },
+            materials: self.materials.as_deref().map(|text| resolve(text, folder)).transpose()?,
+            detail_m: self.detail_m,
+        })
+    }
+}
+
+/// Why an altered scene is refused.
+pub(super) struct Refused {
+    /// Whether a key is unknown, rather than a value wrong.
+    pub(super) unknown_key: bool,
+    pub(super) what: String,
+}
+
+impl Definition {
+    /// The scene's text as it stands, before anything is set. `imported` is the folder of the imported scene, where there is one.
+    pub(super) fn scene_text(&self, imported: Option<&Path>) -> Result<SceneText, String> {
+        let path = match (&self.scene, &self.import, imported) {
+            (_, Some(_), Some(folder)) => folder.to_owned(),
+            (_, Some(_), None) => return Err("the scene is imported when the run begins".to_owned()),
+            (None, None, _) => PathBuf::from(scene::DEFAULT),
+            (Some(name), None, _) if name == scene::DEFAULT => PathBuf::from(name),
+            (Some(name), None, _) => resolve(name, &self.folder)?,
+        };
+        scene::text(&path.to_string_lossy()).map_err(|error| error.to_string())
+    }
+
+    /// The scene that `text` says, with what the definition sets and one value of what it varies.
+    pub(super) fn altered(&self, text: &SceneText, setting: &Setting) -> Result<Scene, Refused> {
+        // Line numbers are those of the file only while it is as it stands.
+        let plain = scene::parse(&text.text, &text.name, &text.folder);
+        let plain = plain.map_err(|error| Refused { unknown_key: false, what: error.to_string() })?;
+        let varied = self.vary.as_ref().map(|vary| vary.parameter.as_str()).zip(setting.as_ref());
+        let of_scene = |(parameter, value): (&String, &Value)| !is_of_frame(parameter, value);
+        let mut changes: Vec<(&str, &Value)> = self.settings.iter().filter(|&s| of_scene(s)).map(|(p, v)| (p.as_str(), v)).collect();
+        changes.extend(varied.filter(|(parameter, _)| !parameter.starts_with(FRAME)));
+        if changes.is_empty() {
+            return Ok(plain);
+        }
+        let mut document =
+            text.text.parse::<Table>().map(Value::Table).map_err(|error| Refused { unknown_key: false, what: error.to_string() })?;
+        for (parameter, value) in changes {
+            let path: Vec<&str> = parameter.split('.').collect();
+            set(&mut document, &path, value)
+                .map_err(|what| Refused { unknown_key: true, what: format!("`{parameter}` is nothing of the scene: {what}") })?;
+        }
+        let altered = toml::to_string(&document).map_err(|error| Refused { unknown_key: false, what: error.to_string() })?;
+        scene::parse(&altered, &text.name, &text.folder).map_err(|error| {
+            // The line would be that of a text that nobody has seen.
+            let what = match error {
+                kernels::error::Error::Scene { what, .. } => what,
+                other => other.to_string(),
+            };
+            Refused { unknown_key: what.starts_with("unknown key"), what }
+        })
+    }
+
+    /// The scene of a run: as its file or the built-in one says, with what the definition sets, and the value `setting` of what it varies.
+    /// `imported` is the folder of the imported scene, needed where the definition imports one.
+    ///
+    /// # Errors
+    /// The scene cannot be read or is wrong, or was not imported yet.
+    pub fn scene(&self, setting: &Setting, imported: Option<&Path>) -> Result<Scene> {
+        let text = self.scene_text(imported).map_err(|what| anyhow!("experiment `{}`: scene: {what}", self.name))?;
+        self.altered(&text, setting).map_err(|refused| anyhow!("experiment `{}`: scene: {}", self.name, refused.what))
+    }
+
+    /// The choices of the frame, with the value `setting` of what the definition varies.
+    ///
+    /// # Errors
+    /// An unknown choice or value.
+    pub fn frame_choices(&self, setting: &Setting) -> Result<FrameChoices, String> {
+        let mut choices = FrameChoices::default();
+        for (parameter, value) in &self.settings {
+            choices.apply(parameter, value)?;
+        }
+        if let (Some(vary), Some(value)) = (&self.vary, setting) {
+            choices.apply(&vary.parameter, value)?;
+        }
+        Ok(choices)
+    }
+
+    /// A number that changes with what the scene is made from: its text, or the imported heightmap's bytes. 16 hexadecimal digits of xxHash64.
+    ///
+    /// # Errors
+    /// The source cannot be read.
+    pub(crate) fn source_hash(&self) -> Result<String> {
+        let bytes = match &self.import {
+            Some(import) => {
+                let job = import.job(&self.folder).map_err(|what| anyhow!("import: {what}"))?;
+                fs::read(&job.heightmap).with_context(|| format!("cannot read {}", job.heightmap.display()))?
+            }
+            None => self.scene_text(None).map_err(|what| anyhow!("scene: {what}"))?.text.into_bytes(),
+        };
+        Ok(hash(&bytes))
+    }
+}
+
+fn is_of_frame(parameter: &str, value: &Value) -> bool {
+    parameter.starts_with(FRAME) || parameter == FRAME.trim_end_matches('.') && value.is_table()
+}
+
+/// xxHash64 with seed 0, as `xxhsum -H1` prints it.
+pub(crate) fn hash(bytes: &[u8]) -> String {
+    let mut hasher = XxHash64::with_seed(0);
+    hasher.write(bytes);
+    format!("{:016x}", hasher.finish())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn data_folder_is_put_in_or_asked_for() {
+        let folder = Path::new("here");
+        let data = || Some(OsString::from("/data"));
+        assert_eq!(resolve_with("a/b.toml", folder, None), Ok(PathBuf::from("here/a/b.toml")));
+        assert_eq!(resolve_with("$SCREE_DATA/dem/x.png", folder, data()), Ok(PathBuf::from("/data/dem/x.png")));
+        assert_eq!(resolve_with("$SCREE_DATA", folder, data()), Ok(PathBuf::from("/data")));
+        assert_eq!(resolve_with("$SCREE_DATABASE/x", folder, data()), Ok(PathBuf::from("here/$SCREE_DATABASE/x")));
+        for unset in [None, Some(OsString::new())] {
+            assert!(resolve_with("$SCREE_DATA/x", folder, unset).is_err_and(|what| what.contains("SCREE_DATA, which is not set")));
+        }
+    }
+
+    #[test]
+    fn paths_reach_tables_lists_and_names() {
+        let text = "[blend]\nhash_scale = 1.0\n[[material]]\nname = \"a\"\ntint = [1.0, 1.0, 1.0]\n[[material]]\nname = \"b\"\n[[rule]]\nweight = 1.0\n";
+        let mut document = Value::Table(text.parse().unwrap());
+        let mut put = |path: &str, value: Value| {
+            let path: Vec<&str> = path.split('.').collect();
+            set(&mut document, &path, &value)
+        };
+        put("blend.hash_scale", Value::Float(2.0)).unwrap();
+        put("material.b.tile_m", Value::Integer(3)).unwrap();
+        put("material.1.tint.2", Value::Float(0.5)).unwrap();
+        put("blend", Value::Table("mip_bias = 1.0".parse().unwrap())).unwrap();
+        assert!(put("material.c.tile_m", Value::Integer(3)).is_err_and(|what| what.contains("there are a, b")));
+        assert!(put("rule.2.weight", Value::Integer(3)).is_err_and(|what| what.contains("from 1 to 1")));
+        assert!(put("blend.hash_scale.x", Value::Integer(3)).is_err_and(|what| what.contains("has no key `x`")));
+        let at = |path: &[&str]| path.iter().fold(&document, |at, key| key.parse::<usize>().map_or_else(|_| &at[*key], |i| &at[i]));
+        assert_eq!(at(&["blend", "hash_scale"]), &Value::Float(2.0));
+        assert_eq!(at(&["blend", "mip_bias"]), &Value::Float(1.0));
+        assert_eq!(at(&["material", "1", "tile_m"]), &Value::Integer(3));
+        assert_eq!(at(&["material", "0", "tint", "1"]), &Value::Float(0.5));
+    }
+
+    #[test]
+    fn hashes_are_those_of_xxhsum() {
+        // The published value of the empty input.
+        assert_eq!(hash(b""), "ef46db3751d8e999");
+        assert_ne!(hash(b"a"), hash(b"b"));
+    }
+}

@@ -1,0 +1,61 @@
+//! Reading a definition file.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow};
+use kernels::document;
+
+use super::Definition;
+
+/// Reads a definition file, and checks it and the scene it names.
+///
+/// # Errors
+/// The file cannot be read, or what [`parse`] refuses.
+pub fn load(file: &Path) -> Result<Definition> {
+    let place = || format!("experiment {}", file.display());
+    if !file.exists() {
+        anyhow::bail!("{}: no such file: give a definition's .toml file", place());
+    }
+    if file.is_dir() {
+        anyhow::bail!("{} is a folder: give a definition's .toml file in it", place());
+    }
+    let text = document::text_of(file, "definition").map_err(|what| anyhow!(what)).with_context(place)?;
+    let folder = match file.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    parse(&text, &file.display().to_string(), folder)
+}
+
+/// Reads a definition from `text` and checks it and the scene it names. `name` stands for the text in errors; relative file names refer to `folder`.
+///
+/// # Errors
+/// One line, with `name:line`, the key and the remedy: not TOML, an unknown key (the nearest known one is named), a wrong type or value, what asks for
+/// nothing, an expectation that can select nothing, a scene that is wrong or lacks what is asked of it.
+pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
+    let refuse = |wrong: document::Wrong| anyhow!("experiment {}: {}", wrong.place(name), wrong.what);
+    let mut definition: Definition = document::read(text, remedy_of_missing).map_err(refuse)?;
+    definition.folder = folder.to_owned();
+    definition.check().map_err(|problem| refuse(problem.wrong(text)))?;
+    Ok(definition)
+}
+
+/// Reads a definition that a run has kept. Its scene may be gone, so only its shape is checked.
+///
+/// # Errors
+/// Not a definition.
+pub fn stored(text: &str) -> Result<Definition> {
+    document::read(text, remedy_of_missing).map_err(|wrong| anyhow!("{}: {}", wrong.place("stored definition"), wrong.what))
+}
+
+fn remedy_of_missing(key: &str) -> &'static str {
+    match key {
+        "name" => ": give the experiment (or the [[view]]) a short name",
+        "question" => ": write the question that the run answers",
+        "size" => ": write size = [480, 270]",
+        "frames" => ": write frames = 16",
+        "variants" => ": write variants = [\"all\"]",
+        "range" => ": an [[expect]] needs the smallest and the largest value",
+        _ => "",
+    }
+}

@@ -1,0 +1,544 @@
+//! What a definition must satisfy beyond its types, so that nothing is found wrong after hours.
+
+use std::path::Path;
+
+use anyhow::{Result, anyhow};
+use kernels::document::{At, Checked, Problem, Step, suggestion};
+use kernels::frame::{MAX_PIXELS, MAX_SIDE, VariantChoice};
+use kernels::scene::{Requirements, Scene, SceneText};
+use kernels::shading::Estimator;
+use kernels::shared::noise::NoiseKind;
+use kernels::temporal::Resolve;
+use kernels::variant::Flavour;
+use kernels::world::viewpoints;
+use toml::Value;
+
+use super::parameters::FRAME;
+use super::{ALL_VARIANTS, Definition, Expectation, FrameChoices, Import, Motion, Small, Times, setting_text, variant_name};
+use crate::metrics::{self, Axis, LAGS, Needs};
+use crate::row::{Field, Row};
+
+/// Beyond these, a definition is a slip of the pen.
+const MAX_FRAMES: u32 = 100_000;
+const MAX_SEEDS: u32 = 4096;
+const MAX_SPP: u32 = 65_536;
+const MAX_LIST: usize = 1000;
+const MAX_UNITS: usize = 100_000;
+
+/// The reference is taken in batches of this many samples, and its standard error over at least [`BATCHES`] of them.
+const BATCH: u32 = 8;
+const BATCHES: u32 = 4;
+
+/// What a scene offers.
+struct Facts {
+    /// Names of cameras, with the field of view in degrees where it is known.
+    cameras: Vec<(String, Option<f64>)>,
+    paths: Vec<String>,
+    passes: Vec<&'static str>,
+    /// `None` = not imported yet.
+    text: Option<SceneText>,
+}
+
+impl Facts {
+    fn of(scene: &Scene, text: SceneText) -> Facts {
+        Facts {
+            cameras: scene.cameras.iter().map(|camera| (camera.name.clone(), Some(camera.fov_deg))).collect(),
+            paths: scene.paths.iter().map(|path| path.name.clone()).collect(),
+            passes: Requirements::of(scene).passes.iter().map(|pass| pass.name).collect(),
+            text: Some(text),
+        }
+    }
+
+    /// Before the import: it makes four cameras, no path, and the defaults of everything that is not its data.
+    fn before_import() -> Result<Facts, String> {
+        let like = kernels::scene::load(kernels::scene::DEFAULT).map_err(|error| error.to_string())?;
+        Ok(Facts {
+            cameras: viewpoints::NAMES.iter().map(|&name| (name.to_owned(), None)).collect(),
+            paths: Vec::new(),
+            passes: Requirements::of(&like).passes.iter().map(|pass| pass.name).collect(),
+            text: None,
+        })
+    }
+}
+
+impl Definition {
+    /// Checks the definition, the scene it names, and both again with what `small` changes.
+    pub(super) fn check(&self) -> Checked {
+        shape(self)?;
+        let scene = At::top().key("scene");
+        let facts = if self.import.is_some() {
+            Facts::before_import().or_else(|what| refuse(&scene, what))?
+        } else {
+            let text = self.scene_text(None).or_else(|what| refuse(&scene, what))?;
+            let plain = kernels::scene::parse(&text.text, &text.name, &text.folder).or_else(|error| refuse(&scene, error.to_string()))?;
+            Facts::of(&plain, text)
+        };
+        self.check_with(&facts)
+    }
+
+    /// Checks what could not be checked before the scene was imported into `folder`.
+    ///
+    /// # Errors
+    /// What the imported scene lacks, or a parameter that is wrong for it.
+    pub(crate) fn check_imported(&self, folder: &Path) -> Result<()> {
+        let fail = |what: String| anyhow!("experiment `{}`: {what}", self.name);
+        let text = self.scene_text(Some(folder)).map_err(fail)?;
+        let plain = kernels::scene::parse(&text.text, &text.name, &text.folder)?;
+        self.check_with(&Facts::of(&plain, text)).map_err(|problem| fail(problem.to_string()))
+    }
+
+    fn check_with(&self, facts: &Facts) -> Checked {
+        against(self, facts)?;
+        if self.small == Small::default() {
+            return Ok(());
+        }
+        small_lists(self)?;
+        let small = self.small();
+        shape(&small).and_then(|()| against(&small, facts)).map_err(|problem| in_small(self, problem))
+    }
+}
+
+/// A problem where a value was wanted.
+fn refuse<T>(at: &At, what: impl Into<String>) -> Result<T, Problem> {
+    Err(at.problem(what))
+}
+
+/// The problem of a definition as `small` changes it, where its cause is written.
+fn in_small(definition: &Definition, mut problem: Problem) -> Problem {
+    let small = &definition.small;
+    let changed = |key: &str| match key {
+        "size" => small.size.is_some(),
+        "frames" => small.frames.is_some(),
+        "seeds" => small.seeds.is_some(),
+        "views" => small.views.is_some(),
+        "variants" => small.variants.is_some(),
+        _ => false,
+    };
+    let keys: Vec<&str> =
+        problem.path.iter().filter_map(|step| if let Step::Key(key) = step { Some(key.as_ref()) } else { None }).collect();
+    if keys.starts_with(&["vary", "values"]) && small.values.is_some() {
+        problem.path[0] = Step::Key("small".into());
+    } else if keys.first().is_some_and(|key| changed(key)) {
+        problem.path.insert(0, Step::Key("small".into()));
+    } else {
+        problem.what = format!("with what [small] changes, {}", problem.what);
+    }
+    problem
+}
+
+fn small_lists(definition: &Definition) -> Checked {
+    let at = At::top().key("small");
+    if let Some(views) = &definition.small.views {
+        let known: Vec<&str> = definition.view_names().collect();
+        list(&at.key("views"), views, |name| match known.contains(&name) {
+            true => Ok(name.to_owned()),
+            false => Err(format!("no view is called `{name}`: {}", suggestion(name, &known))),
+        })?;
+    }
+    if definition.small.values.is_some() && definition.vary.is_none() {
+        at.key("values").fail("nothing is varied: remove it, or give [vary]")?;
+    }
+    Ok(())
+}
+
+/// A list that holds something, nothing twice, and only what `parse` turns into a name.
+fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String>) -> Checked {
+    if texts.is_empty() {
+        return at.fail("is empty: name at least one");
+    }
+    if texts.len() > MAX_LIST {
+        return at.fail(format!("has {} entries, more than {MAX_LIST}: split the experiment", texts.len()));
+    }
+    let mut names: Vec<String> = Vec::new();
+    for (i, text) in texts.iter().enumerate() {
+        let name = parse(text).or_else(|what| refuse(&at.index(i), what))?;
+        if let Some(before) = names.iter().position(|known| *known == name) {
+            return at.index(i).fail(format!("`{text}` is there already, as number {}: remove one", before + 1));
+        }
+        names.push(name);
+    }
+    Ok(())
+}
+
+/// Checks that need no scene.
+fn shape(definition: &Definition) -> Checked {
+    let top = At::top();
+    let name = top.key("name");
+    name.file_stem(&definition.name)?;
+    if !definition.name.is_ascii() {
+        name.fail(format!("`{}` names a folder: use letters a to z, digits, - and _", definition.name))?;
+    }
+    if definition.question.trim().is_empty() {
+        top.key("question").fail("is empty: write the question that the run answers")?;
+    }
+    if definition.scene.is_some() && definition.import.is_some() {
+        top.key("import").fail("`scene` and `import` are both given: remove one")?;
+    }
+    if let Some(import) = &definition.import {
+        import_of(&top.key("import"), import, &definition.folder)?;
+    }
+    let [width, height] = definition.size;
+    let pixels = u64::from(width) * u64::from(height);
+    if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) || pixels > MAX_PIXELS {
+        top.key("size").fail(format!("is {width} x {height}, must be 1 to {MAX_SIDE} pixels a side and at most {MAX_PIXELS} in all"))?;
+    }
+    let frames = top.key("frames");
+    if definition.frames == 0 {
+        frames.fail("is 0: give at least 1, and at least 2 for what compares frames")?;
+    }
+    frames.within(f64::from(definition.frames), 1.0, f64::from(MAX_FRAMES))?;
+    let seeds = top.key("seeds");
+    if definition.seeds == 1 {
+        seeds.fail("is 1, and one seed has no variance: give 0 to leave bias and variance out, or at least 2")?;
+    }
+    seeds.within(f64::from(definition.seeds), 0.0, f64::from(MAX_SEEDS))?;
+    views(&top, definition)?;
+    choices(&top, definition)?;
+    let reference = top.key("reference");
+    let (spp, max_spp) = (definition.reference.spp, definition.reference.max_spp);
+    if !spp.is_multiple_of(BATCH) || spp < BATCH * BATCHES {
+        reference.key("spp").fail(format!(
+            "is {spp}, must be a multiple of {BATCH} and at least {}: its standard error is that of batches of {BATCH}",
+            BATCH * BATCHES
+        ))?;
+    }
+    if max_spp < spp || max_spp > MAX_SPP {
+        reference.key("max_spp").fail(format!("is {max_spp}, must lie in {spp} (spp) ..= {MAX_SPP}"))?;
+    }
+    parameters(&top, definition)?;
+    let count = plan_size(definition);
+    if count > MAX_UNITS as u64 {
+        top.fail(format!("asks for {count} parts, more than {MAX_UNITS}: split it into several experiments"))?;
+    }
+    Ok(())
+}
+
+/// Number of parts at most, without making them.
+fn plan_size(definition: &Definition) -> u64 {
+    let count = |length: usize| length.max(1) as u64;
+    let settings = count(definition.vary.as_ref().map_or(1, |vary| vary.values.len()));
+    let estimators = count(definition.estimators.len());
+    let sweeps = estimators * count(definition.noises.len()) * count(definition.temporal.len());
+    settings * count(definition.view_names().count()) * (1 + 2 * sweeps)
+}
+
+fn import_of(at: &At, import: &Import, folder: &Path) -> Checked {
+    at.key("metres_per_texel").positive(import.metres_per_texel, 1.0e5)?;
+    if let Some([low, high]) = import.height_range_m {
+        let range = at.key("height_range_m");
+        range.all_within(&[low, high], -1.0e7, 1.0e7)?;
+        if low >= high {
+            range.fail(format!("[{low}, {high}] must go from low to high: the elevations of the smallest and largest sample"))?;
+        }
+    }
+    at.key("detail_m").within(import.detail_m, 0.0, 1000.0)?;
+    let job = import.job(folder).or_else(|what| refuse(&at.key("heightmap"), what))?;
+    if !job.heightmap.is_file() {
+        at.key("heightmap")
+            .fail(format!("there is no file {}: the name is relative to the definition's folder", job.heightmap.display()))?;
+    }
+    match &job.materials {
+        Some(materials) if !materials.is_dir() => at
+            .key("materials")
+            .fail(format!("there is no folder {}: give one that holds a folder of images per material", materials.display())),
+        _ => Ok(()),
+    }
+}
+
+fn views(top: &At, definition: &Definition) -> Checked {
+    if definition.view_names().next().is_none() {
+        return top.key("views").fail("there is none: name cameras and paths of the scene in `views`, or give a [[view]] that moves");
+    }
+    if !definition.views.is_empty() {
+        list(&top.key("views"), &definition.views, |name| Ok(name.to_owned()))?;
+    }
+    let at = top.key("view");
+    at.unique_names(definition.moving_views.iter().map(|view| view.name.as_str()))?;
+    for (i, view) in definition.moving_views.iter().enumerate() {
+        let at = at.index(i);
+        at.key("name").file_stem(&view.name)?;
+        if definition.views.contains(&view.name) {
+            at.key("name").fail(format!("`{}` is among `views`, too: give the moving one its own name", view.name))?;
+        }
+        let step = at.key("step");
+        let limit = match view.motion {
+            Motion::Sideways | Motion::Forwards => 1.0e6,
+            Motion::Turn => 180.0,
+            Motion::Zoom => 170.0,
+        };
+        step.within(view.step, -limit, limit)?;
+        // Exactly zero is what was written; anything else moves.
+        if view.step.abs() < f64::MIN_POSITIVE {
+            step.fail(format!("is 0: nothing moves; name the camera `{}` in `views` instead", view.camera))?;
+        }
+    }
+    Ok(())
+}
+
+/// Names of variants, estimators, noises, resolves and metrics.
+fn choices(top: &At, definition: &Definition) -> Checked {
+    let variants = top.key("variants");
+    list(&variants, &definition.variants, |text| match text {
+        ALL_VARIANTS => Ok(text.to_owned()),
+        _ => {
+            super::variant_choice(text).map(variant_name).map_err(|error| format!("{error}; `auto`, `generic` and `all` are accepted, too"))
+        }
+    })?;
+    if definition.variants.iter().any(|text| text == ALL_VARIANTS) {
+        let forced = |text: &&String| matches!(super::variant_choice(text), Ok(VariantChoice::Forced(_)));
+        if let Some(index) = definition.variants.iter().position(|text| forced(&text)) {
+            variants.index(index).fail(format!("`{}` is one of `all`: remove one", definition.variants[index]))?;
+        }
+    }
+    list(&top.key("estimators"), &definition.estimators, |text| one_of("estimator", text, &Estimator::ALL.map(Estimator::name)))?;
+    list(&top.key("noises"), &definition.noises, |text| one_of("noise", text, &NoiseKind::ALL.map(NoiseKind::name)))?;
+    list(&top.key("temporal"), &definition.temporal, |text| one_of("temporal resolve", text, &Resolve::ALL.map(Resolve::name)))?;
+    let at = top.key("metrics");
+    if !definition.metrics.is_empty() {
+        list(&at, &definition.metrics, |text| match metrics::known(text)?.needs {
+            Needs::Clock => Err(format!("`{text}` is a time, which `times` asks for: remove it here")),
+            _ => Ok(text.to_owned()),
+        })?;
+    }
+    for (i, text) in definition.metrics.iter().enumerate() {
+        definition.why_not(text).or_else(|what| at.index(i).fail(what))?;
+    }
+    Ok(())
+}
+
+fn one_of(what: &str, text: &str, known: &[&str]) -> Result<String, String> {
+    match known.contains(&text) {
+        true => Ok(text.to_owned()),
+        false => Err(format!("`{text}` is no {what}: {}", suggestion(text, known))),
+    }
+}
+
+/// Shapes of `vary` and `set`; what only a scene can tell comes later.
+fn parameters(top: &At, definition: &Definition) -> Checked {
+    let at = top.key("set");
+    for (parameter, value) in &definition.settings {
+        FrameChoices::default().apply(parameter, value).or_else(|what| at.key(parameter.clone()).fail(what))?;
+        finite(&at.key(parameter.clone()), value)?;
+    }
+    let Some(vary) = &definition.vary else { return Ok(()) };
+    let at = top.key("vary");
+    let texts: Vec<String> = vary.values.iter().map(setting_text).collect();
+    if vary.parameter.trim().is_empty() {
+        at.key("parameter").fail("is empty: name a key of the scene, as `blend.hash_scale`, or a choice of the frame, as `frame.tile`")?;
+    }
+    if definition.settings.contains_key(&vary.parameter) {
+        at.key("parameter").fail(format!("`{}` is set in [set], too: remove one", vary.parameter))?;
+    }
+    list(&at.key("values"), &texts, |text| Ok(text.to_owned()))?;
+    for (i, value) in vary.values.iter().enumerate() {
+        let at = at.key("values").index(i);
+        finite(&at, value)?;
+        if vary.parameter.starts_with(FRAME) {
+            let place = if FrameChoices::NAMES.contains(&vary.parameter.as_str()) { at } else { top.key("vary").key("parameter") };
+            FrameChoices::default().apply(&vary.parameter, value).or_else(|what| place.fail(what))?;
+        }
+    }
+    Ok(())
+}
+
+fn finite(at: &At, value: &Value) -> Checked {
+    match value {
+        Value::Float(number) if !number.is_finite() => at.fail(format!("is {number}: give a finite number")),
+        Value::Array(items) => items.iter().try_for_each(|item| finite(at, item)),
+        _ => Ok(()),
+    }
+}
+
+/// Checks against what the scene offers.
+fn against(definition: &Definition, facts: &Facts) -> Checked {
+    let top = At::top();
+    let cameras: Vec<&str> = facts.cameras.iter().map(|(name, _)| name.as_str()).collect();
+    let known: Vec<&str> = cameras.iter().copied().chain(facts.paths.iter().map(String::as_str)).collect();
+    for (i, name) in definition.views.iter().enumerate() {
+        if !known.contains(&name.as_str()) {
+            let what = format!("the scene has no camera or path `{name}`: {}", suggestion(name, &known));
+            top.key("views").index(i).fail(what)?;
+        }
+    }
+    for (i, view) in definition.moving_views.iter().enumerate() {
+        let at = top.key("view").index(i);
+        if known.contains(&view.name.as_str()) {
+            at.key("name").fail(format!("`{}` is a camera or path of the scene: give the moving view its own name", view.name))?;
+        }
+        let Some((_, fov_deg)) = facts.cameras.iter().find(|(name, _)| *name == view.camera) else {
+            at.key("camera").fail(format!("the scene has no camera `{}`: {}", view.camera, suggestion(&view.camera, &cameras)))?;
+            continue;
+        };
+        if let (Motion::Zoom, Some(fov_deg)) = (view.motion, fov_deg) {
+            let last = fov_deg - view.step * f64::from(definition.frames - 1);
+            if !(1.0..=175.0).contains(&last) {
+                at.key("step").fail(format!(
+                    "leaves a field of view of {last} degrees in the last of {} frames, must lie in 1..=175: step less or the other way",
+                    definition.frames
+                ))?;
+            }
+        }
+    }
+    scenes(&top, definition, facts)?;
+    let expect = top.key("expect");
+    for (i, expectation) in definition.expectations.iter().enumerate() {
+        expected(&expect.index(i), expectation, definition, facts)?;
+    }
+    Ok(())
+}
+
+/// The scene with everything that is set and varied, as far as it is known.
+fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
+    let like;
+    let text = match &facts.text {
+        Some(text) => text,
+        None => {
+            // Only what the import leaves at its default can be checked before it.
+            let data = |parameter: &str| {
+                ["world", "material", "rule", "camera", "path", "name", "description", "detail_size"]
+                    .contains(&parameter.split('.').next().unwrap_or_default())
+            };
+            let varied = definition.vary.as_ref().is_some_and(|vary| data(&vary.parameter));
+            if varied || definition.settings.keys().any(|parameter| data(parameter)) {
+                return Ok(());
+            }
+            like = kernels::scene::text(kernels::scene::DEFAULT).or_else(|error| refuse(&top.key("import"), error.to_string()))?;
+            &like
+        }
+    };
+    let set = match definition.settings.keys().next() {
+        Some(only) if definition.settings.len() == 1 => top.key("set").key(only.clone()),
+        _ => top.key("set"),
+    };
+    let plain = definition.altered(text, &None).or_else(|refused| refuse(&set, refused.what))?;
+    forced(top, definition, &plain)?;
+    let Some(vary) = &definition.vary else { return Ok(()) };
+    let at = top.key("vary");
+    for (i, value) in vary.values.iter().enumerate() {
+        let scene = definition.altered(text, &Some(value.clone())).or_else(|refused| match refused.unknown_key {
+            true => refuse(&at.key("parameter"), refused.what),
+            false => refuse(&at.key("values").index(i), refused.what),
+        })?;
+        forced(top, definition, &scene)?;
+    }
+    Ok(())
+}
+
+/// A scene without virtual texture cannot be shaded by it.
+fn forced(top: &At, definition: &Definition, scene: &Scene) -> Checked {
+    if Requirements::of(scene).has(Flavour::VirtualTexture) {
+        return Ok(());
+    }
+    let needs = |text: &String| match super::variant_choice(text) {
+        Ok(VariantChoice::Forced(variant)) => variant.has(Flavour::VirtualTexture),
+        _ => text == ALL_VARIANTS,
+    };
+    match definition.variants.iter().position(needs) {
+        None => Ok(()),
+        Some(index) => top.key("variants").index(index).fail(format!(
+            "`{}` has `vt`, and the scene no virtual texture (flavours.far_atlas_m is 0): name variants without it, or set that above 0",
+            definition.variants[index]
+        )),
+    }
+}
+
+fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: &Facts) -> Checked {
+    if expectation.claim.trim().is_empty() {
+        at.key("claim").fail("is empty: say in a sentence what is expected")?;
+    }
+    let metric = metrics::known(&expectation.metric).or_else(|what| refuse(&at.key("metric"), what))?;
+    definition.why_not(&expectation.metric).or_else(|what| at.key("metric").fail(what))?;
+    if metric.needs == Needs::Clock {
+        let pass = expectation.metric.split_once(':').map_or("", |(_, pass)| pass);
+        if !facts.passes.contains(&pass) {
+            at.key("metric").fail(format!("no pass is called `{pass}`: {}", suggestion(pass, &facts.passes)))?;
+        }
+        if expectation.over.is_none() {
+            at.key("metric").fail("a time says something only beside another of the same run: give `over`")?;
+        }
+    }
+    let [low, high] = expectation.range;
+    let range = at.key("range");
+    if low.is_nan() || high.is_nan() {
+        range.fail("holds what is no number: give the smallest and the largest value; inf and -inf are allowed")?;
+    }
+    if low > high {
+        range.fail(format!("[{low}, {high}] is reversed: write [{high}, {low}]"))?;
+    }
+    let selection = at.key("where");
+    for (column, value) in &expectation.selection {
+        selected(&selection.key(column.clone()), column, value, metric, definition)?;
+    }
+    let Some(over) = &expectation.over else { return Ok(()) };
+    let place = at.key("over");
+    let mut other = metric;
+    if let Some(value) = over.get("metric") {
+        let name = value.as_str().unwrap_or_default();
+        other = metrics::known(name).or_else(|what| refuse(&place.key("metric"), what))?;
+        definition.why_not(name).or_else(|what| place.key("metric").fail(what))?;
+    }
+    for (column, value) in over.iter().filter(|(column, _)| *column != "metric") {
+        selected(&place.key(column.clone()), column, value, other, definition)?;
+    }
+    let same_metric = over.get("metric").is_none_or(|value| value.as_str() == Some(expectation.metric.as_str()));
+    let same = |(column, value): (&String, &Value)| column == "metric" || expectation.selection.get(column) == Some(value);
+    if same_metric && over.iter().all(same) {
+        place.fail("selects the same rows as `where`, and the ratio is always 1: name the column in which they differ")?;
+    }
+    Ok(())
+}
+
+/// A column and its value that some row can have.
+fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, definition: &Definition) -> Checked {
+    let columns = ["scene", "view", "variant", "estimator", "noise", "temporal", "parameter", "setting", "frame", "lag", "frequency"];
+    if !columns.contains(&column) {
+        return at.fail(format!("rows are not selected by `{column}`: {}", suggestion(column, &columns)));
+    }
+    let Some(known) = Row::column(column) else { return at.fail("is no column") };
+    let among = |what: &str, names: &[&str]| {
+        let text = setting_text(value);
+        match text.is_empty() || names.contains(&text.as_str()) {
+            true => Ok(()),
+            false => at.fail(format!("no row has {what} `{text}`: {}", suggestion(&text, names))),
+        }
+    };
+    let texts = |list: &[String]| -> Vec<String> { list.to_vec() };
+    let names: Vec<String> = match column {
+        "view" => definition.view_names().map(str::to_owned).collect(),
+        "variant" => {
+            definition.variant_choices().or_else(|error| refuse(at, error.to_string()))?.into_iter().map(|(name, _)| name).collect()
+        }
+        "estimator" => texts(&definition.estimators),
+        "noise" if metric.needs == Needs::Clock && definition.times == Times::FirstNoise => texts(&definition.noises[..1]),
+        "noise" => texts(&definition.noises),
+        "temporal" => texts(&definition.temporal),
+        "parameter" => definition.vary.iter().map(|vary| vary.parameter.clone()).collect(),
+        "setting" => definition.vary.iter().flat_map(|vary| vary.values.iter().map(setting_text)).collect(),
+        _ => Vec::new(),
+    };
+    match known.field {
+        // Whose name only the scene knows.
+        Field::Text(..) if column == "scene" => Ok(()),
+        Field::Text(..) => among(column, &names.iter().map(String::as_str).collect::<Vec<_>>()),
+        Field::Count(..) => {
+            let last = definition.frames - 1;
+            let (low, high) = if column == "lag" { (1, last.min(LAGS)) } else { (0, last) };
+            if column == "lag" && metric.axis != Axis::Lag {
+                at.fail(format!("`{}` compares no frames: remove it", metric.name))?;
+            }
+            match value.as_integer() {
+                Some(number) if (i64::from(low)..=i64::from(high)).contains(&number) => Ok(()),
+                _ => at.fail(format!("no row has {column} {value}: give a whole number from {low} to {high}")),
+            }
+        }
+        Field::Number(..) | Field::Value(..) => {
+            if metric.axis != Axis::Frequency {
+                at.fail(format!("`{}` is no spectrum: remove it", metric.name))?;
+            }
+            match value.as_float().or_else(|| value.as_integer().map(|number| number as f64)) {
+                Some(number) if number.is_finite() => Ok(()),
+                _ => at.fail(format!("{value} is no frequency: give cycles per pixel, 0 to 0.7")),
+            }
+        }
+    }
+}

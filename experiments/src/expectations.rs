@@ -1,0 +1,186 @@
+//! What a definition expects, held against what was measured.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use toml::Value;
+
+use crate::definition::{Definition, Expectation, setting_text};
+use crate::metrics;
+use crate::row::{Field, Row};
+
+/// What became of an expectation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// What was claimed.
+    pub claim: String,
+    /// What was found; NaN where nothing could be.
+    pub value: f64,
+    /// Smallest and largest value expected.
+    pub range: [f64; 2],
+    /// Whether the value lies in the range. Nothing found, or no number, does not.
+    pub met: bool,
+    /// How the value came about, or why there is none.
+    pub why: String,
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let word = if self.met { "holds" } else { "FAILS" };
+        let [low, high] = self.range;
+        write!(f, "{word}: {} [{} in {low} .. {high}; {}]", self.claim.trim(), short(self.value), self.why)
+    }
+}
+
+/// A number in six digits.
+fn short(value: f64) -> String {
+    match value.abs() {
+        size if size == 0.0 || (1.0e-3..1.0e6).contains(&size) => {
+            let text = format!("{value:.6}");
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        }
+        _ => format!("{value:.5e}"),
+    }
+}
+
+/// One verdict for each expectation, in their order.
+///
+/// The value is the mean over the rows of the metric that agree with `where`; with `over`, divided by that of the rows which agree with `where` as
+/// `over` changes it. Where no `frame` is named and the metric has rows over all frames, those count alone. A selection that finds nothing, a mean that
+/// is no finite number, and a ratio to 0 are failures.
+pub fn evaluate(definition: &Definition, rows: &[Row], times: &[Row]) -> Vec<Verdict> {
+    definition.expectations.iter().map(|expectation| judge(expectation, rows, times)).collect()
+}
+
+fn judge(expectation: &Expectation, rows: &[Row], times: &[Row]) -> Verdict {
+    let result = value(expectation, rows, times);
+    let [low, high] = expectation.range;
+    let (value, met, why) = match result {
+        Ok((value, why)) => (value, (low..=high).contains(&value), why),
+        Err(why) => (f64::NAN, false, why),
+    };
+    Verdict { claim: expectation.claim.clone(), value, range: expectation.range, met, why }
+}
+
+fn value(expectation: &Expectation, rows: &[Row], times: &[Row]) -> Result<(f64, String), String> {
+    let of = |metric: &str, selection: &BTreeMap<String, Value>| {
+        let table = if metrics::find(metric).is_some_and(metrics::Metric::is_deterministic) { rows } else { times };
+        mean(table, metric, selection)
+    };
+    let (first, count) = of(&expectation.metric, &expectation.selection)?;
+    let Some(over) = &expectation.over else {
+        return Ok((first, format!("mean of {count} rows of {}", expectation.metric)));
+    };
+    let mut selection = expectation.selection.clone();
+    selection.extend(over.iter().map(|(column, value)| (column.clone(), value.clone())));
+    let metric = match selection.remove("metric") {
+        Some(value) => setting_text(&value),
+        None => expectation.metric.clone(),
+    };
+    let (second, other_count) = of(&metric, &selection)?;
+    let ratio = first / second;
+    if !ratio.is_finite() {
+        return Err(format!("{} over {} is no number", short(first), short(second)));
+    }
+    Ok((ratio, format!("{} over {}, means of {count} and {other_count} rows", short(first), short(second))))
+}
+
+fn mean(table: &[Row], metric: &str, selection: &BTreeMap<String, Value>) -> Result<(f64, usize), String> {
+    let agreeing = |row: &&Row| row.metric == metric && selection.iter().all(|(column, value)| agrees(row, column, value));
+    let mut values: Vec<&Row> = table.iter().filter(agreeing).collect();
+    if !selection.contains_key("frame") && values.iter().any(|row| row.frame.is_none()) {
+        values.retain(|row| row.frame.is_none());
+    }
+    if values.is_empty() {
+        let columns: Vec<String> = selection.iter().map(|(column, value)| format!("{column} = {}", setting_text(value))).collect();
+        let place = if columns.is_empty() { String::new() } else { format!(" with {}", columns.join(", ")) };
+        return Err(format!("there is no row of {metric}{place}"));
+    }
+    let mean = values.iter().map(|row| row.value).sum::<f64>() / values.len() as f64;
+    if mean.is_finite() { Ok((mean, values.len())) } else { Err(format!("the mean of {} rows of {metric} is {mean}", values.len())) }
+}
+
+fn agrees(row: &Row, column: &str, value: &Value) -> bool {
+    match Row::column(column).map(|column| column.field) {
+        Some(Field::Text(get, _)) => get(row) == setting_text(value),
+        Some(Field::Count(get, _)) => get(row).map(i64::from) == value.as_integer(),
+        Some(Field::Number(get, _)) => {
+            let wanted = value.as_float().or_else(|| value.as_integer().map(|number| number as f64));
+            // A band's centre, written in a few digits.
+            get(row).zip(wanted).is_some_and(|(found, wanted)| (found - wanted).abs() <= 1e-6 * wanted.abs().max(1.0))
+        }
+        Some(Field::Value(..)) | None => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(variant: &str, metric: &str, frame: Option<u32>, lag: Option<u32>, value: f64) -> Row {
+        Row { variant: variant.to_owned(), metric: metric.to_owned(), frame, lag, value, ..Row::default() }
+    }
+
+    fn expectation(metric: &str, selection: &str, over: Option<&str>, range: [f64; 2]) -> Expectation {
+        let table = |text: &str| text.parse::<toml::Table>().unwrap().into_iter().collect::<BTreeMap<_, _>>();
+        Expectation { claim: "x".to_owned(), metric: metric.to_owned(), selection: table(selection), over: over.map(table), range }
+    }
+
+    fn verdict(expectation: &Expectation) -> Verdict {
+        let rows = [
+            row("auto", "rmse", Some(0), None, 1.0),
+            row("auto", "rmse", Some(1), None, 3.0),
+            row("splat", "rmse", None, None, 8.0),
+            row("splat", "rmse", Some(0), None, 100.0),
+            row("auto", "flicker", None, Some(1), 0.5),
+            row("auto", "flicker", None, Some(2), 0.25),
+            row("vt", "flicker", None, Some(1), 0.0),
+            row("vt", "mse", None, None, f64::NAN),
+            row("auto", "variance", None, None, 2.0),
+            row("auto", "variance_theory", None, None, 2.5),
+        ];
+        let times = [row("auto", "gpu_ms:shading", None, None, 2.0), row("splat", "gpu_ms:shading", None, None, 12.0)];
+        judge(expectation, &rows, &times)
+    }
+
+    #[test]
+    fn means_ratios_and_their_ranges() {
+        let of = |metric, selection, over, range| verdict(&expectation(metric, selection, over, range));
+        let mean = of("rmse", "variant = 'auto'", None, [2.0, 2.0]);
+        assert!(mean.met && mean.value == 2.0, "{mean}");
+        assert!(!of("rmse", "variant = 'auto'", None, [2.1, 9.0]).met);
+        // Rows over all frames count alone, unless a frame is named.
+        assert_eq!(of("rmse", "variant = 'splat'", None, [0.0, 9.0]).value, 8.0);
+        assert_eq!(of("rmse", "variant = 'splat'\nframe = 0", None, [0.0, 9.0]).value, 100.0);
+        assert_eq!(of("flicker", "variant = 'auto'\nlag = 2", None, [0.0, 1.0]).value, 0.25);
+        let ratio = of("rmse", "variant = 'splat'", Some("variant = 'auto'"), [4.0, f64::INFINITY]);
+        assert!(ratio.met && ratio.value == 4.0, "{ratio}");
+        assert_eq!(of("gpu_ms:shading", "variant = 'splat'", Some("variant = 'auto'"), [0.0, 9.0]).value, 6.0);
+        assert_eq!(of("variance", "variant = 'auto'", Some("metric = 'variance_theory'"), [0.0, 1.0]).value, 0.8);
+    }
+
+    #[test]
+    fn nothing_found_and_no_number_fail_even_in_the_widest_range() {
+        let all = [f64::NEG_INFINITY, f64::INFINITY];
+        for (metric, selection, over) in [
+            ("rmse", "variant = 'vt'", None),
+            ("psnr", "", None),
+            ("mse", "variant = 'vt'", None),
+            ("flicker", "variant = 'auto'\nlag = 1", Some("variant = 'vt'")),
+            ("rmse", "variant = 'auto'", Some("variant = 'far-atlas'")),
+            ("gpu_ms:lighting", "", Some("variant = 'auto'")),
+        ] {
+            let verdict = verdict(&expectation(metric, selection, over, all));
+            assert!(!verdict.met && verdict.value.is_nan() && !verdict.why.is_empty(), "{metric}: {verdict}");
+        }
+        assert!(verdict(&expectation("rmse", "variant = 'auto'", None, all)).met, "the range itself lets everything pass");
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(short(0.0), "0");
+        assert_eq!(short(12.5), "12.5");
+        assert_eq!(short(1.0 / 3.0), "0.333333");
+        assert_eq!(short(1.0e-9), "1.00000e-9");
+    }
+}

@@ -1,0 +1,496 @@
+//! The folder of a run: what is in it when, so that a run can be stopped anywhere, resumed, split over machines and read back.
+//!
+//! ```text
+//! OUT/<experiment>[/shard-K-of-N]/
+//!   manifest.json      written first; at the end `complete` becomes true
+//!   lock               held by the process that runs
+//!   scene/             the imported scene, if one is imported
+//!   parts/             a file for each part done, while parts are missing
+//!   metrics.parquet    all rows, in the order of the parts; metrics.csv has the same
+//!   times.parquet      device times, which never repeat; times.csv has the same
+//! ```
+//!
+//! Every file is written under a temporary name, brought to the disk, and renamed: it is whole or absent. Metrics are byte-equal however often the run
+//! was stopped and resumed.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use kernels::world::heightmap;
+
+use crate::definition::{self, Definition, setting_text};
+use crate::metrics;
+use crate::row::Row;
+use crate::unit::{Measure, Outcome, Shard, Share, Unit, Work, plan, share};
+
+mod manifest;
+pub mod table;
+
+pub use manifest::{Manifest, Provenance};
+use table::{Table, read_parquet, write_csv, write_parquet};
+
+const LOCK: &str = "lock";
+const PARTS: &str = "parts";
+const SCENE: &str = "scene";
+const NOTE_PART: &str = "scree.part";
+const NOTE_METRICS: &str = "scree.metrics";
+
+/// Progress is counted in this many steps a part.
+const STEPS: u64 = 1000;
+
+/// Where a run is kept, and which it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// Folder of all runs.
+    pub out: &'a Path,
+    /// Whether to go on with a run that is there.
+    pub resume: bool,
+    /// Which piece; `None` = the whole.
+    pub shard: Option<Shard>,
+    /// Whether the definition is as `small` changes it.
+    pub small: bool,
+}
+
+impl Place<'_> {
+    /// The folder of a definition's run.
+    pub fn folder(&self, definition: &Definition) -> PathBuf {
+        let run = self.out.join(&definition.name);
+        self.shard.map_or(run.clone(), |shard| run.join(format!("shard-{}-of-{}", shard.number, shard.count)))
+    }
+}
+
+/// A run under way. Its folder is locked as long as this lives.
+#[derive(Debug)]
+pub struct Run {
+    folder: PathBuf,
+    definition: Definition,
+    manifest: Manifest,
+    shares: Vec<Share>,
+    /// Indices of parts that are kept.
+    done: BTreeSet<usize>,
+    /// What a person should know of the folder's state.
+    notes: Vec<String>,
+    /// Released when it is closed, however the process ends.
+    _lock: File,
+}
+
+impl Run {
+    /// Begins a run or goes on with it: takes the folder's lock, writes the manifest, imports the scene if there is one to import, and finds out what is
+    /// done. `definition` is the one to run: where `place.small`, what [`Definition::small`] returns.
+    ///
+    /// # Errors
+    /// One line with the remedy: the folder holds something else, a run that is not to be resumed, a run of something different (it says what
+    /// differs), or is in use; it cannot be written; the scene cannot be imported or lacks what the definition asks of it.
+    pub fn open(definition: &Definition, place: &Place<'_>, provenance: &Provenance) -> Result<Run> {
+        let folder = place.folder(definition);
+        let show = folder.display();
+        if place.shard.is_some() && place.out.join(&definition.name).join(manifest::FILE).exists() {
+            bail!("{} holds the whole run: choose another --out for shards", place.out.join(&definition.name).display());
+        }
+        fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {show}: choose another with --out"))?;
+        let is_run = || folder.join(manifest::FILE).exists();
+        if let Some(foreign) = foreign(&folder)?.filter(|_| !is_run()) {
+            bail!("{show} holds {foreign} and no run: remove it, or choose another --out");
+        }
+        let lock = lock(&folder, &provenance.command)?;
+        let mut manifest = Manifest::new(definition, place.small, place.shard, provenance)?;
+        if is_run() {
+            let there = Manifest::read(&folder)?;
+            if !place.resume {
+                let state = if there.complete { "a finished run" } else { "a run that was stopped" };
+                // `check` has no --resume: it is quick by design.
+                let go_on = if place.small { "" } else { "go on with --resume, " };
+                bail!("{show} holds {state}: {go_on}remove it, or choose another --out");
+            }
+            if let Some(difference) = there.difference(&manifest)? {
+                bail!("{show} holds another run, {difference}: choose another --out, or remove the folder");
+            }
+            // Prose and expectations may have changed; the command is the one that began it.
+            manifest.complete = there.complete;
+            manifest.provenance = there.provenance;
+        }
+        remove_leftovers(&folder)?;
+        manifest.write(&folder)?;
+        let mut run = Run {
+            shares: share(&plan(definition), place.shard),
+            definition: definition.clone(),
+            manifest,
+            done: BTreeSet::new(),
+            notes: Vec::new(),
+            _lock: lock,
+            folder,
+        };
+        run.import()?;
+        run.survey()?;
+        Ok(run)
+    }
+
+    /// The run's folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Folder of the imported scene, if the definition imports one.
+    pub fn imported(&self) -> Option<PathBuf> {
+        self.definition.import.as_ref().map(|_| self.folder.join(SCENE))
+    }
+
+    /// What a person should know of the folder's state, a line each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// How many parts are done, and how many there are.
+    pub fn progress(&self) -> (usize, usize) {
+        (self.done.len(), self.shares.len())
+    }
+
+    fn import(&self) -> Result<()> {
+        let (Some(import), Some(scene)) = (&self.definition.import, self.imported()) else { return Ok(()) };
+        if !scene.join("scene.toml").exists() {
+            let job = import.job(&self.definition.folder).map_err(|what| anyhow::anyhow!("import: {what}"))?;
+            heightmap::import(&job.heightmap, &job.options, job.materials.as_deref(), job.detail_m, &scene)?;
+        }
+        self.definition.check_imported(&scene)
+    }
+
+    /// Finds out which parts are kept; a damaged one is done again.
+    fn survey(&mut self) -> Result<()> {
+        if self.manifest.complete {
+            let results = [METRICS, TIMES].map(|name| (self.file(name, "parquet"), self.file(name, "csv")));
+            match results.iter().find(|(parquet, csv)| read_parquet(parquet).is_err() || !csv.is_file()) {
+                None => self.done = self.shares.iter().map(|share| share.unit.index).collect(),
+                Some((damaged, _)) => {
+                    self.notes.push(format!("{} is damaged: everything is done again", damaged.display()));
+                    self.manifest.complete = false;
+                    self.manifest.write(&self.folder)?;
+                }
+            }
+            return Ok(());
+        }
+        let parts = self.folder.join(PARTS);
+        fs::create_dir_all(&parts).with_context(|| format!("cannot make the folder {}", parts.display()))?;
+        for share in &self.shares {
+            let file = part_file(&self.folder, &share.unit);
+            if !file.exists() {
+                continue;
+            }
+            match read_part(&file, &share.unit) {
+                Ok(_) => {
+                    self.done.insert(share.unit.index);
+                }
+                Err(error) => {
+                    self.notes.push(format!("{error:#}; that part is done again"));
+                    fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn file(&self, name: &str, extension: &str) -> PathBuf {
+        self.folder.join(format!("{name}.{extension}"))
+    }
+
+    /// Does what is missing, part by part. `progress(done, total)` is called as it goes, `go_on` before each part: its error stops the run.
+    ///
+    /// # Errors
+    /// A part that fails, and which; the parts before are kept.
+    pub fn carry_out(&mut self, measure: &mut dyn Measure, progress: &dyn Fn(u64, u64), go_on: &dyn Fn() -> Result<()>) -> Result<()> {
+        let total = self.shares.len() as u64 * STEPS;
+        let missing: Vec<Share> = self.shares.iter().filter(|share| !self.done.contains(&share.unit.index)).cloned().collect();
+        for share in missing {
+            let before = self.done.len() as u64 * STEPS;
+            progress(before, total);
+            let step = |done: u64, of: u64| progress(before + (STEPS * done.min(of)).checked_div(of).unwrap_or(0), total);
+            let unit = &share.unit;
+            go_on().and_then(|()| measure.measure(unit, &self.folder, &step)).and_then(|outcome| self.keep(&share, outcome)).with_context(
+                || {
+                    format!(
+                        "`{}`, part {} of {} ({}): --resume goes on from here",
+                        self.definition.name,
+                        unit.index + 1,
+                        self.shares.len(),
+                        unit.id
+                    )
+                },
+            )?;
+            self.done.insert(share.unit.index);
+        }
+        progress(total, total);
+        Ok(())
+    }
+
+    /// Keeps what a part yielded. Columns that follow from the part are filled in here, so that they cannot contradict it.
+    fn keep(&self, share: &Share, mut outcome: Outcome) -> Result<()> {
+        let unit = &share.unit;
+        if !share.kept {
+            outcome = Outcome::default();
+        }
+        for (rows, deterministic) in [(&mut outcome.rows, true), (&mut outcome.times, false)] {
+            for row in rows.iter_mut() {
+                let metric = metrics::known(&row.metric).map_err(anyhow::Error::msg)?;
+                if metric.is_deterministic() != deterministic {
+                    bail!("`{}` is in the wrong table of the part's outcome", row.metric);
+                }
+                metric.unit.clone_into(&mut row.unit);
+                self.identify(unit, row);
+            }
+            rows.retain(|row| self.definition.measures(&row.metric));
+            rows.sort_by(Row::order);
+        }
+        let count = outcome.rows.len();
+        let notes = [(NOTE_PART.to_owned(), part_name(unit)), (NOTE_METRICS.to_owned(), count.to_string())];
+        outcome.rows.append(&mut outcome.times);
+        let file = part_file(&self.folder, unit);
+        write_parquet(&file, &mut std::iter::once(Ok(outcome.rows)), &notes).context("make room if the disk is full")
+    }
+
+    fn identify(&self, unit: &Unit, row: &mut Row) {
+        row.experiment.clone_from(&self.definition.name);
+        row.view.clone_from(&unit.view);
+        let varied = self.definition.vary.as_ref().zip(unit.setting.as_ref());
+        row.parameter = varied.map(|(vary, _)| vary.parameter.clone()).unwrap_or_default();
+        row.setting = varied.map(|(_, value)| setting_text(value)).unwrap_or_default();
+        match &unit.work {
+            Work::Reference => {}
+            Work::Sweep { estimator, noise, temporal } => {
+                row.estimator.clone_from(estimator);
+                row.noise.clone_from(noise);
+                row.temporal.clone_from(temporal);
+            }
+            Work::Timing { estimator, noise } => {
+                row.estimator.clone_from(estimator);
+                row.noise.clone_from(noise);
+            }
+        }
+    }
+
+    /// Joins all parts, in their order and one at a time, marks the run complete, and reads it back.
+    ///
+    /// # Errors
+    /// Parts are missing, or the disk.
+    pub fn finish(mut self) -> Result<RunData> {
+        if !self.manifest.complete {
+            let (done, all) = self.progress();
+            if done < all {
+                bail!("{} of {all} parts of `{}` are missing: go on with --resume", all - done, self.definition.name);
+            }
+            for (name, times) in [(METRICS, false), (TIMES, true)] {
+                let groups = || {
+                    self.shares.iter().map(|share| {
+                        let (metrics, clocks) = read_part(&part_file(&self.folder, &share.unit), &share.unit)?;
+                        Ok(if times { clocks } else { metrics })
+                    })
+                };
+                let room = "make room if the disk is full and go on with --resume";
+                write_parquet(&self.file(name, "parquet"), &mut groups(), &[]).context(room)?;
+                write_csv(&self.file(name, "csv"), &mut groups()).context(room)?;
+            }
+            self.manifest.complete = true;
+            self.manifest.write(&self.folder)?;
+        }
+        let parts = self.folder.join(PARTS);
+        if parts.exists() {
+            fs::remove_dir_all(&parts).with_context(|| format!("cannot remove {}", parts.display()))?;
+        }
+        read_run(&self.folder)
+    }
+}
+
+const METRICS: &str = "metrics";
+const TIMES: &str = "times";
+
+fn part_name(unit: &Unit) -> String {
+    format!("{:05}-{}", unit.index, unit.id)
+}
+
+fn part_file(folder: &Path, unit: &Unit) -> PathBuf {
+    folder.join(PARTS).join(format!("{}.parquet", part_name(unit)))
+}
+
+/// Metrics and times of a part.
+fn read_part(file: &Path, unit: &Unit) -> Result<(Vec<Row>, Vec<Row>)> {
+    let Table { rows: mut metrics, notes } = read_parquet(file)?;
+    let count = notes.get(NOTE_METRICS).and_then(|count| count.parse::<usize>().ok()).filter(|&count| count <= metrics.len());
+    match count {
+        Some(count) if notes.get(NOTE_PART) == Some(&part_name(unit)) => {
+            let times = metrics.split_off(count);
+            Ok((metrics, times))
+        }
+        _ => bail!("{} is not part {}", file.display(), part_name(unit)),
+    }
+}
+
+/// The first entry of a folder that a run without manifest has not made.
+fn foreign(folder: &Path) -> Result<Option<String>> {
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read the folder {}", folder.display()))?;
+    let mut names: Vec<String> = entries.filter_map(Result::ok).map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    Ok(names.into_iter().find(|name| name != LOCK && !is_leftover(name)))
+}
+
+/// Whether a name is one of those under which files and folders are written before they are renamed.
+fn is_leftover(name: &str) -> bool {
+    name.ends_with(".tmp") || name.starts_with(&format!(".{SCENE}.part-"))
+}
+
+fn remove_leftovers(folder: &Path) -> Result<()> {
+    let context = |path: &Path| format!("cannot tidy up {}", path.display());
+    for entry in fs::read_dir(folder).with_context(|| context(folder))? {
+        let path = entry.with_context(|| context(folder))?.path();
+        let is_folder = path.is_dir() && !path.is_symlink();
+        if path.file_name().is_some_and(|name| is_leftover(&name.to_string_lossy())) {
+            if is_folder { fs::remove_dir_all(&path) } else { fs::remove_file(&path) }.with_context(|| context(&path))?;
+        } else if is_folder {
+            remove_leftovers(&path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Takes the folder for this process. The system frees it when the process ends, even by SIGKILL.
+fn lock(folder: &Path, command: &str) -> Result<File> {
+    let path = folder.join(LOCK);
+    let context = || format!("cannot lock {}", folder.display());
+    let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).with_context(context)?;
+    match file.try_lock() {
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => {
+            let mut who = String::new();
+            // Where a locked file cannot be read either, the holder stays unnamed.
+            let _ = file.read_to_string(&mut who);
+            let who = if who.trim().is_empty() { "another process".to_owned() } else { who.trim().to_owned() };
+            bail!("{} is in use by {who}: wait for it, or choose another --out", folder.display());
+        }
+        Err(TryLockError::Error(error)) => return Err(error).with_context(context),
+    }
+    file.set_len(0).and_then(|()| write!(file, "process {} (`{command}`)", std::process::id())).with_context(context)?;
+    Ok(file)
+}
+
+/// A run read back: whole, or its shards together, or as far as it is done.
+#[derive(Clone, Debug)]
+pub struct RunData {
+    /// What was run.
+    pub definition: Definition,
+    /// What the run says about itself; of shards, the first one's.
+    pub manifest: Manifest,
+    /// Metrics, in the order of their columns.
+    pub rows: Vec<Row>,
+    /// Device times, in the order of their columns.
+    pub times: Vec<Row>,
+    /// Whether nothing is missing.
+    pub complete: bool,
+    /// What is missing, a line each.
+    pub missing: Vec<String>,
+    /// The folder that was named.
+    pub folder: PathBuf,
+    /// Folders with the files of the parts: that folder, or those of its shards.
+    pub folders: Vec<PathBuf>,
+}
+
+/// Reads the run in a folder, or all shards below it as one.
+///
+/// # Errors
+/// No run is there, a file is damaged, or shards do not belong together (and what differs).
+pub fn read_run(folder: &Path) -> Result<RunData> {
+    if folder.join(manifest::FILE).exists() {
+        let manifest = Manifest::read(folder)?;
+        return read_one(folder, manifest);
+    }
+    let show = folder.display();
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {show}: give the folder of a run, where manifest.json is"))?;
+    let mut below: Vec<PathBuf> = entries.filter_map(Result::ok).map(|e| e.path()).filter(|p| p.join(manifest::FILE).exists()).collect();
+    below.sort();
+    let shards: Vec<(PathBuf, Manifest, Shard)> = below
+        .iter()
+        .map(|path| {
+            let manifest = Manifest::read(path)?;
+            let shard = manifest.shard.as_deref().and_then(|text| text.parse().ok());
+            Ok(shard.map(|shard: Shard| (path.clone(), manifest, shard)))
+        })
+        .filter_map(Result::transpose)
+        .collect::<Result<_>>()?;
+    if let Some(run) = below.first().filter(|_| shards.is_empty()) {
+        bail!("{show} is no run but holds runs: give one of them, as {}", run.display());
+    }
+    let Some((_, first, Shard { count, .. })) = shards.first().cloned() else {
+        bail!("{show} holds no run: give a folder that `experiments run` has written, where manifest.json is");
+    };
+    let mut whole: Option<RunData> = None;
+    for (path, manifest, _) in &shards {
+        let alike = Manifest { shard: first.shard.clone(), ..manifest.clone() };
+        let counts = manifest.shard.as_deref().and_then(|shard| shard.split_once('/')).map(|(_, count)| count.to_owned());
+        let difference = match first.difference(&alike)? {
+            None if counts != Some(count.to_string()) => {
+                Some(format!("it is one of {} shards there and one of {count} here", counts.unwrap_or_default()))
+            }
+            difference => difference,
+        };
+        if let Some(difference) = difference {
+            bail!("{} does not belong to {}: {difference}: keep the shards of different runs apart", path.display(), below[0].display());
+        }
+        let data = read_one(path, manifest.clone())?;
+        whole = Some(match whole {
+            None => RunData { folder: folder.to_owned(), ..data },
+            Some(mut whole) => {
+                whole.rows.extend(data.rows);
+                whole.times.extend(data.times);
+                whole.missing.extend(data.missing);
+                whole.folders.extend(data.folders);
+                whole
+            }
+        });
+    }
+    let mut whole = whole.context("there is at least one shard")?;
+    let there: BTreeSet<u32> = shards.iter().map(|(_, _, shard)| shard.number).collect();
+    whole.missing.extend((1..=count).filter(|number| !there.contains(number)).map(|number| {
+        let shard = Shard { number, count };
+        format!("shard {shard}: run it with --shard {shard}, or copy its folder here")
+    }));
+    whole.complete = whole.missing.is_empty();
+    whole.rows.sort_by(Row::order);
+    whole.times.sort_by(Row::order);
+    Ok(whole)
+}
+
+fn read_one(folder: &Path, manifest: Manifest) -> Result<RunData> {
+    let context = || format!("{}: the definition in manifest.json", folder.display());
+    let definition = definition::stored(&manifest.definition).with_context(context)?;
+    let (mut rows, mut times, mut missing) = (Vec::new(), Vec::new(), Vec::new());
+    if manifest.complete {
+        rows = read_parquet(&folder.join(format!("{METRICS}.parquet")))?.rows;
+        times = read_parquet(&folder.join(format!("{TIMES}.parquet")))?.rows;
+    } else {
+        let shard = manifest.shard.as_deref().map(str::parse::<Shard>).transpose().map_err(anyhow::Error::msg)?;
+        let shares = share(&plan(&definition), shard);
+        let mut lacking = 0;
+        for share in &shares {
+            let file = part_file(folder, &share.unit);
+            if file.exists() {
+                let (metrics, clocks) = read_part(&file, &share.unit)?;
+                rows.extend(metrics);
+                times.extend(clocks);
+            } else {
+                lacking += 1;
+            }
+        }
+        missing.push(format!("{lacking} of {} parts in {}: go on with --resume", shares.len(), folder.display()));
+    }
+    rows.sort_by(Row::order);
+    times.sort_by(Row::order);
+    Ok(RunData {
+        complete: missing.is_empty(),
+        definition,
+        manifest,
+        rows,
+        times,
+        missing,
+        folder: folder.to_owned(),
+        folders: vec![folder.to_owned()],
+    })
+}

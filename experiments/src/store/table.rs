@@ -1,0 +1,318 @@
+//! Rows as files: Parquet for programs, CSV for eyes and spreadsheets. Both hold every number exactly, NaN included.
+//!
+//! A file's bytes follow from its rows alone: no time, no name of a machine. Parquet has no checksum that its readers insist on, so the file's own
+//! notes carry one of all values: what was damaged is refused, not averaged.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::hash::Hasher;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, anyhow, bail};
+use kernels::error::Error;
+use kernels::picture::write_whole;
+use parquet::basic::Type;
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int32Type};
+use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use twox_hash::XxHash64;
+
+use crate::row::{COLUMNS, Column, Field, Row};
+
+/// Version of the columns and of what they mean; a file of another is refused.
+pub const SCHEMA: &str = "1";
+
+const NOTE_SCHEMA: &str = "scree.schema";
+const NOTE_ROWS: &str = "scree.rows";
+const NOTE_CHECKSUM: &str = "scree.xxhash64";
+
+/// Values that are read at once.
+const BATCH: usize = 1 << 16;
+
+/// Rows of a file, and what is noted about them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// The rows, in the file's order.
+    pub rows: Vec<Row>,
+    /// Notes by name, without those that every file has.
+    pub notes: BTreeMap<String, String>,
+}
+
+/// Groups of rows, one after the other: a file larger than memory can be written.
+pub type Groups<'a> = &'a mut dyn Iterator<Item = Result<Vec<Row>>>;
+
+/// The checksum of all rows: xxHash64 over every value in turn.
+struct Checksum {
+    hasher: XxHash64,
+    rows: u64,
+}
+
+impl Checksum {
+    fn new() -> Checksum {
+        Checksum { hasher: XxHash64::with_seed(0), rows: 0 }
+    }
+
+    fn add(&mut self, rows: &[Row]) {
+        let number = |hasher: &mut XxHash64, value: Option<u64>| {
+            hasher.write(&[u8::from(value.is_some())]);
+            hasher.write(&value.unwrap_or(0).to_le_bytes());
+        };
+        self.rows += rows.len() as u64;
+        for row in rows {
+            for column in &COLUMNS {
+                match column.field {
+                    Field::Text(get, _) => {
+                        let text = get(row).as_bytes();
+                        number(&mut self.hasher, Some(text.len() as u64));
+                        self.hasher.write(text);
+                    }
+                    Field::Count(get, _) => number(&mut self.hasher, get(row).map(u64::from)),
+                    Field::Number(get, _) => number(&mut self.hasher, get(row).map(f64::to_bits)),
+                    Field::Value(get, _) => number(&mut self.hasher, Some(get(row).to_bits())),
+                }
+            }
+        }
+    }
+
+    fn notes(&self) -> [(String, String); 3] {
+        let note = |name: &str, value: String| (name.to_owned(), value);
+        [
+            note(NOTE_SCHEMA, SCHEMA.to_owned()),
+            note(NOTE_ROWS, self.rows.to_string()),
+            note(NOTE_CHECKSUM, format!("{:016x}", self.hasher.finish())),
+        ]
+    }
+}
+
+/// A row group of every [`Groups`] item that holds rows, then the notes.
+///
+/// # Errors
+/// A group that cannot be had, or the disk: then there is no file, or the one that was there before.
+pub fn write_parquet(file: &Path, groups: Groups<'_>, notes: &[(String, String)]) -> Result<()> {
+    write_with(file, |output| {
+        let fields: String = COLUMNS.iter().map(declaration).collect();
+        let schema = parse_message_type(&format!("message rows {{ {fields} }}")).map_err(failure)?;
+        let properties = WriterProperties::builder()
+            .set_created_by(concat!("scree ", env!("CARGO_PKG_VERSION")).to_owned())
+            .set_statistics_enabled(EnabledStatistics::None)
+            .set_offset_index_disabled(true)
+            .build();
+        let mut writer = SerializedFileWriter::new(output, Arc::new(schema), Arc::new(properties)).map_err(failure)?;
+        let mut checksum = Checksum::new();
+        for rows in groups {
+            let rows = rows.map_err(|error| io::Error::other(format!("{error:#}")))?;
+            if rows.is_empty() {
+                continue;
+            }
+            checksum.add(&rows);
+            let mut group = writer.next_row_group().map_err(failure)?;
+            for column in &COLUMNS {
+                let mut target = group.next_column().map_err(failure)?.ok_or_else(|| io::Error::other("a column is missing"))?;
+                match column.field {
+                    Field::Text(get, _) => {
+                        let values: Vec<ByteArray> = rows.iter().map(|row| ByteArray::from(get(row))).collect();
+                        target.typed::<ByteArrayType>().write_batch(&values, None, None)
+                    }
+                    Field::Count(get, _) => {
+                        let levels: Vec<i16> = rows.iter().map(|row| i16::from(get(row).is_some())).collect();
+                        let values: Vec<i32> = rows.iter().filter_map(get).map(u32::cast_signed).collect();
+                        target.typed::<Int32Type>().write_batch(&values, Some(&levels), None)
+                    }
+                    Field::Number(get, _) => {
+                        let levels: Vec<i16> = rows.iter().map(|row| i16::from(get(row).is_some())).collect();
+                        let values: Vec<f64> = rows.iter().filter_map(get).collect();
+                        target.typed::<DoubleType>().write_batch(&values, Some(&levels), None)
+                    }
+                    Field::Value(get, _) => {
+                        let values: Vec<f64> = rows.iter().map(get).collect();
+                        target.typed::<DoubleType>().write_batch(&values, None, None)
+                    }
+                }
+                .map_err(failure)?;
+                target.close().map_err(failure)?;
+            }
+            group.close().map_err(failure)?;
+        }
+        for (name, value) in checksum.notes().into_iter().chain(notes.iter().cloned()) {
+            writer.append_key_value_metadata(KeyValue::new(name, value));
+        }
+        writer.close().map_err(failure)?;
+        Ok(())
+    })
+}
+
+fn declaration(column: &Column) -> String {
+    let name = column.name;
+    match column.field {
+        Field::Text(..) => format!("REQUIRED BYTE_ARRAY {name} (STRING); "),
+        Field::Count(..) => format!("OPTIONAL INT32 {name} (INTEGER(32,false)); "),
+        Field::Number(..) => format!("OPTIONAL DOUBLE {name}; "),
+        Field::Value(..) => format!("REQUIRED DOUBLE {name}; "),
+    }
+}
+
+/// The same rows as CSV with a header.
+///
+/// # Errors
+/// As [`write_parquet`].
+pub fn write_csv(file: &Path, groups: Groups<'_>) -> Result<()> {
+    write_with(file, |output| {
+        let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(output);
+        writer.write_record(COLUMNS.map(|column| column.name))?;
+        for rows in groups {
+            for row in rows.map_err(|error| io::Error::other(format!("{error:#}")))? {
+                writer.serialize(row)?;
+            }
+        }
+        writer.flush()
+    })
+}
+
+/// A file that is written whole, and is on the disk before it has its name.
+pub(super) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>) -> Result<()> {
+    let done = write_whole(file, |temporary| {
+        let written = (|| {
+            let mut output = BufWriter::new(File::create(temporary)?);
+            write(&mut output)?;
+            output.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+        })();
+        written.map_err(|source| Error::File { file: file.to_owned(), source })
+    });
+    done.with_context(|| format!("cannot write {}", file.display()))
+}
+
+/// What the system said, where it was the system.
+fn failure(error: ParquetError) -> io::Error {
+    match error {
+        ParquetError::External(source) => match source.downcast::<io::Error>() {
+            Ok(source) => *source,
+            Err(source) => io::Error::other(source.to_string()),
+        },
+        other => io::Error::other(other.to_string()),
+    }
+}
+
+/// Reads a file that [`write_parquet`] has written; columns of other names are passed over.
+///
+/// # Errors
+/// One line: no Parquet, truncated or damaged, a column that is missing or of another type, another schema, values that are not those written.
+pub fn read_parquet(file: &Path) -> Result<Table> {
+    let damaged = |what: String| {
+        anyhow!("{}: {what}: it is damaged or no result of a run; run it again, or take the file from a copy", file.display())
+    };
+    let input = File::open(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let reader = SerializedFileReader::new(input).map_err(|error| damaged(format!("no Parquet file ({error})")))?;
+    read(&reader).map_err(|error| damaged(format!("{error:#}")))
+}
+
+fn read(reader: &SerializedFileReader<File>) -> Result<Table> {
+    let metadata = reader.metadata().file_metadata();
+    let notes = metadata.key_value_metadata().into_iter().flatten();
+    let mut notes: BTreeMap<String, String> = notes.map(|note| (note.key.clone(), note.value.clone().unwrap_or_default())).collect();
+    let mut take = |name: &str| notes.remove(name).with_context(|| format!("the note `{name}` is missing"));
+    let (schema, count, checksum) = (take(NOTE_SCHEMA)?, take(NOTE_ROWS)?, take(NOTE_CHECKSUM)?);
+    if schema != SCHEMA {
+        bail!("schema {schema} is not {SCHEMA}, the one that this version reads");
+    }
+    let description = metadata.schema_descr();
+    let mut places = Vec::new();
+    for column in &COLUMNS {
+        let place = (0..description.num_columns()).find(|&i| description.column(i).path().string() == column.name);
+        let place = place.with_context(|| format!("the column `{}` is missing", column.name))?;
+        let (wanted, levels) = match column.field {
+            Field::Text(..) => (Type::BYTE_ARRAY, 0),
+            Field::Count(..) => (Type::INT32, 1),
+            Field::Number(..) => (Type::DOUBLE, 1),
+            Field::Value(..) => (Type::DOUBLE, 0),
+        };
+        let found = description.column(place);
+        if found.physical_type() != wanted || found.max_def_level() != levels || found.max_rep_level() != 0 {
+            bail!("the column `{}` has another type than {wanted}", column.name);
+        }
+        places.push(place);
+    }
+    let mut rows = Vec::new();
+    for index in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(index).map_err(|error| anyhow!("row group {index}: {error}"))?;
+        // Texts come first, and how many there are is found by reading them: a number in a damaged file is no reason to make room.
+        let mut of_group: Vec<Row> = Vec::new();
+        for (column, &place) in COLUMNS.iter().zip(&places) {
+            let first = place == places[0];
+            read_column(group.as_ref(), column, place, first, &mut of_group)
+                .with_context(|| format!("row group {index}, column `{}`", column.name))?;
+        }
+        rows.append(&mut of_group);
+    }
+    let mut found = Checksum::new();
+    found.add(&rows);
+    let [_, (_, found_count), (_, found_checksum)] = found.notes();
+    if found_count != count || found_checksum != checksum {
+        bail!("{found_count} rows with checksum {found_checksum}, and {count} with {checksum} were written");
+    }
+    Ok(Table { rows, notes })
+}
+
+fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first: bool, rows: &mut Vec<Row>) -> Result<()> {
+    let reader = group.get_column_reader(place)?;
+    match (column.field, reader) {
+        (Field::Text(_, set), ColumnReader::ByteArrayColumnReader(mut reader)) => {
+            let texts = values(&mut reader, false)?;
+            if first {
+                rows.resize(texts.len(), Row::default());
+            }
+            fill(rows, texts, |row, text: Option<ByteArray>| {
+                *set(row) = text.context("a text is absent")?.as_utf8()?.to_owned();
+                Ok(())
+            })
+        }
+        (Field::Count(_, set), ColumnReader::Int32ColumnReader(mut reader)) => {
+            fill(rows, values(&mut reader, true)?, |row, value: Option<i32>| {
+                *set(row) = value.map(i32::cast_unsigned);
+                Ok(())
+            })
+        }
+        (Field::Number(_, set), ColumnReader::DoubleColumnReader(mut reader)) => fill(rows, values(&mut reader, true)?, |row, value| {
+            *set(row) = value;
+            Ok(())
+        }),
+        (Field::Value(_, set), ColumnReader::DoubleColumnReader(mut reader)) => {
+            fill(rows, values(&mut reader, false)?, |row, value: Option<f64>| {
+                *set(row) = value.context("a value is absent")?;
+                Ok(())
+            })
+        }
+        _ => bail!("another type"),
+    }
+}
+
+fn fill<T>(rows: &mut [Row], values: Vec<Option<T>>, set: impl Fn(&mut Row, Option<T>) -> Result<()>) -> Result<()> {
+    if values.len() != rows.len() {
+        bail!("{} values for {} rows", values.len(), rows.len());
+    }
+    rows.iter_mut().zip(values).try_for_each(|(row, value)| set(row, value))
+}
+
+/// Every value of a column of a row group; with `optional`, absent ones, too.
+fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool) -> Result<Vec<Option<T::T>>> {
+    let mut all = Vec::new();
+    loop {
+        let (mut levels, mut values) = (Vec::new(), Vec::new());
+        let (records, ..) = reader.read_records(BATCH, optional.then_some(&mut levels), None, &mut values)?;
+        if records == 0 {
+            return Ok(all);
+        }
+        let mut values = values.into_iter();
+        if optional {
+            all.extend(levels.into_iter().map(|level| if level == 0 { None } else { values.next() }));
+        } else {
+            all.extend(values.map(Some));
+        }
+    }
+}

@@ -1,0 +1,353 @@
+//! Reading a TOML document into its types, and saying where in it something is wrong: for scene files and experiments alike.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::fmt;
+use std::fs;
+use std::ops::Range;
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Documents are small; anything larger was given by mistake.
+const MAX_BYTES: u64 = 4 << 20;
+
+/// The text of a document file, at most 4 MiB of UTF-8. `kind` names what it should be, as `scene`.
+///
+/// # Errors
+/// One line that says why there is none: a device, too large, unreadable, not text. The file's name is not in it.
+pub fn text_of(file: &Path, kind: &str) -> Result<String, String> {
+    let unreadable = |error: std::io::Error| format!("cannot be read: {error}");
+    // A device or pipe has no end to read to.
+    let metadata = fs::metadata(file).map_err(unreadable)?;
+    if !metadata.is_file() {
+        return Err(format!("is not a plain file: give the {kind}'s .toml file"));
+    }
+    if metadata.len() > MAX_BYTES {
+        return Err(format!(
+            "{} bytes is too large for a file of this kind (limit {MAX_BYTES}): is it the {kind}'s .toml file?",
+            metadata.len()
+        ));
+    }
+    let bytes = fs::read(file).map_err(unreadable)?;
+    String::from_utf8(bytes).map_err(|_| format!("is not UTF-8 text: a {kind} is a TOML file"))
+}
+
+/// What is wrong with a document's text, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wrong {
+    /// Line, from 1, where known.
+    pub line: Option<usize>,
+    /// What is wrong and how to mend it.
+    pub what: String,
+}
+
+impl Wrong {
+    /// `name` of the text, and the line.
+    pub fn place(&self, name: &str) -> String {
+        self.line.map_or_else(|| name.to_owned(), |line| format!("{name}:{line}"))
+    }
+}
+
+/// Reads `text` into its type. `remedy_of_missing(key)` is appended where a key is missing; it may be empty.
+///
+/// # Errors
+/// Not TOML, an unknown key (the nearest known one is named), or a wrong type.
+pub fn read<T: DeserializeOwned>(text: &str, remedy_of_missing: fn(&str) -> &'static str) -> Result<T, Wrong> {
+    toml::from_str(text).map_err(|error| {
+        let (line, what) = explain(text, &error, remedy_of_missing);
+        Wrong { line, what }
+    })
+}
+
+/// The known word that `word` was probably meant to be: at most a third of its letters wrong (at least one letter may be, never
+/// all). Case, `-` and `_` are not told apart; ties go to the earlier word.
+pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
+    let plain = |text: &str| text.to_lowercase().replace('_', "-");
+    let wanted = plain(word);
+    let length = wanted.chars().count();
+    known
+        .iter()
+        .map(|&candidate| (strsim::osa_distance(&wanted, &plain(candidate)), candidate))
+        .filter(|&(distance, candidate)| {
+            let longer = length.max(candidate.chars().count());
+            distance <= (longer / 3).max(1) && distance < length.max(1)
+        })
+        .min_by_key(|&(distance, _)| distance)
+        .map(|(_, candidate)| candidate)
+}
+
+/// What to say beside a word that is not among the known ones: the nearest, or else all of them.
+pub fn suggestion(word: &str, known: &[&str]) -> String {
+    nearest(word, known).map_or_else(|| format!("there are {}", known.join(", ")), |near| format!("did you mean `{near}`?"))
+}
+
+/// One part of the way to a value in the file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// A key of a table.
+    Key(Cow<'static, str>),
+    /// A place in an array, from 0.
+    Index(usize),
+}
+
+/// What is wrong, and with which value.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// Way to the value in the file.
+    pub path: Vec<Step>,
+    /// What is wrong and how to mend it.
+    pub what: String,
+}
+
+impl fmt::Display for Problem {
+    /// `material 3, tile_m: ...`, counting from 1 as people do.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, step) in self.path.iter().enumerate() {
+            match step {
+                Step::Key(key) if i == 0 => write!(f, "{key}")?,
+                Step::Key(key) => write!(f, ", {key}")?,
+                Step::Index(index) => write!(f, " {}", index + 1)?,
+            }
+        }
+        if !self.path.is_empty() {
+            f.write_str(": ")?;
+        }
+        f.write_str(&self.what)
+    }
+}
+
+/// What a check finds.
+pub type Checked = Result<(), Problem>;
+
+/// A value's place while checking: a path that grows on the way down.
+#[derive(Clone, Debug, Default)]
+pub struct At(Vec<Step>);
+
+impl At {
+    /// The document itself.
+    pub fn top() -> At {
+        At::default()
+    }
+
+    /// A key of the table here.
+    pub fn key(&self, key: impl Into<Cow<'static, str>>) -> At {
+        let mut path = self.0.clone();
+        path.push(Step::Key(key.into()));
+        At(path)
+    }
+
+    /// A place in the array here, from 0.
+    pub fn index(&self, index: usize) -> At {
+        let mut path = self.0.clone();
+        path.push(Step::Index(index));
+        At(path)
+    }
+
+    /// What is wrong here and how to mend it.
+    pub fn problem(&self, what: impl Into<String>) -> Problem {
+        Problem { path: self.0.clone(), what: what.into() }
+    }
+
+    /// # Errors
+    /// Always: [`At::problem`].
+    pub fn fail(&self, what: impl Into<String>) -> Checked {
+        Err(self.problem(what))
+    }
+
+    /// # Errors
+    /// Unless `low <= value <= high`; a number that is none fails.
+    pub fn within(&self, value: f64, low: f64, high: f64) -> Checked {
+        if (low..=high).contains(&value) { Ok(()) } else { self.fail(format!("is {value}, must lie in {low}..={high}")) }
+    }
+
+    /// # Errors
+    /// Unless `0 < value <= high`.
+    pub fn positive(&self, value: f64, high: f64) -> Checked {
+        if value > 0.0 && value <= high { Ok(()) } else { self.fail(format!("is {value}, must be above 0 and at most {high}")) }
+    }
+
+    /// # Errors
+    /// Unless [`At::within`] holds for each.
+    pub fn all_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
+        values.iter().try_for_each(|&value| self.within(value, low, high))
+    }
+
+    /// # Errors
+    /// Unless it is a band `[from, to]` within the limits, not reversed.
+    pub fn band(&self, band: Option<[f64; 2]>, low: f64, high: f64) -> Checked {
+        let Some([from, to]) = band else { return Ok(()) };
+        self.all_within(&[from, to], low, high)?;
+        if from <= to { Ok(()) } else { self.fail(format!("[{from}, {to}] is reversed: write [{to}, {from}]")) }
+    }
+
+    /// Names go into tables and on terminals.
+    ///
+    /// # Errors
+    /// Unless it is 1 to 100 characters on one line.
+    pub fn name(&self, name: &str) -> Checked {
+        if name.trim().is_empty() {
+            return self.fail("is empty: give a name");
+        }
+        if name.chars().count() > 100 || name.chars().any(char::is_control) {
+            return self.fail("must be at most 100 characters on one line");
+        }
+        Ok(())
+    }
+
+    /// Names that become parts of file names.
+    ///
+    /// # Errors
+    /// Unless it is a name of letters, digits, - and _.
+    pub fn file_stem(&self, text: &str) -> Checked {
+        self.name(text)?;
+        let plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
+        if text.chars().all(plain) { Ok(()) } else { self.fail(format!("`{text}` may hold only letters, digits, - and _")) }
+    }
+
+    /// Names of the tables in the array here.
+    ///
+    /// # Errors
+    /// Where one is given twice.
+    pub fn unique_names<'a>(&self, names: impl Iterator<Item = &'a str>) -> Checked {
+        let mut seen = HashMap::new();
+        for (i, name) in names.enumerate() {
+            if let Some(before) = seen.insert(name, i) {
+                return self.index(i).key("name").fail(format!("`{name}` is already the name of number {}: give each its own", before + 1));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Line (from 1) and one-line text of what the TOML reader objected to.
+fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &'static str) -> (Option<usize>, String) {
+    let message = one_line(error.message());
+    let span = error.span();
+    let line = |at: &Range<usize>| line_at(text, at.start);
+    let Some(rest) = message.strip_prefix("unknown field `") else {
+        let what = match message.strip_prefix("missing field `").and_then(|rest| rest.strip_suffix('`')) {
+            Some(key) => format!("the key `{key}` is missing{}", remedy_of_missing(key)),
+            None => match span.as_ref().and_then(|span| find_value(text, &message, span)) {
+                Some((key, at)) => return (Some(line(&at)), format!("{key}: {message}")),
+                None => message,
+            },
+        };
+        return (span.as_ref().map(line), what);
+    };
+    let (key, expected) = rest.split_once('`').unwrap_or((rest, ""));
+    // Backticked words at odd places of "expected one of `a`, `b`".
+    let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
+    let hint = nearest(key, &known).map_or_else(
+        || {
+            let mut known = known.clone();
+            known.sort_unstable();
+            format!("known here: {}", known.join(", "))
+        },
+        |near| format!("did you mean `{near}`?"),
+    );
+    // The reader's span is that of the whole table where an enumeration is read through its tag.
+    let at = find_key(text, key, span.as_ref()).or(span);
+    (at.as_ref().map(line), format!("unknown key `{key}`: {hint}"))
+}
+
+/// A key and the value it has, as they stand in the text.
+struct Entry {
+    key: String,
+    key_at: Range<usize>,
+    value_at: Range<usize>,
+}
+
+/// Every key of the text, from top to bottom; none where the text is not TOML.
+fn entries(text: &str) -> Vec<Entry> {
+    fn visit(table: &DeTable<'_>, found: &mut Vec<Entry>) {
+        for (name, value) in table {
+            found.push(Entry { key: name.get_ref().to_string(), key_at: name.span(), value_at: value.span() });
+            visit_value(value.get_ref(), found);
+        }
+    }
+    fn visit_value(value: &DeValue<'_>, found: &mut Vec<Entry>) {
+        if let Some(table) = value.as_table() {
+            visit(table, found);
+        } else if let Some(array) = value.as_array() {
+            array.iter().for_each(|item| visit_value(item.get_ref(), found));
+        }
+    }
+    let mut found = Vec::new();
+    if let Ok(document) = DeTable::parse(text) {
+        visit(document.get_ref(), &mut found);
+    }
+    found.sort_by_key(|entry| entry.key_at.start);
+    found
+}
+
+fn holds(outer: &Range<usize>, inner: &Range<usize>) -> bool {
+    outer.start <= inner.start && inner.end <= outer.end
+}
+
+/// Where a key of this name is written, inside `within` if it is there.
+fn find_key(text: &str, key: &str, within: Option<&Range<usize>>) -> Option<Range<usize>> {
+    let mut entries = entries(text);
+    entries.retain(|entry| entry.key == key);
+    let inside = |entry: &&Entry| within.is_none_or(|outer| holds(outer, &entry.key_at));
+    entries.iter().find(inside).or(entries.first()).map(|entry| entry.key_at.clone())
+}
+
+/// Key and place of the value that the reader objected to at `span`: the value there or, where the reader only knew the table,
+/// the one that the message quotes.
+fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String, Range<usize>)> {
+    if !message.starts_with("invalid ") {
+        return None;
+    }
+    let entries = entries(text);
+    let quoted = message.split(['`', '"']).nth(1)?;
+    let written = |entry: &&Entry| text.get(entry.value_at.clone()).is_some_and(|value| value.trim_matches('"') == quoted);
+    // The last is the innermost.
+    let exact = entries.iter().rev().find(|entry| holds(&entry.value_at, span) && !text[entry.value_at.clone()].starts_with('['));
+    let found = exact.or_else(|| entries.iter().filter(|entry| entry.key_at.start >= span.start).find(written))?;
+    Some((found.key.clone(), found.key_at.clone()))
+}
+
+impl Problem {
+    /// Where in `text` it is: the deepest part of the way that is written there, since what is left out has its default value.
+    pub fn wrong(&self, text: &str) -> Wrong {
+        Wrong { line: line_of_problem(text, self), what: self.to_string() }
+    }
+}
+
+fn line_of_problem(text: &str, problem: &Problem) -> Option<usize> {
+    let document = DeTable::parse(text).ok()?;
+    let mut table: Option<&DeTable<'_>> = Some(document.get_ref());
+    let mut value: Option<&Spanned<DeValue<'_>>> = None;
+    let mut at = None;
+    for step in &problem.path {
+        value = match step {
+            Step::Key(name) => {
+                let Some((key, next)) = table.and_then(|t| t.iter().find(|(key, _)| key.get_ref().as_ref() == name.as_ref())) else {
+                    break;
+                };
+                at = Some(key.span().start);
+                Some(next)
+            }
+            Step::Index(index) => {
+                let Some(next) = value.and_then(|v| v.get_ref().as_array()).and_then(|a| a.get(*index)) else {
+                    break;
+                };
+                at = Some(next.span().start);
+                Some(next)
+            }
+        };
+        table = value.and_then(|v| v.get_ref().as_table());
+    }
+    at.map(|at| line_at(text, at))
+}
+
+fn line_at(text: &str, byte: usize) -> usize {
+    text.as_bytes()[..byte.min(text.len())].iter().filter(|&&b| b == b'\n').count() + 1
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
