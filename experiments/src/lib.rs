@@ -7,6 +7,7 @@ pub mod expectations;
 pub mod judge;
 pub mod metrics;
 pub mod row;
+pub mod runner;
 pub mod store;
 pub mod unit;
 

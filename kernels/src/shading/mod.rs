@@ -17,7 +17,7 @@ use crate::gpu::{Gpu, Shader, Timer, constants};
 use crate::shared;
 use crate::shared::noise::NoiseKind;
 use crate::terrain::{self, Terrain};
-use crate::variant::Variant;
+use crate::variant::{Flavour, Variant};
 use crate::virtual_texture::{self, VirtualTexture};
 
 /// How a stochastic flavour arrives at its value.
@@ -35,6 +35,25 @@ pub enum Estimator {
 impl Estimator {
     /// Those that make a picture.
     pub const ALL: [Estimator; 2] = [Estimator::Fc5, Estimator::Exact];
+
+    /// Whether this estimator of a flavour draws random numbers.
+    pub const fn is_stochastic(self, flavour: Flavour) -> bool {
+        matches!((self, flavour), (Estimator::Fc5, Flavour::NearCliff | Flavour::FarCliff))
+    }
+
+    /// Texture fetches per pixel that it promises for a flavour, in scenes without colour modulation.
+    pub const fn promised_fetches(self, flavour: Flavour) -> u32 {
+        match (self, flavour) {
+            (Estimator::Fc5, _) | (_, Flavour::VirtualTexture | Flavour::FarAtlas | Flavour::Splat) => flavour.promised_fetches(),
+            (_, Flavour::NearCliff) => 48,
+            (_, Flavour::FarCliff) => 96,
+        }
+    }
+
+    /// That of a pixel which needs all flavours of a variant.
+    pub fn promised_fetches_of(self, variant: Variant) -> u32 {
+        variant.flavours().map(|flavour| self.promised_fetches(flavour)).sum()
+    }
 
     /// Name in files and on the command line.
     pub const fn name(self) -> &'static str {

@@ -1,0 +1,71 @@
+//! What lanes that march together pay: the fetches of everything that their tile, or their patch, needs.
+
+use std::collections::HashMap;
+
+use kernels::frame::Renderer;
+use kernels::quadtree;
+use kernels::shading::Estimator;
+use kernels::variant::Variant;
+use kernels::world::NodeId;
+
+/// Mean over terrain pixels of what the flavours of a pixel's tile cost; `tile` = edge, pixels.
+pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, estimator: Estimator) -> Option<f64> {
+    let columns = size[0].div_ceil(tile);
+    grouped(masks, estimator, |at| {
+        let (x, y) = (at as u32 % size[0], at as u32 / size[0]);
+        y / tile * columns + x / tile
+    })
+}
+
+/// The same with patches of 16 x 16 quads in place of tiles: of a patch that is partly seen, only what is seen counts.
+pub(super) fn per_patch(
+    masks: &[u8],
+    positions: &[[f32; 3]],
+    renderer: &Renderer<'_>,
+    drawn: &[NodeId],
+    estimator: Estimator,
+) -> Option<f64> {
+    let layout = renderer.world().layout();
+    let lods = quadtree::lod_map(drawn);
+    grouped(masks, estimator, |at| {
+        let [x, y, _] = positions[at].map(f64::from);
+        let place = [x, y].map(|v| (v + layout.world_m() / 2.0) / layout.sector_m);
+        let lod = quadtree::lod_at(&lods, place).unwrap_or(0);
+        // 8 x 8 patches a node, whose edge is 2^lod sectors.
+        let patch = |v: f64| (v * 8.0 / f64::from(1u32 << lod)).floor() as i64;
+        (lod, patch(place[0]), patch(place[1]))
+    })
+}
+
+fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], estimator: Estimator, group: impl Fn(usize) -> K) -> Option<f64> {
+    let mut groups: HashMap<K, (u8, u64)> = HashMap::new();
+    for (at, &mask) in masks.iter().enumerate().filter(|(_, mask)| **mask != 0) {
+        let entry = groups.entry(group(at)).or_default();
+        entry.0 |= mask;
+        entry.1 += 1;
+    }
+    let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| estimator.promised_fetches_of(variant));
+    // Whole numbers: the order of a hash map does not matter.
+    let (sum, pixels) = groups.values().fold((0, 0), |(sum, pixels), &(mask, n)| (sum + u64::from(cost(mask)) * n, pixels + n));
+    (pixels > 0).then(|| sum as f64 / pixels as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_pays_for_what_any_of_its_pixels_needs() {
+        // 8 x 4 pixels: the left half needs far atlas (2), the right half virtual texture (4), one pixel in the middle near cliff (12), one is sky.
+        let mut masks: Vec<u8> = (0..32).map(|i| if i % 8 < 4 { 2 } else { 1 }).collect();
+        masks[3] = 4;
+        masks[31] = 0;
+        let of = |tile| per_tile(&masks, [8, 4], tile, Estimator::Fc5);
+        // Tiles of 4: left 14 x 16 pixels, right 4 x 15.
+        assert_eq!(of(4), Some((14.0 * 16.0 + 4.0 * 15.0) / 31.0));
+        assert_eq!(of(8), Some(18.0));
+        // Single pixels: each its own.
+        assert_eq!(of(1), Some((2.0 * 15.0 + 12.0 + 4.0 * 15.0) / 31.0));
+        assert_eq!(per_tile(&[0; 4], [2, 2], 8, Estimator::Fc5), None);
+    }
+}

@@ -1,0 +1,209 @@
+//! The parts of a run on a device: references, sweeps, times.
+//!
+//! A *sweep* is one view by one estimator, noise and resolve. Each frame the geometry is drawn once, each flavour is shaded once on every pixel, and the
+//! pictures of all variants are composed from them (`kernels::composition`). *Times* are taken from the variants' own pipelines.
+
+mod costs;
+pub mod pictures;
+mod reference;
+mod sweep;
+mod timing;
+mod views;
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::{Context, Result, anyhow};
+use kernels::camera::Pose;
+use kernels::composition::Layers;
+use kernels::frame::{Progress, RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::gpu::Gpu;
+use kernels::shading::Estimator;
+use kernels::shared::noise::NoiseKind;
+use kernels::variant::{Flavour, Variant};
+
+use crate::definition::{ClassifyBy, Definition, FrameChoices, Normals, setting_text};
+use crate::metrics;
+use crate::row::Row;
+use crate::unit::{Measure, Outcome, Setting, Unit, Work, plan};
+
+/// A renderer says nothing while it works: a part's own steps are the progress.
+const QUIET: &(dyn Fn(Progress) + Sync) = &|_| {};
+
+/// Does the parts of one definition.
+pub struct Runner<'a> {
+    gpu: &'a Gpu,
+    definition: &'a Definition,
+    imported: Option<PathBuf>,
+    variants: Vec<(String, VariantChoice)>,
+    stage: Option<Stage<'a>>,
+}
+
+/// What serves as long as the setting is the same.
+struct Stage<'a> {
+    setting: Setting,
+    choices: FrameChoices,
+    renderer: Renderer<'a>,
+    layers: Layers,
+    /// Layers of the exact blend, and the pose and frame that they show.
+    exact: Option<(Pose, u32, Layers)>,
+}
+
+impl<'a> Runner<'a> {
+    /// For a definition that was found right. `imported`: folder of the imported scene, where the definition imports one.
+    ///
+    /// # Errors
+    /// A variant that there is not.
+    pub fn new(gpu: &'a Gpu, definition: &'a Definition, imported: Option<&Path>) -> Result<Runner<'a>> {
+        let variants = definition.variant_choices()?;
+        Ok(Runner { gpu, definition, imported: imported.map(Path::to_owned), variants, stage: None })
+    }
+
+    /// The renderer of a setting: made when first wanted, and kept until another setting is.
+    fn prepare(&mut self, setting: &Setting) -> Result<()> {
+        if self.stage.as_ref().is_some_and(|stage| &stage.setting == setting) {
+            return Ok(());
+        }
+        let scene = self.definition.scene(setting, self.imported.as_deref())?;
+        let choices = self.definition.frame_choices(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
+        if let Some(stage) = self.stage.as_mut().filter(|stage| stage.choices == choices) {
+            // Only numbers of the blend, the flavours' distances or the light differ: world and textures serve again.
+            if stage.renderer.retune(&scene)? {
+                stage.setting.clone_from(setting);
+                stage.exact = None;
+                return Ok(());
+            }
+        }
+        // The old one first gives its memory back.
+        self.stage = None;
+        let options = RendererOptions { exact_normals: choices.normals == Normals::Exact };
+        let renderer = Renderer::with(self.gpu, &scene, options, QUIET)?;
+        let layers = Layers::new(self.gpu, self.definition.size);
+        self.stage = Some(Stage { setting: setting.clone(), choices, renderer, layers, exact: None });
+        Ok(())
+    }
+
+    /// The reference of the part's view and setting.
+    fn reference_file(&self, unit: &Unit, folder: &Path) -> Result<PathBuf> {
+        let found = plan(self.definition)
+            .into_iter()
+            .find(|other| other.work == Work::Reference && other.view == unit.view && other.setting == unit.setting)
+            .with_context(|| format!("the run has no reference of view `{}`", unit.view))?;
+        Ok(folder.join("reference").join(format!("{}.exr", found.id)))
+    }
+}
+
+impl Measure for Runner<'_> {
+    fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
+        self.prepare(&unit.setting)?;
+        match &unit.work {
+            Work::Reference => self.reference(unit, folder, step),
+            Work::Sweep { estimator, noise, temporal } => {
+                let how = sweep::How { estimator: parse(estimator)?, noise: parse(noise)?, resolve: parse(temporal)? };
+                self.sweep(unit, &how, folder, step)
+            }
+            Work::Timing { estimator, noise } => self.time(unit, parse(estimator)?, parse(noise)?, step),
+        }
+    }
+}
+
+fn parse<T: FromStr>(text: &str) -> Result<T>
+where
+    T::Err: std::error::Error + Send + Sync + 'static,
+{
+    Ok(text.parse::<T>()?)
+}
+
+/// What is the same in all rows of a part.
+struct Labels<'a> {
+    definition: &'a Definition,
+    scene: &'a str,
+    unit: &'a Unit,
+    estimator: &'a str,
+    noise: &'a str,
+    temporal: &'a str,
+}
+
+/// What tells a row apart within a part.
+#[derive(Clone, Copy, Default)]
+struct Mark {
+    frame: Option<u32>,
+    lag: Option<u32>,
+    frequency: Option<f64>,
+}
+
+impl Mark {
+    fn frame(frame: u32) -> Mark {
+        Mark { frame: Some(frame), ..Mark::default() }
+    }
+
+    /// `lag` from 1.
+    fn lag(self, lag: usize) -> Mark {
+        Mark { lag: u32::try_from(lag).ok(), ..self }
+    }
+}
+
+impl Labels<'_> {
+    /// Adds a row, if the definition asks for the metric.
+    fn put(&self, rows: &mut Vec<Row>, variant: &str, metric: &str, mark: Mark, value: f64, standard_error: Option<f64>) {
+        if !self.definition.measures(metric) {
+            return;
+        }
+        let parameter = self.definition.vary.as_ref().map_or_else(String::new, |vary| vary.parameter.clone());
+        rows.push(Row {
+            experiment: self.definition.name.clone(),
+            scene: self.scene.to_owned(),
+            view: self.unit.view.clone(),
+            variant: variant.to_owned(),
+            estimator: self.estimator.to_owned(),
+            noise: self.noise.to_owned(),
+            temporal: self.temporal.to_owned(),
+            setting: self.unit.setting.as_ref().map_or_else(String::new, setting_text),
+            parameter,
+            frame: mark.frame,
+            lag: mark.lag,
+            frequency: mark.frequency,
+            metric: metric.to_owned(),
+            unit: metrics::find(metric).map_or_else(String::new, |m| m.unit.to_owned()),
+            value,
+            standard_error,
+        });
+    }
+}
+
+/// The set of flavours that some variant of a list may need of a scene.
+fn flavours_of(renderer: &Renderer<'_>, variants: &[(String, VariantChoice)]) -> Option<Variant> {
+    let available = |flavour: Flavour| flavour != Flavour::VirtualTexture || renderer.requirements().has(flavour);
+    let wanted = |flavour: &Flavour| available(*flavour) && variants.iter().any(|(_, choice)| choice.may_use(*flavour));
+    Variant::new(Flavour::ALL.into_iter().filter(wanted).fold(0, |mask, flavour| mask | flavour.bit()))
+}
+
+/// Those of a set that draw random numbers, and those that do not.
+fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
+    let (drawing, fixed): (Vec<Flavour>, Vec<Flavour>) = set.flavours().partition(|&flavour| estimator.is_stochastic(flavour));
+    [drawing, fixed].map(|list| Variant::new(list.into_iter().fold(0, |mask, flavour| mask | flavour.bit())))
+}
+
+/// What a choice is composed as: `None` = each pixel the flavours it needs.
+fn composed(choice: VariantChoice) -> Option<Variant> {
+    match choice {
+        VariantChoice::Auto | VariantChoice::GenericAuto => None,
+        VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant) => Some(variant),
+    }
+}
+
+/// A request that shades by the reference's means: 96 fetches.
+fn truth(request: &RenderRequest) -> RenderRequest {
+    RenderRequest {
+        variant: VariantChoice::Forced(Variant::only(Flavour::Splat)),
+        estimator: Estimator::Exact,
+        noise: NoiseKind::HashedIsotropic,
+        two_tilings: true,
+        ..request.clone()
+    }
+}
+
+/// Whether the classification is by patch.
+fn by_patch(choices: &FrameChoices) -> bool {
+    choices.classification == ClassifyBy::Patch
+}

@@ -1,0 +1,137 @@
+//! Pictures that a run leaves beside its numbers, with what they show.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use kernels::error::Error;
+use kernels::gpu::{Gpu, read_buffer};
+use kernels::metrics::{Meter, NO_LINK};
+use kernels::picture::{srgb_code, write_png_texels, write_whole};
+use kernels::shared::signal;
+use serde::{Deserialize, Serialize};
+
+use super::Labels;
+use crate::definition::setting_text;
+use crate::judge::flip::magma;
+use crate::unit::Unit;
+
+/// Difference in luminance that a flicker map shows white.
+const MAP_WHITE: f64 = 0.25;
+
+/// What a picture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Albedo of a frame.
+    Frame,
+    /// How much each pixel changed since the frame before.
+    FlickerMap,
+    /// The converged reference.
+    Reference,
+}
+
+/// A picture of a run: an entry of `pictures/PART.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Name of a PNG file in `pictures`.
+    pub file: String,
+    /// A few words.
+    pub title: String,
+    /// A sentence.
+    pub caption: String,
+    /// What it is.
+    pub kind: Kind,
+    /// Name of the view.
+    pub view: String,
+    /// As in the rows; empty = not of a variant.
+    pub variant: String,
+    /// As in the rows.
+    pub estimator: String,
+    /// As in the rows.
+    pub noise: String,
+    /// As in the rows.
+    pub temporal: String,
+    /// As in the rows.
+    pub setting: String,
+}
+
+/// The pictures of one part.
+pub(super) struct Sheet {
+    folder: PathBuf,
+    part: String,
+    blank: Entry,
+    entries: Vec<Entry>,
+}
+
+impl Sheet {
+    /// No pictures yet.
+    pub(super) fn new(run: &Path, unit: &Unit) -> Sheet {
+        let blank = Entry {
+            file: String::new(),
+            title: String::new(),
+            caption: String::new(),
+            kind: Kind::Reference,
+            view: unit.view.clone(),
+            variant: String::new(),
+            estimator: String::new(),
+            noise: String::new(),
+            temporal: String::new(),
+            setting: unit.setting.as_ref().map_or_else(String::new, setting_text),
+        };
+        Sheet { folder: run.join("pictures"), part: unit.id.clone(), blank, entries: Vec::new() }
+    }
+
+    /// From here on pictures are of this variant.
+    pub(super) fn of(&mut self, labels: &Labels<'_>, variant: &str) -> &mut Sheet {
+        let text = |s: &str| s.to_owned();
+        self.blank.variant = text(variant);
+        self.blank.estimator = text(labels.estimator);
+        self.blank.noise = text(labels.noise);
+        self.blank.temporal = text(labels.temporal);
+        self
+    }
+
+    /// Writes a picture; `name` tells it from the part's others.
+    pub(super) fn keep(&mut self, kind: Kind, name: &str, title: &str, caption: &str, size: [u32; 2], texels: &[[u8; 3]]) -> Result<()> {
+        fs::create_dir_all(&self.folder).with_context(|| format!("cannot make the folder {}", self.folder.display()))?;
+        let file = format!("{}-{name}.png", self.part);
+        write_png_texels(&self.folder.join(&file), size, texels)?;
+        self.entries.push(Entry { file, title: title.to_owned(), caption: caption.to_owned(), kind, ..self.blank.clone() });
+        Ok(())
+    }
+
+    /// Writes down what the pictures are.
+    pub(super) fn finish(self) -> Result<()> {
+        if self.entries.is_empty() {
+            return Ok(());
+        }
+        let file = self.folder.join(format!("{}.json", self.part));
+        let bytes = serde_json::to_vec_pretty(&self.entries).context("the list of pictures cannot be put into JSON")?;
+        write_whole(&file, |temporary| fs::write(temporary, &bytes).map_err(|source| Error::File { file: temporary.to_owned(), source }))?;
+        Ok(())
+    }
+}
+
+/// Linear albedo as a display shows it: sRGB, without tone mapping, since what is compared is albedo.
+pub(super) fn display(texels: &[[f32; 3]]) -> Vec<[u8; 3]> {
+    texels.iter().map(|t| t.map(srgb_code)).collect()
+}
+
+/// How much the luminance of each pixel of a stream's last picture differs from where its point was one frame before, in magma; black where there is
+/// nothing to compare with.
+pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    let (now, before) = (meter.picture(gpu, stream, 0)?, meter.picture(gpu, stream, 1)?);
+    let links: Vec<u32> = bytemuck::pod_collect_to_vec(&read_buffer(gpu, &meter.motion.links, pixels * 4)?);
+    let scale = magma();
+    let luminance = |s: [u32; 2]| signal::luminance(signal::colour(s));
+    let colour = |(now, link): (&[u32; 2], &u32)| {
+        if *link == NO_LINK || !signal::is_terrain(*now) {
+            return [0; 3];
+        }
+        let share = (luminance(*now) - luminance(before[*link as usize])).abs() / MAP_WHITE;
+        scale[((share * 255.0) as usize).min(scale.len() - 1)]
+    };
+    Ok(now.iter().zip(&links).map(colour).collect())
+}

@@ -1,0 +1,270 @@
+//! The converged truth of a view, and how the reference sequence changes from frame to frame.
+//!
+//! The truth is the 96-fetch blend averaged over each pixel's square. Samples come in batches of 8 points of the R2 sequence, each batch shifted by
+//! a random vector of its own (Cranley & Patterson 1976): a batch's mean is an unbiased estimate, batches are independent, and the standard error of
+//! their mean follows from how they scatter. Batches are doubled until it is a tenth of the error that the 96-fetch blend has with one sample a pixel:
+//! nothing without resolve is expected to have less.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use kernels::error::Error;
+use kernels::frame::{RenderRequest, Renderer};
+use kernels::metrics::{BINS, LAGS, quantile};
+use kernels::picture::{self, AovSet, Picture};
+use kernels::shared::hash;
+use kernels::shared::moments::Moments;
+use kernels::temporal::Resolve;
+use kernels::variant::{Flavour, Variant};
+use serde::{Deserialize, Serialize};
+
+use super::{Labels, Mark, Runner, pictures, truth, views};
+use crate::commands::check_interrupted;
+use crate::judge::Image;
+use crate::unit::{Outcome, Unit};
+
+/// Samples of a batch.
+const BATCH: u32 = 8;
+/// Fewest batches: a standard error from fewer is a guess.
+const MIN_BATCHES: u32 = 4;
+/// The reference's standard error is to be at most this share of what it judges.
+pub(super) const SHARE: f64 = 0.1;
+
+/// What is known of a reference, beside its picture.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Record {
+    /// Samples per pixel.
+    pub(super) spp: u32,
+    /// Root mean square over pixels and channels of the standard error of the picture.
+    pub(super) standard_error: f64,
+    /// Of each frame, mean absolute difference of luminance to 1 to 4 frames before; absent where there is none.
+    pub(super) differences: Vec<[Option<f64>; LAGS]>,
+    /// 95 % point of that at lag 1, over all frames.
+    pub(super) difference_p95: Option<f64>,
+}
+
+/// A reference: picture, the pixels it judges, and what is known of it.
+pub(super) struct Reference {
+    /// Linear albedo.
+    pub(super) albedo: Vec<[f32; 3]>,
+    /// Pixels that are terrain in every sample.
+    pub(super) mask: Vec<bool>,
+    /// The rest.
+    pub(super) record: Record,
+}
+
+impl Reference {
+    /// Reads what an earlier part wrote.
+    pub(super) fn read(file: &Path) -> Result<Reference> {
+        let image =
+            Image::read(file, None).with_context(|| format!("the reference {} cannot be used: run without --resume", file.display()))?;
+        let mask = image.terrain().with_context(|| format!("{} does not say where terrain is", file.display()))?;
+        let record = file.with_extension("json");
+        let bytes = fs::read(&record).with_context(|| format!("cannot read {}", record.display()))?;
+        let record = serde_json::from_slice(&bytes).with_context(|| format!("{} is corrupt: run without --resume", record.display()))?;
+        Ok(Reference { albedo: image.texels, mask, record })
+    }
+}
+
+/// Sums of samples of a pixel.
+struct Accumulated {
+    batches: Vec<[Moments<f64>; 3]>,
+    terrain: Vec<bool>,
+    count: u32,
+}
+
+impl Accumulated {
+    fn new(pixels: usize) -> Accumulated {
+        Accumulated { batches: vec![[Moments::new(); 3]; pixels], terrain: vec![true; pixels], count: 0 }
+    }
+
+    /// Takes another batch.
+    fn add(&mut self, renderer: &mut Renderer<'_>, request: &RenderRequest) -> Result<()> {
+        let mut sums = vec![[0.0f64; 3]; self.batches.len()];
+        for i in 0..BATCH {
+            let jitter = sample_point(self.count, i);
+            let picture = renderer.render(&RenderRequest { jitter, ..request.clone() })?;
+            let albedo = picture.vectors("albedo").context("the albedo layer was asked for")?;
+            for ((sum, texel), (terrain, hdr)) in sums.iter_mut().zip(albedo).zip(self.terrain.iter_mut().zip(&picture.hdr)) {
+                *sum = std::array::from_fn(|k| sum[k] + f64::from(texel[k]));
+                *terrain &= hdr[3] > 0.0;
+            }
+        }
+        for (moments, sum) in self.batches.iter_mut().zip(&sums) {
+            moments.iter_mut().zip(sum).for_each(|(m, s)| m.add([s / f64::from(BATCH), 0.0]));
+        }
+        self.count += 1;
+        Ok(())
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "a mean of f16 values, rounded to f32")]
+    fn mean(&self) -> Vec<[f32; 3]> {
+        self.batches.iter().map(|m| std::array::from_fn(|k| m[k].mean() as f32)).collect()
+    }
+
+    /// Root mean square of the standard error over terrain.
+    fn standard_error(&self) -> f64 {
+        let squares = self.batches.iter().zip(&self.terrain).filter(|(_, on)| **on);
+        let all = squares.flat_map(|(m, _)| m.iter().map(|m| m.standard_error().unwrap_or(0.0).powi(2)));
+        let (sum, n) = all.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+        if n > 0.0 { (sum / n).sqrt() } else { 0.0 }
+    }
+
+    /// Root mean square difference of a picture from the mean, over terrain.
+    fn distance(&self, texels: &[[f32; 3]]) -> f64 {
+        let pairs = self.batches.iter().zip(texels).zip(&self.terrain).filter(|(_, on)| **on);
+        let all = pairs.flat_map(|((m, t), _)| (0..3).map(move |k| (m[k].mean() - f64::from(t[k])).powi(2)));
+        let (sum, n) = all.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+        if n > 0.0 { (sum / n).sqrt() } else { 0.0 }
+    }
+}
+
+/// Point `i` of batch `batch`, relative to the pixel's centre: the R2 sequence (Roberts 2018), shifted by a hash of the batch.
+fn sample_point(batch: u32, i: u32) -> [f64; 2] {
+    const G: f64 = 1.324_717_957_244_746;
+    let shift = hash::pcg4d([batch, 0, 0, 0x5c1ee]);
+    std::array::from_fn(|k| {
+        let step = if k == 0 { 1.0 / G } else { 1.0 / (G * G) };
+        (f64::from(shift[k]) / 4_294_967_296.0 + f64::from(i) * step).fract() - 0.5
+    })
+}
+
+impl Runner<'_> {
+    /// The reference of a view: its picture at the last frame, and how the sequence of 96-fetch pictures at one sample a pixel changes.
+    pub(super) fn reference(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
+        let (gpu, definition) = (self.gpu, self.definition);
+        let stage = self.stage.as_mut().context("prepared")?;
+        let renderer = &mut stage.renderer;
+        let size = definition.size;
+        let splat = Variant::only(Flavour::Splat);
+        let settings = definition.reference;
+        let batches = (settings.spp / BATCH).max(MIN_BATCHES);
+        let most = (settings.max_spp / BATCH).max(batches);
+        let total = u64::from(definition.frames + most);
+
+        let mut meter = renderer.meter(size, &[Resolve::Off])?;
+        let mut differences = Vec::new();
+        let mut histogram = [0u64; BINS];
+        let mut pose = views::pose(definition, renderer, &unit.view, 0)?;
+        for frame in 0..definition.frames {
+            step(u64::from(frame), total);
+            check_interrupted()?;
+            pose = views::pose(definition, renderer, &unit.view, frame)?;
+            let request = truth(&RenderRequest { frame, ..RenderRequest::new(pose, size) });
+            renderer.draw_flavours(&request, splat, &stage.layers)?;
+            let (sums, _) = renderer.measure(&request, &stage.layers, &mut meter, &[Some(splat)])?;
+            let lags = sums[0].lags;
+            differences.push(lags.map(|lag| (lag.linked > 0).then(|| lag.difference / lag.linked as f64)));
+            histogram.iter_mut().zip(&sums[0].histogram).for_each(|(all, &n)| *all += u64::from(n));
+        }
+
+        let request = RenderRequest { aovs: AovSet::from_names(&["albedo"])?, ..truth(&RenderRequest::new(pose, size)) };
+        let single = renderer.render(&request)?;
+        let single = single.vectors("albedo").context("the albedo layer was asked for")?.to_vec();
+        let mut all = Accumulated::new(single.len());
+        let mut wanted = batches;
+        loop {
+            while all.count < wanted {
+                step(u64::from(definition.frames + all.count), total);
+                check_interrupted()?;
+                all.add(renderer, &request)?;
+            }
+            if wanted >= most || all.standard_error() <= SHARE * all.distance(&single) {
+                break;
+            }
+            wanted = (wanted * 2).min(most);
+        }
+
+        let record = Record {
+            spp: all.count * BATCH,
+            standard_error: all.standard_error(),
+            difference_p95: quantile(&histogram, 0.95),
+            differences,
+        };
+        let albedo = all.mean();
+        let own = folder.join("reference");
+        fs::create_dir_all(&own).with_context(|| format!("cannot make the folder {}", own.display()))?;
+        let file = own.join(format!("{}.exr", unit.id));
+        let hdr = albedo.iter().zip(&all.terrain).map(|(c, &on)| [c[0], c[1], c[2], f32::from(u8::from(on))]).collect();
+        let picture = Picture { size, hdr, layers: Vec::new(), passes: Vec::new(), fetches_per_px: None, report: Default::default() };
+        picture::write_exr(&file, &picture)?;
+        let json = file.with_extension("json");
+        let bytes = serde_json::to_vec_pretty(&record).context("the reference cannot be put into JSON")?;
+        picture::write_whole(&json, |temporary| {
+            fs::write(temporary, &bytes).map_err(|source| Error::File { file: temporary.to_owned(), source })
+        })?;
+        let mut sheet = pictures::Sheet::new(folder, unit);
+        let caption = format!("96 fetches, {} samples per pixel, standard error {:.2e}", record.spp, record.standard_error);
+        sheet.keep(
+            pictures::Kind::Reference,
+            "reference",
+            &format!("Reference, {}", unit.view),
+            &caption,
+            size,
+            &pictures::display(&albedo),
+        )?;
+        sheet.finish()?;
+
+        let labels = Labels { definition, scene: &renderer.scene().name, unit, estimator: "", noise: "", temporal: "" };
+        let mut rows = Vec::new();
+        let last = Mark::frame(definition.frames - 1);
+        labels.put(&mut rows, "reference", "reference_spp", last, f64::from(record.spp), None);
+        labels.put(&mut rows, "reference", "reference_se", last, record.standard_error, None);
+        let terrain = all.terrain.iter().filter(|on| **on).count() as f64 / all.terrain.len() as f64;
+        labels.put(&mut rows, "reference", "terrain", last, terrain, None);
+        for lag in 0..LAGS {
+            let mut over = Moments::<f64>::new();
+            for (frame, lags) in (0..).zip(&record.differences) {
+                if let Some(value) = lags[lag] {
+                    over.add([value, 0.0]);
+                    labels.put(&mut rows, "reference", "reference_difference", Mark::frame(frame).lag(lag + 1), value, None);
+                }
+            }
+            if over.count > 0 {
+                let error = over.standard_error();
+                labels.put(&mut rows, "reference", "reference_difference", Mark::default().lag(lag + 1), over.mean(), error);
+            }
+        }
+        if let Some(p95) = record.difference_p95 {
+            labels.put(&mut rows, "reference", "reference_difference_p95", Mark::default().lag(1), p95, None);
+        }
+        gpu.check()?;
+        Ok(Outcome { rows, times: Vec::new() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn batches_fill_the_pixel_and_differ() {
+        let mut counts = [0; 16];
+        for batch in 0..128 {
+            for i in 0..BATCH {
+                let [x, y] = sample_point(batch, i);
+                assert!(x.abs() <= 0.5 && y.abs() <= 0.5);
+                let cell = |v: f64| (0..4).rev().find(|&k| v >= f64::from(k) * 0.25 - 0.5).unwrap_or(0) as usize;
+                counts[cell(x) + 4 * cell(y)] += 1;
+            }
+        }
+        // 64 expected in each; independent points would scatter by 8.
+        assert!(counts.iter().all(|&count| (44..=84).contains(&count)), "{counts:?}");
+        assert_ne!(sample_point(0, 0), sample_point(1, 0));
+    }
+
+    #[test]
+    fn standard_error_is_that_of_the_mean_of_batches() {
+        let mut all = Accumulated::new(2);
+        all.terrain[1] = false;
+        for value in [1.0, 2.0, 3.0] {
+            all.batches[0].iter_mut().for_each(|m| m.add([value, 0.0]));
+            all.batches[1].iter_mut().for_each(|m| m.add([100.0 * value, 0.0]));
+        }
+        // Variance 1 of three batches; the pixel that is not terrain has no part.
+        assert!((all.standard_error() - (1.0f64 / 3.0).sqrt()).abs() < 1e-12);
+        assert!((all.distance(&[[2.5; 3], [0.0; 3]]) - 0.5).abs() < 1e-12);
+        assert_eq!(all.mean()[0], [2.0; 3]);
+    }
+}

@@ -1,0 +1,404 @@
+//! One view by one estimator, noise and resolve: all variants over frames and seeds.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use kernels::composition::{CompositionStream, Layers};
+use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::metrics::{BINS, FrameSums, LAGS, Meter, quantile, read_signal};
+use kernels::picture::AovSet;
+use kernels::shading::{Estimator, VARIANCE_SCALE};
+use kernels::shared::moments::Moments;
+use kernels::shared::noise::NoiseKind;
+use kernels::shared::signal;
+use kernels::temporal::Resolve;
+use kernels::variant::{Flavour, Variant};
+
+use super::reference::Reference;
+use super::{Labels, Mark, Runner, by_patch, composed, costs, flavours_of, pictures, split, views};
+use crate::commands::check_interrupted;
+use crate::judge;
+use crate::row::Row;
+use crate::unit::{Outcome, Unit};
+
+/// Bands of the spectrum, at most.
+const BANDS: u32 = 24;
+/// Pixels a side that a band takes, so that it holds enough frequencies.
+const PIXELS_PER_BAND: u32 = 8;
+/// Smallest side of the square that spectra are taken of, pixels.
+const SMALLEST_SIDE: u32 = 64;
+/// Largest side of the square that spectra are taken of, pixels.
+const SPECTRUM_SIDE: u32 = 256;
+
+/// What is swept.
+pub(super) struct How {
+    pub(super) estimator: Estimator,
+    pub(super) noise: NoiseKind,
+    pub(super) resolve: Resolve,
+}
+
+/// What the sequence of one variant came to.
+struct Followed {
+    fetches: Moments<f64>,
+    rejections: Moments<f64>,
+    lags: [Lag; LAGS],
+    histogram: [u64; BINS],
+}
+
+#[derive(Clone, Copy, Default)]
+struct Lag {
+    flips: Moments<f64>,
+    difference: Moments<f64>,
+    flicker: Moments<f64>,
+    disoccluded: Moments<f64>,
+}
+
+impl Default for Followed {
+    fn default() -> Self {
+        Followed { fetches: Moments::new(), rejections: Moments::new(), lags: Default::default(), histogram: [0; BINS] }
+    }
+}
+
+/// Takes a number into its mean over frames, and gives it back.
+fn add(moments: &mut Moments<f64>, value: f64) -> f64 {
+    moments.add([value, 0.0]);
+    value
+}
+
+impl Runner<'_> {
+    /// The sweep: frames first, then errors at the last of them, then seeds.
+    pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
+        let definition = self.definition;
+        let reference = Reference::read(&self.reference_file(unit, folder)?)?;
+        let size = definition.size;
+        let frames = definition.frames;
+        let total = u64::from(frames + definition.seeds + 2);
+        let mut rows = Vec::new();
+        let (estimator, noise, temporal) = (how.estimator.to_string(), how.noise.to_string(), how.resolve.to_string());
+
+        let stage = self.stage.as_mut().context("prepared")?;
+        let needed = flavours_of(&stage.renderer, &self.variants).context("no variant can be shaded in this scene")?;
+        let variants: Vec<Option<Variant>> = self.variants.iter().map(|(_, choice)| composed(*choice)).collect();
+        let scene = stage.renderer.scene().name.clone();
+        let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: &temporal };
+        let request = |pose, frame: u32| RenderRequest {
+            estimator: how.estimator,
+            noise: how.noise,
+            frame,
+            sample_pattern: how.resolve.sample_pattern(frame),
+            ..RenderRequest::new(pose, size)
+        };
+
+        // Frames: each against 1 to 4 before.
+        let mut meter = stage.renderer.meter(size, &vec![how.resolve; variants.len()])?;
+        let mut followed: Vec<Followed> = variants.iter().map(|_| Followed::default()).collect();
+        for frame in 0..frames {
+            step(u64::from(frame), total);
+            check_interrupted()?;
+            let pose = views::pose(definition, &stage.renderer, &unit.view, frame)?;
+            let request = request(pose, frame);
+            stage.renderer.draw_flavours(&request, needed, &stage.layers)?;
+            let (sums, _) = stage.renderer.measure(&request, &stage.layers, &mut meter, &variants)?;
+            for (((name, _), sums), followed) in self.variants.iter().zip(&sums).zip(&mut followed) {
+                follow(&labels, &mut rows, name, frame, sums, &reference, how.resolve, followed);
+            }
+        }
+        for ((name, _), followed) in self.variants.iter().zip(&followed) {
+            over_frames(&labels, &mut rows, name, followed, &reference, how.resolve);
+        }
+
+        // Errors and pictures at the last frame.
+        step(u64::from(frames), total);
+        let last = frames - 1;
+        let pose = views::pose(definition, &stage.renderer, &unit.view, last)?;
+        let judged = request(pose, last);
+        self.errors(unit, how, &labels, &meter, &reference, folder, &mut rows)?;
+        self.costs(&labels, &judged, &mut rows)?;
+
+        // Seeds at the last frame, of what is not resolved: bias, variance, and how the noise is arranged.
+        if how.resolve == Resolve::Off && definition.seeds >= 2 {
+            let done = |seed: u32| step(u64::from(frames + 1 + seed), total);
+            self.seeds(needed, how, &labels, &judged, &variants, &mut rows, &done)?;
+        }
+        self.gpu.check()?;
+        Ok(Outcome { rows, times: Vec::new() })
+    }
+
+    /// Errors of each variant's last picture, and the pictures of some.
+    #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
+    fn errors(
+        &self,
+        unit: &Unit,
+        how: &How,
+        labels: &Labels<'_>,
+        meter: &Meter,
+        reference: &Reference,
+        folder: &Path,
+        rows: &mut Vec<Row>,
+    ) -> Result<()> {
+        let definition = self.definition;
+        let mark = Mark::frame(definition.frames - 1);
+        let mut sheet = pictures::Sheet::new(folder, unit);
+        let stochastic = |choice: VariantChoice| Flavour::ALL.into_iter().any(|f| choice.may_use(f) && how.estimator.is_stochastic(f));
+        for (stream, (name, choice)) in self.variants.iter().enumerate() {
+            let picture = meter.picture(self.gpu, stream, 0)?;
+            let texels: Vec<[f32; 3]> = picture.iter().map(|s| signal::colour(*s)).collect();
+            let mask: Vec<bool> = picture.iter().zip(&reference.mask).map(|(s, on)| *on && signal::is_terrain(*s)).collect();
+            let errors = judge::errors(definition.size, &texels, &reference.albedo, &mask)?;
+            for (metric, value) in [
+                ("mse", Some(errors.mse)),
+                ("rmse", Some(errors.mse.sqrt())),
+                ("mrse", Some(errors.mrse)),
+                ("psnr", Some(errors.psnr)),
+                ("ssim", errors.ssim),
+                ("flip", Some(errors.flip.mean)),
+            ] {
+                if let Some(value) = value {
+                    labels.put(rows, name, metric, mark, value, None);
+                }
+            }
+            let single = composed(*choice).is_none_or(|v| v.flavours().count() == 1);
+            let first = definition.noises.first().is_some_and(|noise| noise == labels.noise);
+            if single && (stochastic(*choice) || first) {
+                let title = format!("{name}, {}", labels.noise);
+                let caption = format!("RMSE {:.4}, FLIP {:.4}", errors.mse.sqrt(), errors.flip.mean);
+                sheet.of(labels, name).keep(pictures::Kind::Frame, name, &title, &caption, definition.size, &pictures::display(&texels))?;
+                if stochastic(*choice) && definition.frames > 1 {
+                    let map = pictures::flicker_map(self.gpu, meter, stream, definition.size)?;
+                    let caption = "Luminance against the frame before, after exact reprojection; white = 0.25 or more.".to_owned();
+                    let title = format!("Flicker of {name}, {}", labels.noise);
+                    sheet.keep(pictures::Kind::FlickerMap, &format!("{name}-flicker"), &title, &caption, definition.size, &map)?;
+                }
+            }
+        }
+        sheet.finish()
+    }
+
+    /// What lanes that march together pay.
+    fn costs(&mut self, labels: &Labels<'_>, judged: &RenderRequest, rows: &mut Vec<Row>) -> Result<()> {
+        let stage = self.stage.as_mut().context("prepared")?;
+        let mark = Mark::frame(self.definition.frames - 1);
+        let estimator = judged.estimator;
+        for (name, choice) in &self.variants {
+            let cost = match composed(*choice) {
+                Some(variant) => Some(f64::from(estimator.promised_fetches_of(variant))),
+                None => {
+                    let aovs = AovSet::from_names(if by_patch(&stage.choices) { &["mask", "position"][..] } else { &["mask"][..] })?;
+                    // The cheapest shading there is: what is asked for are masks.
+                    let cheap = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+                    let request = RenderRequest { aovs, variant: cheap, lit: false, keep_geometry: true, ..judged.clone() };
+                    let picture = stage.renderer.render(&request)?;
+                    let masks: Vec<u8> = picture.values("mask").context("asked for")?.iter().map(|&m| m as u8).collect();
+                    match picture.vectors("position") {
+                        Some(positions) => costs::per_patch(&masks, positions, &stage.renderer, &picture.report.drawn, estimator),
+                        None => costs::per_tile(&masks, judged.size, stage.choices.tile, estimator),
+                    }
+                }
+            };
+            if let Some(cost) = cost {
+                labels.put(rows, name, "tile_fetches_per_px", mark, cost, None);
+            }
+        }
+        Ok(())
+    }
+
+    /// Bias, variance, clumping and spectrum of each variant over seeds.
+    #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
+    fn seeds(
+        &mut self,
+        needed: Variant,
+        how: &How,
+        labels: &Labels<'_>,
+        judged: &RenderRequest,
+        variants: &[Option<Variant>],
+        rows: &mut Vec<Row>,
+        done: &dyn Fn(u32),
+    ) -> Result<()> {
+        let gpu = self.gpu;
+        let stage = self.stage.as_mut().context("prepared")?;
+        let renderer = &mut stage.renderer;
+        let size = judged.size;
+        let pixels = size[0] * size[1];
+        let [drawing, fixed] = split(needed, how.estimator);
+
+        // The exact blend, once for a view and frame: no noise changes it.
+        let same = stage.exact.as_ref().is_some_and(|(pose, frame, _)| *pose == judged.pose && *frame == judged.frame);
+        if !same {
+            let layers = Layers::new(gpu, size);
+            let request = RenderRequest { estimator: Estimator::Exact, noise: NoiseKind::HashedIsotropic, ..judged.clone() };
+            renderer.draw_flavours(&request, needed, &layers)?;
+            stage.exact = Some((judged.pose, judged.frame, layers));
+        }
+        let exact = &stage.exact.as_ref().context("made just above")?.2;
+
+        let seeds = kernels::metrics::Seeds::new(gpu, size)?;
+        let streams: Vec<_> = variants.iter().map(|_| seeds.stream(gpu)).collect();
+        let composition: Vec<CompositionStream> = variants.iter().map(|&v| renderer.composition().stream(v, 0)).collect();
+        let composed = || composition.iter().copied();
+        renderer.compose(judged, exact, composed().zip(streams.iter().map(|s| &s.exact)))?;
+        if let Some(fixed) = fixed {
+            renderer.draw_flavours(judged, fixed, &stage.layers)?;
+        }
+
+        let mut bias: Vec<Moments<f64>> = vec![Moments::new(); variants.len()];
+        let mut squared = bias.clone();
+        let mut clumping = bias.clone();
+        let mut taken = 0;
+        for seed in 0..self.definition.seeds {
+            done(seed);
+            check_interrupted()?;
+            let request = RenderRequest { seed, ..judged.clone() };
+            if let Some(drawing) = drawing {
+                renderer.draw_flavours(&request, drawing, &stage.layers)?;
+            }
+            renderer.compose(&request, &stage.layers, composed().zip(streams.iter().map(|s| &s.signal)))?;
+            taken = seed + 1;
+            let mut encoder = gpu.encoder("seeds");
+            seeds.encode_add(gpu, &mut encoder, &streams, taken);
+            gpu.submit_and_wait(encoder)?;
+            for (i, sums) in seeds.read(gpu, &streams)?.into_iter().enumerate() {
+                let numbers = (sums.terrain * 3.0).max(1.0);
+                bias[i].add([sums.error / numbers, 0.0]);
+                squared[i].add([sums.squared_error / numbers, 0.0]);
+                if let Some(value) = sums.clumping() {
+                    clumping[i].add([value, 0.0]);
+                }
+            }
+            if seed == 0 && self.definition.measures("power") {
+                for ((name, _), stream) in self.variants.iter().zip(&streams) {
+                    let [now, exact] = [&stream.signal, &stream.exact].map(|buffer| read_signal(gpu, buffer, 0, pixels));
+                    spectrum(labels, rows, name, size, &now?, &exact?)?;
+                }
+            }
+            // Where nothing draws, every seed is the same.
+            if drawing.is_none() {
+                break;
+            }
+        }
+        let mut encoder = gpu.encoder("seeds");
+        seeds.encode_finish(gpu, &mut encoder, &streams, taken);
+        gpu.submit_and_wait(encoder)?;
+        let finished = seeds.read_finished(gpu, &streams)?;
+        let mark = Mark::frame(judged.frame);
+        for (i, (name, _)) in self.variants.iter().enumerate() {
+            let numbers = (finished[i].terrain * 3.0).max(1.0);
+            labels.put(rows, name, "bias", mark, bias[i].mean(), bias[i].standard_error());
+            // Where the estimator has no bias, seeds' squared errors scatter as their variances do.
+            labels.put(rows, name, "variance", mark, finished[i].variance / numbers, squared[i].standard_error());
+            if clumping[i].count > 0 {
+                labels.put(rows, name, "clumping", mark, clumping[i].mean(), clumping[i].standard_error());
+            }
+        }
+
+        // What theory says of the variance; only Far Cry 5's estimators have one.
+        let cliffs = Variant::new(needed.mask() & (Flavour::NearCliff.bit() | Flavour::FarCliff.bit()));
+        if let (Estimator::Fc5, Some(cliffs)) = (how.estimator, cliffs) {
+            let theory = Layers::new(gpu, size);
+            renderer.draw_flavours(&RenderRequest { estimator: Estimator::Variance, ..judged.clone() }, cliffs, &theory)?;
+            let squares = composition.iter().map(|&stream| CompositionStream { squared: 1, ..stream });
+            renderer.compose(judged, &theory, squares.zip(streams.iter().map(|s| &s.signal)))?;
+            for ((name, choice), stream) in self.variants.iter().zip(&streams) {
+                if !cliffs.flavours().any(|flavour| choice.may_use(flavour)) {
+                    labels.put(rows, name, "variance_theory", mark, 0.0, None);
+                    continue;
+                }
+                let texels = read_signal(gpu, &stream.signal, 0, pixels)?;
+                let on = texels.iter().filter(|s| signal::is_terrain(**s));
+                let (sum, n) = on.fold((0.0, 0.0f64), |(sum, n), s| (sum + signal::colour(*s).map(f64::from).iter().sum::<f64>(), n + 3.0));
+                labels.put(rows, name, "variance_theory", mark, sum / n.max(1.0) / VARIANCE_SCALE, None);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Rows of one frame of one variant.
+#[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
+fn follow(
+    labels: &Labels<'_>,
+    rows: &mut Vec<Row>,
+    name: &str,
+    frame: u32,
+    sums: &FrameSums,
+    reference: &Reference,
+    resolve: Resolve,
+    followed: &mut Followed,
+) {
+    let mark = Mark::frame(frame);
+    let terrain = (sums.terrain as f64).max(1.0);
+    labels.put(rows, name, "fetches_per_px", mark, add(&mut followed.fetches, sums.fetches as f64 / terrain), None);
+    if sums.tested > 0 && resolve == Resolve::Off {
+        let share = add(&mut followed.rejections, sums.rejected as f64 / sums.tested as f64);
+        labels.put(rows, name, "taa_rejections", mark, share, None);
+    }
+    for (lag, (sums, followed)) in sums.lags.iter().zip(&mut followed.lags).enumerate().take(frame as usize) {
+        let mark = mark.lag(lag + 1);
+        let linked = sums.linked as f64;
+        labels.put(rows, name, "disoccluded", mark, add(&mut followed.disoccluded, 1.0 - linked / terrain), None);
+        if sums.linked == 0 {
+            continue;
+        }
+        let difference = add(&mut followed.difference, sums.difference / linked);
+        labels.put(rows, name, "difference", mark, difference, None);
+        if let Some(own) = reference.record.differences.get(frame as usize).and_then(|lags| lags[lag]) {
+            labels.put(rows, name, "flicker", mark, add(&mut followed.flicker, difference - own), None);
+        }
+        if sums.chosen > 0 {
+            let share = add(&mut followed.flips, sums.flipped as f64 / sums.chosen as f64);
+            labels.put(rows, name, "flip_rate", mark, share, None);
+        }
+    }
+    followed.histogram.iter_mut().zip(&sums.histogram).for_each(|(all, &n)| *all += u64::from(n));
+}
+
+/// Rows of all frames of one variant together.
+fn over_frames(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, followed: &Followed, reference: &Reference, resolve: Resolve) {
+    let all = Mark::default();
+    let mut put = |metric: &str, mark: Mark, moments: &Moments<f64>| {
+        if moments.count > 0 {
+            labels.put(rows, name, metric, mark, moments.mean(), moments.standard_error());
+        }
+    };
+    put("fetches_per_px", all, &followed.fetches);
+    if resolve == Resolve::Off {
+        put("taa_rejections", all, &followed.rejections);
+    }
+    for (lag, sums) in followed.lags.iter().enumerate() {
+        let mark = all.lag(lag + 1);
+        put("disoccluded", mark, &sums.disoccluded);
+        put("difference", mark, &sums.difference);
+        put("flicker", mark, &sums.flicker);
+        put("flip_rate", mark, &sums.flips);
+    }
+    if let (Some(p95), Some(own)) = (quantile(&followed.histogram, 0.95), reference.record.difference_p95) {
+        labels.put(rows, name, "flicker_p95", all.lag(1), p95 - own, None);
+    }
+}
+
+/// Rows of the spectrum of a picture's error in luminance, over the largest square of terrain at the middle of the lower edge. None where nothing varies.
+fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2], now: &[[u32; 2]], exact: &[[u32; 2]]) -> Result<()> {
+    let mut side = SPECTRUM_SIDE.min(size[0]).min(size[1]) / 16 * 16;
+    let inside = |side: u32| {
+        let (left, top) = ((size[0] - side) / 2, size[1] - side);
+        (0..side * side).map(move |i| ((top + i / side) * size[0] + left + i % side) as usize)
+    };
+    while side >= SMALLEST_SIDE && !inside(side).all(|at| signal::is_terrain(now[at])) {
+        side -= 16;
+    }
+    if side < SMALLEST_SIDE {
+        return Ok(());
+    }
+    #[allow(clippy::cast_possible_truncation, reason = "the transform is in f32")]
+    let error = |at: usize| (signal::luminance(signal::colour(now[at])) - signal::luminance(signal::colour(exact[at]))) as f32;
+    let field: Vec<f32> = inside(side).map(error).collect();
+    if field.iter().all(|e| e.abs() < 1e-6) {
+        return Ok(());
+    }
+    let mark = Mark::frame(labels.definition.frames - 1);
+    let bands = BANDS.min(side / PIXELS_PER_BAND) as usize;
+    for band in judge::spectrum::radial_power(&field, [side, side], bands)? {
+        let mark = Mark { frequency: Some(band.frequency_cycles_per_px), ..mark };
+        labels.put(rows, name, "power", mark, band.power, Some(band.standard_error));
+    }
+    Ok(())
+}

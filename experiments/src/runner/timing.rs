@@ -1,0 +1,63 @@
+//! Device times of variants, each by its own pipeline, without counters.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context, Result};
+use kernels::frame::RenderRequest;
+use kernels::shading::Estimator;
+use kernels::shared::moments::Moments;
+use kernels::shared::noise::NoiseKind;
+
+use super::{Labels, Mark, Runner, views};
+use crate::commands::check_interrupted;
+use crate::measure::median;
+use crate::metrics::TIME;
+use crate::unit::{Outcome, Unit};
+
+/// Pictures that count, after one that warms pipelines, pages and caches.
+const ROUNDS: u32 = 3;
+
+impl Runner<'_> {
+    /// Times of all passes of each variant at the first frame: the median of three. Variants take turns, so that a drift of the machine hits all alike.
+    pub(super) fn time(&mut self, unit: &Unit, estimator: Estimator, noise: NoiseKind, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
+        let definition = self.definition;
+        let stage = self.stage.as_mut().context("prepared")?;
+        let renderer = &mut stage.renderer;
+        let pose = views::pose(definition, renderer, &unit.view, 0)?;
+        let total = u64::from(ROUNDS + 1) * self.variants.len() as u64;
+        let mut times: BTreeMap<(usize, String), Vec<f64>> = BTreeMap::new();
+        let mut done = 0;
+        for round in 0..=ROUNDS {
+            for (index, (_, choice)) in self.variants.iter().enumerate() {
+                step(done, total);
+                check_interrupted()?;
+                done += 1;
+                // Geometry is the same for all: one picture a round draws it anew.
+                let request = RenderRequest {
+                    variant: *choice,
+                    estimator,
+                    noise,
+                    keep_geometry: index > 0,
+                    ..RenderRequest::new(pose, definition.size)
+                };
+                let report = renderer.draw(&request)?;
+                if round > 0 {
+                    for pass in report.passes {
+                        times.entry((index, pass.name)).or_default().push(pass.time_ms);
+                    }
+                }
+            }
+        }
+        let (estimator, noise) = (estimator.to_string(), noise.to_string());
+        let scene = renderer.scene().name.clone();
+        let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: "off" };
+        let mut rows = Vec::new();
+        for ((index, pass), mut ms) in times {
+            let mut spread = Moments::<f64>::new();
+            ms.iter().for_each(|&v| spread.add([v, 0.0]));
+            let name = &self.variants[index].0;
+            labels.put(&mut rows, name, &format!("{TIME}:{pass}"), Mark::frame(0), median(&mut ms), spread.standard_error());
+        }
+        Ok(Outcome { rows: Vec::new(), times: rows })
+    }
+}
