@@ -544,3 +544,23 @@ fn scanned_materials_load_where_there_are_any() {
         assert!(r > 0.0, "{}: normals oppose the height along v (r = {r:.2})", dir.display());
     }
 }
+
+#[test]
+fn contrast_moves_mean_colours_from_or_to_middle_grey() {
+    let of = |contrast: f64| {
+        let mut scene = scene(64, &[procedural_material("a", "grass", ""), procedural_material("b", "limestone", "")]);
+        scene.blend.material_contrast = contrast;
+        build(&scene).expect("builds").means.into_iter().map(|m| m.albedo.map(f64::from)).collect::<Vec<_>>()
+    };
+    let (none, made, more) = (of(0.0), of(1.0), of(1.4));
+    for m in 0..2 {
+        for c in 0..3 {
+            // Texels above 1 are cut off, which no material of these reaches; sums of 4096 f32.
+            assert!((none[m][c] - 0.18).abs() < 1e-4, "{:?}", none[m]);
+            let wanted = (0.18 + 1.4 * (made[m][c] - 0.18)).clamp(0.005, 0.95);
+            assert!((more[m][c] - wanted).abs() < 2e-3, "{:?} from {:?}", more[m], made[m]);
+        }
+    }
+    // Negative control: the two differ as they were made.
+    assert!((made[0][1] - made[1][1]).abs() > 0.05);
+}

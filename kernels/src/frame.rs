@@ -295,15 +295,16 @@ impl<'a> Renderer<'a> {
         Ok(renderer)
     }
 
-    /// Takes another scene over, if it differs from the one drawn only in numbers that no texture and no pipeline holds: the blend (but for its
-    /// anisotropy), the flavours' distances and slopes, the light. Says whether it could; if not, nothing was changed.
+    /// Takes another scene over, if it differs from the one drawn only in numbers that no texture and no pipeline holds: the blend (but for
+    /// anisotropy and material contrast), the flavours' distances and slopes, the light. Says whether it could; if not, nothing was changed.
     ///
     /// # Errors
     /// When the scene asks for cliffs that the world does not have.
     pub fn retune(&mut self, scene: &Scene) -> Result<bool> {
         let mut same = scene.clone();
         same.flavours.clone_from(&self.scene.flavours);
-        same.blend = Blend { anisotropy: scene.blend.anisotropy, ..self.scene.blend.clone() };
+        same.blend =
+            Blend { anisotropy: scene.blend.anisotropy, material_contrast: scene.blend.material_contrast, ..self.scene.blend.clone() };
         same.sun.clone_from(&self.scene.sun);
         same.sky.clone_from(&self.scene.sky);
         let requirements = Requirements::of(scene);

@@ -196,10 +196,11 @@ impl Palette {
                 .par_iter()
                 .map(|&(layer, (source, name))| {
                     progress(&format!("detail textures {}/{total}: {name}", layer + 1));
-                    let maps = match source {
+                    let mut maps = match source {
                         Source::Procedural(kind) => procedural::make(kind, size, TEXTURE_SEED)?,
                         Source::Folder(path) => folder::load(name, path, size)?,
                     };
+                    set_contrast(&mut maps, scene.blend.material_contrast);
                     let users = (0..count).filter(|&m| layer_of[m] == layer);
                     let means: Vec<_> = users.map(|m| (m, MaterialMeans::of(&maps, scene.materials[m].tint))).collect();
                     Ok((arrays::compress(&maps), means))
@@ -239,6 +240,25 @@ impl Palette {
             })
             .collect::<Result<_>>()?;
         Ok(Palette { entries, arrays, means })
+    }
+}
+
+/// What materials' mean colours are pulled towards: 18 % grey, the middle of what photographers meter.
+const MIDDLE_GREY: f64 = 0.18;
+
+/// Moves the mean colour of `maps` so that it lies `contrast` times as far from middle grey: by a factor a channel, so that a texture keeps its own
+/// relative contrast. Means stay within 0.5 % and 95 %.
+fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
+    if (contrast - 1.0).abs() < f64::EPSILON {
+        return;
+    }
+    let mean = MaterialMeans::of(maps, [1.0; 3]).albedo;
+    let factor = mean.map(|m| {
+        let wanted = (MIDDLE_GREY + contrast * (f64::from(m) - MIDDLE_GREY)).clamp(0.005, 0.95);
+        if m > 0.0 { (wanted / f64::from(m)) as f32 } else { 1.0 }
+    });
+    for texel in &mut maps.albedo {
+        *texel = std::array::from_fn(|c| (texel[c] * factor[c]).min(1.0));
     }
 }
 

@@ -233,11 +233,13 @@ pub struct Blend {
     pub anisotropy: u16,
     /// Bias added to mip levels by scaling gradients by 2^bias.
     pub mip_bias: f64,
+    /// How far materials' mean colours lie from 18 % grey, relative to how they were made: 0 = all alike, 1 = as made, up to 2.
+    pub material_contrast: f64,
 }
 
 impl Default for Blend {
     fn default() -> Self {
-        Blend { height_sharpness: 8.0, triplanar_sharpness: 4.0, hash_scale: 1.0, anisotropy: 1, mip_bias: 0.0 }
+        Blend { height_sharpness: 8.0, triplanar_sharpness: 4.0, hash_scale: 1.0, anisotropy: 1, mip_bias: 0.0, material_contrast: 1.0 }
     }
 }
 

@@ -190,7 +190,8 @@ fn blend(at: &At, scene: &Scene) -> Checked {
     at.key("triplanar_sharpness").within(b.triplanar_sharpness, 0.0, 1.0e3)?;
     at.key("hash_scale").within(b.hash_scale, 0.01, 100.0)?;
     at.key("anisotropy").within(f64::from(b.anisotropy), 1.0, 16.0)?;
-    at.key("mip_bias").within(b.mip_bias, -16.0, 16.0)
+    at.key("mip_bias").within(b.mip_bias, -16.0, 16.0)?;
+    at.key("material_contrast").within(b.material_contrast, 0.0, 2.0)
 }
 
 fn cameras(top: &At, scene: &Scene) -> Checked {
