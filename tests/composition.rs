@@ -1,6 +1,6 @@
 //! Pictures composed from flavours against the variants' own shaders; motion of a rendered sequence against positions.
 
-use kernels::composition::Layers;
+use kernels::composition::{Destination, Layers};
 use kernels::frame::{RenderRequest, VariantChoice};
 use kernels::metrics::{LAGS, NO_LINK, read_signal};
 use kernels::picture::AovSet;
@@ -23,13 +23,13 @@ fn every_variant_composed_equals_its_own_shader() {
     let mut base = request(&renderer, "cliff");
     base.aovs = AovSet::from_names(&["albedo", "fetches", "choice"]).expect("known layers");
     let layers = Layers::new(gpu(), SIZE);
-    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     let buffer = gpu().buffer("composed", usage, u64::from(PIXELS) * 8);
     renderer.draw_flavours(&base, all_flavours(), &layers).expect("draws");
     let mut previous: Option<Vec<[u32; 2]>> = None;
     for variant in Variant::all().map(Some).chain([None]) {
-        let stream = renderer.composition().stream(variant, 0);
-        renderer.compose(&base, &layers, [(stream, &buffer)].into_iter()).expect("composes");
+        let stream = renderer.composition().stream(variant);
+        renderer.compose(&base, &layers, &[Destination { stream, signal: &buffer, offset: 0 }]).expect("composes");
         let composed = read_signal(gpu(), &buffer, 0, PIXELS).expect("the device works");
         let choice = variant.map_or(VariantChoice::Auto, VariantChoice::Forced);
         let own = renderer.render(&RenderRequest { variant: choice, ..base.clone() }).expect("renders");

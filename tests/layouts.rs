@@ -166,7 +166,7 @@ fn pairs() -> Vec<(&'static str, Layout)> {
         ),
         ("Inspected", host!(Inspected { position, slot, ddx, corner, ddy, pad, splat, bilinear })),
         ("PageJob", host!(PageJob { sector, origin, texel_m, border })),
-        ("CompositionStream", host!(CompositionStream { mask, offset, modulated, squared })),
+        ("CompositionStream", host!(CompositionStream { mask, modulated, squared, pad_0 })),
         ("MotionPast", host!(MotionPast { offset, x_shift, forward, y_shift, x_row, pad_0, y_row, pad_1 })),
         ("MotionFrame", host!(MotionFrame { past, lags, slot, tolerance, pad_0, past_slots })),
         ("MeasureFrame", host!(MeasureFrame { size, tiles, slot, lags, subset, pad_0, past_slots })),

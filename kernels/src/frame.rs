@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::camera::{NEAR_M, Pose, View};
 use crate::classification::{self, Classification, Lists};
-use crate::composition::{Composition, CompositionStream, Layers};
+use crate::composition::{Composition, Destination, Layers};
 use crate::culling::{self, Patch};
 use crate::error::{Error, Result};
 use crate::geometry::{self, Geometry};
@@ -502,16 +502,11 @@ impl<'a> Renderer<'a> {
     ///
     /// # Errors
     /// When nothing was drawn yet or the device fails.
-    pub fn compose<'b>(
-        &self,
-        request: &RenderRequest,
-        layers: &Layers,
-        streams: impl Iterator<Item = (CompositionStream, &'b wgpu::Buffer)>,
-    ) -> Result<()> {
+    pub fn compose(&self, request: &RenderRequest, layers: &Layers, destinations: &[Destination<'_>]) -> Result<()> {
         let targets = self.targets.as_ref().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
         let frame = self.frame_group(request);
         let mut encoder = self.gpu.encoder("composition");
-        self.composition.encode(self.gpu, &mut encoder, &frame, &targets.geometry, layers, streams);
+        self.composition.encode(self.gpu, &mut encoder, &frame, &targets.geometry, layers, destinations);
         self.gpu.submit_and_wait(encoder)
     }
 
@@ -535,8 +530,12 @@ impl<'a> Renderer<'a> {
         let mut encoder = gpu.encoder("metrics");
         let slots = meter.slots();
         meter.motion.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &view, &slots);
-        let streams = variants.iter().zip(&meter.streams).map(|(&v, s)| (self.composition.stream(v, slots.now), &s.signal));
-        self.composition.encode(gpu, &mut encoder, &frame, &targets.geometry, layers, streams);
+        let destinations: Vec<_> = variants
+            .iter()
+            .zip(&meter.streams)
+            .map(|(&v, s)| Destination { stream: self.composition.stream(v), signal: &s.signal, offset: slots.now })
+            .collect();
+        self.composition.encode(gpu, &mut encoder, &frame, &targets.geometry, layers, &destinations);
         meter.encode(gpu, &mut encoder, &mut timer);
         timer.resolve(&mut encoder);
         gpu.submit_and_wait(encoder)?;

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use kernels::composition::{CompositionStream, Layers};
+use kernels::composition::{CompositionStream, Destination, Layers};
 use kernels::frame::{RenderRequest, VariantChoice};
-use kernels::metrics::{BINS, FrameSums, LAGS, Meter, quantile, read_signal};
+use kernels::metrics::{BINS, FrameSums, LAGS, Meter, SeedStream, quantile, read_signal};
 use kernels::picture::AovSet;
 use kernels::shading::{Estimator, VARIANCE_SCALE};
 use kernels::shared::moments::Moments;
@@ -13,6 +13,7 @@ use kernels::shared::noise::NoiseKind;
 use kernels::shared::signal;
 use kernels::temporal::Resolve;
 use kernels::variant::{Flavour, Variant};
+use rayon::prelude::*;
 
 use super::reference::Reference;
 use super::{Labels, Mark, Runner, by_patch, composed, costs, flavours_of, pictures, split, views};
@@ -140,11 +141,19 @@ impl Runner<'_> {
         let mark = Mark::frame(definition.frames - 1);
         let mut sheet = pictures::Sheet::new(folder, unit);
         let stochastic = |choice: VariantChoice| Flavour::ALL.into_iter().any(|f| choice.may_use(f) && how.estimator.is_stochastic(f));
-        for (stream, (name, choice)) in self.variants.iter().enumerate() {
-            let picture = meter.picture(self.gpu, stream, 0)?;
-            let texels: Vec<[f32; 3]> = picture.iter().map(|s| signal::colour(*s)).collect();
-            let mask: Vec<bool> = picture.iter().zip(&reference.mask).map(|(s, on)| *on && signal::is_terrain(*s)).collect();
-            let errors = judge::errors(definition.size, &texels, &reference.albedo, &mask)?;
+        let read = |stream: usize| meter.picture(self.gpu, stream, 0);
+        let pictures: Vec<Vec<[u32; 2]>> = (0..self.variants.len()).map(read).collect::<kernels::error::Result<_>>()?;
+        // FLIP takes longer than rendering: all processors judge, each picture on its own.
+        let judged: Vec<(Vec<[f32; 3]>, judge::Errors)> = pictures
+            .par_iter()
+            .map(|picture| {
+                let texels: Vec<[f32; 3]> = picture.iter().map(|s| signal::colour(*s)).collect();
+                let mask: Vec<bool> = picture.iter().zip(&reference.mask).map(|(s, on)| *on && signal::is_terrain(*s)).collect();
+                let errors = judge::errors(definition.size, &texels, &reference.albedo, &mask)?;
+                Ok((texels, errors))
+            })
+            .collect::<Result<_>>()?;
+        for (stream, ((name, choice), (texels, errors))) in self.variants.iter().zip(&judged).enumerate() {
             for (metric, value) in [
                 ("mse", Some(errors.mse)),
                 ("rmse", Some(errors.mse.sqrt())),
@@ -162,7 +171,7 @@ impl Runner<'_> {
             if single && (stochastic(*choice) || first) {
                 let title = format!("{name}, {}", labels.noise);
                 let caption = format!("RMSE {:.4}, FLIP {:.4}", errors.mse.sqrt(), errors.flip.mean);
-                sheet.of(labels, name).keep(pictures::Kind::Frame, name, &title, &caption, definition.size, &pictures::display(&texels))?;
+                sheet.of(labels, name).keep(pictures::Kind::Frame, name, &title, &caption, definition.size, &pictures::display(texels))?;
                 if stochastic(*choice) && definition.frames > 1 {
                     let map = pictures::flicker_map(self.gpu, meter, stream, definition.size)?;
                     let caption = "Luminance against the frame before, after exact reprojection; white = 0.25 or more.".to_owned();
@@ -233,9 +242,11 @@ impl Runner<'_> {
 
         let seeds = kernels::metrics::Seeds::new(gpu, size)?;
         let streams: Vec<_> = variants.iter().map(|_| seeds.stream(gpu)).collect();
-        let composition: Vec<CompositionStream> = variants.iter().map(|&v| renderer.composition().stream(v, 0)).collect();
-        let composed = || composition.iter().copied();
-        renderer.compose(judged, exact, composed().zip(streams.iter().map(|s| &s.exact)))?;
+        let composition: Vec<CompositionStream> = variants.iter().map(|&v| renderer.composition().stream(v)).collect();
+        let into = |of: fn(&SeedStream) -> &wgpu::Buffer| -> Vec<Destination<'_>> {
+            composition.iter().zip(&streams).map(|(&stream, s)| Destination { stream, signal: of(s), offset: 0 }).collect()
+        };
+        renderer.compose(judged, exact, &into(|s| &s.exact))?;
         if let Some(fixed) = fixed {
             renderer.draw_flavours(judged, fixed, &stage.layers)?;
         }
@@ -251,7 +262,7 @@ impl Runner<'_> {
             if let Some(drawing) = drawing {
                 renderer.draw_flavours(&request, drawing, &stage.layers)?;
             }
-            renderer.compose(&request, &stage.layers, composed().zip(streams.iter().map(|s| &s.signal)))?;
+            renderer.compose(&request, &stage.layers, &into(|s| &s.signal))?;
             taken = seed + 1;
             let mut encoder = gpu.encoder("seeds");
             seeds.encode_add(gpu, &mut encoder, &streams, taken);
@@ -295,8 +306,9 @@ impl Runner<'_> {
         if let (Estimator::Fc5, Some(cliffs)) = (how.estimator, cliffs) {
             let theory = Layers::new(gpu, size);
             renderer.draw_flavours(&RenderRequest { estimator: Estimator::Variance, ..judged.clone() }, cliffs, &theory)?;
-            let squares = composition.iter().map(|&stream| CompositionStream { squared: 1, ..stream });
-            renderer.compose(judged, &theory, squares.zip(streams.iter().map(|s| &s.signal)))?;
+            let mut squares = into(|s| &s.signal);
+            squares.iter_mut().for_each(|to| to.stream.squared = 1);
+            renderer.compose(judged, &theory, &squares)?;
             for ((name, choice), stream) in self.variants.iter().zip(&streams) {
                 if !cliffs.flavours().any(|flavour| choice.may_use(flavour)) {
                     labels.put(rows, name, "variance_theory", mark, 0.0, None);

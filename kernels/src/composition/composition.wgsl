@@ -3,9 +3,9 @@
 
 struct CompositionStream {
     mask: u32,              // the variant forced on every tile; 0 = each pixel the flavours that it needs
-    offset: u32,            // of the picture in `signal`, pixels
     modulated: u32,         // 1 = all flavours but the virtual texture count one shared fetch of colour modulation each
     squared: u32,           // 1 = weights squared: variances of independent flavours add so
+    pad_0: u32,
 }
 
 @group(1) @binding(0) var depth_target: texture_depth_2d;
@@ -20,7 +20,8 @@ struct CompositionStream {
 @group(1) @binding(9) var diagnostics_2: texture_2d<u32>;
 @group(1) @binding(10) var diagnostics_3: texture_2d<u32>;
 @group(1) @binding(11) var diagnostics_4: texture_2d<u32>;
-@group(2) @binding(0) var<uniform> stream: CompositionStream;
+@group(2) @binding(0) var<storage, read> streams: array<CompositionStream>;
+// A picture a stream.
 @group(2) @binding(1) var<storage, read_write> signal: array<vec2<u32>>;
 
 fn composition_albedo(flavour: u32, pixel: vec2<u32>) -> vec3<f32> {
@@ -50,42 +51,51 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= frame.size) {
         return;
     }
-    let at = stream.offset + pixel.y * frame.size.x + pixel.x;
+    let at = pixel.y * frame.size.x + pixel.x;
+    let count = frame.size.x * frame.size.y;
     let depth = textureLoad(depth_target, pixel, 0);
     if depth <= 0.0 {
-        signal[at] = vec2<u32>(0u);
+        for (var i = 0u; i < arrayLength(&streams); i++) {
+            signal[i * count + at] = vec2<u32>(0u);
+        }
         return;
     }
     // As the shading pass computes them, from the same depth and normal.
     let normal = frame_normal(textureLoad(normal_target, pixel, 0).xy);
     let distance = length(frame_ray(vec2<f32>(pixel))) * frame.near_m / depth;
     let all = flavour_weights(distance, normal.z, frame.flavours);
-    var mask = stream.mask;
-    if mask == 0u {
-        mask = flavour_mask(all);
-    }
-    var weights = flavour_weights_for(all, mask, select(0u, 1u, stream.mask != 0u));
-
-    var albedo = vec3<f32>(0.0);
-    var fetches = 0u;
-    var choice = 0u;
-    var shared_fetches = 0u;
+    let own = flavour_mask(all);
+    var layers: array<vec3<f32>, 5>;
+    var known: array<u32, 5>;
     for (var flavour = 0u; flavour < 5u; flavour++) {
-        let w = weights[flavour];
-        if ((mask >> flavour) & 1u) == 0u || w <= 0.0 {
-            continue;
-        }
-        albedo += select(w, w * w, stream.squared != 0u) * composition_albedo(flavour, pixel);
-        let diagnostics = composition_diagnostics(flavour, pixel);
-        fetches += diagnostics & 0xffffu;
-        if flavour > 0u {
-            shared_fetches += stream.modulated;
-        }
-        // The first that chose, in the order in which the shading pass evaluates them.
-        if choice == 0u {
-            choice = (diagnostics >> 16u) & 255u;
-        }
+        layers[flavour] = composition_albedo(flavour, pixel);
+        known[flavour] = composition_diagnostics(flavour, pixel);
     }
-    fetches -= max(shared_fetches, 1u) - 1u;
-    signal[at] = signal_pack(albedo, fetches, choice);
+    for (var i = 0u; i < arrayLength(&streams); i++) {
+        let stream = streams[i];
+        let mask = select(stream.mask, own, stream.mask == 0u);
+        let weights = flavour_weights_for(all, mask, select(0u, 1u, stream.mask != 0u));
+        var albedo = vec3<f32>(0.0);
+        var fetches = 0u;
+        var choice = 0u;
+        var shared_fetches = 0u;
+        for (var flavour = 0u; flavour < 5u; flavour++) {
+            let w = weights[flavour];
+            // A layer outside the mask may hold anything.
+            if ((mask >> flavour) & 1u) == 0u || w <= 0.0 {
+                continue;
+            }
+            albedo += select(w, w * w, stream.squared != 0u) * layers[flavour];
+            fetches += known[flavour] & 0xffffu;
+            if flavour > 0u {
+                shared_fetches += stream.modulated;
+            }
+            // The first that chose, in the order in which the shading pass evaluates them.
+            if choice == 0u {
+                choice = (known[flavour] >> 16u) & 255u;
+            }
+        }
+        fetches -= max(shared_fetches, 1u) - 1u;
+        signal[i * count + at] = signal_pack(albedo, fetches, choice);
+    }
 }

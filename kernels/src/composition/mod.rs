@@ -7,7 +7,7 @@
 //!
 //! Reads depth, normals, and albedo + diagnostics of each flavour. Writes two words a pixel (`shared::signal`). Dispatch: a workgroup an 8 x 8 tile.
 
-use bytemuck::{Pod, Zeroable, bytes_of};
+use bytemuck::{Pod, Zeroable, cast_slice};
 
 use crate::error::Result;
 use crate::frame::FRAME_WGSL;
@@ -24,12 +24,23 @@ use crate::variant::{Flavour, Variant};
 pub struct CompositionStream {
     /// The variant forced on every pixel; 0 = each pixel the flavours it needs.
     pub mask: u32,
-    /// Where the picture begins in its buffer, pixels.
-    pub offset: u32,
     /// 1 = flavours other than the virtual texture share one counted fetch of colour modulation.
     pub modulated: u32,
     /// 1 = weights are squared, as variances of independent flavours add.
     pub squared: u32,
+    /// To a multiple of 16 bytes.
+    pub pad_0: u32,
+}
+
+/// Where a composed picture goes.
+#[derive(Clone, Copy)]
+pub struct Destination<'a> {
+    /// What is composed.
+    pub stream: CompositionStream,
+    /// The buffer that receives it.
+    pub signal: &'a wgpu::Buffer,
+    /// Where in it the picture begins, pixels.
+    pub offset: u32,
 }
 
 /// Albedo and diagnostics of each flavour, in the order of their bits.
@@ -94,7 +105,7 @@ impl Composition {
         layers.extend([Binding::TextureLoaded(FLAT); 5]);
         layers.extend([Binding::TextureUint(FLAT); 5]);
         let layers_layout = gpu.layout("flavour layers", stage, &layers);
-        let stream_layout = gpu.layout("composed stream", stage, &[Binding::Uniform, Binding::StorageWritten]);
+        let stream_layout = gpu.layout("composed stream", stage, &[Binding::Storage, Binding::StorageWritten]);
         let shader = Shader::new(gpu, "composition", &files())?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("composition"),
@@ -107,35 +118,47 @@ impl Composition {
         Ok(Composition { pipeline, layers_layout, stream_layout, modulated })
     }
 
-    /// What a variant is composed of (`None` = each pixel what it needs), written from pixel `offset` on.
-    pub fn stream(&self, variant: Option<Variant>, offset: u32) -> CompositionStream {
-        CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), offset, modulated: u32::from(self.modulated), squared: 0 }
+    /// What a variant is composed of; `None` = each pixel what it needs.
+    pub fn stream(&self, variant: Option<Variant>) -> CompositionStream {
+        CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, pad_0: 0 }
     }
 
-    /// Records the pass: each stream into its buffer.
-    pub fn encode<'a>(
+    /// Records the pass: each stream to its destination. All are made by one dispatch, which reads each layer once; more than fit a binding, by several.
+    pub fn encode(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         frame: &wgpu::BindGroup,
         geometry: &geometry::Targets,
         layers: &Layers,
-        streams: impl Iterator<Item = (CompositionStream, &'a wgpu::Buffer)>,
+        destinations: &[Destination<'_>],
     ) {
         let depth = aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly);
         let mut views = vec![depth, view(&geometry.normals)];
         views.extend(layers.albedo.iter().chain(&layers.diagnostics).map(view));
         let resources: Vec<_> = views.iter().map(wgpu::BindingResource::TextureView).collect();
         let layers_group = gpu.group("flavour layers", &self.layers_layout, &resources);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("composition"), timestamp_writes: None });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, frame, &[]);
-        pass.set_bind_group(1, &layers_group, &[]);
-        for (stream, signal) in streams {
-            let uniform = gpu.buffer_with("composed stream", wgpu::BufferUsages::UNIFORM, bytes_of(&stream));
-            let group = gpu.group("composed stream", &self.stream_layout, &[uniform.as_entire_binding(), signal.as_entire_binding()]);
-            pass.set_bind_group(2, &group, &[]);
-            pass.dispatch_workgroups(geometry.mask.width().div_ceil(8), geometry.mask.height().div_ceil(8), 1);
+        let (width, height) = (geometry.mask.width(), geometry.mask.height());
+        let picture = u64::from(width) * u64::from(height) * 8;
+        let at_once = usize::try_from(gpu.device.limits().max_storage_buffer_binding_size / picture).unwrap_or(1).max(1);
+        for part in destinations.chunks(at_once) {
+            let streams: Vec<CompositionStream> = part.iter().map(|d| d.stream).collect();
+            let list = gpu.buffer_with("composed streams", wgpu::BufferUsages::STORAGE, cast_slice(&streams));
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            let signal = gpu.buffer("composed", usage, picture * part.len() as u64);
+            let group = gpu.group("composed streams", &self.stream_layout, &[list.as_entire_binding(), signal.as_entire_binding()]);
+            {
+                let mut pass =
+                    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("composition"), timestamp_writes: None });
+                pass.set_pipeline(&self.pipeline);
+                pass.set_bind_group(0, frame, &[]);
+                pass.set_bind_group(1, &layers_group, &[]);
+                pass.set_bind_group(2, &group, &[]);
+                pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+            }
+            for (i, to) in (0..).zip(part) {
+                encoder.copy_buffer_to_buffer(&signal, i * picture, to.signal, u64::from(to.offset) * 8, picture);
+            }
         }
     }
 }
