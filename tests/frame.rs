@@ -29,7 +29,7 @@ pub(crate) fn gpu() -> &'static Gpu {
     GPU.get_or_init(|| Gpu::new().expect("these tests need an adapter; `make setup` installs a software one"))
 }
 
-fn renderer() -> MutexGuard<'static, Renderer<'static>> {
+pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
     static RENDERER: OnceLock<Mutex<Renderer<'static>>> = OnceLock::new();
     let make = || Mutex::new(Renderer::new(gpu(), &small_scene(), &|_| {}).expect("the small scene renders"));
     RENDERER.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
@@ -41,7 +41,7 @@ fn pose(renderer: &Renderer<'_>, camera: &str) -> Pose {
     Pose::of(camera, |x, y| renderer.ground_m(x, y))
 }
 
-fn request(renderer: &Renderer<'_>, camera: &str) -> RenderRequest {
+pub(crate) fn request(renderer: &Renderer<'_>, camera: &str) -> RenderRequest {
     let aovs = AovSet::from_names(&["albedo"]).expect("known layers");
     RenderRequest { aovs, keep_geometry: true, ..RenderRequest::new(pose(renderer, camera), SIZE) }
 }

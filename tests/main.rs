@@ -15,6 +15,8 @@ mod layouts;
 #[cfg(test)]
 mod materials;
 #[cfg(test)]
+mod noise;
+#[cfg(test)]
 mod scene;
 #[cfg(test)]
 mod shaders;

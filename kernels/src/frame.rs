@@ -20,7 +20,7 @@ use crate::quadtree;
 use crate::scene::{self, Requirements, Scene};
 use crate::shading::{self, Estimator, Kernel, PipelineKey, Shading};
 use crate::shared::flavour_weights::FlavourParams;
-use crate::shared::noise::NoiseKind;
+use crate::shared::noise::{self, NoiseKind};
 use crate::streaming::Streaming;
 use crate::terrain::{Terrain, palette_means};
 use crate::variant::{Flavour, Variant};
@@ -61,7 +61,7 @@ pub struct FrameUniforms {
     pub sun_direction: [f32; 3],
     pub taps: u32,
     pub sun_irradiance: [f32; 3],
-    pub pad_2: f32,
+    pub noise_world_level: i32,
     pub sky_zenith: [f32; 3],
     pub pad_3: f32,
     pub sky_horizon: [f32; 3],
@@ -490,7 +490,7 @@ impl<'a> Renderer<'a> {
             sun_direction: f(sun_direction),
             taps: 4,
             sun_irradiance: sun.irradiance.map(|v| v as f32),
-            pad_2: 0.0,
+            noise_world_level: noise::WORLD_LEVEL,
             sky_zenith: sky.zenith.map(|v| v as f32),
             pad_3: 0.0,
             sky_horizon: sky.horizon.map(|v| v as f32),
