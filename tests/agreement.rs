@@ -250,6 +250,11 @@ fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if verdict == Verdict::Differs && row[0] >= 1.0 && levels.iter().any(at_threshold) { Verdict::OtherSide } else { verdict }
 }
 
+/// Integers throughout, and one exact conversion.
+fn equal_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs }
+}
+
 fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ray, step, t, n) = (three(row, 0), three(row, 3), row[6], octahedral::unit(three(row, 7)));
     let neighbour = [0, 1, 2].map(|i| ray[i] + step[i]);
@@ -372,6 +377,59 @@ const CASES: &[Case] = &[
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),
             ("noise", "bitcast<u32>(sector) * cells_per_sector +", "bitcast<u32>(sector) * (cells_per_sector - 1u) +"),
+        ],
+    },
+    Case {
+        probe: "noise",
+        random: |d| {
+            let sector_m = d.between(5.0, 15.0).floor().exp2();
+            let reach = if d.whole(2) < 0.5 { 160 } else { 1 << 24 };
+            let kind = 2.0 + d.whole(5);
+            let sector = [0; 2].map(|_: i32| d.whole(2 * reach) - f64::from(reach));
+            let position = [d.unit() * sector_m * 0.999_999, d.unit() * sector_m * 0.999_999, d.between(-500.0, 3000.0)];
+            let level = d.whole(24) - 6.0;
+            let pixel = [d.whole(4096), d.whole(4096)];
+            let times = [d.whole(2000), d.whole(1 << 24), d.whole(1 << 24)];
+            let ranks = [0; 4].map(|_: i32| d.whole(4096));
+            [&[kind][..], &sector, &position, &[sector_m, level], &pixel, &times, &ranks].concat()
+        },
+        extremes: || {
+            let mut rows = Vec::new();
+            for kind in [2.0, 3.0, 4.0, 5.0, 6.0] {
+                for place in [[0.0; 5], [16_777_216.0, -16_777_216.0, 31.999_998, 1e-3, 8848.0], [1.0, -1.0, 1e20, -1e20, -9e29]] {
+                    for level in [0.0, -5.0, 16.0, 17.0, -16_777_216.0, 16_777_216.0] {
+                        for [pixel, word] in [[0.0, 0.0], [63.0, 15.0], [64.0, 16.0], [16_777_216.0, 16_777_216.0]] {
+                            for rank in [0.0, 4095.0, 4096.0, 16_777_216.0] {
+                                let row = [&[kind][..], &place, &[32.0, level, pixel, pixel, word, word, word, rank, rank, 0.0, 1.0]];
+                                rows.push(row.concat());
+                            }
+                        }
+                    }
+                }
+            }
+            rows
+        },
+        judge: equal_judge,
+        other_side_at_most: 0,
+        mutants: &[
+            // A word of the product forgotten; one symmetry for two decisions; no rotation; a frame that does not move the lattice.
+            ("noise", "+ (other >> 16u)", ""),
+            ("noise", "select(shifted, shifted.yx, decision >= 2u)", "shifted"),
+            ("noise", "noise_interleaved_gradient_value(turned, frame) + h.z", "noise_interleaved_gradient_value(turned, frame)"),
+            ("noise", "+ frame * NOISE_IGN_FRAME", ""),
+            // Slices not repeated, or the blue mask for the first of them; rows for columns; a shift for all decisions; no jitter; the
+            // jitter of static noise fresh in every frame; ranks beyond the last.
+            ("noise", "frame % NOISE_MASK_SLICES", "frame % 15u"),
+            ("noise", "1u + frame % NOISE_MASK_SLICES", "frame % NOISE_MASK_SLICES"),
+            ("noise", "shifted.y * NOISE_MASK_EDGE + shifted.x", "shifted.x * NOISE_MASK_EDGE + shifted.y"),
+            ("noise", "vec4<u32>(seed, salt, decision, NOISE_MASK_EDGE)", "vec4<u32>(seed, salt, 0u, NOISE_MASK_EDGE)"),
+            ("noise", "(jitter >> vec4<u32>(12u))", "vec4<u32>(0u)"),
+            ("noise", "select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE)", "frame"),
+            ("noise", "min(ranks, vec4<u32>(NOISE_MASK_RANKS - 1u))", "ranks"),
+            // Cells of another size; a level that is not held; white noise that stands still.
+            ("noise", "vec3<i32>(k), seed, salt);\n}\n\n// The high", "vec3<i32>(k + 1), seed, salt);\n}\n\n// The high"),
+            ("noise", "let k = clamp(level, i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX));", "let k = level;"),
+            ("noise", "vec4<u32>(pixel, frame, hash_mix(seed, salt, 0u))", "vec4<u32>(pixel, 0u, hash_mix(seed, salt, 0u))"),
         ],
     },
     Case {
@@ -592,6 +650,11 @@ fn octahedral_agrees() {
 #[test]
 fn hashed_alpha_agrees() {
     check("hashed-alpha");
+}
+
+#[test]
+fn noise_is_bit_equal() {
+    check("noise");
 }
 
 #[test]

@@ -138,7 +138,7 @@ fn wrong_calls_are_usage_errors() {
     usage_error(&render(&["--size=-4x4"]), &["WIDTHxHEIGHT"]);
     usage_error(&render(&["--fov", "176"]), &["1..=175"]);
     usage_error(&render(&["--fov", "-5"]), &["1..=175"]);
-    usage_error(&render(&["--noise", "blue"]), &["hashed-anisotropic", "white"]);
+    usage_error(&render(&["--noise", "pink"]), &["hashed-anisotropic", "white", "stbn"]);
     usage_error(&render(&["--estimator", "best"]), &["fc5", "exact"]);
     usage_error(&render(&["--reference", "0"]), &["1..=65536"]);
     usage_error(&render(&["--reference", "4", "--variant", "splat"]), &["cannot be used with"]);

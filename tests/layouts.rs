@@ -127,7 +127,7 @@ fn pairs() -> Vec<(&'static str, Layout)> {
                 sun_direction,
                 taps,
                 sun_irradiance,
-                pad_2,
+                noise_world_level,
                 sky_zenith,
                 sample_pattern,
                 sky_horizon,
@@ -254,7 +254,7 @@ fn layout_comparison_notices_drift() {
 }
 
 /// The numeric constants of a module, by name.
-fn constants(files: &[(&str, &str)]) -> std::collections::BTreeMap<String, f64> {
+pub(crate) fn constants(files: &[(&str, &str)]) -> std::collections::BTreeMap<String, f64> {
     let text: String = files.iter().flat_map(|(_, text)| [*text, "\n"]).collect();
     let module = naga::front::wgsl::parse_str(&text).expect("the module parses");
     let value = |init| match &module.global_expressions[init] {

@@ -21,6 +21,8 @@ mod materials;
 #[cfg(test)]
 mod metrics;
 #[cfg(test)]
+mod noise;
+#[cfg(test)]
 mod scene;
 #[cfg(test)]
 mod shaders;

@@ -115,7 +115,7 @@ fn every_variant_resolves() {
         for estimator in Estimator::ALL {
             for diagnostics in [false, true] {
                 // The rest of the key takes turns: a value is wrong for all kernels or for none.
-                let (noise, two_tilings) = (NoiseKind::ALL[keys.len() % 3], keys.len() % 2 == 1);
+                let (noise, two_tilings) = (NoiseKind::ALL[keys.len() % NoiseKind::ALL.len()], keys.len() % 2 == 1);
                 keys.push(PipelineKey { kernel, estimator, noise, two_tilings, diagnostics });
             }
         }

@@ -13,19 +13,19 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 // ---------------------------------------------------------------- tools
 
 /// SplitMix64 (Steele et al. 2014): not the generator under test.
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    fn word(&mut self) -> u64 {
+    pub(crate) fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ (z >> 31)
     }
-    fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         (self.word() >> 11) as f64 / 9_007_199_254_740_992.0
     }
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
     fn below(&mut self, n: usize) -> usize {
@@ -40,7 +40,7 @@ impl Random {
 }
 
 /// Level of each of `tests` so that the family is at 0.1 %.
-fn sidak(tests: usize) -> f64 {
+pub(crate) fn sidak(tests: usize) -> f64 {
     1.0 - 0.999_f64.powf(1.0 / tests as f64)
 }
 
@@ -55,7 +55,7 @@ fn goodness_p(counts: &[f64], expected: &[f64], fixed: usize) -> f64 {
 }
 
 /// H0: the samples are uniform in [0, 1). Chi-square over 64 bins.
-fn uniform_bins_p(samples: &[f64]) -> f64 {
+pub(crate) fn uniform_bins_p(samples: &[f64]) -> f64 {
     let mut counts = [0.0; 64];
     for x in samples {
         counts[(x * 64.0) as usize] += 1.0;
@@ -64,7 +64,7 @@ fn uniform_bins_p(samples: &[f64]) -> f64 {
 }
 
 /// H0: the samples are uniform in [0, 1). Kolmogorov-Smirnov, asymptotic with Stephens' correction.
-fn uniform_ks_p(samples: &[f64]) -> f64 {
+pub(crate) fn uniform_ks_p(samples: &[f64]) -> f64 {
     let mut sorted = samples.to_vec();
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len() as f64;
@@ -75,7 +75,7 @@ fn uniform_ks_p(samples: &[f64]) -> f64 {
 }
 
 /// H0: the two are independent. Chi-square over an 8 x 8 table of equal cells.
-fn independent_p(pairs: &[(f64, f64)]) -> f64 {
+pub(crate) fn independent_p(pairs: &[(f64, f64)]) -> f64 {
     let mut counts = [0.0; 64];
     for (a, b) in pairs {
         counts[(a * 8.0) as usize * 8 + (b * 8.0) as usize] += 1.0;
@@ -85,7 +85,7 @@ fn independent_p(pairs: &[(f64, f64)]) -> f64 {
 }
 
 /// H0: the two uniform variables do not correlate. Two-sided normal test.
-fn uncorrelated_p(pairs: &[(f64, f64)]) -> f64 {
+pub(crate) fn uncorrelated_p(pairs: &[(f64, f64)]) -> f64 {
     let sum: f64 = pairs.iter().map(|(a, b)| (a - 0.5) * (b - 0.5)).sum();
     let z = sum * 12.0 / (pairs.len() as f64).sqrt();
     2.0 * Normal::standard().cdf(-z.abs())
@@ -438,12 +438,12 @@ fn noise_kinds_have_names_and_codes() {
         assert_eq!(kind.code() as usize, i);
         assert_eq!(kind.to_string().parse(), Ok(kind));
     }
-    let error = "blue".parse::<NoiseKind>().expect_err("not a kind").to_string();
-    assert!(error.contains("blue") && NoiseKind::ALL.iter().all(|k| error.contains(k.name())), "{error}");
+    let error = "pink".parse::<NoiseKind>().expect_err("not a kind").to_string();
+    assert!(error.contains("pink") && NoiseKind::ALL.iter().all(|k| error.contains(k.name())), "{error}");
     let point = random_point(&mut Random(3), 0);
-    assert_eq!(noise::thresholds(NoiseKind::HashedIsotropic, &point, [1, 2], 3, 4, 5), noise::hashed_isotropic(&point, 4, 5));
-    assert_eq!(noise::thresholds(NoiseKind::HashedAnisotropic, &point, [1, 2], 3, 4, 5), noise::hashed_anisotropic(&point, 4, 5));
-    assert_eq!(noise::thresholds::<f64>(NoiseKind::WhiteScreen, &point, [1, 2], 3, 4, 5), noise::white_screen::<f64>([1, 2], 3, 4, 5));
+    assert_eq!(noise::thresholds(NoiseKind::HashedIsotropic, &point, 4, [1, 2], 3, 4, 5), noise::hashed_isotropic(&point, 4, 5));
+    assert_eq!(noise::thresholds(NoiseKind::HashedAnisotropic, &point, 4, [1, 2], 3, 4, 5), noise::hashed_anisotropic(&point, 4, 5));
+    assert_eq!(noise::thresholds::<f64>(NoiseKind::WhiteScreen, &point, 4, [1, 2], 3, 4, 5), noise::white_screen::<f64>([1, 2], 3, 4, 5));
 }
 
 #[test]
@@ -1149,7 +1149,7 @@ fn extremes<T: Real>() {
 
         let point = HashedPoint { sector: [m, n], position: v3, sector_m: a, ddx: w3, ddy: [b, c, d], hash_scale: v4[0] };
         for kind in NoiseKind::ALL {
-            within("noise", &noise::thresholds(kind, &point, [word, word], word, word, word), 0.0, noise::BELOW_ONE);
+            within("noise", &noise::thresholds(kind, &point, m, [word, word], word, word, word), 0.0, noise::BELOW_ONE);
         }
         within("correct", &[noise::correct(a, b)], 0.0, noise::BELOW_ONE);
         within("encode", &octahedral::encode(v3), -1.0, 1.0);

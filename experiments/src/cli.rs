@@ -186,7 +186,7 @@ pub(crate) struct RenderArgs {
     /// `fc5` = the stochastic flavours of Far Cry 5; `exact` = their mean
     #[arg(long, value_enum, default_value_t = EstimatorArg::Fc5)]
     pub(crate) estimator: EstimatorArg,
-    /// Source of the random numbers: hashed, hashed-anisotropic or white
+    /// Source of the random numbers: hashed, hashed-anisotropic, white, world, ign, blue or stbn
     #[arg(long, value_name = "KIND", default_value_t = NoiseKind::HashedIsotropic, value_parser = noise)]
     pub(crate) noise: NoiseKind,
     /// Seed of the random numbers

@@ -22,7 +22,7 @@ use crate::quadtree;
 use crate::scene::{self, Blend, Requirements, Scene};
 use crate::shading::{self, Estimator, Kernel, PipelineKey, Shading};
 use crate::shared::flavour_weights::FlavourParams;
-use crate::shared::noise::NoiseKind;
+use crate::shared::noise::{self, NoiseKind};
 use crate::streaming::Streaming;
 use crate::temporal::{Resolve, SamplePattern};
 use crate::terrain::{Terrain, palette_means};
@@ -64,7 +64,7 @@ pub struct FrameUniforms {
     pub sun_direction: [f32; 3],
     pub taps: u32,
     pub sun_irradiance: [f32; 3],
-    pub pad_2: f32,
+    pub noise_world_level: i32,
     pub sky_zenith: [f32; 3],
     pub sample_pattern: u32,
     pub sky_horizon: [f32; 3],
@@ -645,7 +645,7 @@ impl<'a> Renderer<'a> {
             sun_direction: f(sun_direction),
             taps: 4,
             sun_irradiance: sun.irradiance.map(|v| v as f32),
-            pad_2: 0.0,
+            noise_world_level: noise::WORLD_LEVEL,
             sky_zenith: sky.zenith.map(|v| v as f32),
             sample_pattern: request.sample_pattern.code(),
             sky_horizon: sky.horizon.map(|v| v as f32),

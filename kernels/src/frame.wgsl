@@ -28,7 +28,7 @@ struct Frame {
     sun_direction: vec3<f32>,   // towards the sun
     taps: u32,                  // 4: splat texels around a point, see terrain.wgsl
     sun_irradiance: vec3<f32>,  // on a surface facing it
-    pad_2: f32,
+    noise_world_level: i32,     // log2 of cells per metre of world-space white noise
     sky_zenith: vec3<f32>,      // radiance
     sample_pattern: u32,        // where in its pixel a frame is sampled: 0 = centre, 1 = left edge, 2 = top edge, see footprint.wgsl
     sky_horizon: vec3<f32>,     // radiance

@@ -9,12 +9,16 @@ use serde::Serialize;
 use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu};
 use crate::scene::nearest;
-use crate::shared::noise::{HashedPoint, hashed_anisotropic, hashed_isotropic};
+use crate::shared::blue_noise::{RANKS, SLICES};
+use crate::shared::noise::{self, HashedPoint, NoiseKind, hashed_anisotropic, hashed_isotropic};
 use crate::shared::real::{Real, add, scale};
 use crate::shared::{derivatives, octahedral, select, splat_blend, triplanar};
 
 /// Whole numbers travel as f32, which holds them exactly up to this magnitude.
 const EXACT: i32 = 1 << 24;
+
+/// Last place of [`crate::shared::blue_noise::ranks`].
+const MASK_PLACES: i32 = (RANKS * (1 + SLICES)).cast_signed() - 1;
 
 /// Rows given to the GPU in one go: bounds its buffers.
 const GPU_ROWS: usize = 1 << 20;
@@ -187,15 +191,82 @@ fn probe(row: array<f32, 16>) -> array<f32, 4> {
         vec3<f32>(row[7], row[8], row[9]),
         vec3<f32>(row[10], row[11], row[12]),
         row[13],
+        0,
         vec2<u32>(0u, 0u),
         0u,
         u32(row[14]),
         u32(row[15]),
+        vec4<u32>(0u),
     );
     return array<f32, 4>(u.x, u.y, u.z, u.w);
 }",
         single: hashed_alpha_row,
         double: hashed_alpha_row,
+    },
+    Probe {
+        name: "noise",
+        about: "Thresholds of the kinds of noise that are not hashed alpha, and which ranks of the masks they take",
+        inputs: &[
+            Column::whole("kind", "2 = white, 3 = world, 4 = ign, 5 = blue, 6 = stbn", 2, 6),
+            Column::whole("sector_x", "sectors east of the south-west corner", -EXACT, EXACT),
+            Column::whole("sector_y", "sectors north of the south-west corner", -EXACT, EXACT),
+            real("x", "m east in the sector"),
+            real("y", "m north in the sector"),
+            real("z", "m, elevation"),
+            real("sector_m", "m, a power of two in 32..=16384"),
+            Column::whole("world_level", "log2 of cells per metre", -EXACT, EXACT),
+            Column::whole("pixel_x", "column", 0, EXACT),
+            Column::whole("pixel_y", "row", 0, EXACT),
+            Column::whole("frame", "index", 0, EXACT),
+            Column::whole("seed", "seed", 0, EXACT),
+            Column::whole("salt", "number of the decision", 0, EXACT),
+            Column::whole("rank_0", "what stands at index_0; of use to blue and stbn", 0, EXACT),
+            Column::whole("rank_1", "what stands at index_1", 0, EXACT),
+            Column::whole("rank_2", "what stands at index_2", 0, EXACT),
+            Column::whole("rank_3", "what stands at index_3", 0, EXACT),
+        ],
+        outputs: &[
+            Column::whole("index_0", "place of the rank in the masks", 0, MASK_PLACES),
+            Column::whole("index_1", "place", 0, MASK_PLACES),
+            Column::whole("index_2", "place", 0, MASK_PLACES),
+            Column::whole("index_3", "place", 0, MASK_PLACES),
+            real("u_0", "0..1"),
+            real("u_1", "0..1"),
+            real("u_2", "0..1"),
+            real("u_3", "0..1"),
+        ],
+        wgsl: "\
+fn probe(row: array<f32, 17>) -> array<f32, 8> {
+    let kind = u32(row[0]);
+    let pixel = vec2<u32>(u32(row[8]), u32(row[9]));
+    let frame = u32(row[10]);
+    let seed = u32(row[11]);
+    let salt = u32(row[12]);
+    let u = noise_thresholds(
+        kind,
+        vec2<i32>(i32(row[1]), i32(row[2])),
+        vec3<f32>(row[3], row[4], row[5]),
+        row[6],
+        vec3<f32>(0.0),
+        vec3<f32>(0.0),
+        1.0,
+        i32(row[7]),
+        pixel,
+        frame,
+        seed,
+        salt,
+        vec4<u32>(u32(row[13]), u32(row[14]), u32(row[15]), u32(row[16])),
+    );
+    return array<f32, 8>(
+        f32(noise_rank_index(kind, pixel, frame, seed, salt, 0u)),
+        f32(noise_rank_index(kind, pixel, frame, seed, salt, 1u)),
+        f32(noise_rank_index(kind, pixel, frame, seed, salt, 2u)),
+        f32(noise_rank_index(kind, pixel, frame, seed, salt, 3u)),
+        u.x, u.y, u.z, u.w,
+    );
+}",
+        single: noise_row,
+        double: noise_row,
     },
     Probe {
         name: "derivatives",
@@ -327,6 +398,29 @@ fn hashed_alpha_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     };
     let [seed, salt] = take::<T, 2>(row, 14).map(|v| v.to_f64() as u32);
     out.extend(if row[0] < T::one() { hashed_isotropic(&point, seed, salt) } else { hashed_anisotropic(&point, seed, salt) });
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
+fn noise_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let zero = T::zero();
+    let point = HashedPoint {
+        sector: take::<T, 2>(row, 1).map(|v| v.to_f64() as i32),
+        position: take(row, 3),
+        sector_m: row[6],
+        ddx: [zero; 3],
+        ddy: [zero; 3],
+        hash_scale: T::one(),
+    };
+    let kind = NoiseKind::ALL[row[0].to_f64() as usize];
+    let level = row[7].to_f64() as i32;
+    let [x, y, frame, seed, salt] = take::<T, 5>(row, 8).map(|v| v.to_f64() as u32);
+    let ranks = take::<T, 4>(row, 13).map(|v| v.to_f64() as u32);
+    out.extend([0, 1, 2, 3].map(|decision| T::of(f64::from(noise::rank_index(kind, [x, y], frame, seed, salt, decision)))));
+    out.extend(if kind.needs_mask() {
+        noise::mask(kind, [x, y], frame, seed, salt, ranks)
+    } else {
+        noise::thresholds(kind, &point, level, [x, y], frame, seed, salt)
+    });
 }
 
 fn derivatives_row<T: Real>(row: &[T], out: &mut Vec<T>) {

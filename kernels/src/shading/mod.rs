@@ -15,6 +15,7 @@ use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Shader, Timer, constants};
 use crate::shared;
+use crate::shared::blue_noise;
 use crate::shared::noise::NoiseKind;
 use crate::terrain::{self, Terrain};
 use crate::variant::{Flavour, Variant};
@@ -159,6 +160,8 @@ pub struct Shading {
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: HashMap<PipelineKey, wgpu::RenderPipeline>,
     colour_modulation: bool,
+    /// [`blue_noise::ranks`] once a pipeline wants them; a few zeros before.
+    noise_ranks: wgpu::Buffer,
 }
 
 /// The files of the stage's shader module.
@@ -192,6 +195,7 @@ impl Shading {
                 Binding::Texture(ARRAY),
                 Binding::Texture(ARRAY),
                 Binding::Sampler,
+                Binding::Storage,
             ],
         );
         Ok(Shading {
@@ -200,6 +204,7 @@ impl Shading {
             layout,
             pipelines: HashMap::new(),
             colour_modulation,
+            noise_ranks: gpu.buffer_with("noise ranks, unused", wgpu::BufferUsages::STORAGE, &[0; 16]),
         })
     }
 
@@ -207,6 +212,9 @@ impl Shading {
     pub fn warm(&mut self, gpu: &Gpu, key: PipelineKey) -> bool {
         if self.pipelines.contains_key(&key) {
             return false;
+        }
+        if key.noise.needs_mask() && !self.pipelines.keys().any(|k| k.noise.needs_mask()) {
+            self.noise_ranks = gpu.buffer_with("noise ranks", wgpu::BufferUsages::STORAGE, bytemuck::cast_slice(blue_noise::ranks()));
         }
         let overrides = key.overrides(self.colour_modulation);
         let mut targets = vec![Some(FORMAT.into()), Some(FORMAT.into())];
@@ -275,6 +283,7 @@ impl Shading {
                 texture(&page_views[2]),
                 texture(&page_views[3]),
                 wgpu::BindingResource::Sampler(&pages.sampler),
+                self.noise_ranks.as_entire_binding(),
             ],
         );
         let clear = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };

@@ -18,6 +18,7 @@ override TWO_TILINGS: bool = false;
 @group(2) @binding(5) var page_properties: texture_2d_array<f32>;
 @group(2) @binding(6) var page_normal: texture_2d_array<f32>;
 @group(2) @binding(7) var page_sampler: sampler;
+@group(2) @binding(8) var<storage, read> noise_ranks: array<u32>;
 
 const FLAVOUR_VT: u32 = 0u;
 const FLAVOUR_FAR_ATLAS: u32 = 1u;
@@ -88,8 +89,15 @@ fn shade_far_atlas(pixel: Pixel) -> FarAtlas {
 
 fn shade_noise(pixel: Pixel, salt: u32) -> vec4<f32> {
     let f = pixel.footprint;
+    var ranks = vec4<u32>(0u);
+    if noise_needs_mask(NOISE) {
+        for (var i = 0u; i < 4u; i++) {
+            ranks[i] = noise_ranks[noise_rank_index(NOISE, pixel.index, frame.frame, frame.seed, salt, i)];
+        }
+    }
     return noise_thresholds(
-        NOISE, f.place.sector, f.place.position, frame.sector_m, f.ddx, f.ddy, frame.hash_scale, pixel.index, frame.frame, frame.seed, salt,
+        NOISE, f.place.sector, f.place.position, frame.sector_m, f.ddx, f.ddy, frame.hash_scale, frame.noise_world_level,
+        pixel.index, frame.frame, frame.seed, salt, ranks,
     );
 }
 

@@ -5,6 +5,7 @@
 //! truth, f32 the yardstick for the shader's error. `hash::pcg4d` here is `hash_pcg4d` there, and so on.
 //! Nothing in either returns NaN or infinity, whatever it is given, unless its documentation says that it only moves numbers.
 
+pub mod blue_noise;
 pub mod brdf;
 pub mod derivatives;
 pub mod flavour_weights;

@@ -1,5 +1,9 @@
 //! Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
 //!
+//! Seven kinds: bound to the ground (hashed alpha in two forms, white noise of fixed cells) or to the screen (white noise, interleaved
+//! gradient noise, a blue-noise mask, a spatio-temporal one). Each is uniform over seeds, exactly; what they differ in is how
+//! neighbours and frames hang together.
+//!
 //! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) hashes the cell that holds the point. Cells are
 //! about as wide as a pixel; two neighbouring powers of two are blended, so that the scale follows the camera without a pop, and
 //! the blend's distribution function makes the result uniform again. Here cells are exact integers (sector index times
@@ -7,12 +11,18 @@
 //!
 //! The anisotropic kind jumps where one axis reaches a power of two while the others do not: its blend runs along a
 //! cube's diagonal (a limit of the published method).
+//!
+//! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a
+//! sawtooth along one direction: a rational lattice whose 3 x 3 neighbourhoods hold evenly spread values. Here in fixed point, where
+//! the products are exact. A shift by whole pixels moves all values by almost the same amount, so that two shifts of one lattice
+//! would be one random number; the four decisions therefore see it through four symmetries of the square. The published function
+//! alone is not uniform (52.98 is no whole number: values above 0.983 are 1.9 % too rare); a hashed rotation per decision mends that.
 
 use std::fmt;
 use std::str::FromStr;
 
 use super::real::{Real, length};
-use super::{bounded, hash, usable};
+use super::{blue_noise, bounded, hash, usable};
 
 /// Coarsest scale: log2 of cells per metre.
 pub const LEVEL_MIN: i32 = -5;
@@ -20,6 +30,17 @@ pub const LEVEL_MIN: i32 = -5;
 pub const LEVEL_MAX: i32 = 16;
 /// The largest threshold: 1 - 2^-24, the largest f32 below 1.
 pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
+
+/// Scale of the fixed cells, log2 of cells per metre, where nothing else is said: 6.25 cm.
+pub const WORLD_LEVEL: i32 = 4;
+/// Jimenez' numbers in units of 2^-32: the two slopes, 0.06711056 and 0.00583715 ...
+pub const IGN_SLOPES: [u32; 2] = [288_237_660, 25_070_368];
+/// ... what a step of 5.588238 pixels along both axes, a frame, adds ...
+pub const IGN_FRAME: u32 = 1_750_839_832;
+/// ... and the factor, 52.9829189, as whole ...
+pub const IGN_WHOLE: u32 = 52;
+/// ... and rest.
+pub const IGN_REST: u32 = 4_221_604_530;
 
 /// Where a threshold comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -30,18 +51,34 @@ pub enum NoiseKind {
     HashedAnisotropic,
     /// White noise of pixel and frame.
     WhiteScreen,
+    /// White noise of cells of a fixed size in the world.
+    WhiteWorld,
+    /// Interleaved gradient noise of pixel and frame.
+    InterleavedGradient,
+    /// A blue-noise mask over the screen, the same in every frame.
+    Blue,
+    /// A blue-noise mask that is blue along time, too: a slice a frame.
+    SpatioTemporalBlue,
 }
 
 /// Why a text is not a kind of noise.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{given}` is not a kind of noise: give one of hashed, hashed-anisotropic, white")]
+#[error("`{given}` is not a kind of noise: give one of {}", NoiseKind::ALL.map(NoiseKind::name).join(", "))]
 pub struct NotANoise {
     given: String,
 }
 
 impl NoiseKind {
     /// Every kind, in the order of its code.
-    pub const ALL: [NoiseKind; 3] = [NoiseKind::HashedIsotropic, NoiseKind::HashedAnisotropic, NoiseKind::WhiteScreen];
+    pub const ALL: [NoiseKind; 7] = [
+        NoiseKind::HashedIsotropic,
+        NoiseKind::HashedAnisotropic,
+        NoiseKind::WhiteScreen,
+        NoiseKind::WhiteWorld,
+        NoiseKind::InterleavedGradient,
+        NoiseKind::Blue,
+        NoiseKind::SpatioTemporalBlue,
+    ];
 
     /// The kind's number in shaders.
     pub const fn code(self) -> u32 {
@@ -49,6 +86,10 @@ impl NoiseKind {
             NoiseKind::HashedIsotropic => 0,
             NoiseKind::HashedAnisotropic => 1,
             NoiseKind::WhiteScreen => 2,
+            NoiseKind::WhiteWorld => 3,
+            NoiseKind::InterleavedGradient => 4,
+            NoiseKind::Blue => 5,
+            NoiseKind::SpatioTemporalBlue => 6,
         }
     }
 
@@ -58,7 +99,21 @@ impl NoiseKind {
             NoiseKind::HashedIsotropic => "hashed",
             NoiseKind::HashedAnisotropic => "hashed-anisotropic",
             NoiseKind::WhiteScreen => "white",
+            NoiseKind::WhiteWorld => "world",
+            NoiseKind::InterleavedGradient => "ign",
+            NoiseKind::Blue => "blue",
+            NoiseKind::SpatioTemporalBlue => "stbn",
         }
+    }
+
+    /// Whether the thresholds come from [`blue_noise::ranks`]: `noise_needs_mask`.
+    pub const fn needs_mask(self) -> bool {
+        matches!(self, NoiseKind::Blue | NoiseKind::SpatioTemporalBlue)
+    }
+
+    /// Whether a camera that stands still sees the thresholds change with the frame.
+    pub const fn is_per_frame(self) -> bool {
+        matches!(self, NoiseKind::WhiteScreen | NoiseKind::InterleavedGradient | NoiseKind::SpatioTemporalBlue)
     }
 }
 
@@ -174,12 +229,76 @@ pub fn white_screen<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) 
     hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 0)]).map(hash::to_unit)
 }
 
-/// The thresholds of this kind, of a point seen in a pixel of a frame: `noise_thresholds`.
-pub fn thresholds<T: Real>(kind: NoiseKind, point: &HashedPoint<T>, pixel: [u32; 2], frame: u32, seed: u32, salt: u32) -> [T; 4] {
+/// White noise of cells 2^-`level` m wide, `level` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]: `noise_white_world`.
+pub fn white_world<T: Real>(point: &HashedPoint<T>, level: i32, seed: u32, salt: u32) -> [T; 4] {
+    cell_units(point, [level.clamp(LEVEL_MIN, LEVEL_MAX); 3], seed, salt)
+}
+
+/// Interleaved gradient noise as published, of a pixel and frame, in units of 2^-32: `noise_interleaved_gradient_value`. Frames move
+/// the pixel by 5.588238 along both axes.
+pub fn interleaved_gradient_value(pixel: [u32; 2], frame: u32) -> u32 {
+    let inner =
+        pixel[0].wrapping_mul(IGN_SLOPES[0]).wrapping_add(pixel[1].wrapping_mul(IGN_SLOPES[1])).wrapping_add(frame.wrapping_mul(IGN_FRAME));
+    let [_, _, _, _, rest @ ..] = (u64::from(inner) * u64::from(IGN_REST)).to_le_bytes();
+    inner.wrapping_mul(IGN_WHOLE).wrapping_add(u32::from_le_bytes(rest))
+}
+
+/// Interleaved gradient noise, shifted by whole pixels and rotated for each decision: `noise_interleaved_gradient`.
+pub fn interleaved_gradient<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) -> [T; 4] {
+    [0, 1, 2, 3].map(|decision| {
+        let [right, down, rotation, _] = hash::pcg4d([seed, salt, decision, IGN_FRAME]);
+        let [x, y] = [pixel[0].wrapping_add(right), pixel[1].wrapping_add(down)];
+        let turned = [[x, y], [x, !y], [y, x], [y, !x]][decision as usize];
+        hash::to_unit(interleaved_gradient_value(turned, frame).wrapping_add(rotation))
+    })
+}
+
+/// Place in [`blue_noise::ranks`] of the rank that a decision (0..=3) of a pixel takes, shifted on the torus for each seed, salt and
+/// decision; 0 for kinds without a mask: `noise_rank_index`.
+pub fn rank_index(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, decision: u32) -> u32 {
+    const EDGE: u32 = blue_noise::EDGE;
+    let slice = match kind {
+        NoiseKind::Blue => 0,
+        NoiseKind::SpatioTemporalBlue => 1 + frame % blue_noise::SLICES,
+        _ => return 0,
+    };
+    let [right, down, _, _] = hash::pcg4d([seed, salt, decision, EDGE]);
+    let [x, y] = [pixel[0].wrapping_add(right) % EDGE, pixel[1].wrapping_add(down) % EDGE];
+    slice * blue_noise::RANKS + y * EDGE + x
+}
+
+/// (rank + hashed jitter) / ranks for four ranks, in 24 bits: `noise_mask`. The jitter is as fresh as the kind's ranks.
+pub fn mask<T: Real>(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, ranks: [u32; 4]) -> [T; 4] {
+    let frame = if kind.is_per_frame() { frame } else { 0 };
+    let jitter = hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 1)]);
+    std::array::from_fn(|i| {
+        let rank = ranks[i].min(blue_noise::RANKS - 1);
+        hash::to_unit(rank << 20 | jitter[i] >> 12)
+    })
+}
+
+/// The thresholds of this kind, of a point seen in a pixel of a frame: `noise_thresholds`, with the ranks that a shader's caller loads.
+/// `world_level` is for [`white_world`].
+pub fn thresholds<T: Real>(
+    kind: NoiseKind,
+    point: &HashedPoint<T>,
+    world_level: i32,
+    pixel: [u32; 2],
+    frame: u32,
+    seed: u32,
+    salt: u32,
+) -> [T; 4] {
     match kind {
         NoiseKind::HashedIsotropic => hashed_isotropic(point, seed, salt),
         NoiseKind::HashedAnisotropic => hashed_anisotropic(point, seed, salt),
         NoiseKind::WhiteScreen => white_screen(pixel, frame, seed, salt),
+        NoiseKind::WhiteWorld => white_world(point, world_level, seed, salt),
+        NoiseKind::InterleavedGradient => interleaved_gradient(pixel, frame, seed, salt),
+        NoiseKind::Blue | NoiseKind::SpatioTemporalBlue => {
+            let masks = blue_noise::ranks();
+            let ranks = [0, 1, 2, 3].map(|decision| masks[rank_index(kind, pixel, frame, seed, salt, decision) as usize]);
+            mask(kind, pixel, frame, seed, salt, ranks)
+        }
     }
 }
 

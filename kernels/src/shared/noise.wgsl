@@ -3,16 +3,34 @@
 // anisotropic), two discrete scales blended, and the CDF that makes the blend uniform again.
 // Cells are exact integers (sector index times cells per sector, plus cell in sector), so the noise is the
 // same 0 and 1000 km from the origin.
+// The other kinds: see noise.rs.
 
 const NOISE_HASHED_ISOTROPIC: u32 = 0u;
 const NOISE_HASHED_ANISOTROPIC: u32 = 1u;
 const NOISE_WHITE_SCREEN: u32 = 2u;
+const NOISE_WHITE_WORLD: u32 = 3u;
+const NOISE_INTERLEAVED_GRADIENT: u32 = 4u;
+const NOISE_BLUE: u32 = 5u;
+const NOISE_SPATIO_TEMPORAL_BLUE: u32 = 6u;
 
 // Scales are 2^k cells per metre. With sectors of 32 m or more, a sector is a whole number of cells for every k.
 const NOISE_LEVEL_MIN: f32 = -5.0;
 const NOISE_LEVEL_MAX: f32 = 16.0;
 // The largest f32 below 1.
 const NOISE_BELOW_ONE: f32 = 0.99999994;
+
+// The buffer of ranks: a blue mask, then the slices of the spatio-temporal one, each EDGE x EDGE, row by row.
+const NOISE_MASK_EDGE: u32 = 64u;
+const NOISE_MASK_RANKS: u32 = 4096u;
+const NOISE_MASK_SLICES: u32 = 16u;
+
+// Jimenez' interleaved gradient noise in units of 2^-32: the slopes 0.06711056 and 0.00583715, what a frame's step of 5.588238
+// pixels along both axes adds, and the factor 52.9829189 as whole and rest.
+const NOISE_IGN_SLOPE_X: u32 = 288237660u;
+const NOISE_IGN_SLOPE_Y: u32 = 25070368u;
+const NOISE_IGN_FRAME: u32 = 1750839832u;
+const NOISE_IGN_WHOLE: u32 = 52u;
+const NOISE_IGN_REST: u32 = 4221604530u;
 
 // The scale, log2(cells per metre), at which a cell is `footprint` metres wide. Finest where the footprint
 // is zero or not a number.
@@ -113,7 +131,66 @@ fn noise_white_screen(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec
     return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
 }
 
-// The noise of this kind; an unknown kind is white.
+// White noise of cells 2^-level m wide, bound to the ground.
+fn noise_white_world(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, level: i32, seed: u32, salt: u32) -> vec4<f32> {
+    let k = clamp(level, i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX));
+    return noise_cell_units(sector, position, sector_m, vec3<i32>(k), seed, salt);
+}
+
+// The high word of a product.
+fn noise_high_product(a: u32, b: u32) -> u32 {
+    let low = (a & 0xffffu) * (b & 0xffffu);
+    let middle = (a >> 16u) * (b & 0xffffu) + (low >> 16u);
+    let other = (a & 0xffffu) * (b >> 16u) + (middle & 0xffffu);
+    return (a >> 16u) * (b >> 16u) + (middle >> 16u) + (other >> 16u);
+}
+
+// Interleaved gradient noise as published, in units of 2^-32.
+fn noise_interleaved_gradient_value(pixel: vec2<u32>, frame: u32) -> u32 {
+    let inner = pixel.x * NOISE_IGN_SLOPE_X + pixel.y * NOISE_IGN_SLOPE_Y + frame * NOISE_IGN_FRAME;
+    return inner * NOISE_IGN_WHOLE + noise_high_product(inner, NOISE_IGN_REST);
+}
+
+// Shifted by whole pixels and rotated for each decision, which also has a symmetry of the square to itself: shifts of one and the
+// same lattice would be one random number for all.
+fn noise_interleaved_gradient(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec4<f32> {
+    var units: vec4<f32>;
+    for (var decision = 0u; decision < 4u; decision++) {
+        let h = hash_pcg4d(vec4<u32>(seed, salt, decision, NOISE_IGN_FRAME));
+        let shifted = pixel + h.xy;
+        var turned = select(shifted, shifted.yx, decision >= 2u);
+        turned.y = select(turned.y, ~turned.y, (decision & 1u) != 0u);
+        units[decision] = hash_to_unit(noise_interleaved_gradient_value(turned, frame) + h.z);
+    }
+    return units;
+}
+
+// Whether the caller has to load ranks.
+fn noise_needs_mask(kind: u32) -> bool {
+    return kind == NOISE_BLUE || kind == NOISE_SPATIO_TEMPORAL_BLUE;
+}
+
+// Which rank of the buffer a decision, 0..3, takes: shifted on the torus for each seed, salt and decision, which keeps the
+// spectrum. 0 for kinds without a mask.
+fn noise_rank_index(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, decision: u32) -> u32 {
+    if !noise_needs_mask(kind) {
+        return 0u;
+    }
+    let slice = select(0u, 1u + frame % NOISE_MASK_SLICES, kind == NOISE_SPATIO_TEMPORAL_BLUE);
+    let shifted = (pixel + hash_pcg4d(vec4<u32>(seed, salt, decision, NOISE_MASK_EDGE)).xy) % vec2<u32>(NOISE_MASK_EDGE);
+    return slice * NOISE_MASK_RANKS + shifted.y * NOISE_MASK_EDGE + shifted.x;
+}
+
+// (rank + hashed jitter) / ranks: 12 bits of each. The jitter is as fresh as the kind's ranks.
+fn noise_mask(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, ranks: vec4<u32>) -> vec4<f32> {
+    let fresh = select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE);
+    let jitter = hash_pcg4d(vec4<u32>(pixel, fresh, hash_mix(seed, salt, 1u)));
+    let u = (min(ranks, vec4<u32>(NOISE_MASK_RANKS - 1u)) << vec4<u32>(20u)) | (jitter >> vec4<u32>(12u));
+    return vec4<f32>(hash_to_unit(u.x), hash_to_unit(u.y), hash_to_unit(u.z), hash_to_unit(u.w));
+}
+
+// The noise of this kind; an unknown kind is white. `world_level`: log2 of cells per metre of the fixed cells; `ranks`: what
+// noise_rank_index says for decisions 0 to 3, anything for kinds without a mask.
 fn noise_thresholds(
     kind: u32,
     sector: vec2<i32>,
@@ -122,16 +199,27 @@ fn noise_thresholds(
     ddx: vec3<f32>,
     ddy: vec3<f32>,
     hash_scale: f32,
+    world_level: i32,
     pixel: vec2<u32>,
     frame: u32,
     seed: u32,
     salt: u32,
+    ranks: vec4<u32>,
 ) -> vec4<f32> {
     if kind == NOISE_HASHED_ISOTROPIC {
         return noise_hashed_isotropic(sector, position, sector_m, ddx, ddy, hash_scale, seed, salt);
     }
     if kind == NOISE_HASHED_ANISOTROPIC {
         return noise_hashed_anisotropic(sector, position, sector_m, ddx, ddy, hash_scale, seed, salt);
+    }
+    if kind == NOISE_WHITE_WORLD {
+        return noise_white_world(sector, position, sector_m, world_level, seed, salt);
+    }
+    if kind == NOISE_INTERLEAVED_GRADIENT {
+        return noise_interleaved_gradient(pixel, frame, seed, salt);
+    }
+    if noise_needs_mask(kind) {
+        return noise_mask(kind, pixel, frame, seed, salt, ranks);
     }
     return noise_white_screen(pixel, frame, seed, salt);
 }

@@ -1,0 +1,186 @@
+//! Blue-noise masks: thresholds whose error, seen from afar, cancels among neighbours.
+//!
+//! Void and cluster (Ulichney, *The void-and-cluster method for dither array generation*, SPIE 1913, 1993) puts points one by one
+//! where the others' Gaussian energy is least; the order is the rank. The spatio-temporal mask (Wolfe, Morrical, Akenine-Möller,
+//! Ramamoorthi, *Spatiotemporal Blue Noise Masks*, EGSR 2022) is the same in a volume whose energy between two points is the
+//! spatial Gaussian where they share a slice, the temporal one where they share a pixel, and none elsewhere.
+//!
+//! Made at run time, in integers: tables of 24 bits, hashed starts and explicit ties, so that every machine has the same masks.
+//! A spatio-temporal slice is ranked anew within itself: each slice holds every rank once, in the volume's order.
+
+use std::sync::OnceLock;
+
+use super::hash;
+
+/// Edge of a mask, pixels: masks repeat after it.
+pub const EDGE: u32 = 64;
+/// Slices of the spatio-temporal mask, frames: it repeats after them.
+pub const SLICES: u32 = 16;
+/// Ranks of a mask or slice, each of 0..this once.
+pub const RANKS: u32 = EDGE * EDGE;
+
+const SIDE: usize = EDGE as usize;
+const AREA: usize = SIDE * SIDE;
+/// Standard deviation of both Gaussians, pixels and frames: that of Wolfe et al.
+const SIGMA: f64 = 1.9;
+/// Where the spatial Gaussian ends, pixels: 4.2 standard deviations, where it is 1.4e-4.
+const REACH: usize = 8;
+/// Energy of a point upon itself. 27 of it, the most that a full volume adds up to, fit 32 bits.
+const UNIT: f64 = 16_777_216.0;
+/// Part of the points that the first pattern holds (Ulichney: a tenth or so; fewer than half).
+const FIRST_PART: usize = 10;
+const SEED: u32 = 0x0b1e;
+
+/// Ranks of the blue mask, then those of the spatio-temporal mask's slices: each EDGE x EDGE, row by row. Made once, in about a
+/// tenth of a second.
+pub fn ranks() -> &'static [u32] {
+    static MASKS: OnceLock<Vec<u32>> = OnceLock::new();
+    MASKS.get_or_init(|| {
+        let mut all = void_and_cluster(1, SEED);
+        let volume = void_and_cluster(SLICES as usize, SEED + 1);
+        all.extend(volume.chunks(AREA).flat_map(ranked_anew));
+        all
+    })
+}
+
+/// The order of the values of a slice: distinct values in, 0..their number out.
+fn ranked_anew(slice: &[u32]) -> Vec<u32> {
+    let mut order: Vec<usize> = (0..slice.len()).collect();
+    order.sort_unstable_by_key(|&i| slice[i]);
+    let mut ranks = vec![0; slice.len()];
+    for (rank, i) in (0..).zip(order) {
+        ranks[i] = rank;
+    }
+    ranks
+}
+
+/// Ranks of a torus of `slices` x 64 x 64 points, each of 0..their number once.
+fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
+    let mut torus = Torus::new(slices, seed);
+    let points = slices * AREA;
+    let mut start: Vec<(u32, usize)> = (0..).zip(0..points).map(|(word, i)| (hash::mix(seed, word, 1), i)).collect();
+    start.sort_unstable();
+    let first = points / FIRST_PART;
+    for &(_, i) in &start[..first] {
+        torus.turn(i);
+    }
+    // Moves points from clusters to voids for as long as that lowers the energy, which it cannot do for ever.
+    loop {
+        let cluster = torus.tightest_cluster();
+        torus.turn(cluster);
+        let void = torus.largest_void();
+        if torus.energy[void] >= torus.energy[cluster] {
+            torus.turn(cluster);
+            break;
+        }
+        torus.turn(void);
+    }
+    let mut ranks = vec![0; points];
+    let mut taken = Vec::with_capacity(first);
+    for rank in (0..first).rev() {
+        let i = torus.tightest_cluster();
+        torus.turn(i);
+        ranks[i] = rank;
+        taken.push(i);
+    }
+    for i in taken {
+        torus.turn(i);
+    }
+    // Ulichney's last two phases are one: the tightest cluster of free points is the largest void, since all energies sum to the same.
+    for rank in first..points {
+        let i = torus.largest_void();
+        torus.turn(i);
+        ranks[i] = rank;
+    }
+    ranks.into_iter().map(|rank| u32::try_from(rank).expect("65 536 points at most")).collect()
+}
+
+/// A pattern of points and the energy that they put everywhere.
+struct Torus {
+    slices: usize,
+    /// Slice by slice, row by row.
+    energy: Vec<u32>,
+    /// All ones where there is a point, zero elsewhere.
+    set: Vec<u32>,
+    /// For each row: the least energy of its free places, and the least of the complements of its points' energies.
+    rows: [Vec<u32>; 2],
+    /// Spatial energy by distance in rows, then by distance in columns modulo 64, twice over, so that 64 in a row begin anywhere.
+    space: [[u32; 2 * SIDE]; REACH + 1],
+    /// Temporal energy by distance in slices modulo their number; the point's own slice is left to `space`.
+    time: Vec<u32>,
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 2^24")]
+fn gaussian(square: usize) -> u32 {
+    (UNIT * (-(square as f64) / (2.0 * SIGMA * SIGMA)).exp()).round() as u32
+}
+
+impl Torus {
+    fn new(slices: usize, seed: u32) -> Torus {
+        let around = |distance: usize, size: usize| (distance % size).min(size - distance % size);
+        let weight = |row: usize, column: usize| if row.max(column) <= REACH { gaussian(row * row + column * column) } else { 0 };
+        let mut torus = Torus {
+            slices,
+            // Ties in energy are broken by a hash, 16 bits below a point's energy; ties in that by the lower index.
+            energy: (0..).take(slices * AREA).map(|i| hash::mix(seed, i, 0) & 255).collect(),
+            set: vec![0; slices * AREA],
+            rows: [vec![0; slices * SIDE], vec![0; slices * SIDE]],
+            space: std::array::from_fn(|row| std::array::from_fn(|column| weight(row, around(column, SIDE)))),
+            time: (0..slices).map(|slice| if slice == 0 { 0 } else { gaussian(around(slice, slices).pow(2)) }).collect(),
+        };
+        for row in 0..slices * SIDE {
+            torus.look_at(row);
+        }
+        torus
+    }
+
+    /// Finds a row's extremes.
+    fn look_at(&mut self, row: usize) {
+        let range = row * SIDE..(row + 1) * SIDE;
+        let (mut void, mut cluster) = (u32::MAX, u32::MAX);
+        for (&energy, &set) in self.energy[range.clone()].iter().zip(&self.set[range]) {
+            void = void.min(energy | set);
+            cluster = cluster.min(!(energy & set));
+        }
+        self.rows[0][row] = void;
+        self.rows[1][row] = cluster;
+    }
+
+    /// Sets a point where there is none, takes it away where there is one.
+    fn turn(&mut self, point: usize) {
+        let on = self.set[point] == 0;
+        self.set[point] = !self.set[point];
+        let (slice, y, x) = (point / AREA, point / SIDE % SIDE, point % SIDE);
+        let add = |energy: &mut u32, by: u32| *energy = if on { *energy + by } else { *energy - by };
+        for step in 0..=2 * REACH {
+            let row = slice * SIDE + (y + SIDE + step - REACH) % SIDE;
+            let weights = &self.space[step.abs_diff(REACH)][SIDE - x..];
+            for (energy, &by) in self.energy[row * SIDE..(row + 1) * SIDE].iter_mut().zip(weights) {
+                add(energy, by);
+            }
+            self.look_at(row);
+        }
+        for step in 1..self.slices {
+            let other = (slice + step) % self.slices * SIDE + y;
+            add(&mut self.energy[other * SIDE + x], self.time[step]);
+            self.look_at(other);
+        }
+    }
+
+    /// The free place of least energy; the first of several.
+    fn largest_void(&self) -> usize {
+        self.place(0, |energy, set| energy | set)
+    }
+
+    /// The point of most energy; the first of several.
+    fn tightest_cluster(&self) -> usize {
+        self.place(1, |energy, set| !(energy & set))
+    }
+
+    fn place(&self, of: usize, key: impl Fn(u32, u32) -> u32) -> usize {
+        let rows = &self.rows[of];
+        let least = rows.iter().copied().min().expect("a torus has rows");
+        let row = rows.iter().position(|&k| k == least).expect("the least is one of them");
+        (row * SIDE..(row + 1) * SIDE).find(|&i| key(self.energy[i], self.set[i]) == least).expect("the row holds its least")
+    }
+}

@@ -1,0 +1,535 @@
+//! The seven kinds of noise: uniform, independent where independence is claimed, and each with the arrangement it is named for.
+//!
+//! Statistics have fixed seeds; each family of N tests is held to 0.1 % in all (each to 1 - 0.999^(1/N), Sidak), and beside each
+//! stands a mutant that it must reject. How hashed cells follow scale and place is tested in `shared`, bits of the shader in `agreement`.
+
+use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::picture::AovSet;
+use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};
+use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
+use kernels::shared::{hash, select};
+use kernels::variant::{Flavour, Variant};
+use statrs::distribution::{Binomial, DiscreteCDF};
+
+use crate::frame::{renderer, request};
+use crate::layouts::constants;
+use crate::shared::{Random, independent_p, sidak, uncorrelated_p, uniform_bins_p, uniform_ks_p};
+
+/// Samples of a statistic: all pixels of five masks' area.
+const SAMPLES: u32 = 5 * RANKS;
+
+/// The ground seen in a pixel: 20 cm further per pixel, seen as 5 cm wide, so that cells of every kind hold one pixel at most.
+fn ground([x, y]: [u32; 2]) -> HashedPoint<f64> {
+    HashedPoint {
+        sector: [15_625, -3],
+        position: [f64::from(x) * 0.2 + 0.01, f64::from(y) * 0.2 + 0.01, 1234.5],
+        sector_m: 1024.0,
+        ddx: [0.05, 0.0, 0.0],
+        ddy: [0.0, 0.05, 0.0],
+        hash_scale: 1.0,
+    }
+}
+
+fn thresholds(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32) -> [f64; 4] {
+    noise::thresholds(kind, &ground(pixel), WORLD_LEVEL, pixel, frame, seed, salt)
+}
+
+/// A pixel and frame, drawn at random.
+fn somewhere(i: u32) -> ([u32; 2], u32) {
+    let mut random = Random(u64::from(i) << 20);
+    let mut below = |n: f64| random.between(0.0, n) as u32;
+    ([below(1920.0), below(1080.0)], below(1000.0))
+}
+
+/// One pixel of one frame after another, each with a seed of its own.
+fn over_seeds(kind: NoiseKind) -> Vec<[f64; 4]> {
+    let sample = |i: u32| {
+        let (pixel, frame) = somewhere(i);
+        thresholds(kind, pixel, frame, i, 3)
+    };
+    (0..SAMPLES).map(sample).collect()
+}
+
+/// A mask's area, pixel by pixel, in a frame, by a seed.
+fn picture(kind: NoiseKind, frame: u32, seed: u32) -> Vec<[f64; 4]> {
+    (0..RANKS).map(|i| thresholds(kind, [i % EDGE, i / EDGE], frame, seed, 3)).collect()
+}
+
+/// All pixels of a few pictures.
+fn over_pixels(kind: NoiseKind) -> Vec<[f64; 4]> {
+    (0..SAMPLES / RANKS).flat_map(|i| picture(kind, 7 * i, 100 + i)).collect()
+}
+
+type Sampler = fn(NoiseKind) -> Vec<[f64; 4]>;
+const SAMPLERS: [(&str, Sampler); 2] = [("seeds", over_seeds), ("pixels", over_pixels)];
+
+fn column(samples: &[[f64; 4]], i: usize) -> Vec<f64> {
+    samples.iter().map(|s| s[i]).collect()
+}
+
+fn pairs(samples: &[[f64; 4]], i: usize, j: usize) -> Vec<(f64, f64)> {
+    samples.iter().map(|s| (s[i], s[j])).collect()
+}
+
+#[test]
+fn thresholds_of_every_kind_are_uniform() {
+    // 7 kinds x 2 samples x 4 thresholds x 2 tests.
+    let level = sidak(112);
+    for kind in NoiseKind::ALL {
+        for (over, sampler) in SAMPLERS {
+            let samples = sampler(kind);
+            assert!(samples.iter().flatten().all(|u| (0.0..1.0).contains(u)));
+            for i in 0..4 {
+                let u = column(&samples, i);
+                let (bins, ks) = (uniform_bins_p(&u), uniform_ks_p(&u));
+                assert!(bins > level && ks > level, "{kind} over {over}, threshold {i}: p = {bins:e}, {ks:e}");
+            }
+            // Negative control: the last thirtieth missing.
+            let short: Vec<f64> = column(&samples, 0).iter().map(|u| u * (29.0 / 30.0)).collect();
+            assert!(uniform_bins_p(&short) < level && uniform_ks_p(&short) < level, "{kind} over {over}: mutant passed");
+        }
+    }
+}
+
+/// H0: the events have this probability. Two-sided exact binomial test.
+fn coverage_p(covered: u64, of: u64, alpha: f64) -> f64 {
+    let binomial = Binomial::new(alpha, of).expect("a probability");
+    let above = if covered == 0 { 1.0 } else { 1.0 - binomial.cdf(covered - 1) };
+    (2.0 * binomial.cdf(covered).min(above)).min(1.0)
+}
+
+#[test]
+fn coverage_is_alpha() {
+    // 7 kinds x 2 samples x 3 alphas.
+    let level = sidak(42);
+    let covered = |samples: &[[f64; 4]], alpha: f64| samples.iter().filter(|s| s[2] < alpha).count() as u64;
+    for kind in NoiseKind::ALL {
+        for (over, sampler) in SAMPLERS {
+            let samples = sampler(kind);
+            for alpha in [0.1, 0.5, 0.9] {
+                let n = covered(&samples, alpha);
+                let p = coverage_p(n, u64::from(SAMPLES), alpha);
+                assert!(p > level, "{kind} over {over}: {n} of {SAMPLES} at alpha {alpha}, p = {p:e}");
+                // Negative control: alpha off by 2 %.
+                assert!(coverage_p(covered(&samples, alpha + 0.02), u64::from(SAMPLES), alpha) < level);
+            }
+        }
+        // What a single picture covers. Chance has a standard deviation of sqrt(alpha (1 - alpha) / pixels), known here to 1 in 11.
+        // A mask holds each rank once, so that only one rank's jitter is left to chance; a lattice is nearly as even.
+        let pictures: Vec<_> = (0..64).map(|i| picture(kind, i, i)).collect();
+        for alpha in [0.1, 0.5, 0.9] {
+            let errors: Vec<f64> = pictures.iter().map(|p| covered(p, alpha) as f64 / f64::from(RANKS) - alpha).collect();
+            let deviation = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
+            let share = deviation / (alpha * (1.0 - alpha) / f64::from(RANKS)).sqrt();
+            println!("{kind}, alpha {alpha}: {share:.3} of chance");
+            if kind.needs_mask() {
+                assert!(errors.iter().all(|e| e.abs() <= 1.0 / f64::from(RANKS)), "{kind} at alpha {alpha}");
+            } else if kind == NoiseKind::InterleavedGradient {
+                assert!(share < 0.5, "{kind} at alpha {alpha}: {share} of chance");
+            } else {
+                assert!((0.6..1.4).contains(&share), "{kind} at alpha {alpha}: {share} of chance");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_four_thresholds_of_a_call_are_independent() {
+    // 7 kinds x 2 samples x 6 pairs x 2 tests.
+    let level = sidak(168);
+    for kind in NoiseKind::ALL {
+        for (over, sampler) in SAMPLERS {
+            let samples = sampler(kind);
+            for i in 0..4 {
+                for j in 0..i {
+                    let (table, line) = (independent_p(&pairs(&samples, i, j)), uncorrelated_p(&pairs(&samples, i, j)));
+                    assert!(table > level && line > level, "{kind} over {over}, {i} and {j}: p = {table:e}, {line:e}");
+                }
+            }
+            // Negative control: one number for two decisions.
+            assert!(independent_p(&pairs(&samples, 1, 1)) < level && uncorrelated_p(&pairs(&samples, 1, 1)) < level);
+        }
+    }
+    // Negative controls: all decisions take the rank of the first; two shifts of one gradient lattice, which no symmetry sets apart.
+    let shared = |i: u32| -> [f64; 4] {
+        let ([x, y], frame) = somewhere(i);
+        let rank = blue_noise::ranks()[noise::rank_index(NoiseKind::SpatioTemporalBlue, [x, y], frame, i, 3, 0) as usize];
+        noise::mask(NoiseKind::SpatioTemporalBlue, [x, y], frame, i, 3, [rank; 4])
+    };
+    let shared: Vec<_> = (0..SAMPLES).map(shared).collect();
+    assert!(independent_p(&pairs(&shared, 0, 3)) < level && uncorrelated_p(&pairs(&shared, 0, 3)) < level);
+    let unit = |x, y| hash::to_unit::<f64>(noise::interleaved_gradient_value([x, y], 0));
+    let lattice: Vec<_> = (0..RANKS).map(|i| (unit(i % EDGE, i / EDGE), unit(i % EDGE + 9172, i / EDGE + 12_003))).collect();
+    assert!(independent_p(&lattice) < level);
+}
+
+#[test]
+fn seeds_and_salts_are_independent() {
+    // 7 kinds x 3 changes x 2 tests.
+    let level = sidak(42);
+    for kind in NoiseKind::ALL {
+        let against = |other: &dyn Fn(u32) -> (u32, u32)| -> Vec<(f64, f64)> {
+            let pair = |i: u32| {
+                let (pixel, frame) = somewhere(i);
+                let (seed, salt) = other(i);
+                (thresholds(kind, pixel, frame, i, 3)[1], thresholds(kind, pixel, frame, seed, salt)[1])
+            };
+            (0..SAMPLES).map(pair).collect()
+        };
+        let families = [("seed", against(&|i| (i + 1, 3))), ("salt", against(&|i| (i, 4))), ("swapped", against(&|i| (3, i)))];
+        for (name, pairs) in &families {
+            let (table, line) = (independent_p(pairs), uncorrelated_p(pairs));
+            assert!(table > level && line > level, "{kind}, {name}: p = {table:e}, {line:e}");
+        }
+        // Negative control: the same seed and salt.
+        let same = against(&|i| (i, 3));
+        assert!(independent_p(&same) < level && uncorrelated_p(&same) < level, "{kind}: mutant passed");
+    }
+}
+
+#[test]
+fn neighbouring_pixels_are_independent_where_noise_is_white() {
+    // 4 white kinds (on cells of at most a pixel) x 2 directions x 2 tests.
+    let level = sidak(16);
+    for kind in NoiseKind::ALL {
+        let neighbours = |[dx, dy]: [u32; 2]| -> Vec<(f64, f64)> {
+            let pair = |i: u32| {
+                let [x, y] = [i % 160, i / 160];
+                (thresholds(kind, [x, y], 5, 8, 3)[0], thresholds(kind, [x + dx, y + dy], 5, 8, 3)[0])
+            };
+            (0..SAMPLES).map(pair).collect()
+        };
+        for step in [[1, 0], [0, 1]] {
+            let pairs = neighbours(step);
+            let white = independent_p(&pairs) > level && uncorrelated_p(&pairs) > level;
+            // Negative controls: lattice and masks, whose neighbours differ on purpose.
+            let arranged = kind.needs_mask() || kind == NoiseKind::InterleavedGradient;
+            assert_eq!(white, !arranged, "{kind}, neighbours at {step:?}");
+        }
+    }
+}
+
+#[test]
+fn hashed_cells_follow_the_longer_derivative() {
+    // A grazing view: a pixel is eight times as high as it is wide on the ground, and neighbours in a row share cells as wide as pixels
+    // are high. Negative control: the derivative along x taken twice makes cells as small as pixels are wide.
+    let row = |ddy_m: f64| -> Vec<(f64, f64)> {
+        let at = |x: u32, y: u32| {
+            let position = [f64::from(x) * 0.05, f64::from(y) * 0.4, 1234.5];
+            let point = HashedPoint { position, ddy: [0.0, ddy_m, 0.0], ..ground([0, 0]) };
+            noise::hashed_isotropic(&point, 8, 3)[0]
+        };
+        (0..SAMPLES).map(|i| (at(2 * (i % 160), i / 160), at(2 * (i % 160) + 1, i / 160))).collect()
+    };
+    let correlation = |pairs: &[(f64, f64)]| 12.0 * pairs.iter().map(|(a, b)| (a - 0.5) * (b - 0.5)).sum::<f64>() / f64::from(SAMPLES);
+    let (right, twice) = (correlation(&row(0.4)), correlation(&row(0.05)));
+    assert!(right > 0.7 && twice < 0.4, "correlation {right} and, dpdx twice, {twice}");
+}
+
+// ---------------------------------------------------------------- time
+
+#[test]
+fn only_kinds_per_frame_change_with_the_frame() {
+    for kind in NoiseKind::ALL {
+        let changed = |frame: u32| {
+            let differs = |i: u32| {
+                let (pixel, _) = somewhere(i);
+                thresholds(kind, pixel, frame, 8, 3) != thresholds(kind, pixel, 0, 8, 3)
+            };
+            (0..1000).filter(|&i| differs(i)).count()
+        };
+        // Sixteen frames on, a slice comes again, and only the jitter within a rank is new.
+        for frame in [1, 15, 16, 1_000_000, u32::MAX] {
+            assert_eq!(changed(frame), if kind.is_per_frame() { 1000 } else { 0 }, "{kind}, frame {frame}");
+        }
+        // The ground has no pixel: a kind that is bound to it sees none, and a kind of the screen does not see the ground.
+        let at = |pixel, point: [u32; 2]| noise::thresholds(kind, &ground(point), WORLD_LEVEL, pixel, 2, 8, 3);
+        let bound = matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld);
+        assert_eq!(at([5, 6], [9, 9]) == at([6, 6], [9, 9]), bound, "{kind}");
+        assert_eq!(at([5, 6], [9, 9]) == at([5, 6], [10, 9]), !bound, "{kind}");
+    }
+}
+
+/// The first threshold of every pixel of a mask's area, frame by frame, for as many frames as there are slices.
+fn sequence(of: &dyn Fn([u32; 2], u32) -> f64) -> Vec<Vec<f64>> {
+    (0..SLICES).map(|frame| (0..RANKS).map(|i| of([i % EDGE, i / EDGE], frame)).collect()).collect()
+}
+
+/// Correlation of a pixel with itself a frame later, over all pixels and frames (the last one followed by the first).
+fn lag_one(frames: &[Vec<f64>]) -> f64 {
+    let next = frames.iter().cycle().skip(1);
+    let products = frames.iter().zip(next).flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - 0.5) * (b - 0.5)));
+    12.0 * products.sum::<f64>() / f64::from(SLICES * RANKS)
+}
+
+/// Variance of a pixel's mean over `window` frames in a row, over that of white noise.
+fn windowed_variance(frames: &[Vec<f64>], window: usize) -> f64 {
+    let n = frames.len();
+    let mean = |pixel: usize, first: usize| (0..window).map(|i| frames[(first + i) % n][pixel]).sum::<f64>() / window as f64;
+    let squares = (0..n).flat_map(|first| (0..RANKS as usize).map(move |pixel| (first, pixel)));
+    let sum: f64 = squares.map(|(first, pixel)| (mean(pixel, first) - 0.5).powi(2)).sum();
+    sum / f64::from(SLICES * RANKS) * 12.0 * window as f64
+}
+
+#[test]
+fn frames_follow_each_other_as_each_kind_promises() {
+    let of = |kind: NoiseKind| sequence(&move |pixel, frame| thresholds(kind, pixel, frame, 8, 3)[0]);
+    let chance = 4.9 / f64::from(SLICES * RANKS).sqrt();
+    // White: no correlation. H0: independent frames; lag 1 is normal with deviation 1/sqrt(n), and 4.9 of them are a level of 1e-6.
+    let white = of(NoiseKind::WhiteScreen);
+    assert!(lag_one(&white).abs() < chance, "white: {}", lag_one(&white));
+    assert!((windowed_variance(&white, 4) - 1.0).abs() < 0.1);
+    // Spatio-temporal: a pixel shuns the values it has just had, so that a few frames' mean is nearer to one half than chance has it.
+    let blue = of(NoiseKind::SpatioTemporalBlue);
+    println!("stbn: lag one {}, windows {:?}", lag_one(&blue), [2, 4, 8].map(|w| windowed_variance(&blue, w)));
+    assert!(lag_one(&blue) < -0.2, "stbn: {}", lag_one(&blue));
+    assert!(windowed_variance(&blue, 4) < 0.4 && windowed_variance(&blue, 8) < 0.15);
+    // Interleaved gradient: from frame to frame a value steps by 0.6 or so, which is no independence, and evens out faster.
+    let gradient = of(NoiseKind::InterleavedGradient);
+    println!("ign: lag one {}, windows {:?}", lag_one(&gradient), [2, 4, 8].map(|w| windowed_variance(&gradient, w)));
+    assert!(lag_one(&gradient) < -0.2 && windowed_variance(&gradient, 8) < 0.5);
+    // Negative controls: one blue mask in every frame; a fresh shift of it in every frame; slices in disorder.
+    let repeated = of(NoiseKind::Blue);
+    assert!(lag_one(&repeated) > 0.99 && windowed_variance(&repeated, 4) > 3.9);
+    let reseeded = sequence(&|pixel, frame| thresholds(NoiseKind::Blue, pixel, 0, frame, 3)[0]);
+    assert!(lag_one(&reseeded) > -0.05 && windowed_variance(&reseeded, 4) > 0.8, "reseeded: {}", lag_one(&reseeded));
+    let disordered = sequence(&|pixel, frame| thresholds(NoiseKind::SpatioTemporalBlue, pixel, frame * 7, 8, 3)[0]);
+    assert!(lag_one(&disordered) > -0.2, "disordered: {}", lag_one(&disordered));
+}
+
+// ---------------------------------------------------------------- space
+
+/// Mean power by distance from the zero frequency, cycles an edge, of a picture of the masks' size; 1 = white noise of the same variance.
+fn radial_power(values: &[f64]) -> Vec<f64> {
+    let n = EDGE as usize;
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+    let turns: Vec<(f64, f64)> = (0..n).map(|k| (std::f64::consts::TAU * k as f64 / n as f64).sin_cos()).collect();
+    // Rows, then columns: 64 sums of 64 each.
+    let transform = |at: &dyn Fn(usize) -> (f64, f64), frequency: usize| {
+        (0..n).fold((0.0, 0.0), |(re, im), i| {
+            let ((a, b), (sin, cos)) = (at(i), turns[i * frequency % n]);
+            (re + a * cos + b * sin, im + b * cos - a * sin)
+        })
+    };
+    let rows: Vec<(f64, f64)> = (0..n * n).map(|i| transform(&|x| (values[i / n * n + x] - mean, 0.0), i % n)).collect();
+    let (mut power, mut count) = (vec![0.0; n / 2], vec![0.0; n / 2]);
+    for i in 0..n * n {
+        let (u, v) = (i % n, i / n);
+        let (re, im) = transform(&|y| rows[y * n + u], v);
+        let distance = (u.min(n - u) as f64).hypot(v.min(n - v) as f64).round() as usize;
+        if (1..n / 2).contains(&distance) {
+            power[distance] += (re * re + im * im) / (values.len() as f64 * variance);
+            count[distance] += 1.0;
+        }
+    }
+    power.iter().zip(&count).skip(1).map(|(p, c)| p / c).collect()
+}
+
+/// Mean of the power up to an eighth of a cycle per pixel.
+fn low_power(values: &[f64]) -> f64 {
+    radial_power(values)[..8].iter().sum::<f64>() / 8.0
+}
+
+#[test]
+fn blue_noise_has_no_low_frequencies() {
+    let first = |kind, frame, seed| column(&picture(kind, frame, seed), 0);
+    let white = low_power(&first(NoiseKind::WhiteScreen, 0, 8));
+    assert!((0.8..1.25).contains(&white), "white: {white}");
+    // As thresholds, and as what is chosen at an alpha: seeds shift a mask and keep its spectrum.
+    let chosen = |u: &[f64], alpha: f64| low_power(&u.iter().map(|&u| f64::from(u8::from(u < alpha))).collect::<Vec<_>>());
+    let pictures = [(NoiseKind::Blue, 0, 8), (NoiseKind::Blue, 3, 77)].into_iter();
+    let slices = (0..SLICES).map(|frame| (NoiseKind::SpatioTemporalBlue, frame, 8 + frame));
+    for (kind, frame, seed) in pictures.chain(slices) {
+        let u = first(kind, frame, seed);
+        let power = low_power(&u);
+        let at = [0.1, 0.5, 0.9].map(|alpha| chosen(&u, alpha));
+        println!("{kind} {frame}: {power:.4} {at:.4?}; {:.3?}", radial_power(&u));
+        // Bounds some four times what was measured: a slice pays for its blue along time, and two values for all are coarser than ranks.
+        let bound = if kind == NoiseKind::Blue { 0.001 } else { 0.005 };
+        assert!(power < bound, "{kind}, frame {frame}: {power}");
+        assert!(at.iter().all(|&p| p < 0.1), "{kind}, frame {frame}: {at:?}");
+    }
+    // Negative controls: the same ranks in another order; a seed for each pixel.
+    let mut shuffled: Vec<(u32, f64)> = (0..).zip(first(NoiseKind::Blue, 0, 8)).map(|(i, u)| (hash::pcg(i), u)).collect();
+    shuffled.sort_unstable_by_key(|s| s.0);
+    let shuffled: Vec<f64> = shuffled.into_iter().map(|s| s.1).collect();
+    assert!(low_power(&shuffled) > 0.5 && chosen(&shuffled, 0.5) > 0.5, "shuffled: {}", low_power(&shuffled));
+    let scattered: Vec<f64> = (0..RANKS).map(|i| thresholds(NoiseKind::Blue, [i % EDGE, i / EDGE], 0, 8 + i, 3)[0]).collect();
+    assert!(low_power(&scattered) > 0.5, "a seed a pixel: {}", low_power(&scattered));
+}
+
+#[test]
+fn masks_hold_every_rank_once() {
+    let ranks = blue_noise::ranks();
+    assert_eq!(ranks.len(), (RANKS * (1 + SLICES)) as usize);
+    let whole = |slice: &[u32]| {
+        let mut sorted = slice.to_vec();
+        sorted.sort_unstable();
+        sorted.into_iter().eq(0..RANKS)
+    };
+    assert!(ranks.chunks(RANKS as usize).all(whole));
+    // No two slices are alike.
+    for (i, slice) in ranks.chunks(RANKS as usize).enumerate() {
+        assert!(ranks.chunks(RANKS as usize).take(i).all(|other| other != slice));
+    }
+    // Negative control: a window that begins a row too late straddles two masks.
+    assert!(!whole(&ranks[EDGE as usize..][..RANKS as usize]));
+    // The same on every machine and in every run (FNV-1a of the ranks).
+    let checksum = ranks.iter().fold(0x811c_9dc5_u32, |sum, &rank| (sum ^ rank).wrapping_mul(0x0100_0193));
+    assert_eq!(checksum, 978_342_109, "the masks are others than before");
+}
+
+#[test]
+fn masks_lie_in_the_buffer_where_the_shader_looks() {
+    let wgsl = constants(kernels::shared::WGSL);
+    let [x, y] = noise::IGN_SLOPES;
+    let expected = [
+        ("NOISE_MASK_EDGE", EDGE),
+        ("NOISE_MASK_RANKS", RANKS),
+        ("NOISE_MASK_SLICES", SLICES),
+        ("NOISE_IGN_SLOPE_X", x),
+        ("NOISE_IGN_SLOPE_Y", y),
+        ("NOISE_IGN_FRAME", noise::IGN_FRAME),
+        ("NOISE_IGN_WHOLE", noise::IGN_WHOLE),
+        ("NOISE_IGN_REST", noise::IGN_REST),
+        ("NOISE_HASHED_ISOTROPIC", NoiseKind::HashedIsotropic.code()),
+        ("NOISE_HASHED_ANISOTROPIC", NoiseKind::HashedAnisotropic.code()),
+        ("NOISE_WHITE_SCREEN", NoiseKind::WhiteScreen.code()),
+        ("NOISE_WHITE_WORLD", NoiseKind::WhiteWorld.code()),
+        ("NOISE_INTERLEAVED_GRADIENT", NoiseKind::InterleavedGradient.code()),
+        ("NOISE_BLUE", NoiseKind::Blue.code()),
+        ("NOISE_SPATIO_TEMPORAL_BLUE", NoiseKind::SpatioTemporalBlue.code()),
+    ];
+    for (name, host) in expected {
+        assert_eq!(wgsl.get(name), Some(&f64::from(host)), "{name}");
+    }
+    assert_eq!(wgsl.get("NOISE_LEVEL_MIN"), Some(&f64::from(noise::LEVEL_MIN)));
+    assert_eq!(wgsl.get("NOISE_LEVEL_MAX"), Some(&f64::from(noise::LEVEL_MAX)));
+    // A decision's places: over the pixels of an area each place of its slice once, whatever the shift.
+    for kind in NoiseKind::ALL {
+        for (frame, decision) in [(0, 0), (5, 1), (16, 2), (u32::MAX, 3)] {
+            let place = |i: u32| noise::rank_index(kind, [i % EDGE + 1900, i / EDGE + 1000], frame, 8, 3, decision);
+            let mut places: Vec<u32> = (0..RANKS).map(place).collect();
+            places.sort_unstable();
+            let first = match kind {
+                NoiseKind::Blue => 0,
+                NoiseKind::SpatioTemporalBlue => RANKS * (1 + frame % SLICES),
+                _ => {
+                    assert!(places.iter().all(|&place| place == 0), "{kind} needs no rank");
+                    continue;
+                }
+            };
+            assert!(places.into_iter().eq(first..first + RANKS), "{kind}, frame {frame}, decision {decision}");
+        }
+    }
+}
+
+#[test]
+fn interleaved_gradient_noise_is_the_published_one() {
+    // Jimenez' formula in f64. Coefficients rounded to half a unit of 2^-32 are off by (x + y + frame) / 2 of it, times 53.
+    let published = |x: f64, y: f64| (52.982_918_9 * (0.067_110_56 * x + 0.005_837_15 * y).fract()).fract();
+    let around = |a: f64, b: f64| (a - b).abs().min(1.0 - (a - b).abs());
+    let errors = |of: &dyn Fn([u32; 2], u32) -> f64| {
+        let error = |i: u32| {
+            let ([x, y], frame) = somewhere(i);
+            let time = 5.588_238 * f64::from(frame);
+            around(of([x, y], frame), published(f64::from(x) + time, f64::from(y) + time))
+        };
+        (0..10_000).map(error).collect::<Vec<_>>()
+    };
+    let far = |list: &[f64]| list.iter().filter(|&&e| e > 53.0 * 4000.0 * 0.5 / 4_294_967_296.0).count();
+    let unit = |word: u32| f64::from(word) / 4_294_967_296.0;
+    // Where the inner fraction is within rounding of a whole number the two may lie on either side of the step of 0.98.
+    assert!(far(&errors(&|pixel, frame| unit(noise::interleaved_gradient_value(pixel, frame)))) <= 2);
+    assert!(far(&errors(&|[x, y], frame| unit(noise::interleaved_gradient_value([y, x], frame)))) > 9000, "the mutant passed");
+    assert!(far(&errors(&|pixel, frame| unit(noise::interleaved_gradient_value(pixel, frame + 1)))) > 9000, "the mutant passed");
+    // What it is for: the nine values of a 3 x 3 neighbourhood are spread out. Mean distance between neighbours in order of value is
+    // 1/9; the least of the nine is 1/81 or so in white noise.
+    let least_gap = |of: &dyn Fn(u32, u32) -> f64| {
+        let gap = |i: u32| {
+            let mut nine: Vec<f64> = (0..9).map(|k| of(i % 100 + k % 3, i / 100 + k / 3)).collect();
+            nine.sort_by(f64::total_cmp);
+            (0..9).map(|k| if k == 8 { nine[0] + 1.0 - nine[8] } else { nine[k + 1] - nine[k] }).fold(1.0, f64::min)
+        };
+        (0..10_000).map(gap).sum::<f64>() / 10_000.0
+    };
+    let of = |kind: NoiseKind, decision: usize| least_gap(&|x, y| thresholds(kind, [x, y], 3, 8, 3)[decision]);
+    for decision in 0..4 {
+        let gap = of(NoiseKind::InterleavedGradient, decision);
+        assert!(gap > 0.05, "decision {decision}: {gap}");
+    }
+    assert!(of(NoiseKind::WhiteScreen, 0) < 0.02);
+    // The published function is not uniform; rotated by a hash it is. H0: the part above 0.983 is 0.017. One test, at 0.1 %.
+    const DRAWS: u32 = 4_000_000;
+    let above = |of: &dyn Fn(u32) -> f64| (0..DRAWS).filter(|&i| of(i) >= 0.983).count() as u64;
+    let p = |n: u64| coverage_p(n, u64::from(DRAWS), 0.017);
+    let hashed = |i: u32| hash::pcg4d([i, 1, 2, 3]);
+    let rotated = p(above(&|i| noise::interleaved_gradient::<f64>([9, 9], 3, i, 3)[0]));
+    assert!(rotated > sidak(1), "p = {rotated:e}");
+    let plain = p(above(&|i| unit(noise::interleaved_gradient_value([hashed(i)[0], hashed(i)[1]], 0))));
+    assert!(plain < sidak(1), "the published function passed for uniform: p = {plain:e}");
+}
+
+#[test]
+fn world_cells_have_the_size_asked_for() {
+    for level in [0, WORLD_LEVEL, 7] {
+        let at = |x: f64| {
+            let point = HashedPoint { position: [x, 0.5, 0.5], ..ground([0, 0]) };
+            noise::white_world(&point, level, 8, 3)
+        };
+        let cells = 1 + (1..64 * 256).filter(|&i| at(f64::from(i) / 256.0) != at(f64::from(i - 1) / 256.0)).count();
+        assert_eq!(cells, 64 << level, "level {level}");
+    }
+    // Whatever is asked for, cells are of a size that the shader has, and no footprint changes them.
+    assert_eq!(noise::white_world(&ground([3, 4]), i32::MAX, 8, 3), noise::white_world(&ground([3, 4]), noise::LEVEL_MAX, 8, 3));
+    assert_eq!(noise::white_world(&ground([3, 4]), i32::MIN, 8, 3), noise::white_world(&ground([3, 4]), noise::LEVEL_MIN, 8, 3));
+    let closer = HashedPoint { ddx: [1e-3; 3], hash_scale: 4.0, ..ground([3, 4]) };
+    assert_eq!(noise::white_world(&closer, 4, 8, 3), noise::white_world(&ground([3, 4]), 4, 8, 3));
+    // Negative control: the hashed kind follows the footprint.
+    assert_ne!(noise::hashed_isotropic(&closer, 8, 3), noise::hashed_isotropic(&ground([3, 4]), 8, 3));
+}
+
+// ---------------------------------------------------------------- the frame
+
+#[test]
+fn the_frame_chooses_by_the_noise_asked_for() {
+    let mut renderer = renderer();
+    let base = RenderRequest {
+        variant: VariantChoice::Forced(Variant::only(Flavour::FarCliff)),
+        aovs: AovSet::from_names(&["choice"]).expect("known layers"),
+        ..request(&renderer, "ground")
+    };
+    for kind in NoiseKind::ALL {
+        let mut pictures = Vec::new();
+        // A mask kind comes after others: its ranks are there when it is first wanted.
+        for (frame, seed) in [(0, 5), (17, 5), (17, 6)] {
+            let request = RenderRequest { noise: kind, frame, seed, ..base.clone() };
+            let picture = renderer.render(&request).expect("renders");
+            let choice: Vec<u32> = picture.values("choice").expect("asked for").iter().map(|&c| c as u32).collect();
+            if !matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld) {
+                // The texel of the first tiling, from the pixel's weights and the reference's second threshold; salt 2 is far cliff's.
+                let inspected = renderer.inspect(&request).expect("inspects");
+                let differing = |frame: u32, decision: usize| {
+                    let (mut wrong, mut seen) = (0, 0);
+                    for (i, (pixel, &choice)) in (0..).zip(inspected.iter().zip(&choice)).filter(|(_, (_, c))| **c > 0) {
+                        let u = thresholds(kind, [i % request.size[0], i / request.size[0]], frame, seed, 2)[decision];
+                        wrong += usize::from(select::of_4(pixel.bilinear.map(f64::from), u) != (choice as usize - 1) % 4);
+                        seen += 1;
+                    }
+                    assert!(seen > 1000, "{seen} pixels chose");
+                    f64::from(u32::try_from(wrong).expect("few")) / f64::from(seen)
+                };
+                // Sums of f32 weights may fall on the other side of a threshold of 24 bits: hardly ever.
+                let wrong = differing(frame, 1);
+                assert!(wrong < 1e-3, "{kind}, frame {frame}, seed {seed}: {wrong} of the choices differ");
+                // Negative controls: another decision's threshold, the next frame's.
+                assert!(differing(frame, 0) > 0.1, "{kind}: another decision's threshold passed");
+                assert_eq!(differing(frame + 1, 1) > 0.1, kind.is_per_frame(), "{kind}: another frame's threshold");
+            }
+            pictures.push(choice);
+        }
+        assert_eq!(pictures[0] != pictures[1], kind.is_per_frame(), "{kind}: frames 0 and 17");
+        assert_ne!(pictures[1], pictures[2], "{kind}: two seeds");
+    }
+}
