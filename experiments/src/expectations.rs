@@ -14,6 +14,8 @@ use crate::row::{Field, Row};
 pub struct Verdict {
     /// What was claimed.
     pub claim: String,
+    /// Of which metric.
+    pub metric: String,
     /// What was found; NaN where nothing could be.
     pub value: f64,
     /// Smallest and largest value expected.
@@ -59,7 +61,7 @@ fn judge(expectation: &Expectation, rows: &[Row], times: &[Row]) -> Verdict {
         Ok((value, why)) => (value, (low..=high).contains(&value), why),
         Err(why) => (f64::NAN, false, why),
     };
-    Verdict { claim: expectation.claim.clone(), value, range: expectation.range, met, why }
+    Verdict { claim: expectation.claim.clone(), metric: expectation.metric.clone(), value, range: expectation.range, met, why }
 }
 
 fn value(expectation: &Expectation, rows: &[Row], times: &[Row]) -> Result<(f64, String), String> {

@@ -71,7 +71,14 @@ mod tests {
 
     #[test]
     fn what_left_its_range_is_named() {
-        let verdict = |claim: &str, met| Verdict { claim: claim.to_owned(), value: 1.0, range: [0.0, 2.0], met, why: String::new() };
+        let verdict = |claim: &str, met| Verdict {
+            claim: claim.to_owned(),
+            metric: "bias".to_owned(),
+            value: 1.0,
+            range: [0.0, 2.0],
+            met,
+            why: String::new(),
+        };
         assert!(judge("x", &[verdict("a", true)]).is_ok());
         let text = judge("x", &[verdict("a", true), verdict("b", false)]).unwrap_err().to_string();
         assert!(text.contains("1 of 2") && text.ends_with(": b"), "{text}");

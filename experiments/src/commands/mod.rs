@@ -9,6 +9,7 @@ mod explain;
 mod import;
 mod probe;
 mod render;
+mod report;
 mod run;
 
 use std::fs::{self, OpenOptions};
@@ -36,6 +37,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Explain(args) => explain::run(args),
+        Command::Report(args) => report::run(args),
         Command::Adapters(args) => adapters::run(args),
     }
 }

@@ -9,6 +9,7 @@ use super::{Reporter, check_interrupted, error_line, print, watch_interrupts};
 use crate::cli::RunArgs;
 use crate::definition::{self, Definition};
 use crate::expectations::{self, Verdict};
+use crate::report;
 use crate::runner::Runner;
 use crate::store::{Place, Provenance, Run, RunData};
 use crate::unit::Measure;
@@ -27,7 +28,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<()> {
     each(&args.definitions, |definition, session| {
         let data = session.carry_out(&definition, &place)?;
         let verdicts = expectations::evaluate(&definition, &data.rows, &data.times);
-        print(&summary(&data, &verdicts))
+        let text = summary(&data, &verdicts);
+        if data.manifest.shard.is_some() {
+            return print(&text);
+        }
+        let written = report::write_run(&report::of(data)?, &verdicts)?;
+        print(&format!("{text}  {}\n  report: {}\n", written.verdict, written.page.display()))
     })
 }
 

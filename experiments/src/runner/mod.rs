@@ -4,7 +4,7 @@
 //! pictures of all variants are composed from them (`kernels::composition`). *Times* are taken from the variants' own pipelines.
 
 mod costs;
-pub mod pictures;
+mod pictures;
 mod reference;
 mod sweep;
 mod timing;

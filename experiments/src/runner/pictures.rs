@@ -9,20 +9,19 @@ use kernels::gpu::{Gpu, read_buffer};
 use kernels::metrics::{Meter, NO_LINK};
 use kernels::picture::{srgb_code, write_png_texels, write_whole};
 use kernels::shared::signal;
-use serde::{Deserialize, Serialize};
 
 use super::Labels;
 use crate::definition::setting_text;
 use crate::judge::flip::magma;
+use crate::report::{FOLDER, RunPicture};
 use crate::unit::Unit;
 
 /// Difference in luminance that a flicker map shows white.
 const MAP_WHITE: f64 = 0.25;
 
 /// What a picture is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Kind {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
     /// Albedo of a frame.
     Frame,
     /// How much each pixel changed since the frame before.
@@ -31,55 +30,31 @@ pub enum Kind {
     Reference,
 }
 
-/// A picture of a run: an entry of `pictures/PART.json`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
-    /// Name of a PNG file in `pictures`.
-    pub file: String,
-    /// A few words.
-    pub title: String,
-    /// A sentence.
-    pub caption: String,
-    /// What it is.
-    pub kind: Kind,
-    /// Name of the view.
-    pub view: String,
-    /// As in the rows; empty = not of a variant.
-    pub variant: String,
-    /// As in the rows.
-    pub estimator: String,
-    /// As in the rows.
-    pub noise: String,
-    /// As in the rows.
-    pub temporal: String,
-    /// As in the rows.
-    pub setting: String,
+impl Kind {
+    /// Name in the list.
+    fn name(self) -> &'static str {
+        match self {
+            Kind::Frame => "frame",
+            Kind::FlickerMap => "flicker-map",
+            Kind::Reference => "reference",
+        }
+    }
 }
 
 /// The pictures of one part.
 pub(super) struct Sheet {
     folder: PathBuf,
     part: String,
-    blank: Entry,
-    entries: Vec<Entry>,
+    blank: RunPicture,
+    entries: Vec<RunPicture>,
 }
 
 impl Sheet {
     /// No pictures yet.
     pub(super) fn new(run: &Path, unit: &Unit) -> Sheet {
-        let blank = Entry {
-            file: String::new(),
-            title: String::new(),
-            caption: String::new(),
-            kind: Kind::Reference,
-            view: unit.view.clone(),
-            variant: String::new(),
-            estimator: String::new(),
-            noise: String::new(),
-            temporal: String::new(),
-            setting: unit.setting.as_ref().map_or_else(String::new, setting_text),
-        };
-        Sheet { folder: run.join("pictures"), part: unit.id.clone(), blank, entries: Vec::new() }
+        let setting = unit.setting.as_ref().map_or_else(String::new, setting_text);
+        let blank = RunPicture { view: unit.view.clone(), setting, ..RunPicture::default() };
+        Sheet { folder: run.join(FOLDER), part: unit.id.clone(), blank, entries: Vec::new() }
     }
 
     /// From here on pictures are of this variant.
@@ -97,7 +72,13 @@ impl Sheet {
         fs::create_dir_all(&self.folder).with_context(|| format!("cannot make the folder {}", self.folder.display()))?;
         let file = format!("{}-{name}.png", self.part);
         write_png_texels(&self.folder.join(&file), size, texels)?;
-        self.entries.push(Entry { file, title: title.to_owned(), caption: caption.to_owned(), kind, ..self.blank.clone() });
+        self.entries.push(RunPicture {
+            file,
+            title: title.to_owned(),
+            caption: caption.to_owned(),
+            kind: kind.name().to_owned(),
+            ..self.blank.clone()
+        });
         Ok(())
     }
 
