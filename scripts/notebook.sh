@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Executes the notebook over the recorded run, in a Python environment of its own below target/ that is made when it is missing or its list has changed.
+set -euo pipefail
+root="$(cd "$(dirname "$0")/.." && pwd)"
+venv="$root/target/notebook"
+list="$root/notebooks-data/requirements.txt"
+
+fail() { printf 'notebook: %s\n' "$*" >&2; exit 1; }
+command -v python3 >/dev/null || fail "python3 was not found: install it (Debian and Ubuntu: apt-get install python3 python3-venv)"
+if ! cmp -s "$list" "$venv/requirements.txt"; then
+    rm -rf "$venv"
+    python3 -m venv "$venv" ||
+        fail "python3 cannot make a virtual environment: install its venv module (Debian and Ubuntu: apt-get install python3-venv)"
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r "$list" ||
+        fail "the packages of $list could not be installed: is there a network?"
+    cp "$list" "$venv/requirements.txt"
+fi
+exec "$venv/bin/python" "$root/scripts/notebook.py" "$root/notebooks-data/headline.ipynb" "$@"
