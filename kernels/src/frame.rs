@@ -231,11 +231,16 @@ impl<'a> Renderer<'a> {
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
         let capacity = if requirements.has(Flavour::VirtualTexture) { virtual_texture::CAPACITY } else { 0 };
         let modulated = requirements.colour_modulation;
+        let settings = shading::Settings {
+            colour_modulation: modulated,
+            anisotropic: scene.blend.anisotropy > 1,
+            one_triangle: classification::tile_vertices(gpu) == 3,
+        };
         let renderer = Renderer {
             geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes)?,
             virtual_texture: VirtualTexture::new(gpu, &frame_layout, &terrain, modulated, scene.blend.anisotropy, capacity)?,
             classification: Classification::new(gpu, &frame_layout)?,
-            shading: Shading::new(gpu, &frame_layout, &terrain, modulated)?,
+            shading: Shading::new(gpu, &frame_layout, &terrain, settings)?,
             lighting: Lighting::new(gpu, &frame_layout)?,
             inspect: Inspect::new(gpu, &frame_layout, &terrain)?,
             means: palette_means(&palette),

@@ -225,7 +225,7 @@ fn probe(row: array<f32, 10>) -> array<f32, 3> {
     },
     Probe {
         name: "splat-blend",
-        about: "Weights of four splat texels: bilinear, modified by material height",
+        about: "Weights of four splat texels: bilinear, modified by material height; at once, and term by term",
         inputs: &[
             real("fraction_x", "0..1 between the texels, east"),
             real("fraction_y", "0..1 between the texels, north"),
@@ -235,11 +235,31 @@ fn probe(row: array<f32, 10>) -> array<f32, 3> {
             real("h_11", "height, 0..1"),
             real("sharpness", "k in w' = w 2^(k h)"),
         ],
-        outputs: &[real("w_00", "0..1"), real("w_10", "0..1"), real("w_01", "0..1"), real("w_11", "0..1")],
+        outputs: &[
+            real("w_00", "0..1"),
+            real("w_10", "0..1"),
+            real("w_01", "0..1"),
+            real("w_11", "0..1"),
+            real("run_00", "0..1"),
+            real("run_10", "0..1"),
+            real("run_01", "0..1"),
+            real("run_11", "0..1"),
+        ],
         wgsl: "\
-fn probe(row: array<f32, 7>) -> array<f32, 4> {
-    let w = splat_blend_weights(vec2<f32>(row[0], row[1]), vec4<f32>(row[2], row[3], row[4], row[5]), row[6]);
-    return array<f32, 4>(w.x, w.y, w.z, w.w);
+fn probe(row: array<f32, 7>) -> array<f32, 8> {
+    let fraction = vec2<f32>(row[0], row[1]);
+    let heights = vec4<f32>(row[2], row[3], row[4], row[5]);
+    let w = splat_blend_weights(fraction, heights, row[6]);
+    let bilinear = splat_blend_bilinear(fraction);
+    var terms = mat4x4<f32>(vec4<f32>(1.0, 0.0, 0.0, 0.0), vec4<f32>(0.0, 1.0, 0.0, 0.0), vec4<f32>(0.0, 0.0, 1.0, 0.0), vec4<f32>(0.0, 0.0, 0.0, 1.0));
+    var run = splat_blend_start();
+    var sum = vec4<f32>(0.0);
+    for (var i = 0u; i < 4u; i++) {
+        run = splat_blend_add(run, bilinear[i], heights[i], row[6]);
+        sum = run.keep * sum + run.share * terms[i];
+    }
+    sum /= dot(sum, vec4<f32>(1.0));
+    return array<f32, 8>(w.x, w.y, w.z, w.w, sum.x, sum.y, sum.z, sum.w);
 }",
         single: splat_blend_row,
         double: splat_blend_row,
@@ -334,7 +354,16 @@ fn derivatives_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn splat_blend_row<T: Real>(row: &[T], out: &mut Vec<T>) {
-    out.extend(splat_blend::weights(take(row, 0), take(row, 2), row[6]));
+    let (fraction, heights) = (take(row, 0), take(row, 2));
+    out.extend(splat_blend::weights(fraction, heights, row[6]));
+    let mut run = splat_blend::Run::start();
+    let mut sum = [T::zero(); 4];
+    for (i, (w, h)) in splat_blend::bilinear(fraction).into_iter().zip(heights).enumerate() {
+        run = run.add(w, h, row[6]);
+        sum = scale(sum, run.keep);
+        sum[i] = run.share;
+    }
+    out.extend(scale(sum, T::one() / sum.into_iter().fold(T::zero(), |s, x| s + x)));
 }
 
 fn tri_planar_row<T: Real>(row: &[T], out: &mut Vec<T>) {

@@ -1,6 +1,6 @@
 //! Classification: an 8 x 8 tile's variant is the OR of its pixels' masks (ruling 4); tile lists and indirect arguments per variant.
 //!
-//! Reads mask and stencil. Writes 32 tile lists (0 = every terrain tile, 1..=31 = the variants) and 32 indirect draws of 6 vertices.
+//! Reads mask and stencil. Writes 32 tile lists (0 = every terrain tile, 1..=31 = the variants) and 32 indirect draws, see [`tile_vertices`].
 //! One workgroup a tile. Source: Moore, GDC 2018, "Terrain Classification Pass".
 
 use bytemuck::cast_slice;
@@ -24,6 +24,14 @@ pub const ARGUMENT_BYTES: u64 = 16;
 /// Tiles that cover a picture.
 pub fn tiles(size: [u32; 2]) -> [u32; 2] {
     size.map(|n| n.div_ceil(TILE))
+}
+
+/// Vertices that shading draws per tile: 3 where depth can be clamped instead of clipped, else 6.
+///
+/// Two triangles share the tile's diagonal, and along it pixels that a device shades together are shaded for both. One triangle that
+/// holds a square reaches over it; what it must not shade is beyond depth, which is tested before shading.
+pub fn tile_vertices(gpu: &Gpu) -> u32 {
+    if gpu.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) { 3 } else { 6 }
 }
 
 /// What the pass makes.
@@ -120,7 +128,7 @@ impl Classification {
         targets: &geometry::Targets,
         lists: &Lists,
     ) {
-        let empty: Vec<[u32; 4]> = vec![[6, 0, 0, 0]; LISTS as usize];
+        let empty: Vec<[u32; 4]> = vec![[tile_vertices(gpu), 0, 0, 0]; LISTS as usize];
         gpu.queue.write_buffer(&lists.arguments, 0, cast_slice(&empty));
         let group = gpu.group(
             "classification",

@@ -90,9 +90,20 @@ pub struct PipelineKey {
     pub diagnostics: bool,
 }
 
+/// What all pipelines of a renderer have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Whether the scene has a colour modulation map.
+    pub colour_modulation: bool,
+    /// Whether detail textures are filtered anisotropically.
+    pub anisotropic: bool,
+    /// Whether a tile is one triangle, see [`tile_vertices`](crate::classification::tile_vertices).
+    pub one_triangle: bool,
+}
+
 impl PipelineKey {
     /// The override constants of `shading.wgsl`.
-    pub fn overrides(self, colour_modulation: bool) -> [(&'static str, f64); 6] {
+    pub fn overrides(self, settings: Settings) -> [(&'static str, f64); 8] {
         let flag = |on: bool| f64::from(u8::from(on));
         let mask = match self.kernel {
             Kernel::Variant(variant) => variant.mask(),
@@ -104,7 +115,9 @@ impl PipelineKey {
             ("NOISE", f64::from(self.noise.code())),
             ("TWO_TILINGS", flag(self.two_tilings)),
             ("COUNT_FETCHES", flag(self.diagnostics)),
-            ("COLOUR_MODULATION", flag(colour_modulation)),
+            ("COLOUR_MODULATION", flag(settings.colour_modulation)),
+            ("ANISOTROPIC", flag(settings.anisotropic)),
+            ("ONE_TRIANGLE", flag(settings.one_triangle)),
         ]
     }
 }
@@ -139,7 +152,7 @@ pub struct Shading {
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: HashMap<PipelineKey, wgpu::RenderPipeline>,
-    colour_modulation: bool,
+    settings: Settings,
 }
 
 /// The files of the stage's shader module.
@@ -160,7 +173,7 @@ impl Shading {
     ///
     /// # Errors
     /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, colour_modulation: bool) -> Result<Shading> {
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, settings: Settings) -> Result<Shading> {
         let layout = gpu.layout(
             "shading",
             wgpu::ShaderStages::VERTEX_FRAGMENT,
@@ -180,7 +193,7 @@ impl Shading {
             pipeline_layout: gpu.pipeline_layout("shading", &[frame_layout, &terrain.layout, &layout]),
             layout,
             pipelines: HashMap::new(),
-            colour_modulation,
+            settings,
         })
     }
 
@@ -189,7 +202,7 @@ impl Shading {
         if self.pipelines.contains_key(&key) {
             return false;
         }
-        let overrides = key.overrides(self.colour_modulation);
+        let overrides = key.overrides(self.settings);
         let mut targets = vec![Some(FORMAT.into()), Some(FORMAT.into())];
         if key.diagnostics {
             targets.push(Some(wgpu::TextureFormat::R32Uint.into()));
@@ -204,11 +217,11 @@ impl Shading {
                 compilation_options: constants(&overrides),
                 buffers: &[],
             },
-            primitive: wgpu::PrimitiveState::default(),
+            primitive: wgpu::PrimitiveState { unclipped_depth: self.settings.one_triangle, ..Default::default() },
             depth_stencil: Some(wgpu::DepthStencilState {
                 format: DEPTH_FORMAT,
                 depth_write_enabled: Some(false),
-                depth_compare: Some(wgpu::CompareFunction::Always),
+                depth_compare: Some(if self.settings.one_triangle { wgpu::CompareFunction::Less } else { wgpu::CompareFunction::Always }),
                 stencil: wgpu::StencilState { front: terrain_only, back: terrain_only, read_mask: 0xff, write_mask: 0 },
                 bias: wgpu::DepthBiasState::default(),
             }),

@@ -7,6 +7,9 @@ override VARIANT: u32 = 0u;
 override ESTIMATOR: u32 = 0u;
 // Noise kind of the stochastic choices, see noise.wgsl.
 override NOISE: u32 = 0u;
+// Whether a tile is one triangle, cut off below the tile by the depth test: then two must not share the diagonal, where 2 x 2 pixels
+// (and whatever else a device shades together) would be shaded for either.
+override ONE_TRIANGLE: bool = false;
 // Splat with two tiling scales: 96 fetches, the reference look.
 override TWO_TILINGS: bool = false;
 
@@ -98,14 +101,14 @@ fn shade_near_cliff(pixel: Pixel) -> Surface {
     var sum = surface_zero();
     if ESTIMATOR == 1u {
         for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-            sum = surface_add(sum, pixel.projections[axis], terrain_splat_mean(pixel.cell, axis, 0u, pixel.footprint));
+            sum = surface_add(sum, pixel.projections[axis], terrain_splat_mean(pixel.cell, terrain_projection(axis, pixel.footprint), 0u));
         }
         return sum;
     }
     if ESTIMATOR == 2u {
         // Independent choices per projection: variances add with squared weights.
         for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-            let moments = terrain_splat_moments(pixel.cell, axis, 0u, pixel.footprint);
+            let moments = terrain_splat_moments(pixel.cell, terrain_projection(axis, pixel.footprint), 0u);
             let w = pixel.projections[axis];
             sum.albedo += w * w * max(moments.square - moments.mean * moments.mean, vec3<f32>(0.0));
         }
@@ -118,7 +121,8 @@ fn shade_near_cliff(pixel: Pixel) -> Surface {
         if axis == 0u && choice == 0u {
             choice = 1u + texel;
         }
-        sum = surface_add(sum, pixel.projections[axis], terrain_tap(pixel.cell, texel, axis, 0u, pixel.footprint));
+        let tap = terrain_tap(pixel.cell, texel, terrain_projection(axis, pixel.footprint), 0u);
+        sum = surface_add(sum, pixel.projections[axis], tap);
     }
     return sum;
 }
@@ -131,7 +135,7 @@ fn shade_far_cliff(pixel: Pixel) -> Surface {
     if ESTIMATOR == 1u {
         for (var i = 0u; i < frame.taps - 2u; i++) {
             for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-                let mean = terrain_splat_mean(pixel.cell, axis, u32(scales[i]), pixel.footprint);
+                let mean = terrain_splat_mean(pixel.cell, terrain_projection(axis, pixel.footprint), u32(scales[i]));
                 sum = surface_add(sum, shares[i] * pixel.projections[axis], mean);
             }
         }
@@ -143,7 +147,7 @@ fn shade_far_cliff(pixel: Pixel) -> Surface {
             var mean = vec3<f32>(0.0);
             var square = vec3<f32>(0.0);
             for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-                let moments = terrain_splat_moments(pixel.cell, axis, u32(scales[i]), pixel.footprint);
+                let moments = terrain_splat_moments(pixel.cell, terrain_projection(axis, pixel.footprint), u32(scales[i]));
                 mean += pixel.projections[axis] * moments.mean;
                 square += pixel.projections[axis] * moments.square;
             }
@@ -159,7 +163,8 @@ fn shade_far_cliff(pixel: Pixel) -> Surface {
         if i == 0u && choice == 0u {
             choice = 1u + texel + 4u * axis;
         }
-        sum = surface_add(sum, shares[i], terrain_tap(pixel.cell, texel, axis, u32(scales[i]), pixel.footprint));
+        let tap = terrain_tap(pixel.cell, texel, terrain_projection(axis, pixel.footprint), u32(scales[i]));
+        sum = surface_add(sum, shares[i], tap);
     }
     return sum;
 }
@@ -168,14 +173,15 @@ fn shade_far_cliff(pixel: Pixel) -> Surface {
 fn shade_splat(pixel: Pixel) -> Surface {
     var sum = surface_zero();
     for (var axis = 0u; axis < frame.taps - 1u; axis++) {
+        let projection = terrain_projection(axis, pixel.footprint);
         if TWO_TILINGS {
             for (var i = 0u; i < frame.taps - 2u; i++) {
                 let share = select(1.0 - pixel.tiling.y, pixel.tiling.y, i == 1u);
-                let blend = terrain_splat_blend(pixel.cell, axis, u32(pixel.tiling.x) + i, pixel.footprint);
+                let blend = terrain_splat_blend(pixel.cell, projection, u32(pixel.tiling.x) + i);
                 sum = surface_add(sum, pixel.projections[axis] * share, blend);
             }
         } else {
-            sum = surface_add(sum, pixel.projections[axis], terrain_splat_blend(pixel.cell, axis, 0u, pixel.footprint));
+            sum = surface_add(sum, pixel.projections[axis], terrain_splat_blend(pixel.cell, projection, 0u));
         }
     }
     return sum;
@@ -186,15 +192,26 @@ struct ShadingVarying {
     @location(0) @interpolate(flat) mask: u32,
 }
 
+fn shading_ndc(pixel: vec2<f32>) -> vec2<f32> {
+    return (pixel / vec2<f32>(frame.size) * 2.0 - 1.0) * vec2<f32>(1.0, -1.0);
+}
+
 @vertex
 fn shading_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> ShadingVarying {
     let entry = tile_lists[VARIANT * frame.tiles.x * frame.tiles.y + instance];
     let tile = vec2<u32>(entry & 4095u, (entry >> 12u) & 4095u);
+    let tile_pixel = vec2<f32>(tile * 8u);
+    if ONE_TRIANGLE {
+        // Its sides pass 3/8 of a pixel outside the centres of the tile's first row and 1/8 outside those of its last, and meet far below.
+        var triangle = array<vec2<f32>, 3>(vec2<f32>(-3.0 / 7.0, 0.0), vec2<f32>(8.0 + 3.0 / 7.0, 0.0), vec2<f32>(4.0, 124.0 / 3.0));
+        let at = triangle[vertex];
+        // Depth is clamped, not clipped: 0, behind all terrain, up to the centres of the last row, and 1 from those of the row below on.
+        return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), (at.y - 7.75) * 4.0, 1.0), entry >> 24u);
+    }
     var corners = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
     let corner = corners[vertex];
-    let pixel = vec2<f32>((tile + vec2<u32>(corner & 1u, corner >> 1u)) * 8u);
-    let ndc = pixel / vec2<f32>(frame.size) * 2.0 - 1.0;
-    return ShadingVarying(vec4<f32>(ndc.x, -ndc.y, 0.0, 1.0), entry >> 24u);
+    let at = vec2<f32>(vec2<u32>(corner & 1u, corner >> 1u) * 8u);
+    return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), 0.0, 1.0), entry >> 24u);
 }
 
 struct GBuffer {

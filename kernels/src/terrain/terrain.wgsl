@@ -2,6 +2,8 @@
 // Every texture sample that shading takes is counted here, where it happens.
 
 override COUNT_FETCHES: bool = false;
+// Detail textures are filtered anisotropically, by gradients. Where they are not, one LOD serves a tap's three textures.
+override ANISOTROPIC: bool = false;
 
 struct PaletteEntry {
     albedo_layer: u32,
@@ -22,7 +24,8 @@ struct PaletteEntry {
 @group(1) @binding(3) var colour_modulation_atlas: texture_2d_array<f32>;
 @group(1) @binding(4) var splat_atlas: texture_2d_array<u32>;
 @group(1) @binding(5) var<storage, read> sector_data: array<vec2<u32>>;
-@group(1) @binding(6) var<storage, read> palette: array<PaletteEntry>;
+// Uniform, not storage: software Vulkan gathers from uniforms, and loops over lanes for storage.
+@group(1) @binding(6) var<uniform> palette: array<PaletteEntry, 256>;
 @group(1) @binding(7) var detail_albedo: texture_2d_array<f32>;
 @group(1) @binding(8) var detail_normal: texture_2d_array<f32>;
 @group(1) @binding(9) var detail_height: texture_2d_array<f32>;
@@ -132,6 +135,10 @@ fn surface_zero() -> Surface {
     return Surface(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0, 0.0);
 }
 
+fn surface_scale(factor: f32, s: Surface) -> Surface {
+    return Surface(factor * s.albedo, factor * s.height, factor * s.gradient, factor * s.smoothness, factor * s.specular_occlusion);
+}
+
 fn surface_add(sum: Surface, weight: f32, s: Surface) -> Surface {
     return Surface(
         sum.albedo + weight * s.albedo,
@@ -149,72 +156,120 @@ struct Footprint {
     ddy: vec3<f32>,
 }
 
-// One material seen along one axis at one tiling scale 2^scale: three detail textures.
-// Texture coordinates are a linear map of the position, and so are their gradients (ruling 7).
-fn terrain_material(id: u32, axis: u32, scale: u32, footprint: Footprint) -> Surface {
-    let entry = palette[id];
-    let shrink = exp2(-f32(scale));
-    let c = entry.per_metre.x * shrink;
-    let s = entry.per_metre.y * shrink;
+// A footprint as one projection sees it: what its taps share.
+struct Projection {
+    axis: u32,
+    sectors: vec2<i32>,         // whole sectors along both coordinates
+    position: vec2<f32>,        // metres beyond them
+    ddx: vec2<f32>,             // derivatives of the coordinates, mip bias included
+    ddy: vec2<f32>,
+    longest_2: f32,             // square of the longer derivative
+}
+
+fn terrain_projection(axis: u32, footprint: Footprint) -> Projection {
+    let place = footprint.place;
     // Elevation is folded by sectors like the horizontal axes, so that a wall on a high mountain is as exact as one at sea level.
-    let storey = floor(footprint.place.position.z / frame.sector_m);
-    let folded = vec3<f32>(footprint.place.position.xy, footprint.place.position.z - storey * frame.sector_m);
-    let q = triplanar_coordinates(folded, axis);
-    let qx = triplanar_coordinates(footprint.ddx, axis) * frame.gradient_scale;
-    let qy = triplanar_coordinates(footprint.ddy, axis) * frame.gradient_scale;
-    // Whole sectors contribute in exact fixed point.
-    let first = select(footprint.place.sector.x, footprint.place.sector.y, axis == 0u);
-    let second = select(i32(storey), footprint.place.sector.y, axis == 2u);
+    let storey = floor(place.position.z / frame.sector_m);
+    let folded = vec3<f32>(place.position.xy, place.position.z - storey * frame.sector_m);
+    let first = select(place.sector.x, place.sector.y, axis == 0u);
+    let second = select(i32(storey), place.sector.y, axis == 2u);
+    let ddx = triplanar_coordinates(footprint.ddx, axis) * frame.gradient_scale;
+    let ddy = triplanar_coordinates(footprint.ddy, axis) * frame.gradient_scale;
+    return Projection(axis, vec2<i32>(first, second), triplanar_coordinates(folded, axis), ddx, ddy, max(dot(ddx, ddx), dot(ddy, ddy)));
+}
+
+// A vector of the projection's plane in texture coordinates: turned by the material's orientation, `rate` = cos, sin over the tile's edge.
+fn terrain_turn(v: vec2<f32>, rate: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(v.x * rate.x + v.y * rate.y, v.y * rate.x - v.x * rate.y);
+}
+
+// Texture coordinate of a place. Whole sectors contribute in exact fixed point.
+fn terrain_texture_coordinate(entry: PaletteEntry, projection: Projection, scale: u32, rate: vec2<f32>) -> vec2<f32> {
+    let fixed = entry.per_sector_fixed;
+    let sectors = projection.sectors;
     let base = vec2<f32>(
-        tiling_fixed(first, entry.per_sector_fixed.x, scale) + tiling_fixed(second, entry.per_sector_fixed.y, scale),
-        tiling_fixed(second, entry.per_sector_fixed.x, scale) - tiling_fixed(first, entry.per_sector_fixed.y, scale),
+        tiling_fixed(sectors.x, fixed.x, scale) + tiling_fixed(sectors.y, fixed.y, scale),
+        tiling_fixed(sectors.y, fixed.x, scale) - tiling_fixed(sectors.x, fixed.y, scale),
     );
-    let uv = base + vec2<f32>(q.x * c + q.y * s, q.y * c - q.x * s);
-    let uv_dx = vec2<f32>(qx.x * c + qx.y * s, qx.y * c - qx.x * s);
-    let uv_dy = vec2<f32>(qy.x * c + qy.y * s, qy.y * c - qy.x * s);
+    return base + terrain_turn(projection.position, rate);
+}
+
+// LOD of a texture of 1 x 1 texels, by WebGPU's rule: the longer of the two gradients. A texture of 2^k has k more.
+fn terrain_lod(projection: Projection, rate: vec2<f32>) -> f32 {
+    return 0.5 * log2(max(projection.longest_2 * dot(rate, rate), 1e-30));
+}
+
+fn terrain_texels_log2(texels: u32) -> f32 {
+    return f32(firstLeadingBit(texels));
+}
+
+// What three detail texels of a material make.
+fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, albedo: vec3<f32>, normal: vec4<f32>, height: vec2<f32>) -> Surface {
+    // Slope = xy / z of the unit normal; z is held above 0.05.
+    let xy = normal.ag * 2.0 - 1.0;
+    let slope = xy * (-entry.normal_strength * inverseSqrt(max(1.0 - dot(xy, xy), 0.0025)));
+    let turned = vec2<f32>(slope.x * rate.x - slope.y * rate.y, slope.x * rate.y + slope.y * rate.x) * inverseSqrt(dot(rate, rate));
+    let tinted = albedo * mix(vec3<f32>(1.0), entry.tint, height.g);
+    return Surface(tinted, height.r, triplanar_from_gradient(turned, projection.axis), normal.r, normal.b);
+}
+
+// One material seen in one projection at one tiling scale 2^scale: three detail textures.
+// Texture coordinates are a linear map of the position, and so are their gradients (ruling 7).
+fn terrain_material(id: u32, projection: Projection, scale: u32) -> Surface {
+    let entry = palette[id];
+    let rate = entry.per_metre * exp2(-f32(scale));
+    let uv = terrain_texture_coordinate(entry, projection, scale, rate);
+    // Three, by either path.
     count_fetch();
-    let albedo = textureSampleGrad(detail_albedo, detail_sampler, uv, entry.albedo_layer, uv_dx, uv_dy).rgb;
     count_fetch();
-    let normal = textureSampleGrad(detail_normal, detail_sampler, uv, entry.normal_layer, uv_dx, uv_dy);
     count_fetch();
-    let height = textureSampleGrad(detail_height, detail_sampler, uv, entry.height_layer, uv_dx, uv_dy);
-    let n = terrain_unpack_normal(normal);
-    let slope = -n.xy / max(n.z, 0.05) * entry.normal_strength;
-    let cosine = c * inverseSqrt(c * c + s * s);
-    let sine = s * inverseSqrt(c * c + s * s);
-    let turned = vec2<f32>(slope.x * cosine - slope.y * sine, slope.x * sine + slope.y * cosine);
-    return Surface(albedo * mix(vec3<f32>(1.0), entry.tint, height.g), height.r, triplanar_from_gradient(turned, axis), normal.r, normal.b);
+    if ANISOTROPIC {
+        let uv_dx = terrain_turn(projection.ddx, rate);
+        let uv_dy = terrain_turn(projection.ddy, rate);
+        let albedo = textureSampleGrad(detail_albedo, detail_sampler, uv, entry.albedo_layer, uv_dx, uv_dy).rgb;
+        let normal = textureSampleGrad(detail_normal, detail_sampler, uv, entry.normal_layer, uv_dx, uv_dy);
+        let height = textureSampleGrad(detail_height, detail_sampler, uv, entry.height_layer, uv_dx, uv_dy).rg;
+        return terrain_surface(entry, projection, rate, albedo, normal, height);
+    }
+    let lod = terrain_lod(projection, rate);
+    let texels = terrain_texels_log2(textureDimensions(detail_albedo).x);
+    let height_texels = terrain_texels_log2(textureDimensions(detail_height).x);
+    let albedo = textureSampleLevel(detail_albedo, detail_sampler, uv, entry.albedo_layer, lod + texels).rgb;
+    let normal = textureSampleLevel(detail_normal, detail_sampler, uv, entry.normal_layer, lod + texels);
+    let height = textureSampleLevel(detail_height, detail_sampler, uv, entry.height_layer, lod + height_texels).rg;
+    return terrain_surface(entry, projection, rate, albedo, normal, height);
 }
 
 // Four fetches: the splat id and its three textures.
-fn terrain_tap(cell: SplatCell, texel: u32, axis: u32, scale: u32, footprint: Footprint) -> Surface {
-    return terrain_material(terrain_splat_id(cell, texel), axis, scale, footprint);
+fn terrain_tap(cell: SplatCell, texel: u32, projection: Projection, scale: u32) -> Surface {
+    return terrain_material(terrain_splat_id(cell, texel), projection, scale);
 }
 
 // Loops over taps run to `frame.taps` (always 4) and `frame.taps - 1u` (3 projections), `frame.taps - 2u` (2 tilings) rather than to a constant: an unrolled splat flavour
 // is 36 texture samples long, and software Vulkan then compiles for seconds what it runs in milliseconds.
 
-// Sixteen fetches: four taps, bilinear weights modified by height.
-fn terrain_splat_blend(cell: SplatCell, axis: u32, scale: u32, footprint: Footprint) -> Surface {
-    var taps: array<Surface, 4>;
-    for (var i = 0u; i < frame.taps; i++) {
-        taps[i] = terrain_tap(cell, i, axis, scale, footprint);
-    }
-    let heights = vec4<f32>(taps[0].height, taps[1].height, taps[2].height, taps[3].height);
-    let weights = splat_blend_weights(cell.fraction, heights, frame.height_sharpness);
+// Sixteen fetches: four taps, bilinear weights modified by height. Summed as they come: an array of taps, indexed by a loop that is not
+// unrolled, would live in memory.
+fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
+    let weights = splat_blend_bilinear(cell.fraction);
+    var run = splat_blend_start();
     var sum = surface_zero();
-    for (var i = 0u; i < 4u; i++) {
-        sum = surface_add(sum, weights[i], taps[i]);
+    var total = 0.0;
+    for (var i = 0u; i < frame.taps; i++) {
+        let tap = terrain_tap(cell, i, projection, scale);
+        run = splat_blend_add(run, weights[i], tap.height, frame.height_sharpness);
+        sum = surface_add(surface_scale(run.keep, sum), run.share, tap);
+        total = total * run.keep + run.share;
     }
-    return sum;
+    return surface_scale(1.0 / total, sum);
 }
 
 // Sixteen fetches: four taps, plain bilinear weights: the mean of choosing one of them by those weights.
-fn terrain_splat_mean(cell: SplatCell, axis: u32, scale: u32, footprint: Footprint) -> Surface {
+fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var sum = surface_zero();
     for (var i = 0u; i < frame.taps; i++) {
-        sum = surface_add(sum, weights[i], terrain_tap(cell, i, axis, scale, footprint));
+        sum = surface_add(sum, weights[i], terrain_tap(cell, i, projection, scale));
     }
     return sum;
 }
@@ -225,11 +280,11 @@ struct Moments {
     square: vec3<f32>,
 }
 
-fn terrain_splat_moments(cell: SplatCell, axis: u32, scale: u32, footprint: Footprint) -> Moments {
+fn terrain_splat_moments(cell: SplatCell, projection: Projection, scale: u32) -> Moments {
     let weights = splat_blend_bilinear(cell.fraction);
     var moments = Moments(vec3<f32>(0.0), vec3<f32>(0.0));
     for (var i = 0u; i < frame.taps; i++) {
-        let albedo = terrain_tap(cell, i, axis, scale, footprint).albedo;
+        let albedo = terrain_tap(cell, i, projection, scale).albedo;
         moments.mean += weights[i] * albedo;
         moments.square += weights[i] * albedo * albedo;
     }
