@@ -105,7 +105,7 @@ fn every_variant_resolves() {
     let kernels = || Variant::all().map(Kernel::Variant).chain([Kernel::Generic]);
     let mut keys = Vec::new();
     for kernel in kernels() {
-        for estimator in Estimator::ALL {
+        for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS) {
             for diagnostics in [false, true] {
                 // The rest of the key takes turns: a value is wrong for all kernels or for none.
                 let (noise, two_tilings) = (NoiseKind::ALL[keys.len() % 3], keys.len() % 2 == 1);
@@ -113,7 +113,7 @@ fn every_variant_resolves() {
             }
         }
     }
-    assert_eq!(keys.len(), (Variant::COUNT + 1) * Estimator::ALL.len() * 2);
+    assert_eq!(keys.len(), (Variant::COUNT + 1) * (Estimator::ALL.len() + Estimator::YARDSTICKS.len()) * 2);
     for (index, key) in keys.into_iter().enumerate() {
         let flag = |bit: usize| index >> bit & 1 == 1;
         let overrides = key.overrides(Settings { colour_modulation: flag(0), anisotropic: flag(1), one_triangle: flag(2) });

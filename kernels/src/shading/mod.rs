@@ -5,11 +5,9 @@
 //! Source: Moore, GDC 2018, "Cliff Shading", "Terrain Shader Variations", "Terrain G-Buffer Pass"; rulings 1, 7, 15.
 
 use std::collections::HashMap;
-use std::fmt;
-use std::str::FromStr;
 
 use crate::classification::{ARGUMENT_BYTES, Lists};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::frame::FRAME_WGSL;
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
@@ -20,51 +18,9 @@ use crate::terrain::{self, Terrain};
 use crate::variant::Variant;
 use crate::virtual_texture::{self, VirtualTexture};
 
-/// How a stochastic flavour arrives at its value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Estimator {
-    /// Far Cry 5's: random choices.
-    #[default]
-    Fc5,
-    /// The exact blend of what the random choice chooses from: its mean.
-    Exact,
-    /// The variance over seeds that theory gives `Fc5`, times [`VARIANCE_SCALE`], in place of albedo: the yardstick for measured variance.
-    Variance,
-}
+mod estimator;
 
-impl Estimator {
-    /// Those that make a picture.
-    pub const ALL: [Estimator; 2] = [Estimator::Fc5, Estimator::Exact];
-
-    /// Name in files and on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Estimator::Fc5 => "fc5",
-            Estimator::Exact => "exact",
-            Estimator::Variance => "variance",
-        }
-    }
-}
-
-impl fmt::Display for Estimator {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Estimator {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Estimator> {
-        Estimator::ALL
-            .into_iter()
-            .find(|e| e.name() == text)
-            .ok_or_else(|| Error::Request(format!("`{text}` is no estimator: give fc5 or exact")))
-    }
-}
-
-/// Factor on the variance that [`Estimator::Variance`] writes, so that f16 does not run into its denormals.
-pub const VARIANCE_SCALE: f64 = 1024.0;
+pub use estimator::{Estimator, VARIANCE_SCALE};
 
 /// Which kernel runs: a variant, or the generic one that takes each tile's mask at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -80,11 +36,11 @@ pub enum Kernel {
 pub struct PipelineKey {
     /// The kernel.
     pub kernel: Kernel,
-    /// Estimator of the stochastic flavours.
+    /// Estimator of near cliff, far cliff and splat.
     pub estimator: Estimator,
     /// Their noise.
     pub noise: NoiseKind,
-    /// Whether full splat blends two tiling scales: 96 fetches.
+    /// Whether full splat blends two tiling scales: 96 fetches. Without effect on estimators whose splat is defined with one.
     pub two_tilings: bool,
     /// Whether fetches are counted and choices recorded.
     pub diagnostics: bool,
@@ -103,7 +59,7 @@ pub struct Settings {
 
 impl PipelineKey {
     /// The override constants of `shading.wgsl`.
-    pub fn overrides(self, settings: Settings) -> [(&'static str, f64); 8] {
+    pub fn overrides(self, settings: Settings) -> [(&'static str, f64); 9] {
         let flag = |on: bool| f64::from(u8::from(on));
         let mask = match self.kernel {
             Kernel::Variant(variant) => variant.mask(),
@@ -113,7 +69,8 @@ impl PipelineKey {
             ("VARIANT", f64::from(mask)),
             ("ESTIMATOR", f64::from(self.estimator as u8)),
             ("NOISE", f64::from(self.noise.code())),
-            ("TWO_TILINGS", flag(self.two_tilings)),
+            ("TWO_TILINGS", flag(self.two_tilings && self.estimator.has_two_tilings())),
+            ("HEX_TILING", flag(self.estimator.is_hex_tiled())),
             ("COUNT_FETCHES", flag(self.diagnostics)),
             ("COLOUR_MODULATION", flag(settings.colour_modulation)),
             ("ANISOTROPIC", flag(settings.anisotropic)),
