@@ -22,7 +22,7 @@ use kernels::gpu::{self, Gpu, GpuOptions, Timer};
 use kernels::probe::{PROBES, Probe};
 use kernels::shared::flavour_weights::FlavourParams;
 use kernels::shared::real::{dot, length, sub};
-use kernels::shared::{brdf, flavour_weights, hash, octahedral, splat_blend, tiling, triplanar};
+use kernels::shared::{brdf, flavour_weights, hash, hex_tiling, octahedral, snapped_projection, splat_blend, tiling, triplanar};
 
 /// A unit in the last place at 1: twice the rounding error of one operation.
 const EPS: f64 = f32::EPSILON as f64;
@@ -320,6 +320,107 @@ fn select_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     verdict
 }
 
+/// Compares weights by the key each belongs to; what one side does not name has weight 0. Another set of keys is the other side of a
+/// threshold, if the weights agree.
+fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> Verdict {
+    let weight = |of: &[(u64, f64)], key: u64| of.iter().filter(|(k, _)| *k == key).map(|(_, w)| w).sum::<f64>();
+    let keys: BTreeSet<u64> = got.iter().chain(want).map(|(key, _)| *key).collect();
+    let side = |of: &[(u64, f64)]| keys.iter().map(|&key| weight(of, key)).collect::<Vec<_>>();
+    let verdict = close(&side(got), &side(want), tolerance);
+    let same = |of: &[(u64, f64)]| of.iter().map(|(key, _)| *key).collect::<BTreeSet<_>>();
+    if verdict != Verdict::Differs && same(got) != same(want) { Verdict::OtherSide } else { verdict }
+}
+
+fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let n = octahedral::unit(three(row, 0)).map(f64::abs);
+    let k = row[3].clamp(0.0, 1e4) / 8.0;
+    let above = [want[0], want[1]].map(|axis| (n[axis as usize] - 1.0 / 3.0_f64.sqrt()).max(0.0));
+    let top = above[0].max(above[1]);
+    if (got[2] + got[3] - 1.0).abs() > 4.0 * EPS || got[2].min(got[3]) < 0.0 {
+        return Verdict::Differs;
+    }
+    // On a diagonal the blend jumps, and next to it rounding decides.
+    if top <= 2.0 * UNIT_TOLERANCE {
+        return Verdict::OtherSide;
+    }
+    // Error of the ratio of what is above, and of its k-th power: of slope k r^(k-1) where r is well above its error, at most error^k
+    // where it is not and k is below 1. log2 errs by 2^-21 = 4 ULP at 1, which k magnifies; w 2^-w undoes that in part.
+    let (r, e) = (above[0].min(above[1]) / top, 2.0 * UNIT_TOLERANCE / top);
+    let slope = if k >= 1.0 { k } else { k * (r - e).max(1e-300).powf(k - 1.0) };
+    let power = if r > 2.0 * e || k >= 1.0 { slope * e } else { (3.0 * e).powf(k) };
+    let pairs = |v: &[f64]| [(v[0] as u64, v[2]), (v[1] as u64, v[3])];
+    keyed(&pairs(got), &pairs(want), power + EPS * (16.0 + 4.0 * k))
+}
+
+fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    if (got[0] - want[0]).abs() > 0.5 {
+        // Half-way between two powers of two.
+        let spacings = (row[5] * 12.0_f64.sqrt()).log2();
+        let near = (spacings - spacings.floor() - 0.5).abs() <= level_error(spacings, 2.0);
+        return if near && (got[0] - want[0]).abs() < 1.5 { Verdict::OtherSide } else { Verdict::Differs };
+    }
+    let id = |v: &[f64], i: usize| v[1 + 2 * i] as u64 * 65_536 + v[2 + 2 * i] as u64;
+    let first = [got[1] as u32, got[2] as u32];
+    if close(&got[10..], &hex_tiling::offset::<f64>(first, row[6] as u32), 0.5 * f64::from(f32::MIN_POSITIVE)) == Verdict::Differs {
+        return Verdict::Differs;
+    }
+    // Products with powers of two are exact; a coordinate in spacings has three more roundings. A barycentric one sums two, and is
+    // divided by at least 1/3: 6 times their error; the 7th power magnifies by 7, and normalising at most doubles.
+    let reach = row[2].abs().max(row[3].abs()) / row[4] * got[0].exp2();
+    let coordinate = 1.5 * EPS * (1.2 * reach + 1.0);
+    let pairs = |v: &[f64]| [0, 1, 2].map(|i| (id(v, i), v[7 + i]));
+    keyed(&pairs(got), &pairs(want), 2.0 * 7.0 * 6.0 * coordinate + 24.0 * EPS)
+}
+
+fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    if got.iter().zip(want).all(|(g, w)| (g - w).abs() < 0.5) {
+        return Verdict::Agrees(0.0);
+    }
+    // A level and a coordinate in texels have an ULP of their size; what u is compared with is their fraction.
+    let lod = row[0].clamp(0.0, row[1] - 1.0);
+    let texels = (row[3] - row[3].floor()) * row[4] - 0.5;
+    let may = |x: f64, u: f64, error: f64| {
+        let part = x - x.floor();
+        (u - part).abs() <= error || part <= error || part >= 1.0 - error
+    };
+    let level = (got[0] - want[0]).abs() < 0.5 || ((got[0] - want[0]).abs() < 1.5 && may(lod, row[2], EPS * (lod + 1.0)));
+    let steps = (got[1] - want[1]).abs().min(row[4] - (got[1] - want[1]).abs());
+    let texel = steps < 0.5 || (steps < 1.5 && may(texels, row[5], EPS * (row[4] + 1.0)));
+    if level && texel { Verdict::OtherSide } else { Verdict::Differs }
+}
+
+fn layers_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    // A quotient (2.5 ULP and a sum) and a mixture (4 roundings) a layer, each of numbers up to 1.
+    close(got, want, 8.0 * 8.0 * EPS)
+}
+
+fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let n = octahedral::unit(three(row, 0));
+    let plane = got[0] as u32;
+    let step = (std::f64::consts::PI / 8.0).tan();
+    // Thresholds: the slope, 22.5 degrees either side of the axes, and the sign of a component that is zero.
+    let [x, y] = [n[0].abs(), n[1].abs()];
+    let margins = [n[2].abs() - row[3], y - step * x, x - step * y];
+    let near = margins.iter().any(|m| m.abs() <= 2.0 * UNIT_TOLERANCE);
+    let verdict = if plane == want[0] as u32 {
+        Verdict::Agrees(0.0)
+    } else if near {
+        Verdict::OtherSide
+    } else {
+        return Verdict::Differs;
+    };
+    let sectors = snapped_projection::sectors([row[7] as i32, row[8] as i32, row[9] as i32], plane).map(f64::from);
+    let rate = f64::from(snapped_projection::fixed(row[10] as i32, plane));
+    let position = three(row, 4);
+    let gradient = [row[11], row[12]];
+    let sizes = (length(position), gradient[0].abs() + gradient[1].abs());
+    let whole = close(&got[1..4], &[sectors[0], sectors[1], rate], 0.25);
+    // A sum and a product: two roundings.
+    let coordinates = close(&got[4..6], &snapped_projection::coordinates(position, plane), 2.0 * EPS * sizes.0 + 1e-30);
+    let volume = close(&got[6..], &snapped_projection::from_gradient(gradient, plane), 2.0 * EPS * sizes.1 + 1e-30);
+    both(both(verdict, whole), both(coordinates, volume))
+}
+
 const CASES: &[Case] = &[
     Case {
         probe: "octahedral",
@@ -491,6 +592,9 @@ const CASES: &[Case] = &[
             ("splat_blend", "f.x * g.y, g.x * f.y,", "g.x * f.y, f.x * g.y,"),
             ("splat_blend", "exp2(exponent)", "exp(exponent)"),
             ("splat_blend", "min(sharpness, SPLAT_BLEND_MAX_SHARPNESS)", "min(sharpness, 64.0)"),
+            // Term by term: what was summed is not measured anew; the winner is the first term.
+            ("splat_blend", "(run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0", "1.0, 1.0"),
+            ("splat_blend", "if score > run.score {", "if run.weight <= 0.0 {"),
         ],
     },
     Case {
@@ -554,6 +658,160 @@ const CASES: &[Case] = &[
             ("select", "if target_sum < below_2 {", "if target_sum < below_1 {"),
             ("select", "if w.w > 0.0 {", "if w.w >= 0.0 {"),
             ("select", "select(vec4<f32>(0.0), min(weights, vec4<f32>(SELECT_MAX_WEIGHT)), weights > vec4<f32>(0.0))", "weights"),
+        ],
+    },
+    Case {
+        probe: "biplanar",
+        random: |d| {
+            let k = if d.whole(8) < 0.5 { 0.0 } else { d.between(-2.0, 6.0).exp2() };
+            [&d.vector(-10.0, 10.0)[..], &[k]].concat()
+        },
+        extremes: || {
+            let mut rows = Vec::new();
+            for n in directions() {
+                for k in [0.0, 4.0, 8.0, 1e4, 1e9, -1.0] {
+                    rows.push([&n[..], &[k]].concat());
+                }
+            }
+            // Where the second projection changes: two components alike, below and above the third.
+            for third in [0.0, 0.5, 1.0 - EPS, 1.0 + EPS, 2.0] {
+                rows.push(vec![1.0, 1.0, third, 8.0]);
+                rows.push(vec![third, -1.0, 1.0, 4.0]);
+                rows.push(vec![1.0, third, -1.0, 2.0]);
+            }
+            rows
+        },
+        judge: biplanar_judge,
+        // Extremes: 8 diagonals with 6 powers, 6 rows a step off a diagonal, and a few where two components that count for nothing are alike.
+        other_side_at_most: 80,
+        mutants: &[
+            // A third projection that leaves with a seam; weights not normalised; another power; the wrong axis left out.
+            ("biplanar", "max(kept - BIPLANAR_DIAGONAL, vec2<f32>(0.0))", "kept"),
+            ("biplanar", "w / (w.x + w.y)", "w"),
+            ("biplanar", "0.125 * select", "select"),
+            ("biplanar", "a.x <= a.y && a.x <= a.z", "a.x <= a.y"),
+        ],
+    },
+    Case {
+        probe: "hex-tiling",
+        random: |d| {
+            let sector_m = d.between(5.0, 15.0).floor().exp2();
+            let reach = if d.whole(2) < 0.5 { 160 } else { 1 << 24 };
+            let sector = [0; 2].map(|_: i32| d.whole(2 * reach) - f64::from(reach));
+            let position = [0; 2].map(|_: i32| d.between(-1.0, 1.0) * sector_m);
+            [&sector[..], &position, &[sector_m, d.between(-10.0, 7.0).exp2(), d.whole(1 << 24)]].concat()
+        },
+        extremes: || {
+            let mut rows = Vec::new();
+            for sector in [[0.0, 0.0], [16_777_216.0, -16_777_216.0], [-1.0, 1.0]] {
+                for position in [[0.0, 0.0], [64.0, 64.0], [-1e-6, 1e-6], [31.999_998, 0.0], [3e30, -1e20]] {
+                    for repeats in [0.0, 1e-9, 16.0, 32.0, -4.0] {
+                        rows.push([&sector[..], &position, &[64.0, repeats, 7.0]].concat());
+                    }
+                }
+            }
+            rows
+        },
+        judge: hex_tiling_judge,
+        // Within an error of a cell's border, where the hexagon that goes has weight 0, or of half-way between two levels: a few random rows,
+        // and the extremes at and a step off a corner.
+        other_side_at_most: 32,
+        mutants: &[
+            // Blended without sharpening; a seam at sector borders; one offset for all; weights not normalised; the upper triangle's weights.
+            ("hex_tiling", "return square * square * square * w;", "return w;"),
+            ("hex_tiling", "(s.x << (HEX_TILING_SKEW_BITS + step)) - skewed_y", "(s.x << (HEX_TILING_SKEW_BITS + step))"),
+            ("hex_tiling", "vec4<u32>(id, salt, 0u)", "vec4<u32>(id.xx, salt, 0u)"),
+            ("hex_tiling", "sharp / (sharp.x + sharp.y + sharp.z)", "sharp"),
+            ("hex_tiling", "vec3<f32>(f.x + f.y - 1.0, 1.0 - f.y, 1.0 - f.x)", "vec3<f32>(f.x + f.y - 1.0, 1.0 - f.x, 1.0 - f.y)"),
+        ],
+    },
+    Case {
+        probe: "texel-choice",
+        random: |d| {
+            let levels = 1.0 + d.whole(12);
+            let size = d.whole(13).exp2();
+            vec![d.between(-2.0, 14.0), levels, d.unit(), d.between(-200.0, 200.0), size, d.unit()]
+        },
+        extremes: || {
+            let mut rows = Vec::new();
+            for u in [0.0, 0.5, 1.0 - 0.5 * EPS] {
+                for lod in [-1e30, -1.0, 0.0, 0.5, 3.0, 1e30] {
+                    for coordinate in [0.0, 0.999_999, -1e-7, 0.5, -3.25, 1e5, 1e20] {
+                        for size in [1.0, 2.0, 1024.0, 3.0] {
+                            rows.push(vec![lod, 5.0, u, coordinate, size, u]);
+                        }
+                    }
+                }
+            }
+            rows
+        },
+        judge: texel_choice_judge,
+        // u is within 2^-23 times some hundred texels of a threshold: 0.1 of 4096 expected; extremes with a size of 3 and a centre at 1 - 5e-7.
+        other_side_at_most: 24,
+        mutants: &[
+            // Always the level below; the nearest texel; corners for centres; no repeat; the farther texel more often.
+            ("texel_choice", "select(0.0, 1.0, u < l - below)", "0.0"),
+            ("texel_choice", "select(0.0, 1.0, u < x - below)", "select(0.0, 1.0, 0.5 < x - below)"),
+            ("texel_choice", "* texels - 0.5", "* texels"),
+            ("texel_choice", "texels - 1.0, texel < 0.0", "0.0, texel < 0.0"),
+            ("texel_choice", "u < x - below", "u >= x - below"),
+        ],
+    },
+    Case {
+        probe: "layers",
+        random: |d| {
+            let weights = splat_blend::bilinear([d.unit(), d.unit()]);
+            [&weights[..], &[0; 4].map(|_| d.whole(8))].concat()
+        },
+        extremes: || {
+            let mut rows = Vec::new();
+            for fraction in [[0.0, 0.0], [1.0, 0.0], [0.5, 1.0], [1e-20, 1.0 - EPS], [0.5, 0.5]] {
+                for layers in [[0.0; 4], [7.0; 4], [7.0, 6.0, 1.0, 0.0], [0.0, 1.0, 6.0, 7.0], [3.0, 3.0, 5.0, 5.0]] {
+                    rows.push([&splat_blend::bilinear(fraction)[..], &layers].concat());
+                }
+            }
+            rows
+        },
+        judge: layers_judge,
+        other_side_at_most: 0,
+        mutants: &[
+            // A share for an opacity; layer 0 transparent; a layer that counts those above it; a weight forgotten.
+            ("layers", "share / max(share + below, 1e-30)", "share"),
+            ("layers", "1.0, layer == 0u", "share, layer == 0u"),
+            ("layers", "layers == vec4<u32>(layer)", "layers >= vec4<u32>(layer)"),
+            ("layers", "vec4<f32>(1.0));", "vec4<f32>(1.0, 1.0, 1.0, 0.0));"),
+        ],
+    },
+    Case {
+        probe: "snapped-projection",
+        random: |d| {
+            let sectors = [0; 3].map(|_| d.whole(1 << 21) - f64::from(1 << 20));
+            let fixed = d.whole(1 << 25) - f64::from(1 << 24);
+            let (n, p) = (d.vector(-10.0, 10.0), d.vector(-3.0, 12.0));
+            [&n[..], &[0.8], &p, &sectors, &[fixed, d.between(-2.0, 2.0), d.between(-2.0, 2.0)]].concat()
+        },
+        extremes: || {
+            let mut rows = Vec::new();
+            for n in directions() {
+                for cosine in [0.0, 0.8, 1.0] {
+                    for fixed in [0.0, 1.0, -1.0, 255.0, -256.0, 16_777_216.0, -16_777_216.0] {
+                        rows.push([&n[..], &[cosine, 1.0, -2.0, 3.0, 5.0, -7.0, 11.0, fixed, 0.5, -0.25]].concat());
+                    }
+                }
+            }
+            rows
+        },
+        judge: snapped_projection_judge,
+        // Directions without x and y, or with z at the threshold.
+        other_side_at_most: 100,
+        mutants: &[
+            // The other diagonal; sectors and positions that disagree; a rate of whole 45 degree steps; steep and gentle exchanged.
+            ("snapped_projection", "(u.x > 0.0) == (u.y > 0.0)", "(u.x > 0.0) != (u.y > 0.0)"),
+            ("snapped_projection", "place.y - place.x", "place.x - place.y"),
+            ("snapped_projection", "(((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u)", "0"),
+            ("snapped_projection", "a.z >= cosine", "a.z < cosine"),
+            ("snapped_projection", "a.y <= SNAPPED_HALF_STEP * a.x", "a.y <= a.x"),
+            ("snapped_projection", "vec3<f32>(-along, along, g.y)", "vec3<f32>(along, along, g.y)"),
         ],
     },
 ];
@@ -675,6 +933,31 @@ fn tri_planar_agrees() {
 #[test]
 fn select_agrees() {
     check("select");
+}
+
+#[test]
+fn biplanar_agrees() {
+    check("biplanar");
+}
+
+#[test]
+fn hex_tiling_agrees() {
+    check("hex-tiling");
+}
+
+#[test]
+fn texel_choice_agrees() {
+    check("texel-choice");
+}
+
+#[test]
+fn layers_agree() {
+    check("layers");
+}
+
+#[test]
+fn snapped_projection_agrees() {
+    check("snapped-projection");
 }
 
 // ---------------------------------------------------------------- hashes
@@ -802,7 +1085,7 @@ impl Scenery {
         uniforms.forced_mask = forced.map_or(0, u32::from);
         let buffer = gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
         let frame = gpu.group("frame", layout, &[buffer.as_entire_binding()]);
-        let (targets, lists) = (self.upload(gpu), Lists::new(gpu, self.size));
+        let (targets, lists) = (self.upload(gpu), Lists::new(gpu, self.size, classification::TILE));
         let mut encoder = gpu.encoder("classification");
         pass.encode(gpu, &mut encoder, &mut Timer::new(gpu), &frame, &targets, &lists);
         gpu.submit_and_wait(encoder).unwrap_or_else(|e| panic!("{e}"));
@@ -839,7 +1122,7 @@ fn classification_agrees_on_both_paths() {
     assert!(!plain.features.contains(wgpu::Features::SUBGROUP));
     for (path, gpu) in [("the adapter's best", gpu()), ("plain", &plain)] {
         let layout = gpu.layout("frame", wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
-        let pass = Classification::new(gpu, &layout).unwrap_or_else(|e| panic!("{e}"));
+        let pass = Classification::new(gpu, &layout, classification::TILE).unwrap_or_else(|e| panic!("{e}"));
         for (table, size) in (0..).zip([[150, 91], [64, 64], [1, 1], [7, 17], [8, 8], [1021, 9], [640, 361]]) {
             let scenery = Scenery::random(size, table);
             for forced in [None, Some(2), Some(31)] {
@@ -866,7 +1149,7 @@ fn classify_by(gpu: &Gpu, files: &[(&str, &str)], scenery: &Scenery) -> Vec<Vec<
     uniforms.size = scenery.size;
     uniforms.tiles = tiles(scenery.size);
     let buffer = gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
-    let (targets, lists) = (scenery.upload(gpu), Lists::new(gpu, scenery.size));
+    let (targets, lists) = (scenery.upload(gpu), Lists::new(gpu, scenery.size, classification::TILE));
     let frame = gpu.group("frame", &pipeline.get_bind_group_layout(0), &[buffer.as_entire_binding()]);
     let group = gpu.group(
         "mutant",
@@ -913,7 +1196,7 @@ fn wrong_classification_is_noticed() {
         let mut mutants = vec![
             (one, largest),
             ("textureLoad(stencil_target, pixel, 0).r == 0u", "textureLoad(stencil_target, pixel, 0).r == 2u"),
-            ("vec2<u32>(thread % 8u, thread / 8u)", "vec2<u32>(thread % 8u, thread / 4u)"),
+            ("vec2<u32>(thread % TILE, thread / TILE)", "vec2<u32>(thread % TILE, thread / 4u)"),
             ("atomicAdd(&arguments[0].instance_count, 1u)", "atomicAdd(&arguments[0].instance_count, 0u)"),
         ];
         if subgroups {
@@ -934,7 +1217,7 @@ fn classification_comparison_notices_differences() {
     let masks = tile_masks(scenery.size, &scenery.mask, &scenery.terrain, None);
     assert!(masks.contains(&0) && masks.iter().collect::<BTreeSet<_>>().len() > 16, "the scenery is too plain");
     let layout = gpu().layout("frame", wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
-    let pass = Classification::new(gpu(), &layout).unwrap_or_else(|e| panic!("{e}"));
+    let pass = Classification::new(gpu(), &layout, classification::TILE).unwrap_or_else(|e| panic!("{e}"));
     let lists = scenery.classify(gpu(), &pass, &layout, None);
     scenery.compare(&lists, &masks).unwrap_or_else(|e| panic!("{e}"));
     let rejects = |what: &str, change: &dyn Fn(&mut Vec<Vec<u32>>)| {

@@ -18,8 +18,11 @@ fn png(folder: &Folder, name: &str, size: [u32; 2], code: impl Fn(u32, u32) -> u
     path
 }
 
+/// A channel's name, and its value by pixel.
+type Channel = (&'static str, fn(usize) -> f32);
+
 /// An OpenEXR file of these channels, a function of the index each; its path.
-fn exr(folder: &Folder, name: &str, channels: &[(&str, fn(usize) -> f32)]) -> String {
+fn exr(folder: &Folder, name: &str, channels: &[Channel]) -> String {
     let path = folder.path(name);
     let area = (SIZE[0] * SIZE[1]) as usize;
     let channel = |(name, value): &(&str, fn(usize) -> f32)| e::AnyChannel::new(*name, e::FlatSamples::F32((0..area).map(value).collect()));
@@ -92,8 +95,8 @@ fn wrong_pictures_fail_with_their_place() {
 fn wrong_layers_and_masks_fail_with_what_there_is() {
     let folder = Folder::new("compare-layers");
     let good = png(&folder, "good.png", SIZE, |x, _| x as u8);
-    let grey: [(&str, fn(usize) -> f32); 4] = [("R", |_| 0.5), ("G", |_| 0.5), ("B", |_| 0.5), ("A", |_| 0.0)];
-    let layers: [(&str, fn(usize) -> f32); 4] = [("albedo.R", |_| 0.5), ("albedo.G", |_| 0.5), ("albedo.B", |_| 0.5), ("depth.V", |_| 9.0)];
+    let grey: [Channel; 4] = [("R", |_| 0.5), ("G", |_| 0.5), ("B", |_| 0.5), ("A", |_| 0.0)];
+    let layers: [Channel; 4] = [("albedo.R", |_| 0.5), ("albedo.G", |_| 0.5), ("albedo.B", |_| 0.5), ("depth.V", |_| 9.0)];
     let all = exr(&folder, "all.exr", &[grey, layers].concat());
     failure(&["compare", &all, &all, "--layer", "albdo"], &["no layer `albdo`", "albedo, depth", "did you mean `albedo`?"]);
     failure(&["compare", &all, &good, "--layer", "albedo"], &["good.png", "only OpenEXR files have layers"]);

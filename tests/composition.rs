@@ -1,10 +1,11 @@
 //! Pictures composed from flavours against the variants' own shaders; motion of a rendered sequence against positions.
 
 use kernels::composition::{Destination, Layers};
-use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::metrics::{LAGS, NO_LINK, read_signal};
 use kernels::picture::AovSet;
 use kernels::shared::motion::{Past, expected_distance, past_ray, reproject};
+use kernels::shared::noise::NoiseKind;
 use kernels::shared::signal;
 use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::Variant;
@@ -191,4 +192,36 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
     assert!(checked > 500, "{checked} samples where they belong");
     // Negative control: the opposite edge is told apart.
     assert!(wrong * 10 < checked, "{wrong} of {checked} also fit the opposite edge");
+}
+
+#[test]
+fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
+    let scene = crate::frame::small_scene();
+    let albedo = |options: RendererOptions| {
+        let mut renderer = Renderer::with(gpu(), &scene, options, &|_| {}).expect("the small scene renders");
+        let request = RenderRequest { noise: NoiseKind::WhiteScreen, ..request(&renderer, "cliff") };
+        let picture = renderer.render(&request).expect("renders");
+        let tiles = picture.report.tiles.clone();
+        (picture.vectors("albedo").expect("asked for").to_vec(), tiles, terrain(&picture))
+    };
+    let (eight, tiles, on) = albedo(RendererOptions::default());
+    for tile in [4, 16] {
+        let (other, counts, _) = albedo(RendererOptions { tile, ..RendererOptions::default() });
+        // The same arithmetic in another variant's pipeline: within two ulp of f16, see the test of the variants.
+        let close =
+            |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 2.0 * a.abs().max(b.abs()) / 2048.0 + 1e-6);
+        let wrong = eight.iter().zip(&other).filter(|pair| !close((pair.0, pair.1))).count();
+        assert_eq!(wrong, 0, "tiles of {tile} pixels shade {wrong} pixels otherwise");
+        // Fewer, larger tiles; more, smaller ones.
+        assert_eq!(counts[0] > tiles[0], tile < 8, "{} tiles of {tile}, {} of 8", counts[0], tiles[0]);
+    }
+    assert!(Renderer::with(gpu(), &scene, RendererOptions { tile: 5, ..RendererOptions::default() }, &|_| {}).is_err());
+    let (exact, ..) = albedo(RendererOptions { exact_normals: true, ..RendererOptions::default() });
+    let rms = |a: &[[f32; 3]]| {
+        let all: Vec<f64> = eight.iter().zip(a).zip(&on).filter(|(_, on)| **on).map(|((a, b), _)| f64::from(a[1] - b[1]).powi(2)).collect();
+        (all.iter().sum::<f64>() / all.len() as f64).sqrt()
+    };
+    let change = rms(&exact);
+    // Codes of 8 bits bend normals by up to 0.6 degrees: seen, and small beside the picture's own contrast.
+    assert!(change > 0.0 && change < 0.02, "exact normals change albedo by {change}");
 }

@@ -2,7 +2,7 @@
 //!
 //! What a device would only say when a variant is first wanted (and some backends never say) is said here for all of them.
 
-use kernels::shading::{Estimator, Kernel, PipelineKey};
+use kernels::shading::{Estimator, Kernel, PipelineKey, Settings};
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::Variant;
 use kernels::{classification, composition, geometry, inspect, lighting, metrics, shading, temporal, virtual_texture};
@@ -112,7 +112,7 @@ fn every_variant_resolves() {
     let kernels = || Variant::all().map(Kernel::Variant).chain([Kernel::Generic]);
     let mut keys = Vec::new();
     for kernel in kernels() {
-        for estimator in Estimator::ALL {
+        for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS) {
             for diagnostics in [false, true] {
                 // The rest of the key takes turns: a value is wrong for all kernels or for none.
                 let (noise, two_tilings) = (NoiseKind::ALL[keys.len() % NoiseKind::ALL.len()], keys.len() % 2 == 1);
@@ -120,9 +120,15 @@ fn every_variant_resolves() {
             }
         }
     }
-    assert_eq!(keys.len(), (Variant::COUNT + 1) * Estimator::ALL.len() * 2);
+    assert_eq!(keys.len(), (Variant::COUNT + 1) * (Estimator::ALL.len() + Estimator::YARDSTICKS.len()) * 2);
     for (index, key) in keys.into_iter().enumerate() {
-        let overrides = key.overrides(index % 2 == 0);
+        let flag = |bit: usize| index >> bit & 1 == 1;
+        let overrides = key.overrides(Settings {
+            colour_modulation: flag(0),
+            anisotropic: flag(1),
+            one_triangle: flag(2),
+            tile: [4, 8, 16][index % 3],
+        });
         let fragment = if key.diagnostics { "shading_fragment_counted" } else { "shading_fragment" };
         for entry in [(ShaderStage::Vertex, "shading_vertex"), (ShaderStage::Fragment, fragment)] {
             let resolved = resolve(&shading, entry, &overrides).unwrap_or_else(|e| panic!("{key:?}, {}: {e}", entry.1));

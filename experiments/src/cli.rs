@@ -9,6 +9,7 @@ use clap::error::ErrorKind;
 use clap::{ArgGroup, Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use kernels::frame::{MAX_PIXELS, MAX_SIDE};
 use kernels::picture::AOV_NAMES;
+use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::Variant;
 
@@ -142,6 +143,16 @@ pub(crate) struct BenchArgs {
 A picture in .exr is linear, with a layer per AOV; one in .png is for looking at.
 With --path or --frames, frame numbers go between stem and extension: out.exr becomes out-0000.exr, out-0001.exr, ...
 
+Estimators (fetches on near cliff, far cliff, splat):
+  fc5        Far Cry 5: random choices on cliffs (12, 8, 48)
+  exact      their mean (48, 96, 48)
+  biplanar   as fc5, by the two projections faced most (8, 8, 32)
+  hex        as fc5, hex-tiled instead of a second tiling scale (30, 10, 120)
+  stf        one tap of one texel, all by chance (4, 4, 4)
+  laplacian  coarse and fine blended apart (60, 60, 60)
+  luna8      eight layers from above, one over the other (28, 28, 28)
+  snapped    one projection, of five (16, 16, 16)
+
 Layers of --aov:
   albedo    linear colour before lighting
   normal    unit normal, world axes
@@ -185,9 +196,9 @@ pub(crate) struct RenderArgs {
     /// the tiles' own, by the one pipeline that takes the mask at run time
     #[arg(long, value_name = "auto|NAME|1..31|generic", default_value = "auto", allow_negative_numbers = true, value_parser = variant)]
     pub(crate) variant: VariantArg,
-    /// `fc5` = the stochastic flavours of Far Cry 5; `exact` = their mean
-    #[arg(long, value_enum, default_value_t = EstimatorArg::Fc5)]
-    pub(crate) estimator: EstimatorArg,
+    /// How near cliff, far cliff and splat are made, each explained below
+    #[arg(long, value_name = "NAME", default_value_t = Estimator::Fc5, value_parser = estimator)]
+    pub(crate) estimator: Estimator,
     /// Source of the random numbers: hashed, hashed-anisotropic, white, world, ign, blue or stbn
     #[arg(long, value_name = "KIND", default_value_t = NoiseKind::HashedIsotropic, value_parser = noise)]
     pub(crate) noise: NoiseKind,
@@ -371,24 +382,6 @@ impl std::fmt::Display for VariantArg {
     }
 }
 
-/// What `--estimator` chose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum EstimatorArg {
-    /// The stochastic flavours of Far Cry 5
-    Fc5,
-    /// The mean of what they choose from
-    Exact,
-}
-
-impl std::fmt::Display for EstimatorArg {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            EstimatorArg::Fc5 => "fc5",
-            EstimatorArg::Exact => "exact",
-        })
-    }
-}
-
 /// Where `probe` evaluates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum On {
@@ -522,6 +515,10 @@ fn variant(text: &str) -> Result<VariantArg, String> {
     }
 }
 
+fn estimator(text: &str) -> Result<Estimator, String> {
+    text.parse().map_err(|e: kernels::error::Error| e.to_string())
+}
+
 fn noise(text: &str) -> Result<NoiseKind, String> {
     text.parse().map_err(|_| format!("must be one of {}", NoiseKind::ALL.map(|kind| kind.to_string()).join(", ")))
 }
@@ -550,6 +547,8 @@ fn picture(text: &str) -> Result<PathBuf, String> {
 
 #[cfg(test)]
 mod tests {
+    use kernels::variant::Flavour;
+
     use super::*;
 
     #[test]
@@ -572,6 +571,22 @@ mod tests {
         for wrong in ["1,2,3,4", "1,2,3,4,5,6", "nan,0,0,0,0", "0,0,inf,0,0", "0,0,0,0,91", "1e9,0,0,0,0", "a,b,c,d,e"] {
             assert!(pose(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn every_estimator_is_explained_with_its_fetches() {
+        let mut command = Cli::command();
+        let help = command.find_subcommand_mut("render").expect("a command").render_long_help().to_string();
+        for e in Estimator::ALL {
+            let counts = [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat].map(|f| e.promised_fetches(f).to_string());
+            let line = help.lines().find(|l| l.trim_start().starts_with(&format!("{e} "))).unwrap_or_else(|| panic!("{}", e.name()));
+            assert!(line.ends_with(&format!("({})", counts.join(", "))), "{line}");
+            assert_eq!(estimator(e.name()), Ok(e));
+        }
+        let wrong = estimator("snaped").expect_err("no such");
+        assert!(wrong.contains("did you mean `snapped`?") && wrong.contains("laplacian"), "{wrong}");
+        // What measures others is no choice.
+        assert!(estimator("variance").is_err() && estimator("").is_err());
     }
 
     #[test]

@@ -204,10 +204,18 @@ pub struct Targets {
 }
 
 /// Choices of a renderer that no scene makes: what an experiment varies.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RendererOptions {
     /// Normals in f32 instead of octahedral codes of 2 x 8 bits, to tell what the codes cost.
     pub exact_normals: bool,
+    /// Edge of a tile, pixels: 4, 8 or 16.
+    pub tile: u32,
+}
+
+impl Default for RendererOptions {
+    fn default() -> Self {
+        RendererOptions { exact_normals: false, tile: classification::TILE }
+    }
 }
 
 /// A scene on a device, ready to be drawn.
@@ -259,6 +267,9 @@ impl<'a> Renderer<'a> {
     pub fn with(gpu: &'a Gpu, scene: &Scene, options: RendererOptions, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         let world = World::new(scene)?;
         scene::validate_against_world(scene, world.max_slope_deg())?;
+        if !classification::TILES.contains(&options.tile) {
+            return Err(Error::Request(format!("tiles of {} pixels cannot be had: give 4, 8 or 16", options.tile)));
+        }
         let requirements = Requirements::of(scene);
         let palette = Palette::build(scene, world.layout().sector_m, |name| {
             progress(Progress { stage: format!("texture {name}"), done: 0, total: 0 });
@@ -269,11 +280,17 @@ impl<'a> Renderer<'a> {
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
         let capacity = if requirements.has(Flavour::VirtualTexture) { virtual_texture::CAPACITY } else { 0 };
         let modulated = requirements.colour_modulation;
+        let settings = shading::Settings {
+            colour_modulation: modulated,
+            anisotropic: scene.blend.anisotropy > 1,
+            one_triangle: classification::tile_vertices(gpu) == 3,
+            tile: options.tile,
+        };
         let renderer = Renderer {
             geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes, options.exact_normals)?,
             virtual_texture: VirtualTexture::new(gpu, &frame_layout, &terrain, modulated, scene.blend.anisotropy, capacity)?,
-            classification: Classification::new(gpu, &frame_layout)?,
-            shading: Shading::new(gpu, &frame_layout, &terrain, modulated)?,
+            classification: Classification::new(gpu, &frame_layout, options.tile)?,
+            shading: Shading::new(gpu, &frame_layout, &terrain, settings)?,
             lighting: Lighting::new(gpu, &frame_layout)?,
             inspect: Inspect::new(gpu, &frame_layout, &terrain)?,
             composition: Composition::new(gpu, &frame_layout, modulated)?,
@@ -370,7 +387,7 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn draw(&mut self, request: &RenderRequest) -> Result<FrameReport> {
-        check_size(request.size, &self.gpu.device.limits())?;
+        check_size(request.size, &self.gpu.device.limits(), self.options.tile)?;
         self.check_variant(request.variant)?;
         let gpu = self.gpu;
         if self.targets.as_ref().is_none_or(|t| t.size != request.size) {
@@ -598,6 +615,7 @@ impl<'a> Renderer<'a> {
                 two_tilings: request.two_tilings,
                 diagnostics: request.wants_diagnostics(),
             })
+            .map(PipelineKey::canonical)
             .collect();
         let total = keys.len() as u64;
         for (done, &key) in (0..).zip(&keys) {
@@ -634,7 +652,7 @@ impl<'a> Renderer<'a> {
                 VariantChoice::Auto | VariantChoice::GenericAuto => 0,
             },
             page_levels: virtual_texture::LEVELS,
-            tiles: classification::tiles(view.size),
+            tiles: classification::tiles_of(view.size, self.options.tile),
             hash_scale: blend.hash_scale as f32,
             height_sharpness: blend.height_sharpness as f32,
             triplanar_sharpness: blend.triplanar_sharpness as f32,
@@ -658,7 +676,7 @@ impl Targets {
     fn new(gpu: &Gpu, size: [u32; 2], options: RendererOptions) -> Targets {
         Targets {
             geometry: geometry::Targets::new(gpu, size, options.exact_normals),
-            lists: Lists::new(gpu, size),
+            lists: Lists::new(gpu, size, options.tile),
             shading: shading::Targets::new(gpu, size),
             image: gpu.target("image", size, lighting::FORMAT),
             size,
@@ -670,10 +688,10 @@ impl Targets {
 ///
 /// # Errors
 /// When a side is 0 or above [`MAX_SIDE`], there are more than [`MAX_PIXELS`], or the device cannot hold the targets or tile lists.
-pub fn check_size(size: [u32; 2], limits: &wgpu::Limits) -> Result<()> {
+pub fn check_size(size: [u32; 2], limits: &wgpu::Limits, tile: u32) -> Result<()> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let side = MAX_SIDE.min(limits.max_texture_dimension_2d);
-    let [columns, rows] = classification::tiles(size).map(u64::from);
+    let [columns, rows] = classification::tiles_of(size, tile).map(u64::from);
     let lists = columns * rows * u64::from(classification::LISTS) * 4;
     if size.contains(&0) || size.iter().any(|&n| n > side) || pixels > MAX_PIXELS || lists > limits.max_storage_buffer_binding_size {
         return Err(Error::Request(format!(

@@ -12,7 +12,9 @@ use crate::scene::nearest;
 use crate::shared::blue_noise::{RANKS, SLICES};
 use crate::shared::noise::{self, HashedPoint, NoiseKind, hashed_anisotropic, hashed_isotropic};
 use crate::shared::real::{Real, add, scale};
-use crate::shared::{derivatives, octahedral, select, splat_blend, triplanar};
+use crate::shared::{
+    biplanar, derivatives, hex_tiling, layers, octahedral, select, snapped_projection, splat_blend, texel_choice, triplanar,
+};
 
 /// Whole numbers travel as f32, which holds them exactly up to this magnitude.
 const EXACT: i32 = 1 << 24;
@@ -296,7 +298,7 @@ fn probe(row: array<f32, 10>) -> array<f32, 3> {
     },
     Probe {
         name: "splat-blend",
-        about: "Weights of four splat texels: bilinear, modified by material height",
+        about: "Weights of four splat texels: bilinear, modified by material height; at once, and term by term",
         inputs: &[
             real("fraction_x", "0..1 between the texels, east"),
             real("fraction_y", "0..1 between the texels, north"),
@@ -306,11 +308,31 @@ fn probe(row: array<f32, 10>) -> array<f32, 3> {
             real("h_11", "height, 0..1"),
             real("sharpness", "k in w' = w 2^(k h)"),
         ],
-        outputs: &[real("w_00", "0..1"), real("w_10", "0..1"), real("w_01", "0..1"), real("w_11", "0..1")],
+        outputs: &[
+            real("w_00", "0..1"),
+            real("w_10", "0..1"),
+            real("w_01", "0..1"),
+            real("w_11", "0..1"),
+            real("run_00", "0..1"),
+            real("run_10", "0..1"),
+            real("run_01", "0..1"),
+            real("run_11", "0..1"),
+        ],
         wgsl: "\
-fn probe(row: array<f32, 7>) -> array<f32, 4> {
-    let w = splat_blend_weights(vec2<f32>(row[0], row[1]), vec4<f32>(row[2], row[3], row[4], row[5]), row[6]);
-    return array<f32, 4>(w.x, w.y, w.z, w.w);
+fn probe(row: array<f32, 7>) -> array<f32, 8> {
+    let fraction = vec2<f32>(row[0], row[1]);
+    let heights = vec4<f32>(row[2], row[3], row[4], row[5]);
+    let w = splat_blend_weights(fraction, heights, row[6]);
+    let bilinear = splat_blend_bilinear(fraction);
+    var terms = mat4x4<f32>(vec4<f32>(1.0, 0.0, 0.0, 0.0), vec4<f32>(0.0, 1.0, 0.0, 0.0), vec4<f32>(0.0, 0.0, 1.0, 0.0), vec4<f32>(0.0, 0.0, 0.0, 1.0));
+    var run = splat_blend_start();
+    var sum = vec4<f32>(0.0);
+    for (var i = 0u; i < 4u; i++) {
+        run = splat_blend_add(run, bilinear[i], heights[i], row[6]);
+        sum = run.keep * sum + run.share * terms[i];
+    }
+    sum /= dot(sum, vec4<f32>(1.0));
+    return array<f32, 8>(w.x, w.y, w.z, w.w, sum.x, sum.y, sum.z, sum.w);
 }",
         single: splat_blend_row,
         double: splat_blend_row,
@@ -371,6 +393,170 @@ fn probe(row: array<f32, 5>) -> array<f32, 2> {
         single: select_row,
         double: select_row,
     },
+    Probe {
+        name: "biplanar",
+        about: "The two projections that a surface faces most, and their weights",
+        inputs: &[
+            real("n_x", "direction, any length"),
+            real("n_y", "direction"),
+            real("n_z", "direction"),
+            real("sharpness", "k of tri-planar weights"),
+        ],
+        outputs: &[
+            Column::whole("axis_0", "0 = x, 1 = y, 2 = z", 0, 2),
+            Column::whole("axis_1", "axis", 0, 2),
+            real("w_0", "0..1"),
+            real("w_1", "0..1"),
+        ],
+        wgsl: "\
+fn probe(row: array<f32, 4>) -> array<f32, 4> {
+    let b = biplanar_projections(vec3<f32>(row[0], row[1], row[2]), row[3]);
+    return array<f32, 4>(f32(b.axes.x), f32(b.axes.y), b.weights.x, b.weights.y);
+}",
+        single: biplanar_row,
+        double: biplanar_row,
+    },
+    Probe {
+        name: "hex-tiling",
+        about: "The three hexagons around a point, their weights, and the texture's offset in the first",
+        inputs: &[
+            Column::whole("sector_0", "whole sectors along the first coordinate", -EXACT, EXACT),
+            Column::whole("sector_1", "whole sectors along the second", -EXACT, EXACT),
+            real("x_0", "m beyond them"),
+            real("x_1", "m beyond them"),
+            real("sector_m", "m"),
+            real("repeats", "of the texture along a sector"),
+            Column::whole("salt", "number of the lattice", 0, EXACT),
+        ],
+        outputs: &[
+            Column::whole("level", "log2 of hexagons along a sector", -10, 15),
+            Column::whole("id_0_0", "column of the first hexagon", 0, 65_535),
+            Column::whole("id_0_1", "its row", 0, 65_535),
+            Column::whole("id_1_0", "column of the second", 0, 65_535),
+            Column::whole("id_1_1", "its row", 0, 65_535),
+            Column::whole("id_2_0", "column of the third", 0, 65_535),
+            Column::whole("id_2_1", "its row", 0, 65_535),
+            real("w_0", "0..1"),
+            real("w_1", "0..1"),
+            real("w_2", "0..1"),
+            real("offset_0", "0..1, in the first hexagon"),
+            real("offset_1", "0..1"),
+        ],
+        wgsl: "\
+fn probe(row: array<f32, 7>) -> array<f32, 12> {
+    let level = hex_tiling_level(row[5]);
+    let t = hex_tiling_at(vec2<i32>(i32(row[0]), i32(row[1])), vec2<f32>(row[2], row[3]), row[4], level);
+    let offset = hex_tiling_offset(t.first, u32(row[6]));
+    let ids = array<vec2<f32>, 3>(vec2<f32>(hex_tiling_id(t, 0u)), vec2<f32>(hex_tiling_id(t, 1u)), vec2<f32>(hex_tiling_id(t, 2u)));
+    return array<f32, 12>(
+        f32(level), ids[0].x, ids[0].y, ids[1].x, ids[1].y, ids[2].x, ids[2].y, t.weights.x, t.weights.y, t.weights.z, offset.x, offset.y,
+    );
+}",
+        single: hex_tiling_row,
+        double: hex_tiling_row,
+    },
+    Probe {
+        name: "texel-choice",
+        about: "A mip level and a texel by chance, whose expectation is the trilinear filter",
+        inputs: &[
+            real("lod", "level of detail"),
+            Column::whole("levels", "of the texture", 1, 15),
+            real("u_level", "uniform number, 0..1"),
+            real("coordinate", "texture coordinate, repeats"),
+            Column::whole("size", "of the level, texels", 1, 16_384),
+            real("u_texel", "uniform number, 0..1"),
+        ],
+        outputs: &[Column::whole("level", "mip level", 0, 14), Column::whole("texel", "column or row", 0, 16_383)],
+        wgsl: "\
+fn probe(row: array<f32, 6>) -> array<f32, 2> {
+    let level = texel_choice_level(row[0], u32(row[1]), row[2]);
+    return array<f32, 2>(f32(level), f32(texel_choice_texel(row[3], u32(row[4]), row[5])));
+}",
+        single: texel_choice_row,
+        double: texel_choice_row,
+    },
+    Probe {
+        name: "layers",
+        about: "Weights of eight layers blended one over the other, of four splat texels that each show one of them",
+        inputs: &[
+            real("w_00", "weight of a texel, 0..1"),
+            real("w_10", "weight"),
+            real("w_01", "weight"),
+            real("w_11", "weight"),
+            Column::whole("l_00", "its layer", 0, 7),
+            Column::whole("l_10", "layer", 0, 7),
+            Column::whole("l_01", "layer", 0, 7),
+            Column::whole("l_11", "layer", 0, 7),
+        ],
+        outputs: &[
+            real("layer_0", "0..1"),
+            real("layer_1", "0..1"),
+            real("layer_2", "0..1"),
+            real("layer_3", "0..1"),
+            real("layer_4", "0..1"),
+            real("layer_5", "0..1"),
+            real("layer_6", "0..1"),
+            real("layer_7", "0..1"),
+        ],
+        wgsl: "\
+fn probe(row: array<f32, 8>) -> array<f32, 8> {
+    let weights = vec4<f32>(row[0], row[1], row[2], row[3]);
+    let layers = vec4<u32>(u32(row[4]), u32(row[5]), u32(row[6]), u32(row[7]));
+    var blended: array<f32, 8>;
+    var below = 0.0;
+    for (var layer = 0u; layer < LAYERS; layer++) {
+        let share = layers_share(weights, layers, layer);
+        let opacity = layers_opacity(layer, share, below);
+        below += share;
+        for (var i = 0u; i < LAYERS; i++) {
+            blended[i] = mix(blended[i], select(0.0, 1.0, i == layer), opacity);
+        }
+    }
+    return blended;
+}",
+        single: layers_row,
+        double: layers_row,
+    },
+    Probe {
+        name: "snapped-projection",
+        about: "The one plane that a normal is projected along, and what it makes of a position, of sectors and of a gradient",
+        inputs: &[
+            real("n_x", "direction, any length"),
+            real("n_y", "direction"),
+            real("n_z", "direction"),
+            real("cosine", "of the slope where steep begins"),
+            real("p_x", "m"),
+            real("p_y", "m"),
+            real("p_z", "m"),
+            Column::whole("sector_x", "sectors east", -(1 << 20), 1 << 20),
+            Column::whole("sector_y", "sectors north", -(1 << 20), 1 << 20),
+            Column::whole("sector_z", "sectors up", -(1 << 20), 1 << 20),
+            Column::whole("fixed", "repeats per sector, in 2^-24", -EXACT, EXACT),
+            real("g_0", "height gradient along the first coordinate"),
+            real("g_1", "along the second"),
+        ],
+        outputs: &[
+            Column::whole("plane", "0..2 = looking along x, y, z; 3, 4 = along (1, 1), (1, -1)", 0, 4),
+            Column::whole("sectors_0", "sectors along the first coordinate", -(1 << 21), 1 << 21),
+            Column::whole("sectors_1", "along the second", -(1 << 21), 1 << 21),
+            Column::whole("rate", "repeats per sector along the first, in 2^-24", -EXACT, EXACT),
+            real("c_0", "m along the first"),
+            real("c_1", "m along the second"),
+            real("gradient_x", "in the volume"),
+            real("gradient_y", "in the volume"),
+            real("gradient_z", "in the volume"),
+        ],
+        wgsl: "\
+fn probe(row: array<f32, 13>) -> array<f32, 9> {
+    let plane = snapped_plane(vec3<f32>(row[0], row[1], row[2]), row[3]);
+    let sectors = snapped_sectors(vec3<i32>(i32(row[7]), i32(row[8]), i32(row[9])), plane);
+    let c = snapped_coordinates(vec3<f32>(row[4], row[5], row[6]), plane);
+    let g = snapped_from_gradient(vec2<f32>(row[11], row[12]), plane);
+    return array<f32, 9>(f32(plane), f32(sectors.x), f32(sectors.y), f32(snapped_fixed(i32(row[10]), plane)), c.x, c.y, g.x, g.y, g.z);
+}",
+        single: snapped_projection_row,
+        double: snapped_projection_row,
+    },
 ];
 
 /// `N` values of a row from place `at` on.
@@ -428,7 +614,16 @@ fn derivatives_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn splat_blend_row<T: Real>(row: &[T], out: &mut Vec<T>) {
-    out.extend(splat_blend::weights(take(row, 0), take(row, 2), row[6]));
+    let (fraction, heights) = (take(row, 0), take(row, 2));
+    out.extend(splat_blend::weights(fraction, heights, row[6]));
+    let mut run = splat_blend::Run::start();
+    let mut sum = [T::zero(); 4];
+    for (i, (w, h)) in splat_blend::bilinear(fraction).into_iter().zip(heights).enumerate() {
+        run = run.add(w, h, row[6]);
+        sum = scale(sum, run.keep);
+        sum[i] = run.share;
+    }
+    out.extend(scale(sum, T::one() / sum.into_iter().fold(T::zero(), |s, x| s + x)));
 }
 
 fn tri_planar_row<T: Real>(row: &[T], out: &mut Vec<T>) {
@@ -444,4 +639,51 @@ fn select_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     let index = |i: usize| T::of(f64::from(u8::try_from(i).expect("at most 3")));
     out.push(index(select::of_4(take(row, 0), row[4])));
     out.push(index(select::of_3(take(row, 0), row[4])));
+}
+
+fn biplanar_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let (axes, weights) = biplanar::projections(take(row, 0), row[3]);
+    out.extend(axes.map(|axis| T::of(f64::from(axis))));
+    out.extend(weights);
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
+fn hex_tiling_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let level = hex_tiling::level(row[5]);
+    let tiling = hex_tiling::at(take::<T, 2>(row, 0).map(|v| v.to_f64() as i32), take(row, 2), row[4], level);
+    out.push(T::of(f64::from(level)));
+    out.extend(tiling.ids.as_flattened().iter().map(|&id| T::of(f64::from(id))));
+    out.extend(tiling.weights);
+    out.extend(hex_tiling::offset::<T>(tiling.ids[0], row[6].to_f64() as u32));
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
+fn texel_choice_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let whole = |at: usize| row[at].to_f64() as u32;
+    out.push(T::of(f64::from(texel_choice::level(row[0], whole(1), row[2]))));
+    out.push(T::of(f64::from(texel_choice::texel(row[3], whole(4), row[5]))));
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
+fn layers_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let of = take::<T, 4>(row, 4).map(|v| v.to_f64() as u32);
+    let mut below = T::zero();
+    let mut opacities = [T::zero(); layers::LAYERS];
+    for (layer, opacity) in (0..).zip(&mut opacities) {
+        let share = layers::share(take(row, 0), of, layer);
+        *opacity = layers::opacity(layer, share, below);
+        below = below + share;
+    }
+    out.extend(layers::weights(opacities));
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "Column::accepts keeps these columns whole and in range")]
+fn snapped_projection_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let plane = snapped_projection::plane(take(row, 0), row[3]);
+    let whole = |v: T| v.to_f64() as i32;
+    out.push(T::of(f64::from(plane)));
+    out.extend(snapped_projection::sectors(take::<T, 3>(row, 7).map(whole), plane).map(|s| T::of(f64::from(s))));
+    out.push(T::of(f64::from(snapped_projection::fixed(whole(row[10]), plane))));
+    out.extend(snapped_projection::coordinates(take(row, 4), plane));
+    out.extend(snapped_projection::from_gradient(take(row, 11), plane));
 }

@@ -6,6 +6,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::shading::Estimator;
+
 /// One of the five ways a terrain pixel can be shaded; its value is its bit in a mask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
@@ -42,16 +44,9 @@ impl Flavour {
         }
     }
 
-    /// Texture samples per pixel that the design promises (Moore, GDC 2018, "Near and Far Cliff Differences", with its two rows set right):
-    /// the number that counted fetches are held against.
+    /// What Far Cry 5's estimator takes of it: [`Estimator::promised_fetches`].
     pub const fn promised_fetches(self) -> u32 {
-        match self {
-            Flavour::VirtualTexture => 4,
-            Flavour::FarAtlas => 2,
-            Flavour::NearCliff => 12,
-            Flavour::FarCliff => 8,
-            Flavour::Splat => 48,
-        }
+        Estimator::Fc5.promised_fetches(self)
     }
 }
 
@@ -103,7 +98,7 @@ impl Variant {
         Flavour::ALL.into_iter().filter(move |&f| self.has(f))
     }
 
-    /// Sum of the promised fetches of its flavours: what a pixel costs that needs all of them.
+    /// Sum of the promised fetches of its flavours by Far Cry 5's estimator: what a pixel costs that needs all of them.
     pub fn promised_fetches(self) -> u32 {
         self.flavours().map(Flavour::promised_fetches).sum()
     }

@@ -13,7 +13,7 @@ use kernels::variant::{Flavour, Variant};
 use serde::Serialize;
 
 use super::{Reporter, check_interrupted, check_output_file, print, print_json, watch_interrupts};
-use crate::cli::{EstimatorArg, RenderArgs, VariantArg, extension};
+use crate::cli::{RenderArgs, VariantArg, extension};
 
 #[derive(Serialize)]
 struct Summary {
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         scene: scene.name.clone(),
         size: args.size,
         variant: args.reference.map_or_else(|| args.variant.to_string(), |_| Flavour::Splat.name().to_owned()),
-        estimator: args.reference.map_or(args.estimator, |_| EstimatorArg::Exact).to_string(),
+        estimator: args.reference.map_or(args.estimator, |_| Estimator::Exact).to_string(),
         noise: args.noise.to_string(),
         seed: args.seed,
         reference: args.reference,
@@ -95,10 +95,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
                 VariantArg::Forced(variant) => VariantChoice::Forced(variant),
                 VariantArg::Generic => VariantChoice::GenericAuto,
             },
-            estimator: match args.estimator {
-                EstimatorArg::Fc5 => Estimator::Fc5,
-                EstimatorArg::Exact => Estimator::Exact,
-            },
+            estimator: args.estimator,
             noise: args.noise,
             seed: args.seed,
             frame,

@@ -8,6 +8,11 @@ use kernels::shading::Estimator;
 use kernels::variant::Variant;
 use kernels::world::NodeId;
 
+/// What a pixel takes that needs all flavours of a variant, in scenes without colour modulation.
+pub(super) fn promised(estimator: Estimator, variant: Variant) -> u32 {
+    variant.flavours().map(|flavour| estimator.promised_fetches(flavour)).sum()
+}
+
 /// Mean over terrain pixels of what the flavours of a pixel's tile cost; `tile` = edge, pixels.
 pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, estimator: Estimator) -> Option<f64> {
     let columns = size[0].div_ceil(tile);
@@ -44,7 +49,7 @@ fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], estimator: Estimator, group: i
         entry.0 |= mask;
         entry.1 += 1;
     }
-    let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| estimator.promised_fetches_of(variant));
+    let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| promised(estimator, variant));
     // Whole numbers: the order of a hash map does not matter.
     let (sum, pixels) = groups.values().fold((0, 0), |(sum, pixels), &(mask, n)| (sum + u64::from(cost(mask)) * n, pixels + n));
     (pixels > 0).then(|| sum as f64 / pixels as f64)

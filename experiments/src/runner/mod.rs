@@ -76,7 +76,7 @@ impl<'a> Runner<'a> {
         }
         // The old one first gives its memory back.
         self.stage = None;
-        let options = RendererOptions { exact_normals: choices.normals == Normals::Exact };
+        let options = RendererOptions { exact_normals: choices.normals == Normals::Exact, tile: choices.tile };
         let renderer = Renderer::with(self.gpu, &scene, options, QUIET)?;
         let layers = Layers::new(self.gpu, self.definition.size);
         self.stage = Some(Stage { setting: setting.clone(), choices, renderer, layers, exact: None });
@@ -180,7 +180,8 @@ fn flavours_of(renderer: &Renderer<'_>, variants: &[(String, VariantChoice)]) ->
 
 /// Those of a set that draw random numbers, and those that do not.
 fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
-    let (drawing, fixed): (Vec<Flavour>, Vec<Flavour>) = set.flavours().partition(|&flavour| estimator.is_stochastic(flavour));
+    let (drawing, fixed): (Vec<Flavour>, Vec<Flavour>) =
+        set.flavours().partition(|&flavour| estimator.is_stochastic(Variant::only(flavour)));
     [drawing, fixed].map(|list| Variant::new(list.into_iter().fold(0, |mask, flavour| mask | flavour.bit())))
 }
 

@@ -140,7 +140,8 @@ impl Runner<'_> {
         let definition = self.definition;
         let mark = Mark::frame(definition.frames - 1);
         let mut sheet = pictures::Sheet::new(folder, unit);
-        let stochastic = |choice: VariantChoice| Flavour::ALL.into_iter().any(|f| choice.may_use(f) && how.estimator.is_stochastic(f));
+        let stochastic =
+            |choice: VariantChoice| Flavour::ALL.into_iter().any(|f| choice.may_use(f) && how.estimator.is_stochastic(Variant::only(f)));
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
         let pictures: Vec<Vec<[u32; 2]>> = (0..self.variants.len()).map(read).collect::<kernels::error::Result<_>>()?;
         // FLIP takes longer than rendering: all processors judge, each picture on its own.
@@ -190,7 +191,7 @@ impl Runner<'_> {
         let estimator = judged.estimator;
         for (name, choice) in &self.variants {
             let cost = match composed(*choice) {
-                Some(variant) => Some(f64::from(estimator.promised_fetches_of(variant))),
+                Some(variant) => Some(f64::from(costs::promised(estimator, variant))),
                 None => {
                     let aovs = AovSet::from_names(if by_patch(&stage.choices) { &["mask", "position"][..] } else { &["mask"][..] })?;
                     // The cheapest shading there is: what is asked for are masks.

@@ -1,6 +1,9 @@
-// Classification: the masks of an 8 x 8 tile ORed together are the tile's variant; tiles are appended to the list of their variant.
+// Classification: the masks of a tile's pixels ORed together are the tile's variant; tiles are appended to the list of their variant.
 // List 0 holds every terrain tile, for the generic kernel; lists 1..31 the variants.
 // The OR itself is in the file after this one: by subgroup operations or by workgroup atomics, with equal results.
+
+// Edge of a tile, pixels; a workgroup is a tile, an invocation a pixel.
+override TILE: u32 = 8u;
 
 struct DrawArguments {
     vertex_count: u32,

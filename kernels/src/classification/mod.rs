@@ -1,6 +1,6 @@
-//! Classification: an 8 x 8 tile's variant is the OR of its pixels' masks (ruling 4); tile lists and indirect arguments per variant.
+//! Classification: a tile's (8 x 8 pixels, by choice 4 x 4 or 16 x 16) variant is the OR of its pixels' masks (ruling 4); tile lists and indirect arguments per variant.
 //!
-//! Reads mask and stencil. Writes 32 tile lists (0 = every terrain tile, 1..=31 = the variants) and 32 indirect draws of 6 vertices.
+//! Reads mask and stencil. Writes 32 tile lists (0 = every terrain tile, 1..=31 = the variants) and 32 indirect draws, see [`tile_vertices`].
 //! One workgroup a tile. Source: Moore, GDC 2018, "Terrain Classification Pass".
 
 use bytemuck::cast_slice;
@@ -9,13 +9,15 @@ use crate::error::Result;
 use crate::frame::FRAME_WGSL;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, Shader, Timer, read_buffer};
+use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer};
 use crate::shared;
 
 pub mod reference;
 
-/// Edge of a tile in pixels.
+/// Edge of a tile in pixels: Far Cry 5's.
 pub const TILE: u32 = 8;
+/// Edges of tiles that can be had, to tell what they cost.
+pub const TILES: [u32; 3] = [4, 8, 16];
 /// Lists: every terrain tile, and one a variant.
 pub const LISTS: u32 = 32;
 /// Bytes of one list's indirect draw arguments.
@@ -23,7 +25,20 @@ pub const ARGUMENT_BYTES: u64 = 16;
 
 /// Tiles that cover a picture.
 pub fn tiles(size: [u32; 2]) -> [u32; 2] {
-    size.map(|n| n.div_ceil(TILE))
+    tiles_of(size, TILE)
+}
+
+/// Tiles of another edge that cover a picture.
+pub fn tiles_of(size: [u32; 2], tile: u32) -> [u32; 2] {
+    size.map(|n| n.div_ceil(tile))
+}
+
+/// Vertices that shading draws per tile: 3 where depth can be clamped instead of clipped, else 6.
+///
+/// Two triangles share the tile's diagonal, and along it pixels that a device shades together are shaded for both. One triangle that
+/// holds a square reaches over it; what it must not shade is beyond depth, which is tested before shading.
+pub fn tile_vertices(gpu: &Gpu) -> u32 {
+    if gpu.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) { 3 } else { 6 }
 }
 
 /// What the pass makes.
@@ -33,18 +48,21 @@ pub struct Lists {
     /// 32 indirect draws.
     pub arguments: wgpu::Buffer,
     count: u32,
+    tiles_xy: [u32; 2],
 }
 
 impl Lists {
-    /// Room for a picture of a size in pixels.
-    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Lists {
-        let [x, y] = tiles(size);
+    /// Room for a picture of a size in pixels, cut into tiles of an edge in pixels.
+    pub fn new(gpu: &Gpu, size: [u32; 2], tile: u32) -> Lists {
+        let tiles_xy = tiles_of(size, tile);
+        let [x, y] = tiles_xy;
         let count = x * y;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         Lists {
             tiles: gpu.buffer("tile lists", usage, u64::from(count * LISTS) * 4),
             arguments: gpu.buffer("tile draws", usage | wgpu::BufferUsages::INDIRECT, u64::from(LISTS) * ARGUMENT_BYTES),
             count,
+            tiles_xy,
         }
     }
 
@@ -91,7 +109,7 @@ impl Classification {
     ///
     /// # Errors
     /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout) -> Result<Classification> {
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, tile: u32) -> Result<Classification> {
         let subgroups = gpu.features.contains(wgpu::Features::SUBGROUP);
         let shader = Shader::new(gpu, "classification", &files(subgroups))?;
         let layout = gpu.layout(
@@ -104,7 +122,7 @@ impl Classification {
             layout: Some(&gpu.pipeline_layout("classification", &[frame_layout, &layout])),
             module: &shader.module,
             entry_point: Some("classification_main"),
-            compilation_options: Default::default(),
+            compilation_options: constants(&[("TILE", f64::from(tile))]),
             cache: None,
         });
         Ok(Classification { pipeline, layout })
@@ -120,7 +138,7 @@ impl Classification {
         targets: &geometry::Targets,
         lists: &Lists,
     ) {
-        let empty: Vec<[u32; 4]> = vec![[6, 0, 0, 0]; LISTS as usize];
+        let empty: Vec<[u32; 4]> = vec![[tile_vertices(gpu), 0, 0, 0]; LISTS as usize];
         gpu.queue.write_buffer(&lists.arguments, 0, cast_slice(&empty));
         let group = gpu.group(
             "classification",
@@ -132,7 +150,7 @@ impl Classification {
                 lists.arguments.as_entire_binding(),
             ],
         );
-        let [x, y] = tiles([targets.mask.width(), targets.mask.height()]);
+        let [x, y] = lists.tiles_xy;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("classification"),
             timestamp_writes: timer.compute("classification"),

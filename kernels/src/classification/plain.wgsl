@@ -2,7 +2,7 @@
 
 var<workgroup> tile_mask: atomic<u32>;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(TILE * TILE)
 fn classification_main(
     @builtin(workgroup_id) tile: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
@@ -11,7 +11,7 @@ fn classification_main(
         atomicStore(&tile_mask, 0u);
     }
     workgroupBarrier();
-    atomicOr(&tile_mask, classification_pixel_mask(tile.xy * 8u + vec2<u32>(thread % 8u, thread / 8u)));
+    atomicOr(&tile_mask, classification_pixel_mask(tile.xy * TILE + vec2<u32>(thread % TILE, thread / TILE)));
     workgroupBarrier();
     if thread == 0u {
         classification_append(tile.xy, atomicLoad(&tile_mask));

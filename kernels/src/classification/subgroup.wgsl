@@ -3,7 +3,7 @@
 
 var<workgroup> tile_mask: atomic<u32>;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(TILE * TILE)
 fn classification_main(
     @builtin(workgroup_id) tile: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
@@ -13,7 +13,7 @@ fn classification_main(
         atomicStore(&tile_mask, 0u);
     }
     workgroupBarrier();
-    let combined = subgroupOr(classification_pixel_mask(tile.xy * 8u + vec2<u32>(thread % 8u, thread / 8u)));
+    let combined = subgroupOr(classification_pixel_mask(tile.xy * TILE + vec2<u32>(thread % TILE, thread / TILE)));
     if lane == 0u {
         atomicOr(&tile_mask, combined);
     }

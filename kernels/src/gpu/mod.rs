@@ -22,8 +22,11 @@ const REQUIRED: [(wgpu::Features, &str, &str); 3] = [
 ];
 
 /// Used where present; results are equal without.
-const OPTIONAL: [(wgpu::Features, &str); 2] =
-    [(wgpu::Features::TIMESTAMP_QUERY, "timestamp queries"), (wgpu::Features::SUBGROUP, "subgroup operations")];
+const OPTIONAL: [(wgpu::Features, &str); 3] = [
+    (wgpu::Features::TIMESTAMP_QUERY, "timestamp queries"),
+    (wgpu::Features::SUBGROUP, "subgroup operations"),
+    (wgpu::Features::DEPTH_CLIP_CONTROL, "depth clip control"),
+];
 
 /// One adapter of this machine and whether it will do.
 #[derive(Clone, Debug)]

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::scene::{Material, Scene};
+use crate::shared::layers::LAYERS;
 
 pub mod arrays;
 pub mod folder;
@@ -25,6 +26,10 @@ pub const MAX_REPEATS_PER_SECTOR: f64 = 65_536.0;
 
 /// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask matters.
 pub const FLAG_TINTED: u32 = 1;
+
+/// Lowest bit of the layer in [`PaletteEntry::flags`], 3 bits: which of the eight layers of a layered blend shows the material. The first
+/// eight materials are layers of their own, any other is shown by the layer whose mean albedo is nearest.
+pub const LAYER_SHIFT: u32 = 8;
 
 /// Uncompressed maps of one material: `size` x `size` texels, row-major, tiling in both directions.
 ///
@@ -90,7 +95,7 @@ pub struct PaletteEntry {
     pub normal_layer: u32,
     /// Layer of the height and colour-mask array.
     pub height_layer: u32,
-    /// Bits: [`FLAG_TINTED`].
+    /// Bits: [`FLAG_TINTED`], and the layer from [`LAYER_SHIFT`] on.
     pub flags: u32,
     /// Repeats per sector times cos and times sin, in units of 2^-24 repeats: integers, so that coordinates stay exact far from the origin.
     pub per_sector_fixed: [i32; 2],
@@ -218,6 +223,10 @@ impl Palette {
 
         let means: Vec<MaterialMeans> =
             means.into_iter().map(|mean| mean.expect("every material has a source, every source was made")).collect();
+        let layers = layers_of(&means);
+        let flags = |material: &Material| {
+            if material.tint.iter().any(|&t| (t - 1.0).abs() > f64::from(f32::EPSILON)) { FLAG_TINTED } else { 0 }
+        };
         let entries = scene
             .materials
             .iter()
@@ -229,7 +238,7 @@ impl Palette {
                     albedo_layer: layer,
                     normal_layer: layer,
                     height_layer: layer,
-                    flags: if material.tint.iter().any(|&t| (t - 1.0).abs() > f64::from(f32::EPSILON)) { FLAG_TINTED } else { 0 },
+                    flags: flags(material) | layers[m] << LAYER_SHIFT,
                     per_sector_fixed,
                     per_metre,
                     tint: material.tint.map(|t| t as f32),
@@ -260,6 +269,15 @@ fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     for texel in &mut maps.albedo {
         *texel = std::array::from_fn(|c| (texel[c] * factor[c]).min(1.0));
     }
+}
+
+/// For each material, the layer that shows it: its own among the first, else that of the nearest mean albedo (the lowest of equals).
+fn layers_of(means: &[MaterialMeans]) -> Vec<u32> {
+    let distance = |a: &MaterialMeans, b: &MaterialMeans| (0..3).map(|c| (a.albedo[c] - b.albedo[c]).powi(2)).sum::<f32>();
+    let layers = &means[..means.len().min(LAYERS)];
+    let nearest = |of: &MaterialMeans| (0_u32..).zip(layers).min_by(|(_, a), (_, b)| distance(a, of).total_cmp(&distance(b, of)));
+    let own = 0..u32::try_from(layers.len()).expect("at most eight");
+    own.chain(means[layers.len()..].iter().map(|of| nearest(of).map_or(0, |(layer, _)| layer))).collect()
 }
 
 /// The fixed-point and floating-point texture rates of a material.

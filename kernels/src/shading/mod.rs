@@ -5,11 +5,9 @@
 //! Source: Moore, GDC 2018, "Cliff Shading", "Terrain Shader Variations", "Terrain G-Buffer Pass"; rulings 1, 7, 15.
 
 use std::collections::HashMap;
-use std::fmt;
-use std::str::FromStr;
 
 use crate::classification::{ARGUMENT_BYTES, Lists};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::frame::FRAME_WGSL;
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
@@ -21,70 +19,9 @@ use crate::terrain::{self, Terrain};
 use crate::variant::{Flavour, Variant};
 use crate::virtual_texture::{self, VirtualTexture};
 
-/// How a stochastic flavour arrives at its value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Estimator {
-    /// Far Cry 5's: random choices.
-    #[default]
-    Fc5,
-    /// The exact blend of what the random choice chooses from: its mean.
-    Exact,
-    /// The variance over seeds that theory gives `Fc5`, times [`VARIANCE_SCALE`], in place of albedo: the yardstick for measured variance.
-    Variance,
-}
+mod estimator;
 
-impl Estimator {
-    /// Those that make a picture.
-    pub const ALL: [Estimator; 2] = [Estimator::Fc5, Estimator::Exact];
-
-    /// Whether this estimator of a flavour draws random numbers.
-    pub const fn is_stochastic(self, flavour: Flavour) -> bool {
-        matches!((self, flavour), (Estimator::Fc5, Flavour::NearCliff | Flavour::FarCliff))
-    }
-
-    /// Texture fetches per pixel that it promises for a flavour, in scenes without colour modulation.
-    pub const fn promised_fetches(self, flavour: Flavour) -> u32 {
-        match (self, flavour) {
-            (Estimator::Fc5, _) | (_, Flavour::VirtualTexture | Flavour::FarAtlas | Flavour::Splat) => flavour.promised_fetches(),
-            (_, Flavour::NearCliff) => 48,
-            (_, Flavour::FarCliff) => 96,
-        }
-    }
-
-    /// That of a pixel which needs all flavours of a variant.
-    pub fn promised_fetches_of(self, variant: Variant) -> u32 {
-        variant.flavours().map(|flavour| self.promised_fetches(flavour)).sum()
-    }
-
-    /// Name in files and on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Estimator::Fc5 => "fc5",
-            Estimator::Exact => "exact",
-            Estimator::Variance => "variance",
-        }
-    }
-}
-
-impl fmt::Display for Estimator {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Estimator {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Estimator> {
-        Estimator::ALL
-            .into_iter()
-            .find(|e| e.name() == text)
-            .ok_or_else(|| Error::Request(format!("`{text}` is no estimator: give fc5 or exact")))
-    }
-}
-
-/// Factor on the variance that [`Estimator::Variance`] writes, so that f16 does not run into its denormals.
-pub const VARIANCE_SCALE: f64 = 1024.0;
+pub use estimator::{Estimator, VARIANCE_SCALE};
 
 /// Which kernel runs: a variant, or the generic one that takes each tile's mask at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -100,19 +37,42 @@ pub enum Kernel {
 pub struct PipelineKey {
     /// The kernel.
     pub kernel: Kernel,
-    /// Estimator of the stochastic flavours.
+    /// Estimator of near cliff, far cliff and splat.
     pub estimator: Estimator,
     /// Their noise.
     pub noise: NoiseKind,
-    /// Whether full splat blends two tiling scales: 96 fetches.
+    /// Whether full splat blends two tiling scales: 96 fetches. Without effect on estimators whose splat is defined with one.
     pub two_tilings: bool,
     /// Whether fetches are counted and choices recorded.
     pub diagnostics: bool,
 }
 
+/// What all pipelines of a renderer have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Whether the scene has a colour modulation map.
+    pub colour_modulation: bool,
+    /// Whether detail textures are filtered anisotropically.
+    pub anisotropic: bool,
+    /// Whether a tile is one triangle, see [`tile_vertices`](crate::classification::tile_vertices).
+    pub one_triangle: bool,
+    /// Edge of a tile, pixels.
+    pub tile: u32,
+}
+
 impl PipelineKey {
+    /// The same pipeline by one name: what its flavours do not use is at its default, so that nothing is built twice.
+    #[must_use]
+    pub fn canonical(self) -> PipelineKey {
+        let Kernel::Variant(variant) = self.kernel else { return self };
+        let estimated = variant.has(Flavour::NearCliff) || variant.has(Flavour::FarCliff) || variant.has(Flavour::Splat);
+        let estimator = if estimated || self.estimator == Estimator::Variance { self.estimator } else { Estimator::Fc5 };
+        let noise = if estimator.is_stochastic(variant) { self.noise } else { NoiseKind::HashedIsotropic };
+        PipelineKey { estimator, noise, two_tilings: self.two_tilings && variant.has(Flavour::Splat), ..self }
+    }
+
     /// The override constants of `shading.wgsl`.
-    pub fn overrides(self, colour_modulation: bool) -> [(&'static str, f64); 6] {
+    pub fn overrides(self, settings: Settings) -> [(&'static str, f64); 10] {
         let flag = |on: bool| f64::from(u8::from(on));
         let mask = match self.kernel {
             Kernel::Variant(variant) => variant.mask(),
@@ -122,9 +82,13 @@ impl PipelineKey {
             ("VARIANT", f64::from(mask)),
             ("ESTIMATOR", f64::from(self.estimator as u8)),
             ("NOISE", f64::from(self.noise.code())),
-            ("TWO_TILINGS", flag(self.two_tilings)),
+            ("TWO_TILINGS", flag(self.two_tilings && self.estimator.has_two_tilings())),
+            ("HEX_TILING", flag(self.estimator.is_hex_tiled())),
             ("COUNT_FETCHES", flag(self.diagnostics)),
-            ("COLOUR_MODULATION", flag(colour_modulation)),
+            ("COLOUR_MODULATION", flag(settings.colour_modulation)),
+            ("ANISOTROPIC", flag(settings.anisotropic)),
+            ("ONE_TRIANGLE", flag(settings.one_triangle)),
+            ("TILE", f64::from(settings.tile)),
         ]
     }
 }
@@ -159,7 +123,7 @@ pub struct Shading {
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: HashMap<PipelineKey, wgpu::RenderPipeline>,
-    colour_modulation: bool,
+    settings: Settings,
     /// [`blue_noise::ranks`] once a pipeline wants them; a few zeros before.
     noise_ranks: wgpu::Buffer,
 }
@@ -182,7 +146,7 @@ impl Shading {
     ///
     /// # Errors
     /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, colour_modulation: bool) -> Result<Shading> {
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, settings: Settings) -> Result<Shading> {
         let layout = gpu.layout(
             "shading",
             wgpu::ShaderStages::VERTEX_FRAGMENT,
@@ -203,7 +167,7 @@ impl Shading {
             pipeline_layout: gpu.pipeline_layout("shading", &[frame_layout, &terrain.layout, &layout]),
             layout,
             pipelines: HashMap::new(),
-            colour_modulation,
+            settings,
             noise_ranks: gpu.buffer_with("noise ranks, unused", wgpu::BufferUsages::STORAGE, &[0; 16]),
         })
     }
@@ -216,7 +180,7 @@ impl Shading {
         if key.noise.needs_mask() && !self.pipelines.keys().any(|k| k.noise.needs_mask()) {
             self.noise_ranks = gpu.buffer_with("noise ranks", wgpu::BufferUsages::STORAGE, bytemuck::cast_slice(blue_noise::ranks()));
         }
-        let overrides = key.overrides(self.colour_modulation);
+        let overrides = key.overrides(self.settings);
         let mut targets = vec![Some(FORMAT.into()), Some(FORMAT.into())];
         if key.diagnostics {
             targets.push(Some(wgpu::TextureFormat::R32Uint.into()));
@@ -231,11 +195,11 @@ impl Shading {
                 compilation_options: constants(&overrides),
                 buffers: &[],
             },
-            primitive: wgpu::PrimitiveState::default(),
+            primitive: wgpu::PrimitiveState { unclipped_depth: self.settings.one_triangle, ..Default::default() },
             depth_stencil: Some(wgpu::DepthStencilState {
                 format: DEPTH_FORMAT,
                 depth_write_enabled: Some(false),
-                depth_compare: Some(wgpu::CompareFunction::Always),
+                depth_compare: Some(if self.settings.one_triangle { wgpu::CompareFunction::Less } else { wgpu::CompareFunction::Always }),
                 stencil: wgpu::StencilState { front: terrain_only, back: terrain_only, read_mask: 0xff, write_mask: 0 },
                 bias: wgpu::DepthBiasState::default(),
             }),

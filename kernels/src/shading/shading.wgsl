@@ -2,11 +2,15 @@
 
 // Mask of the flavours compiled in, 1..31; 0 = the generic kernel, which takes each tile's mask at run time.
 override VARIANT: u32 = 0u;
-// 0 = Far Cry 5's estimators, 1 = the exact blend of what a stochastic flavour chooses from,
-// 2 = the variance over seeds that theory gives estimator 0, in place of albedo.
+// How near cliff, far cliff and splat arrive at their value; `Estimator` in mod.rs explains each.
 override ESTIMATOR: u32 = 0u;
 // Noise kind of the stochastic choices, see noise.wgsl.
 override NOISE: u32 = 0u;
+// Whether a tile is one triangle, cut off below the tile by the depth test: then two must not share the diagonal, where 2 x 2 pixels
+// (and whatever else a device shades together) would be shaded for either.
+override ONE_TRIANGLE: bool = false;
+// Edge of a tile, pixels.
+override TILE: u32 = 8u;
 // Splat with two tiling scales: 96 fetches, the reference look.
 override TWO_TILINGS: bool = false;
 
@@ -20,15 +24,34 @@ override TWO_TILINGS: bool = false;
 @group(2) @binding(7) var page_sampler: sampler;
 @group(2) @binding(8) var<storage, read> noise_ranks: array<u32>;
 
+const ESTIMATOR_FC5: u32 = 0u;
+const ESTIMATOR_EXACT: u32 = 1u;
+const ESTIMATOR_VARIANCE: u32 = 2u;
+const ESTIMATOR_BIPLANAR: u32 = 3u;
+const ESTIMATOR_HEX: u32 = 4u;
+const ESTIMATOR_STF: u32 = 5u;
+const ESTIMATOR_LAPLACIAN: u32 = 6u;
+const ESTIMATOR_LUNA8: u32 = 7u;
+const ESTIMATOR_SNAPPED: u32 = 8u;
+const ESTIMATOR_BIPLANAR_MEAN: u32 = 9u;
+const ESTIMATOR_HEX_MEAN: u32 = 10u;
+
+// Cosine of the slope from which on the snapped projection is a vertical one: Terrain3D's default.
+const SHADING_SNAPPED_COSINE: f32 = 0.8;
+
 const FLAVOUR_VT: u32 = 0u;
 const FLAVOUR_FAR_ATLAS: u32 = 1u;
 const FLAVOUR_NEAR_CLIFF: u32 = 2u;
 const FLAVOUR_FAR_CLIFF: u32 = 3u;
 const FLAVOUR_SPLAT: u32 = 4u;
 
-// Independent random numbers for the two stochastic flavours (ruling 15).
+// Independent random numbers for each stochastic flavour (ruling 15).
 const SALT_NEAR_CLIFF: u32 = 1u;
 const SALT_FAR_CLIFF: u32 = 2u;
+const SALT_SPLAT: u32 = 3u;
+// Added to a flavour's, for the two choices of texels.
+const SALT_TEXEL: u32 = 4u;
+const SALT_HEIGHT_TEXEL: u32 = 8u;
 
 struct Pixel {
     index: vec2<u32>,
@@ -36,7 +59,8 @@ struct Pixel {
     node: NodePlace,
     cell: SplatCell,
     normal: vec3<f32>,          // shading normal
-    projections: vec3<f32>,     // tri-planar weights
+    planes: vec3<u32>,          // of the projections
+    projections: vec3<f32>,     // their weights
     tiling: vec2<f32>,          // lower scale exponent, blend towards the next
 }
 
@@ -101,73 +125,177 @@ fn shade_noise(pixel: Pixel, salt: u32) -> vec4<f32> {
     );
 }
 
-// Three alpha-blended projections, one random splat material each: 12 fetches.
+// Projections that the estimator has.
+fn shade_projections() -> u32 {
+    if ESTIMATOR == ESTIMATOR_BIPLANAR || ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN {
+        return frame.taps - 2u;
+    }
+    if ESTIMATOR == ESTIMATOR_SNAPPED || ESTIMATOR == ESTIMATOR_LUNA8 {
+        return frame.taps - 3u;
+    }
+    return frame.taps - 1u;
+}
+
+// Which they are, and their weights.
+fn shade_project(pixel: ptr<function, Pixel>) {
+    (*pixel).planes = vec3<u32>(0u, 1u, 2u);
+    if ESTIMATOR == ESTIMATOR_BIPLANAR || ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN {
+        let b = biplanar_projections((*pixel).normal, frame.triplanar_sharpness);
+        (*pixel).planes = vec3<u32>(b.axes, 0u);
+        (*pixel).projections = vec3<f32>(b.weights, 0.0);
+    } else if ESTIMATOR == ESTIMATOR_SNAPPED {
+        (*pixel).planes.x = snapped_plane((*pixel).normal, SHADING_SNAPPED_COSINE);
+        (*pixel).projections = vec3<f32>(1.0, 0.0, 0.0);
+    } else if ESTIMATOR == ESTIMATOR_LUNA8 {
+        (*pixel).planes.x = 2u;
+        (*pixel).projections = vec3<f32>(1.0, 0.0, 0.0);
+    } else {
+        (*pixel).projections = triplanar_weights((*pixel).normal, frame.triplanar_sharpness);
+    }
+}
+
+// Whether random choices are replaced by their mean.
+fn shade_takes_means() -> bool {
+    return ESTIMATOR == ESTIMATOR_EXACT || ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN || ESTIMATOR == ESTIMATOR_HEX_MEAN;
+}
+
+// Whether all of an estimator's flavours are one blend of four (or eight) materials in each of its projections.
+fn shade_is_one_blend() -> bool {
+    return ESTIMATOR == ESTIMATOR_LAPLACIAN || ESTIMATOR == ESTIMATOR_LUNA8 || ESTIMATOR == ESTIMATOR_SNAPPED;
+}
+
+// All materials of a splat cell, blended the estimator's way: 16 fetches, hex-tiled 40, in bands 20, in layers 28.
+fn shade_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
+    if ESTIMATOR == ESTIMATOR_LAPLACIAN {
+        return terrain_splat_bands(pixel.cell, projection, scale);
+    }
+    if ESTIMATOR == ESTIMATOR_LUNA8 {
+        return terrain_layers(pixel.cell, projection, scale);
+    }
+    return terrain_splat_blend(pixel.cell, projection, scale);
+}
+
+fn shade_choose(texel: u32, plane: u32) {
+    if choice == 0u {
+        choice = 1u + texel + 4u * plane;
+    }
+}
+
+// One projection, one material, and at one of two scales if `share` of the upper one is above 0, all by chance; and one texel of each of its
+// textures: 4 fetches.
+fn shade_one_tap(pixel: Pixel, salt: u32, scale: u32, share: f32) -> Surface {
+    let u = shade_noise(pixel, salt);
+    let plane = pixel.planes[select_of_3(pixel.projections, u.x)];
+    let texel = select_of_4(splat_blend_bilinear(pixel.cell.fraction), u.y);
+    shade_choose(texel, plane);
+    let chosen = scale + select(0u, 1u, u.z < share);
+    return terrain_tap_chosen(
+        pixel.cell,
+        texel,
+        terrain_projection(plane, pixel.footprint),
+        chosen,
+        shade_noise(pixel, salt + SALT_TEXEL),
+        shade_noise(pixel, salt + SALT_HEIGHT_TEXEL),
+    );
+}
+
+// Alpha-blended projections, one random splat material each: 12 fetches, with two projections 8, hex-tiled 30.
 fn shade_near_cliff(pixel: Pixel) -> Surface {
     var sum = surface_zero();
-    if ESTIMATOR == 1u {
-        for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-            sum = surface_add(sum, pixel.projections[axis], terrain_splat_mean(pixel.cell, axis, 0u, pixel.footprint));
+    if ESTIMATOR == ESTIMATOR_STF {
+        return shade_one_tap(pixel, SALT_NEAR_CLIFF, 0u, 0.0);
+    }
+    if shade_is_one_blend() {
+        return shade_splat(pixel);
+    }
+    if shade_takes_means() {
+        for (var i = 0u; i < shade_projections(); i++) {
+            let mean = terrain_splat_mean(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
+            sum = surface_add(sum, pixel.projections[i], mean);
         }
         return sum;
     }
-    if ESTIMATOR == 2u {
+    if ESTIMATOR == ESTIMATOR_VARIANCE {
         // Independent choices per projection: variances add with squared weights.
-        for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-            let moments = terrain_splat_moments(pixel.cell, axis, 0u, pixel.footprint);
-            let w = pixel.projections[axis];
+        for (var i = 0u; i < shade_projections(); i++) {
+            let moments = terrain_splat_moments(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
+            let w = pixel.projections[i];
             sum.albedo += w * w * max(moments.square - moments.mean * moments.mean, vec3<f32>(0.0));
         }
         return sum;
     }
     let thresholds = shade_noise(pixel, SALT_NEAR_CLIFF);
     let weights = splat_blend_bilinear(pixel.cell.fraction);
-    for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-        let texel = select_of_4(weights, thresholds[axis]);
-        if axis == 0u && choice == 0u {
-            choice = 1u + texel;
+    for (var i = 0u; i < shade_projections(); i++) {
+        let texel = select_of_4(weights, thresholds[i]);
+        if i == 0u {
+            // The material alone: all projections are seen.
+            shade_choose(texel, 0u);
         }
-        sum = surface_add(sum, pixel.projections[axis], terrain_tap(pixel.cell, texel, axis, 0u, pixel.footprint));
+        let tap = terrain_tap(pixel.cell, texel, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
+        sum = surface_add(sum, pixel.projections[i], tap);
     }
     return sum;
 }
 
-// Two alpha-blended tiling scales, each one random projection and material: 8 fetches.
+// Two alpha-blended tiling scales, each one random projection and material: 8 fetches; hex-tiled one scale, by chance: 10.
 fn shade_far_cliff(pixel: Pixel) -> Surface {
-    let scales = vec2<f32>(pixel.tiling.x, pixel.tiling.x + 1.0);
+    let lower = u32(pixel.tiling.x);
     let shares = vec2<f32>(1.0 - pixel.tiling.y, pixel.tiling.y);
     var sum = surface_zero();
-    if ESTIMATOR == 1u {
-        for (var i = 0u; i < frame.taps - 2u; i++) {
-            for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-                let mean = terrain_splat_mean(pixel.cell, axis, u32(scales[i]), pixel.footprint);
-                sum = surface_add(sum, shares[i] * pixel.projections[axis], mean);
+    if ESTIMATOR == ESTIMATOR_STF {
+        return shade_one_tap(pixel, SALT_FAR_CLIFF, lower, pixel.tiling.y);
+    }
+    if ESTIMATOR == ESTIMATOR_LAPLACIAN {
+        // Blending both scales would double the price; the lower one alone jumps where the scale steps.
+        for (var i = 0u; i < shade_projections(); i++) {
+            let blend = shade_blend(pixel, terrain_projection(pixel.planes[i], pixel.footprint), lower);
+            sum = surface_add(sum, pixel.projections[i], blend);
+        }
+        return sum;
+    }
+    if shade_is_one_blend() {
+        return shade_splat(pixel);
+    }
+    if shade_takes_means() {
+        for (var t = 0u; t < frame.taps - 2u; t++) {
+            for (var i = 0u; i < shade_projections(); i++) {
+                let mean = terrain_splat_mean(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), lower + t);
+                sum = surface_add(sum, shares[t] * pixel.projections[i], mean);
             }
         }
         return sum;
     }
-    if ESTIMATOR == 2u {
+    if ESTIMATOR == ESTIMATOR_VARIANCE {
         // One choice among 3 x 4 per tiling, independent between tilings.
-        for (var i = 0u; i < frame.taps - 2u; i++) {
+        for (var t = 0u; t < frame.taps - 2u; t++) {
             var mean = vec3<f32>(0.0);
             var square = vec3<f32>(0.0);
-            for (var axis = 0u; axis < frame.taps - 1u; axis++) {
-                let moments = terrain_splat_moments(pixel.cell, axis, u32(scales[i]), pixel.footprint);
-                mean += pixel.projections[axis] * moments.mean;
-                square += pixel.projections[axis] * moments.square;
+            for (var i = 0u; i < shade_projections(); i++) {
+                let moments = terrain_splat_moments(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), lower + t);
+                mean += pixel.projections[i] * moments.mean;
+                square += pixel.projections[i] * moments.square;
             }
-            sum.albedo += shares[i] * shares[i] * max(square - mean * mean, vec3<f32>(0.0));
+            sum.albedo += shares[t] * shares[t] * max(square - mean * mean, vec3<f32>(0.0));
         }
         return sum;
     }
     let thresholds = shade_noise(pixel, SALT_FAR_CLIFF);
     let weights = splat_blend_bilinear(pixel.cell.fraction);
-    for (var i = 0u; i < frame.taps - 2u; i++) {
-        let axis = select_of_3(pixel.projections, thresholds[2u * i]);
-        let texel = select_of_4(weights, thresholds[2u * i + 1u]);
-        if i == 0u && choice == 0u {
-            choice = 1u + texel + 4u * axis;
-        }
-        sum = surface_add(sum, shares[i], terrain_tap(pixel.cell, texel, axis, u32(scales[i]), pixel.footprint));
+    if ESTIMATOR == ESTIMATOR_HEX {
+        // Random offsets hide the repetition that the second scale is there to hide; chance keeps the scale from stepping.
+        let plane = pixel.planes[select_of_3(pixel.projections, thresholds.x)];
+        let texel = select_of_4(weights, thresholds.y);
+        shade_choose(texel, plane);
+        let scale = lower + select(0u, 1u, thresholds.z < pixel.tiling.y);
+        return terrain_tap(pixel.cell, texel, terrain_projection(plane, pixel.footprint), scale);
+    }
+    for (var t = 0u; t < frame.taps - 2u; t++) {
+        let plane = pixel.planes[select_of_3(pixel.projections, thresholds[2u * t])];
+        let texel = select_of_4(weights, thresholds[2u * t + 1u]);
+        shade_choose(texel, plane);
+        let tap = terrain_tap(pixel.cell, texel, terrain_projection(plane, pixel.footprint), lower + t);
+        sum = surface_add(sum, shares[t], tap);
     }
     return sum;
 }
@@ -175,15 +303,19 @@ fn shade_far_cliff(pixel: Pixel) -> Surface {
 // Three projections of four materials, all blended: 48 fetches, or 96 with two tiling scales.
 fn shade_splat(pixel: Pixel) -> Surface {
     var sum = surface_zero();
-    for (var axis = 0u; axis < frame.taps - 1u; axis++) {
+    if ESTIMATOR == ESTIMATOR_STF {
+        return shade_one_tap(pixel, SALT_SPLAT, 0u, 0.0);
+    }
+    for (var i = 0u; i < shade_projections(); i++) {
+        let projection = terrain_projection(pixel.planes[i], pixel.footprint);
         if TWO_TILINGS {
-            for (var i = 0u; i < frame.taps - 2u; i++) {
-                let share = select(1.0 - pixel.tiling.y, pixel.tiling.y, i == 1u);
-                let blend = terrain_splat_blend(pixel.cell, axis, u32(pixel.tiling.x) + i, pixel.footprint);
-                sum = surface_add(sum, pixel.projections[axis] * share, blend);
+            for (var t = 0u; t < frame.taps - 2u; t++) {
+                let share = select(1.0 - pixel.tiling.y, pixel.tiling.y, t == 1u);
+                let blend = shade_blend(pixel, projection, u32(pixel.tiling.x) + t);
+                sum = surface_add(sum, pixel.projections[i] * share, blend);
             }
         } else {
-            sum = surface_add(sum, pixel.projections[axis], terrain_splat_blend(pixel.cell, axis, 0u, pixel.footprint));
+            sum = surface_add(sum, pixel.projections[i], shade_blend(pixel, projection, 0u));
         }
     }
     return sum;
@@ -194,15 +326,29 @@ struct ShadingVarying {
     @location(0) @interpolate(flat) mask: u32,
 }
 
+fn shading_ndc(pixel: vec2<f32>) -> vec2<f32> {
+    return (pixel / vec2<f32>(frame.size) * 2.0 - 1.0) * vec2<f32>(1.0, -1.0);
+}
+
 @vertex
 fn shading_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> ShadingVarying {
     let entry = tile_lists[VARIANT * frame.tiles.x * frame.tiles.y + instance];
     let tile = vec2<u32>(entry & 4095u, (entry >> 12u) & 4095u);
+    let tile_pixel = vec2<f32>(tile * TILE);
+    if ONE_TRIANGLE {
+        // Its sides pass 3/8 of a pixel outside the tile at the centres of its first row and 3/8 inside at those of its last, and meet far below.
+        let edge = f32(TILE);
+        let outside = 0.375 * edge / (edge - 1.0);
+        let apex = vec2<f32>(0.5 * edge, 0.5 * edge * ((edge - 1.0) * 4.0 / 3.0 + 1.0));
+        var triangle = array<vec2<f32>, 3>(vec2<f32>(-outside, 0.0), vec2<f32>(edge + outside, 0.0), apex);
+        let at = triangle[vertex];
+        // Depth is clamped, not clipped: 0, behind all terrain, up to the centres of the last row, and 1 from those of the row below on.
+        return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), (at.y - edge + 0.25) * 4.0, 1.0), entry >> 24u);
+    }
     var corners = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
     let corner = corners[vertex];
-    let pixel = vec2<f32>((tile + vec2<u32>(corner & 1u, corner >> 1u)) * 8u);
-    let ndc = pixel / vec2<f32>(frame.size) * 2.0 - 1.0;
-    return ShadingVarying(vec4<f32>(ndc.x, -ndc.y, 0.0, 1.0), entry >> 24u);
+    let at = vec2<f32>(vec2<u32>(corner & 1u, corner >> 1u) * TILE);
+    return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), 0.0, 1.0), entry >> 24u);
 }
 
 struct GBuffer {
@@ -237,14 +383,14 @@ fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {
     pixel.node = terrain_node(pixel.footprint.place);
     pixel.cell = terrain_splat_cell(pixel.node);
     pixel.normal = frame_normal(normals.xy);
-    pixel.projections = triplanar_weights(pixel.normal, frame.triplanar_sharpness);
+    shade_project(&pixel);
 
     let distance = length(frame_ray(vec2<f32>(index))) * frame.near_m / depth;
     let all = flavour_weights(distance, pixel.normal.z, frame.flavours);
     let weights = flavour_weights_for(all, mask, select(0u, 1u, frame.forced_mask != 0u));
     pixel.tiling = tiling_scales(distance, frame.flavours.cliff_near_m, flavour_steep(pixel.normal.z, frame.flavours.cliff_cos));
 
-    if ESTIMATOR == 2u {
+    if ESTIMATOR == ESTIMATOR_VARIANCE {
         return shade_variance(pixel, mask, weights);
     }
 

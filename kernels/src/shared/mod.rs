@@ -5,11 +5,14 @@
 //! truth, f32 the yardstick for the shader's error. `hash::pcg4d` here is `hash_pcg4d` there, and so on.
 //! Nothing in either returns NaN or infinity, whatever it is given, unless its documentation says that it only moves numbers.
 
+pub mod biplanar;
 pub mod blue_noise;
 pub mod brdf;
 pub mod derivatives;
 pub mod flavour_weights;
 pub mod hash;
+pub mod hex_tiling;
+pub mod layers;
 pub mod moments;
 pub mod motion;
 pub mod noise;
@@ -17,7 +20,9 @@ pub mod octahedral;
 pub mod real;
 pub mod select;
 pub mod signal;
+pub mod snapped_projection;
 pub mod splat_blend;
+pub mod texel_choice;
 pub mod tiling;
 pub mod triplanar;
 
@@ -31,8 +36,13 @@ pub const WGSL: &[(&str, &str)] = &[
     ("derivatives", include_str!("derivatives.wgsl")),
     ("splat_blend", include_str!("splat_blend.wgsl")),
     ("triplanar", include_str!("triplanar.wgsl")),
+    ("biplanar", include_str!("biplanar.wgsl")),
+    ("snapped_projection", include_str!("snapped_projection.wgsl")),
     ("select", include_str!("select.wgsl")),
     ("tiling", include_str!("tiling.wgsl")),
+    ("hex_tiling", include_str!("hex_tiling.wgsl")),
+    ("texel_choice", include_str!("texel_choice.wgsl")),
+    ("layers", include_str!("layers.wgsl")),
     ("flavour_weights", include_str!("flavour_weights.wgsl")),
     ("brdf", include_str!("brdf.wgsl")),
 ];

@@ -37,3 +37,43 @@ pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 
     let sum = bent.iter().fold(T::zero(), |s, &x| s + x);
     bent.map(|x| x / sum)
 }
+
+/// The same weights term by term, for those who cannot hold all four terms: before term i is added with factor `share`, all that was summed
+/// so far is multiplied by `keep`. At the end the sum of shares, summed alike, is what to divide by; it is at least 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Run<T> {
+    score: T,
+    weight: T,
+    height: T,
+    /// Factor on what was summed so far.
+    pub keep: T,
+    /// Factor of the term just given.
+    pub share: T,
+}
+
+impl<T: Real> Run<T> {
+    /// Before the first term.
+    pub fn start() -> Run<T> {
+        Run { score: T::of(-1e30), weight: T::zero(), height: T::zero(), keep: T::one(), share: T::zero() }
+    }
+
+    /// Takes a term of bilinear `weight`, 0..=1; the other parameters are those of [`weights`].
+    #[must_use]
+    pub fn add(self, weight: T, height: T, sharpness: T) -> Run<T> {
+        let w = bounded(weight, 0.0, 1.0);
+        if w <= T::of(MIN_WEIGHT) {
+            return Run { keep: T::one(), share: T::zero(), ..self };
+        }
+        let h = bounded(usable(height), -MAX_HEIGHT, MAX_HEIGHT);
+        let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
+        let score = w.log2() + k * h;
+        // Of the term (w, h), measured against the term that wins.
+        let ratio = |w: T, h: T, winner: (T, T)| (w / winner.0) * (k * (h - winner.1)).exp2();
+        if score > self.score {
+            let keep = if self.weight > T::zero() { ratio(self.weight, self.height, (w, h)) } else { T::zero() };
+            Run { score, weight: w, height: h, keep, share: T::one() }
+        } else {
+            Run { keep: T::one(), share: ratio(w, h, (self.weight, self.height)), ..self }
+        }
+    }
+}

@@ -48,3 +48,32 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
     let bent = select(vec4<f32>(0.0), (w / best_weight) * exp2(exponent), used);
     return bent / (bent.x + bent.y + bent.z + bent.w);
 }
+
+// The same weights term by term, for those who cannot hold all four terms: before term i is added with factor `share`, all that was summed
+// so far is multiplied by `keep`. At the end the sum of shares, summed alike, is what to divide by; it is at least 1.
+struct SplatBlendRun {
+    score: f32,                 // log2 w + k h of the term that wins so far
+    weight: f32,                // its w
+    height: f32,                // its h
+    keep: f32,
+    share: f32,
+}
+
+fn splat_blend_start() -> SplatBlendRun {
+    return SplatBlendRun(-1e30, 0.0, 0.0, 1.0, 0.0);
+}
+
+fn splat_blend_add(run: SplatBlendRun, weight: f32, height: f32, sharpness: f32) -> SplatBlendRun {
+    if !(weight > SPLAT_BLEND_MIN_WEIGHT) {
+        return SplatBlendRun(run.score, run.weight, run.height, 1.0, 0.0);
+    }
+    let w = min(weight, 1.0);
+    let h = select(0.0, clamp(height, -SPLAT_BLEND_MAX_HEIGHT, SPLAT_BLEND_MAX_HEIGHT), abs(height) <= 1e30);
+    let k = select(0.0, min(sharpness, SPLAT_BLEND_MAX_SHARPNESS), sharpness > 0.0);
+    let score = log2(w) + k * h;
+    // Measured against the winner, as above. What comes first beats the weight 0 of the start, and keeps nothing of it.
+    if score > run.score {
+        return SplatBlendRun(score, w, h, (run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0);
+    }
+    return SplatBlendRun(run.score, run.weight, run.height, 1.0, (w / max(run.weight, SPLAT_BLEND_MIN_WEIGHT)) * exp2(min(k * (h - run.height), 120.0)));
+}

@@ -3,11 +3,11 @@
 //!
 //! Source: Moore, GDC 2018, "Terrain Sector Data", "Terrain Foreground Rendering".
 
-use bytemuck::cast_slice;
+use bytemuck::{Zeroable, cast_slice};
 
 use crate::gpu::Gpu;
 use crate::gpu::bindings::{ARRAY, Binding, array};
-use crate::materials::{CompressedChain, Palette};
+use crate::materials::{CompressedChain, MAX_MATERIALS, Palette, PaletteEntry};
 use crate::quadtree;
 use crate::streaming::{Streaming, upload};
 use crate::world::{NodeId, PaletteMeans, SECTORS};
@@ -70,7 +70,7 @@ impl Terrain {
                 Binding::Texture(ARRAY),
                 Binding::TextureUint(ARRAY),
                 Binding::Storage,
-                Binding::Storage,
+                Binding::Uniform,
                 Binding::Texture(ARRAY),
                 Binding::Texture(ARRAY),
                 Binding::Texture(ARRAY),
@@ -80,7 +80,9 @@ impl Terrain {
         );
         let sectors = u64::from(SECTORS) * u64::from(SECTORS);
         let sector_data = gpu.buffer("sector data", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST, sectors * 8);
-        let entries = gpu.buffer_with("palette", wgpu::BufferUsages::STORAGE, cast_slice(&palette.entries));
+        let mut all = palette.entries.clone();
+        all.resize(MAX_MATERIALS, PaletteEntry::zeroed());
+        let entries = gpu.buffer_with("palette", wgpu::BufferUsages::UNIFORM, cast_slice(&all));
         let details = [
             detail_array(gpu, "detail albedo", &palette.arrays.albedo, Format::Bc1RgbaUnormSrgb),
             detail_array(gpu, "detail normal", &palette.arrays.normal, Format::Bc3RgbaUnorm),

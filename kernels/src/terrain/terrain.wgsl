@@ -2,6 +2,10 @@
 // Every texture sample that shading takes is counted here, where it happens.
 
 override COUNT_FETCHES: bool = false;
+// Detail textures are filtered anisotropically, by gradients. Where they are not, one LOD serves a tap's three textures.
+override ANISOTROPIC: bool = false;
+// Detail textures are hex-tiled: three samples of each at random offsets.
+override HEX_TILING: bool = false;
 
 struct PaletteEntry {
     albedo_layer: u32,
@@ -22,7 +26,8 @@ struct PaletteEntry {
 @group(1) @binding(3) var colour_modulation_atlas: texture_2d_array<f32>;
 @group(1) @binding(4) var splat_atlas: texture_2d_array<u32>;
 @group(1) @binding(5) var<storage, read> sector_data: array<vec2<u32>>;
-@group(1) @binding(6) var<storage, read> palette: array<PaletteEntry>;
+// Uniform, not storage: software Vulkan gathers from uniforms, and loops over lanes for storage.
+@group(1) @binding(6) var<uniform> palette: array<PaletteEntry, 256>;
 @group(1) @binding(7) var detail_albedo: texture_2d_array<f32>;
 @group(1) @binding(8) var detail_normal: texture_2d_array<f32>;
 @group(1) @binding(9) var detail_height: texture_2d_array<f32>;
@@ -132,6 +137,10 @@ fn surface_zero() -> Surface {
     return Surface(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0, 0.0);
 }
 
+fn surface_scale(factor: f32, s: Surface) -> Surface {
+    return Surface(factor * s.albedo, factor * s.height, factor * s.gradient, factor * s.smoothness, factor * s.specular_occlusion);
+}
+
 fn surface_add(sum: Surface, weight: f32, s: Surface) -> Surface {
     return Surface(
         sum.albedo + weight * s.albedo,
@@ -149,72 +158,243 @@ struct Footprint {
     ddy: vec3<f32>,
 }
 
-// One material seen along one axis at one tiling scale 2^scale: three detail textures.
-// Texture coordinates are a linear map of the position, and so are their gradients (ruling 7).
-fn terrain_material(id: u32, axis: u32, scale: u32, footprint: Footprint) -> Surface {
-    let entry = palette[id];
-    let shrink = exp2(-f32(scale));
-    let c = entry.per_metre.x * shrink;
-    let s = entry.per_metre.y * shrink;
+// A footprint as one projection sees it: what its taps share.
+struct Projection {
+    plane: u32,                 // 0..2 look along x, y, z; 3 and 4 along a diagonal, see snapped_projection.wgsl
+    sectors: vec2<i32>,         // whole sectors along both coordinates
+    position: vec2<f32>,        // metres beyond them
+    ddx: vec2<f32>,             // derivatives of the coordinates, mip bias included
+    ddy: vec2<f32>,
+    longest_2: f32,             // square of the longer derivative
+}
+
+fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
+    let place = footprint.place;
     // Elevation is folded by sectors like the horizontal axes, so that a wall on a high mountain is as exact as one at sea level.
-    let storey = floor(footprint.place.position.z / frame.sector_m);
-    let folded = vec3<f32>(footprint.place.position.xy, footprint.place.position.z - storey * frame.sector_m);
-    let q = triplanar_coordinates(folded, axis);
-    let qx = triplanar_coordinates(footprint.ddx, axis) * frame.gradient_scale;
-    let qy = triplanar_coordinates(footprint.ddy, axis) * frame.gradient_scale;
-    // Whole sectors contribute in exact fixed point.
-    let first = select(footprint.place.sector.x, footprint.place.sector.y, axis == 0u);
-    let second = select(i32(storey), footprint.place.sector.y, axis == 2u);
-    let base = vec2<f32>(
-        tiling_fixed(first, entry.per_sector_fixed.x, scale) + tiling_fixed(second, entry.per_sector_fixed.y, scale),
-        tiling_fixed(second, entry.per_sector_fixed.x, scale) - tiling_fixed(first, entry.per_sector_fixed.y, scale),
+    let storey = floor(place.position.z / frame.sector_m);
+    let folded = vec3<f32>(place.position.xy, place.position.z - storey * frame.sector_m);
+    let ddx = snapped_coordinates(footprint.ddx, plane) * frame.gradient_scale;
+    let ddy = snapped_coordinates(footprint.ddy, plane) * frame.gradient_scale;
+    return Projection(
+        plane,
+        snapped_sectors(vec3<i32>(place.sector, i32(storey)), plane),
+        snapped_coordinates(folded, plane),
+        ddx,
+        ddy,
+        max(dot(ddx, ddx), dot(ddy, ddy)),
     );
-    let uv = base + vec2<f32>(q.x * c + q.y * s, q.y * c - q.x * s);
-    let uv_dx = vec2<f32>(qx.x * c + qx.y * s, qx.y * c - qx.x * s);
-    let uv_dy = vec2<f32>(qy.x * c + qy.y * s, qy.y * c - qy.x * s);
+}
+
+// A vector of the projection's plane in texture coordinates: turned by the material's orientation, `rate` = cos, sin over the tile's edge.
+fn terrain_turn(v: vec2<f32>, rate: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(v.x * rate.x + v.y * rate.y, v.y * rate.x - v.x * rate.y);
+}
+
+fn terrain_rate(entry: PaletteEntry, scale: u32) -> vec2<f32> {
+    return entry.per_metre * exp2(-f32(scale));
+}
+
+// Texture coordinate of a place. Whole sectors contribute in exact fixed point.
+fn terrain_texture_coordinate(entry: PaletteEntry, projection: Projection, scale: u32) -> vec2<f32> {
+    let fixed = entry.per_sector_fixed;
+    let sectors = projection.sectors;
+    let base = vec2<f32>(
+        tiling_fixed(sectors.x, snapped_fixed(fixed.x, projection.plane), scale) + tiling_fixed(sectors.y, fixed.y, scale),
+        tiling_fixed(sectors.y, fixed.x, scale) - tiling_fixed(sectors.x, snapped_fixed(fixed.y, projection.plane), scale),
+    );
+    return base + terrain_turn(projection.position, terrain_rate(entry, scale));
+}
+
+// LOD of the albedo and normal textures, by WebGPU's rule: the longer of the two gradients, in texels.
+fn terrain_lod(projection: Projection, rate: vec2<f32>) -> f32 {
+    return 0.5 * log2(max(projection.longest_2 * dot(rate, rate), 1e-30)) + terrain_texels_log2(textureDimensions(detail_albedo).x);
+}
+
+// What the height texture's LOD has more than that.
+fn terrain_height_lod() -> f32 {
+    return terrain_texels_log2(textureDimensions(detail_height).x) - terrain_texels_log2(textureDimensions(detail_albedo).x);
+}
+
+fn terrain_texels_log2(texels: u32) -> f32 {
+    return f32(firstLeadingBit(texels));
+}
+
+// A material's three detail textures at a point.
+struct Texels {
+    albedo: vec3<f32>,
+    normal: vec4<f32>,          // smoothness, n.y, specular occlusion, n.x
+    height: vec2<f32>,          // height, colour mask
+}
+
+// Three fetches, filtered.
+fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>) -> Texels {
     count_fetch();
-    let albedo = textureSampleGrad(detail_albedo, detail_sampler, uv, entry.albedo_layer, uv_dx, uv_dy).rgb;
     count_fetch();
-    let normal = textureSampleGrad(detail_normal, detail_sampler, uv, entry.normal_layer, uv_dx, uv_dy);
     count_fetch();
-    let height = textureSampleGrad(detail_height, detail_sampler, uv, entry.height_layer, uv_dx, uv_dy);
-    let n = terrain_unpack_normal(normal);
-    let slope = -n.xy / max(n.z, 0.05) * entry.normal_strength;
-    let cosine = c * inverseSqrt(c * c + s * s);
-    let sine = s * inverseSqrt(c * c + s * s);
-    let turned = vec2<f32>(slope.x * cosine - slope.y * sine, slope.x * sine + slope.y * cosine);
-    return Surface(albedo * mix(vec3<f32>(1.0), entry.tint, height.g), height.r, triplanar_from_gradient(turned, axis), normal.r, normal.b);
+    if ANISOTROPIC {
+        let uv_dx = terrain_turn(projection.ddx, rate);
+        let uv_dy = terrain_turn(projection.ddy, rate);
+        return Texels(
+            textureSampleGrad(detail_albedo, detail_sampler, uv, entry.albedo_layer, uv_dx, uv_dy).rgb,
+            textureSampleGrad(detail_normal, detail_sampler, uv, entry.normal_layer, uv_dx, uv_dy),
+            textureSampleGrad(detail_height, detail_sampler, uv, entry.height_layer, uv_dx, uv_dy).rg,
+        );
+    }
+    let lod = terrain_lod(projection, rate);
+    return Texels(
+        textureSampleLevel(detail_albedo, detail_sampler, uv, entry.albedo_layer, lod).rgb,
+        textureSampleLevel(detail_normal, detail_sampler, uv, entry.normal_layer, lod),
+        textureSampleLevel(detail_height, detail_sampler, uv, entry.height_layer, lod + terrain_height_lod()).rg,
+    );
+}
+
+// Three fetches, one texel each of a mip level that chance chooses too: their expectation is the trilinear filter's value. What the
+// product of two textures is made of (albedo, and the colour mask beside the height) is chosen independently, by `u` and by `v`: level,
+// column, row.
+fn terrain_texels_chosen(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>, u: vec4<f32>, v: vec4<f32>) -> Texels {
+    let lod = terrain_lod(projection, rate);
+    let level = texel_choice_level(lod, textureNumLevels(detail_albedo), u.x);
+    let size = max(textureDimensions(detail_albedo).x >> level, 1u);
+    let at = vec2<u32>(texel_choice_texel(uv.x, size, u.y), texel_choice_texel(uv.y, size, u.z));
+    let height_level = texel_choice_level(lod + terrain_height_lod(), textureNumLevels(detail_height), v.x);
+    let height_size = max(textureDimensions(detail_height).x >> height_level, 1u);
+    let height_at = vec2<u32>(texel_choice_texel(uv.x, height_size, v.y), texel_choice_texel(uv.y, height_size, v.z));
+    count_fetch();
+    count_fetch();
+    count_fetch();
+    return Texels(
+        textureLoad(detail_albedo, at, entry.albedo_layer, level).rgb,
+        textureLoad(detail_normal, at, entry.normal_layer, level),
+        textureLoad(detail_height, height_at, entry.height_layer, height_level).rg,
+    );
+}
+
+fn terrain_tint(entry: PaletteEntry, texels: Texels) -> vec3<f32> {
+    return mix(vec3<f32>(1.0), entry.tint, texels.height.g);
+}
+
+fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, texels: Texels) -> Surface {
+    // Slope = xy / z of the unit normal; z is held above 0.05.
+    let xy = texels.normal.ag * 2.0 - 1.0;
+    let slope = xy * (-entry.normal_strength * inverseSqrt(max(1.0 - dot(xy, xy), 0.0025)));
+    let turned = vec2<f32>(slope.x * rate.x - slope.y * rate.y, slope.x * rate.y + slope.y * rate.x) * inverseSqrt(max(dot(rate, rate), 1e-30));
+    let gradient = snapped_from_gradient(turned, projection.plane);
+    return Surface(texels.albedo * terrain_tint(entry, texels), texels.height.r, gradient, texels.normal.r, texels.normal.b);
+}
+
+// One material seen in one projection at one tiling scale 2^scale: three detail textures, or hex-tiled nine.
+// Texture coordinates are a linear map of the position, and so are their gradients (ruling 7).
+fn terrain_material(id: u32, projection: Projection, scale: u32) -> Surface {
+    let entry = palette[id];
+    let rate = terrain_rate(entry, scale);
+    let uv = terrain_texture_coordinate(entry, projection, scale);
+    if !HEX_TILING {
+        return terrain_surface(entry, projection, rate, terrain_texels(entry, projection, rate, uv));
+    }
+    let level = hex_tiling_level(length(rate) * frame.sector_m);
+    let tiling = hex_tiling_at(projection.sectors, projection.position, frame.sector_m, level);
+    var sum = surface_zero();
+    for (var i = 0u; i < frame.taps - 1u; i++) {
+        let offset = hex_tiling_offset(hex_tiling_id(tiling, i), projection.plane + 8u * scale);
+        let texels = terrain_texels(entry, projection, rate, uv + offset);
+        sum = surface_add(sum, tiling.weights[i], terrain_surface(entry, projection, rate, texels));
+    }
+    return sum;
 }
 
 // Four fetches: the splat id and its three textures.
-fn terrain_tap(cell: SplatCell, texel: u32, axis: u32, scale: u32, footprint: Footprint) -> Surface {
-    return terrain_material(terrain_splat_id(cell, texel), axis, scale, footprint);
+fn terrain_tap(cell: SplatCell, texel: u32, projection: Projection, scale: u32) -> Surface {
+    return terrain_material(terrain_splat_id(cell, texel), projection, scale);
 }
 
-// Loops over taps run to `frame.taps` (always 4) and `frame.taps - 1u` (3 projections), `frame.taps - 2u` (2 tilings) rather than to a constant: an unrolled splat flavour
-// is 36 texture samples long, and software Vulkan then compiles for seconds what it runs in milliseconds.
+// Four fetches: the splat id, and one texel of each texture.
+fn terrain_tap_chosen(cell: SplatCell, texel: u32, projection: Projection, scale: u32, u: vec4<f32>, v: vec4<f32>) -> Surface {
+    let entry = palette[terrain_splat_id(cell, texel)];
+    let rate = terrain_rate(entry, scale);
+    let uv = terrain_texture_coordinate(entry, projection, scale);
+    return terrain_surface(entry, projection, rate, terrain_texels_chosen(entry, projection, rate, uv, u, v));
+}
 
-// Sixteen fetches: four taps, bilinear weights modified by height.
-fn terrain_splat_blend(cell: SplatCell, axis: u32, scale: u32, footprint: Footprint) -> Surface {
-    var taps: array<Surface, 4>;
-    for (var i = 0u; i < frame.taps; i++) {
-        taps[i] = terrain_tap(cell, i, axis, scale, footprint);
-    }
-    let heights = vec4<f32>(taps[0].height, taps[1].height, taps[2].height, taps[3].height);
-    let weights = splat_blend_weights(cell.fraction, heights, frame.height_sharpness);
+// Loops over taps run to `frame.taps` (always 4) and `frame.taps - 1u` (3 projections), `frame.taps - 2u` (2 tilings) rather than to a constant:
+// an unrolled splat flavour is 36 texture samples long, and software Vulkan then compiles for seconds what it runs in milliseconds.
+
+// Sixteen fetches: four taps, bilinear weights modified by height. Summed as they come: an array of taps, indexed by a loop that is not
+// unrolled, would live in memory.
+fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
+    let weights = splat_blend_bilinear(cell.fraction);
+    var run = splat_blend_start();
     var sum = surface_zero();
+    var total = 0.0;
+    for (var i = 0u; i < frame.taps; i++) {
+        let tap = terrain_tap(cell, i, projection, scale);
+        run = splat_blend_add(run, weights[i], tap.height, frame.height_sharpness);
+        sum = surface_add(surface_scale(run.keep, sum), run.share, tap);
+        total = total * run.keep + run.share;
+    }
+    return surface_scale(1.0 / total, sum);
+}
+
+// Mips between the two bands of a texture: detail is what is finer than 2^3 pixels.
+const TERRAIN_BAND_MIPS: f32 = 3.0;
+
+// Twenty fetches: four taps of five, in two bands. Where a band is blended, it is blended over about its own wavelength: what is coarse by
+// bilinear weights, over the splat cell; what is fine by weights modified by height, over the relief.
+// Source: Burt & Adelson, "A Multiresolution Spline With Application to Image Mosaics", ACM ToG 2(4), 1983.
+fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
+    let weights = splat_blend_bilinear(cell.fraction);
+    var run = splat_blend_start();
+    var coarse = vec3<f32>(0.0);
+    var fine = surface_zero();
+    var total = 0.0;
+    for (var i = 0u; i < frame.taps; i++) {
+        let entry = palette[terrain_splat_id(cell, i)];
+        let rate = terrain_rate(entry, scale);
+        let uv = terrain_texture_coordinate(entry, projection, scale);
+        let texels = terrain_texels(entry, projection, rate, uv);
+        let lod = max(terrain_lod(projection, rate), 0.0) + TERRAIN_BAND_MIPS;
+        count_fetch();
+        let low = textureSampleLevel(detail_albedo, detail_sampler, uv, entry.albedo_layer, lod).rgb * terrain_tint(entry, texels);
+        var tap = terrain_surface(entry, projection, rate, texels);
+        tap.albedo -= low;
+        coarse += weights[i] * low;
+        run = splat_blend_add(run, weights[i], tap.height, frame.height_sharpness);
+        fine = surface_add(surface_scale(run.keep, fine), run.share, tap);
+        total = total * run.keep + run.share;
+    }
+    var sum = surface_scale(1.0 / total, fine);
+    // Detail of one material on the ground of another may reach below black.
+    sum.albedo = max(coarse + sum.albedo, vec3<f32>(0.0));
+    return sum;
+}
+
+// Materials that are layers of their own are the first of the palette; any other is drawn as the layer that flags name.
+const TERRAIN_LAYER_BITS: u32 = 8u;
+
+// Twenty-eight fetches: four splat ids, from which the blend map follows, and the three textures of each of eight layers, which are
+// always sampled, as the method's own shader does.
+fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
+    let weights = splat_blend_bilinear(cell.fraction);
+    var layers: vec4<u32>;
     for (var i = 0u; i < 4u; i++) {
-        sum = surface_add(sum, weights[i], taps[i]);
+        layers[i] = (palette[terrain_splat_id(cell, i)].flags >> TERRAIN_LAYER_BITS) & (LAYERS - 1u);
+    }
+    var sum = surface_zero();
+    var below = 0.0;
+    for (var layer = 0u; layer < 2u * frame.taps; layer++) {
+        let share = layers_share(weights, layers, layer);
+        let opacity = layers_opacity(layer, share, below);
+        below += share;
+        sum = surface_add(surface_scale(1.0 - opacity, sum), opacity, terrain_material(layer, projection, scale));
     }
     return sum;
 }
 
 // Sixteen fetches: four taps, plain bilinear weights: the mean of choosing one of them by those weights.
-fn terrain_splat_mean(cell: SplatCell, axis: u32, scale: u32, footprint: Footprint) -> Surface {
+fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var sum = surface_zero();
     for (var i = 0u; i < frame.taps; i++) {
-        sum = surface_add(sum, weights[i], terrain_tap(cell, i, axis, scale, footprint));
+        sum = surface_add(sum, weights[i], terrain_tap(cell, i, projection, scale));
     }
     return sum;
 }
@@ -225,11 +405,11 @@ struct Moments {
     square: vec3<f32>,
 }
 
-fn terrain_splat_moments(cell: SplatCell, axis: u32, scale: u32, footprint: Footprint) -> Moments {
+fn terrain_splat_moments(cell: SplatCell, projection: Projection, scale: u32) -> Moments {
     let weights = splat_blend_bilinear(cell.fraction);
     var moments = Moments(vec3<f32>(0.0), vec3<f32>(0.0));
     for (var i = 0u; i < frame.taps; i++) {
-        let albedo = terrain_tap(cell, i, axis, scale, footprint).albedo;
+        let albedo = terrain_tap(cell, i, projection, scale).albedo;
         moments.mean += weights[i] * albedo;
         moments.square += weights[i] * albedo * albedo;
     }

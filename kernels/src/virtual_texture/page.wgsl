@@ -36,7 +36,7 @@ fn page_fragment(in: PageVarying) -> PageTargets {
     let step = job.texel_m / frame.gradient_scale;
     let footprint = Footprint(place, vec3<f32>(step, 0.0, 0.0), vec3<f32>(0.0, step, 0.0));
     let node = terrain_node(place);
-    let surface = terrain_splat_blend(terrain_splat_cell(node), 2u, 0u, footprint);
+    let surface = terrain_splat_blend(terrain_splat_cell(node), terrain_projection(2u, footprint), 0u);
     let normal = normalize(vec3<f32>(-surface.gradient.xy, 1.0));
     return PageTargets(
         vec4<f32>(surface.albedo * terrain_colour_modulation(node), 1.0),

@@ -1,0 +1,38 @@
+//! The two projections that a surface faces most, with weights that let the third go without a seam.
+//!
+//! Source: Quilez, *Biplanar mapping*, 2020. A weight grows from 0 where a component of the normal passes 1/√3: the middle component is
+//! never above that where it changes places with the smallest. The only jumps are on the eight diagonals, where all three are alike.
+
+use super::bounded;
+use super::octahedral::unit;
+use super::real::Real;
+
+/// Sharpness is held within 0 and this.
+pub const MAX_SHARPNESS: f64 = 1e4;
+
+/// The axes, ascending, and their weights, which sum to 1: `biplanar_projections`.
+///
+/// w_i = ((|n_i| - 1/√3) / (1 - 1/√3))^(k/8), normalised, `sharpness` = k >= 0 on the scale of tri-planar weights; a component at or below
+/// 1/√3 has weight 0 for any k. The first axis alone where both are. z counts as the direction of what has none.
+pub fn projections<T: Real>(n: [T; 3], sharpness: T) -> ([u32; 2], [T; 2]) {
+    let a = unit(n).map(T::abs);
+    let dropped = if a[0] <= a[1] && a[0] <= a[2] {
+        0
+    } else if a[1] <= a[2] {
+        1
+    } else {
+        2
+    };
+    let axes = [[1, 2], [0, 2], [0, 1]][dropped];
+    let diagonal = T::of(1.0 / 3.0_f64.sqrt());
+    let above = axes.map(|axis| (a[axis] - diagonal).max(T::zero()));
+    let top = above[0].max(above[1]);
+    let numbers = axes.map(|axis| u32::try_from(axis).expect("at most 2"));
+    if top <= T::zero() {
+        return (numbers, [T::one(), T::zero()]);
+    }
+    let k = bounded(sharpness, 0.0, MAX_SHARPNESS) / T::of(8.0);
+    // 0^0 is 0 here, unlike in `powf`.
+    let w = above.map(|x| if x > T::zero() { (x / top).powf(k) } else { T::zero() });
+    (numbers, w.map(|x| x / (w[0] + w[1])))
+}

@@ -1,0 +1,37 @@
+// The two projections that a surface faces most, with weights that let the third go without a seam.
+// Source: Quilez, "Biplanar mapping", 2020.
+
+// Component of a direction that faces all three axes alike: no weight is left at or below it, and the middle component never is above
+// it where it is the smallest, too.
+const BIPLANAR_DIAGONAL: f32 = 0.57735027;
+const BIPLANAR_MAX_SHARPNESS: f32 = 1e4;
+
+struct Biplanar {
+    axes: vec2<u32>,            // ascending
+    weights: vec2<f32>,         // sum to 1
+}
+
+// ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8) of the two largest components, normalised; `sharpness` = k, on the scale of tri-planar
+// weights. On the eight diagonals, the only places where the blend jumps, the first axis alone.
+fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
+    let a = abs(octahedral_unit(n));
+    var axes = vec2<u32>(0u, 1u);
+    var kept = a.xy;
+    if a.x <= a.y && a.x <= a.z {
+        axes = vec2<u32>(1u, 2u);
+        kept = a.yz;
+    } else if a.y <= a.z {
+        axes = vec2<u32>(0u, 2u);
+        kept = a.xz;
+    }
+    let above = max(kept - BIPLANAR_DIAGONAL, vec2<f32>(0.0));
+    let top = max(above.x, above.y);
+    if !(top > 0.0) {
+        return Biplanar(axes, vec2<f32>(1.0, 0.0));
+    }
+    let k = 0.125 * select(0.0, min(sharpness, BIPLANAR_MAX_SHARPNESS), sharpness > 0.0);
+    // Measured against the larger, whose term then is 1. What is zero stays so at any power: the third axis' limit is no weight.
+    let r = above / top;
+    let w = select(vec2<f32>(0.0), exp2(k * log2(max(r, vec2<f32>(1e-30)))), r > vec2<f32>(1e-30));
+    return Biplanar(axes, w / (w.x + w.y));
+}

@@ -1,0 +1,77 @@
+// Hex tiling: the plane in hexagons, each showing the texture at a random offset; around a point, three of them blended.
+// Source: Mikkelsen, "Practical Real-Time Hex-Tiling", JCGT 11(2), 2022, after Heitz & Neyret, "High-Performance By-Example Noise
+// using a Histogram-Preserving Blending Operator", HPG 2018. Mikkelsen's exponent, without his weighting by luminance and without
+// rotations. Contrast is not preserved: independent offsets leave the share w1^2 + w2^2 + w3^2 of a texture's variance.
+// Hexagons lie in the projection's plane, a power of two of them along a sector, so that their ids are exact integers anywhere.
+
+// Powers of two of hexagons along a sector.
+const HEX_TILING_LEVEL_MIN: i32 = -10;
+const HEX_TILING_LEVEL_MAX: i32 = 15;
+// 1 / sqrt 3 = 0.5774 as a fraction, so that whole sectors are whole steps: hexagons are squashed by 0.13 %.
+const HEX_TILING_SKEW: u32 = 37u;
+const HEX_TILING_SKEW_BITS: u32 = 6u;
+
+struct HexTiling {
+    // Ids, modulo 2^16, of the hexagons around the point.
+    first: vec2<u32>,
+    second: vec2<u32>,
+    third: vec2<u32>,
+    weights: vec3<f32>,         // sum to 1
+}
+
+// Power of two of hexagons along a sector for a texture that repeats so often along it: nearest to Mikkelsen's 2 sqrt 3 a repeat.
+fn hex_tiling_level(repeats: f32) -> i32 {
+    let usable = select(1e-6, min(repeats, 1e6), repeats > 1e-6);
+    return clamp(i32(floor(log2(usable) + 2.2924813)), HEX_TILING_LEVEL_MIN, HEX_TILING_LEVEL_MAX);
+}
+
+fn hex_tiling_power(w: f32) -> f32 {
+    let square = w * w;
+    return square * square * square * w;
+}
+
+// The hexagons around a point: `sector` whole sectors and `position` metres, |position| at most a few sectors, along both coordinates.
+fn hex_tiling_at(sector: vec2<i32>, position: vec2<f32>, sector_m: f32, level: i32) -> HexTiling {
+    let k = clamp(level, HEX_TILING_LEVEL_MIN, HEX_TILING_LEVEL_MAX);
+    // Skewed coordinates a = x - y / sqrt 3, b = 2 y / sqrt 3 in units of a hexagon's spacing; whole sectors in fixed point, 16 bits each side.
+    let s = bitcast<vec2<u32>>(sector);
+    let step = u32(k - HEX_TILING_LEVEL_MIN);
+    let skewed_y = s.y * (HEX_TILING_SKEW << step);
+    // 2^(16 + k) = 2^(6 + step).
+    let whole = vec2<u32>((s.x << (HEX_TILING_SKEW_BITS + step)) - skewed_y, skewed_y << 1u);
+    let spacings = noise_power_of_two(k) / max(sector_m, 1e-6);
+    let limit = vec2<f32>(1e9);
+    let p = select(vec2<f32>(0.0), clamp(position * spacings, -limit, limit), abs(position) <= vec2<f32>(1e30));
+    let skew = f32(HEX_TILING_SKEW) / 64.0;
+    let at = vec2<f32>(whole & vec2<u32>(0xffffu)) * 0.0000152587890625 + vec2<f32>(p.x - skew * p.y, 2.0 * skew * p.y);
+    let corner = floor(at);
+    let f = clamp(at - corner, vec2<f32>(0.0), vec2<f32>(1.0));
+    let id = (whole >> vec2<u32>(16u)) + bitcast<vec2<u32>>(vec2<i32>(corner));
+    // Either half of the cell is a triangle of three hexagons' centres; weights are barycentric coordinates, sharpened.
+    let upper = f.x + f.y >= 1.0;
+    var w = vec3<f32>(1.0 - f.x - f.y, f.x, f.y);
+    if upper {
+        w = vec3<f32>(f.x + f.y - 1.0, 1.0 - f.y, 1.0 - f.x);
+    }
+    let r = max(w, vec3<f32>(0.0)) / max(max(w.x, w.y), w.z);
+    let sharp = vec3<f32>(hex_tiling_power(r.x), hex_tiling_power(r.y), hex_tiling_power(r.z));
+    let mask = vec2<u32>(0xffffu);
+    let first = id + vec2<u32>(select(0u, 1u, upper));
+    return HexTiling(
+        first & mask, (id + vec2<u32>(1u, 0u)) & mask, (id + vec2<u32>(0u, 1u)) & mask, sharp / (sharp.x + sharp.y + sharp.z)
+    );
+}
+
+// One of the three ids.
+fn hex_tiling_id(tiling: HexTiling, i: u32) -> vec2<u32> {
+    if i == 0u {
+        return tiling.first;
+    }
+    return select(tiling.third, tiling.second, i == 1u);
+}
+
+// Offset of the texture in a hexagon, [0, 1)^2; `salt` tells lattices apart.
+fn hex_tiling_offset(id: vec2<u32>, salt: u32) -> vec2<f32> {
+    let h = hash_pcg4d(vec4<u32>(id, salt, 0u));
+    return vec2<f32>(hash_to_unit(h.x), hash_to_unit(h.y));
+}

@@ -1,0 +1,16 @@
+// Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each of the others.
+// Source: Luna, "Introduction to 3D Game Programming with DirectX 12", 2016, terrain rendering. What a layer contributes in the end is
+// w_i = p_i prod_{j > i} (1 - p_j).
+
+const LAYERS: u32 = 8u;
+
+// Share of a layer in the four texels around a point: what an artist would have painted.
+fn layers_share(weights: vec4<f32>, layers: vec4<u32>, layer: u32) -> f32 {
+    let w = select(vec4<f32>(0.0), min(weights, vec4<f32>(1.0)), weights > vec4<f32>(0.0));
+    return dot(select(vec4<f32>(0.0), w, layers == vec4<u32>(layer)), vec4<f32>(1.0));
+}
+
+// Opacity p_j = m_j / sum_{i <= j} m_i, which makes w_i = m_i. `below` is the sum of the shares of the layers below.
+fn layers_opacity(layer: u32, share: f32, below: f32) -> f32 {
+    return select(share / max(share + below, 1e-30), 1.0, layer == 0u);
+}
