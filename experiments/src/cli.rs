@@ -41,6 +41,8 @@ pub(crate) enum Command {
     Probe(ProbeArgs),
     /// Say what a scene requires, and what it does not: flavours, variants, textures, passes, bytes
     Explain(ExplainArgs),
+    /// Write the report of a run anew, from its rows
+    Report(ReportArgs),
     /// List the graphics adapters of this machine and whether they will do
     Adapters(AdaptersArgs),
 }
@@ -233,6 +235,18 @@ pub(crate) struct ExplainArgs {
     /// Print for a program
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Writes report.html, one file that can be mailed, and report.md, for a pull request, into the folder.
+
+Example:
+  experiments report out/hash-scale")]
+pub(crate) struct ReportArgs {
+    /// Folder that a run was written to
+    #[arg(value_name = "DIR")]
+    pub(crate) run: PathBuf,
 }
 
 #[derive(Args, Debug)]

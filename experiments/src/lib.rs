@@ -9,7 +9,6 @@ pub mod unit;
 mod cli;
 mod commands;
 mod measure;
-mod plots;
 mod report;
 
 use std::panic;

@@ -7,6 +7,7 @@ mod explain;
 mod import;
 mod probe;
 mod render;
+mod report;
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, IsTerminal, Write};
@@ -30,6 +31,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Import(args) => import::run(args),
         Command::Probe(args) => probe::run(args),
         Command::Explain(args) => explain::run(args),
+        Command::Report(args) => report::run(args),
         Command::Adapters(args) => adapters::run(args),
     }
 }

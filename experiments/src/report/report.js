@@ -1,4 +1,3 @@
-
 "use strict";
 // Sorting and enlarging are extras: without them the page shows all there is.
 for (const table of document.querySelectorAll("table.all")) {
@@ -11,9 +10,10 @@ for (const table of document.querySelectorAll("table.all")) {
       for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
       head.setAttribute("aria-sort", down ? "descending" : "ascending");
       const column = head.cellIndex;
-      // Rows without a number stay last, whichever way the others go.
-      const key = (row) => (column === 0 ? row.cells[0].textContent : row.cells[column].dataset.v);
-      const order = (a, b) => (column === 0 ? a.localeCompare(b) : a - b);
+      const numeric = head.classList.contains("n");
+      // Rows without a value stay last, whichever way the others go.
+      const key = (row) => (numeric ? row.cells[column].dataset.v : row.cells[column].textContent || undefined);
+      const order = (a, b) => (numeric ? a - b : a.localeCompare(b, "en", { numeric: true }));
       body.append(...[...body.rows].sort((r, s) => {
         const a = key(r), b = key(s);
         if (a === undefined || b === undefined) return (a === undefined) - (b === undefined);
@@ -23,6 +23,24 @@ for (const table of document.querySelectorAll("table.all")) {
     head.addEventListener("click", sort);
     head.addEventListener("keydown", (event) => { if (event.key === "Enter") sort(); });
   }
+}
+// Rows that hold every word that was typed.
+for (const input of document.querySelectorAll("input.filter")) {
+  const section = input.closest("section");
+  const rows = [...section.querySelectorAll("table.all tbody tr")];
+  const count = section.querySelector(".count");
+  const filter = () => {
+    const words = input.value.toLowerCase().split(/\s+/).filter(Boolean);
+    let shown = 0;
+    for (const row of rows) {
+      const text = [...row.cells].filter((cell) => !cell.classList.contains("n")).map((cell) => cell.textContent).join(" ").toLowerCase();
+      row.hidden = !words.every((word) => text.includes(word));
+      shown += !row.hidden;
+    }
+    count.textContent = words.length ? `${shown} of ${rows.length} rows` : "";
+  };
+  input.addEventListener("input", filter);
+  filter();
 }
 for (const image of document.querySelectorAll(".sheet img")) {
   image.addEventListener("click", () => image.parentElement.classList.toggle("wide"));

@@ -1,0 +1,16 @@
+//! `report`: writes the report of a run anew, from its rows.
+
+use anyhow::Result;
+
+use super::print;
+use crate::cli::ReportArgs;
+use crate::report;
+
+/// Writes both reports, and prints where and what they say.
+pub(crate) fn run(args: &ReportArgs) -> Result<()> {
+    let run = report::read_run(&args.run)?;
+    super::check_writable(&args.run)?;
+    let verdicts = report::judge(&run);
+    let written = report::write_run(&run, &verdicts)?;
+    print(&format!("{}\n{}\n", written.verdict, written.page.display()))
+}

@@ -1,0 +1,102 @@
+//! What a run says about itself: promises kept, bias and variance as predicted.
+
+use kernels::variant::Flavour;
+use serde::Serialize;
+
+use super::numbers::sidak_limit;
+
+/// A flavour's fetches, promised and counted.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct GoldenRow {
+    /// The flavour's name, and where it was counted.
+    pub(crate) flavour: String,
+    /// The promise, a number or a range.
+    pub(crate) promised: String,
+    /// Mean over terrain pixels as counted in the shader.
+    pub(crate) counted: f64,
+    /// Whether the count keeps the promise.
+    pub(crate) agrees: bool,
+}
+
+/// How far a mean count may be from a whole number that every pixel is to take.
+const COUNT_TOLERANCE: f64 = 0.01;
+
+impl GoldenRow {
+    /// Holds a count against the promise of a flavour. `modulated`: the scene has colour modulation, which costs all but the virtual texture
+    /// one sample more. The far atlas promises 2 to 3, with it and without.
+    pub(crate) fn of(name: String, flavour: Flavour, counted: f64, modulated: bool) -> GoldenRow {
+        let promise = flavour.promised_fetches();
+        let more = u32::from(modulated && flavour != Flavour::VirtualTexture);
+        let (promised, low, high) = match flavour {
+            Flavour::FarAtlas => ("2-3".to_owned(), 2.0, 3.0),
+            _ if more > 0 => (format!("{promise} + {more}"), f64::from(promise + more), f64::from(promise + more)),
+            _ => (promise.to_string(), f64::from(promise), f64::from(promise)),
+        };
+        let agrees = (low - COUNT_TOLERANCE..=high + COUNT_TOLERANCE).contains(&counted);
+        GoldenRow { flavour: name, promised, counted, agrees }
+    }
+}
+
+/// Whether all flavours take what they promise; `None` of none.
+pub(super) fn promises(rows: &[GoldenRow]) -> Option<(bool, String)> {
+    let kept = rows.iter().filter(|g| g.agrees).count();
+    let all = rows.len();
+    (all > 0).then(|| (kept == all, format!("{kept} of {all} flavours take the fetches they promise")))
+}
+
+/// The largest of some biases, given with their standard errors and names.
+pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>) -> Option<(bool, String)> {
+    let scores: Vec<(f64, &str)> =
+        rows.into_iter().map(|(bias, error, name)| (bias.abs() / error, name)).filter(|(z, _)| z.is_finite()).collect();
+    let (z, name) = scores.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (count, limit) = (scores.len(), sidak_limit(scores.len()));
+    Some((
+        *z < limit,
+        format!(
+            "largest bias of {count} stochastic rows: {z:.1} standard errors ({name}); at most {limit:.1} expected (0.1 % for all together)"
+        ),
+    ))
+}
+
+/// The range of variances measured over variances predicted.
+pub(super) fn variance(ratios: impl IntoIterator<Item = f64>) -> Option<(bool, String)> {
+    let ratios: Vec<f64> = ratios.into_iter().filter(|r| r.is_finite()).collect();
+    let low = ratios.iter().copied().min_by(f64::total_cmp)?;
+    let high = ratios.iter().copied().max_by(f64::total_cmp)?;
+    let range = if high - low < 0.005 { format!("{high:.2}") } else { format!("{low:.2} to {high:.2}") };
+    Some((low > 0.8 && high < 1.25, format!("variance measured is {range} times the variance predicted; 0.8 to 1.25 expected")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn promises_are_kept_or_seen_broken() {
+        let agrees = |flavour, counted, modulated| GoldenRow::of(String::new(), flavour, counted, modulated).agrees;
+        assert!(agrees(Flavour::NearCliff, 12.0, false) && agrees(Flavour::NearCliff, 13.0, true) && agrees(Flavour::FarAtlas, 2.4, false));
+        assert!(agrees(Flavour::VirtualTexture, 4.0, true));
+        assert!(
+            !agrees(Flavour::NearCliff, 12.02, false) && !agrees(Flavour::NearCliff, 13.0, false) && !agrees(Flavour::FarAtlas, 1.9, false)
+        );
+        assert!(!agrees(Flavour::VirtualTexture, 5.0, true) && !agrees(Flavour::Splat, f64::NAN, false));
+        assert_eq!(promises(&[]), None);
+        let rows = [12.0, 12.5].map(|counted| GoldenRow::of(String::new(), Flavour::NearCliff, counted, false));
+        assert_eq!(promises(&rows).map(|c| c.0), Some(false));
+        assert_eq!(promises(&rows[..1]).map(|c| c.0), Some(true));
+    }
+
+    #[test]
+    fn bias_and_variance_are_held_to_their_limits() {
+        assert_eq!(bias([(3e-4, 1e-4, "a"), (0.0, 0.0, "b")]).map(|c| c.0), Some(true));
+        let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")]).expect("one row with chance");
+        assert!(!good && text.contains("4.0 standard errors (a)"), "{text}");
+        // The same bias among 600: none that was found.
+        let many = (0..600).map(|i| (if i == 7 { 4e-4 } else { 0.0 }, 1e-4, "a"));
+        assert_eq!(bias(many).map(|c| c.0), Some(true));
+        assert_eq!(bias([(0.0, 0.0, "b")]), None);
+        assert_eq!(variance([0.97, 1.03, f64::NAN]).map(|c| c.0), Some(true));
+        assert_eq!([variance([0.5, 1.0]), variance([1.0, 1.5])].map(|c| c.map(|c| c.0)), [Some(false); 2]);
+        assert_eq!(variance([]), None);
+    }
+}

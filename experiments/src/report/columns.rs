@@ -1,0 +1,311 @@
+//! What the tables of a report show of each choice, and why a number is missing.
+
+use std::collections::BTreeSet;
+
+use kernels::variant::Variant;
+
+use super::RunData;
+use super::checks::{self, GoldenRow};
+use super::numbers::{number, significant};
+use super::summary::{
+    BIAS, CLUMPING, FETCHES, FLICKER, FLICKER_P95, FLIP, FLIPS, KeyOf, Metric, PSNR, REJECTIONS, RMSE, SHADING, SSIM, Summary, THEORY,
+    TILE_FETCHES, Table, VARIANCE,
+};
+use crate::definition::Times;
+use crate::report::Verdict;
+
+/// Where a column's numbers come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    /// A row each.
+    Row(Metric),
+    /// A row each, with its standard error.
+    WithError(Metric),
+    /// The sum of what a forced variant's flavours promise.
+    Promised,
+    /// The row's time over that of the first timed row of the view.
+    ShadingRatio,
+}
+
+/// A column of the table of choices.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Column {
+    pub(super) heading: &'static str,
+    pub(super) unit: &'static str,
+    pub(super) source: Source,
+}
+
+const COLUMNS: [Column; 16] = [
+    Column { heading: "Fetches", unit: "per pixel", source: Source::Row(FETCHES) },
+    Column { heading: "By tile", unit: "fetches", source: Source::Row(TILE_FETCHES) },
+    Column { heading: "Promised", unit: "fetches", source: Source::Promised },
+    Column { heading: "Shading", unit: "to first row", source: Source::ShadingRatio },
+    Column { heading: "RMSE", unit: "albedo", source: Source::Row(RMSE) },
+    Column { heading: "FLIP", unit: "0 to 1", source: Source::Row(FLIP) },
+    Column { heading: "PSNR", unit: "dB", source: Source::Row(PSNR) },
+    Column { heading: "SSIM", unit: "same = 1", source: Source::Row(SSIM) },
+    Column { heading: "Bias \u{b1} s.e.", unit: "albedo", source: Source::WithError(BIAS) },
+    Column { heading: "Variance", unit: "albedo\u{b2}", source: Source::Row(VARIANCE) },
+    Column { heading: "Theory", unit: "albedo\u{b2}", source: Source::Row(THEORY) },
+    Column { heading: "Flip rate", unit: "k = 1", source: Source::Row(FLIPS) },
+    Column { heading: "Clumping", unit: "white = 1", source: Source::Row(CLUMPING) },
+    Column { heading: "Flicker", unit: "k = 1", source: Source::Row(FLICKER) },
+    Column { heading: "p95", unit: "k = 1", source: Source::Row(FLICKER_P95) },
+    Column { heading: "Rejected", unit: "of history", source: Source::Row(REJECTIONS) },
+];
+
+/// A number of a table.
+pub(super) enum Cell {
+    /// Unrounded, as shown, and what its tooltip says more.
+    Value { value: f64, shown: String, hint: String },
+    /// None, and why.
+    Missing(String),
+}
+
+/// The columns of which at least one row has a number, and the headings of the others.
+pub(super) fn columns(run: &RunData, table: &Table) -> (Vec<Column>, Vec<&'static str>) {
+    let (kept, dropped): (Vec<Column>, Vec<Column>) = COLUMNS
+        .into_iter()
+        .partition(|column| (0..table.summaries.len()).any(|index| matches!(cell(run, table, index, column.source), Cell::Value { .. })));
+    // A promise alone is nothing measured.
+    let measured = kept.iter().any(|c| c.source == Source::Row(FETCHES));
+    let kept = kept.into_iter().filter(|c| c.source != Source::Promised || measured).collect();
+    (kept, dropped.into_iter().filter(|c| c.source != Source::Promised).map(|c| c.heading).collect())
+}
+
+/// The number of a row in a column.
+pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -> Cell {
+    let summary = &table.summaries[index];
+    let plain = |value: f64| Cell::Value { value, shown: significant(value), hint: String::new() };
+    match source {
+        Source::Row(metric) | Source::WithError(metric) => {
+            let Some(found) = summary.number(metric).filter(|n| !n.value.is_nan()) else {
+                return Cell::Missing(absent(run, summary, metric));
+            };
+            let error = summary.error(metric);
+            let mut hint = format!("{} = {}{}", metric.name, found.value, unit(&found.unit));
+            if let Some(error) = error {
+                hint += &format!(", standard error {error}");
+            }
+            if let Some((finite, all)) = found.frames {
+                hint += &format!(", mean over {finite} of {all} frames");
+            }
+            let shown = match (source, error) {
+                (Source::WithError(_), Some(error)) => {
+                    format!("{}{} \u{b1} {}", if found.value > 0.0 { "+" } else { "" }, significant(found.value), number(error))
+                }
+                _ => significant(found.value),
+            };
+            Cell::Value { value: found.value, shown, hint }
+        }
+        Source::Promised => match summary.key.variant.parse::<Variant>() {
+            Ok(_) if !is_fc5(summary) => Cell::Missing("fetches are promised for fc5 only".to_owned()),
+            Ok(variant) => plain(f64::from(variant.promised_fetches())),
+            Err(_) => Cell::Missing("each tile chooses: nothing is promised".to_owned()),
+        },
+        Source::ShadingRatio => {
+            let ms = summary.value(SHADING);
+            match shading_base(table, &summary.key.view) {
+                Some(base) if ms > 0.0 => {
+                    let value = ms / table.summaries[base].value(SHADING);
+                    Cell::Value { value, shown: significant(value), hint: format!("{} = {ms} ms", SHADING.name) }
+                }
+                _ => Cell::Missing(absent(run, summary, SHADING)),
+            }
+        }
+    }
+}
+
+fn unit(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" {unit}") }
+}
+
+/// The first timed row of a view: what times are ratios to.
+pub(super) fn shading_base(table: &Table, view: &str) -> Option<usize> {
+    table.of_view(view).into_iter().find(|&i| table.summaries[i].value(SHADING) > 0.0)
+}
+
+/// Whether the stochastic flavours were those whose fetches are promised. Rows without an estimator are, too.
+fn is_fc5(summary: &Summary) -> bool {
+    summary.key.estimator.is_empty() || summary.key.estimator == "fc5"
+}
+
+/// Why a number is not there.
+fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
+    let definition = &run.definition;
+    if let Some(found) = summary.number(metric) {
+        return match found.frames {
+            Some((_, frames)) => format!("none of its {frames} frames has a finite value"),
+            None => "its row says NaN".to_owned(),
+        };
+    }
+    let first_noise = definition.noises.first().is_none_or(|n| *n == summary.key.noise);
+    match metric {
+        SHADING if definition.times == Times::None => "not timed: times = \"none\"".to_owned(),
+        SHADING if definition.times == Times::FirstNoise && !first_noise => "timed with the first noise only".to_owned(),
+        SHADING => "not timed".to_owned(),
+        BIAS | VARIANCE | THEORY if definition.seeds == 0 => "not measured: seeds = 0".to_owned(),
+        REJECTIONS if summary.key.temporal.is_empty() || summary.key.temporal == "off" => "no history: no temporal resolve".to_owned(),
+        _ if metric.lag.is_some() && definition.frames < 2 => "not measured: one frame".to_owned(),
+        _ if !definition.metrics.is_empty() && !definition.metrics.iter().any(|m| m == metric.name) => {
+            "not among the definition's metrics".to_owned()
+        }
+        _ => "no row of this metric".to_owned(),
+    }
+}
+
+/// Names and values of the columns that tell choices apart.
+pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
+    let all: [(&'static str, bool, KeyOf); 6] = [
+        ("View", table.views.len() > 1, |s| &s.key.view),
+        ("Variant", true, |s| &s.key.variant),
+        ("Estimator", table.estimators.len() > 1, |s| &s.key.estimator),
+        ("Noise", table.noises.len() > 1, |s| &s.key.noise),
+        ("Temporal", table.temporal.len() > 1, |s| &s.key.temporal),
+        ("Setting", table.settings.len() > 1 || !table.parameter.is_empty(), |s| &s.key.setting),
+    ];
+    all.into_iter().filter(|(_, shown, _)| *shown).map(|(name, _, of)| (name, of)).collect()
+}
+
+/// On which fronts of its view a row lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Fronts {
+    pub(super) error: bool,
+    pub(super) flicker: bool,
+}
+
+impl Fronts {
+    /// In a word.
+    pub(super) fn name(self) -> &'static str {
+        match (self.error, self.flicker) {
+            (true, true) => "both",
+            (true, false) => "error",
+            (false, true) => "flicker",
+            (false, false) => "",
+        }
+    }
+}
+
+/// The fronts of cost and error, and of cost and flicker, within each view.
+pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
+    let mut fronts = vec![Fronts::default(); table.summaries.len()];
+    for view in &table.views {
+        let rows = table.of_view(view);
+        for i in table.front(&rows, table.cost, table.error) {
+            fronts[i].error = true;
+        }
+        for i in table.front(&rows, table.cost, FLICKER) {
+            fronts[i].flicker = true;
+        }
+    }
+    fronts
+}
+
+/// Counted fetches of single flavours against their promises, a row for each view and flavour: of all its choices the one that is furthest off.
+pub(super) fn golden(table: &Table) -> Vec<GoldenRow> {
+    let counted = |s: &Summary| s.value(FETCHES);
+    let flavours: Vec<(&Summary, kernels::variant::Flavour)> = table
+        .summaries
+        .iter()
+        .filter(|s| s.key.is_flavour() && is_fc5(s) && counted(s).is_finite())
+        .filter_map(|s| Some((s, s.key.variant.parse::<Variant>().ok()?.flavours().next()?)))
+        .collect();
+    // Colour modulation shows by one sample more in a flavour of a fixed count; then all must take it.
+    let is_one_more = |(s, flavour): &&(&Summary, kernels::variant::Flavour)| {
+        *flavour != kernels::variant::Flavour::VirtualTexture && (counted(s) - f64::from(flavour.promised_fetches()) - 1.0).abs() < 0.01
+    };
+    let modulated = flavours.iter().any(|f| is_one_more(&f));
+    let mut rows: Vec<GoldenRow> = Vec::new();
+    for (summary, flavour) in flavours {
+        let name = if table.views.len() > 1 { format!("{}, {}", flavour.name(), summary.key.view) } else { flavour.name().to_owned() };
+        let row = GoldenRow::of(name, flavour, counted(summary), modulated);
+        let distance = |r: &GoldenRow| (!r.agrees, (r.counted - f64::from(flavour.promised_fetches())).abs());
+        match rows.iter_mut().find(|r| r.flavour == row.flavour) {
+            Some(known) if distance(&row) > distance(known) => *known = row,
+            Some(_) => {}
+            None => rows.push(row),
+        }
+    }
+    rows
+}
+
+/// What a run says about itself.
+pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<(bool, String)> {
+    let stochastic = || table.summaries.iter().filter(|s| s.is_stochastic());
+    let names: Vec<String> = stochastic().map(|s| table.label(&s.key)).collect();
+    let biases = stochastic().zip(&names).map(|(s, name)| (s.value(BIAS), s.error(BIAS).unwrap_or(f64::NAN), name.as_str()));
+    let ratios = stochastic().map(|s| s.value(VARIANCE) / s.value(THEORY));
+    let expected = expectations(run, verdicts);
+    let met = expected.iter().filter(|v| v.met).count();
+    let expected = (!expected.is_empty()).then(|| (met == expected.len(), format!("{met} of {} expectations are met", expected.len())));
+    let judged: Vec<_> = table.references.iter().filter(|r| r.smallest_rmse.is_finite()).collect();
+    let good = judged.iter().filter(|r| r.suffices()).count();
+    let references = (!judged.is_empty()).then(|| {
+        let words = "references are known to a tenth of the smallest RMSE that they judge";
+        (good == judged.len(), format!("{good} of {} {words}", judged.len()))
+    });
+    let doubles = (table.doubles > 0).then(|| (false, format!("{} numbers have more than one row; the first counts", table.doubles)));
+    [expected, references, checks::promises(&golden(table)), checks::bias(biases), checks::variance(ratios), doubles]
+        .into_iter()
+        .flatten()
+        .collect()
+}
+
+/// Name and value of what has to be known of the set-up; a dash where it was not recorded.
+pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)> {
+    let definition = &run.definition;
+    let recorded = |key: &str| run.recorded(key).unwrap_or_else(|| "\u{2013} (not recorded in manifest.json)".to_owned());
+    let software = if run.is_software() { " (software)" } else { "" };
+    let scene = definition.scene.clone().or_else(|| definition.import.as_ref().map(|i| i.heightmap.clone()));
+    let named: BTreeSet<&str> = table.summaries.iter().map(|s| s.key.scene.as_str()).filter(|s| !s.is_empty()).collect();
+    let scene = scene.unwrap_or_else(|| "default".to_owned());
+    let other_name = named.iter().any(|n| *n != scene);
+    let scene = if other_name { format!("{scene} ({})", named.into_iter().collect::<Vec<_>>().join(", ")) } else { scene };
+    let [width, height] = definition.size;
+    let list = |values: &[String]| if values.len() > 12 { format!("{} of them", values.len()) } else { values.join(", ") };
+    let mut facts = vec![
+        ("Adapter", recorded("adapter") + software),
+        ("Driver", recorded("driver")),
+        ("Scene", scene),
+        ("Views", list(&table.views)),
+        ("Picture", format!("{width} \u{d7} {height} pixels")),
+        ("Frames", definition.frames.to_string()),
+        (
+            "Seeds",
+            if definition.seeds == 0 { "none: neither bias nor variance is measured".to_owned() } else { definition.seeds.to_string() },
+        ),
+        ("Variants", list(&table.variants)),
+        ("Estimators", list(&table.estimators)),
+        ("Noises", list(&table.noises)),
+        ("Temporal", list(&table.temporal)),
+    ];
+    if !table.parameter.is_empty() {
+        facts.push(("Varied", format!("{}: {}", table.parameter, table.settings.join(", "))));
+    }
+    if !definition.settings.is_empty() {
+        facts.push(("Set", definition.settings.iter().map(|(key, value)| format!("{key} = {value}")).collect::<Vec<_>>().join(", ")));
+    }
+    facts.extend([
+        ("Rows", format!("{} of metrics, {} of times", run.rows.len(), run.times.len())),
+        ("Version", format!("{}, commit {}", recorded("version"), recorded("commit"))),
+        ("Definition", format!("{}, hash {}", definition.name, recorded("definition_hash"))),
+        ("Shards", recorded("shards")),
+        ("Command", recorded("command")),
+    ]);
+    facts.retain(|(_, value)| !value.is_empty());
+    facts
+}
+
+/// Expectations with what became of them; those that nobody judged count as not met.
+pub(super) fn expectations(run: &RunData, verdicts: &[Verdict]) -> Vec<Verdict> {
+    let judged = |claim: &str, metric: &str| verdicts.iter().any(|v| v.claim == claim && v.metric == metric);
+    let open = run.definition.expectations.iter().filter(|e| !judged(&e.claim, &e.metric)).map(|e| Verdict {
+        claim: e.claim.clone(),
+        metric: e.metric.clone(),
+        value: f64::NAN,
+        range: e.range,
+        met: false,
+        why: "not judged".to_owned(),
+    });
+    verdicts.iter().cloned().chain(open).collect()
+}

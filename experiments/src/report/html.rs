@@ -1,0 +1,240 @@
+//! The pieces of HTML that every report is made of.
+
+use std::fmt::Write as _;
+
+use super::checks::GoldenRow;
+
+/// The five characters with a meaning in HTML, as entities.
+pub(crate) fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            other => escaped.push(other),
+        }
+    }
+    escaped
+}
+
+/// A whole page with its style and script, which needs no other file. `body` is HTML, `title` is text.
+pub(super) fn page(title: &str, body: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
+         <title>{}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n{body}</main>\n<script>{}</script>\n</body>\n</html>\n",
+        escape(title),
+        include_str!("report.css"),
+        include_str!("report.js")
+    )
+}
+
+/// What stands above everything: a line of context and the heading, both text.
+pub(super) fn header(kicker: &str, heading: &str) -> String {
+    format!("<header><p class=\"kicker\">{}</p>\n<h1>{}</h1></header>\n", escape(kicker), escape(heading))
+}
+
+/// The answer (text) and what the run says about itself: whether it is good, and in which words.
+pub(super) fn verdict(answer: &str, checks: &[(bool, String)]) -> String {
+    let mut html = format!("<section class=\"verdict\"><p>{}</p>\n<ul>", escape(answer));
+    for (good, text) in checks {
+        html += &format!("<li class=\"{}\">{}</li>\n", mark(*good), escape(text));
+    }
+    html + "</ul></section>\n"
+}
+
+/// Class of what is as it should be, or is not.
+pub(super) fn mark(good: bool) -> &'static str {
+    if good { "good" } else { "bad" }
+}
+
+/// Names (fixed words) and values (text; those named `Command` as code).
+pub(super) fn facts(facts: &[(&str, String)]) -> String {
+    let mut html = "<dl class=\"facts\">".to_owned();
+    for (name, value) in facts {
+        let value = if *name == "Command" { format!("<code>{}</code>", escape(value)) } else { escape(value) };
+        html += &format!("<dt>{name}</dt><dd>{value}</dd>\n");
+    }
+    html + "</dl>"
+}
+
+/// Terms and what they mean, both text.
+pub(super) fn terms(terms: &[(&str, &str)]) -> String {
+    let mut html = "<dl class=\"terms\">".to_owned();
+    for (term, meaning) in terms {
+        html += &format!("<dt>{}</dt><dd>{}</dd>\n", escape(term), escape(meaning));
+    }
+    html + "</dl>"
+}
+
+/// What a report's words mean.
+pub(super) const FETCHES_TERM: (&str, &str) =
+    ("Fetches per pixel", "texture samples that the shader really took, counted while it ran; mean over terrain pixels.");
+/// Bias.
+pub(super) const BIAS_TERM: (&str, &str) = (
+    "Bias",
+    "mean over seeds, pixels and channels of linear albedo, less that of the exact blend of the same flavours; \u{b1} its standard error.",
+);
+/// Variance.
+pub(super) const VARIANCE_TERM: (&str, &str) = (
+    "Variance",
+    "of a pixel's linear albedo over seeds, mean over pixels and channels, beside what the theory of random selection predicts.",
+);
+/// The ways to choose a variant.
+pub(super) const CHOICE_TERM: (&str, &str) = (
+    "Forced, auto, generic",
+    "one variant on every tile; for each tile the variant its classification names; one kernel that reads the mask at run time.",
+);
+
+/// What has to be said of times that a software adapter gave.
+pub(super) const SOFTWARE_NOTE: &str = "<p class=\"note\"><b>This is a software adapter.</b> Its times say nothing about a GPU: \
+     compare them with one another, as ratios.</p>\n";
+
+/// A plot and what is to be seen in it (HTML); a sentence where there is no plot.
+pub(super) fn figure(svg: Option<String>, caption: &str) -> String {
+    let svg = svg.unwrap_or_else(|| "<p class=\"note\">Nothing to plot: there are no such numbers.</p>".to_owned());
+    format!("<figure class=\"plot\">{svg}<figcaption>{caption}</figcaption></figure>\n")
+}
+
+/// Entry of a legend: a dot of the colour, and words (text).
+pub(super) fn key((r, g, b): (u8, u8, u8), words: &str) -> String {
+    format!("<span class=\"entry\"><span class=\"key\" style=\"background:rgb({r},{g},{b})\"></span>{}</span> ", escape(words))
+}
+
+/// Head of a table that can be sorted: heading, unit, whether its cells are numbers, and more attributes (HTML).
+pub(super) fn head<'a>(columns: impl IntoIterator<Item = (&'a str, &'a str, bool, String)>) -> String {
+    let mut html = "<thead><tr>".to_owned();
+    for (heading, unit, is_number, attributes) in columns {
+        let class = if is_number { " class=\"n\"" } else { "" };
+        html += &format!("<th{class}{attributes}>{}<small>{}</small></th>", escape(heading), escape(unit));
+    }
+    html + "</tr></thead>\n"
+}
+
+/// A number for people, its value for the sorting script, and what more there is to say (text). A dash where there is no number: then `hint` says why.
+pub(super) fn cell(value: f64, shown: &str, hint: &str) -> String {
+    let hint = if hint.is_empty() { String::new() } else { format!(" title=\"{}\"", escape(hint)) };
+    match value {
+        v if v.is_nan() => format!("<td class=\"n\"{hint}>\u{2013}</td>"),
+        // As the script reads it.
+        v if v.is_infinite() => format!("<td class=\"n\" data-v=\"{}Infinity\"{hint}>{shown}</td>", if v < 0.0 { "-" } else { "" }),
+        v => format!("<td class=\"n\" data-v=\"{v:e}\"{hint}>{shown}</td>"),
+    }
+}
+
+/// The table of promises, with its heading.
+pub(super) fn promises<'a>(rows: impl IntoIterator<Item = &'a GoldenRow>) -> String {
+    let mut html = "<section id=\"promises\"><h2>Fetches promised and counted</h2>\n<table class=\"narrow\"><thead><tr><th>Flavour</th>\
+         <th class=\"n\">Promised</th><th class=\"n\">Counted</th><th></th></tr></thead><tbody>\n"
+        .to_owned();
+    for row in rows {
+        let word = if row.agrees { "agrees" } else { "differs" };
+        html += &format!(
+            "<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{:.2}</td><td class=\"{}\">{word}</td></tr>\n",
+            escape(&row.flavour),
+            escape(&row.promised.replace('-', "\u{2013}")),
+            row.counted,
+            mark(row.agrees)
+        );
+    }
+    html + "</tbody></table></section>\n"
+}
+
+/// A picture set into the page. `title`, `caption` and `hint` (a tooltip) are text; `source` is a data URL.
+pub(super) fn picture(title: &str, caption: &str, hint: &str, [width, height]: [u32; 2], source: &str) -> String {
+    let title = escape(title);
+    let hint = if hint.is_empty() { String::new() } else { format!(" title=\"{}\"", escape(hint)) };
+    format!(
+        "<figure{hint}><img alt=\"{title}\" width=\"{width}\" height=\"{height}\" src=\"{source}\">\
+         <figcaption><b>{title}</b> {}</figcaption></figure>\n",
+        escape(caption)
+    )
+}
+
+/// Prose as HTML: paragraphs apart by empty lines, lists of lines that begin with `- `, headings of lines that begin with `#`, `code` between
+/// backquotes, **strong** between pairs of asterisks. All else is text: markup in it stays text.
+pub(super) fn prose(text: &str) -> String {
+    let mut html = String::new();
+    for block in text.replace('\r', "").split("\n\n").map(str::trim).filter(|b| !b.is_empty()) {
+        if let Some(heading) = block.strip_prefix('#').filter(|rest| !rest.contains('\n')) {
+            html += &format!("<h3>{}</h3>\n", inline(heading.trim_start_matches('#').trim()));
+            continue;
+        }
+        let (before, items): (Vec<&str>, Vec<&str>) = match block.lines().position(|l| l.starts_with("- ")) {
+            Some(first) => (block.lines().take(first).collect(), block.lines().skip(first).collect()),
+            None => (block.lines().collect(), Vec::new()),
+        };
+        if !before.is_empty() {
+            html += &format!("<p>{}</p>\n", inline(&before.join("\n")));
+        }
+        if !items.is_empty() {
+            let list = items.join("\n");
+            let entries = list.strip_prefix("- ").unwrap_or(&list).split("\n- ").map(|i| format!("<li>{}</li>", inline(i)));
+            let _ = writeln!(html, "<ul>{}</ul>", entries.collect::<String>());
+        }
+    }
+    html
+}
+
+/// Code and strong words of a paragraph. A mark without its partner stays what it is.
+fn inline(text: &str) -> String {
+    let mut html = String::new();
+    for (index, part) in paired(text, "`").into_iter().enumerate() {
+        if index % 2 == 1 {
+            html += &format!("<code>{}</code>", escape(part));
+            continue;
+        }
+        for (index, part) in paired(part, "**").into_iter().enumerate() {
+            let words = escape(part);
+            html += &if index % 2 == 1 { format!("<b>{words}</b>") } else { words };
+        }
+    }
+    html
+}
+
+/// The text split at a mark; every second part is between two of them. A last mark without a partner does not split.
+fn paired<'a>(text: &'a str, mark: &str) -> Vec<&'a str> {
+    let mut parts = Vec::new();
+    let mut rest = text;
+    while let Some(open) = rest.find(mark) {
+        let after = &rest[open + mark.len()..];
+        let Some(close) = after.find(mark) else { break };
+        parts.extend([&rest[..open], &after[..close]]);
+        rest = &after[close + mark.len()..];
+    }
+    parts.push(rest);
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn markup_in_names_stays_text() {
+        assert_eq!(escape("<a href=\"x\">'&'</a>"), "&lt;a href=&quot;x&quot;&gt;&#39;&amp;&#39;&lt;/a&gt;");
+        assert_eq!(escape("far-atlas \u{b1} 1"), "far-atlas \u{b1} 1");
+    }
+
+    #[test]
+    fn missing_numbers_are_dashes() {
+        assert_eq!(cell(0.5, "0.500", ""), "<td class=\"n\" data-v=\"5e-1\">0.500</td>");
+        assert_eq!(cell(f64::NAN, "NaN", "one < two"), "<td class=\"n\" title=\"one &lt; two\">\u{2013}</td>");
+        assert_eq!(cell(f64::INFINITY, "\u{221e}", ""), "<td class=\"n\" data-v=\"Infinity\">\u{221e}</td>");
+    }
+
+    #[test]
+    fn prose_is_paragraphs_and_never_markup() {
+        assert_eq!(
+            prose("One `a<b`\nand **two**.\n\n\n<script>x</script>"),
+            "<p>One <code>a&lt;b</code>\nand <b>two</b>.</p>\n<p>&lt;script&gt;x&lt;/script&gt;</p>\n"
+        );
+        assert_eq!(prose("See:\n- one\n  more\n- **two**"), "<p>See:</p>\n<ul><li>one\n  more</li><li><b>two</b></li></ul>\n");
+        assert_eq!(prose("## Why\n\nso"), "<h3>Why</h3>\n<p>so</p>\n");
+        // Marks inside code are code, and a mark alone is itself.
+        assert_eq!(prose("`**` 2 ** 3 ` 4"), "<p><code>**</code> 2 ** 3 ` 4</p>\n");
+        assert_eq!(prose(" \n\n"), "");
+    }
+}

@@ -1,0 +1,124 @@
+//! The report in short, for a pull request: Markdown without pictures.
+
+use super::columns::{self, Cell};
+use super::numbers::number;
+use super::summary::Table;
+use super::{MARKDOWN, PAGE, RunData, Verdict};
+
+/// Tables of up to so many rows are not cut.
+const WHOLE: usize = 16;
+
+/// The text of the file.
+pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &str) -> String {
+    let definition = &run.definition;
+    let question = if definition.question.trim().is_empty() { &definition.name } else { &definition.question };
+    let mut text = format!("# {}\n\n{}\n\n", escape(question), escape(answer));
+    for (good, words) in columns::checks(run, table, verdicts) {
+        text += &format!("- {} {}\n", mark(good), escape(&words));
+    }
+    text += &expectations(run, verdicts);
+    let (choices, cut) = choices(run, table);
+    text += &choices;
+    text += "\n## Set-up\n\n";
+    if run.is_software() {
+        text += "This is a software adapter: its times are only good for ratios.\n\n";
+    }
+    for (name, value) in columns::facts(run, table) {
+        text += &if name == "Command" { format!("- {name}: {}\n", code(&value)) } else { format!("- {name}: {}\n", escape(&value)) };
+    }
+    let all = table.summaries.len();
+    let cut =
+        if cut < all { format!(" The table shows {cut} of {all} choices: the Pareto fronts and single variants.") } else { String::new() };
+    text += &format!(
+        "\n---\n{MARKDOWN} leaves out plots, spectra, reference facts and pictures: they are in {PAGE} beside it, every number in metrics.parquet and times.csv.{cut}\n"
+    );
+    text
+}
+
+fn mark(good: bool) -> &'static str {
+    if good { "\u{2705}" } else { "\u{274c}" }
+}
+
+fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
+    let expected = columns::expectations(run, verdicts);
+    if expected.is_empty() {
+        return "\nThe definition states no expectation.\n".to_owned();
+    }
+    let mut text =
+        "\n## Expectations\n\n| | claim | metric | value | expected | how |\n| --- | --- | --- | ---: | ---: | --- |\n".to_owned();
+    for verdict in expected {
+        let value = if verdict.value.is_nan() { "\u{2013}".to_owned() } else { number(verdict.value) };
+        text += &format!(
+            "| {} | {} | {} | {value} | {} to {} | {} |\n",
+            mark(verdict.met),
+            escape(&verdict.claim),
+            escape(&verdict.metric),
+            number(verdict.range[0]),
+            number(verdict.range[1]),
+            escape(&verdict.why)
+        );
+    }
+    text
+}
+
+/// The table of choices, cut to the fronts, single flavours and what each tile chooses, and how many rows are left.
+fn choices(run: &RunData, table: &Table) -> (String, usize) {
+    let keys = columns::key_columns(table);
+    let (shown, dropped) = columns::columns(run, table);
+    let fronts = columns::fronts(table);
+    let rows: Vec<usize> = (0..table.summaries.len())
+        .filter(|&i| {
+            let single = table.summaries[i].key.flavours().is_none_or(|n| n == 1);
+            table.summaries.len() <= WHOLE || single || !fronts[i].name().is_empty()
+        })
+        .collect();
+    let mut head: Vec<String> = keys.iter().map(|(name, _)| (*name).to_owned()).chain(["Front".to_owned()]).collect();
+    head.extend(shown.iter().map(|c| format!("{} ({})", c.heading, c.unit)));
+    let lines = keys.iter().map(|_| "---").chain(["---"]).chain(shown.iter().map(|_| "---:"));
+    let mut text = format!("\n## Choices\n\n| {} |\n| {} |\n", head.join(" | "), lines.collect::<Vec<_>>().join(" | "));
+    let mut reasons: Vec<String> = Vec::new();
+    for &index in &rows {
+        let mut cells: Vec<String> = keys.iter().map(|(_, of)| escape(of(&table.summaries[index]))).collect();
+        cells.push(fronts[index].name().to_owned());
+        for column in &shown {
+            cells.push(match columns::cell(run, table, index, column.source) {
+                Cell::Value { shown, .. } => shown,
+                Cell::Missing(reason) => {
+                    let reason = format!("{}: {reason}", column.heading);
+                    if !reasons.contains(&reason) {
+                        reasons.push(reason);
+                    }
+                    "\u{2013}".to_owned()
+                }
+            });
+        }
+        text += &format!("| {} |\n", cells.join(" | "));
+    }
+    if !reasons.is_empty() {
+        text += &format!("\nA dash stands for no number. {}.\n", escape(&reasons.join("; ")));
+    }
+    if !dropped.is_empty() {
+        text += &format!("\nOf no row there is: {}.\n", dropped.join(", "));
+    }
+    (text, rows.len())
+}
+
+/// Text that Markdown and HTML leave as it is, on one line.
+fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.split_whitespace().collect::<Vec<_>>().join(" ").chars() {
+        if matches!(c, '\\' | '`' | '*' | '_' | '|' | '<' | '>' | '[' | ']' | '#' | '&' | '~') {
+            escaped.push('\\');
+        }
+        escaped.push(c);
+    }
+    escaped
+}
+
+/// Text as code, whatever quotes are in it.
+fn code(text: &str) -> String {
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let longest = text.split(|c| c != '`').map(str::len).max().unwrap_or(0);
+    let fence = "`".repeat(longest + 1);
+    if longest > 0 { format!("{fence} {text} {fence}") } else { format!("{fence}{text}{fence}") }
+}

@@ -1,0 +1,114 @@
+//! Reports: of a run of an experiment, from its rows alone, and of the demo.
+//!
+//! Read in this order: [`summary`] (rows to one summary per choice), [`verdict`] (the answer, by what varies), [`columns`] (what tables show),
+//! [`run`] (the page), [`markdown`] (the same for a pull request). `html`, `plots`, `numbers` and `checks` serve the demo, too.
+
+mod checks;
+mod columns;
+mod demo;
+#[cfg(test)]
+mod fake;
+mod html;
+mod load;
+mod markdown;
+mod numbers;
+mod pictures;
+mod plots;
+mod run;
+mod summary;
+#[cfg(test)]
+mod tests;
+mod verdict;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use kernels::error::Error;
+use kernels::picture::write_whole;
+
+use crate::definition::Definition;
+use crate::row::Row;
+
+pub(crate) use checks::GoldenRow;
+pub(crate) use demo::{DemoResults, Mode, PictureEntry, VariantRow, write};
+pub(crate) use load::{judge, read_run};
+
+/// Everything that a report is made from.
+#[derive(Clone, Debug)]
+pub(crate) struct RunData {
+    /// What was asked.
+    pub(crate) definition: Definition,
+    /// How it was run: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`, `shards`.
+    pub(crate) manifest: serde_json::Value,
+    /// What was measured.
+    pub(crate) rows: Vec<Row>,
+    /// How long it took: metrics `gpu_ms:PASS`.
+    pub(crate) times: Vec<Row>,
+    /// The run's folder, which receives the report and has the pictures.
+    pub(crate) folder: PathBuf,
+}
+
+impl RunData {
+    /// An entry of the manifest; `None` where it is not recorded.
+    fn recorded(&self, key: &str) -> Option<String> {
+        match self.manifest.get(key)? {
+            serde_json::Value::Null => None,
+            serde_json::Value::String(text) => (!text.is_empty()).then(|| text.clone()),
+            other => Some(other.to_string()),
+        }
+    }
+
+    /// Whether a software adapter rendered: its times are only good for ratios.
+    fn is_software(&self) -> bool {
+        self.manifest.get("software").and_then(serde_json::Value::as_bool).unwrap_or(false)
+    }
+}
+
+/// What became of an expectation.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Verdict {
+    /// What was claimed.
+    pub(crate) claim: String,
+    /// Of which metric.
+    pub(crate) metric: String,
+    /// What was found; NaN = no row says.
+    pub(crate) value: f64,
+    /// Smallest and largest value expected.
+    pub(crate) range: [f64; 2],
+    /// Whether it was found there.
+    pub(crate) met: bool,
+    /// How the value came about, or why there is none.
+    pub(crate) why: String,
+}
+
+/// A report that was written.
+#[derive(Clone, Debug)]
+pub(crate) struct Written {
+    /// The page.
+    pub(crate) page: PathBuf,
+    /// The answer to the run's question.
+    pub(crate) verdict: String,
+}
+
+/// Writes `report.html` and `report.md` into the run's folder.
+///
+/// # Errors
+/// When there is no row, or a file cannot be written.
+pub(crate) fn write_run(run: &RunData, verdicts: &[Verdict]) -> Result<Written> {
+    ensure!(!run.rows.is_empty(), "{} has no metrics yet: finish the run, with --resume", run.folder.display());
+    let table = summary::Table::of(run);
+    let answer = verdict::verdict(&table);
+    let page = run::page(run, &table, verdicts, &answer)?;
+    write_bytes(&run.folder, PAGE, page.as_bytes())?;
+    write_bytes(&run.folder, MARKDOWN, markdown::text(run, &table, verdicts, &answer).as_bytes())?;
+    Ok(Written { page: run.folder.join(PAGE), verdict: answer })
+}
+
+const PAGE: &str = "report.html";
+const MARKDOWN: &str = "report.md";
+
+fn write_bytes(out_dir: &Path, name: &str, bytes: &[u8]) -> Result<()> {
+    let file = out_dir.join(name);
+    write_whole(&file, |temporary| std::fs::write(temporary, bytes).map_err(|source| Error::File { file: file.clone(), source }))
+        .with_context(|| format!("cannot write {name}"))
+}

@@ -1,0 +1,113 @@
+//! How numbers are written, and what is said with them.
+
+use statrs::distribution::{ContinuousCDF, Normal};
+
+/// Half-width of a 95 % confidence interval in standard errors, of a normal mean.
+pub(super) const CONFIDENCE_95: f64 = 1.96;
+
+/// Three significant digits, without needless zeros: for axes and sentences. Very small numbers keep theirs as a power of ten, so that only 0 reads 0.
+pub(super) fn number(value: f64) -> String {
+    let fixed = significant(value);
+    if fixed.contains('.') && !fixed.contains('e') { fixed.trim_end_matches('0').trim_end_matches('.').to_owned() } else { fixed }
+}
+
+/// Three significant digits, zeros included: for columns.
+pub(super) fn significant(value: f64) -> String {
+    if value.is_infinite() {
+        return if value > 0.0 { "\u{221e}" } else { "\u{2212}\u{221e}" }.to_owned();
+    }
+    if value == 0.0 || value.is_nan() {
+        return value.abs().to_string();
+    }
+    // The size after rounding: 9.996 is 10.0 and not 10.00.
+    let exponent: i32 = format!("{:.2e}", value.abs()).rsplit_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
+    match exponent {
+        ..=-5 => format!("{value:.1e}"),
+        6.. => format!("{value:.2e}"),
+        _ => {
+            let digits = usize::try_from(2 - exponent).unwrap_or(0);
+            format!("{value:.digits$}")
+        }
+    }
+}
+
+/// A value with its 95 % interval, where its standard error is known.
+pub(super) fn with_interval(value: f64, standard_error: Option<f64>) -> String {
+    match standard_error {
+        Some(error) if error > 0.0 && error.is_finite() => format!("{} \u{b1} {}", number(value), number(CONFIDENCE_95 * error)),
+        _ => number(value),
+    }
+}
+
+/// How many standard errors the largest of `count` estimates may be from its expectation, if their family is held to 0.1 %: Sidak's correction,
+/// whose inequality also holds for estimates that share data.
+pub(super) fn sidak_limit(count: usize) -> f64 {
+    let each = 1.0 - 0.999f64.powf(1.0 / count.max(1) as f64);
+    Normal::standard().inverse_cdf(1.0 - each / 2.0)
+}
+
+/// Indices of the points that no other dominates (is at most as large in both and smaller in one), by rising x.
+/// What is not finite is never among them.
+pub(super) fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
+    let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();
+    let dominates = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
+    let mut front: Vec<usize> =
+        (0..points.len()).filter(|&i| finite(&points[i]) && !points.iter().any(|p| finite(p) && dominates(p, &points[i]))).collect();
+    front.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0).then(a.cmp(&b)));
+    front
+}
+
+/// How the speed of what takes `ms` compares with what takes `other_ms`: "4.2 times as fast as"; `None` where a time is missing.
+pub(super) fn speed(ms: f64, other_ms: f64) -> Option<String> {
+    let ratio = other_ms / ms;
+    if !(ms > 0.0 && other_ms > 0.0 && ratio.is_finite()) {
+        return None;
+    }
+    Some(match ratio {
+        r if (0.98..=1.02).contains(&r) => "as fast as".to_owned(),
+        r if r > 1.0 => format!("{r:.2} times as fast as"),
+        r => format!("{:.2} times as slow as", 1.0 / r),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_nothing_reads_nought() {
+        assert_eq!([0.0, 0.05, 2.0, 9.876, 123.4, 4500.0].map(number), ["0", "0.05", "2", "9.88", "123", "4500"]);
+        assert_eq!([3.1e-8, -3.1e-8, 1e-4, 2.5e9].map(number), ["3.1e-8", "-3.1e-8", "0.0001", "2.50e9"]);
+        assert_eq!([0.05, 9.996, 48.0, 0.0].map(significant), ["0.0500", "10.0", "48.0", "0"]);
+        assert_eq!([f64::INFINITY, f64::NEG_INFINITY].map(number), ["\u{221e}", "\u{2212}\u{221e}"]);
+        assert_eq!(with_interval(0.05, Some(0.01)), "0.05 \u{b1} 0.0196");
+        assert_eq!(with_interval(0.05, Some(f64::NAN)), "0.05");
+    }
+
+    #[test]
+    fn limits_grow_with_the_family() {
+        // One estimate at 0.1 %: 3.29; 33 at once: 4.17, which is 0.001/33 to five digits.
+        assert!((sidak_limit(1) - 3.2905).abs() < 1e-3 && (sidak_limit(33) - 4.17).abs() < 0.01);
+        assert!(sidak_limit(600) > sidak_limit(33));
+    }
+
+    #[test]
+    fn front_keeps_what_nothing_dominates() {
+        let points = [(8.0, 1.0), (2.0, 5.0), (4.0, 3.0), (f64::NAN, 0.0), (4.0, 3.0)];
+        assert_eq!(pareto_front(&points), [1, 2, 4, 0]);
+        // Negative controls: dominated in both, and in one with the other equal.
+        for dominated in [(5.0, 4.0), (4.0, 3.5), (4.5, 3.0)] {
+            let with = [&points[..], &[dominated]].concat();
+            assert_eq!(pareto_front(&with), [1, 2, 4, 0], "{dominated:?}");
+        }
+        assert!(pareto_front(&[&points[..], &[(3.0, 4.0)]].concat()).contains(&5));
+    }
+
+    #[test]
+    fn speeds_are_said_both_ways() {
+        assert_eq!(speed(5.0, 20.0).as_deref(), Some("4.00 times as fast as"));
+        assert_eq!(speed(20.0, 5.0).as_deref(), Some("4.00 times as slow as"));
+        assert_eq!(speed(5.0, 5.05).as_deref(), Some("as fast as"));
+        assert_eq!([speed(0.0, 1.0), speed(f64::NAN, 1.0)], [None, None]);
+    }
+}

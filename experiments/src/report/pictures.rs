@@ -1,0 +1,228 @@
+//! The pictures of a run, as contact sheets: small enough to be mailed inside the page.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use image::codecs::jpeg::JpegEncoder;
+use image::{DynamicImage, ImageFormat};
+use serde::{Deserialize, Serialize};
+
+use super::html::{self, escape};
+
+/// Folder of the pictures, in that of the run, and the list that tells what they are.
+pub(super) const FOLDER: &str = "pictures";
+const INDEX: &str = "index.json";
+/// Pictures are scaled to this width, pixels.
+const WIDTH: u32 = 480;
+/// Characters of all pictures of a page together.
+const BUDGET: usize = 6 << 20;
+/// A picture that is larger as PNG is packed as JPEG, of this quality.
+const PNG_BYTES: usize = 96 << 10;
+const JPEG_QUALITY: u8 = 88;
+
+/// A picture of a run, as the list tells of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub(crate) struct RunPicture {
+    /// Name of a file beside the list.
+    pub(crate) file: String,
+    /// A few words.
+    pub(crate) title: String,
+    /// A sentence.
+    pub(crate) caption: String,
+    /// `reference`, `frame`, `flicker-map` or `error-map`.
+    pub(crate) kind: String,
+    /// Which choice it shows, as in the columns of a row.
+    pub(crate) view: String,
+    /// See [`crate::row::Row`].
+    pub(crate) variant: String,
+    /// See [`crate::row::Row`].
+    pub(crate) estimator: String,
+    /// See [`crate::row::Row`].
+    pub(crate) noise: String,
+    /// See [`crate::row::Row`].
+    pub(crate) temporal: String,
+    /// See [`crate::row::Row`].
+    pub(crate) setting: String,
+}
+
+/// Kinds of pictures in their order, with headings.
+const KINDS: [(&str, &str); 4] =
+    [("reference", "References"), ("frame", "Frames"), ("flicker-map", "Flicker maps"), ("error-map", "Error maps")];
+
+/// The contact sheets of a run, with their heading. What cannot be shown is told of.
+pub(super) fn sheets(run_folder: &Path) -> String {
+    let folder = run_folder.join(FOLDER);
+    let index = folder.join(INDEX);
+    let mut html = "<section id=\"pictures\"><h2>Pictures</h2>\n".to_owned();
+    let pictures = match read_index(&index) {
+        Ok(Some(pictures)) if !pictures.is_empty() => pictures,
+        Ok(_) => return html + "<p>The run kept no pictures.</p></section>\n",
+        Err(error) => return html + &format!("<p class=\"bad\">{}</p></section>\n", escape(&format!("{error:#}"))),
+    };
+    let mut kinds: Vec<(&str, &str)> = KINDS.to_vec();
+    for picture in &pictures {
+        if !kinds.iter().any(|(kind, _)| *kind == picture.kind) {
+            kinds.push((&picture.kind, if picture.kind.is_empty() { "Others" } else { &picture.kind }));
+        }
+    }
+    // One of each kind in turn, so that a full page lacks the last of each and not all of one.
+    let of_kind = |kind: &str| pictures.iter().filter(|p| p.kind == kind).collect::<Vec<_>>();
+    let queues: Vec<Vec<&RunPicture>> = kinds.iter().map(|(kind, _)| of_kind(kind)).collect();
+    let longest = queues.iter().map(Vec::len).max().unwrap_or(0);
+    let mut shown: Vec<Vec<String>> = vec![Vec::new(); kinds.len()];
+    let (mut spent, mut left_out, mut failures) = (0, 0usize, Vec::new());
+    for turn in 0..longest {
+        for (queue, shown) in queues.iter().zip(&mut shown) {
+            let Some(picture) = queue.get(turn) else { continue };
+            // Decoding what there is no room for would take minutes of a large run.
+            if spent >= BUDGET {
+                left_out += 1;
+                continue;
+            }
+            match thumbnail(&folder, picture) {
+                Ok((size, source)) if spent + source.len() <= BUDGET => {
+                    spent += source.len();
+                    let hint = words(picture);
+                    shown.push(html::picture(&picture.title, &picture.caption, &hint, size, &source));
+                }
+                Ok(_) => left_out += 1,
+                Err(error) => failures.push(format!("{error:#}")),
+            }
+        }
+    }
+    html += &format!("<p>At most {WIDTH} pixels wide; the originals lie in <code>{FOLDER}/</code>. Click one to enlarge it.</p>\n");
+    if left_out > 0 {
+        html += &format!(
+            "<p class=\"note\">{left_out} of {} pictures are left out here, to keep the page small: see <code>{FOLDER}/</code>.</p>\n",
+            pictures.len()
+        );
+    }
+    for failure in &failures {
+        html += &format!("<p class=\"bad\">{}</p>\n", escape(failure));
+    }
+    for ((_, heading), sheet) in kinds.iter().zip(shown).filter(|(_, sheet)| !sheet.is_empty()) {
+        html += &format!("<h3>{}</h3>\n<div class=\"sheet\">{}</div>\n", escape(heading), sheet.concat());
+    }
+    html + "</section>\n"
+}
+
+/// Which choice a picture shows, for its tooltip.
+fn words(picture: &RunPicture) -> String {
+    let RunPicture { view, variant, estimator, noise, temporal, setting, file, .. } = picture;
+    let columns =
+        [("view", view), ("variant", variant), ("estimator", estimator), ("noise", noise), ("temporal", temporal), ("setting", setting)];
+    let known = columns.iter().filter(|(_, v)| !v.is_empty()).map(|(name, value)| format!("{name} = {value}, "));
+    known.collect::<String>() + &format!("file = {FOLDER}/{file}")
+}
+
+/// `None` where the run has no list.
+fn read_index(file: &Path) -> Result<Option<Vec<RunPicture>>> {
+    if !file.exists() {
+        return Ok(None);
+    }
+    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+    serde_json::from_str(&text).map(Some).with_context(|| format!("{} is damaged: run again to write it anew", file.display()))
+}
+
+/// Size and data URL of a picture, scaled down.
+fn thumbnail(folder: &Path, picture: &RunPicture) -> Result<([u32; 2], String)> {
+    let name = Path::new(&picture.file);
+    // A list that came with a run from elsewhere must not pull other files into a page that is mailed on.
+    anyhow::ensure!(
+        name.file_name().is_some_and(|n| n == name.as_os_str()),
+        "`{}` in {FOLDER}/{INDEX} is no plain file name: its picture is left out",
+        picture.file
+    );
+    let file = folder.join(name);
+    let bytes = std::fs::read(&file).with_context(|| format!("cannot read the picture {}: was it moved?", file.display()))?;
+    let damaged = || format!("{} is no whole PNG", file.display());
+    let original = image::load_from_memory_with_format(&bytes, ImageFormat::Png).with_context(damaged)?;
+    let small = original.width() <= WIDTH;
+    let (scaled, bytes) = if small {
+        (original, bytes)
+    } else {
+        let height = (u64::from(original.height()) * u64::from(WIDTH)).div_ceil(u64::from(original.width()));
+        let scaled = original.thumbnail_exact(WIDTH, u32::try_from(height).unwrap_or(u32::MAX).max(1));
+        let mut packed = Vec::new();
+        scaled.write_to(&mut Cursor::new(&mut packed), ImageFormat::Png).with_context(damaged)?;
+        (scaled, packed)
+    };
+    let size = [scaled.width(), scaled.height()];
+    if bytes.len() <= PNG_BYTES {
+        return Ok((size, format!("data:image/png;base64,{}", STANDARD.encode(bytes))));
+    }
+    let mut packed = Vec::new();
+    JpegEncoder::new_with_quality(&mut packed, JPEG_QUALITY)
+        .encode_image(&DynamicImage::ImageRgb8(scaled.into_rgb8()))
+        .with_context(damaged)?;
+    Ok((size, format!("data:image/jpeg;base64,{}", STANDARD.encode(packed))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fake::Folder;
+
+    /// A picture that does not compress: like a noisy frame.
+    fn noisy(width: u32, height: u32, seed: u32) -> DynamicImage {
+        let texel = |x: u32, y: u32| kernels::shared::hash::pcg(x + y * width + seed * 7919).to_le_bytes();
+        DynamicImage::ImageRgb8(image::RgbImage::from_fn(width, height, |x, y| {
+            let [r, g, b, _] = texel(x, y);
+            image::Rgb([r, g, b])
+        }))
+    }
+
+    fn write(folder: &Path, pictures: &[RunPicture]) {
+        std::fs::write(folder.join(INDEX), serde_json::to_string(pictures).expect("plain data")).expect("writable");
+    }
+
+    fn picture(file: &str, kind: &str) -> RunPicture {
+        RunPicture { file: file.to_owned(), title: format!("<{file}>"), kind: kind.to_owned(), ..RunPicture::default() }
+    }
+
+    #[test]
+    fn pictures_are_scaled_and_what_is_wrong_is_said() {
+        let run = Folder::new("pictures");
+        let folder = run.path().join(FOLDER);
+        assert!(sheets(run.path()).contains("kept no pictures"));
+        std::fs::create_dir_all(&folder).expect("writable");
+        noisy(960, 500, 1).save(folder.join("large.png")).expect("writable");
+        image::RgbImage::new(40, 30).save(folder.join("small.png")).expect("writable");
+        std::fs::write(folder.join("broken.png"), b"no picture").expect("writable");
+        std::fs::write(run.path().join("secret.png"), b"x").expect("writable");
+        let files =
+            [("large.png", "frame"), ("small.png", "reference"), ("broken.png", "frame"), ("gone.png", "frame"), ("../secret.png", "odd")];
+        write(&folder, &files.map(|(file, kind)| picture(file, kind)));
+        let html = sheets(run.path());
+        assert!(html.contains("width=\"480\" height=\"250\"") && html.contains("data:image/jpeg;base64,"));
+        assert!(html.contains("width=\"40\" height=\"30\"") && html.contains("data:image/png;base64,"));
+        assert!(
+            html.contains("broken.png is no whole PNG") && html.contains("gone.png: was it moved?") && html.contains("no plain file name")
+        );
+        assert_eq!(html.matches("<img").count(), 2);
+        assert!(html.contains("&lt;large.png&gt;") && !html.contains("<large.png>"));
+        assert!(html.find("References").expect("a heading") < html.find("Frames").expect("a heading"));
+        std::fs::write(folder.join(INDEX), b"[{").expect("writable");
+        assert!(sheets(run.path()).contains("is damaged"));
+    }
+
+    #[test]
+    fn a_page_has_room_for_some_of_each_kind() {
+        let run = Folder::new("many-pictures");
+        let folder = run.path().join(FOLDER);
+        std::fs::create_dir_all(&folder).expect("writable");
+        noisy(480, 480, 1).save(folder.join("a.png")).expect("writable");
+        let all: Vec<RunPicture> = (0..120).map(|i| picture("a.png", if i < 100 { "frame" } else { "flicker-map" })).collect();
+        write(&folder, &all);
+        let html = sheets(run.path());
+        let shown = html.matches("<img").count();
+        assert!(html.len() < BUDGET + (1 << 18) && shown > 10 && shown < 120, "{shown} in {}", html.len());
+        assert!(html.contains(&format!("{} of 120 pictures are left out", 120 - shown)));
+        let maps = html.split("Flicker maps").nth(1).expect("a heading").matches("<img").count();
+        assert!(maps * 3 > shown, "{maps} of {shown}");
+    }
+}

@@ -1,0 +1,725 @@
+//! The page of a run, from its rows: answer, facts, plots, tables, pictures, and where each number is found.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+
+use super::columns::{self, Cell, Column, Source};
+use super::html::{self, BIAS_TERM, CHOICE_TERM, FETCHES_TERM, SOFTWARE_NOTE, VARIANCE_TERM, escape, mark};
+use super::numbers::{CONFIDENCE_95, number};
+use super::plots::{self, COLOURS, Curve, CurvePoint, Hint, Lines, Marker, Point, Rgb, colour};
+use super::summary::{CLUMPING, FLICKER, FLIP, FLIPS, Key, KeyOf, Metric, RMSE, SHADING, Summary, Table};
+use super::{RunData, Verdict, pictures};
+
+/// Curves of one plot: more are not told apart.
+const CURVES: usize = COLOURS.len();
+
+/// The whole page.
+///
+/// # Errors
+/// When a plot cannot be drawn.
+pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &str) -> Result<String> {
+    let name = &run.definition.name;
+    let question = if run.definition.question.trim().is_empty() { name } else { &run.definition.question };
+    let sections = [
+        facts(run, table),
+        pareto(run, table)?,
+        parameter(run, table)?,
+        lags(table)?,
+        spectra(table)?,
+        passes(run, table)?,
+        promises(table),
+        choices(run, table),
+        references(table),
+        pictures::sheets(&run.folder),
+        provenance(table),
+    ];
+    let mut body = html::header(&format!("Scree \u{b7} experiment {name}"), question);
+    body += &html::verdict(answer, &columns::checks(run, table, verdicts));
+    body += &analysis(run);
+    body += &expectations(run, verdicts);
+    body += &contents(&sections);
+    body += &sections.concat();
+    Ok(html::page(&format!("Scree: {name}"), &body))
+}
+
+/// Links to the sections that there are.
+fn contents(sections: &[String]) -> String {
+    let between = |text: &'_ str, from: &str, to: &str| -> Option<String> {
+        let start = text.find(from)? + from.len();
+        Some(text[start..start + text[start..].find(to)?].to_owned())
+    };
+    let link = |section: &String| {
+        Some(format!("<a href=\"#{}\">{}</a>", between(section, "<section id=\"", "\"")?, between(section, "<h2>", "</h2>")?))
+    };
+    format!("<nav>{}</nav>\n", sections.iter().filter_map(link).collect::<Vec<_>>().join(" "))
+}
+
+fn analysis(run: &RunData) -> String {
+    let prose = html::prose(&run.definition.analysis);
+    let prose = if prose.is_empty() { "<p class=\"missing\">The definition has no analysis yet.</p>\n".to_owned() } else { prose };
+    format!("<section id=\"analysis\"><h2>Analysis</h2>\n{prose}</section>\n")
+}
+
+fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
+    let mut html = "<section id=\"expectations\"><h2>Expectations</h2>\n".to_owned();
+    let expected = columns::expectations(run, verdicts);
+    if expected.is_empty() {
+        return html + "<p class=\"missing\">The definition states none.</p></section>\n";
+    }
+    html += "<table class=\"expected\"><thead><tr><th></th><th>Claim</th><th>Metric</th><th class=\"n\">Value</th><th class=\"n\">Expected</th><th>How</th></tr></thead><tbody>\n";
+    for verdict in expected {
+        let word = if verdict.met { "met" } else { "not met" };
+        html += &format!(
+            "<tr><td class=\"{} nowrap\">{word}</td><td>{}</td><td>{}</td>{}<td class=\"n\">{} to {}</td><td>{}</td></tr>\n",
+            mark(verdict.met),
+            escape(&verdict.claim),
+            escape(&verdict.metric),
+            html::cell(verdict.value, &number(verdict.value), &verdict.why),
+            number(verdict.range[0]),
+            number(verdict.range[1]),
+            escape(&verdict.why)
+        );
+    }
+    html + "</tbody></table></section>\n"
+}
+
+fn facts(run: &RunData, table: &Table) -> String {
+    let terms = [
+        FETCHES_TERM,
+        ("RMSE, FLIP, PSNR, SSIM", "of one frame against the converged 96-fetch reference, over terrain pixels; mean over frames."),
+        BIAS_TERM,
+        VARIANCE_TERM,
+        ("Flip rate", "share of surface points whose random choice differs from that of k frames before, by exact reprojection."),
+        ("Flicker", "difference in luminance to k frames before, by exact reprojection, less that of the reference sequence."),
+        ("Clumping", "variance of block means over that of white noise: 1 = white, above = blotches, below = blue."),
+        ("\u{b1}, bars and bands", "95 % confidence intervals, 1.96 standard errors; none = not known, which is not none."),
+        CHOICE_TERM,
+    ];
+    format!(
+        "<section id=\"facts\"><h2>What was measured, and how</h2>\n{}<div class=\"two\">{}{}</div></section>\n",
+        if run.is_software() { SOFTWARE_NOTE } else { "" },
+        html::facts(&columns::facts(run, table)),
+        html::terms(&terms)
+    )
+}
+
+/// The part of a section for each view: the first is open, others unfold. Empty parts are left out, and a section without parts with them.
+fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&str) -> Result<Option<String>>) -> Result<String> {
+    let mut parts = Vec::new();
+    for view in &table.views {
+        parts.extend(part(view)?.map(|html| (view, html)));
+    }
+    if parts.is_empty() {
+        return Ok(String::new());
+    }
+    let mut html = format!("<section id=\"{id}\"><h2>{heading}</h2>\n");
+    for (index, (view, part)) in parts.into_iter().enumerate() {
+        let open = if index == 0 { " open" } else { "" };
+        html += &if table.views.len() > 1 {
+            format!("<details class=\"view\"{open}><summary>View {}</summary>\n{part}</details>\n", escape(view))
+        } else {
+            part
+        };
+    }
+    Ok(html + after + "</section>\n")
+}
+
+/// How a table of the files is narrowed to what a section shows, in Python.
+fn query(lines: &[&str]) -> String {
+    let code =
+        ["import pandas as pd", "m = pd.read_parquet(\"metrics.parquet\")"].iter().chain(lines).copied().collect::<Vec<_>>().join("\n");
+    format!("<details class=\"query\"><summary>These numbers in the files</summary><pre><code>{}</code></pre></details>\n", escape(&code))
+}
+
+/// The columns that tell choices apart, as a Python list.
+const KEY: &str = "key = [\"scene\", \"view\", \"variant\", \"estimator\", \"noise\", \"temporal\", \"setting\"]";
+
+/// What tells points and curves apart besides the variant: the column with the most values, and its colours.
+struct Palette<'a> {
+    values: &'a [String],
+    of: KeyOf,
+    ordered: bool,
+}
+
+impl<'a> Palette<'a> {
+    fn of(table: &'a Table) -> Option<Palette<'a>> {
+        let all: [(&[String], KeyOf); 4] = [
+            (&table.settings, |s| &s.key.setting),
+            (&table.estimators, |s| &s.key.estimator),
+            (&table.noises, |s| &s.key.noise),
+            (&table.temporal, |s| &s.key.temporal),
+        ];
+        let (values, of) = all.into_iter().rev().max_by_key(|(values, _)| values.len())?;
+        let ordered = std::ptr::eq(values, table.settings.as_slice()) && numbers_of(values).is_some();
+        (values.len() > 1).then_some(Palette { values, of, ordered })
+    }
+
+    fn colour(&self, summary: &Summary) -> Rgb {
+        let index = self.values.iter().position(|v| v == (self.of)(summary)).unwrap_or(0);
+        colour(index, self.values.len(), self.ordered)
+    }
+
+    /// Of the values that some summaries have.
+    fn legend<'s>(&self, shown: impl Iterator<Item = &'s Summary>) -> String {
+        let shown: Vec<&str> = shown.map(self.of).collect();
+        self.values
+            .iter()
+            .enumerate()
+            .filter(|(_, value)| shown.contains(&value.as_str()))
+            .map(|(index, value)| html::key(colour(index, self.values.len(), self.ordered), value))
+            .collect()
+    }
+}
+
+/// The values as numbers, if all are.
+fn numbers_of(values: &[String]) -> Option<Vec<f64>> {
+    values.iter().map(|v| v.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
+}
+
+/// Half-width of the 95 % interval of a value; 0 = not known.
+fn half(summary: &Summary, metric: Metric) -> f64 {
+    summary.error(metric).map_or(0.0, |e| CONFIDENCE_95 * e)
+}
+
+/// What a mark says: which choice, and the values with the names of their columns.
+fn hint(table: &Table, index: usize, values: [f64; 2], words: &str) -> Option<Hint> {
+    Some(Hint { words: format!("{}: {words}", table.summaries[index].key.words()), anchor: anchor(index), values })
+}
+
+/// Anchor of a choice's row in the table.
+fn anchor(index: usize) -> String {
+    format!("r{index}")
+}
+
+/// `metric = value` with the lag.
+fn named(metric: &str, lag: Option<u32>, value: f64) -> String {
+    lag.map_or_else(|| format!("{metric} = {value}"), |k| format!("{metric} (k = {k}) = {value}"))
+}
+
+fn pareto(run: &RunData, table: &Table) -> Result<String> {
+    let after = query(&[
+        KEY,
+        "whole = m[m.frame.isna() & m.frequency.isna()].fillna({\"lag\": 0})",
+        &format!(
+            "whole[whole.metric.isin([\"{}\", \"{}\", \"flicker\"]) & (whole.lag <= 1)].pivot_table(\"value\", key, \"metric\")",
+            table.cost.name, table.error.name
+        ),
+        "# times: the same of pd.read_csv(\"times.csv\", keep_default_na=False), metric \"gpu_ms:shading\"",
+    ]);
+    per_view(table, "pareto", "Cost against error and flicker", &after, |view| {
+        let rows = table.of_view(view);
+        let mut html = String::new();
+        for cost in [table.cost, SHADING] {
+            for error in [table.error, FLICKER] {
+                html += &pareto_plot(run, table, &rows, cost, error)?.unwrap_or_default();
+            }
+        }
+        Ok((!html.is_empty()).then_some(html))
+    })
+}
+
+fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error: Metric) -> Result<Option<String>> {
+    let palette = Palette::of(table);
+    let front = table.front(rows, cost, error);
+    let base = rows.first().and_then(|&i| columns::shading_base(table, &table.summaries[i].key.view));
+    let scale = if cost == SHADING { base.map_or(f64::NAN, |i| table.summaries[i].value(SHADING)) } else { 1.0 };
+    let points: Vec<Point> = rows
+        .iter()
+        .map(|&index| {
+            let summary = &table.summaries[index];
+            let (x, y) = (summary.value(cost) / scale, summary.value(error));
+            let words = format!("{}, {}", named(cost.name, None, summary.value(cost)), named(error.name, error.lag, y));
+            Point {
+                label: table.label(&summary.key),
+                group: if table.variants.len() > 1 { summary.key.variant.clone() } else { table.label(&summary.key) },
+                x,
+                y,
+                half: [half(summary, cost) / scale, half(summary, error)],
+                marker: match summary.key.variant.as_str() {
+                    "auto" if table.variants.len() > 1 => Marker::Auto,
+                    "generic" if table.variants.len() > 1 => Marker::Generic,
+                    _ if table.variants.len() == 1 || summary.key.is_flavour() => Marker::Flavour,
+                    _ => Marker::Combination,
+                },
+                colour: palette.as_ref().map(|p| p.colour(summary)),
+                front: front.contains(&index),
+                hint: hint(table, index, [x, y], &words),
+            }
+        })
+        .collect();
+    let x_title = match (cost, base) {
+        (SHADING, Some(base)) => format!(
+            "shading time, ratio to {}{} (logarithmic scale)",
+            table.label(&table.summaries[base].key),
+            if run.is_software() { ", software adapter" } else { "" }
+        ),
+        _ => format!("{} (counted, logarithmic scale)", cost.words),
+    };
+    let y_title = match error {
+        RMSE => "RMSE against the reference (linear albedo)".to_owned(),
+        FLIP => "FLIP against the reference (0 to 1)".to_owned(),
+        _ => "flicker (luminance, k = 1)".to_owned(),
+    };
+    let title = format!("{} over {}, a point per choice", error.words, cost.words);
+    let legend = match &palette {
+        None if table.variants.len() > 1 => plots::PARETO_LEGEND.to_owned(),
+        None => String::new(),
+        Some(palette) => format!(
+            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front: nothing is both cheaper and better.</span> {}Numbers in brackets: points in one place; grey or black: the same for all colours.",
+            palette.legend(rows.iter().map(|&i| &table.summaries[i]).filter(|s| s.value(cost) > 0.0 && s.value(error).is_finite())),
+            if table.variants.len() > 1 { "Large dots: one flavour; small: several; largest: auto; ring: generic. " } else { "" }
+        ),
+    };
+    Ok(plots::pareto(&points, &title, &x_title, &y_title)?
+        .map(|svg| html::figure(Some(svg), &format!("{legend} Point at a mark for its row; click to go there."))))
+}
+
+/// Places of summaries that differ in what is drawn along the axis only, in the order of the table: each is a curve.
+fn curves_of(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) -> Vec<Vec<usize>> {
+    let mut curves: Vec<Vec<usize>> = Vec::new();
+    for &index in rows {
+        match curves.iter_mut().find(|c| same(&table.summaries[c[0]], &table.summaries[index])) {
+            Some(curve) => curve.push(index),
+            None => curves.push(vec![index]),
+        }
+    }
+    curves
+}
+
+/// At most [`CURVES`] of them: first those that each tile chooses, then single flavours, chance before none; and how many there were.
+fn kept(table: &Table, mut curves: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, usize) {
+    let all = curves.len();
+    if all > CURVES {
+        let rank = |curve: &Vec<usize>| {
+            let summary = &table.summaries[curve[0]];
+            (!summary.is_stochastic(), summary.key.flavours().unwrap_or(0))
+        };
+        curves.sort_by_key(rank);
+        curves.truncate(CURVES);
+        curves.sort();
+    }
+    (curves, all)
+}
+
+/// A sentence where curves were left out.
+fn left_out(kept: usize, all: usize) -> String {
+    if all > kept { format!("{kept} of {all} choices; the others are in the table. ") } else { String::new() }
+}
+
+fn parameter(run: &RunData, table: &Table) -> Result<String> {
+    if table.settings.len() < 2 {
+        return Ok(String::new());
+    }
+    let values = numbers_of(&table.settings);
+    let ends = |v: &Vec<f64>| (v.iter().copied().fold(f64::MAX, f64::min), v.iter().copied().fold(f64::MIN, f64::max));
+    let logarithmic = values.as_ref().map(ends).is_some_and(|(low, high)| low > 0.0 && high / low >= 30.0);
+    let at = |setting: &str| match &values {
+        Some(_) => setting.parse().unwrap_or(f64::NAN),
+        None => table.settings.iter().position(|s| s == setting).map_or(f64::NAN, |i| i as f64),
+    };
+    let metrics: Vec<Metric> = [FLIPS, CLUMPING, FLICKER, table.error, table.cost, SHADING].into_iter().filter(|m| table.has(*m)).collect();
+    let after = query(&[
+        KEY,
+        "whole = m[m.frame.isna() & m.frequency.isna()].fillna({\"lag\": 0})",
+        "whole.pivot_table([\"value\", \"standard_error\"], [k for k in key if k != \"setting\"] + [\"metric\", \"lag\"], \"setting\")",
+    ]);
+    let heading = format!("Over the values of {}", escape(&table.parameter));
+    per_view(table, "parameter", &heading, &after, |view| {
+        let same = |a: &Summary, b: &Summary| {
+            (&a.key.variant, &a.key.estimator, &a.key.noise, &a.key.temporal)
+                == (&b.key.variant, &b.key.estimator, &b.key.noise, &b.key.temporal)
+        };
+        let (curves, all) = kept(table, curves_of(table, &table.of_view(view), same));
+        let mut html = String::new();
+        for metric in &metrics {
+            let base = columns::shading_base(table, view).map(|i| table.summaries[i].value(SHADING));
+            let scale = if *metric == SHADING { base.unwrap_or(f64::NAN) } else { 1.0 };
+            let drawn: Vec<Curve> = curves
+                .iter()
+                .enumerate()
+                .map(|(index, rows)| {
+                    let mut points: Vec<CurvePoint> = rows
+                        .iter()
+                        .map(|&row| {
+                            let summary = &table.summaries[row];
+                            let (x, y) = (at(&summary.key.setting), summary.value(*metric) / scale);
+                            let words = named(metric.name, metric.lag, summary.value(*metric));
+                            CurvePoint { x, y, half: half(summary, *metric) / scale, hint: hint(table, row, [x, y], &words) }
+                        })
+                        .collect();
+                    points.sort_by(|a, b| a.x.total_cmp(&b.x));
+                    Curve { colour: colour(index, curves.len(), false), points }
+                })
+                .collect();
+            let y_title = match *metric {
+                SHADING => {
+                    format!("shading time, ratio to {}", table.label(&table.summaries[columns::shading_base(table, view).unwrap_or(0)].key))
+                }
+                m if m.lag.is_some() => format!("{} (k = 1)", m.words),
+                CLUMPING => "clumping (white = 1)".to_owned(),
+                m => m.words.to_owned(),
+            };
+            let plot = Lines {
+                title: &format!("{} over {}", metric.words, table.parameter),
+                x_title: &format!("{}{}", table.parameter, if logarithmic { " (logarithmic scale)" } else { "" }),
+                y_title: &y_title,
+                x_logarithmic: logarithmic,
+                x_names: if values.is_none() { table.settings.clone() } else { Vec::new() },
+                baseline: (*metric == CLUMPING).then_some((1.0, "white noise")),
+                ..Lines::default()
+            };
+            html += &plots::lines(&drawn, &plot)?.map(|svg| html::figure(Some(svg), "")).unwrap_or_default();
+        }
+        if html.is_empty() {
+            return Ok(None);
+        }
+        // What varies besides the parameter; one curve needs no name.
+        let name = |curve: &Vec<usize>| curve_name(table, curve[0], |key| key.setting.clear());
+        let keys: String = curves.iter().enumerate().map(|(i, c)| html::key(colour(i, curves.len(), false), &name(c))).collect();
+        let software = if run.is_software() && table.has(SHADING) { " Times are a software adapter's: only ratios count." } else { "" };
+        Ok(Some(format!(
+            "<div class=\"pair\">{html}</div><p class=\"legend\">{keys}{}Flips and clumping trade against each other: read them together.{software}</p>\n",
+            left_out(curves.len(), all)
+        )))
+    })
+}
+
+/// Name of a curve: what varies, without the columns that `known` clears since the plot says them.
+fn curve_name(table: &Table, index: usize, known: fn(&mut Key)) -> String {
+    let mut key = table.summaries[index].key.clone();
+    known(&mut key);
+    let name = table.label(&key);
+    if name.is_empty() { table.summaries[index].key.variant.clone() } else { name }
+}
+
+/// A variant whose noise is looked at closely.
+struct CloseUp {
+    /// Heading.
+    name: String,
+    /// Its choices, at most [`CURVES`], and their colours.
+    choices: Vec<(usize, Rgb)>,
+    /// How many choices it has.
+    all: usize,
+}
+
+/// At most four of them: what each tile chooses, then single flavours, of those that leave something to chance. A variant of too many choices for
+/// one plot has one for each temporal resolve.
+fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
+    let mut variants: Vec<(usize, &str)> = Vec::new();
+    let rows = table.of_view(view);
+    for summary in rows.iter().map(|&i| &table.summaries[i]) {
+        if summary.is_stochastic() && !variants.iter().any(|(_, v)| *v == summary.key.variant) {
+            let rank = summary.key.flavours().unwrap_or_default();
+            // It looks as `auto` does.
+            variants.push((if summary.key.variant == "generic" { 9 } else { rank }, &summary.key.variant));
+        }
+    }
+    variants.sort_by_key(|(rank, _)| *rank);
+    let mut all = Vec::new();
+    for (_, variant) in variants {
+        let of_variant: Vec<usize> = rows.iter().copied().filter(|&i| table.summaries[i].key.variant == variant).collect();
+        if of_variant.len() <= CURVES || table.temporal.len() < 2 {
+            all.push(close_up(table, variant.to_owned(), of_variant));
+            continue;
+        }
+        for temporal in &table.temporal {
+            let resolved = of_variant.iter().copied().filter(|&i| table.summaries[i].key.temporal == *temporal).collect();
+            all.push(close_up(table, format!("{variant} \u{b7} {temporal}"), resolved));
+        }
+    }
+    all.truncate(4);
+    all
+}
+
+/// Chooses and colours what is drawn of some rows.
+fn close_up(table: &Table, name: String, rows: Vec<usize>) -> CloseUp {
+    let all = rows.len();
+    let palette = Palette::of(table);
+    // One of each value of the column that has the most, if all are too many.
+    let rows: Vec<usize> = match &palette {
+        Some(palette) if all > CURVES => {
+            let mut seen: Vec<&str> = Vec::new();
+            rows.into_iter()
+                .filter(|&i| {
+                    let value = (palette.of)(&table.summaries[i]);
+                    let fresh = !seen.contains(&value);
+                    seen.push(value);
+                    fresh
+                })
+                .take(CURVES)
+                .collect()
+        }
+        _ => rows.into_iter().take(CURVES).collect(),
+    };
+    // A colour of the palette names a curve only where no other curve has it.
+    let alone =
+        |p: &Palette<'_>, i: usize| rows.iter().filter(|&&j| (p.of)(&table.summaries[i]) == (p.of)(&table.summaries[j])).count() == 1;
+    let named = palette.as_ref().filter(|p| rows.iter().all(|&i| alone(p, i)));
+    let count = rows.len();
+    let coloured = rows.iter().enumerate().map(|(k, &i)| {
+        let own = named.map(|p| p.colour(&table.summaries[i]));
+        (i, own.unwrap_or_else(|| colour(k, count, false)))
+    });
+    CloseUp { name, choices: coloured.collect(), all }
+}
+
+fn lags(table: &Table) -> Result<String> {
+    let after = query(&[
+        KEY,
+        "lags = m[m.frame.isna() & m.metric.isin([\"flip_rate\", \"flicker\"])]",
+        "lags.pivot_table([\"value\", \"standard_error\"], [\"metric\"] + key, \"lag\")",
+    ]);
+    per_view(table, "lags", "Flips and flicker over k frames", &after, |view| {
+        let mut html = String::new();
+        for CloseUp { name: variant, choices, all } in close_ups(table, view) {
+            let mut plots_of_variant = String::new();
+            for (metric, words) in [(FLIPS, "flip rate"), (FLICKER, "flicker")] {
+                let curves: Vec<Curve> = choices
+                    .iter()
+                    .map(|&(row, colour)| {
+                        let points = table.summaries[row].over_lags(metric.name).map(|(lag, found)| {
+                            let (x, y) = (f64::from(lag), found.value);
+                            let half = found.standard_error.filter(|e| e.is_finite()).map_or(0.0, |e| CONFIDENCE_95 * e);
+                            CurvePoint { x, y, half, hint: hint(table, row, [x, y], &named(metric.name, Some(lag), y)) }
+                        });
+                        Curve { colour, points: points.collect() }
+                    })
+                    .collect();
+                let plot = Lines {
+                    title: &format!("{words} over k, {variant}"),
+                    x_title: "k, frames between the two compared",
+                    y_title: words,
+                    x_whole: true,
+                    ..Lines::default()
+                };
+                plots_of_variant += &plots::lines(&curves, &plot)?.map(|svg| html::figure(Some(svg), "")).unwrap_or_default();
+            }
+            if plots_of_variant.is_empty() {
+                continue;
+            }
+            let keys: String = choices
+                .iter()
+                .map(|&(row, colour)| {
+                    let clumping = table.summaries[row].value(CLUMPING);
+                    let clumping =
+                        if clumping.is_nan() { "clumping not measured".to_owned() } else { format!("clumping {}", number(clumping)) };
+                    html::key(colour, &format!("{} ({clumping})", curve_name(table, row, |key| key.variant.clear())))
+                })
+                .collect();
+            html += &format!(
+                "<h3>{}</h3><div class=\"pair\">{plots_of_variant}</div><p class=\"legend\">{keys}{}</p>\n",
+                escape(&variant),
+                left_out(choices.len(), all)
+            );
+        }
+        Ok((!html.is_empty()).then_some(html))
+    })
+}
+
+fn spectra(table: &Table) -> Result<String> {
+    let after = query(&[KEY, "m[m.frame.isna() & (m.metric == \"power\")].pivot_table(\"value\", \"frequency\", key)"]);
+    per_view(table, "spectra", "Spectra of the noise that is left", &after, |view| {
+        let mut html = String::new();
+        for CloseUp { name: variant, choices, all } in close_ups(table, view) {
+            let curves: Vec<Curve> = choices
+                .iter()
+                .map(|&(row, colour)| {
+                    let points = table.summaries[row].spectrum.iter().map(|(frequency, found)| {
+                        let (x, y) = (*frequency, found.value);
+                        let half = found.standard_error.filter(|e| e.is_finite()).map_or(0.0, |e| CONFIDENCE_95 * e);
+                        let words = format!("power at {x} cycles per pixel = {y}");
+                        CurvePoint { x, y, half, hint: hint(table, row, [x, y], &words) }
+                    });
+                    Curve { colour, points: points.collect() }
+                })
+                .collect();
+            let plot = Lines {
+                title: &format!("radial power, {variant}"),
+                x_title: "frequency, cycles per pixel",
+                y_title: "power (white = 1, logarithmic)",
+                y_logarithmic: true,
+                baseline: Some((1.0, "white noise")),
+                ..Lines::default()
+            };
+            let Some(svg) = plots::lines(&curves, &plot)? else { continue };
+            let keys: String =
+                choices.iter().map(|&(row, colour)| html::key(colour, &curve_name(table, row, |key| key.variant.clear()))).collect();
+            let white = "<span class=\"entry\"><span class=\"key dashed\"></span>white noise</span>";
+            let figure = html::figure(Some(svg), &format!("{keys}{white} {}", left_out(choices.len(), all)));
+            html += &format!("<div><h3>{}</h3>{figure}</div>", escape(&variant));
+        }
+        Ok((!html.is_empty()).then(|| format!("<div class=\"pair\">{html}</div>\n")))
+    })
+}
+
+fn passes(run: &RunData, table: &Table) -> Result<String> {
+    const BARS: usize = 10;
+    let after = "<details class=\"query\"><summary>These numbers in the files</summary><pre><code>import pandas as pd\n\
+         t = pd.read_csv(\"times.csv\", keep_default_na=False)\nt[t.metric.str.startswith(\"gpu_ms:\")]</code></pre></details>\n";
+    per_view(table, "passes", "Time per pass", after, |view| {
+        let timed: Vec<usize> = table.of_view(view).into_iter().filter(|&i| table.summaries[i].times().next().is_some()).collect();
+        let leading: Vec<usize> = timed.iter().copied().filter(|&i| table.summaries[i].key.flavours().is_none_or(|n| n == 1)).collect();
+        let shown = if leading.is_empty() || timed.len() <= BARS { &timed } else { &leading };
+        let rows: Vec<(String, BTreeMap<String, f64>)> = shown
+            .iter()
+            .take(BARS)
+            .map(|&i| {
+                (table.label(&table.summaries[i].key), table.summaries[i].times().map(|(pass, n)| (pass.to_owned(), n.value)).collect())
+            })
+            .collect();
+        if rows.is_empty() {
+            return Ok(None);
+        }
+        let rest = timed.len() - rows.len();
+        let more = if rest > 0 { format!("<p class=\"legend\">{rest} more timed choices are in the files.</p>\n") } else { String::new() };
+        Ok(Some(plots::passes(&rows, run.is_software())? + &more))
+    })
+}
+
+fn promises(table: &Table) -> String {
+    let golden = columns::golden(table);
+    if golden.is_empty() { String::new() } else { html::promises(&golden) }
+}
+
+/// The table of all choices.
+fn choices(run: &RunData, table: &Table) -> String {
+    let keys = columns::key_columns(table);
+    let (shown, dropped) = columns::columns(run, table);
+    let fronts = columns::fronts(table);
+    let attributes = |column: &Column| match column.source {
+        Source::Row(m) | Source::WithError(m) => {
+            let lag = m.lag.map_or_else(String::new, |k| format!(" data-lag=\"{k}\""));
+            format!(
+                " data-metric=\"{}\"{lag} title=\"{}\"",
+                m.name,
+                escape(&m.lag.map_or_else(|| m.name.to_owned(), |k| format!("{}, lag {k}", m.name)))
+            )
+        }
+        Source::Promised => " title=\"sum over the variant's flavours\"".to_owned(),
+        Source::ShadingRatio => " title=\"gpu_ms:shading over that of the view's first timed row\"".to_owned(),
+    };
+    let mut html =
+        "<section id=\"choices\"><h2>All choices</h2>\n<p>Click a heading to sort. A mark on the left, and the column Front, say on which \
+         Pareto front of its view a row lies: fetches and error, fetches and flicker, or both.</p>\n"
+            .to_owned();
+    if table.summaries.len() > 12 {
+        html += "<p><label>Show rows with <input class=\"filter\" type=\"search\" placeholder=\"near-cliff hashed\"></label> <span class=\"count\"></span></p>\n";
+    }
+    html += "<div class=\"scroll\"><table class=\"all\">";
+    html += &html::head(
+        keys.iter()
+            .map(|(name, _)| (*name, "", false, String::new()))
+            .chain([("Front", "", false, String::new())])
+            .chain(shown.iter().map(|c| (c.heading, c.unit, true, attributes(c)))),
+    );
+    html += "<tbody>\n";
+    let forced = table.summaries.iter().any(|s| s.key.flavours().is_some());
+    let mut reasons: Vec<(&str, String)> = Vec::new();
+    for (index, summary) in table.summaries.iter().enumerate() {
+        let class = match (forced && summary.key.flavours().is_none(), fronts[index].name()) {
+            (false, "") => "",
+            (false, _) => " class=\"front\"",
+            (true, "") => " class=\"chosen\"",
+            (true, _) => " class=\"chosen front\"",
+        };
+        let data: String = summary.key.columns().iter().map(|(name, value)| format!(" data-{name}=\"{}\"", escape(value))).collect();
+        html += &format!("<tr id=\"{}\"{class}{data} title=\"{}\">", anchor(index), escape(&summary.key.words()));
+        for (_, of) in &keys {
+            html += &format!("<td>{}</td>", escape(of(summary)));
+        }
+        html += &format!("<td>{}</td>", fronts[index].name());
+        for column in &shown {
+            html += &match columns::cell(run, table, index, column.source) {
+                Cell::Value { value, shown, hint } => html::cell(value, &shown, &hint),
+                Cell::Missing(reason) => {
+                    let cell = html::cell(f64::NAN, "", &reason);
+                    if !reasons.iter().any(|(heading, known)| *heading == column.heading && *known == reason) {
+                        reasons.push((column.heading, reason));
+                    }
+                    cell
+                }
+            };
+        }
+        html += "</tr>\n";
+    }
+    html += "</tbody></table></div>\n";
+    if !reasons.is_empty() {
+        let words: Vec<String> = reasons.iter().map(|(heading, reason)| escape(&format!("{heading}: {reason}"))).collect();
+        html += &format!("<p class=\"legend\">A dash stands for no number. {}.</p>\n", words.join("; "));
+    }
+    if !dropped.is_empty() {
+        html += &format!("<p class=\"legend\">Of no row there is: {}.</p>\n", dropped.join(", "));
+    }
+    html += &query(&[
+        KEY,
+        "whole = m[m.frame.isna() & m.frequency.isna()].fillna({\"lag\": 0})",
+        "whole.pivot_table(\"value\", key, [\"metric\", \"lag\"])",
+        "# without a row over all frames, the mean of the frames counts:",
+        "frames = m[m.frame.notna() & m.frequency.isna()].fillna({\"lag\": 0})",
+        "frames.pivot_table(\"value\", key, [\"metric\", \"lag\"])",
+    ]);
+    html + "</section>\n"
+}
+
+fn references(table: &Table) -> String {
+    if table.references.is_empty() {
+        return String::new();
+    }
+    let with_setting = table.references.iter().any(|r| !r.setting.is_empty());
+    let setting = if with_setting { "<th>Setting</th>" } else { "" };
+    let mut html = format!(
+        "<section id=\"references\"><h2>References</h2>\n<p>Errors are taken against the 96-fetch blend, supersampled. It must be known at least ten times \
+         as well as the smallest RMSE that it judges.</p>\n<table class=\"narrow\"><thead><tr><th>View</th>{setting}<th class=\"n\">Samples per pixel</th>\
+         <th class=\"n\">Standard error</th><th class=\"n\">Smallest RMSE</th><th class=\"n\">Share</th><th></th><th class=\"n\">Its own flicker, k = 1</th></tr></thead><tbody>\n"
+    );
+    for facts in &table.references {
+        let (class, word) = match facts.suffices() {
+            _ if facts.standard_error.is_nan() => ("bad", "its standard error is not known"),
+            _ if facts.smallest_rmse.is_nan() => ("", "judges no RMSE"),
+            true => ("good", "suffices"),
+            false => ("bad", "not known well enough"),
+        };
+        let setting = if with_setting { format!("<td>{}</td>", escape(&facts.setting)) } else { String::new() };
+        let value = |value: f64, why: &str| html::cell(value, &number(value), if value.is_nan() { why } else { "" });
+        html += &format!(
+            "<tr><td>{}</td>{setting}{}{}{}{}<td class=\"{class}\">{word}</td>{}</tr>\n",
+            escape(&facts.view),
+            value(facts.spp, "no row reference_spp"),
+            value(facts.standard_error, "no row reference_se"),
+            value(facts.smallest_rmse, "no row rmse"),
+            value(facts.standard_error / facts.smallest_rmse, "one of the two is missing"),
+            value(facts.flicker, "no row flicker of the reference"),
+        );
+    }
+    html += "</tbody></table>\n";
+    html += &query(&["m[m.metric.str.startswith(\"reference_\")]"]);
+    html + "</section>\n"
+}
+
+fn provenance(table: &Table) -> String {
+    let example = table.summaries.first().map_or_else(String::new, |s| {
+        let error = if s.number(table.error).is_some() { table.error } else { table.cost };
+        let conditions = s.key.columns().into_iter().filter(|(name, value)| !value.is_empty() && *name != "experiment");
+        let conditions: String =
+            conditions.map(|(name, value)| format!("(m[\"{name}\"] == \"{}\") & ", value.replace('"', "\\\""))).collect();
+        format!("m[{conditions}(m.metric == \"{}\")]", error.name)
+    });
+    let code = format!(
+        "import pandas as pd\nm = pd.read_parquet(\"metrics.parquet\")   # or pd.read_csv(\"metrics.csv\", keep_default_na=False, na_values={{\"frame\": \"\", \"lag\": \"\", \"frequency\": \"\", \"standard_error\": \"\"}})\n{example}"
+    );
+    let averaged = if table.averaged > 0 {
+        format!(" {} numbers have no row over all frames: they are means over the frames, made by this report.", table.averaged)
+    } else {
+        String::new()
+    };
+    let metrics = table.metric_names().iter().map(|name| format!("<code>{}</code>", escape(name))).collect::<Vec<_>>().join(", ");
+    format!(
+        "<section id=\"numbers\"><h2>Where each number is</h2>\n<p>Every number here is a row of <code>metrics.parquet</code> (the same as \
+         <code>metrics.csv</code>) or of <code>times.csv</code>, or a ratio of two. A row of the table above has the row's columns as attributes \
+         (<code>data-view</code>, <code>data-variant</code>, ...) and in its tooltip, a heading those of the metric, a cell the unrounded value \
+         (<code>data-v</code>). A mark of a plot names its row and leads there.{averaged} Metrics of this run: {metrics}.</p>\n\
+         <p>All rows of one number, frames included:</p><pre><code>{}</code></pre></section>\n",
+        escape(&code)
+    )
+}

@@ -1,0 +1,411 @@
+//! Reports as a whole: that they hold together in every shape, and that each number shown is in the rows.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use super::columns::{self, Cell, Source};
+use super::fake::{self, Folder, NOISES, Rows, base, definition};
+use super::summary::{Key, RMSE, Table};
+use super::{RunData, Verdict, markdown, read_run, run, verdict, write_run};
+use crate::row::Row;
+
+/// Every shape of run that there is, by name.
+fn shapes() -> Vec<(Folder, RunData, Vec<Verdict>)> {
+    type Make = fn(&Path) -> RunData;
+    let all: [(&str, Make, Vec<Verdict>); 8] = [
+        ("one", fake::one, Vec::new()),
+        ("variants", |folder| fake::variants(folder, &["cliff"], &NOISES), Vec::new()),
+        ("views", |folder| fake::variants(folder, &["cliff", "ground", "vista"], &NOISES), Vec::new()),
+        ("plain", |folder| fake::variants(folder, &["cliff"], &["hashed"]), Vec::new()),
+        ("hash-scale", fake::hash_scale, fake::verdicts()),
+        ("temporal", |folder| fake::temporal(folder, &NOISES), Vec::new()),
+        ("resolve", |folder| fake::temporal(folder, &["hashed"]), Vec::new()),
+        ("estimators", fake::estimators, Vec::new()),
+    ];
+    all.into_iter()
+        .map(|(name, make, verdicts)| {
+            let folder = Folder::new(name);
+            let run = make(folder.path());
+            (folder, run, verdicts)
+        })
+        .collect()
+}
+
+fn html(run: &RunData, verdicts: &[Verdict]) -> String {
+    let table = Table::of(run);
+    run::page(run, &table, verdicts, &verdict::verdict(&table)).expect("drawn")
+}
+
+fn text(run: &RunData, verdicts: &[Verdict]) -> String {
+    let table = Table::of(run);
+    markdown::text(run, &table, verdicts, &verdict::verdict(&table))
+}
+
+/// Elements of a name: their attributes and what they hold.
+fn elements<'a>(html: &'a str, name: &str) -> Vec<(&'a str, &'a str)> {
+    let (open, close) = (format!("<{name} "), format!("</{name}>"));
+    let parts = html.split(&open[..]).skip(1);
+    parts.filter_map(|part| Some((part.split_once('>')?.0, part.split_once('>')?.1.split(&close[..]).next()?))).collect()
+}
+
+fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
+    let rest = attributes.split_once(&format!("{name}=\""))?.1;
+    Some(rest.split_once('"')?.0)
+}
+
+/// Rows over all frames by key, metric and lag; those of a spectrum by frequency.
+type Known = BTreeMap<(Key, String, Option<u32>, Option<u64>), f64>;
+
+fn known(run: &RunData) -> Known {
+    let whole = run.rows.iter().chain(&run.times).filter(|r| r.frame.is_none());
+    whole.map(|r| ((Key::of(r), r.metric.clone(), r.lag, r.frequency.map(f64::to_bits)), r.value)).collect()
+}
+
+/// What the page shows and no row says: a cell or a mark each.
+fn untraceable(html: &str, run: &RunData) -> Vec<String> {
+    let known = known(run);
+    let mut lost = Vec::new();
+    let table = html.split("<table class=\"all\">").nth(1).and_then(|t| t.split("</table>").next()).expect("a table");
+    let heads: Vec<(Option<String>, Option<u32>)> = elements(table, "th")
+        .iter()
+        .map(|(attributes, _)| {
+            (attribute(attributes, "data-metric").map(str::to_owned), attribute(attributes, "data-lag").and_then(|k| k.parse().ok()))
+        })
+        .collect();
+    let mut keys: BTreeMap<String, Key> = BTreeMap::new();
+    let mut first_ms: BTreeMap<String, f64> = BTreeMap::new();
+    for (attributes, cells) in elements(table, "tr") {
+        let column = |name: &str| attribute(attributes, &format!("data-{name}")).unwrap_or_default().to_owned();
+        let key = Key {
+            experiment: column("experiment"),
+            scene: column("scene"),
+            view: column("view"),
+            variant: column("variant"),
+            estimator: column("estimator"),
+            noise: column("noise"),
+            temporal: column("temporal"),
+            parameter: column("parameter"),
+            setting: column("setting"),
+        };
+        keys.insert(attribute(attributes, "id").expect("an anchor").to_owned(), key.clone());
+        // Columns of text have no attributes, those of numbers have; both in order.
+        let numbers = elements(cells, "td");
+        assert_eq!(numbers.len(), heads.len(), "{attributes}");
+        for ((attributes, _), (metric, lag)) in numbers.iter().zip(&heads) {
+            let Some(shown) = attribute(attributes, "data-v").map(|v| v.parse::<f64>().expect("a number")) else { continue };
+            let found = match metric {
+                Some(metric) => known.get(&(key.clone(), metric.clone(), *lag, None)).copied(),
+                None => {
+                    // A promise, or a ratio of two rows.
+                    let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None)).copied();
+                    let promise = key.variant.parse::<kernels::variant::Variant>().map(|v| f64::from(v.promised_fetches())).ok();
+                    let first = ms.map(|ms| *first_ms.entry(key.view.clone()).or_insert(ms));
+                    let ratio = ms.zip(first).map(|(ms, first)| ms / first);
+                    if promise == Some(shown) { promise } else { ratio }
+                }
+            };
+            if found != Some(shown) {
+                lost.push(format!("{}: {metric:?} {lag:?} = {shown}, rows say {found:?}", key.words()));
+            }
+        }
+    }
+    // A mark's height is the value of a row of its choice; nothing else is drawn by its values.
+    for (anchor, mark) in html.split("<a href=\"#").skip(1).filter_map(|m| m.split_once("\"><circle ")) {
+        let (attributes, _) = mark.split_once('>').expect("a whole mark");
+        let value = |name: &str| attribute(attributes, name).and_then(|v| v.parse::<f64>().ok()).expect("a number");
+        let key = keys.get(anchor).unwrap_or_else(|| panic!("no row has the anchor {anchor}"));
+        let (x, y) = (value("data-x"), value("data-y"));
+        let of_choice: Vec<f64> = known.iter().filter(|((k, ..), _)| k == key).map(|(_, v)| *v).collect();
+        let ms = of_choice_ms(&known, key, &first_ms);
+        let is = |value: f64| of_choice.iter().chain(&ms).any(|v| v.to_bits() == value.to_bits());
+        let axis = known.keys().any(|(k, _, lag, frequency)| {
+            k == key && (lag.map(f64::from) == Some(x) || *frequency == Some(x.to_bits()) || k.setting.parse() == Ok(x))
+        });
+        if !is(y) || !(is(x) || axis) {
+            lost.push(format!("{}: a mark at {x}, {y}", key.words()));
+        }
+    }
+    lost
+}
+
+/// Shading time as a ratio.
+fn of_choice_ms(known: &Known, key: &Key, first_ms: &BTreeMap<String, f64>) -> Vec<f64> {
+    let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None));
+    ms.zip(first_ms.get(&key.view)).map(|(ms, first)| ms / first).into_iter().collect()
+}
+
+#[test]
+fn every_number_shown_is_in_the_rows() {
+    for (folder, mut run, verdicts) in shapes() {
+        let html = html(&run, &verdicts);
+        let marks = html.matches("class=\"hit\"").count();
+        assert!(html.matches("data-v=").count() > 1 && marks > 0, "{}: {marks}", folder.path().display());
+        assert_eq!(untraceable(&html, &run), [""; 0], "{}", folder.path().display());
+        // Negative control: one row changed after the page was made, and both the table and the plots show it.
+        let changed = run.rows.iter_mut().find(|r| r.metric == "rmse" && r.frame.is_none()).expect("a row");
+        changed.value *= 1.0 + 1e-9;
+        let lost = untraceable(&html, &run);
+        assert!(lost.iter().any(|l| l.contains("Some(\"rmse\")")) && lost.iter().any(|l| l.contains("a mark at")), "{lost:?}");
+    }
+}
+
+#[test]
+fn every_shape_makes_a_whole_page_and_a_text() {
+    for (folder, run, verdicts) in shapes() {
+        fake::pictures(folder.path(), [640, 360], &[("reference", 1), ("frame", 6), ("flicker-map", 6)]);
+        let written = write_run(&run, &verdicts).expect("written");
+        let html = fs::read_to_string(&written.page).expect("a page");
+        let name = folder.path().display();
+        // The same from the folder's files alone.
+        if verdicts.is_empty() {
+            store(&run);
+            let again = write_run(&read_run(folder.path()).expect("a whole folder"), &[]).expect("written");
+            assert!(fs::read_to_string(&again.page).is_ok_and(|again| again == html), "{name}");
+        }
+        assert!(html.len() < 8 << 20, "{name}: {} bytes", html.len());
+        assert!(
+            html.contains("Which &lt;blend&gt; is cheapest &amp; good?") && !html.contains("<blend>") && !html.contains("a<b"),
+            "{name}"
+        );
+        // Nothing is fetched: no address but of the page itself and of data.
+        let outside = |mark: &str| html.split(mark).skip(1).filter(|rest| !rest.starts_with('#') && !rest.starts_with("data:")).count();
+        assert_eq!([outside("href=\""), outside("src=\"")], [0, 0], "{name}");
+        for tag in ["section", "table", "figure", "details", "svg", "tr", "td"] {
+            let opened = html.matches(&format!("<{tag} ")).count() + html.matches(&format!("<{tag}>")).count();
+            assert_eq!(opened, html.matches(&format!("</{tag}>")).count(), "{name}: {tag}");
+        }
+        let order = [
+            "class=\"verdict\"",
+            "id=\"analysis\"",
+            "id=\"expectations\"",
+            "id=\"facts\"",
+            "id=\"choices\"",
+            "id=\"pictures\"",
+            "id=\"numbers\"",
+        ];
+        let places: Vec<usize> = order.iter().map(|mark| html.find(mark).unwrap_or_else(|| panic!("{name} has no {mark}"))).collect();
+        assert!(places.is_sorted(), "{name}: {places:?}");
+        // (Pictures are letters, too.)
+        assert!([">NaN", " NaN", "\"NaN", ">inf", " inf "].iter().all(|word| !html.contains(word)), "{name}");
+        let text = fs::read_to_string(folder.path().join("report.md")).expect("a text");
+        assert!(text.contains("\\<blend\\>") && text.contains("## Set-up") && !text.contains("NaN"), "{text}");
+        // Tables of a text are whole: as many cells in each line.
+        let mut widths: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        let mut block = 0;
+        for line in text.lines() {
+            if line.starts_with('|') {
+                widths.entry(block).or_default().push(line.replace("\\|", "").matches('|').count());
+            } else {
+                block += 1;
+            }
+        }
+        assert!(widths.values().all(|w| w.iter().all(|n| *n == w[0])), "{name}: {widths:?}");
+    }
+}
+
+#[test]
+fn the_text_is_cut_to_fronts_and_single_variants() {
+    let (variants, plain) = (Folder::new("cut"), Folder::new("cut-plain"));
+    let all = text(&fake::variants(variants.path(), &["cliff"], &NOISES), &[]);
+    let choices = all.split("## Choices").nth(1).expect("a table").lines().filter(|l| l.starts_with('|')).count() - 2;
+    // Two free choices and five flavours under six noises, and what else is on a front.
+    assert!((42..90).contains(&choices), "{choices}");
+    assert!(all.contains(&format!("The table shows {choices} of 198 choices")), "{all}");
+    assert!(!all.contains("| vt+near-cliff+far-cliff+splat |"));
+    // A small run is not cut.
+    let few = text(&fake::estimators(plain.path()), &[]);
+    assert_eq!(few.split("## Choices").nth(1).expect("a table").lines().filter(|l| l.starts_with('|')).count(), 8 + 2);
+    assert!(!few.contains("The table shows"));
+}
+
+#[test]
+fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
+    let frames = |values: &[f64], whole: Option<f64>| {
+        let mut rows = Rows::new();
+        for (frame, value) in (0..).zip(values) {
+            rows.put(&Row { frame: Some(frame), ..base("cliff") }, "rmse", "linear albedo", *value, None);
+        }
+        if let Some(value) = whole {
+            rows.put(&base("cliff"), "rmse", "linear albedo", value, Some(0.1));
+        }
+        fake::run(definition("frames = 2\nvariants = [\"auto\"]"), rows, Path::new("."))
+    };
+    let value = |run: &RunData| Table::of(run).summaries[0].value(RMSE);
+    assert_eq!(value(&frames(&[1.0, 3.0], None)), 2.0);
+    assert_eq!(value(&frames(&[1.0, 3.0], Some(7.0))), 7.0);
+    // What is not finite is left out of a mean and told of.
+    let run = frames(&[1.0, f64::NAN, 3.0], None);
+    assert_eq!(value(&run), 2.0);
+    assert!(html(&run, &[]).contains("mean over 2 of 3 frames") && html(&run, &[]).contains("means over the frames, made by this report"));
+    let run = frames(&[f64::NAN, f64::NAN], None);
+    assert!(value(&run).is_nan());
+    // The row is told twice: the first counts, and a mark is red.
+    let mut run = frames(&[], Some(7.0));
+    run.rows.push(Row { value: 8.0, ..run.rows[0].clone() });
+    assert_eq!((value(&run), Table::of(&run).doubles), (7.0, 1));
+    assert!(html(&run, &[]).contains("<li class=\"bad\">1 numbers have more than one row"));
+}
+
+#[test]
+fn missing_numbers_are_dashes_with_their_reason() {
+    let folder = Folder::new("missing");
+    let run = fake::variants(folder.path(), &["cliff"], &NOISES);
+    let page = html(&run, &[]);
+    assert!(page.contains("title=\"timed with the first noise only\">\u{2013}</td>"));
+    assert!(page.contains("title=\"each tile chooses: nothing is promised\">\u{2013}</td>"));
+    assert!(page.contains("A dash stands for no number.") && page.contains("Shading: timed with the first noise only"));
+    assert!(text(&run, &[]).contains("Shading: timed with the first noise only"));
+    let reason = |run: &RunData, index: usize, source: Source| match columns::cell(run, &Table::of(run), index, source) {
+        Cell::Missing(reason) => reason,
+        Cell::Value { shown, .. } => panic!("{shown}"),
+    };
+    // A row that says NaN is no nought and no lack of a row.
+    let mut lost = run.clone();
+    lost.rows.iter_mut().filter(|r| r.metric == "rmse" && r.frame.is_none()).for_each(|r| r.value = f64::NAN);
+    assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "its row says NaN");
+    lost.rows.retain(|r| r.metric != "rmse");
+    assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "no row of this metric");
+    lost.definition.metrics = vec!["flip".to_owned()];
+    assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "not among the definition's metrics");
+    lost.rows.retain(|r| r.metric != "bias" && r.metric != "flicker");
+    (lost.definition.seeds, lost.definition.frames) = (0, 1);
+    assert_eq!(reason(&lost, 0, Source::WithError(super::summary::BIAS)), "not measured: seeds = 0");
+    assert_eq!(reason(&lost, 0, Source::Row(super::summary::FLICKER)), "not measured: one frame");
+    assert_eq!(reason(&lost, 0, Source::Row(super::summary::REJECTIONS)), "no history: no temporal resolve");
+    lost.definition.times = crate::definition::Times::None;
+    lost.times.clear();
+    assert_eq!(reason(&lost, 0, Source::ShadingRatio), "not timed: times = \"none\"");
+    // A column that no row has a number of is named, and not shown.
+    assert!(html(&lost, &[]).contains("Of no row there is: Shading, RMSE, Bias \u{b1} s.e., Flicker, Rejected."));
+    // Equal pictures have an infinite PSNR, which is a number.
+    let mut same = run.clone();
+    same.rows.iter_mut().filter(|r| r.metric == "psnr").for_each(|r| r.value = f64::INFINITY);
+    assert!(html(&same, &[]).contains("data-v=\"Infinity\""));
+    // What the manifest lacks is told, too.
+    let mut bare = run.clone();
+    bare.manifest = serde_json::json!({});
+    assert!(html(&bare, &[]).contains("not recorded in manifest.json") && !html(&bare, &[]).contains("software adapter"));
+}
+
+#[test]
+fn every_mark_can_be_red() {
+    let folder = Folder::new("marks");
+    let good = fake::variants(folder.path(), &["cliff"], &["hashed"]);
+    let marks = |run: &RunData, verdicts: &[Verdict]| {
+        let checks = columns::checks(run, &Table::of(run), verdicts);
+        let page = html(run, verdicts);
+        let text = text(run, verdicts);
+        for (good, words) in &checks {
+            assert!(
+                page.contains(&format!("<li class=\"{}\">{}</li>", if *good { "good" } else { "bad" }, super::html::escape(words))),
+                "{words}"
+            );
+            assert!(text.contains(if *good { "- \u{2705} " } else { "- \u{274c} " }));
+        }
+        checks.iter().map(|c| c.0).collect::<Vec<_>>()
+    };
+    // References, promises, bias, variance.
+    assert_eq!(marks(&good, &[]), [true; 4]);
+    let with = |change: &dyn Fn(&mut RunData)| {
+        let mut run = good.clone();
+        change(&mut run);
+        marks(&run, &[])
+    };
+    let scale = |run: &mut RunData, metric: &str, variant: &str, factor: f64| {
+        run.rows.iter_mut().filter(|r| r.metric == metric && r.variant == variant).for_each(|r| r.value *= factor);
+    };
+    assert_eq!(with(&|run| scale(run, "reference_se", "reference", 10.0)), [false, true, true, true]);
+    assert_eq!(with(&|run| scale(run, "fetches_per_px", "near-cliff", 1.1)), [true, false, true, true]);
+    assert_eq!(with(&|run| scale(run, "bias", "auto", 200.0)), [true, true, false, true]);
+    assert_eq!(with(&|run| scale(run, "variance", "auto", 2.0)), [true, true, true, false]);
+    // An error that nothing vouches for is as bad as a poor reference.
+    let lost = with(&|run| run.rows.retain(|r| !r.metric.starts_with("reference_")));
+    assert_eq!(lost, [false, true, true, true]);
+    let mut without = good.clone();
+    without.rows.retain(|r| !r.metric.starts_with("reference_"));
+    assert!(html(&without, &[]).contains("<td class=\"bad\">its standard error is not known</td>"));
+    let mut poor = good.clone();
+    scale(&mut poor, "reference_se", "reference", 10.0);
+    assert!(
+        html(&poor, &[]).contains("<td class=\"bad\">not known well enough</td>")
+            && html(&good, &[]).contains("<td class=\"good\">suffices</td>")
+    );
+    let mut broken = good.clone();
+    scale(&mut broken, "fetches_per_px", "near-cliff", 1.1);
+    assert!(html(&broken, &[]).contains("<td class=\"bad\">differs</td>") && !html(&good, &[]).contains("<td class=\"bad\">"));
+    // Expectations: all met, one not met, and one that nobody judged.
+    let met: Vec<Verdict> = fake::verdicts().into_iter().take(1).collect();
+    assert!(marks(&good, &met)[0]);
+    assert!(!marks(&good, &fake::verdicts())[0]);
+    let open = fake::hash_scale(folder.path());
+    let page = html(&open, &met);
+    assert!(page.contains("1 of 2 expectations are met"));
+    assert!(
+        page.contains("<td class=\"bad nowrap\">not met</td><td>Nobody judged &lt;this&gt;</td>")
+            && page.contains("<td class=\"good nowrap\">met</td>")
+    );
+    assert!(text(&open, &met).contains("| \u{274c} | Nobody judged \\<this\\> | clumping | \u{2013} | 2 to 9 | not judged |"));
+}
+
+#[test]
+fn several_views_are_kept_apart() {
+    let folder = Folder::new("apart");
+    let run = fake::variants(folder.path(), &["cliff", "ground"], &["hashed"]);
+    let table = Table::of(&run);
+    // The second view's reference is too poor, the first one's is not; each view has a front of its own.
+    assert_eq!(table.references.iter().map(|r| (r.view.as_str(), r.suffices())).collect::<Vec<_>>(), [("cliff", true), ("ground", false)]);
+    let fronts = columns::fronts(&table);
+    assert!(table.views.iter().all(|view| table.of_view(view).iter().any(|&i| fronts[i].error)));
+    assert!(html(&run, &[]).matches("<details class=\"view\" open>").count() > 2);
+}
+
+#[test]
+fn rows_are_in_the_order_of_the_definition() {
+    let folder = Folder::new("order");
+    let table = Table::of(&fake::hash_scale(folder.path()));
+    assert_eq!(table.settings, fake::SCALES);
+    assert_eq!(table.variants, ["auto", "near-cliff"]);
+    let table = Table::of(&fake::variants(folder.path(), &["ground", "cliff"], &NOISES));
+    assert_eq!((table.views, table.noises), (vec!["ground".to_owned(), "cliff".to_owned()], NOISES.map(str::to_owned).to_vec()));
+    assert_eq!(table.variants[..4], ["auto", "generic", "vt", "far-atlas"].map(str::to_owned));
+}
+
+/// Writes what the loader reads.
+fn store(run: &RunData) {
+    let file = |name: &str| run.folder.join(name);
+    fs::write(file("definition.toml"), toml::to_string(&run.definition).expect("plain data")).expect("writable");
+    fs::write(file("manifest.json"), run.manifest.to_string()).expect("writable");
+    for (name, rows) in [("metrics.csv", &run.rows), ("times.csv", &run.times)] {
+        let mut table = csv::Writer::from_path(file(name)).expect("writable");
+        rows.iter().for_each(|row| table.serialize(row).expect("writable"));
+        table.flush().expect("writable");
+    }
+}
+
+#[test]
+fn a_folder_is_read_back_or_refused_in_a_sentence() {
+    let folder = Folder::new("stored");
+    let run = fake::hash_scale(folder.path());
+    store(&run);
+    let read = read_run(folder.path()).expect("a whole folder");
+    assert_eq!((&read.rows, &read.times, &read.manifest), (&run.rows, &run.times, &run.manifest));
+    let refused = |path: &Path| {
+        let error = read_run(path).map(|_| ()).expect_err("refused");
+        crate::commands::one_line(&format!("{error:#}"))
+    };
+    assert!(refused(&folder.path().join("none")).contains("there is no folder"));
+    let csv = folder.path().join("metrics.csv");
+    let whole = fs::read_to_string(&csv).expect("written");
+    fs::write(&csv, &whole[..whole.len() / 2]).expect("writable");
+    let torn = refused(folder.path());
+    assert!(torn.contains("metrics.csv is damaged") && torn.contains("line"), "{torn}");
+    fs::write(&csv, whole.lines().next().expect("a head")).expect("writable");
+    assert!(refused(folder.path()).contains("holds no row"));
+    fs::remove_file(&csv).expect("there");
+    assert!(refused(folder.path()).contains("holds no metrics.csv"));
+    // Without rows nothing is written.
+    let empty = RunData { rows: Vec::new(), ..run };
+    assert!(write_run(&empty, &[]).is_err_and(|e| e.to_string().contains("no metrics yet")));
+    assert!(!folder.path().join("report.html").exists() || std::env::var_os("SCREE_REPORTS").is_some());
+}

@@ -1,0 +1,653 @@
+//! The answer to a run's question, from its numbers: which sentence it is follows from what varies.
+
+use super::numbers::{CONFIDENCE_95, number, speed, with_interval};
+use super::summary::{CLUMPING, FETCHES, FLICKER, FLIPS, Metric, REJECTIONS, SHADING, Summary, TILE_FETCHES, Table};
+
+/// What a sentence lists at most, of one view and of several.
+const LISTED: usize = 5;
+const LISTED_OF_VIEWS: usize = 3;
+/// Changes below this share are none worth a word.
+const SMALL: f64 = 0.02;
+/// Views that a sentence speaks of.
+const VIEWS: usize = 3;
+
+/// What varies, and so what is compared with what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Shape {
+    Parameter,
+    Temporal,
+    Estimators,
+    Variants,
+    Noises,
+    One,
+}
+
+impl Shape {
+    /// A parameter is varied to see what it does; the more there are of the rest, the more it is what was asked for.
+    fn of(table: &Table) -> Shape {
+        match table {
+            t if t.settings.len() > 1 => Shape::Parameter,
+            t if t.temporal.len() > 1 => Shape::Temporal,
+            t if t.estimators.len() > 1 => Shape::Estimators,
+            t if t.variants.len() > 1 && t.variants.len() >= t.noises.len() => Shape::Variants,
+            t if t.noises.len() > 1 => Shape::Noises,
+            _ => Shape::One,
+        }
+    }
+}
+
+/// One sentence; with several views, a part for each.
+pub(super) fn verdict(table: &Table) -> String {
+    let shape = Shape::of(table);
+    let said: Vec<(&String, String)> = table.views.iter().filter_map(|view| Some((view, of_view(table, shape, view)?))).collect();
+    if said.is_empty() {
+        return "No row of this run holds a cost, an error or a flicker, so there is nothing to compare.".to_owned();
+    }
+    let mut parts: Vec<String> = said
+        .iter()
+        .take(VIEWS)
+        .map(|(view, text)| if table.views.len() > 1 { format!("in view {view}, {text}") } else { text.clone() })
+        .collect();
+    if said.len() > VIEWS {
+        parts.push(format!("{} more views are in the table", said.len() - VIEWS));
+    }
+    let sentence = parts.join("; ");
+    let mut letters = sentence.chars();
+    // A name keeps its small letter: it is what people type.
+    let first_word = sentence.split([' ', ',']).next().unwrap_or_default();
+    let named = table.variants.iter().chain(&table.temporal).any(|v| v == first_word);
+    match letters.next() {
+        Some(first) if !named => format!("{}{}.", first.to_uppercase(), letters.as_str()),
+        _ => format!("{sentence}."),
+    }
+}
+
+fn of_view(table: &Table, shape: Shape, view: &str) -> Option<String> {
+    let rows = table.of_view(view);
+    match shape {
+        Shape::Parameter => parameter(table, &rows),
+        Shape::Temporal => temporal(table, &rows),
+        Shape::Estimators => estimators(table, &rows),
+        Shape::Variants => variants(table, &rows),
+        Shape::Noises => noises(table, &rows),
+        Shape::One => rows.first().and_then(|&i| one(table, &table.summaries[i])),
+    }
+}
+
+/// A value with the name of its metric.
+fn say(metric: Metric, value: f64) -> String {
+    if metric == FETCHES || metric == TILE_FETCHES {
+        format!("{value:.1} {}", metric.words)
+    } else {
+        format!("{} {}", metric.words, number(value))
+    }
+}
+
+/// Cost, error and flicker of a choice, what is known of them.
+fn price(table: &Table, summary: &Summary) -> String {
+    let parts = [table.cost, table.error, FLICKER].into_iter().filter(|m| !summary.value(*m).is_nan());
+    parts
+        .map(|m| if m == FETCHES || m == TILE_FETCHES { format!("{:.1} fetches", summary.value(m)) } else { say(m, summary.value(m)) })
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+/// Flips and clumping trade against each other: neither is said without the other.
+fn flips_and_clumping(summary: &Summary) -> String {
+    let said = |metric: Metric| {
+        let value = summary.value(metric);
+        if value.is_nan() { format!("{} not measured", metric.words) } else { say(metric, value) }
+    };
+    format!("{}, {}", said(FLIPS), said(CLUMPING))
+}
+
+/// How much a list holds.
+fn listed(table: &Table) -> usize {
+    if table.views.len() > 1 { LISTED_OF_VIEWS } else { LISTED }
+}
+
+/// Rows that differ from the first kept one in nothing but what `same` leaves open. The subject is the choice that each tile makes, else
+/// what has the most to tell of chance, else the first.
+fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) -> Vec<usize> {
+    let of = |i: usize| &table.summaries[i];
+    let chosen = rows.iter().copied().find(|&i| of(i).key.variant == "auto");
+    let by_chance = || rows.iter().copied().find(|&i| of(i).is_stochastic());
+    let Some(first) = chosen.or_else(by_chance).or(rows.first().copied()) else { return Vec::new() };
+    rows.iter().copied().filter(|&i| same(of(first), of(i))).collect()
+}
+
+/// The items, of which some in the middle are left out where there are more than `most`, at least 2.
+fn list(items: &[String], most: usize) -> String {
+    let count = items.len();
+    if count <= most {
+        return match items {
+            [] => String::new(),
+            [one] => one.clone(),
+            [first @ .., last] => format!("{} and {last}", first.join(", ")),
+        };
+    }
+    let kept: Vec<&str> = (0..most).map(|k| items[k * (count - 1) / (most - 1)].as_str()).collect();
+    format!("{} ({} more between them)", kept.join(", "), count - most)
+}
+
+/// Smallest and largest of some rows in a metric; `None` where no row has a value.
+fn extremes(table: &Table, rows: &[usize], metric: Metric) -> Option<(usize, usize)> {
+    let mut known: Vec<usize> = rows.iter().copied().filter(|&i| table.summaries[i].value(metric).is_finite()).collect();
+    // Stable: of equal values the first of the definition is named.
+    known.sort_by(|&a, &b| table.summaries[a].value(metric).total_cmp(&table.summaries[b].value(metric)));
+    let low = *known.first()?;
+    let top = table.summaries[*known.last()?].value(metric);
+    let high = known.iter().copied().find(|&i| table.summaries[i].value(metric) >= top)?;
+    Some((low, high))
+}
+
+/// By how much of the largest value the values of a metric differ.
+fn spread(table: &Table, (low, high): (usize, usize), metric: Metric) -> f64 {
+    let (low, high) = (table.summaries[low].value(metric), table.summaries[high].value(metric));
+    if high.abs().max(low.abs()) > 0.0 { (high - low) / high.abs().max(low.abs()) } else { 0.0 }
+}
+
+/// The names of a front's choices with their prices. What has the same variant, cost and error, as under each of many noises, is one item.
+fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String) -> Vec<String> {
+    let mut items: Vec<Vec<&Summary>> = Vec::new();
+    for summary in front.iter().map(|&i| &table.summaries[i]) {
+        let alike = |item: &&mut Vec<&Summary>| {
+            let near = |m: Metric| (summary.value(m) - item[0].value(m)).abs() <= 1e-9 * summary.value(m).abs();
+            summary.key.variant == item[0].key.variant && near(table.cost) && near(table.error)
+        };
+        match items.iter_mut().find(alike) {
+            Some(item) => item.push(summary),
+            None => items.push(vec![summary]),
+        }
+    }
+    let words = |item: Vec<&Summary>| {
+        let name = match item.len() {
+            1 => name(item[0]),
+            all if all == table.noises.len() => item[0].key.variant.clone(),
+            some => format!("{} under {some} noises", item[0].key.variant),
+        };
+        let flicker = |pick: fn(f64, f64) -> f64| item.iter().map(|s| s.value(FLICKER)).reduce(pick).unwrap_or(f64::NAN);
+        let (low, high) = (flicker(f64::min), flicker(f64::max));
+        let more = if high > (1.0 + SMALL) * low { format!(" to {}", number(high)) } else { String::new() };
+        // The price ends with the flicker, of the first; the list is in the order of the front, so it is told from the least.
+        let least = item.iter().copied().find(|s| s.value(FLICKER) <= low).unwrap_or(item[0]);
+        format!("{name} ({}{more})", price(table, least))
+    };
+    items.into_iter().map(words).collect()
+}
+
+fn variants(table: &Table, rows: &[usize]) -> Option<String> {
+    let front = table.front(rows, table.cost, table.error);
+    if front.is_empty() {
+        return None;
+    }
+    let items = front_items(table, &front, |s| table.label(&s.key));
+    let among = if table.noises.len() > 1 {
+        format!("{} variants under {} noises", table.variants.len(), table.noises.len())
+    } else {
+        format!("{} variants", table.variants.len())
+    };
+    let verb = if items.len() == 1 { "is" } else { "are" };
+    let mut text = format!(
+        "of {among}, {} {verb} Pareto-optimal in {} and {}: {}",
+        items.len(),
+        table.cost.words,
+        table.error.words,
+        list(&items, listed(table))
+    );
+    if let Some(auto) = rows.iter().map(|&i| &table.summaries[i]).find(|s| s.key.variant == "auto") {
+        let against = |name: &str, words: &str| {
+            let other =
+                rows.iter().map(|&i| &table.summaries[i]).find(|s| s.key.variant == name && s.key.estimator == auto.key.estimator)?;
+            Some(format!("{} {words}", speed(auto.value(SHADING), other.value(SHADING))?))
+        };
+        let speeds: Vec<String> =
+            [against("splat", "full splat everywhere"), against("generic", "the generic kernel")].into_iter().flatten().collect();
+        text += &format!("; automatic choice ({}) has {}", table.label(&auto.key), price(table, auto));
+        if !speeds.is_empty() {
+            text += &format!(", and its shading is {}", speeds.join(" and "));
+        }
+    }
+    if table.noises.len() > 1
+        && table.views.len() == 1
+        && let Some(part) = noises(table, rows)
+    {
+        text += &format!("; {part}");
+    }
+    Some(text)
+}
+
+fn noises(table: &Table, rows: &[usize]) -> Option<String> {
+    let rows = subject(table, rows, |a, b| {
+        (&a.key.variant, &a.key.estimator, &a.key.temporal, &a.key.setting)
+            == (&b.key.variant, &b.key.estimator, &b.key.temporal, &b.key.setting)
+    });
+    let name = |i: usize| &table.summaries[i].key.noise;
+    let variant = &table.summaries[*rows.first()?].key.variant;
+    let mut text = format!("with {variant}, of {} noises ", rows.len());
+    match (extremes(table, &rows, FLIPS), extremes(table, &rows, CLUMPING)) {
+        (Some((steady, restless)), Some((even, _))) if steady != even => {
+            let of = |i: usize| format!("{} ({})", name(i), flips_and_clumping(&table.summaries[i]));
+            text += &format!("the fewest choices flip under {}, the least clumping has {}", of(steady), of(even));
+            if restless != even {
+                text += &format!(", and the most choices flip under {}", of(restless));
+            }
+        }
+        (Some((steady, _)), Some(_)) => {
+            text += &format!("{} both flips and clumps least ({})", name(steady), flips_and_clumping(&table.summaries[steady]));
+        }
+        (Some((steady, _)), None) => {
+            text += &format!("the fewest choices flip under {} ({})", name(steady), flips_and_clumping(&table.summaries[steady]))
+        }
+        (None, Some((even, _))) => {
+            text += &format!("the least clumping has {} ({})", name(even), flips_and_clumping(&table.summaries[even]))
+        }
+        (None, None) => {
+            let (low, high) = extremes(table, &rows, table.error)?;
+            let of = |i: usize| format!("{} ({})", name(i), say(table.error, table.summaries[i].value(table.error)));
+            return Some(text + &format!("the smallest error has {}, the largest {}", of(low), of(high)));
+        }
+    }
+    for metric in [FLICKER, table.error] {
+        if let Some((low, high)) = extremes(table, &rows, metric) {
+            let of = |i: usize| format!("{} ({})", number(table.summaries[i].value(metric)), name(i));
+            text += &if spread(table, (low, high), metric) < SMALL {
+                format!(", {} is {} under all", metric.words, number(table.summaries[low].value(metric)))
+            } else {
+                format!(", {} runs from {} to {}", metric.words, of(low), of(high))
+            };
+        }
+    }
+    Some(text)
+}
+
+fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
+    let rows = subject(table, rows, |a, b| {
+        (&a.key.variant, &a.key.estimator, &a.key.temporal, &a.key.noise)
+            == (&b.key.variant, &b.key.estimator, &b.key.temporal, &b.key.noise)
+    });
+    let name = |i: usize| &table.summaries[i].key.setting;
+    let known: Vec<(Metric, (usize, usize))> =
+        [FLIPS, CLUMPING, FLICKER, table.error, table.cost].into_iter().filter_map(|m| Some((m, extremes(table, &rows, m)?))).collect();
+    let (moved, still): (Vec<_>, Vec<_>) = known.iter().copied().partition(|(m, ends)| spread(table, *ends, *m) >= SMALL);
+    let key = &table.summaries[*rows.first()?].key;
+    let with =
+        if table.variants.len() > 1 || table.noises.len() > 1 { format!(" (with {}, {})", key.variant, key.noise) } else { String::new() };
+    let head = format!("of {} values of {}{with}", rows.len(), table.parameter);
+    let still_words = || still.iter().map(|(m, _)| m.words).collect::<Vec<_>>().join(", ");
+    // What changes most is what the parameter is for. Clumping is never that: it is what fewer flips cost.
+    let lead =
+        moved.iter().copied().filter(|(m, _)| *m != CLUMPING).max_by(|a, b| spread(table, a.1, a.0).total_cmp(&spread(table, b.1, b.0)));
+    let Some((metric, (best, worst))) = lead.or_else(|| moved.first().copied()) else {
+        return (!known.is_empty()).then(|| format!("{head}, none changes {} by more than {:.0} %", still_words(), 100.0 * SMALL));
+    };
+    let of = |m: Metric, i: usize| with_interval(table.summaries[i].value(m), table.summaries[i].error(m));
+    let mut text = format!(
+        "{head}, {} has the smallest {} ({}, against {} at {})",
+        name(best),
+        metric.words,
+        of(metric, best),
+        of(metric, worst),
+        name(worst)
+    );
+    let alike: Vec<&str> =
+        rows.iter().copied().filter(|&i| i != best && are_alike(table, best, i, metric)).map(|i| name(i).as_str()).collect();
+    if !alike.is_empty() {
+        text += &format!(", within chance the same at {}", alike.join(", "));
+    }
+    let others: Vec<String> = moved
+        .iter()
+        .filter(|(m, _)| *m != metric)
+        .map(|&(m, (low, _))| {
+            let here = table.summaries[best].value(m);
+            if low == best {
+                format!("{} is smallest there, too ({})", m.words, of(m, best))
+            } else if here.is_nan() {
+                format!("{} was not measured there", m.words)
+            } else {
+                format!("{} is {} there and smallest at {} ({})", m.words, of(m, best), name(low), of(m, low))
+            }
+        })
+        .collect();
+    if !others.is_empty() {
+        text += &format!("; {}", others.join(", "));
+    }
+    if [FLIPS, FLICKER].contains(&metric) && extremes(table, &rows, CLUMPING).is_none() {
+        text += ", clumping was not measured";
+    }
+    if !still.is_empty() {
+        text += &format!("; it changes {} by less than {:.0} %", still_words(), 100.0 * SMALL);
+    }
+    Some(text)
+}
+
+/// Whether the 95 % intervals of two values meet.
+fn are_alike(table: &Table, a: usize, b: usize, metric: Metric) -> bool {
+    let (a, b) = (&table.summaries[a], &table.summaries[b]);
+    match (a.error(metric), b.error(metric)) {
+        (Some(x), Some(y)) => (a.value(metric) - b.value(metric)).abs() <= CONFIDENCE_95 * (x + y),
+        _ => false,
+    }
+}
+
+fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
+    let base = table.temporal.iter().find(|t| *t == "off").or(table.temporal.first())?;
+    let key = |i: usize| {
+        let k = &table.summaries[i].key;
+        (k.variant.as_str(), k.estimator.as_str(), k.noise.as_str(), k.setting.as_str())
+    };
+    let mut parts = Vec::new();
+    for resolve in table.temporal.iter().filter(|t| *t != base) {
+        // Choices without chance have no noise to resolve: they would only widen the range.
+        let pairs: Vec<(usize, usize)> = rows
+            .iter()
+            .copied()
+            .filter(|&i| &table.summaries[i].key.temporal == resolve)
+            .filter_map(|after| {
+                Some((rows.iter().copied().find(|&i| &table.summaries[i].key.temporal == base && key(i) == key(after))?, after))
+            })
+            .collect();
+        let by_chance: Vec<_> = pairs.iter().copied().filter(|(before, _)| table.summaries[*before].is_stochastic()).collect();
+        let pairs = if by_chance.is_empty() { pairs } else { by_chance };
+        let (mut moved, mut still) = (Vec::new(), Vec::new());
+        for metric in [FLICKER, table.error, table.cost, FLIPS] {
+            match change(table, &pairs, metric) {
+                Some(Change::Moved(text)) => moved.push(text),
+                Some(Change::Still) => still.push(metric.words),
+                None => {}
+            }
+        }
+        let takes = (!moved.is_empty()).then(|| format!("takes {}", moved.join(", ")));
+        let leaves = (!still.is_empty()).then(|| format!("leaves {} within {:.0} %", still.join(", "), 100.0 * SMALL));
+        let changes: Vec<String> = takes.into_iter().chain(leaves).collect();
+        if changes.is_empty() {
+            continue;
+        }
+        let rejected = extremes(table, &pairs.iter().map(|p| p.1).collect::<Vec<_>>(), REJECTIONS).map(|(low, high)| {
+            let share = |i: usize| format!("{:.1} %", 100.0 * table.summaries[i].value(REJECTIONS));
+            let range = if low == high { share(low) } else { format!("{} to {}", share(low), share(high)) };
+            format!(", and rejects {range} of the history's samples")
+        });
+        parts.push(format!("{resolve} {}{}", changes.join(" and "), rejected.unwrap_or_default()));
+    }
+    (!parts.is_empty()).then(|| format!("against {base}, {}", parts.join("; ")))
+}
+
+/// What becomes of a metric.
+enum Change {
+    /// It changes thus.
+    Moved(String),
+    /// It hardly changes.
+    Still,
+}
+
+/// What becomes of a metric from the first to the second of each pair: values of one pair, ratios of more.
+fn change(table: &Table, pairs: &[(usize, usize)], metric: Metric) -> Option<Change> {
+    let ratio = |&(a, b): &(usize, usize)| table.summaries[b].value(metric) / table.summaries[a].value(metric);
+    let mut known: Vec<&(usize, usize)> = pairs.iter().filter(|p| ratio(p).is_finite() && ratio(p) > 0.0).collect();
+    known.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+    let (least, most) = (*known.first()?, *known.last()?);
+    if [least, most].iter().all(|p| (ratio(p) - 1.0).abs() < SMALL) {
+        return Some(Change::Still);
+    }
+    if pairs.len() == 1 {
+        let of = |i: usize| with_interval(table.summaries[i].value(metric), table.summaries[i].error(metric));
+        let times = number(ratio(least));
+        return Some(Change::Moved(format!("{} from {} to {} ({times} times)", metric.words, of(least.0), of(least.1))));
+    }
+    let of = |p: &(usize, usize)| {
+        let key = &table.summaries[p.1].key;
+        let words = [(&table.variants, &key.variant), (&table.noises, &key.noise), (&table.estimators, &key.estimator)];
+        let words: Vec<&str> = words.iter().filter(|(all, _)| all.len() > 1).map(|(_, v)| v.as_str()).collect();
+        format!("{} ({})", number(ratio(p)), words.join(", "))
+    };
+    if ratio(most) - ratio(least) < SMALL * ratio(most) {
+        return Some(Change::Moved(format!("{} to {} times", metric.words, number(ratio(least)))));
+    }
+    Some(Change::Moved(format!("{} to {} ... {} times", metric.words, of(least), of(most))))
+}
+
+fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
+    let rows = subject(table, rows, |a, b| {
+        (&a.key.variant, &a.key.noise, &a.key.temporal, &a.key.setting) == (&b.key.variant, &b.key.noise, &b.key.temporal, &b.key.setting)
+    });
+    let front = table.front(&rows, table.cost, table.error);
+    let base = &table.summaries[*rows.first()?];
+    if front.is_empty() {
+        return None;
+    }
+    let items: Vec<String> =
+        front.iter().map(|&i| format!("{} ({})", table.summaries[i].key.estimator, price(table, &table.summaries[i]))).collect();
+    let verb = if items.len() == 1 { "is" } else { "are" };
+    let mut text = format!(
+        "with {}, {} of {} estimators {verb} Pareto-optimal in {} and {}: {}",
+        base.key.variant,
+        items.len(),
+        rows.len(),
+        table.cost.words,
+        table.error.words,
+        list(&items, listed(table))
+    );
+    let better: Vec<&str> = rows
+        .iter()
+        .map(|&i| &table.summaries[i])
+        .filter(|s| s.value(table.cost) < base.value(table.cost) && s.value(table.error) < base.value(table.error))
+        .map(|s| s.key.estimator.as_str())
+        .collect();
+    let own = format!("{} ({})", base.key.estimator, price(table, base));
+    text += &if better.is_empty() {
+        format!("; none is both cheaper and closer to the reference than {own}")
+    } else {
+        format!("; both cheaper and closer to the reference than {own}: {}", better.join(", "))
+    };
+    if let Some((low, _)) = extremes(table, &rows, FLICKER) {
+        let steady = &table.summaries[low];
+        text +=
+            &format!("; {} flickers least ({}, {})", steady.key.estimator, say(FLICKER, steady.value(FLICKER)), flips_and_clumping(steady));
+    }
+    Some(text)
+}
+
+fn one(table: &Table, summary: &Summary) -> Option<String> {
+    let parts: Vec<String> = [table.cost, table.error, FLICKER]
+        .into_iter()
+        .filter(|m| !summary.value(*m).is_nan())
+        .map(|m| match summary.error(m) {
+            Some(_) => format!("{} {}", m.words, with_interval(summary.value(m), summary.error(m))),
+            None => say(m, summary.value(m)),
+        })
+        .collect();
+    if parts.is_empty() {
+        return None;
+    }
+    let mut text = format!("{} has {}", summary.key.variant, list(&parts, LISTED));
+    if !summary.value(FLIPS).is_nan() || !summary.value(CLUMPING).is_nan() {
+        text += &format!(" ({})", flips_and_clumping(summary));
+    }
+    Some(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::report::fake::{self, Rows, base, definition};
+    use crate::row::Row;
+
+    /// The verdict on choices given by what changes of the columns, and fetches, RMSE, flicker, flips, clumping (NaN = no row).
+    fn said(choices: &[(Row, [f64; 5])]) -> String {
+        let mut rows = Rows::new();
+        for (row, values) in choices {
+            for (metric, value) in [("fetches_per_px", values[0]), ("rmse", values[1]), ("clumping", values[4])] {
+                if !value.is_nan() {
+                    rows.put(row, metric, "", value, None);
+                }
+            }
+            for (metric, value) in [("flicker", values[2]), ("flip_rate", values[3])] {
+                if !value.is_nan() {
+                    rows.put(&Row { lag: Some(1), ..row.clone() }, metric, "", value, None);
+                }
+            }
+        }
+        verdict(&Table::of(&fake::run(definition("frames = 2\nvariants = [\"all\"]"), rows, Path::new("."))))
+    }
+
+    fn variant(name: &str) -> Row {
+        Row { variant: name.to_owned(), ..base("cliff") }
+    }
+
+    const NONE: f64 = f64::NAN;
+
+    #[test]
+    fn variants_are_those_on_the_front() {
+        let mut all = vec![
+            (variant("vt"), [4.0, 0.05, 0.001, NONE, NONE]),
+            (variant("splat"), [48.0, 0.01, 0.0, NONE, NONE]),
+            (variant("near-cliff"), [50.0, 0.02, 0.01, NONE, NONE]),
+        ];
+        assert_eq!(
+            said(&all),
+            "Of 3 variants, 2 are Pareto-optimal in fetches per pixel and RMSE: vt (4.0 fetches, RMSE 0.05, flicker 0.001) and splat (48.0 fetches, \
+             RMSE 0.01, flicker 0)."
+        );
+        // What was dominated is not once it costs less.
+        all[2].1[0] = 12.0;
+        assert!(said(&all).starts_with("Of 3 variants, 3 are Pareto-optimal"), "{}", said(&all));
+        assert!(said(&all).contains("near-cliff (12.0 fetches, RMSE 0.02, flicker 0.01)"));
+    }
+
+    #[test]
+    fn automatic_choice_is_held_against_splat_and_generic() {
+        let folder = Path::new(".");
+        let text = verdict(&Table::of(&fake::variants(folder, &["cliff"], &["hashed"])));
+        // 3 + 1.1 x 17.3 ms against 3 + 1.1 x 48 and 3 + 1.2 x 1.1 x 17.3.
+        assert!(
+            text.contains("its shading is 2.53 times as fast as full splat everywhere and 1.17 times as fast as the generic kernel"),
+            "{text}"
+        );
+        // More of the front than is listed is counted.
+        assert!(text.contains("more between them"), "{text}");
+        // Choices that a noise does not change are named once.
+        let text = verdict(&Table::of(&fake::variants(folder, &["cliff"], &fake::NOISES)));
+        assert!(text.contains(": far-atlas (2.0 fetches, RMSE 0.102, flicker 0.000659), vt (4.0 fetches"), "{text}");
+        // Where a noise changes flicker alone, its range is told.
+        assert!(text.contains("far-atlas+near-cliff+far-cliff (22.0 fetches, RMSE 0.0518, flicker 0.0118 to 0.0312)"), "{text}");
+        assert!(text.contains("with auto, of 6 noises"), "{text}");
+    }
+
+    #[test]
+    fn noises_are_told_by_flips_and_clumping_together() {
+        let noise = |name: &str| Row { noise: name.to_owned(), ..base("cliff") };
+        let all = [
+            (noise("hashed"), [10.0, 0.0500, 0.002, 0.1, 3.0]),
+            (noise("blue"), [10.0, 0.0501, 0.004, 0.4, 0.5]),
+            (noise("white"), [10.0, 0.0502, 0.005, 0.5, 1.0]),
+        ];
+        assert_eq!(
+            said(&all),
+            "With auto, of 3 noises the fewest choices flip under hashed (flip rate 0.1, clumping 3), the least clumping has blue (flip rate 0.4, \
+             clumping 0.5), and the most choices flip under white (flip rate 0.5, clumping 1), flicker runs from 0.002 (hashed) to 0.005 (white), \
+             RMSE is 0.05 under all."
+        );
+        // One that is best in both.
+        let mut both = all.clone();
+        both[0].1[4] = 0.4;
+        assert!(said(&both).contains("hashed both flips and clumps least (flip rate 0.1, clumping 0.4)"), "{}", said(&both));
+        // Flips are never said without clumping, or that it is missing.
+        let mut lost = all.clone();
+        lost.iter_mut().for_each(|l| l.1[4] = NONE);
+        assert!(said(&lost).contains("hashed (flip rate 0.1, clumping not measured)"), "{}", said(&lost));
+    }
+
+    #[test]
+    fn a_parameter_has_a_best_value_and_its_price() {
+        let setting = |value: &str| Row {
+            parameter: "blend.hash_scale".to_owned(),
+            setting: value.to_owned(),
+            noise: "hashed".to_owned(),
+            ..base("cliff")
+        };
+        let mut all = vec![
+            (setting("0.5"), [10.0, 0.05, 0.004, 0.6, 1.0]),
+            (setting("1.0"), [10.0, 0.05, 0.003, 0.3, 2.0]),
+            (setting("4.0"), [10.0, 0.0501, 0.001, 0.06, 8.0]),
+        ];
+        assert_eq!(
+            said(&all),
+            "Of 3 values of blend.hash_scale, 4.0 has the smallest flip rate (0.06, against 0.6 at 0.5); clumping is 8 there and smallest at 0.5 (1), \
+             flicker is smallest there, too (0.001); it changes RMSE, fetches per pixel by less than 2 %."
+        );
+        // What moves most leads.
+        all[0].1[0] = 1000.0;
+        assert!(said(&all).contains("1.0 has the smallest fetches per pixel (10, against 1000 at 0.5)"), "{}", said(&all));
+        // Nothing moves.
+        let still: Vec<_> = all.iter().map(|(row, _)| (row.clone(), [10.0, 0.05, NONE, NONE, NONE])).collect();
+        assert_eq!(said(&still), "Of 3 values of blend.hash_scale, none changes RMSE, fetches per pixel by more than 2 %.");
+    }
+
+    #[test]
+    fn values_within_chance_of_the_best_are_named() {
+        let mut rows = Rows::new();
+        for (setting, flips, error) in [("1", 0.30, 0.01), ("2", 0.31, 0.01), ("3", 0.5, 0.01)] {
+            let row = Row { parameter: "p".to_owned(), setting: setting.to_owned(), lag: Some(1), ..base("cliff") };
+            rows.put(&row, "flip_rate", "share", flips, Some(error));
+        }
+        let text = verdict(&Table::of(&fake::run(definition("frames = 2\nvariants = [\"auto\"]"), rows, Path::new("."))));
+        assert!(
+            text.contains("1 has the smallest flip rate (0.3 \u{b1} 0.0196, against 0.5 \u{b1} 0.0196 at 3), within chance the same at 2"),
+            "{text}"
+        );
+        assert!(text.ends_with("clumping was not measured."), "{text}");
+    }
+
+    #[test]
+    fn a_resolve_is_held_against_none() {
+        let row = |noise: &str, temporal: &str| Row { noise: noise.to_owned(), temporal: temporal.to_owned(), ..base("cliff") };
+        let one = [(row("hashed", "off"), [10.0, 0.05, 0.004, 0.3, 1.0]), (row("hashed", "exponential"), [10.0, 0.03, 0.001, 0.3, 1.0])];
+        assert_eq!(
+            said(&one),
+            "Against off, exponential takes flicker from 0.004 to 0.001 (0.25 times), RMSE from 0.05 to 0.03 (0.6 times) and leaves fetches per pixel, \
+             flip rate within 2 %."
+        );
+        let more = [(row("white", "off"), [10.0, 0.05, 0.004, 0.3, 1.0]), (row("white", "exponential"), [10.0, 0.05, 0.002, 0.3, 1.0])];
+        let text = said(&[&one[..], &more[..]].concat());
+        assert!(text.contains("takes flicker to 0.25 (hashed) ... 0.5 (white) times, RMSE to 0.6 (hashed) ... 1 (white) times"), "{text}");
+        // Ratios that are alike are one.
+        let text = said(
+            &[&one[..], &more.clone().map(|(row, [a, b, c, d, e])| (row, [a, b * if c < 0.003 { 0.6 } else { 1.0 }, c / 2.0, d, e]))]
+                .concat(),
+        );
+        assert!(text.contains("RMSE to 0.6 times and"), "{text}");
+        // Without a pair there is nothing to hold against.
+        assert!(said(&[one[0].clone(), more[1].clone()]).starts_with("No row"), "no pair");
+    }
+
+    #[test]
+    fn estimators_are_held_against_the_first() {
+        let text = verdict(&Table::of(&fake::estimators(Path::new("."))));
+        assert!(text.starts_with("With near-cliff, 5 of 8 estimators are Pareto-optimal in fetches per pixel and RMSE: one-tap (3.0 fetches, RMSE 0.08, flicker 0.031)"), "{text}");
+        assert!(
+            text.contains("both cheaper and closer to the reference than fc5 (12.0 fetches, RMSE 0.047, flicker 0.012): luna8;"),
+            "{text}"
+        );
+        assert!(text.contains("exact flickers least (flicker 0.0006, flip rate 0.0054, clumping 1.3)"), "{text}");
+    }
+
+    #[test]
+    fn one_choice_and_many_views() {
+        assert_eq!(
+            said(&[(variant("vt"), [4.0, 0.05, 0.001, 0.0, NONE])]),
+            "vt has 4.0 fetches per pixel, RMSE 0.05 and flicker 0.001 (flip rate 0, clumping not measured)."
+        );
+        let view = |name: &str, fetches: f64| (base(name), [fetches, 0.05, NONE, NONE, NONE]);
+        assert_eq!(
+            said(&[view("a", 4.0), view("b", 5.0)]),
+            "In view a, auto has 4.0 fetches per pixel and RMSE 0.05; in view b, auto has 5.0 fetches per pixel and RMSE 0.05."
+        );
+        let many: Vec<_> = ["a", "b", "c", "d", "e"].map(|v| view(v, 4.0)).into();
+        assert!(said(&many).ends_with("; 2 more views are in the table."), "{}", said(&many));
+        // Nothing of use: no word of a number.
+        assert!(said(&[(base("a"), [NONE; 5])]).starts_with("No row of this run"));
+    }
+}
