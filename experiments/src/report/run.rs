@@ -403,23 +403,47 @@ fn curve_name(table: &Table, index: usize, known: fn(&mut Key)) -> String {
     if name.is_empty() { table.summaries[index].key.variant.clone() } else { name }
 }
 
-/// Variants whose noise is looked at closely: what each tile chooses, else single flavours, of those that leave something to chance.
-fn close_ups(table: &Table, view: &str) -> Vec<String> {
-    let mut variants: Vec<(usize, String)> = Vec::new();
-    for index in table.of_view(view) {
-        let summary = &table.summaries[index];
+/// A variant whose noise is looked at closely.
+struct CloseUp {
+    /// Heading.
+    name: String,
+    /// Its choices, at most [`CURVES`], and their colours.
+    choices: Vec<(usize, Rgb)>,
+    /// How many choices it has.
+    all: usize,
+}
+
+/// At most four of them: what each tile chooses, then single flavours, of those that leave something to chance. A variant of too many choices for
+/// one plot has one for each temporal resolve.
+fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
+    let mut variants: Vec<(usize, &str)> = Vec::new();
+    let rows = table.of_view(view);
+    for summary in rows.iter().map(|&i| &table.summaries[i]) {
         if summary.is_stochastic() && !variants.iter().any(|(_, v)| *v == summary.key.variant) {
             let rank = summary.key.flavours().unwrap_or_default();
-            variants.push((if summary.key.variant == "generic" { 9 } else { rank }, summary.key.variant.clone()));
+            // It looks as `auto` does.
+            variants.push((if summary.key.variant == "generic" { 9 } else { rank }, &summary.key.variant));
         }
     }
     variants.sort_by_key(|(rank, _)| *rank);
-    variants.into_iter().map(|(_, v)| v).take(3).collect()
+    let mut all = Vec::new();
+    for (_, variant) in variants {
+        let of_variant: Vec<usize> = rows.iter().copied().filter(|&i| table.summaries[i].key.variant == variant).collect();
+        if of_variant.len() <= CURVES || table.temporal.len() < 2 {
+            all.push(close_up(table, variant.to_owned(), of_variant));
+            continue;
+        }
+        for temporal in &table.temporal {
+            let resolved = of_variant.iter().copied().filter(|&i| table.summaries[i].key.temporal == *temporal).collect();
+            all.push(close_up(table, format!("{variant} \u{b7} {temporal}"), resolved));
+        }
+    }
+    all.truncate(4);
+    all
 }
 
-/// The choices of a variant in a view, at most [`CURVES`], their colours, and how many there were.
-fn choices_of(table: &Table, view: &str, variant: &str) -> (Vec<(usize, Rgb)>, usize) {
-    let rows: Vec<usize> = table.of_view(view).into_iter().filter(|&i| table.summaries[i].key.variant == variant).collect();
+/// Chooses and colours what is drawn of some rows.
+fn close_up(table: &Table, name: String, rows: Vec<usize>) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);
     // One of each value of the column that has the most, if all are too many.
@@ -447,7 +471,7 @@ fn choices_of(table: &Table, view: &str, variant: &str) -> (Vec<(usize, Rgb)>, u
         let own = named.map(|p| p.colour(&table.summaries[i]));
         (i, own.unwrap_or_else(|| colour(k, count, false)))
     });
-    (coloured.collect(), all)
+    CloseUp { name, choices: coloured.collect(), all }
 }
 
 fn lags(table: &Table) -> Result<String> {
@@ -458,8 +482,7 @@ fn lags(table: &Table) -> Result<String> {
     ]);
     per_view(table, "lags", "Flips and flicker over k frames", &after, |view| {
         let mut html = String::new();
-        for variant in close_ups(table, view) {
-            let (choices, all) = choices_of(table, view, &variant);
+        for CloseUp { name: variant, choices, all } in close_ups(table, view) {
             let mut plots_of_variant = String::new();
             for (metric, words) in [(FLIPS, "flip rate"), (FLICKER, "flicker")] {
                 let curves: Vec<Curve> = choices
@@ -494,8 +517,11 @@ fn lags(table: &Table) -> Result<String> {
                     html::key(colour, &format!("{} ({clumping})", curve_name(table, row, |key| key.variant.clear())))
                 })
                 .collect();
-            html +=
-                &format!("<div class=\"pair\">{plots_of_variant}</div><p class=\"legend\">{keys}{}</p>\n", left_out(choices.len(), all));
+            html += &format!(
+                "<h3>{}</h3><div class=\"pair\">{plots_of_variant}</div><p class=\"legend\">{keys}{}</p>\n",
+                escape(&variant),
+                left_out(choices.len(), all)
+            );
         }
         Ok((!html.is_empty()).then_some(html))
     })
@@ -505,8 +531,7 @@ fn spectra(table: &Table) -> Result<String> {
     let after = query(&[KEY, "m[m.frame.isna() & (m.metric == \"power\")].pivot_table(\"value\", \"frequency\", key)"]);
     per_view(table, "spectra", "Spectra of the noise that is left", &after, |view| {
         let mut html = String::new();
-        for variant in close_ups(table, view).into_iter().take(2) {
-            let (choices, all) = choices_of(table, view, &variant);
+        for CloseUp { name: variant, choices, all } in close_ups(table, view) {
             let curves: Vec<Curve> = choices
                 .iter()
                 .map(|&(row, colour)| {
@@ -599,9 +624,10 @@ fn choices(run: &RunData, table: &Table) -> String {
             .chain(shown.iter().map(|c| (c.heading, c.unit, true, attributes(c)))),
     );
     html += "<tbody>\n";
+    let forced = table.summaries.iter().any(|s| s.key.flavours().is_some());
     let mut reasons: Vec<(&str, String)> = Vec::new();
     for (index, summary) in table.summaries.iter().enumerate() {
-        let class = match (summary.key.flavours().is_none(), fronts[index].name()) {
+        let class = match (forced && summary.key.flavours().is_none(), fronts[index].name()) {
             (false, "") => "",
             (false, _) => " class=\"front\"",
             (true, "") => " class=\"chosen\"",
