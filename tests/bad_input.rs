@@ -11,7 +11,7 @@ use std::time::SystemTime;
 use kernels::probe::PROBES;
 
 /// The program, built beside this test's own binary, and not older than its sources: a stale one would be tested in vain.
-fn program() -> &'static Path {
+pub(crate) fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
         let here = std::env::current_exe().expect("a test knows where it is");
@@ -82,7 +82,7 @@ pub(crate) fn success(arguments: &[&str]) -> String {
 }
 
 /// A folder of its own, removed at the end.
-pub(crate) struct Folder(PathBuf);
+pub(crate) struct Folder(pub(crate) PathBuf);
 
 impl Folder {
     pub(crate) fn new(name: &str) -> Folder {

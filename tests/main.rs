@@ -9,6 +9,8 @@ mod compare;
 #[cfg(test)]
 mod composition;
 #[cfg(test)]
+mod experiments;
+#[cfg(test)]
 mod frame;
 #[cfg(test)]
 mod geometry;
@@ -22,6 +24,8 @@ mod materials;
 mod metrics;
 #[cfg(test)]
 mod noise;
+#[cfg(test)]
+mod runs;
 #[cfg(test)]
 mod scene;
 #[cfg(test)]

@@ -10,6 +10,7 @@ mod sweep;
 mod timing;
 mod views;
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -20,6 +21,7 @@ use kernels::frame::{Progress, RenderRequest, Renderer, RendererOptions, Variant
 use kernels::gpu::Gpu;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
+use kernels::temporal::SamplePattern;
 use kernels::variant::{Flavour, Variant};
 
 use crate::definition::{ClassifyBy, Definition, FrameChoices, Normals, setting_text};
@@ -47,6 +49,27 @@ struct Stage<'a> {
     layers: Layers,
     /// Layers of the exact blend, and the pose and frame that they show.
     exact: Option<(Pose, u32, Layers)>,
+    fixed: Fixed,
+}
+
+/// Layers of flavours that draw no random numbers, frame by frame: no noise changes them, so the parts of one view share them.
+#[derive(Default)]
+struct Fixed {
+    view: String,
+    estimator: Option<Estimator>,
+    frames: HashMap<(u32, SamplePattern), Layers>,
+}
+
+/// Memory that layers may keep between parts; longer or larger sequences shade them anew.
+const FIXED_BYTES: u64 = 1 << 30;
+
+impl Fixed {
+    /// Empties it unless it holds layers of this view and estimator.
+    fn of(&mut self, view: &str, estimator: Estimator) {
+        if self.view != view || self.estimator != Some(estimator) {
+            *self = Fixed { view: view.to_owned(), estimator: Some(estimator), frames: HashMap::new() };
+        }
+    }
 }
 
 impl<'a> Runner<'a> {
@@ -71,6 +94,7 @@ impl<'a> Runner<'a> {
             if stage.renderer.retune(&scene)? {
                 stage.setting.clone_from(setting);
                 stage.exact = None;
+                stage.fixed = Fixed::default();
                 return Ok(());
             }
         }
@@ -79,7 +103,7 @@ impl<'a> Runner<'a> {
         let options = RendererOptions { exact_normals: choices.normals == Normals::Exact, tile: choices.tile };
         let renderer = Renderer::with(self.gpu, &scene, options, QUIET)?;
         let layers = Layers::new(self.gpu, self.definition.size);
-        self.stage = Some(Stage { setting: setting.clone(), choices, renderer, layers, exact: None });
+        self.stage = Some(Stage { setting: setting.clone(), choices, renderer, layers, exact: None, fixed: Fixed::default() });
         Ok(())
     }
 
@@ -183,6 +207,27 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
     let (drawing, fixed): (Vec<Flavour>, Vec<Flavour>) =
         set.flavours().partition(|&flavour| estimator.is_stochastic(Variant::only(flavour)));
     [drawing, fixed].map(|list| Variant::new(list.into_iter().fold(0, |mask, flavour| mask | flavour.bit())))
+}
+
+impl Stage<'_> {
+    /// Shades the flavours of `needed` on every pixel of one view: those that draw numbers anew, the others once for all noises.
+    fn draw(&mut self, request: &RenderRequest, needed: Variant, frames: u32) -> Result<Layers> {
+        let [drawing, fixed] = split(needed, request.estimator);
+        let fits = u64::from(frames) * Layers::bytes(request.size) <= FIXED_BYTES;
+        let (Some(drawing), Some(fixed), true) = (drawing, fixed, fits) else {
+            self.renderer.draw_flavours(request, needed, &self.layers)?;
+            return Ok(self.layers.clone());
+        };
+        let key = (request.frame, request.sample_pattern);
+        if !self.fixed.frames.contains_key(&key) {
+            let layers = Layers::new(self.renderer.gpu(), request.size);
+            self.renderer.draw_flavours(request, fixed, &layers)?;
+            self.fixed.frames.insert(key, layers);
+        }
+        // After these, since what is measured reads the geometry of this view.
+        self.renderer.draw_flavours(request, drawing, &self.layers)?;
+        Ok(self.layers.with(&self.fixed.frames[&key], fixed))
+    }
 }
 
 /// What a choice is composed as: `None` = each pixel the flavours it needs.

@@ -91,6 +91,7 @@ impl Runner<'_> {
         };
 
         // Frames: each against 1 to 4 before.
+        stage.fixed.of(&unit.view, how.estimator);
         let mut meter = stage.renderer.meter(size, &vec![how.resolve; variants.len()])?;
         let mut followed: Vec<Followed> = variants.iter().map(|_| Followed::default()).collect();
         for frame in 0..frames {
@@ -98,8 +99,8 @@ impl Runner<'_> {
             check_interrupted()?;
             let pose = views::pose(definition, &stage.renderer, &unit.view, frame)?;
             let request = request(pose, frame);
-            stage.renderer.draw_flavours(&request, needed, &stage.layers)?;
-            let (sums, _) = stage.renderer.measure(&request, &stage.layers, &mut meter, &variants)?;
+            let layers = stage.draw(&request, needed, frames)?;
+            let (sums, _) = stage.renderer.measure(&request, &layers, &mut meter, &variants)?;
             for (((name, _), sums), followed) in self.variants.iter().zip(&sums).zip(&mut followed) {
                 follow(&labels, &mut rows, name, frame, sums, &reference, how.resolve, followed);
             }

@@ -43,7 +43,8 @@ pub struct Destination<'a> {
     pub offset: u32,
 }
 
-/// Albedo and diagnostics of each flavour, in the order of their bits.
+/// Albedo and diagnostics of each flavour, in the order of their bits. A clone is the same textures.
+#[derive(Clone)]
 pub struct Layers {
     albedo: [wgpu::Texture; 5],
     diagnostics: [wgpu::Texture; 5],
@@ -68,6 +69,20 @@ impl Layers {
             albedo: std::array::from_fn(|_| layer("flavour albedo", shading::FORMAT)),
             diagnostics: std::array::from_fn(|_| layer("flavour diagnostics", wgpu::TextureFormat::R32Uint)),
         }
+    }
+
+    /// These layers, but those of `flavours` from `other`; the textures are shared, not copied.
+    #[must_use]
+    pub fn with(&self, other: &Layers, flavours: Variant) -> Layers {
+        let pick = |own: &[wgpu::Texture; 5], other: &[wgpu::Texture; 5]| {
+            std::array::from_fn(|i| if flavours.has(Flavour::ALL[i]) { other[i].clone() } else { own[i].clone() })
+        };
+        Layers { albedo: pick(&self.albedo, &other.albedo), diagnostics: pick(&self.diagnostics, &other.diagnostics) }
+    }
+
+    /// Bytes of the layers of a picture of a size in pixels.
+    pub fn bytes(size: [u32; 2]) -> u64 {
+        u64::from(size[0]) * u64::from(size[1]) * 5 * (8 + 4)
     }
 
     /// Records the copy of what the shading pass has just made into the layer of `flavour`.

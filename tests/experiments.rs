@@ -1,0 +1,986 @@
+//! Experiments as data: definitions, parts, shards, runs that are stopped and resumed, tables. Nothing is rendered: who measures is a stand-in here.
+
+use std::cell::Cell;
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+use std::time::Duration;
+
+use ::experiments::definition::{self, Definition};
+use ::experiments::expectations;
+use ::experiments::row::{COLUMNS, Row};
+use ::experiments::store::table::{read_parquet, write_csv, write_parquet};
+use ::experiments::store::{Place, Provenance, Run, RunData, read_run};
+use ::experiments::unit::{Measure, Outcome, Shard, Unit, Work, plan, share};
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+
+use crate::bad_input::{Folder, failure, usage_error};
+
+/// A definition that has one of everything.
+const TEXT: &str = r#"name = "trial"
+question = "Does it hold?"
+views = ["cliff", "sideways"]
+size = [64, 36]
+frames = 4
+seeds = 2
+variants = ["auto", "near-cliff"]
+estimators = ["fc5", "exact"]
+noises = ["hashed", "white"]
+temporal = ["off", "exponential"]
+metrics = ["rmse", "psnr", "flip_rate", "reference_se"]
+times = "all"
+
+[set]
+"flavours.cliff_near_m" = 20.0
+
+[vary]
+parameter = "blend.hash_scale"
+values = [0.05, 1.0]
+
+[[view]]
+name = "turn"
+camera = "ground"
+motion = "turn"
+step = 0.5
+
+[small]
+frames = 2
+views = ["cliff", "turn"]
+values = [1.0]
+
+[[expect]]
+claim = "Errors are small"
+metric = "rmse"
+where = { variant = "auto", setting = 1.0 }
+range = [0.0, 1.0]
+
+[[expect]]
+claim = "Shading is quick"
+metric = "gpu_ms:shading"
+where = { variant = "near-cliff" }
+over = { variant = "auto" }
+range = [0.0, inf]
+"#;
+
+fn parse(text: &str) -> Result<Definition, String> {
+    definition::parse(text, "trial.toml", Path::new(".")).map_err(|error| format!("{error:#}"))
+}
+
+fn trial() -> Definition {
+    parse(TEXT).expect("the trial definition is right")
+}
+
+/// `TEXT` with one thing changed; a change that finds nothing to change would test nothing.
+fn edited(from: &str, to: &str) -> String {
+    let text = TEXT.replacen(from, to, 1);
+    assert_ne!(text, TEXT, "`{from}` is not in the trial definition");
+    text
+}
+
+#[test]
+fn the_trial_definition_says_what_it_says() {
+    let trial = trial();
+    assert_eq!(trial.view_names().collect::<Vec<_>>(), ["cliff", "sideways", "turn"]);
+    assert!(trial.measures("rmse") && trial.measures("gpu_ms:shading") && !trial.measures("flip") && !trial.measures("nonsense"));
+    let setting = Some(toml::Value::Float(0.05));
+    let scene = trial.scene(&setting, None).expect("the built-in scene");
+    assert_eq!((scene.blend.hash_scale, scene.flavours.cliff_near_m, scene.flavours.far_atlas_m), (0.05, 20.0, 300.0));
+    let small = trial.small();
+    assert_eq!((small.frames, small.size, small.view_names().collect::<Vec<_>>()), (2, [64, 36], vec!["cliff", "turn"]));
+    let again = definition::stored(&trial.to_toml().unwrap()).expect("it survives being kept");
+    assert_eq!(Definition { folder: trial.folder.clone(), ..again }, trial);
+    assert_eq!(
+        parse(&edited("variants = [\"auto\", \"near-cliff\"]", "variants = [\"all\", \"auto\"]").replace("near-cliff", "vt"))
+            .unwrap()
+            .variant_choices()
+            .unwrap()
+            .len(),
+        32
+    );
+}
+
+#[test]
+fn choices_of_the_frame_are_set_and_varied() {
+    let text = edited("\"flavours.cliff_near_m\" = 20.0", "frame.normals = \"exact\"").replace("blend.hash_scale", "frame.tile");
+    let text =
+        text.replace("[0.05, 1.0]", "[4, 16]").replace("values = [1.0]", "values = [8]").replace("setting = 1.0", "variant = \"auto\"");
+    let text = text.replace("variant = \"auto\", variant = \"auto\"", "variant = \"auto\"");
+    let definition = parse(&text).unwrap();
+    let choices = definition.frame_choices(&Some(toml::Value::Integer(16))).unwrap();
+    assert_eq!((choices.tile, choices.normals), (16, definition::Normals::Exact));
+    let wrong = text.replace("[4, 16]", "[4, 5]");
+    assert!(parse(&wrong).unwrap_err().contains("4, 8 or 16"));
+    assert!(parse(&text.replace("frame.tile", "frame.tiles")).unwrap_err().contains("did you mean `frame.tile`"));
+    assert!(parse(&text.replace("\"exact\"\n", "\"best\"\n")).unwrap_err().contains("\"octahedral\" or \"exact\""));
+}
+
+/// What is changed, and what the refusal must name; the line is that of the change.
+const WRONG: &[(&str, &str, &[&str])] = &[
+    ("noises = ", "noise = ", &["unknown key `noise`", "did you mean `noises`"]),
+    ("frames = 4", "frames = \"many\"", &["frames", "invalid type"]),
+    ("name = \"trial\"", "name = \"a/b\"", &["name", "letters"]),
+    ("name = \"trial\"", "name = \"..\"", &["name", "letters"]),
+    ("name = \"trial\"", "name = \"größe\"", &["name", "names a folder"]),
+    ("question = \"Does it hold?\"", "question = \" \"", &["question", "is empty"]),
+    ("views = [\"cliff\", \"sideways\"]", "views = [\"clif\"]", &["views 1", "did you mean `cliff`"]),
+    ("views = [\"cliff\", \"sideways\"]", "views = [\"cliff\", \"cliff\"]", &["views 2", "number 1"]),
+    ("size = [64, 36]", "size = [0, 36]", &["size", "16384"]),
+    ("size = [64, 36]", "size = [16384, 16384]", &["size", "67108864"]),
+    ("frames = 4", "frames = 0", &["frames", "at least 1"]),
+    ("frames = 4", "frames = 1000000", &["frames", "100000"]),
+    ("seeds = 2", "seeds = 1", &["seeds", "no variance"]),
+    ("variants = [\"auto\", \"near-cliff\"]", "variants = []", &["variants", "at least one"]),
+    ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"near-clif\"]", &["variants 1", "did you mean `near-cliff`"]),
+    ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"vt+splat\", \"splat+vt\"]", &["variants 2", "already", "number 1"]),
+    ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"4\", \"near-cliff\"]", &["variants 2", "number 1"]),
+    ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"all\", \"splat\"]", &["variants 2", "one of `all`"]),
+    ("estimators = [\"fc5\", \"exact\"]", "estimators = [\"exakt\"]", &["estimators 1", "did you mean `exact`"]),
+    ("noises = [\"hashed\", \"white\"]", "noises = [\"hashd\"]", &["noises 1", "did you mean `hashed`"]),
+    ("temporal = [\"off\", \"exponential\"]", "temporal = [\"on\"]", &["temporal 1", "is no temporal resolve"]),
+    ("metrics = [\"rmse\", ", "metrics = [\"rms\", ", &["metrics 1", "did you mean `rmse`"]),
+    ("metrics = [\"rmse\", ", "metrics = [\"rmse\", \"gpu_ms:shading\", ", &["metrics 2", "`times` asks for"]),
+    ("[set]\n\"flavours.cliff_near_m\" = 20.0", "[set]\n\"flavours.cliff_near_m\" = 1e9", &["set", "cliff_near_m", "10000000"]),
+    ("[set]\n\"flavours.cliff_near_m\" = 20.0", "[set]\n\"flavours.clif_near_m\" = 20.0", &["set", "did you mean `cliff_near_m`"]),
+    ("parameter = \"blend.hash_scale\"", "parameter = \"blend.hash_scal\"", &["vary, parameter", "did you mean `hash_scale`"]),
+    ("parameter = \"blend.hash_scale\"", "parameter = \"blendd.hash_scale\"", &["vary, parameter", "did you mean `blend`"]),
+    ("parameter = \"blend.hash_scale\"", "parameter = \"flavours.cliff_near_m\"", &["vary, parameter", "set in [set], too"]),
+    ("values = [0.05, 1.0]", "values = [0.05, 1.0, 1000.0]", &["vary, values 3", "must lie in 0.01..=100"]),
+    ("values = [0.05, 1.0]", "values = [0.05, 1.0, nan]", &["vary, values 3", "finite"]),
+    ("values = [0.05, 1.0]", "values = [\"a\", 1.0]", &["vary, values 1", "invalid type"]),
+    ("values = [0.05, 1.0]", "values = [1, 1.0]", &["vary, values 2", "number 1"]),
+    ("values = [0.05, 1.0]", "values = []", &["vary, values", "at least one"]),
+    ("camera = \"ground\"", "camera = \"groud\"", &["view 1, camera", "did you mean `ground`"]),
+    ("step = 0.5", "step = 0.0", &["view 1, step", "nothing moves"]),
+    ("step = 0.5", "step = nan", &["view 1, step"]),
+    ("motion = \"turn\"\nstep = 0.5", "motion = \"zoom\"\nstep = 30.0", &["view 1, step", "-35 degrees", "1..=175"]),
+    ("motion = \"turn\"", "motion = \"trun\"", &["trun"]),
+    ("name = \"turn\"", "name = \"sideways\"", &["view 1, name", "too"]),
+    ("name = \"turn\"", "name = \"vista\"", &["view 1, name", "camera or path of the scene"]),
+    ("frames = 2\nviews", "frames = 0\nviews", &["small, frames", "is 0"]),
+    ("views = [\"cliff\", \"turn\"]", "views = [\"cliff\", \"turm\"]", &["small, views 2", "did you mean `turn`"]),
+    ("values = [1.0]\n", "values = [1000.0]\n", &["small, values 1", "100"]),
+    ("values = [1.0]\n", "values = [0.05]\n", &["expect 1, where, setting", "with what [small] changes", "0.05"]),
+    ("claim = \"Errors are small\"", "claim = \"\"", &["expect 1, claim", "empty"]),
+    ("metric = \"rmse\"", "metric = \"rmsd\"", &["expect 1, metric", "did you mean `rmse`"]),
+    ("metric = \"rmse\"", "metric = \"flip\"", &["expect 1, metric", "not among `metrics`"]),
+    ("setting = 1.0 }", "settings = 1.0 }", &["expect 1, where, settings", "did you mean `setting`"]),
+    ("setting = 1.0 }", "setting = 2.0 }", &["expect 1, where, setting", "no row has setting `2`"]),
+    ("setting = 1.0 }", "noise = \"hash\" }", &["expect 1, where, noise", "no row has noise `hash`"]),
+    ("setting = 1.0 }", "frame = 4 }", &["expect 1, where, frame", "0 to 3"]),
+    ("setting = 1.0 }", "lag = 1 }", &["expect 1, where, lag", "compares no frames"]),
+    ("setting = 1.0 }", "frequency = 0.1 }", &["expect 1, where, frequency", "no spectrum"]),
+    ("range = [0.0, 1.0]", "range = [1.0, 0.0]", &["expect 1, range", "reversed", "[0, 1]"]),
+    ("range = [0.0, 1.0]", "range = [nan, 0.0]", &["expect 1, range", "no number"]),
+    ("range = [0.0, 1.0]", "range = [0.0]", &["range"]),
+    ("metric = \"gpu_ms:shading\"", "metric = \"gpu_ms:shadng\"", &["expect 2, metric", "did you mean `shading`"]),
+    ("metric = \"gpu_ms:shading\"", "metric = \"gpu_ms\"", &["expect 2, metric", "gpu_ms:shading"]),
+    ("over = { variant = \"auto\" }\n", "", &["expect 2, metric", "give `over`"]),
+    ("over = { variant = \"auto\" }", "over = { variant = \"near-cliff\" }", &["expect 2, over", "always 1"]),
+    ("over = { variant = \"auto\" }", "over = { metric = \"gpu\" }", &["expect 2, over, metric", "is no metric"]),
+];
+
+#[test]
+fn wrong_definitions_are_refused_with_line_key_and_remedy() {
+    for (from, to, says) in WRONG {
+        let text = edited(from, to);
+        let refused = parse(&text).expect_err(&format!("`{to}` in place of `{from}` was accepted"));
+        for part in *says {
+            assert!(refused.contains(part), "`{to}`: `{part}` is not in: {refused}");
+        }
+        assert!(refused.starts_with("experiment trial.toml:") && refused.lines().count() == 1, "{refused}");
+        // The line named is one of those changed, or that of the key the refusal names.
+        let named: usize = refused["experiment trial.toml:".len()..].split(':').next().unwrap().parse().expect("a line number");
+        let key = says[0].split([',', ' ']).next_back().unwrap_or_default();
+        let start = TEXT[..TEXT.find(from).unwrap()].lines().count().max(1);
+        let changed = start..=start + from.lines().count();
+        assert!(
+            changed.contains(&named) || text.lines().nth(named - 1).is_some_and(|l| l.contains(key) || l.contains("[set]")),
+            "`{to}`: line {named}: {refused}"
+        );
+    }
+}
+
+#[test]
+fn what_is_missing_or_too_much_is_refused() {
+    let refused = |text: &str| parse(text).expect_err("it was accepted");
+    for (key, says) in
+        [("name", "short name"), ("question", "question that the run answers"), ("size", "[480, 270]"), ("variants", "[\"all\"]")]
+    {
+        let text: String = TEXT.lines().filter(|line| !line.starts_with(&format!("{key} = "))).map(|line| format!("{line}\n")).collect();
+        let refused = refused(&text);
+        assert!(refused.contains(&format!("`{key}` is missing")) && refused.contains(says), "{refused}");
+    }
+    let both = format!("scene = \"default\"\n{TEXT}[import]\nheightmap = \"x.png\"\nmetres_per_texel = 1.0\n");
+    assert!(refused(&both).contains("both given"));
+    let no_file = format!("{TEXT}[import]\nheightmap = \"no-such.png\"\nmetres_per_texel = 1.0\n");
+    assert!(refused(&no_file).contains("no-such.png"));
+    let reversed = format!("{TEXT}[import]\nheightmap = \"x\"\nmetres_per_texel = 1.0\nheight_range_m = [5.0, 1.0]\n");
+    assert!(refused(&reversed).contains("from low to high"));
+    assert!(refused(&format!("scene = \"no-such.toml\"\n{TEXT}")).contains("no-such.toml"));
+    // One frame: nothing to compare, so neither `metrics` nor `small` may ask for it.
+    assert!(refused(&edited("frames = 4", "frames = 1")).contains("set `frames` to 2"));
+    assert!(refused(&edited("frames = 2\n", "frames = 1\n")).contains("small"));
+    assert!(refused(&edited("seeds = 2", "seeds = 0").replace("metrics = [", "metrics = [\"bias\", ")).contains("set `seeds` to 2"));
+    assert!(refused(&edited("times = \"all\"", "times = \"none\"")).contains("`times`"));
+    // A scene without virtual texture cannot be shaded by it.
+    let no_vt = edited("\"flavours.cliff_near_m\" = 20.0", "\"flavours.far_atlas_m\" = 0.0").replace("near-cliff", "vt");
+    assert!(refused(&no_vt).contains("no virtual texture"), "{}", refused(&no_vt));
+    assert!(parse(&no_vt.replace("\"vt\"", "\"near-cliff\"")).is_ok());
+    let many: Vec<String> = (0..1001).map(|i| format!("{}.0", i + 1)).collect();
+    assert!(refused(&edited("values = [0.05, 1.0]", &format!("values = [{}]", many.join(", ")))).contains("1000"));
+}
+
+#[test]
+fn definitions_of_the_repository_are_right() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../experiments/definitions");
+    let files: Vec<PathBuf> =
+        fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).filter(|p| p.extension().is_some_and(|e| e == "toml")).collect();
+    assert!(files.len() >= 2, "there are {}", files.len());
+    let has_data = std::env::var_os("SCREE_DATA").is_some_and(|data| !data.is_empty());
+    let mut names = BTreeSet::new();
+    for file in files {
+        if !has_data && fs::read_to_string(&file).unwrap().contains("$SCREE_DATA") {
+            eprintln!("left out, since SCREE_DATA is not set: {}", file.display());
+            continue;
+        }
+        let definition = definition::load(&file).unwrap_or_else(|error| panic!("{error:#}"));
+        assert_eq!(file.file_stem().unwrap().to_string_lossy(), definition.name, "file and experiment have one name");
+        assert!(!definition.expectations.is_empty() && names.insert(definition.name.clone()), "{}", definition.name);
+    }
+}
+
+#[test]
+fn real_terrain_is_imported_once_and_kept() {
+    let Some(data) = std::env::var_os("SCREE_DATA").filter(|data| !data.is_empty()) else {
+        eprintln!("left out, since SCREE_DATA is not set: importing real terrain");
+        return;
+    };
+    assert!(Path::new(&data).is_dir());
+    let folder = Folder::new("import");
+    let import = "[import]\nheightmap = \"$SCREE_DATA/dem/stubai_alps_lidar_321.png\"\nmetres_per_texel = 10.0\nheight_range_m = [1399.15, 2716.06]\n";
+    let text = format!("{}{import}", edited("views = [\"cliff\", \"sideways\"]", "views = [\"cliff\"]"));
+    let definition = parse(&text).unwrap();
+    let place = place(&folder.0);
+    let run = Run::open(&definition, &place, &machine()).unwrap();
+    let imported = run.imported().expect("there is a scene");
+    let written = fs::metadata(imported.join("scene.toml")).unwrap().modified().unwrap();
+    let scene = definition.scene(&Some(toml::Value::Float(0.05)), Some(&imported)).unwrap();
+    assert_eq!((scene.blend.hash_scale, scene.cameras.len()), (0.05, 4));
+    drop(run);
+    let run = Run::open(&definition, &Place { resume: true, ..place }, &machine()).unwrap();
+    assert_eq!(fs::metadata(imported.join("scene.toml")).unwrap().modified().unwrap(), written, "imported again");
+    drop(run);
+    // What only the imported scene can tell is told before anything is measured.
+    let text = text.replace("blend.hash_scale", "material.granit.normal_strength").replace("name = \"trial\"", "name = \"other\"");
+    let wrong = parse(&text).expect("materials are not known before the import");
+    assert!(format!("{:#}", Run::open(&wrong, &place, &machine()).unwrap_err()).contains("did you mean `granite`"));
+}
+
+// ---- Parts and shards. ----
+
+#[test]
+fn the_plan_is_ordered_and_complete() {
+    let units = plan(&trial());
+    // 2 settings x 3 views x (1 reference + 2 estimators x 2 noises x 2 resolves + 2 estimators x 2 noises timed).
+    assert_eq!(units.len(), 2 * 3 * (1 + 8 + 4));
+    assert_eq!(units, plan(&trial()));
+    assert!(units.iter().enumerate().all(|(i, unit)| unit.index == i));
+    assert_eq!(units[0].id, "reference-cliff-0.05");
+    assert_eq!(units[1].id, "sweep-cliff-fc5-hashed-off-0.05");
+    assert_eq!(units[9].id, "timing-cliff-fc5-hashed-0.05");
+    assert_eq!(units.iter().map(|unit| unit.id.as_str()).collect::<BTreeSet<_>>().len(), units.len());
+    let first_noise = plan(&parse(&edited("times = \"all\"", "times = \"first-noise\"")).unwrap());
+    assert_eq!(first_noise.len(), 2 * 3 * (1 + 8 + 2));
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_+.".contains(c);
+    assert!(units.iter().all(|unit| unit.id.chars().all(plain) && unit.id.len() < 200));
+}
+
+/// Indices whose rows a shard keeps; each of its sweeps finds its reference before it.
+fn kept(units: &[Unit], shard: Shard) -> Vec<usize> {
+    let shares = share(units, Some(shard));
+    for (i, part) in shares.iter().enumerate().filter(|(_, part)| matches!(part.unit.work, Work::Sweep { .. })) {
+        let reference = |other: &Unit| other.work == Work::Reference && other.view == part.unit.view && other.setting == part.unit.setting;
+        assert!(shares[..i].iter().any(|other| reference(&other.unit)), "{shard}: {} has no reference", part.unit.id);
+    }
+    assert!(shares.iter().all(|part| part.kept || part.unit.work == Work::Reference), "{shard}: work whose rows are thrown away");
+    shares.iter().filter(|part| part.kept).map(|part| part.unit.index).collect()
+}
+
+#[test]
+fn shards_are_disjoint_and_whole() {
+    for definition in [trial(), trial().small()] {
+        let units = plan(&definition);
+        for count in (1..=40).chain([units.len() as u32, 100, 1000]) {
+            let mut all: Vec<usize> = (1..=count).flat_map(|number| kept(&units, Shard { number, count })).collect();
+            all.sort_unstable();
+            assert_eq!(all, (0..units.len()).collect::<Vec<_>>(), "{count} shards");
+        }
+    }
+    // The comparison sees a part that is kept twice, and one that nobody keeps.
+    let units = plan(&trial());
+    let (one, two) = (kept(&units, Shard { number: 1, count: 2 }), kept(&units, Shard { number: 2, count: 3 }));
+    let mut mixed: Vec<usize> = one.into_iter().chain(two).collect();
+    mixed.sort_unstable();
+    assert_ne!(mixed, (0..units.len()).collect::<Vec<_>>());
+}
+
+// ---- Runs. ----
+
+/// Stands in for who renders: numbers that follow from the part alone, times that never repeat.
+#[derive(Default)]
+struct Fake {
+    definition: Option<Definition>,
+    /// Mixed into every number: 0 but in negative controls.
+    salt: u64,
+    pause: Duration,
+    calls: Cell<u64>,
+}
+
+impl Fake {
+    fn of(definition: &Definition) -> Fake {
+        Fake { definition: Some(definition.clone()), ..Fake::default() }
+    }
+}
+
+/// A number in 0..1 with all its digits in use.
+fn number(text: &str, salt: u64) -> f64 {
+    let mixed = text.bytes().fold(0xcbf2_9ce4_8422_2325 ^ salt, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
+    ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+impl Measure for Fake {
+    fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> anyhow::Result<Outcome> {
+        let definition = self.definition.as_ref().expect("given");
+        let setting = unit.setting.as_ref().map(definition::setting_text).unwrap_or_default();
+        let reference = folder.join(format!("reference-{}-{setting}.bin", unit.view));
+        self.calls.set(self.calls.get() + 1);
+        let row = |variant: &str, metric: &str, value: f64| Row {
+            scene: "default".to_owned(),
+            variant: variant.to_owned(),
+            metric: metric.to_owned(),
+            value,
+            ..Row::default()
+        };
+        let mut outcome = Outcome::default();
+        if unit.work == Work::Reference {
+            fs::write(&reference, b"truth")?;
+            outcome.rows.push(row("", "reference_se", number(&unit.id, self.salt)));
+            return Ok(outcome);
+        }
+        if matches!(unit.work, Work::Sweep { .. }) {
+            anyhow::ensure!(reference.exists(), "{} is missing", reference.display());
+        }
+        for (i, (variant, _)) in definition.variant_choices()?.iter().enumerate() {
+            step(i as u64, 2);
+            std::thread::sleep(self.pause);
+            if let Work::Timing { .. } = unit.work {
+                let time = 1.0 + self.calls.get() as f64 + f64::from(std::process::id());
+                outcome.times.push(Row { unit: "wrong".to_owned(), ..row(variant, "gpu_ms:shading", time) });
+                continue;
+            }
+            for frame in (0..definition.frames).rev() {
+                let value = number(&format!("{}/{variant}/{frame}", unit.id), self.salt);
+                outcome.rows.push(Row { frame: Some(frame), ..row(variant, "rmse", value) });
+                outcome.rows.push(Row { frame: Some(frame), ..row(variant, "psnr", f64::NAN) });
+                // Not asked for: the store leaves it out.
+                outcome.rows.push(Row { frame: Some(frame), ..row(variant, "ssim", value) });
+            }
+            for lag in 1..definition.frames {
+                outcome.rows.push(Row { lag: Some(lag), standard_error: Some(value_of(lag)), ..row(variant, "flip_rate", value_of(lag)) });
+            }
+        }
+        Ok(outcome)
+    }
+}
+
+fn value_of(lag: u32) -> f64 {
+    0.1 / f64::from(lag)
+}
+
+fn machine() -> Provenance {
+    Provenance { adapter: "none".to_owned(), driver: "0".to_owned(), software: true, command: "experiments run trial.toml".to_owned() }
+}
+
+fn place(out: &Path) -> Place<'_> {
+    Place { out, resume: false, shard: None, small: false }
+}
+
+fn uninterrupted() -> anyhow::Result<()> {
+    Ok(())
+}
+
+/// Runs what is missing, to the end.
+fn complete(definition: &Definition, place: &Place<'_>) -> RunData {
+    let mut run = Run::open(definition, place, &machine()).expect("the run can be opened");
+    run.carry_out(&mut Fake::of(definition), &|_, _| {}, &uninterrupted).expect("the parts can be done");
+    run.finish().expect("the run can be finished")
+}
+
+fn refused(definition: &Definition, place: &Place<'_>, machine: &Provenance) -> String {
+    let error = format!("{:#}", Run::open(definition, place, machine).expect_err("the run was opened"));
+    assert_eq!(error.lines().count(), 1, "{error}");
+    error
+}
+
+const RESULTS: [&str; 2] = ["metrics.parquet", "metrics.csv"];
+
+fn results(out: &Path) -> Vec<Vec<u8>> {
+    RESULTS.iter().map(|name| fs::read(out.join("trial").join(name)).expect("the result is there")).collect()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// Same numbers, bit by bit (NaN equals itself).
+fn same(a: &[Row], b: &[Row]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.order(b).is_eq())
+}
+
+#[test]
+fn a_run_yields_what_was_measured_and_judges_it() {
+    let folder = Folder::new("whole");
+    let trial = trial();
+    let steps = Cell::new((0, 0));
+    let mut run = Run::open(&trial, &place(&folder.0), &machine()).unwrap();
+    let show = |done: u64, total: u64| {
+        assert!(done >= steps.get().0 && done <= total, "progress went from {:?} to {done}/{total}", steps.get());
+        steps.set((done, total));
+    };
+    run.carry_out(&mut Fake::of(&trial), &show, &uninterrupted).unwrap();
+    assert!(steps.get().0 == steps.get().1 && steps.get().1 > 0);
+    let data = run.finish().unwrap();
+    assert!(data.complete && data.missing.is_empty() && data.manifest.complete);
+    assert_eq!(
+        names(&folder.0.join("trial")).iter().filter(|name| !name.starts_with("reference-")).map(String::as_str).collect::<Vec<_>>(),
+        ["lock", "manifest.json", "metrics.csv", "metrics.parquet", "times.csv", "times.parquet"]
+    );
+    // 6 references, 48 sweeps of 2 variants with 4 frames of 2 metrics and 3 lags; 24 timings of 2 variants.
+    assert_eq!((data.rows.len(), data.times.len()), (6 + 48 * 2 * (4 * 2 + 3), 24 * 2));
+    assert!(data.rows.iter().all(|row| row.experiment == "trial" && row.parameter == "blend.hash_scale" && row.metric != "ssim"));
+    assert!(data.rows.iter().any(|row| row.value.is_nan()) && data.times.iter().all(|row| row.unit == "ms"));
+    let one =
+        data.rows.iter().find(|row| row.metric == "rmse" && row.noise == "white" && row.setting == "1" && row.frame == Some(2)).unwrap();
+    let id = format!("sweep-{}-{}-white-{}-1", one.view, one.estimator, one.temporal);
+    assert_eq!(one.value, number(&format!("{id}/{}/2", one.variant), 0));
+    let verdicts = expectations::evaluate(&trial, &data.rows, &data.times);
+    assert!(verdicts.len() == 2 && verdicts.iter().all(|verdict| verdict.met), "{verdicts:?}");
+    // CSV says the same, number by number.
+    let mut csv = csv::Reader::from_path(folder.0.join("trial/metrics.csv")).unwrap();
+    let mut rows: Vec<Row> = csv.deserialize().map(|row| row.unwrap()).collect();
+    rows.sort_by(Row::order);
+    assert!(same(&rows, &data.rows), "CSV and Parquet differ");
+    // Adding prose and expectations is no other run; it shows when the run is read again.
+    let told = Definition { analysis: "Nothing follows.".to_owned(), ..trial };
+    let data = complete(&told, &Place { resume: true, ..place(&folder.0) });
+    assert_eq!(read_run(&data.folder).unwrap().definition.analysis, "Nothing follows.");
+}
+
+#[test]
+fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
+    let (whole, stopped, other) = (Folder::new("one-go"), Folder::new("stopped"), Folder::new("other"));
+    let trial = trial().small();
+    complete(&trial, &place(&whole.0));
+    let count = plan(&trial).len();
+    for stop in 0..count {
+        let mut run = Run::open(&trial, &Place { resume: stop > 0, ..place(&stopped.0) }, &machine()).unwrap();
+        assert_eq!(run.progress(), (stop, count));
+        let left = Cell::new(1);
+        let go_on = || if left.replace(left.get() - 1) > 0 { Ok(()) } else { anyhow::bail!("stopped") };
+        let outcome = run.carry_out(&mut Fake::of(&trial), &|_, _| {}, &go_on);
+        assert_eq!(outcome.is_ok(), stop + 1 == count);
+        // What a process that was killed while writing leaves behind.
+        fs::write(stopped.0.join("trial/parts/00001-x.parquet.7.tmp"), b"half").unwrap();
+        fs::write(stopped.0.join("trial/metrics.csv.7.tmp"), b"half").unwrap();
+        if stop + 1 < count {
+            let data = read_run(&stopped.0.join("trial")).unwrap();
+            assert!(!data.complete && data.missing[0].contains(&format!("{} of {count} parts", count - stop - 1)), "{:?}", data.missing);
+            let error = format!("{:#}", run.finish().unwrap_err());
+            assert!(error.contains("--resume"), "{error}");
+        }
+    }
+    complete(&trial, &Place { resume: true, ..place(&stopped.0) });
+    assert!(results(&whole.0) == results(&stopped.0), "bytes differ after {count} stops");
+    assert!(names(&stopped.0.join("trial")).iter().all(|name| !name.ends_with(".tmp") && name != "parts"));
+    // The comparison sees a number that changed in its last digits.
+    let mut run = Run::open(&trial, &place(&other.0), &machine()).unwrap();
+    run.carry_out(&mut Fake { salt: 1, ..Fake::of(&trial) }, &|_, _| {}, &uninterrupted).unwrap();
+    run.finish().unwrap();
+    assert!(results(&whole.0) != results(&other.0));
+}
+
+/// Names the folder in which this test binary, started again, does a run until it is killed.
+const CHILD: &str = "SCREE_TEST_RUN";
+
+#[test]
+fn killed_at_any_moment_and_resumed_a_run_gives_equal_bytes() {
+    let small = trial().small();
+    if let Some(out) = std::env::var_os(CHILD) {
+        let out = PathBuf::from(out);
+        let mut run = Run::open(&small, &Place { resume: true, ..place(&out) }, &machine()).unwrap();
+        let mut fake = Fake { pause: Duration::from_millis(1), ..Fake::of(&small) };
+        run.carry_out(&mut fake, &|_, _| {}, &uninterrupted).unwrap();
+        run.finish().unwrap();
+        return;
+    }
+    let (whole, killed) = (Folder::new("alive"), Folder::new("killed"));
+    complete(&small, &place(&whole.0));
+    let test = "experiments::killed_at_any_moment_and_resumed_a_run_gives_equal_bytes";
+    let (mut kills, mut finished) = (0, false);
+    for attempt in 0..200 {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args([test, "--exact", "--nocapture", "--test-threads=1"])
+            .env(CHILD, &killed.0)
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        // From before it begins to some parts later; the moments are spread evenly, by the golden ratio.
+        std::thread::sleep(Duration::from_secs_f64(0.004 + 0.06 * (f64::from(attempt) * 0.618_034).fract()));
+        if let Some(status) = child.try_wait().unwrap() {
+            assert!(status.success(), "the run failed by itself: {status}");
+            finished = true;
+            break;
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        kills += 1;
+    }
+    eprintln!("killed {kills} times");
+    assert!(kills >= 3, "it was over before it could be killed");
+    if !finished {
+        // So slow a machine kills it each time before its first part; what it left must still be resumed.
+        complete(&small, &Place { resume: true, ..place(&killed.0) });
+    }
+    assert!(results(&whole.0) == results(&killed.0), "bytes differ after {kills} kills");
+}
+
+#[test]
+fn a_folder_is_used_by_one_run_at_a_time() {
+    let folder = Folder::new("lock");
+    let trial = trial();
+    let run = Run::open(&trial, &place(&folder.0), &machine()).unwrap();
+    for resume in [false, true] {
+        let error = refused(&trial, &Place { resume, ..place(&folder.0) }, &machine());
+        let holder = format!("process {}", std::process::id());
+        assert!(error.contains("is in use by") && error.contains("--out"), "{error}");
+        assert!(cfg!(windows) || error.contains(&holder) && error.contains("experiments run trial.toml"), "{error}");
+    }
+    // A shard of it is another folder; and once the holder is gone, so is the lock.
+    drop(run);
+    Run::open(&trial, &Place { resume: true, ..place(&folder.0) }, &machine()).unwrap();
+}
+
+#[test]
+fn another_run_is_not_resumed_and_what_differs_is_named() {
+    let folder = Folder::new("another");
+    let trial = trial();
+    let scene = folder.write("scene.toml", kernels::scene::DEFAULT_TEXT);
+    let of_file = Definition { scene: Some(scene.clone()), ..trial.clone() };
+    complete(&of_file, &place(&folder.0));
+    let again = Place { resume: true, ..place(&folder.0) };
+    let unlike = |definition: &Definition, place: &Place<'_>, machine: &Provenance, says: &[&str]| {
+        let error = refused(definition, place, machine);
+        for part in says.iter().chain(&["--out"]) {
+            assert!(error.contains(part), "`{part}` is not in: {error}");
+        }
+    };
+    unlike(&of_file, &place(&folder.0), &machine(), &["finished run", "--resume"]);
+    unlike(&Definition { frames: 5, ..of_file.clone() }, &again, &machine(), &["`frames` is 4 there and 5 here"]);
+    unlike(&Definition { views: vec!["cliff".to_owned()], ..of_file.clone() }, &again, &machine(), &["`views`"]);
+    unlike(&trial, &again, &machine(), &["`scene`", "absent here"]);
+    unlike(&of_file.small(), &Place { small: true, ..again }, &machine(), &["small"]);
+    unlike(&of_file, &again, &Provenance { adapter: "another".to_owned(), ..machine() }, &["the adapter is none there and another here"]);
+    unlike(&of_file, &again, &Provenance { driver: "1".to_owned(), ..machine() }, &["the driver"]);
+    unlike(&of_file, &Place { shard: "1/2".parse().ok(), ..again }, &machine(), &["holds the whole run"]);
+    // The command is no part of a run's identity; the scene's content is.
+    drop(Run::open(&of_file, &again, &Provenance { command: "experiments run --resume".to_owned(), ..machine() }).unwrap());
+    folder.write("scene.toml", &kernels::scene::DEFAULT_TEXT.replace("seed = 7", "seed = 8"));
+    unlike(&of_file, &again, &machine(), &["the scene's content"]);
+}
+
+#[test]
+fn foreign_folders_and_broken_manifests_are_left_alone() {
+    let folder = Folder::new("foreign");
+    let trial = trial();
+    fs::create_dir_all(folder.0.join("trial")).unwrap();
+    folder.write("trial/thesis.txt", "years of work");
+    for resume in [false, true] {
+        let error = refused(&trial, &Place { resume, ..place(&folder.0) }, &machine());
+        assert!(error.contains("thesis.txt") && error.contains("--out"), "{error}");
+    }
+    assert_eq!(names(&folder.0.join("trial")), ["thesis.txt"]);
+    fs::remove_file(folder.0.join("trial/thesis.txt")).unwrap();
+    // Killed between folder and manifest: it begins as if nothing had been.
+    folder.write("trial/lock", "");
+    folder.write("trial/manifest.json.9.tmp", "{");
+    drop(Run::open(&trial, &place(&folder.0), &machine()).unwrap());
+    for broken in ["", "{", "{}", "[1]", "{\"format\": 1}", "{\"format\": 99}"] {
+        folder.write("trial/manifest.json", broken);
+        let error = refused(&trial, &Place { resume: true, ..place(&folder.0) }, &machine());
+        assert!(error.contains("manifest.json") && error.contains("--out"), "{broken}: {error}");
+        assert!(read_run(&folder.0.join("trial")).is_err());
+    }
+    let file = folder.write("file", "");
+    assert!(refused(&trial, &place(Path::new(&file)), &machine()).contains("cannot make the folder"));
+}
+
+#[test]
+fn damaged_parts_and_results_are_done_again() {
+    let (whole, damaged) = (Folder::new("sound"), Folder::new("damaged"));
+    let trial = trial().small();
+    complete(&trial, &place(&whole.0));
+    let mut run = Run::open(&trial, &place(&damaged.0), &machine()).unwrap();
+    run.carry_out(&mut Fake::of(&trial), &|_, _| {}, &uninterrupted).unwrap();
+    drop(run);
+    let parts = damaged.0.join("trial/parts");
+    let list = names(&parts);
+    let bytes = fs::read(parts.join(&list[1])).unwrap();
+    fs::write(parts.join(&list[1]), &bytes[..bytes.len() / 2]).unwrap();
+    fs::write(parts.join(&list[2]), b"").unwrap();
+    // A sound file in the wrong place.
+    fs::copy(parts.join(&list[4]), parts.join(&list[3])).unwrap();
+    let mut flipped = fs::read(parts.join(&list[5])).unwrap();
+    flipped[200] ^= 4;
+    fs::write(parts.join(&list[5]), flipped).unwrap();
+    let again = Place { resume: true, ..place(&damaged.0) };
+    let mut run = Run::open(&trial, &again, &machine()).unwrap();
+    assert_eq!(run.progress(), (list.len() - 4, list.len()), "{:?}", run.notes());
+    assert!(
+        run.notes().len() == 4 && run.notes().iter().all(|note| note.contains("done again") && note.lines().count() == 1),
+        "{:?}",
+        run.notes()
+    );
+    let mut fake = Fake::of(&trial);
+    run.carry_out(&mut fake, &|_, _| {}, &uninterrupted).unwrap();
+    assert_eq!(fake.calls.get(), 4);
+    run.finish().unwrap();
+    assert!(results(&whole.0) == results(&damaged.0));
+    // Joined results that are damaged are refused by name when read, and made again on request.
+    let file = damaged.0.join("trial/metrics.parquet");
+    let bytes = fs::read(&file).unwrap();
+    fs::write(&file, &bytes[..bytes.len() - 9]).unwrap();
+    let error = format!("{:#}", read_run(&damaged.0.join("trial")).unwrap_err());
+    assert!(error.contains("metrics.parquet") && error.contains("damaged") && error.lines().count() == 1, "{error}");
+    let run = Run::open(&trial, &again, &machine()).unwrap();
+    assert!(run.progress().0 == 0 && run.notes()[0].contains("metrics.parquet"));
+    drop(run);
+    complete(&trial, &again);
+    assert!(results(&whole.0) == results(&damaged.0));
+}
+
+/// Measures, and from its third part on lets no part be written.
+struct Full<'a> {
+    fake: Fake,
+    parts: PathBuf,
+    block: &'a dyn Fn(&Path),
+}
+
+impl Measure for Full<'_> {
+    fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> anyhow::Result<Outcome> {
+        if unit.index == 2 {
+            (self.block)(&self.parts.join(format!("{:05}-{}.parquet", unit.index, unit.id)));
+        }
+        self.fake.measure(unit, folder, step)
+    }
+}
+
+#[test]
+fn a_full_disk_is_said_and_the_run_goes_on_once_there_is_room() {
+    let (whole, full) = (Folder::new("room"), Folder::new("full"));
+    let trial = trial().small();
+    complete(&trial, &place(&whole.0));
+    let stop = |block: &dyn Fn(&Path), says: &str, resume: bool| {
+        let mut run = Run::open(&trial, &Place { resume, ..place(&full.0) }, &machine()).unwrap();
+        let mut measure = Full { fake: Fake::of(&trial), parts: full.0.join("trial/parts"), block };
+        let error = format!("{:#}", run.carry_out(&mut measure, &|_, _| {}, &uninterrupted).unwrap_err());
+        for part in [says, "00002-", "--resume", "make room"] {
+            assert!(error.contains(part), "`{part}` is not in: {error}");
+        }
+        assert_eq!(error.lines().count(), 1, "{error}");
+        assert_eq!(run.progress().0, 2);
+    };
+    // Something is in the way of the last step, the renaming.
+    stop(&|file| fs::create_dir_all(file.join("in the way")).unwrap(), "cannot write", false);
+    let blocked = full.0.join("trial/parts").join(names(&full.0.join("trial/parts")).into_iter().find(|n| n.starts_with("00002")).unwrap());
+    fs::remove_dir_all(blocked).unwrap();
+    assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "nothing half-written is left");
+    // A device that is full from the first byte on.
+    #[cfg(target_os = "linux")]
+    {
+        let link = |file: &Path| {
+            let mut name = file.file_name().unwrap().to_os_string();
+            name.push(format!(".{}.tmp", std::process::id()));
+            std::os::unix::fs::symlink("/dev/full", file.with_file_name(name)).unwrap();
+        };
+        stop(&link, "No space left on device", true);
+        assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "nothing half-written is left");
+    }
+    complete(&trial, &Place { resume: true, ..place(&full.0) });
+    assert!(results(&whole.0) == results(&full.0));
+}
+
+#[test]
+fn measurers_that_break_their_promise_are_stopped() {
+    struct Broken(&'static str, bool);
+    impl Measure for Broken {
+        fn measure(&mut self, _: &Unit, _: &Path, _: &dyn Fn(u64, u64)) -> anyhow::Result<Outcome> {
+            let row = vec![Row { metric: self.0.to_owned(), ..Row::default() }];
+            Ok(if self.1 { Outcome { times: row, rows: Vec::new() } } else { Outcome { rows: row, times: Vec::new() } })
+        }
+    }
+    for (metric, as_time, says) in
+        [("nonsense", false, "is no metric"), ("gpu_ms:shading", false, "wrong table"), ("rmse", true, "wrong table")]
+    {
+        let folder = Folder::new("broken");
+        let mut run = Run::open(&trial(), &place(&folder.0), &machine()).unwrap();
+        let error = format!("{:#}", run.carry_out(&mut Broken(metric, as_time), &|_, _| {}, &uninterrupted).unwrap_err());
+        assert!(error.contains(says), "{error}");
+    }
+}
+
+#[test]
+fn shards_together_are_the_whole() {
+    let (whole, split) = (Folder::new("unsplit"), Folder::new("split"));
+    let trial = trial();
+    let one = complete(&trial, &place(&whole.0));
+    let shard = |number: u32, count: u32| Place { shard: Some(Shard { number, count }), ..place(&split.0) };
+    for number in [1, 3] {
+        let data = complete(&trial, &shard(number, 4));
+        assert!(data.complete && data.rows.len() < one.rows.len());
+    }
+    let run = split.0.join("trial");
+    let data = read_run(&run).unwrap();
+    assert!(
+        !data.complete && data.missing.len() == 2 && data.missing[0].contains("shard 2/4") && data.missing[1].contains("shard 4/4"),
+        "{:?}",
+        data.missing
+    );
+    // A whole run does not go where shards are.
+    assert!(refused(&trial, &place(&split.0), &machine()).contains("shard-1-of-4"));
+    complete(&trial, &shard(2, 4));
+    let data = complete(&trial, &shard(4, 4));
+    assert!(data.missing.is_empty());
+    let data = read_run(&run).unwrap();
+    assert!(data.complete && data.folders.len() == 4, "{:?}", data.missing);
+    assert!(same(&data.rows, &one.rows), "{} rows of shards and {} of the whole", data.rows.len(), one.rows.len());
+    assert!(!same(&data.rows[1..], &one.rows), "the comparison sees nothing");
+    assert_eq!(data.times.len(), one.times.len());
+    // A shard of another split, of another machine, of another definition.
+    complete(&trial, &shard(1, 3));
+    let error = format!("{:#}", read_run(&run).unwrap_err());
+    assert!(error.contains("does not belong") && error.contains("shards"), "{error}");
+    fs::remove_dir_all(run.join("shard-1-of-3")).unwrap();
+    let manifest = run.join("shard-2-of-4/manifest.json");
+    let text = fs::read_to_string(&manifest).unwrap();
+    for (from, to, says) in [
+        ("\"none\"", "\"another\"", "the adapter"),
+        ("frames = 4", "frames = 5", "`frames`"),
+        ("\"small\": false", "\"small\": true", "small"),
+    ] {
+        assert!(text.contains(from), "{from}: {text}");
+        fs::write(&manifest, text.replacen(from, to, 1)).unwrap();
+        let error = format!("{:#}", read_run(&run).unwrap_err());
+        assert!(error.contains("does not belong") && error.contains(says) && error.contains("shard-2-of-4"), "{error}");
+    }
+    fs::write(&manifest, text).unwrap();
+    let metrics = run.join("shard-2-of-4/metrics.parquet");
+    fs::write(&metrics, b"PAR1 nothing PAR1").unwrap();
+    let error = format!("{:#}", read_run(&run).unwrap_err());
+    assert!(error.contains("shard-2-of-4") && error.contains("damaged"), "{error}");
+}
+
+#[test]
+fn what_is_no_run_is_refused() {
+    let folder = Folder::new("none");
+    let error = |path: &Path| format!("{:#}", read_run(path).unwrap_err());
+    assert!(error(&folder.0).contains("holds no run"));
+    assert!(error(&folder.0.join("nowhere")).contains("nowhere"));
+    complete(&trial().small(), &place(&folder.0));
+    let text = error(&folder.0);
+    assert!(text.contains("holds runs") && text.contains("trial"), "{text}");
+}
+
+// ---- Tables. ----
+
+fn sample_rows() -> Vec<Row> {
+    let extremes = [0.0, -0.0, 0.1 + 0.2, f64::MIN_POSITIVE / 2.0, f64::MAX, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1.0e-300];
+    (0..50u32)
+        .map(|i| Row {
+            experiment: "trial".to_owned(),
+            view: ["cliff", "größe, \"quoted\"\nline", ""][i as usize % 3].to_owned(),
+            frame: (i % 4 > 0).then_some(i * 90_000_000),
+            lag: (i % 2 > 0).then_some(i),
+            frequency: (i % 5 > 0).then_some(f64::from(i) / 7.0),
+            metric: "rmse".to_owned(),
+            value: extremes[i as usize % extremes.len()],
+            standard_error: (i % 3 > 0).then_some(extremes[(i as usize + 4) % extremes.len()]),
+            ..Row::default()
+        })
+        .collect()
+}
+
+fn write(file: &Path, rows: &[Row], chunk: usize) {
+    write_parquet(file, &mut rows.chunks(chunk).map(|rows| Ok(rows.to_vec())), &[("a".to_owned(), "b".to_owned())]).unwrap();
+}
+
+#[test]
+fn tables_hold_every_number_exactly_and_the_same_bytes() {
+    let folder = Folder::new("tables");
+    let rows = sample_rows();
+    let (one, two) = (folder.0.join("one.parquet"), folder.0.join("two.parquet"));
+    write(&one, &rows, 7);
+    write(&two, &rows, 7);
+    assert!(fs::read(&one).unwrap() == fs::read(&two).unwrap(), "the same rows give other bytes");
+    let table = read_parquet(&one).unwrap();
+    assert!(same(&table.rows, &rows), "rows changed");
+    assert_eq!(table.rows[1].value.to_bits(), (-0.0f64).to_bits());
+    assert_eq!(table.notes.into_iter().collect::<Vec<_>>(), [("a".to_owned(), "b".to_owned())]);
+    // Many rows in a group, and none at all.
+    let many: Vec<Row> = rows.iter().cycle().take(150_000).cloned().collect();
+    write(&two, &many, 150_000);
+    assert!(same(&read_parquet(&two).unwrap().rows, &many));
+    write(&two, &[], 1);
+    assert!(read_parquet(&two).unwrap().rows.is_empty());
+    let csv = folder.0.join("t.csv");
+    write_csv(&csv, &mut rows.chunks(7).map(|rows| Ok(rows.to_vec()))).unwrap();
+    let read: Vec<Row> = csv::Reader::from_path(&csv).unwrap().deserialize().map(|row| row.unwrap()).collect();
+    assert!(same(&read, &rows), "CSV changed a row");
+    write_csv(&csv, &mut std::iter::empty()).unwrap();
+    assert_eq!(fs::read_to_string(&csv).unwrap().trim_end(), COLUMNS.map(|column| column.name).join(","));
+    // A source that fails leaves the file that was there.
+    let before = fs::read(&one).unwrap();
+    let broken = || [Ok(rows.clone()), Err(anyhow::anyhow!("the source failed"))].into_iter();
+    let error = format!("{:#}", write_parquet(&one, &mut broken(), &[]).unwrap_err());
+    assert!(error.contains("the source failed") && fs::read(&one).unwrap() == before && names(&folder.0).len() == 3, "{error}");
+}
+
+#[test]
+fn damaged_tables_are_refused_in_one_line_and_never_believed() {
+    let folder = Folder::new("corrupt");
+    let file = folder.0.join("t.parquet");
+    let rows = sample_rows();
+    write(&file, &rows, 25);
+    let sound = fs::read(&file).unwrap();
+    let mut refusals = 0;
+    let mut check = |bytes: &[u8], what: &str| {
+        fs::write(&file, bytes).unwrap();
+        match read_parquet(&file) {
+            // Bytes that nobody reads (names of encodings, sizes of pages) may change; the rows may not.
+            Ok(table) => assert!(same(&table.rows, &rows), "{what}: other rows were believed"),
+            Err(error) => {
+                let error = format!("{error:#}");
+                assert!(error.contains("t.parquet") && error.contains("damaged"), "{what}: {error}");
+                refusals += 1;
+            }
+        }
+    };
+    for length in 0..sound.len() {
+        check(&sound[..length], &format!("first {length} bytes"));
+    }
+    for at in 0..sound.len() {
+        for mask in [0x01, 0x80, 0xff] {
+            let mut bytes = sound.clone();
+            bytes[at] ^= mask;
+            check(&bytes, &format!("byte {at} ^ {mask:#x}"));
+        }
+    }
+    for seed in 0..200 {
+        let noise: Vec<u8> = (0..500).map(|i| (number(&format!("{seed}/{i}"), 0) * 256.0) as u8).collect();
+        check(&noise, "noise");
+        let mut framed = b"PAR1".to_vec();
+        framed.extend(&noise);
+        framed.extend(400u32.to_le_bytes());
+        framed.extend(b"PAR1");
+        check(&framed, "framed noise");
+    }
+    assert!(refusals > sound.len() + 400, "only {refusals} refusals");
+}
+
+/// A Parquet file by the letter, but not one of ours.
+fn foreign_table(file: &Path, schema: &str, notes: bool) {
+    let schema = Arc::new(parse_message_type(schema).unwrap());
+    let mut writer = SerializedFileWriter::new(File::create(file).unwrap(), schema, Arc::new(WriterProperties::new())).unwrap();
+    let mut group = writer.next_row_group().unwrap();
+    while let Some(mut column) = group.next_column().unwrap() {
+        match column.untyped() {
+            parquet::column::writer::ColumnWriter::ByteArrayColumnWriter(_) => {
+                column.typed::<ByteArrayType>().write_batch(&[ByteArray::from("x")], None, None).unwrap();
+            }
+            _ => {
+                column.typed::<DoubleType>().write_batch(&[1.0], None, None).unwrap();
+            }
+        }
+        column.close().unwrap();
+    }
+    group.close().unwrap();
+    if notes {
+        for (name, value) in [("scree.schema", "1"), ("scree.rows", "1"), ("scree.xxhash64", "0")] {
+            writer.append_key_value_metadata(parquet::file::metadata::KeyValue::new(name.to_owned(), value.to_owned()));
+        }
+    }
+    writer.close().unwrap();
+}
+
+#[test]
+fn tables_of_others_are_refused_by_what_they_lack() {
+    let folder = Folder::new("others");
+    let file = folder.0.join("t.parquet");
+    let error = |schema: &str, notes: bool| {
+        foreign_table(&file, schema, notes);
+        let error = format!("{:#}", read_parquet(&file).unwrap_err());
+        assert_eq!(error.lines().count(), 1);
+        error
+    };
+    assert!(error("message m { REQUIRED DOUBLE value; }", false).contains("`scree.schema` is missing"));
+    assert!(error("message m { REQUIRED DOUBLE value; }", true).contains("column `experiment` is missing"));
+    assert!(error("message m { REQUIRED DOUBLE experiment; }", true).contains("column `experiment` has another type"));
+    let all_texts: String = COLUMNS.iter().map(|column| format!("REQUIRED BYTE_ARRAY {} (STRING); ", column.name)).collect();
+    assert!(error(&format!("message m {{ {all_texts} }}"), true).contains("column `frame` has another type"));
+    let mut text = File::create(&file).unwrap();
+    text.write_all(b"experiment,value\ntrial,1\n").unwrap();
+    assert!(format!("{:#}", read_parquet(&file).unwrap_err()).contains("no Parquet file"));
+    assert!(format!("{:#}", read_parquet(&folder.0.join("nowhere.parquet")).unwrap_err()).contains("cannot read"));
+}
+
+// ---- The program. ----
+
+#[test]
+fn wrong_calls_of_run_and_check() {
+    usage_error(&["run"], &["DEFINITION.toml"]);
+    usage_error(&["check"], &["DEFINITION.toml"]);
+    usage_error(&["run", "x.toml", "--shard", "3/2"], &["--shard", "K/N"]);
+    usage_error(&["run", "x.toml", "--shard", "two"], &["--shard", "K/N"]);
+    usage_error(&["run", "x.toml", "--jobs", "0"], &["--jobs", "1 to 1024"]);
+    usage_error(&["check", "x.toml", "--resume"], &["--resume"]);
+    let folder = Folder::new("calls");
+    failure(&["run", "nowhere.toml"], &["nowhere.toml", "no such file"]);
+    failure(&["run", &folder.path("")], &["is a folder"]);
+    let binary = folder.write("binary.toml", "\u{0}");
+    failure(&["check", &binary], &["binary.toml:1"]);
+    let wrong = folder.write("wrong.toml", &edited("frames = 4", "frames = 0"));
+    failure(&["run", &wrong], &["wrong.toml:5", "frames"]);
+    let (one, two) = (folder.write("one.toml", TEXT), folder.write("two.toml", TEXT));
+    failure(&["run", &one, &two], &["one.toml", "two.toml", "both called `trial`"]);
+    let nothing = &TEXT[..TEXT.find("[[expect]]").unwrap()];
+    let nothing = folder.write("nothing.toml", nothing);
+    failure(&["check", &nothing], &["expects nothing"]);
+    let data = folder.write("data.toml", &format!("scene = \"$SCREE_DATA/x.toml\"\n{TEXT}"));
+    let output = Command::new(crate::bad_input::program()).args(["run", &data]).env_remove("SCREE_DATA").output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.code() == Some(1) && stderr.contains("data.toml:1") && stderr.contains("SCREE_DATA, which is not set"),
+        "{stderr}"
+    );
+    // Of several, each failure is said, and all are counted.
+    let output = Command::new(crate::bad_input::program()).args(["run", &wrong, "nowhere.toml"]).output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && stderr.lines().count() == 3 && stderr.contains("2 of 2 experiments failed"), "{stderr}");
+}

@@ -1,0 +1,112 @@
+//! Runs by the program itself, with pictures and all: killed and resumed, in shards, twice, by twos, on a full disk.
+//!
+//! One small definition on a small scene; what is measured is left to other tests.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use experiments::store::read_run;
+
+use crate::bad_input::{Folder, failure, program, success};
+
+const TEXT: &str = r#"name = "tiny"
+question = "Is a run the same however it came about?"
+size = [80, 72]
+frames = 3
+seeds = 2
+variants = ["near-cliff", "splat", "auto"]
+noises = ["hashed", "white"]
+temporal = ["off", "exponential"]
+reference = { spp = 32, max_spp = 32 }
+times = "none"
+scene = "scene.toml"
+
+[[view]]
+name = "sideways"
+camera = "cliff"
+motion = "sideways"
+step = 0.1
+
+[[expect]]
+claim = "White noise flips"
+metric = "flip_rate"
+where = { noise = "white", variant = "near-cliff", lag = 1 }
+range = [0.1, 1.0]
+"#;
+
+/// The definition, beside a scene with small textures, and where the run goes.
+fn prepare(folder: &Folder) -> [String; 2] {
+    let small = kernels::scene::DEFAULT_TEXT.replace("detail_size = 1024", "detail_size = 64");
+    assert_ne!(small, kernels::scene::DEFAULT_TEXT);
+    folder.write("scene.toml", &small);
+    [folder.write("tiny.toml", TEXT), folder.path("out")]
+}
+
+fn bytes(out: &str) -> [Vec<u8>; 2] {
+    ["metrics.parquet", "metrics.csv"].map(|name| fs::read(Path::new(out).join("tiny").join(name)).expect("the run wrote its tables"))
+}
+
+#[test]
+fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
+    let folder = Folder::new("runs");
+    let [definition, whole] = prepare(&folder);
+    let said = success(&["run", &definition, "--out", &whole]);
+    assert!(said.contains("holds: White noise flips") && said.contains("report.html"), "{said}");
+    let expected = bytes(&whole);
+    let run = read_run(&Path::new(&whole).join("tiny")).expect("the run is read back");
+    assert!(run.complete && run.rows.iter().any(|r| r.metric == "flicker") && run.rows.iter().all(|r| r.value.is_finite()));
+    for name in ["report.html", "report.md", "manifest.json", "reference"] {
+        assert!(Path::new(&whole).join("tiny").join(name).exists(), "{name}");
+    }
+    // A folder with a run in it is not written over.
+    failure(&["run", &definition, "--out", &whole], &["--resume"]);
+
+    // Killed after some time, again and again, and resumed: equal bytes.
+    let killed = folder.path("killed");
+    let mut pause = Duration::from_millis(700);
+    let mut kills = 0;
+    loop {
+        let mut child = Command::new(program())
+            .args(["run", &definition, "--out", &killed, "--resume"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the program can be started");
+        let began = Instant::now();
+        while began.elapsed() < pause && child.try_wait().expect("a child").is_none() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        if let Some(status) = child.try_wait().expect("a child") {
+            assert!(status.success(), "the resumed run failed");
+            break;
+        }
+        child.kill().expect("a child");
+        child.wait().expect("a child");
+        kills += 1;
+        assert!(kills < 60, "the run does not get on");
+        pause = pause * 8 / 5;
+    }
+    assert!(kills >= 2, "it was over before it could be killed");
+    assert!(bytes(&killed) == expected, "the tables differ after {kills} kills");
+
+    // Shards: disjoint, and together the same rows.
+    let shards = folder.path("shards");
+    for shard in ["1/2", "2/2"] {
+        success(&["run", &definition, "--out", &shards, "--shard", shard]);
+    }
+    let together = read_run(&Path::new(&shards).join("tiny")).expect("the shards are read together");
+    let mut rows = run.rows.clone();
+    rows.sort_by(experiments::row::Row::order);
+    assert!(together.complete && together.rows == rows, "{} rows in shards, {} in one", together.rows.len(), rows.len());
+
+    // Another definition is not resumed into the folder.
+    fs::write(&definition, TEXT.replace("frames = 3", "frames = 2")).expect("writable");
+    failure(&["run", &definition, "--out", &whole, "--resume"], &["frames"]);
+    // A damaged shard is said.
+    let parquet = Path::new(&shards).join("tiny").join("shard-1-of-2").join("metrics.parquet");
+    let text = fs::read(&parquet).expect("written");
+    fs::write(&parquet, &text[..text.len() / 2]).expect("writable");
+    failure(&["report", &Path::new(&shards).join("tiny").display().to_string()], &["metrics.parquet"]);
+}
