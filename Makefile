@@ -30,12 +30,13 @@ demo: setup ## the main job in small, on the built-in world; writes a report
 	$(CARGO) run --release --locked -q -p experiments -- demo --out "$(OUT)"
 	@echo "The report is $(OUT)/report.html"
 
-test: setup ## format, lints, documentation, every test
+test: setup ## format, lints, documentation, every test, the notebook
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --release --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps --workspace
 	$(CARGO) build --release --locked -p experiments
 	$(CARGO) test --release --locked --workspace
+	@scripts/notebook.sh
 	@if [ -z "$${SCREE_DATA:-}" ]; then echo "Left out, since SCREE_DATA is not set: the tests on real elevation and real materials."; fi
 
 bench: setup ## times the passes and prints their ratios

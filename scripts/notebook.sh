@@ -6,7 +6,15 @@ venv="$root/target/notebook"
 list="$root/notebooks-data/requirements.txt"
 
 fail() { printf 'notebook: %s\n' "$*" >&2; exit 1; }
-command -v python3 >/dev/null || fail "python3 was not found: install it (Debian and Ubuntu: apt-get install python3 python3-venv)"
+# A fresh Debian or Ubuntu has no Python, or one without its venv module.
+if ! python3 -c 'import ensurepip, venv' 2>/dev/null && command -v apt-get >/dev/null; then
+    as_root=()
+    [ "$(id -u)" -eq 0 ] || as_root=(sudo)
+    printf 'notebook: Python with its venv module was not found; installing python3 and python3-venv with apt-get\n' >&2
+    install_python() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends python3 python3-venv >&2; }
+    install_python || { "${as_root[@]}" apt-get update >&2 && install_python; } || fail "apt-get could not install python3 and python3-venv"
+fi
+command -v python3 >/dev/null || fail "python3 was not found: install it, with its venv module"
 if ! cmp -s "$list" "$venv/requirements.txt"; then
     rm -rf "$venv"
     python3 -m venv "$venv" ||

@@ -15,6 +15,9 @@ fi
 if ! command -v cc >/dev/null && ! command -v clang >/dev/null && ! command -v gcc >/dev/null; then
     fail "no C compiler was found, which Rust links with: install one (Debian and Ubuntu: apt-get install build-essential)"
 fi
+if ! command -v c++ >/dev/null && ! command -v clang++ >/dev/null && ! command -v g++ >/dev/null && [ -z "${CXX:-}" ]; then
+    fail "no C++ compiler was found, which FLIP is built with: install one (Debian and Ubuntu: apt-get install g++)"
+fi
 
 # Metal and Direct3D 12 belong to the operating system.
 [ "$(uname -s)" = Linux ] || exit 0

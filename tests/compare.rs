@@ -11,6 +11,9 @@ use crate::bad_input::{Folder, failure, success, usage_error};
 
 const SIZE: [u32; 2] = [16, 12];
 
+/// Name and value by index.
+type Channel = (&'static str, fn(usize) -> f32);
+
 /// An 8-bit picture whose texels are a function of the place; its path.
 fn png(folder: &Folder, name: &str, size: [u32; 2], code: impl Fn(u32, u32) -> u8) -> String {
     let path = folder.path(name);
@@ -18,14 +21,11 @@ fn png(folder: &Folder, name: &str, size: [u32; 2], code: impl Fn(u32, u32) -> u
     path
 }
 
-/// A channel's name, and its value by pixel.
-type Channel = (&'static str, fn(usize) -> f32);
-
 /// An OpenEXR file of these channels, a function of the index each; its path.
 fn exr(folder: &Folder, name: &str, channels: &[Channel]) -> String {
     let path = folder.path(name);
     let area = (SIZE[0] * SIZE[1]) as usize;
-    let channel = |(name, value): &(&str, fn(usize) -> f32)| e::AnyChannel::new(*name, e::FlatSamples::F32((0..area).map(value).collect()));
+    let channel = |(name, value): &Channel| e::AnyChannel::new(*name, e::FlatSamples::F32((0..area).map(value).collect()));
     let channels = e::AnyChannels::sort(channels.iter().map(channel).collect());
     let layer = e::Layer::new((SIZE[0] as usize, SIZE[1] as usize), e::LayerAttributes::default(), e::Encoding::FAST_LOSSLESS, channels);
     e::WritableImage::write(&e::Image::from_layer(layer)).to_file(&path).expect("an OpenEXR file can be written");

@@ -51,7 +51,7 @@ pub(crate) fn terrain(picture: &Picture) -> Vec<bool> {
 }
 
 /// Largest difference of two albedo layers over terrain, in units of the last place of f16 (the G-buffer's format).
-fn largest_difference(a: &Picture, b: &Picture) -> f64 {
+pub(crate) fn largest_difference(a: &Picture, b: &Picture) -> f64 {
     let (left, right) = (a.vectors("albedo").expect("asked for"), b.vectors("albedo").expect("asked for"));
     let pairs = left.iter().flatten().zip(right.iter().flatten());
     pairs.map(|(&l, &r)| f64::from((l - r).abs()) / (f64::from(l.abs().max(r.abs())).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
@@ -125,7 +125,7 @@ fn automatic_tiles_hold_what_their_pixels_need() {
 }
 
 /// Two-sided p-value of the hypothesis that independent samples have mean zero (Student's t).
-fn p_of_zero_mean(samples: &[f64]) -> f64 {
+pub(crate) fn p_of_zero_mean(samples: &[f64]) -> f64 {
     let n = samples.len() as f64;
     let mean = samples.iter().sum::<f64>() / n;
     let variance = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
@@ -135,7 +135,7 @@ fn p_of_zero_mean(samples: &[f64]) -> f64 {
 }
 
 /// Sign of a pixel in the `pattern`-th of a few fixed random patterns; pattern 0 is all +1.
-fn sign(pattern: u32, pixel: usize) -> f64 {
+pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
     let hash = kernels::shared::hash::pcg4d([u32::try_from(pixel).expect("small picture"), pattern, 11, 5])[0];
     if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }
 }

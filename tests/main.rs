@@ -9,6 +9,8 @@ mod compare;
 #[cfg(test)]
 mod composition;
 #[cfg(test)]
+mod estimators;
+#[cfg(test)]
 mod experiments;
 #[cfg(test)]
 mod frame;

@@ -1,0 +1,650 @@
+//! The estimators: fetches as promised, means that are what they should be, and properties of what they are made of.
+//!
+//! One renderer, that of `frame`, serves all pictures. Statistical tests have fixed seeds and state their null hypothesis and level.
+
+use std::sync::MutexGuard;
+
+use kernels::frame::{FrameUniforms, RenderRequest, Renderer, VariantChoice};
+use kernels::gpu::{Gpu, GpuOptions};
+use kernels::materials::{LAYER_SHIFT, Palette};
+use kernels::picture::{AovSet, Picture};
+use kernels::shading::Estimator;
+use kernels::shared::real::dot;
+use kernels::shared::{biplanar, hash, hex_tiling, layers, octahedral, snapped_projection, splat_blend, texel_choice, tiling, triplanar};
+use kernels::variant::{Flavour, Variant};
+
+use crate::frame::{gpu, largest_difference, p_of_zero_mean, renderer, request, sign, small_scene, terrain};
+
+/// The flavours that estimators differ in.
+const FLAVOURS: [Flavour; 3] = [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat];
+
+/// Uniform number from an index, [0, 1).
+fn unit(index: u32, column: u32) -> f64 {
+    hash::to_unit(hash::pcg4d([index, column, 24, 2022])[0])
+}
+
+/// A unit vector from an index.
+fn direction(index: u32) -> [f64; 3] {
+    let z = 2.0 * unit(index, 90) - 1.0;
+    let (sin, cos) = (unit(index, 91) * std::f64::consts::TAU).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    [r * cos, r * sin, z]
+}
+
+// ---------------------------------------------------------------- fetches
+
+/// Each pixel of a picture against a count.
+fn check_fetches(what: &str, picture: &Picture, promised: u32) {
+    for (&counted, on) in picture.values("fetches").expect("asked for").iter().zip(terrain(picture)) {
+        assert_eq!(counted, if on { promised as f32 } else { 0.0 }, "{what}: a pixel took {counted} fetches, not {promised}");
+    }
+}
+
+fn check_colours(what: &str, picture: &Picture) {
+    for ((texel, albedo), on) in picture.hdr.iter().zip(picture.vectors("albedo").expect("asked for")).zip(terrain(picture)) {
+        assert!(texel.iter().chain(albedo).all(|v| v.is_finite() && *v >= 0.0), "{what}: radiance {texel:?}, albedo {albedo:?}");
+        assert!(!on || albedo.iter().sum::<f32>() > 0.01, "{what}: a black pixel");
+    }
+}
+
+#[test]
+fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_says_so() {
+    let mut renderer = renderer();
+    let mut base = request(&renderer, "cliff");
+    base.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
+    let mut pictures: Vec<(String, Picture)> = Vec::new();
+    // `frame` does the same for the first on all 31 variants.
+    for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS).skip(1) {
+        let base = RenderRequest { estimator, ..base.clone() };
+        let is_yardstick = Estimator::YARDSTICKS.contains(&estimator);
+        for flavour in FLAVOURS {
+            let variant = Variant::only(flavour);
+            let what = format!("{estimator} on {variant}");
+            let promised = estimator.promised_fetches(flavour);
+            let of = RenderRequest { variant: VariantChoice::GenericForced(variant), ..base.clone() };
+            let generic = renderer.render(&of).expect("renders");
+            check_fetches(&format!("{what}, generic"), &generic, promised);
+            if estimator == Estimator::Variance {
+                continue;
+            }
+            check_colours(&what, &generic);
+            // Yardsticks are rendered by the generic kernel alone.
+            if !is_yardstick {
+                let special = renderer.render(&RenderRequest { variant: VariantChoice::Forced(variant), ..base.clone() }).expect("renders");
+                check_fetches(&what, &special, promised);
+                let difference = largest_difference(&special, &generic);
+                // Equal arithmetic, specialised: as in `frame`.
+                assert!(difference <= 2.0, "{what} differs from the generic kernel by {difference} ulp");
+            }
+            let other = renderer.render(&RenderRequest { seed: 1, ..of }).expect("renders");
+            let differs = largest_difference(&other, &generic) > 2.0;
+            assert_eq!(differs, estimator.is_stochastic(variant), "{what}: another seed makes another picture: {differs}");
+            // Negative control: no estimator and flavour looks like another. (Some are defined alike.)
+            let alike = |a: &str| {
+                let same = |names: [&str; 2]| names.iter().any(|n| what.starts_with(n)) && names.iter().any(|n| a.starts_with(n));
+                // Splat draws nothing by either of these: it is its own mean.
+                let own_mean = |name: &str| same([&format!("{name} on splat"), &format!("{name}-mean on splat")]);
+                same(["luna8", "luna8"])
+                    || same(["snapped", "snapped"])
+                    || same(["laplacian on near", "laplacian on splat"])
+                    || own_mean("biplanar")
+                    || own_mean("hex")
+            };
+            for (name, picture) in &pictures {
+                assert!(alike(name) || largest_difference(picture, &generic) > 2.0, "{what} looks like {name}");
+            }
+            pictures.push((what, generic));
+        }
+        // Several flavours take the sum.
+        for mask in [12, 28, 29, 30] {
+            let variant = Variant::new(mask).expect("a mask");
+            let promised = variant.flavours().map(|f| estimator.promised_fetches(f)).sum();
+            let picture =
+                renderer.render(&RenderRequest { variant: VariantChoice::GenericForced(variant), ..base.clone() }).expect("renders");
+            check_fetches(&format!("{estimator} on {variant}, generic"), &picture, promised);
+        }
+    }
+    // Two tilings are splat's, of those that it is defined for.
+    for (estimator, promised) in [(Estimator::Biplanar, 64), (Estimator::Stf, 4), (Estimator::Hex, 120), (Estimator::Snapped, 16)] {
+        let variant = VariantChoice::GenericForced(Variant::only(Flavour::Splat));
+        let picture = renderer.render(&RenderRequest { estimator, variant, two_tilings: true, ..base.clone() }).expect("renders");
+        check_fetches(&format!("{estimator} in two tilings"), &picture, promised);
+    }
+}
+
+// ---------------------------------------------------------------- means
+
+#[test]
+fn random_estimators_have_their_means() {
+    // Null hypothesis: over seeds, the picture's mean is that of `Estimator::mean`. One number per seed, a signed sum over pixels, is independent
+    // between seeds. 7 pictures x 4 patterns = 28 tests, family level 0.001, Sidak.
+    const SEEDS: u32 = 48;
+    const PATTERNS: u32 = 4;
+    let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 28.0);
+    let mut renderer = renderer();
+    let albedo = |renderer: &mut MutexGuard<'_, Renderer<'_>>, camera, estimator, flavour, seed| -> Vec<f64> {
+        let variant = VariantChoice::GenericForced(Variant::only(flavour));
+        let request = RenderRequest { estimator, variant, seed, ..request(renderer, camera) };
+        let picture = renderer.render(&request).expect("renders");
+        picture.vectors("albedo").expect("asked for").iter().flatten().map(|&v| f64::from(v)).collect()
+    };
+    use Estimator::{Biplanar, Exact, Hex, Stf};
+    use Flavour::{FarCliff, NearCliff, Splat};
+    // Estimator and flavour; a camera; the flavour of the mean; what must not pass for it. (On the ground, three projections are hardly more
+    // than one.)
+    for (estimator, flavour, camera, of, wrong) in [
+        (Biplanar, NearCliff, "cliff", NearCliff, (Exact, NearCliff)),
+        (Biplanar, FarCliff, "cliff", FarCliff, (Exact, FarCliff)),
+        (Hex, NearCliff, "ground", NearCliff, (Exact, Splat)),
+        (Hex, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
+        (Stf, NearCliff, "ground", NearCliff, (Exact, Splat)),
+        (Stf, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
+        // One tap knows no other heights: bilinear weights, as near cliff's.
+        (Stf, Splat, "ground", NearCliff, (Exact, Splat)),
+    ] {
+        let expected = albedo(&mut renderer, camera, estimator.mean(), of, 0);
+        let mutant = albedo(&mut renderer, camera, wrong.0, wrong.1, 0);
+        let samples: Vec<Vec<f64>> = (0..SEEDS).map(|seed| albedo(&mut renderer, camera, estimator, flavour, seed)).collect();
+        let p = |mean: &[f64], pattern: u32| {
+            let sum = |s: &Vec<f64>| s.iter().zip(mean).enumerate().map(|(i, (a, b))| (a - b) * sign(pattern, i)).sum();
+            p_of_zero_mean(&samples.iter().map(sum).collect::<Vec<f64>>())
+        };
+        let what = format!("{estimator} on {}", flavour.name());
+        for pattern in 0..PATTERNS {
+            let p = p(&expected, pattern);
+            assert!(p > level, "{what}: mean differs from {}, pattern {pattern}, p = {p:e}", estimator.mean());
+        }
+        assert!((0..PATTERNS).any(|pattern| p(&mutant, pattern) < level), "{what}: {} passes for its mean", wrong.0);
+    }
+}
+
+// ---------------------------------------------------------------- one blend by another
+
+#[test]
+fn estimators_agree_where_they_are_defined_alike() {
+    let mut renderer = renderer();
+    let mut base = request(&renderer, "ground");
+    base.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
+    let mut of = |estimator, flavour| {
+        let variant = VariantChoice::GenericForced(Variant::only(flavour));
+        renderer.render(&RenderRequest { estimator, variant, ..base.clone() }).expect("renders")
+    };
+    let layered = of(Estimator::Luna8, Flavour::Splat);
+    let bands = of(Estimator::Laplacian, Flavour::Splat);
+    let snapped = of(Estimator::Snapped, Flavour::Splat);
+    let two = of(Estimator::Biplanar, Flavour::Splat);
+    let mean = of(Estimator::BiplanarMean, Flavour::NearCliff);
+    let exact = of(Estimator::Exact, Flavour::Splat);
+    let pixels = renderer.inspect(&base).expect("inspects");
+    let difference = |a: &Picture, b: &Picture, i: usize| {
+        let texel = |p: &Picture| p.vectors("albedo").expect("asked for")[i];
+        let pairs = texel(a).into_iter().zip(texel(b));
+        pairs.map(|(l, r)| f64::from((l - r).abs()) / (f64::from(l.max(r)).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
+    };
+    // Seen from above, biplanar has one projection: then eight layers are four materials by bilinear weights, and the snapped plane is that
+    // projection. (The triangle's slope from its derivatives; the shading normal differs, hence a margin.)
+    let (mut flat, mut uniform) = (Vec::new(), Vec::new());
+    for (i, pixel) in pixels.iter().enumerate().filter(|(_, p)| p.slot != 0) {
+        let [a, b] = [pixel.ddx, pixel.ddy].map(|v| v.map(f64::from));
+        let n = octahedral::unit([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]);
+        if n[2].abs() > 0.95 && pixel.splat.iter().all(|&id| id < 8) {
+            flat.push(i);
+        }
+        if pixel.splat.iter().all(|&id| id == pixel.splat[0]) {
+            uniform.push(i);
+        }
+    }
+    assert!(flat.len() > 500 && uniform.len() > 500, "{} flat and {} uniform pixels", flat.len(), uniform.len());
+    let within =
+        |a: &Picture, b: &Picture, at: &[usize]| at.iter().filter(|&&i| difference(a, b, i) <= 2.0).count() as f64 / at.len() as f64;
+    // A normal near 30 degrees off may still mix; a hundredth of the pixels.
+    assert!(within(&layered, &mean, &flat) > 0.99, "layers: {}", within(&layered, &mean, &flat));
+    assert!(within(&snapped, &two, &flat) > 0.99, "snapped: {}", within(&snapped, &two, &flat));
+    // Bands of one material are that material.
+    assert!(within(&bands, &exact, &uniform) > 0.99, "bands: {}", within(&bands, &exact, &uniform));
+    // Negative controls: weights modified by height are not bilinear ones, three projections are not one, and bands differ where
+    // materials do.
+    let all: Vec<usize> = (0..pixels.len()).filter(|i| pixels[*i].slot != 0 && !uniform.contains(i)).collect();
+    assert!(within(&layered, &two, &flat) < 0.9 && within(&bands, &exact, &all) < 0.9 && within(&snapped, &exact, &all) < 0.9);
+}
+
+// ---------------------------------------------------------------- tiles and filters
+
+#[test]
+fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
+    let plain = Gpu::with(GpuOptions { plain: true }).expect("an adapter");
+    assert!(!plain.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL));
+    if !gpu().features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) {
+        println!("left out: this adapter cannot clamp depth, so all tiles are two triangles");
+        return;
+    }
+    let mut renderer = renderer();
+    let mut by_two = Renderer::new(&plain, &small_scene(), &|_| {}).expect("renders");
+    // Sizes that are no multiple of a tile; sky above and terrain at all depths.
+    for (camera, size) in [("cliff", [101, 67]), ("vista", [64, 48])] {
+        let auto = RenderRequest { size, keep_geometry: false, ..request(&renderer, camera) };
+        for variant in [VariantChoice::Auto, VariantChoice::Forced(Variant::only(Flavour::FarAtlas))] {
+            let auto = RenderRequest { variant, ..auto.clone() };
+            let (one, two) = (renderer.render(&auto).expect("renders"), by_two.render(&auto).expect("renders"));
+            assert_eq!(one.hdr, two.hdr, "{camera}");
+        }
+        // Negative control: another view.
+        let other = RenderRequest { jitter: [0.5, 0.0], ..auto.clone() };
+        assert_ne!(by_two.render(&other).expect("renders").hdr, renderer.render(&auto).expect("renders").hdr);
+    }
+}
+
+/// Levels of detail of rows of (ddx, ddy, rate): as the shader computes it, as sampling by it finds it, and as sampling by gradients finds it,
+/// from a texture whose levels hold their number.
+fn levels_of_detail(rows: &[[f32; 8]], change: (&str, &str)) -> Vec<[f32; 3]> {
+    let gpu = gpu();
+    let body = "
+@group(2) @binding(0) var<storage, read> rows: array<array<f32, 8>>;
+@group(2) @binding(1) var<storage, read_write> found: array<array<f32, 3>>;
+@compute @workgroup_size(64)
+fn lod_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&rows) { return; }
+    let row = rows[id.x];
+    let footprint = Footprint(Place(vec2<i32>(0), vec3<f32>(0.0)), vec3<f32>(row[0], row[1], row[2]), vec3<f32>(row[3], row[4], row[5]));
+    let projection = terrain_projection(0u, footprint);
+    let rate = vec2<f32>(row[6], row[7]);
+    let lod = terrain_lod(projection, rate);
+    let level = textureSampleLevel(detail_albedo, detail_sampler, vec2<f32>(0.3), 0u, lod).r;
+    let dx = terrain_turn(projection.ddx, rate);
+    let dy = terrain_turn(projection.ddy, rate);
+    found[id.x] = array<f32, 3>(lod, level, textureSampleGrad(detail_albedo, detail_sampler, vec2<f32>(0.3), 0u, dx, dy).r);
+}";
+    let files: Vec<(&str, String)> = kernels::shared::WGSL
+        .iter()
+        .chain(&[kernels::frame::FRAME_WGSL, kernels::terrain::WGSL, ("lod", body)])
+        .map(|&(name, text)| (name, if change.0.is_empty() { text.to_owned() } else { text.replace(change.0, change.1) }))
+        .collect();
+    let files: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
+    let shader = kernels::gpu::Shader::new(gpu, "lod", &files).unwrap_or_else(|e| panic!("{e}"));
+    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &shader.module,
+        entry_point: Some("lod_main"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    const LEVELS: u32 = 9;
+    let edge = 1 << (LEVELS - 1);
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: edge, height: edge, depth_or_array_layers: 1 },
+        mip_level_count: LEVELS,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::R16Float,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    // Whole numbers up to 8 as f16.
+    const F16: [u16; 9] = [0, 0x3c00, 0x4000, 0x4200, 0x4400, 0x4500, 0x4600, 0x4700, 0x4800];
+    for (level, code) in (0..LEVELS).zip(F16) {
+        let edge = edge >> level;
+        let texels = vec![code; (edge * edge) as usize];
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo { mip_level: level, ..texture.as_image_copy() },
+            bytemuck::cast_slice(&texels),
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(edge * 2), rows_per_image: None },
+            wgpu::Extent3d { width: edge, height: edge, depth_or_array_layers: 1 },
+        );
+    }
+    let linear = wgpu::FilterMode::Linear;
+    let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+        mag_filter: linear,
+        min_filter: linear,
+        mipmap_filter: wgpu::MipmapFilterMode::Linear,
+        ..Default::default()
+    });
+    let mut uniforms: FrameUniforms = bytemuck::Zeroable::zeroed();
+    (uniforms.sector_m, uniforms.gradient_scale) = (64.0, 1.0);
+    let frame = gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytemuck::bytes_of(&uniforms));
+    let input = gpu.buffer_with("rows", wgpu::BufferUsages::STORAGE, bytemuck::cast_slice(rows));
+    let bytes = 12 * rows.len() as u64;
+    let output = gpu.buffer("found", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, bytes);
+    let view = kernels::gpu::bindings::array(&texture);
+    let bind = |group: u32, entries: &[(u32, wgpu::BindingResource<'_>)]| {
+        let entries: Vec<_> =
+            entries.iter().map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() }).collect();
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(group),
+            entries: &entries,
+        })
+    };
+    let groups = [
+        bind(0, &[(0, frame.as_entire_binding())]),
+        bind(1, &[(7, wgpu::BindingResource::TextureView(&view)), (10, wgpu::BindingResource::Sampler(&sampler))]),
+        bind(2, &[(0, input.as_entire_binding()), (1, output.as_entire_binding())]),
+    ];
+    let mut encoder = gpu.encoder("lod");
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        for (index, group) in (0..).zip(&groups) {
+            pass.set_bind_group(index, group, &[]);
+        }
+        pass.dispatch_workgroups(u32::try_from(rows.len().div_ceil(64)).expect("few"), 1, 1);
+    }
+    gpu.submit_and_wait(encoder).unwrap_or_else(|e| panic!("{e}"));
+    bytemuck::pod_collect_to_vec(&kernels::gpu::read_buffer(gpu, &output, bytes).unwrap_or_else(|e| panic!("{e}")))
+}
+
+#[test]
+fn filtering_by_lod_is_filtering_by_gradients() {
+    let rows: Vec<[f32; 8]> = (0..2000)
+        .map(|index| {
+            let (dx, dy) = (direction(2 * index), direction(2 * index + 1));
+            let (length, ratio) = ((9.0 * unit(index, 0) - 9.0).exp2(), unit(index, 1));
+            let (sin, cos) = (unit(index, 2) * 6.3).sin_cos();
+            let row = [dx[0], dx[1], dx[2], dy[0] * ratio, dy[1] * ratio, dy[2] * ratio].map(|v| (v * length) as f32);
+            [row[0], row[1], row[2], row[3], row[4], row[5], cos as f32, sin as f32]
+        })
+        .collect();
+    // A device blends levels in at least 16 steps, and may take a gradient's length to be anything from its larger component to the sum of both:
+    // within a factor sqrt 2 of its length, half a level (Vulkan, "Scale Factor Operation, Level-of-Detail Operation").
+    const STEP: f32 = 1.0 / 16.0;
+    let worst = |found: &[[f32; 3]]| {
+        found.iter().fold([0.0_f32; 2], |most, [lod, level, by_gradients]| {
+            let lod = lod.clamp(0.0, 8.0);
+            [most[0].max((level - lod).abs()), most[1].max((by_gradients - lod).abs())]
+        })
+    };
+    let [level, by_gradients] = worst(&levels_of_detail(&rows, ("", "")));
+    println!("sampled levels are off by {level}, those by gradients by {by_gradients}");
+    assert!(level <= STEP && by_gradients <= 0.5 + STEP, "{level} {by_gradients}");
+    // Negative controls: the shorter gradient, a level for each factor of 4, the texture's size forgotten.
+    for change in [
+        ("max(dot(ddx, ddx), dot(ddy, ddy))", "min(dot(ddx, ddx), dot(ddy, ddy))"),
+        ("return 0.5 * log2(max(projection", "return 0.25 * log2(max(projection"),
+        ("return f32(firstLeadingBit(texels));", "return 7.0;"),
+    ] {
+        assert!(kernels::terrain::WGSL.1.contains(change.0), "{} is not there", change.0);
+        assert!(worst(&levels_of_detail(&rows, change))[1] > 0.5 + STEP, "`{}` was not noticed", change.1);
+    }
+}
+
+// ---------------------------------------------------------------- biplanar
+
+#[test]
+fn biplanar_weights_let_the_third_axis_go() {
+    // Weights by axis, the third's being 0.
+    type Weights = dyn Fn([f64; 3]) -> [f64; 3];
+    fn spread(axes: [u32; 2], w: [f64; 2]) -> [f64; 3] {
+        std::array::from_fn(|i| (0..2).filter(|&k| axes[k] as usize == i).map(|k| w[k]).sum())
+    }
+    let ours = |n: [f64; 3]| {
+        let (axes, w) = biplanar::projections(n, 8.0);
+        spread(axes, w)
+    };
+    // Mutant: tri-planar weights of the two largest, normalised.
+    let largest_two = |n: [f64; 3]| {
+        let (axes, _) = biplanar::projections(n, 8.0);
+        let w = triplanar::weights(n, 8.0);
+        let [a, b] = axes.map(|axis| w[axis as usize]);
+        spread(axes, [a / (a + b), b / (a + b)])
+    };
+    // Largest change over steps of 1e-6 along great circles, away from the diagonals, where the blend jumps.
+    let largest_jump = |weights: &Weights| {
+        let mut most = 0.0_f64;
+        for index in 0..2000 {
+            // Just where two smallest components change places.
+            let (t, s) = (0.9 * unit(index, 0), if index % 2 == 0 { 1.0 } else { -1.0 });
+            let axis = (index % 3) as usize;
+            let at = |e: f64| {
+                let mut n = [0.0; 3];
+                n[axis] = s;
+                n[(axis + 1) % 3] = t + e;
+                n[(axis + 2) % 3] = t - e;
+                weights(octahedral::unit(n))
+            };
+            let (a, b) = (at(1e-7), at(-1e-7));
+            most = most.max((0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max));
+        }
+        most
+    };
+    assert!(largest_jump(&ours) < 1e-5, "{}", largest_jump(&ours));
+    assert!(largest_jump(&largest_two) > 0.01, "the mutant has no seam");
+    for index in 0..5000 {
+        let n = direction(index);
+        let (axes, w) = biplanar::projections(n, 16.0 * unit(index, 3));
+        assert!(axes[0] < axes[1] && axes[1] < 3 && (w[0] + w[1] - 1.0).abs() < 1e-12 && w[0].min(w[1]) >= 0.0);
+        // The axis left out is the least.
+        let left = 3 - axes[0] - axes[1];
+        assert!(axes.iter().all(|&axis| n[axis as usize].abs() >= n[left as usize].abs()));
+    }
+    // Quilez' remapping: of 45 degrees, both alike; of 30, one alone.
+    assert_eq!(biplanar::projections([1.0, 0.0, 1.0], 8.0), ([0, 2], [0.5, 0.5]));
+    assert_eq!(biplanar::projections([0.5, 0.0, 0.75_f64.sqrt()], 8.0).1, [0.0, 1.0]);
+}
+
+// ---------------------------------------------------------------- hex tiling
+
+const SECTOR_M: f64 = 64.0;
+
+/// Weights by hexagon.
+fn hexagons(sector: [i32; 2], position: [f64; 2]) -> Vec<([u32; 2], f64)> {
+    let t = hex_tiling::at(sector, position, SECTOR_M, 6);
+    t.ids.into_iter().zip(t.weights).collect()
+}
+
+/// Largest difference of a hexagon's weight; absent = 0.
+fn weight_difference(a: &[([u32; 2], f64)], b: &[([u32; 2], f64)]) -> f64 {
+    let weight = |of: &[([u32; 2], f64)], id| of.iter().filter(|(other, _)| *other == id).map(|(_, w)| w).sum::<f64>();
+    a.iter().chain(b).map(|&(id, _)| (weight(a, id) - weight(b, id)).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn hexagons_fit_together() {
+    type Tiling = dyn Fn([i32; 2], [f64; 2]) -> Vec<([u32; 2], f64)>;
+    // Mutant: a lattice that begins anew in each sector.
+    let per_sector = |_: [i32; 2], position: [f64; 2]| hexagons([0; 2], position);
+    // Along a line through a sector's border, however far from the origin, weights change by no more than their slope times the step.
+    let largest_jump = |tiling: &Tiling, sector: i32| {
+        let mut most = 0.0_f64;
+        for line in 0..20 {
+            let slope = unit(line, 1) - 0.5;
+            let at = |i: i32| {
+                let x = 60.0 + 8.0 * f64::from(i) / 20_000.0;
+                let y = 30.0 + slope * x;
+                let over = f64::from(x >= SECTOR_M);
+                tiling([sector + i32::from(x >= SECTOR_M), -sector], [x - over * SECTOR_M, y])
+            };
+            most = (1..20_000).map(|i| weight_difference(&at(i), &at(i - 1))).fold(most, f64::max);
+        }
+        most
+    };
+    // A step of 0.0004 spacings; a weight's slope is at most 7 x 6 / 2 a spacing or so.
+    for sector in [0, 156, 15_625, -1_000_000] {
+        assert!(largest_jump(&hexagons, sector) < 0.02, "sector {sector}: {}", largest_jump(&hexagons, sector));
+    }
+    assert!(largest_jump(&per_sector, 0) > 0.5, "the mutant has no seam");
+    let (mut contrast, mut lone) = (0.0, 0.0_f64);
+    for index in 0..20_000 {
+        let t = hex_tiling::at([3, -5], [unit(index, 0) * SECTOR_M, unit(index, 1) * SECTOR_M], SECTOR_M, 6);
+        assert!((t.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12 && t.weights.iter().all(|w| *w >= 0.0));
+        assert!(t.ids[0] != t.ids[1] && t.ids[1] != t.ids[2] && t.ids[0] != t.ids[2]);
+        contrast += t.weights.iter().map(|w| w * w).sum::<f64>() / 20_000.0;
+        lone = lone.max(t.weights.iter().fold(0.0, |m, &w| m.max(w)));
+    }
+    // The share of variance that is left: by numerical integration 0.8835; 0.5 with barycentric weights. Standard error 0.0014.
+    assert!((contrast - 0.8835).abs() < 0.007 && lone > 0.9999, "{contrast} {lone}");
+    // Centres are where a hexagon is alone: a spacing apart in six directions, to the 0.13 % of the skew.
+    let rows = SECTOR_M / 64.0 / (2.0 * 37.0 / 64.0);
+    for step in [[1.0, 0.0], [0.5, rows], [-0.5, rows]] {
+        let at = hexagons([0; 2], [10.0 + step[0], 20.0 * rows + step[1]]);
+        assert!(at.iter().any(|(_, w)| *w > 0.999_999), "{step:?}: {at:?}");
+        assert!((dot::<f64, 2>(step, step).sqrt() - 1.0).abs() < 0.0013);
+    }
+    // Levels: near 2 sqrt 3 hexagons to a repeat.
+    for repeats in [1.0, 16.0, 21.3, 32.0, 1000.0] {
+        let ratio = f64::from(hex_tiling::level(repeats)).exp2() / (repeats * 12.0_f64.sqrt());
+        assert!((0.7..1.42).contains(&ratio), "{repeats}: {ratio}");
+    }
+}
+
+// ---------------------------------------------------------------- texels by chance
+
+#[test]
+fn chosen_texels_are_the_filter_in_the_mean() {
+    // Thresholds on a grid instead of at random: shares are those of the filter to the grid's step.
+    const STEPS: u32 = 4096;
+    let share = |chosen: &dyn Fn(f64) -> u32, of: u32| {
+        (0..STEPS).filter(|&i| chosen((f64::from(i) + 0.5) / f64::from(STEPS)) == of).count() as f64 / f64::from(STEPS)
+    };
+    let tolerance = 1.0 / f64::from(STEPS);
+    for index in 0..50 {
+        let lod = 12.0 * unit(index, 0) - 2.0;
+        let held = lod.clamp(0.0, 7.0);
+        for level in 0..8_u32 {
+            let weight = (1.0 - (held - f64::from(level)).abs()).max(0.0);
+            assert!((share(&|u| texel_choice::level(lod, 8, u), level) - weight).abs() <= tolerance, "lod {lod}, level {level}");
+        }
+        let coordinate = 40.0 * unit(index, 1) - 20.0;
+        for texel in 0..8_u32 {
+            // Distance from the texel's centre, around the repeat.
+            let x = (coordinate * 8.0 - 0.5 - f64::from(texel)).rem_euclid(8.0);
+            let weight = (1.0 - x.min(8.0 - x)).max(0.0);
+            assert!((share(&|u| texel_choice::texel(coordinate, 8, u), texel) - weight).abs() <= tolerance, "{coordinate}, texel {texel}");
+            // Negative control: the texel that holds the coordinate is no filter.
+            let nearest = |_: f64| (coordinate * 8.0).floor().rem_euclid(8.0) as u32;
+            assert!(weight <= tolerance || weight >= 1.0 - tolerance || (share(&nearest, texel) - weight).abs() > tolerance);
+        }
+    }
+}
+
+// ---------------------------------------------------------------- layers
+
+#[test]
+fn layers_weigh_what_their_texels_weigh() {
+    for index in 0..2000 {
+        let texels = splat_blend::bilinear([unit(index, 0), unit(index, 1)]);
+        let of: [u32; 4] = std::array::from_fn(|i| hash::pcg4d([index, i as u32, 5, 5])[0] % 8);
+        let shares: [f64; 8] = std::array::from_fn(|layer| layers::share(texels, of, layer as u32));
+        let mut below = 0.0;
+        let mut opacities = [0.0; 8];
+        for layer in 0..8 {
+            opacities[layer] = layers::opacity(layer as u32, shares[layer], below);
+            below += shares[layer];
+        }
+        let weights = layers::weights(opacities);
+        assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12, "layer 0 is opaque: nothing shows through");
+        assert!(weights.iter().zip(shares).all(|(w, m)| (w - m).abs() < 1e-12), "{weights:?}, {shares:?}");
+        // Blending one after the other, as the shader does, gives those weights.
+        let mut blended = [0.0; 8];
+        for layer in 0..8 {
+            blended = blended.map(|b| b * (1.0 - opacities[layer]));
+            blended[layer] += opacities[layer];
+        }
+        assert!(blended.iter().zip(weights).all(|(b, w)| (b - w).abs() < 1e-12));
+        // Negative control: shares taken for opacities give the layers below too much.
+        let mut wrong = shares;
+        wrong[0] = 1.0;
+        let several = shares.iter().filter(|m| **m > 0.1).count() > 2;
+        assert!(!several || layers::weights(wrong).iter().zip(shares).any(|(w, m)| (w - m).abs() > 0.001));
+    }
+}
+
+#[test]
+fn materials_beyond_the_eighth_are_shown_by_the_nearest_layer() {
+    let scene = small_scene();
+    assert!(scene.materials.len() > layers::LAYERS, "the test needs materials without a layer");
+    let palette = Palette::build(&scene, SECTOR_M, |_| {}).expect("the palette builds");
+    let layer = |m: usize| (palette.entries[m].flags >> LAYER_SHIFT & 7) as usize;
+    for m in 0..palette.entries.len() {
+        let distance = |l: usize| (0..3).map(|c| (palette.means[l].albedo[c] - palette.means[m].albedo[c]).powi(2)).sum::<f32>();
+        assert!((0..layers::LAYERS).all(|l| distance(layer(m)) <= distance(l)), "material {m} is shown by {}", layer(m));
+        assert!(m >= layers::LAYERS || layer(m) == m);
+    }
+    // Negative control: the others have not all one layer by default.
+    assert!((layers::LAYERS..palette.entries.len()).any(|m| layer(m) != 0));
+}
+
+// ---------------------------------------------------------------- one projection
+
+#[test]
+fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
+    // Azimuth that a plane looks along, degrees, modulo 180.
+    let azimuth = |plane: u32| [0.0, 90.0, f64::NAN, 45.0, 135.0][plane as usize];
+    let mut seen = [0; 5];
+    for index in 0..5000 {
+        let n = direction(index);
+        let plane = snapped_projection::plane(n, 0.8);
+        seen[plane as usize] += 1;
+        assert_eq!(plane == 2, n[2].abs() >= 0.8);
+        if plane == 2 {
+            continue;
+        }
+        let off = (n[1].atan2(n[0]).to_degrees() - azimuth(plane)).rem_euclid(180.0);
+        assert!(off.min(180.0 - off) <= 22.5 + 1e-9, "{n:?} is {off} degrees off plane {plane}");
+        // A metre along the plane is a metre; across it, nothing.
+        let (sin, cos) = azimuth(plane).to_radians().sin_cos();
+        let [along, up] = snapped_projection::coordinates([-sin, cos, 0.0], plane);
+        assert!((along.abs() - 1.0).abs() < 2e-4 && up.abs() < 1e-12, "plane {plane}: {along}");
+        assert!(snapped_projection::coordinates([cos, sin, 0.0], plane)[0].abs() < 1e-12);
+        // Coordinates and gradients are each other's: a height u has the gradient along which u grows.
+        let g = snapped_projection::from_gradient([along.signum(), 0.0], plane);
+        assert!((dot(g, [-sin, cos, 0.0]) - 1.0).abs() < 1e-9, "plane {plane}: {g:?}");
+    }
+    assert!(seen.iter().all(|&count| count > 200), "{seen:?}");
+    // Texture coordinates fit across sector borders, near and far. A repeat's rounding (2^-24) and that of the diagonal's rate are all there is.
+    let per_sector = tiling::per_sector_fixed(SECTOR_M, 3.7);
+    let repeats = tiling::repeats(SECTOR_M, 3.7);
+    let coordinate = |place: [i32; 3], inside: [f64; 3], plane: u32| {
+        let sectors = snapped_projection::sectors(place, plane);
+        let whole: f64 = tiling::fixed(sectors[0], snapped_projection::fixed(per_sector, plane), 0);
+        whole + snapped_projection::coordinates(inside, plane)[0] / SECTOR_M * repeats
+    };
+    for plane in [0, 1, 2, 3, 4] {
+        for (place, step) in [([0, 0, 0], 0), ([155, -40, 20], 1), ([-1_000_000, 1_000_000, 3], 0)] {
+            let mut beyond = place;
+            beyond[step] += 1;
+            let mut edge = [12.0, 34.0, 5.0];
+            edge[step] = SECTOR_M;
+            let mut start = edge;
+            start[step] = 0.0;
+            let gap = coordinate(place, edge, plane) - coordinate(beyond, start, plane);
+            assert!((gap - gap.round()).abs() < 4.0 / 16_777_216.0, "plane {plane}, sector {place:?}: {gap}");
+        }
+    }
+}
+
+// ---------------------------------------------------------------- the running blend
+
+#[test]
+fn weights_term_by_term_are_the_weights() {
+    for index in 0..5000 {
+        let fraction = [unit(index, 0), unit(index, 1)];
+        let heights: [f64; 4] = std::array::from_fn(|i| unit(index, 2 + i as u32));
+        let sharpness = (12.0 * unit(index, 6) - 2.0).exp2();
+        let mut run = splat_blend::Run::start();
+        let mut sum = [0.0; 4];
+        let mut kept = Vec::new();
+        for (i, w) in splat_blend::bilinear(fraction).into_iter().enumerate() {
+            run = run.add(w, heights[i], sharpness);
+            sum = sum.map(|s| s * run.keep);
+            sum[i] = run.share;
+            kept.push(run.keep);
+            assert!(run.keep >= 0.0 && run.share >= 0.0 && run.keep.max(run.share) == 1.0);
+        }
+        let total: f64 = sum.iter().sum();
+        let weights = splat_blend::weights(fraction, heights, sharpness);
+        let differs = |sum: [f64; 4], total: f64| sum.iter().zip(weights).any(|(s, w)| (s / total - w).abs() > 1e-9);
+        assert!(total >= 1.0 && !differs(sum, total), "{sum:?} {weights:?}");
+        // Negative control: what was summed is not measured anew.
+        let shares: [f64; 4] = {
+            let mut run = splat_blend::Run::start();
+            let bilinear = splat_blend::bilinear(fraction);
+            std::array::from_fn(|i| {
+                run = run.add(bilinear[i], heights[i], sharpness);
+                run.share
+            })
+        };
+        let moved = kept[1..].iter().any(|k| *k < 0.9 && *k > 0.1);
+        assert!(!moved || differs(shares, shares.iter().sum()));
+    }
+}
