@@ -24,7 +24,7 @@ times = "none"
 scene = "scene.toml"
 
 [[view]]
-name = "sideways"
+name = "cliff-sideways"
 camera = "cliff"
 motion = "sideways"
 step = 0.1

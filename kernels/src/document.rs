@@ -232,7 +232,11 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
             Some(key) => format!("the key `{key}` is missing{}", remedy_of_missing(key)),
             None => match span.as_ref().and_then(|span| find_value(text, &message, span)) {
                 Some((key, at)) => return (Some(line(&at)), format!("{key}: {message}")),
-                None => message,
+                // The reader tells what it did not like, and where, but not of which key.
+                None => match span.as_ref().and_then(|span| key_of_value(text, span)) {
+                    Some(key) if !message.contains(&format!("`{key}`")) => format!("{key}: {message}"),
+                    _ => message,
+                },
             },
         };
         return (span.as_ref().map(line), what);
@@ -258,6 +262,12 @@ struct Entry {
     key: String,
     key_at: Range<usize>,
     value_at: Range<usize>,
+}
+
+/// The innermost key in whose value a span begins.
+fn key_of_value(text: &str, span: &Range<usize>) -> Option<String> {
+    let holding = entries(text).into_iter().filter(|entry| entry.value_at.contains(&span.start));
+    holding.min_by_key(|entry| entry.value_at.len()).map(|entry| entry.key)
 }
 
 /// Every key of the text, from top to bottom; none where the text is not TOML.

@@ -208,8 +208,14 @@ pub fn read_parquet(file: &Path) -> Result<Table> {
         anyhow!("{}: {what}: it is damaged or no result of a run; run it again, or take the file from a copy", file.display())
     };
     let input = File::open(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let reader = SerializedFileReader::new(input).map_err(|error| damaged(format!("no Parquet file ({error})")))?;
-    read(&reader).map_err(|error| damaged(format!("{error:#}")))
+    let reader =
+        crate::quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer does not hold together".to_owned()))?;
+    let reader = reader.map_err(|error| damaged(format!("no Parquet file ({error})")))?;
+    // The reader has bounds that a damaged file can make it run over.
+    match crate::quietly(|| read(&reader)) {
+        Some(outcome) => outcome.map_err(|error| damaged(format!("{error:#}"))),
+        None => Err(damaged("its pages do not hold together".to_owned())),
+    }
 }
 
 fn read(reader: &SerializedFileReader<File>) -> Result<Table> {
