@@ -1,0 +1,45 @@
+#!/usr/bin/env python3
+"""Makes the small record of a run that notebooks-data keeps: the rows that are not of single frames, and what describes them.
+
+Usage: record.py RUN_FOLDER notebooks-data/NAME   (in the environment that scripts/notebook.sh makes)
+"""
+
+import csv
+import shutil
+import sys
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+# Their rows of single frames are left out: those over all frames say the same.
+PER_FRAME = ["fetches_per_px", "flip_rate", "difference", "flicker", "taa_rejections", "disoccluded", "reference_difference"]
+
+
+def main() -> int:
+    run, record = Path(sys.argv[1]), Path(sys.argv[2])
+    record.mkdir(parents=True, exist_ok=True)
+    table = pq.read_table(run / "metrics.parquet")
+    of_frames = pc.is_in(table["metric"], value_set=pa.array(PER_FRAME))
+    kept = table.filter(pc.or_(pc.is_null(table["frame"]), pc.invert(of_frames)))
+    kept = kept.filter(pc.not_equal(kept["metric"], "power"))
+    pq.write_table(kept, record / "metrics.parquet", compression="zstd")
+    for name in ["manifest.json", "report.md", "times.csv"]:
+        shutil.copy(run / name, record / name)
+    rows = kept.to_pylist()
+    found = {}
+    for row in rows:
+        if row["variant"] == "near-cliff" and row["metric"] in ("flip_rate", "clumping") and row["lag"] in (None, 1):
+            found.setdefault((row["view"], row["noise"]), {})[row["metric"]] = row["value"]
+    with open(record / "headline.csv", "w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["view", "noise", "flip_rate", "clumping"])
+        for (view, noise), values in sorted(found.items()):
+            writer.writerow([view, noise, values["flip_rate"], values["clumping"]])
+    print(f"{record}: {len(rows)} of {table.num_rows} rows")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
