@@ -21,6 +21,7 @@ noises = ["hashed", "white"]
 temporal = ["off", "exponential"]
 reference = { spp = 32, max_spp = 32 }
 times = "none"
+video = true
 scene = "scene.toml"
 
 [[view]]
@@ -60,6 +61,13 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     for name in ["report.html", "report.md", "manifest.json", "reference"] {
         assert!(Path::new(&whole).join("tiny").join(name).exists(), "{name}");
     }
+    // The frames as PNG sequences, with what judges them.
+    let video = Path::new(&whole).join("tiny").join("video");
+    for name in ["reference-cliff-sideways", "sweep-cliff-sideways-fc5-hashed-off-near-cliff"] {
+        assert_eq!((0..3).filter(|frame| video.join(name).join(format!("{frame:04}.png")).exists()).count(), 3, "{name}");
+    }
+    let judges = fs::read_to_string(video.join("sweep-cliff-sideways-fc5-hashed-off-near-cliff").join("judge.txt")).expect("written");
+    assert!(judges.contains("cvvdp") && judges.contains("../reference-cliff-sideways/%04d.png"), "{judges}");
     // A folder with a run in it is not written over.
     failure(&["run", &definition, "--out", &whole], &["--resume"]);
 

@@ -70,6 +70,10 @@ pub struct Definition {
     /// Names of metrics; none = all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
+    /// Whether the frames of single flavours, of `auto` and `generic`, and of the reference sequence are kept as PNG sequences, with the command lines of tools
+    /// that judge video.
+    #[serde(default)]
+    pub video: bool,
     /// How well the reference must be known.
     #[serde(default)]
     pub reference: Reference,

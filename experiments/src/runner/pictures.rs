@@ -13,6 +13,7 @@ use kernels::shared::signal;
 use super::Labels;
 use crate::definition::setting_text;
 use crate::judge::flip::magma;
+use crate::judge::video::commands;
 use crate::report::{FOLDER, RunPicture};
 use crate::unit::Unit;
 
@@ -92,6 +93,32 @@ impl Sheet {
         write_whole(&file, |temporary| fs::write(temporary, &bytes).map_err(|source| Error::File { file: temporary.to_owned(), source }))?;
         Ok(())
     }
+}
+
+/// Folder of PNG sequences in that of a run.
+const VIDEO: &str = "video";
+/// Frames a second that tools which judge video are told: what a game would like to have.
+const FRAMES_PER_SECOND: f64 = 60.0;
+
+/// The PNG sequence of one variant of a part, or of its reference (`variant` empty): a folder a sequence.
+pub(super) fn sequence(run: &Path, reference_part: &str, part: &str, variant: &str) -> PathBuf {
+    let folder = run.join(VIDEO);
+    if variant.is_empty() { folder.join(reference_part) } else { folder.join(format!("{part}-{variant}")) }
+}
+
+/// Writes a frame of a sequence.
+pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], texels: &[[f32; 3]]) -> Result<()> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    Ok(write_png_texels(&folder.join(format!("{frame:04}.png")), size, &display(texels))?)
+}
+
+/// Writes the command lines that judge a sequence against the reference's, beside its frames.
+pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Result<()> {
+    let pattern = |folder: &Path| format!("../{}/%04d.png", folder.file_name().unwrap_or_default().to_string_lossy());
+    let text = commands(&pattern(test), &pattern(reference), FRAMES_PER_SECOND, size);
+    let file = test.join("judge.txt");
+    write_whole(&file, |temporary| fs::write(temporary, &text).map_err(|source| Error::File { file: temporary.to_owned(), source }))?;
+    Ok(())
 }
 
 /// Linear albedo as a display shows it: sRGB, without tone mapping, since what is compared is albedo.

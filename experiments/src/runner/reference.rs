@@ -15,6 +15,7 @@ use kernels::metrics::{BINS, LAGS, quantile};
 use kernels::picture::{self, AovSet, Picture};
 use kernels::shared::hash;
 use kernels::shared::moments::Moments;
+use kernels::shared::signal;
 use kernels::temporal::Resolve;
 use kernels::variant::{Flavour, Variant};
 use serde::{Deserialize, Serialize};
@@ -154,6 +155,10 @@ impl Runner<'_> {
             let request = truth(&RenderRequest { frame, ..RenderRequest::new(pose, size) });
             renderer.draw_flavours(&request, splat, &stage.layers)?;
             let (sums, _) = renderer.measure(&request, &stage.layers, &mut meter, &[Some(splat)])?;
+            if definition.video {
+                let texels: Vec<[f32; 3]> = meter.picture(gpu, 0, 0)?.iter().map(|s| signal::colour(*s)).collect();
+                pictures::write_frame(&pictures::sequence(folder, &unit.id, &unit.id, ""), frame, size, &texels)?;
+            }
             let lags = sums[0].lags;
             differences.push(lags.map(|lag| (lag.linked > 0).then(|| lag.difference / lag.linked as f64)));
             histogram.iter_mut().zip(&sums[0].histogram).for_each(|(all, &n)| *all += u64::from(n));

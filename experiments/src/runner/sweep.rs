@@ -70,7 +70,9 @@ impl Runner<'_> {
     /// The sweep: frames first, then errors at the last of them, then seeds.
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
-        let reference = Reference::read(&self.reference_file(unit, folder)?)?;
+        let reference_file = self.reference_file(unit, folder)?;
+        let reference_part = reference_file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let reference = Reference::read(&reference_file)?;
         let size = definition.size;
         let frames = definition.frames;
         let total = u64::from(frames + definition.seeds + 2);
@@ -101,6 +103,14 @@ impl Runner<'_> {
             let request = request(pose, frame);
             let layers = stage.draw(&request, needed, frames)?;
             let (sums, _) = stage.renderer.measure(&request, &layers, &mut meter, &variants)?;
+            for (stream, (name, _)) in self.variants.iter().enumerate().filter(|(_, (_, choice))| definition.video && is_plain(*choice)) {
+                let texels: Vec<[f32; 3]> = meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
+                let sequence = pictures::sequence(folder, &reference_part, &unit.id, name);
+                pictures::write_frame(&sequence, frame, size, &texels)?;
+                if frame + 1 == frames {
+                    pictures::write_judges(&sequence, &pictures::sequence(folder, &reference_part, "", ""), size)?;
+                }
+            }
             for (((name, _), sums), followed) in self.variants.iter().zip(&sums).zip(&mut followed) {
                 follow(&labels, &mut rows, name, frame, sums, &reference, how.resolve, followed);
             }
@@ -168,7 +178,7 @@ impl Runner<'_> {
                     labels.put(rows, name, metric, mark, value, None);
                 }
             }
-            let single = composed(*choice).is_none_or(|v| v.flavours().count() == 1);
+            let single = is_plain(*choice);
             let first = definition.noises.first().is_some_and(|noise| noise == labels.noise);
             if single && (stochastic(*choice) || first) {
                 let title = format!("{name}, {}", labels.noise);
@@ -324,6 +334,11 @@ impl Runner<'_> {
         }
         Ok(())
     }
+}
+
+/// Whether pictures of a choice are kept: of single flavours, and of what chooses by itself.
+fn is_plain(choice: VariantChoice) -> bool {
+    composed(choice).is_none_or(|variant| variant.flavours().count() == 1)
 }
 
 /// Rows of one frame of one variant.
