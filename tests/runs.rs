@@ -99,6 +99,12 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     assert!(kills >= 2, "it was over before it could be killed");
     assert!(bytes(&killed) == expected, "the tables differ after {kills} kills");
 
+    // A finished run whose table is damaged is done again, and comes out the same.
+    let table = Path::new(&killed).join("tiny").join("metrics.parquet");
+    fs::write(&table, &expected[0][..expected[0].len() / 2]).expect("writable");
+    success(&["run", &definition, "--out", &killed, "--resume"]);
+    assert!(bytes(&killed) == expected, "the tables differ after they were done again");
+
     // Shards: disjoint, and together the same rows.
     let shards = folder.path("shards");
     for shard in ["1/2", "2/2"] {

@@ -113,7 +113,7 @@ pub(crate) fn watch_interrupts() -> Result<()> {
             // 128 + SIGINT, as shells expect.
             std::process::exit(130);
         }
-        eprintln!("stopping as soon as what is under way is whole; once more to stop at once");
+        eprintln!("stopping; what is under way is not kept; once more to stop at once");
     })
     .context("cannot watch for Ctrl-C")
 }

@@ -159,6 +159,8 @@ impl Run {
 
     /// Finds out which parts are kept; a damaged one is done again.
     fn survey(&mut self) -> Result<()> {
+        // A finished run has none, and needs it again where its results are damaged.
+        let parts = self.folder.join(PARTS);
         if self.manifest.complete {
             let results = [METRICS, TIMES].map(|name| (self.file(name, "parquet"), self.file(name, "csv")));
             match results.iter().find(|(parquet, csv)| read_parquet(parquet).is_err() || !csv.is_file()) {
@@ -167,11 +169,11 @@ impl Run {
                     self.notes.push(format!("{} is damaged: everything is done again", damaged.display()));
                     self.manifest.complete = false;
                     self.manifest.write(&self.folder)?;
+                    fs::create_dir_all(&parts).with_context(|| format!("cannot make the folder {}", parts.display()))?;
                 }
             }
             return Ok(());
         }
-        let parts = self.folder.join(PARTS);
         fs::create_dir_all(&parts).with_context(|| format!("cannot make the folder {}", parts.display()))?;
         for share in &self.shares {
             let file = part_file(&self.folder, &share.unit);
