@@ -14,6 +14,7 @@ use kernels::shared::{biplanar, hash, hex_tiling, layers, octahedral, snapped_pr
 use kernels::variant::{Flavour, Variant};
 
 use crate::frame::{gpu, largest_difference, p_of_zero_mean, renderer, request, sign, small_scene, terrain};
+use crate::layouts::constants;
 
 /// The flavours that estimators differ in.
 const FLAVOURS: [Flavour; 3] = [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat];
@@ -29,6 +30,34 @@ fn direction(index: u32) -> [f64; 3] {
     let (sin, cos) = (unit(index, 91) * std::f64::consts::TAU).sin_cos();
     let r = (1.0 - z * z).sqrt();
     [r * cos, r * sin, z]
+}
+
+#[test]
+fn shaders_know_estimators_by_the_hosts_numbers() {
+    let constants = constants(&kernels::shading::files());
+    let all: Vec<Estimator> = Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS).collect();
+    for &estimator in &all {
+        let name = format!("ESTIMATOR_{}", estimator.name().to_uppercase().replace('-', "_"));
+        assert_eq!(constants.get(&name), Some(&f64::from(estimator as u8)), "{name}");
+    }
+    // No more and no fewer.
+    assert_eq!(constants.keys().filter(|name| name.starts_with("ESTIMATOR_")).count(), all.len());
+    assert_eq!(constants.get("TERRAIN_LAYER_BITS"), Some(&f64::from(LAYER_SHIFT)));
+    assert_eq!(constants.get("LAYERS"), Some(&(layers::LAYERS as f64)));
+}
+
+#[test]
+fn estimators_have_names() {
+    for estimator in Estimator::ALL {
+        assert_eq!(estimator.name().parse::<Estimator>().ok(), Some(estimator));
+        assert!(!estimator.mean().is_stochastic(Variant::new(28).expect("a mask")), "{estimator}: its mean draws random numbers");
+    }
+    for (wrong, hint) in
+        [("biplaner", "did you mean `biplanar`?"), ("fc6", "did you mean `fc5`?"), ("zzzzzzzz", "there are fc5, exact"), ("", "there are")]
+    {
+        let message = wrong.parse::<Estimator>().expect_err("no such estimator").to_string();
+        assert!(message.contains(hint) && message.contains("snapped") && !message.contains('\n'), "{message}");
+    }
 }
 
 // ---------------------------------------------------------------- fetches

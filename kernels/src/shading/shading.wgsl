@@ -2,7 +2,7 @@
 
 // Mask of the flavours compiled in, 1..31; 0 = the generic kernel, which takes each tile's mask at run time.
 override VARIANT: u32 = 0u;
-// How near cliff, far cliff and splat arrive at their value; `Estimator` in mod.rs explains each.
+// How near cliff, far cliff and splat arrive at their value; `Estimator` in estimator.rs explains each.
 override ESTIMATOR: u32 = 0u;
 // Noise kind of the stochastic choices, see noise.wgsl.
 override NOISE: u32 = 0u;
