@@ -44,27 +44,49 @@ pub(super) fn promises(rows: &[GoldenRow]) -> Option<(bool, String)> {
     (all > 0).then(|| (kept == all, format!("{kept} of {all} flavours take the fetches they promise")))
 }
 
-/// The largest of some biases, given with their standard errors and names.
-pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>) -> Option<(bool, String)> {
+/// The largest of some biases, given with their standard errors and names. `seeds`: how many numbers the standard errors come from, see [`sidak_limit`].
+pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seeds: Option<u32>) -> Option<(bool, String)> {
     let scores: Vec<(f64, &str)> =
         rows.into_iter().map(|(bias, error, name)| (bias.abs() / error, name)).filter(|(z, _)| z.is_finite()).collect();
     let (z, name) = scores.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let (count, limit) = (scores.len(), sidak_limit(scores.len()));
+    let (count, limit) = (scores.len(), sidak_limit(scores.len(), seeds));
     Some((
         *z < limit,
         format!(
-            "largest bias of {count} stochastic rows: {z:.1} standard errors ({name}); at most {limit:.1} expected (0.1 % for all together)"
+            "largest bias of {count} stochastic rows: {z:.1} standard errors ({name}); at most {limit:.1} expected (0.1 % for all together{})",
+            few(seeds)
         ),
     ))
 }
 
-/// The range of variances measured over variances predicted.
-pub(super) fn variance(ratios: impl IntoIterator<Item = f64>) -> Option<(bool, String)> {
-    let ratios: Vec<f64> = ratios.into_iter().filter(|r| r.is_finite()).collect();
-    let low = ratios.iter().copied().min_by(f64::total_cmp)?;
-    let high = ratios.iter().copied().max_by(f64::total_cmp)?;
+/// Why a limit is wide.
+fn few(seeds: Option<u32>) -> String {
+    seeds.map_or_else(String::new, |n| format!(", from {n} seeds"))
+}
+
+/// The range of variances measured over variances predicted, of some given with the standard errors of those measured, where they are known. A
+/// ratio that few seeds explain is as good as one in the range.
+pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, seeds: Option<u32>) -> Option<(bool, String)> {
+    let rows: Vec<(f64, f64)> = rows
+        .into_iter()
+        .map(|(measured, predicted, error)| (measured / predicted, error.map_or(f64::INFINITY, |e| (measured - predicted).abs() / e)))
+        .filter(|(ratio, _)| ratio.is_finite())
+        .collect();
+    let low = rows.iter().map(|r| r.0).min_by(f64::total_cmp)?;
+    let high = rows.iter().map(|r| r.0).max_by(f64::total_cmp)?;
     let range = if high - low < 0.005 { format!("{high:.2}") } else { format!("{low:.2} to {high:.2}") };
-    Some((low > 0.8 && high < 1.25, format!("variance measured is {range} times the variance predicted; 0.8 to 1.25 expected")))
+    let limit = sidak_limit(rows.len(), seeds);
+    let inside = |ratio: f64| ratio > 0.8 && ratio < 1.25;
+    let outside: Vec<f64> = rows.iter().filter(|(ratio, _)| !inside(*ratio)).map(|(_, z)| *z).collect();
+    let furthest = outside.iter().copied().max_by(f64::total_cmp);
+    let but = match furthest {
+        Some(z) if z.is_finite() => format!("; those outside are at most {z:.1} standard errors off, {limit:.1} expected{}", few(seeds)),
+        _ => String::new(),
+    };
+    Some((
+        furthest.is_none_or(|z| z < limit),
+        format!("variance measured is {range} times the variance predicted; 0.8 to 1.25 expected{but}"),
+    ))
 }
 
 #[cfg(test)]
@@ -88,15 +110,20 @@ mod tests {
 
     #[test]
     fn bias_and_variance_are_held_to_their_limits() {
-        assert_eq!(bias([(3e-4, 1e-4, "a"), (0.0, 0.0, "b")]).map(|c| c.0), Some(true));
-        let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")]).expect("one row with chance");
+        assert_eq!(bias([(3e-4, 1e-4, "a"), (0.0, 0.0, "b")], None).map(|c| c.0), Some(true));
+        let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")], None).expect("one row with chance");
         assert!(!good && text.contains("4.0 standard errors (a)"), "{text}");
         // The same bias among 600: none that was found.
         let many = (0..600).map(|i| (if i == 7 { 4e-4 } else { 0.0 }, 1e-4, "a"));
-        assert_eq!(bias(many).map(|c| c.0), Some(true));
-        assert_eq!(bias([(0.0, 0.0, "b")]), None);
-        assert_eq!(variance([0.97, 1.03, f64::NAN]).map(|c| c.0), Some(true));
-        assert_eq!([variance([0.5, 1.0]), variance([1.0, 1.5])].map(|c| c.map(|c| c.0)), [Some(false); 2]);
-        assert_eq!(variance([]), None);
+        assert_eq!(bias(many, None).map(|c| c.0), Some(true));
+        // Ten standard errors are within chance if they come from 4 seeds, and not if from 16.
+        assert_eq!([4, 16].map(|seeds| bias([(1e-3, 1e-4, "a")], Some(seeds)).map(|c| c.0)), [Some(true), Some(false)]);
+        assert_eq!(bias([(0.0, 0.0, "b")], None), None);
+        let known = |ratios: &[f64], error: Option<f64>| variance(ratios.iter().map(|r| (*r, 1.0, error)), None);
+        assert_eq!(known(&[0.97, 1.03, f64::NAN], None).map(|c| c.0), Some(true));
+        assert_eq!([known(&[0.5, 1.0], None), known(&[1.0, 1.5], None)].map(|c| c.map(|c| c.0)), [Some(false); 2]);
+        // Half of what was predicted, of few seeds and of many.
+        assert_eq!([0.2, 0.1].map(|e| known(&[0.5, 1.0], Some(e)).map(|c| c.0)), [Some(true), Some(false)]);
+        assert_eq!(known(&[], None), None);
     }
 }

@@ -8,8 +8,8 @@ use super::RunData;
 use super::checks::{self, GoldenRow};
 use super::numbers::{number, significant};
 use super::summary::{
-    BIAS, CLUMPING, FETCHES, FLICKER, FLICKER_P95, FLIP, FLIPS, KeyOf, Metric, PSNR, REJECTIONS, RMSE, SHADING, SSIM, Summary, THEORY,
-    TILE_FETCHES, Table, VARIANCE,
+    BIAS, CLUMPING, FETCHES, FLICKER, FLICKER_P95, FLIP, FLIPS, Frames, KeyOf, Metric, PSNR, REJECTIONS, RMSE, SHADING, SSIM, Summary,
+    THEORY, TILE_FETCHES, Table, VARIANCE,
 };
 use crate::definition::Times;
 use crate::report::Verdict;
@@ -87,9 +87,11 @@ pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -
             if let Some(error) = error {
                 hint += &format!(", standard error {error}");
             }
-            if let Some((finite, all)) = found.frames {
-                hint += &format!(", mean over {finite} of {all} frames");
-            }
+            hint += &match found.frames {
+                Frames::All => String::new(),
+                Frames::One(frame) => format!(", frame {frame}"),
+                Frames::Mean { finite, rows } => format!(", mean over {finite} of {rows} frames"),
+            };
             let shown = match (source, error) {
                 (Source::WithError(_), Some(error)) => {
                     format!("{}{} \u{b1} {}", if found.value > 0.0 { "+" } else { "" }, significant(found.value), number(error))
@@ -135,8 +137,8 @@ fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
     let definition = &run.definition;
     if let Some(found) = summary.number(metric) {
         return match found.frames {
-            Some((_, frames)) => format!("none of its {frames} frames has a finite value"),
-            None => "its row says NaN".to_owned(),
+            Frames::Mean { rows, .. } => format!("none of its {rows} frames has a finite value"),
+            _ => "its row says NaN".to_owned(),
         };
     }
     let first_noise = definition.noises.first().is_none_or(|n| *n == summary.key.noise);
@@ -145,7 +147,7 @@ fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
         SHADING if definition.times == Times::FirstNoise && !first_noise => "timed with the first noise only".to_owned(),
         SHADING => "not timed".to_owned(),
         BIAS | VARIANCE | THEORY if definition.seeds == 0 => "not measured: seeds = 0".to_owned(),
-        REJECTIONS if summary.key.temporal.is_empty() || summary.key.temporal == "off" => "no history: no temporal resolve".to_owned(),
+        REJECTIONS if !matches!(summary.key.temporal.as_str(), "" | "off") => "taken of frames without a resolve".to_owned(),
         _ if metric.lag.is_some() && definition.frames < 2 => "not measured: one frame".to_owned(),
         _ if !definition.metrics.is_empty() && !definition.metrics.iter().any(|m| m == metric.name) => {
             "not among the definition's metrics".to_owned()
@@ -232,9 +234,12 @@ pub(super) fn golden(table: &Table) -> Vec<GoldenRow> {
 /// What a run says about itself.
 pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<(bool, String)> {
     let stochastic = || table.summaries.iter().filter(|s| s.is_stochastic());
-    let names: Vec<String> = stochastic().map(|s| table.label(&s.key)).collect();
+    let place = |view: &str| if table.views.len() > 1 { format!(", {view}") } else { String::new() };
+    let names: Vec<String> = stochastic().map(|s| table.label(&s.key) + &place(&s.key.view)).collect();
     let biases = stochastic().zip(&names).map(|(s, name)| (s.value(BIAS), s.error(BIAS).unwrap_or(f64::NAN), name.as_str()));
-    let ratios = stochastic().map(|s| s.value(VARIANCE) / s.value(THEORY));
+    let variances = stochastic().map(|s| (s.value(VARIANCE), s.value(THEORY), s.error(VARIANCE)));
+    // One number a seed is what their standard errors come from.
+    let seeds = Some(run.definition.seeds);
     let expected = expectations(run, verdicts);
     let met = expected.iter().filter(|v| v.met).count();
     let expected = (!expected.is_empty()).then(|| (met == expected.len(), format!("{met} of {} expectations are met", expected.len())));
@@ -245,7 +250,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
         (good == judged.len(), format!("{good} of {} {words}", judged.len()))
     });
     let doubles = (table.doubles > 0).then(|| (false, format!("{} numbers have more than one row; the first counts", table.doubles)));
-    [expected, references, checks::promises(&golden(table)), checks::bias(biases), checks::variance(ratios), doubles]
+    [expected, references, checks::promises(&golden(table)), checks::bias(biases, seeds), checks::variance(variances, seeds), doubles]
         .into_iter()
         .flatten()
         .collect()
@@ -289,7 +294,13 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
         ("Rows", format!("{} of metrics, {} of times", run.rows.len(), run.times.len())),
         ("Version", format!("{}, commit {}", recorded("version"), recorded("commit"))),
         ("Definition", format!("{}, hash {}", definition.name, recorded("definition_hash"))),
-        ("Shards", recorded("shards")),
+        (
+            "Shards",
+            match run.folders.len() {
+                0 | 1 => run.recorded("shard").map(|shard| format!("{shard} alone")).unwrap_or_default(),
+                joined => format!("{joined}, read together"),
+            },
+        ),
         ("Command", recorded("command")),
     ]);
     facts.retain(|(_, value)| !value.is_empty());

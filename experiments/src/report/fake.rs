@@ -109,17 +109,18 @@ impl Rows {
             self.put(&at, "difference", "luminance", flicker + 0.002, None);
         }
         if chance {
-            put(self, "clumping", "white = 1", 0.4 + 1.9 * scale, Some(0.05));
+            // As a run has it: of the last frame alone.
+            self.put(&Row { frame: Some(15), ..base.clone() }, "clumping", "white = 1", 0.4 + 1.9 * scale, Some(0.05));
             for band in 1..=16 {
                 let frequency = f64::from(band) / 32.0;
                 let white = base.noise == "white";
                 let low = 2.0 * scale / (1.0 + (frequency * 9.0 * scale).powi(2));
                 let power = if white { 1.0 } else { low + 0.4 + frequency };
-                let at = Row { frequency: Some(frequency), ..base.clone() };
+                let at = Row { frequency: Some(frequency), frame: Some(15), ..base.clone() };
                 self.put(&at, "power", "white = 1", power, Some(0.02 * power));
             }
         }
-        if resolve < 1.0 {
+        if resolve == 1.0 {
             put(self, "taa_rejections", "share", 0.11 + 0.02 * jitter(6), None);
             put(self, "disoccluded", "share", 0.013, None);
         }
@@ -148,7 +149,7 @@ impl Rows {
         };
         self.put(&base, "reference_spp", "samples", 64.0, None);
         self.put(&base, "reference_se", "linear albedo", standard_error, None);
-        self.put(&Row { lag: Some(1), ..base.clone() }, "flicker", "luminance", 0.0011, None);
+        self.put(&Row { lag: Some(1), ..base.clone() }, "reference_difference", "luminance", 0.0011, None);
     }
 }
 
@@ -176,7 +177,7 @@ pub(super) fn run(definition: Definition, rows: Rows, folder: &Path) -> RunData 
         "driver": "llvmpipe Mesa 22.3.6",
         "software": true,
         "definition_hash": "8c1f9a20",
-        "shards": 1,
+        "shard": null,
     });
     RunData {
         definition,

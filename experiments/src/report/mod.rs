@@ -40,7 +40,7 @@ pub(crate) use pictures::{FOLDER, RunPicture};
 pub(crate) struct RunData {
     /// What was asked.
     pub(crate) definition: Definition,
-    /// How it was run: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`, `shards`.
+    /// How it was run: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`, `shard`.
     pub(crate) manifest: serde_json::Value,
     /// What was measured.
     pub(crate) rows: Vec<Row>,

@@ -16,8 +16,6 @@ use super::html::{self, escape};
 pub(crate) const FOLDER: &str = "pictures";
 /// Pictures are scaled to this width, pixels.
 const WIDTH: u32 = 480;
-/// Characters of all pictures of a page together.
-const BUDGET: usize = 6 << 20;
 /// A picture that is larger as PNG is packed as JPEG, of this quality.
 const PNG_BYTES: usize = 96 << 10;
 const JPEG_QUALITY: u8 = 88;
@@ -55,8 +53,8 @@ pub(crate) struct RunPicture {
 const KINDS: [(&str, &str); 4] =
     [("reference", "References"), ("frame", "Frames"), ("flicker-map", "Flicker maps"), ("error-map", "Error maps")];
 
-/// The contact sheets of a run, with their heading. What cannot be shown is told of.
-pub(super) fn sheets(run_folders: &[PathBuf]) -> String {
+/// The contact sheets of a run, with their heading: `room` characters of pictures at most. What cannot be shown is told of.
+pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     let mut html = "<section id=\"pictures\"><h2>Pictures</h2>\n".to_owned();
     let lists = run_folders.iter().map(|folder| read_lists(&folder.join(FOLDER))).collect::<Result<Vec<_>>>();
     let pictures = match lists.map(|lists| lists.concat()) {
@@ -80,12 +78,12 @@ pub(super) fn sheets(run_folders: &[PathBuf]) -> String {
         for (queue, shown) in queues.iter().zip(&mut shown) {
             let Some(picture) = queue.get(turn) else { continue };
             // Decoding what there is no room for would take minutes of a large run.
-            if spent >= BUDGET {
+            if spent >= room {
                 left_out += 1;
                 continue;
             }
             match thumbnail(picture) {
-                Ok((size, source)) if spent + source.len() <= BUDGET => {
+                Ok((size, source)) if spent + source.len() <= room => {
                     spent += source.len();
                     let hint = words(picture);
                     shown.push(html::picture(&picture.title, &picture.caption, &hint, size, &source));
@@ -179,6 +177,8 @@ mod tests {
     use super::*;
     use crate::report::fake::Folder;
 
+    const ROOM: usize = 6 << 20;
+
     /// A picture that does not compress: like a noisy frame.
     fn noisy(width: u32, height: u32, seed: u32) -> DynamicImage {
         let texel = |x: u32, y: u32| kernels::shared::hash::pcg(x + y * width + seed * 7919).to_le_bytes();
@@ -200,7 +200,7 @@ mod tests {
     fn pictures_are_scaled_and_what_is_wrong_is_said() {
         let run = Folder::new("pictures");
         let folder = run.path().join(FOLDER);
-        assert!(sheets(&[run.path().to_owned()]).contains("kept no pictures"));
+        assert!(sheets(&[run.path().to_owned()], ROOM).contains("kept no pictures"));
         std::fs::create_dir_all(&folder).expect("writable");
         noisy(960, 500, 1).save(folder.join("large.png")).expect("writable");
         image::RgbImage::new(40, 30).save(folder.join("small.png")).expect("writable");
@@ -209,7 +209,7 @@ mod tests {
         let files =
             [("large.png", "frame"), ("small.png", "reference"), ("broken.png", "frame"), ("gone.png", "frame"), ("../secret.png", "odd")];
         write(&folder, &files.map(|(file, kind)| picture(file, kind)));
-        let html = sheets(&[run.path().to_owned()]);
+        let html = sheets(&[run.path().to_owned()], ROOM);
         assert!(html.contains("width=\"480\" height=\"250\"") && html.contains("data:image/jpeg;base64,"));
         assert!(html.contains("width=\"40\" height=\"30\"") && html.contains("data:image/png;base64,"));
         assert!(
@@ -219,7 +219,7 @@ mod tests {
         assert!(html.contains("&lt;large.png&gt;") && !html.contains("<large.png>"));
         assert!(html.find("References").expect("a heading") < html.find("Frames").expect("a heading"));
         std::fs::write(folder.join("part.json"), b"[{").expect("writable");
-        assert!(sheets(&[run.path().to_owned()]).contains("is damaged"));
+        assert!(sheets(&[run.path().to_owned()], ROOM).contains("is damaged"));
     }
 
     #[test]
@@ -230,9 +230,9 @@ mod tests {
         noisy(480, 480, 1).save(folder.join("a.png")).expect("writable");
         let all: Vec<RunPicture> = (0..120).map(|i| picture("a.png", if i < 100 { "frame" } else { "flicker-map" })).collect();
         write(&folder, &all);
-        let html = sheets(&[run.path().to_owned()]);
+        let html = sheets(&[run.path().to_owned()], ROOM);
         let shown = html.matches("<img").count();
-        assert!(html.len() < BUDGET + (1 << 18) && shown > 10 && shown < 120, "{shown} in {}", html.len());
+        assert!(html.len() < ROOM + (1 << 18) && shown > 10 && shown < 120, "{shown} in {}", html.len());
         assert!(html.contains(&format!("{} of 120 pictures are left out", 120 - shown)));
         let maps = html.split("Flicker maps").nth(1).expect("a heading").matches("<img").count();
         assert!(maps * 3 > shown, "{maps} of {shown}");

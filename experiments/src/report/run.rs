@@ -11,6 +11,8 @@ use super::plots::{self, COLOURS, Curve, CurvePoint, Hint, Lines, Marker, Point,
 use super::summary::{CLUMPING, FLICKER, FLIP, FLIPS, Key, KeyOf, Metric, RMSE, SHADING, Summary, Table};
 use super::{RunData, Verdict, pictures};
 
+/// Bytes of a page: pictures take what the rest leaves. Mail servers refuse more than a few times this.
+const PAGE_BYTES: usize = 8 << 20;
 /// Curves of one plot: more are not told apart.
 const CURVES: usize = COLOURS.len();
 
@@ -21,7 +23,7 @@ const CURVES: usize = COLOURS.len();
 pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &str) -> Result<String> {
     let name = &run.definition.name;
     let question = if run.definition.question.trim().is_empty() { name } else { &run.definition.question };
-    let sections = [
+    let mut sections = vec![
         facts(run, table),
         pareto(run, table)?,
         parameter(run, table)?,
@@ -31,9 +33,10 @@ pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
         promises(table),
         choices(run, table),
         references(table),
-        pictures::sheets(&run.folders),
         provenance(table),
     ];
+    let room = PAGE_BYTES.saturating_sub(sections.iter().map(String::len).sum());
+    sections.insert(sections.len() - 1, pictures::sheets(&run.folders, room));
     let mut body = html::header(&format!("Scree \u{b7} experiment {name}"), question);
     body += &html::verdict(answer, &columns::checks(run, table, verdicts));
     body += &missing(run);
@@ -101,7 +104,10 @@ fn facts(run: &RunData, table: &Table) -> String {
         BIAS_TERM,
         VARIANCE_TERM,
         ("Flip rate", "share of surface points whose random choice differs from that of k frames before, by exact reprojection."),
-        ("Flicker", "difference in luminance to k frames before, by exact reprojection, less that of the reference sequence."),
+        (
+            "Flicker",
+            "difference in luminance to k frames before, by exact reprojection, less that of the reference sequence: below 0 less changes than should.",
+        ),
         ("Clumping", "variance of block means over that of white noise: 1 = white, above = blotches, below = blue."),
         ("\u{b1}, bars and bands", "95 % confidence intervals, 1.96 standard errors; none = not known, which is not none."),
         CHOICE_TERM,
@@ -135,15 +141,20 @@ fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&
     Ok(html + after + "</section>\n")
 }
 
-/// How a table of the files is narrowed to what a section shows, in Python.
+/// How the numbers of a section come out of the files, in Python: `whole` has the number of each choice, as this report takes it.
 fn query(lines: &[&str]) -> String {
-    let code =
-        ["import pandas as pd", "m = pd.read_parquet(\"metrics.parquet\")"].iter().chain(lines).copied().collect::<Vec<_>>().join("\n");
+    const WHOLE: [&str; 7] = [
+        "import pandas as pd",
+        "m = pd.read_parquet(\"metrics.parquet\").fillna({\"lag\": 0, \"frequency\": 0})",
+        "key = [\"scene\", \"view\", \"variant\", \"estimator\", \"noise\", \"temporal\", \"setting\"]",
+        "at = key + [\"metric\", \"lag\", \"frequency\"]",
+        "# a row over all frames counts, else the mean of the frames that there are",
+        "frames = m[m.frame.notna()].groupby(at, as_index=False)[[\"value\", \"standard_error\"]].mean()",
+        "whole = pd.concat([m[m.frame.isna()], frames]).drop_duplicates(at)",
+    ];
+    let code = WHOLE.iter().chain(lines).copied().collect::<Vec<_>>().join("\n");
     format!("<details class=\"query\"><summary>These numbers in the files</summary><pre><code>{}</code></pre></details>\n", escape(&code))
 }
-
-/// The columns that tell choices apart, as a Python list.
-const KEY: &str = "key = [\"scene\", \"view\", \"variant\", \"estimator\", \"noise\", \"temporal\", \"setting\"]";
 
 /// What tells points and curves apart besides the variant: the column with the most values, and its colours.
 struct Palette<'a> {
@@ -209,8 +220,6 @@ fn named(metric: &str, lag: Option<u32>, value: f64) -> String {
 
 fn pareto(run: &RunData, table: &Table) -> Result<String> {
     let after = query(&[
-        KEY,
-        "whole = m[m.frame.isna() & m.frequency.isna()].fillna({\"lag\": 0})",
         &format!(
             "whole[whole.metric.isin([\"{}\", \"{}\", \"flicker\"]) & (whole.lag <= 1)].pivot_table(\"value\", key, \"metric\")",
             table.cost.name, table.error.name
@@ -330,9 +339,7 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
     };
     let metrics: Vec<Metric> = [FLIPS, CLUMPING, FLICKER, table.error, table.cost, SHADING].into_iter().filter(|m| table.has(*m)).collect();
     let after = query(&[
-        KEY,
-        "whole = m[m.frame.isna() & m.frequency.isna()].fillna({\"lag\": 0})",
-        "whole.pivot_table([\"value\", \"standard_error\"], [k for k in key if k != \"setting\"] + [\"metric\", \"lag\"], \"setting\")",
+        "whole[whole.frequency == 0].pivot_table([\"value\", \"standard_error\"], [k for k in key if k != \"setting\"] + [\"metric\", \"lag\"], \"setting\")",
     ]);
     let heading = format!("Over the values of {}", escape(&table.parameter));
     per_view(table, "parameter", &heading, &after, |view| {
@@ -396,7 +403,7 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
 }
 
 /// Name of a curve: what varies, without the columns that `known` clears since the plot says them.
-fn curve_name(table: &Table, index: usize, known: fn(&mut Key)) -> String {
+fn curve_name(table: &Table, index: usize, known: impl Fn(&mut Key)) -> String {
     let mut key = table.summaries[index].key.clone();
     known(&mut key);
     let name = table.label(&key);
@@ -411,9 +418,23 @@ struct CloseUp {
     choices: Vec<(usize, Rgb)>,
     /// How many choices it has.
     all: usize,
+    /// Whether they have one temporal resolve among several, which the heading names.
+    resolved: bool,
 }
 
-/// At most four of them: what each tile chooses, then single flavours, of those that leave something to chance. A variant of too many choices for
+impl CloseUp {
+    /// Name of a choice: what the heading does not say.
+    fn name_of(&self, table: &Table, row: usize) -> String {
+        curve_name(table, row, |key| {
+            key.variant.clear();
+            if self.resolved {
+                key.temporal.clear();
+            }
+        })
+    }
+}
+
+/// At most four of them: what each tile chooses and single flavours (others where there are none), of those that leave something to chance. A variant of too many choices for
 /// one plot has one for each temporal resolve.
 fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     let mut variants: Vec<(usize, &str)> = Vec::new();
@@ -426,16 +447,18 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
         }
     }
     variants.sort_by_key(|(rank, _)| *rank);
+    let least = variants.first().map_or(0, |(rank, _)| *rank);
+    variants.retain(|(rank, _)| *rank <= least.max(1));
     let mut all = Vec::new();
     for (_, variant) in variants {
         let of_variant: Vec<usize> = rows.iter().copied().filter(|&i| table.summaries[i].key.variant == variant).collect();
         if of_variant.len() <= CURVES || table.temporal.len() < 2 {
-            all.push(close_up(table, variant.to_owned(), of_variant));
+            all.push(close_up(table, variant.to_owned(), of_variant, false));
             continue;
         }
         for temporal in &table.temporal {
             let resolved = of_variant.iter().copied().filter(|&i| table.summaries[i].key.temporal == *temporal).collect();
-            all.push(close_up(table, format!("{variant} \u{b7} {temporal}"), resolved));
+            all.push(close_up(table, format!("{variant} \u{b7} {temporal}"), resolved, true));
         }
     }
     all.truncate(4);
@@ -443,7 +466,7 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
 }
 
 /// Chooses and colours what is drawn of some rows.
-fn close_up(table: &Table, name: String, rows: Vec<usize>) -> CloseUp {
+fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);
     // One of each value of the column that has the most, if all are too many.
@@ -471,18 +494,18 @@ fn close_up(table: &Table, name: String, rows: Vec<usize>) -> CloseUp {
         let own = named.map(|p| p.colour(&table.summaries[i]));
         (i, own.unwrap_or_else(|| colour(k, count, false)))
     });
-    CloseUp { name, choices: coloured.collect(), all }
+    CloseUp { name, choices: coloured.collect(), all, resolved }
 }
 
 fn lags(table: &Table) -> Result<String> {
     let after = query(&[
-        KEY,
-        "lags = m[m.frame.isna() & m.metric.isin([\"flip_rate\", \"flicker\"])]",
+        "lags = whole[whole.metric.isin([\"flip_rate\", \"flicker\"])]",
         "lags.pivot_table([\"value\", \"standard_error\"], [\"metric\"] + key, \"lag\")",
     ]);
     per_view(table, "lags", "Flips and flicker over k frames", &after, |view| {
         let mut html = String::new();
-        for CloseUp { name: variant, choices, all } in close_ups(table, view) {
+        for close_up in close_ups(table, view) {
+            let CloseUp { name: variant, choices, all, .. } = &close_up;
             let mut plots_of_variant = String::new();
             for (metric, words) in [(FLIPS, "flip rate"), (FLICKER, "flicker")] {
                 let curves: Vec<Curve> = choices
@@ -514,13 +537,13 @@ fn lags(table: &Table) -> Result<String> {
                     let clumping = table.summaries[row].value(CLUMPING);
                     let clumping =
                         if clumping.is_nan() { "clumping not measured".to_owned() } else { format!("clumping {}", number(clumping)) };
-                    html::key(colour, &format!("{} ({clumping})", curve_name(table, row, |key| key.variant.clear())))
+                    html::key(colour, &format!("{} ({clumping})", close_up.name_of(table, row)))
                 })
                 .collect();
             html += &format!(
                 "<h3>{}</h3><div class=\"pair\">{plots_of_variant}</div><p class=\"legend\">{keys}{}</p>\n",
-                escape(&variant),
-                left_out(choices.len(), all)
+                escape(variant),
+                left_out(choices.len(), *all)
             );
         }
         Ok((!html.is_empty()).then_some(html))
@@ -528,10 +551,11 @@ fn lags(table: &Table) -> Result<String> {
 }
 
 fn spectra(table: &Table) -> Result<String> {
-    let after = query(&[KEY, "m[m.frame.isna() & (m.metric == \"power\")].pivot_table(\"value\", \"frequency\", key)"]);
+    let after = query(&["whole[whole.metric == \"power\"].pivot_table(\"value\", \"frequency\", key)"]);
     per_view(table, "spectra", "Spectra of the noise that is left", &after, |view| {
         let mut html = String::new();
-        for CloseUp { name: variant, choices, all } in close_ups(table, view) {
+        for close_up in close_ups(table, view) {
+            let CloseUp { name: variant, choices, all, .. } = &close_up;
             let curves: Vec<Curve> = choices
                 .iter()
                 .map(|&(row, colour)| {
@@ -553,11 +577,10 @@ fn spectra(table: &Table) -> Result<String> {
                 ..Lines::default()
             };
             let Some(svg) = plots::lines(&curves, &plot)? else { continue };
-            let keys: String =
-                choices.iter().map(|&(row, colour)| html::key(colour, &curve_name(table, row, |key| key.variant.clear()))).collect();
+            let keys: String = choices.iter().map(|&(row, colour)| html::key(colour, &close_up.name_of(table, row))).collect();
             let white = "<span class=\"entry\"><span class=\"key dashed\"></span>white noise</span>";
-            let figure = html::figure(Some(svg), &format!("{keys}{white} {}", left_out(choices.len(), all)));
-            html += &format!("<div><h3>{}</h3>{figure}</div>", escape(&variant));
+            let figure = html::figure(Some(svg), &format!("{keys}{white} {}", left_out(choices.len(), *all)));
+            html += &format!("<div><h3>{}</h3>{figure}</div>", escape(variant));
         }
         Ok((!html.is_empty()).then(|| format!("<div class=\"pair\">{html}</div>\n")))
     })
@@ -661,14 +684,7 @@ fn choices(run: &RunData, table: &Table) -> String {
     if !dropped.is_empty() {
         html += &format!("<p class=\"legend\">Of no row there is: {}.</p>\n", dropped.join(", "));
     }
-    html += &query(&[
-        KEY,
-        "whole = m[m.frame.isna() & m.frequency.isna()].fillna({\"lag\": 0})",
-        "whole.pivot_table(\"value\", key, [\"metric\", \"lag\"])",
-        "# without a row over all frames, the mean of the frames counts:",
-        "frames = m[m.frame.notna() & m.frequency.isna()].fillna({\"lag\": 0})",
-        "frames.pivot_table(\"value\", key, [\"metric\", \"lag\"])",
-    ]);
+    html += &query(&["whole[whole.frequency == 0].pivot_table(\"value\", key, [\"metric\", \"lag\"])"]);
     html + "</section>\n"
 }
 
@@ -681,7 +697,7 @@ fn references(table: &Table) -> String {
     let mut html = format!(
         "<section id=\"references\"><h2>References</h2>\n<p>Errors are taken against the 96-fetch blend, supersampled. It must be known at least ten times \
          as well as the smallest RMSE that it judges.</p>\n<table class=\"narrow\"><thead><tr><th>View</th>{setting}<th class=\"n\">Samples per pixel</th>\
-         <th class=\"n\">Standard error</th><th class=\"n\">Smallest RMSE</th><th class=\"n\">Share</th><th></th><th class=\"n\">Its own flicker, k = 1</th></tr></thead><tbody>\n"
+         <th class=\"n\">Standard error</th><th class=\"n\">Smallest RMSE</th><th class=\"n\">Share</th><th></th><th class=\"n\">Its own change, k = 1</th></tr></thead><tbody>\n"
     );
     for facts in &table.references {
         let (class, word) = match facts.suffices() {
@@ -699,7 +715,7 @@ fn references(table: &Table) -> String {
             value(facts.standard_error, "no row reference_se"),
             value(facts.smallest_rmse, "no row rmse"),
             value(facts.standard_error / facts.smallest_rmse, "one of the two is missing"),
-            value(facts.flicker, "no row flicker of the reference"),
+            value(facts.difference, "no row reference_difference"),
         );
     }
     html += "</tbody></table>\n";

@@ -112,14 +112,30 @@ pub(super) const TIME_OF: &str = "gpu_ms:";
 /// Name of the spectrum.
 pub(super) const POWER: &str = "power";
 
-/// A number over all frames.
+/// Which frames a number is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Frames {
+    /// All: a row says so.
+    All,
+    /// This one, of which there is a row, and none of another.
+    One(u32),
+    /// All that there are rows of: the report took the mean over those with a finite value.
+    Mean {
+        /// How many those are.
+        finite: usize,
+        /// How many rows there are.
+        rows: usize,
+    },
+}
+
+/// A number of a choice.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Number {
     pub(super) value: f64,
     pub(super) standard_error: Option<f64>,
     pub(super) unit: String,
-    /// Frames that the report took the mean over, those with a value and all; `None` = a row of its own says the number.
-    pub(super) frames: Option<(usize, usize)>,
+    /// Where the number is from.
+    pub(super) frames: Frames,
 }
 
 /// What is measured of one choice.
@@ -188,8 +204,8 @@ pub(super) struct ReferenceFacts {
     pub(super) standard_error: f64,
     /// The smallest RMSE that is judged by it; NaN = none is.
     pub(super) smallest_rmse: f64,
-    /// How the reference sequence itself flickers, at a lag of 1; NaN = not measured.
-    pub(super) flicker: f64,
+    /// How the reference sequence itself changes, at a lag of 1: what is taken off flicker; NaN = not measured.
+    pub(super) difference: f64,
 }
 
 impl ReferenceFacts {
@@ -227,19 +243,28 @@ pub(super) struct Table {
 #[derive(Default)]
 struct Slot {
     whole: Option<Number>,
-    unit: String,
     sum: f64,
     finite: usize,
     frames: usize,
+    /// A row of a single frame.
+    single: Option<(u32, Number)>,
 }
 
 impl Slot {
-    /// The number over all frames: its own row, or the mean of the frames that have a value. Infinite values are none: one frame that equals
-    /// its reference would make an infinite mean of all others.
-    fn number(self) -> Number {
-        let Slot { whole, unit, sum, finite, frames } = self;
+    /// The number over all frames: its own row, or that of the only frame, or the mean of the frames that have a value. Infinite values are none
+    /// in a mean: one frame that equals its reference would make an infinite mean of all others.
+    fn number(self) -> Option<Number> {
+        let Slot { whole, sum, finite, frames, single } = self;
+        if whole.is_some() {
+            return whole;
+        }
+        let (_, single) = single?;
+        if frames == 1 {
+            return Some(single);
+        }
         let value = if finite > 0 { sum / finite as f64 } else { f64::NAN };
-        whole.unwrap_or(Number { value, standard_error: None, unit, frames: Some((finite, frames)) })
+        // Frames of a sequence are not independent: their scatter says nothing about the mean.
+        Some(Number { value, standard_error: None, frames: Frames::Mean { finite, rows: frames }, ..single })
     }
 }
 
@@ -264,16 +289,22 @@ impl Table {
             };
             // Frequencies are not negative, so their bits are in their order.
             let slot = slots.entry((row.metric.clone(), row.lag, row.frequency.map(f64::to_bits))).or_default();
-            if row.frame.is_some() {
-                slot.frames += 1;
-                slot.unit.clone_from(&row.unit);
-                if row.value.is_finite() {
-                    (slot.sum, slot.finite) = (slot.sum + row.value, slot.finite + 1);
+            let number = |frames| Number { value: row.value, standard_error: row.standard_error, unit: row.unit.clone(), frames };
+            match row.frame {
+                Some(frame) => {
+                    // A second row of the same frame is a double, whichever way; of frames that are told once there may be many.
+                    if slot.single.as_ref().is_some_and(|(known, _)| *known == frame) {
+                        doubles += 1;
+                        continue;
+                    }
+                    slot.single.get_or_insert_with(|| (frame, number(Frames::One(frame))));
+                    slot.frames += 1;
+                    if row.value.is_finite() {
+                        (slot.sum, slot.finite) = (slot.sum + row.value, slot.finite + 1);
+                    }
                 }
-            } else if slot.whole.is_some() {
-                doubles += 1;
-            } else {
-                slot.whole = Some(Number { value: row.value, standard_error: row.standard_error, unit: row.unit.clone(), frames: None });
+                None if slot.whole.is_some() => doubles += 1,
+                None => slot.whole = Some(number(Frames::All)),
             }
         }
         let mut averaged = 0;
@@ -282,8 +313,8 @@ impl Table {
             .map(|(key, slots)| {
                 let mut summary = Summary { key, numbers: BTreeMap::new(), spectrum: Vec::new() };
                 for ((metric, lag, frequency), slot) in slots {
-                    let number = slot.number();
-                    averaged += usize::from(number.frames.is_some());
+                    let Some(number) = slot.number() else { continue };
+                    averaged += usize::from(matches!(number.frames, Frames::Mean { .. }));
                     match frequency {
                         Some(bits) if metric == POWER => summary.spectrum.push((f64::from_bits(bits), number)),
                         Some(_) => {}
@@ -341,13 +372,13 @@ impl Table {
     }
 
     fn facts(&self, (view, setting): (String, String), mut slots: Slots) -> ReferenceFacts {
-        let mut value = |name: &str, lag| slots.remove(&(name.to_owned(), lag, None)).map_or(f64::NAN, |s| s.number().value);
+        let mut value = |name: &str, lag| slots.remove(&(name.to_owned(), lag, None)).and_then(Slot::number).map_or(f64::NAN, |n| n.value);
         let judged = self.summaries.iter().filter(|s| s.key.view == view && (setting.is_empty() || s.key.setting == setting));
         let smallest_rmse = judged.map(|s| s.value(RMSE)).filter(|v| v.is_finite()).min_by(f64::total_cmp).unwrap_or(f64::NAN);
         ReferenceFacts {
             spp: value("reference_spp", None),
             standard_error: value("reference_se", None),
-            flicker: value("flicker", Some(1)),
+            difference: value("reference_difference", Some(1)),
             smallest_rmse,
             view,
             setting,

@@ -58,8 +58,13 @@ fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
 type Known = BTreeMap<(Key, String, Option<u32>, Option<u64>), f64>;
 
 fn known(run: &RunData) -> Known {
-    let whole = run.rows.iter().chain(&run.times).filter(|r| r.frame.is_none());
-    whole.map(|r| ((Key::of(r), r.metric.clone(), r.lag, r.frequency.map(f64::to_bits)), r.value)).collect()
+    // A row of a frame stands for itself where there is none over all; in these runs such rows are single.
+    let all = || run.rows.iter().chain(&run.times);
+    all()
+        .filter(|r| r.frame.is_some())
+        .chain(all().filter(|r| r.frame.is_none()))
+        .map(|r| ((Key::of(r), r.metric.clone(), r.lag, r.frequency.map(f64::to_bits)), r.value))
+        .collect()
 }
 
 /// What the page shows and no row says: a cell or a mark each.
@@ -228,6 +233,11 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     let value = |run: &RunData| Table::of(run).summaries[0].value(RMSE);
     assert_eq!(value(&frames(&[1.0, 3.0], None)), 2.0);
     assert_eq!(value(&frames(&[1.0, 3.0], Some(7.0))), 7.0);
+    // The only frame that there is a row of is no mean, and keeps its standard error.
+    let mut last = frames(&[4.0], None);
+    last.rows[0].standard_error = Some(0.5);
+    assert_eq!((value(&last), Table::of(&last).summaries[0].error(RMSE), Table::of(&last).averaged), (4.0, Some(0.5), 0));
+    assert!(html(&last, &[]).contains("standard error 0.5, frame 0"));
     // What is not finite is left out of a mean and told of.
     let run = frames(&[1.0, f64::NAN, 3.0], None);
     assert_eq!(value(&run), 2.0);
@@ -266,12 +276,13 @@ fn missing_numbers_are_dashes_with_their_reason() {
     (lost.definition.seeds, lost.definition.frames) = (0, 1);
     assert_eq!(reason(&lost, 0, Source::WithError(super::summary::BIAS)), "not measured: seeds = 0");
     assert_eq!(reason(&lost, 0, Source::Row(super::summary::FLICKER)), "not measured: one frame");
-    assert_eq!(reason(&lost, 0, Source::Row(super::summary::REJECTIONS)), "no history: no temporal resolve");
+    let resolved = fake::temporal(folder.path(), &["hashed"]);
+    assert_eq!(reason(&resolved, 1, Source::Row(super::summary::REJECTIONS)), "taken of frames without a resolve");
     lost.definition.times = crate::definition::Times::None;
     lost.times.clear();
     assert_eq!(reason(&lost, 0, Source::ShadingRatio), "not timed: times = \"none\"");
     // A column that no row has a number of is named, and not shown.
-    assert!(html(&lost, &[]).contains("Of no row there is: Shading, RMSE, Bias \u{b1} s.e., Flicker, Rejected."));
+    assert!(html(&lost, &[]).contains("Of no row there is: Shading, RMSE, Bias \u{b1} s.e., Flicker."));
     // Equal pictures have an infinite PSNR, which is a number.
     let mut same = run.clone();
     same.rows.iter_mut().filter(|r| r.metric == "psnr").for_each(|r| r.value = f64::INFINITY);

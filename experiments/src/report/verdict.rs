@@ -51,10 +51,11 @@ pub(super) fn verdict(table: &Table) -> String {
     if said.len() > VIEWS {
         parts.push(format!("{} more views are in the table", said.len() - VIEWS));
     }
-    let sentence = parts.join("; ");
+    // A line for each view.
+    let sentence = parts.join(";\n");
     let mut letters = sentence.chars();
     // A name keeps its small letter: it is what people type.
-    let first_word = sentence.split([' ', ',']).next().unwrap_or_default();
+    let first_word = sentence.split([' ', ',', '\n']).next().unwrap_or_default();
     let named = table.variants.iter().chain(&table.temporal).any(|v| v == first_word);
     match letters.next() {
         Some(first) if !named => format!("{}{}.", first.to_uppercase(), letters.as_str()),
@@ -168,7 +169,7 @@ fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String
         };
         let flicker = |pick: fn(f64, f64) -> f64| item.iter().map(|s| s.value(FLICKER)).reduce(pick).unwrap_or(f64::NAN);
         let (low, high) = (flicker(f64::min), flicker(f64::max));
-        let more = if high > (1.0 + SMALL) * low { format!(" to {}", number(high)) } else { String::new() };
+        let more = if high - low > SMALL * high.abs().max(low.abs()) { format!(" to {}", number(high)) } else { String::new() };
         // The price ends with the flicker, of the first; the list is in the order of the front, so it is told from the least.
         let least = item.iter().copied().find(|s| s.value(FLICKER) <= low).unwrap_or(item[0]);
         format!("{name} ({}{more})", price(table, least))
@@ -363,10 +364,10 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
         if changes.is_empty() {
             continue;
         }
-        let rejected = extremes(table, &pairs.iter().map(|p| p.1).collect::<Vec<_>>(), REJECTIONS).map(|(low, high)| {
+        let rejected = extremes(table, &pairs.iter().flat_map(|p| [p.0, p.1]).collect::<Vec<_>>(), REJECTIONS).map(|(low, high)| {
             let share = |i: usize| format!("{:.1} %", 100.0 * table.summaries[i].value(REJECTIONS));
             let range = if low == high { share(low) } else { format!("{} to {}", share(low), share(high)) };
-            format!(", and rejects {range} of the history's samples")
+            format!(" (its colour box would reject {range} of a history)")
         });
         parts.push(format!("{resolve} {}{}", changes.join(" and "), rejected.unwrap_or_default()));
     }
@@ -399,7 +400,8 @@ fn change(table: &Table, pairs: &[(usize, usize)], metric: Metric) -> Option<Cha
         let key = &table.summaries[p.1].key;
         let words = [(&table.variants, &key.variant), (&table.noises, &key.noise), (&table.estimators, &key.estimator)];
         let words: Vec<&str> = words.iter().filter(|(all, _)| all.len() > 1).map(|(_, v)| v.as_str()).collect();
-        format!("{} ({})", number(ratio(p)), words.join(", "))
+        let [before, after] = [p.0, p.1].map(|i| number(table.summaries[i].value(metric)));
+        format!("{} ({}: {before} to {after})", number(ratio(p)), words.join(", "))
     };
     if ratio(most) - ratio(least) < SMALL * ratio(most) {
         return Some(Change::Moved(format!("{} to {} times", metric.words, number(ratio(least)))));
@@ -612,7 +614,7 @@ mod tests {
         );
         let more = [(row("white", "off"), [10.0, 0.05, 0.004, 0.3, 1.0]), (row("white", "exponential"), [10.0, 0.05, 0.002, 0.3, 1.0])];
         let text = said(&[&one[..], &more[..]].concat());
-        assert!(text.contains("takes flicker to 0.25 (hashed) ... 0.5 (white) times, RMSE to 0.6 (hashed) ... 1 (white) times"), "{text}");
+        assert!(text.contains("takes flicker to 0.25 (hashed: 0.004 to 0.001) ... 0.5 (white: 0.004 to 0.002) times, RMSE to 0.6 (hashed: 0.05 to 0.03) ... 1 (white: 0.05 to 0.05) times"), "{text}");
         // Ratios that are alike are one.
         let text = said(
             &[&one[..], &more.clone().map(|(row, [a, b, c, d, e])| (row, [a, b * if c < 0.003 { 0.6 } else { 1.0 }, c / 2.0, d, e]))]
@@ -643,10 +645,10 @@ mod tests {
         let view = |name: &str, fetches: f64| (base(name), [fetches, 0.05, NONE, NONE, NONE]);
         assert_eq!(
             said(&[view("a", 4.0), view("b", 5.0)]),
-            "In view a, auto has 4.0 fetches per pixel and RMSE 0.05; in view b, auto has 5.0 fetches per pixel and RMSE 0.05."
+            "In view a, auto has 4.0 fetches per pixel and RMSE 0.05;\nin view b, auto has 5.0 fetches per pixel and RMSE 0.05."
         );
         let many: Vec<_> = ["a", "b", "c", "d", "e"].map(|v| view(v, 4.0)).into();
-        assert!(said(&many).ends_with("; 2 more views are in the table."), "{}", said(&many));
+        assert!(said(&many).ends_with(";\n2 more views are in the table."), "{}", said(&many));
         // Nothing of use: no word of a number.
         assert!(said(&[(base("a"), [NONE; 5])]).starts_with("No row of this run"));
     }
