@@ -21,7 +21,7 @@ use kernels::frame::{Progress, RenderRequest, Renderer, RendererOptions, Variant
 use kernels::gpu::Gpu;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
-use kernels::temporal::SamplePattern;
+use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::{Flavour, Variant};
 
 use crate::definition::{ClassifyBy, Definition, FrameChoices, Normals, setting_text};
@@ -52,22 +52,25 @@ struct Stage<'a> {
     fixed: Fixed,
 }
 
-/// Layers of flavours that draw no random numbers, frame by frame: no noise changes them, so the parts of one view share them.
+/// What no noise changes, and the parts of one view share.
 #[derive(Default)]
 struct Fixed {
     view: String,
     estimator: Option<Estimator>,
+    /// Layers of flavours that draw no random numbers, frame by frame.
     frames: HashMap<(u32, SamplePattern), Layers>,
+    /// Rows of the variants that draw none. Other parts keep them with their own noise.
+    rows: HashMap<Resolve, Vec<Row>>,
 }
 
 /// Memory that layers may keep between parts; longer or larger sequences shade them anew.
 const FIXED_BYTES: u64 = 1 << 30;
 
 impl Fixed {
-    /// Empties it unless it holds layers of this view and estimator.
+    /// Empties it unless it is of this view and estimator.
     fn of(&mut self, view: &str, estimator: Estimator) {
         if self.view != view || self.estimator != Some(estimator) {
-            *self = Fixed { view: view.to_owned(), estimator: Some(estimator), frames: HashMap::new() };
+            *self = Fixed { view: view.to_owned(), estimator: Some(estimator), ..Fixed::default() };
         }
     }
 }

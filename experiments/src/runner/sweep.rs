@@ -38,6 +38,13 @@ pub(super) struct How {
     pub(super) resolve: Resolve,
 }
 
+impl How {
+    /// Whether a choice may draw random numbers: if not, every noise yields the same.
+    fn draws(&self, choice: VariantChoice) -> bool {
+        Flavour::ALL.into_iter().any(|f| choice.may_use(f) && self.estimator.is_stochastic(Variant::only(f)))
+    }
+}
+
 /// What the sequence of one variant came to.
 struct Followed {
     fetches: Moments<f64>,
@@ -80,8 +87,13 @@ impl Runner<'_> {
         let (estimator, noise, temporal) = (how.estimator.to_string(), how.noise.to_string(), how.resolve.to_string());
 
         let stage = self.stage.as_mut().context("prepared")?;
+        stage.fixed.of(&unit.view, how.estimator);
+        // What draws nothing was measured with an earlier noise, unless this is the first one since the program began.
+        let known = stage.fixed.rows.get(&how.resolve).cloned();
+        let choices: Vec<(String, VariantChoice)> =
+            self.variants.iter().filter(|(_, choice)| known.is_none() || how.draws(*choice)).cloned().collect();
         let needed = flavours_of(&stage.renderer, &self.variants).context("no variant can be shaded in this scene")?;
-        let variants: Vec<Option<Variant>> = self.variants.iter().map(|(_, choice)| composed(*choice)).collect();
+        let variants: Vec<Option<Variant>> = choices.iter().map(|(_, choice)| composed(*choice)).collect();
         let scene = stage.renderer.scene().name.clone();
         let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: &temporal };
         let request = |pose, frame: u32| RenderRequest {
@@ -93,7 +105,6 @@ impl Runner<'_> {
         };
 
         // Frames: each against 1 to 4 before.
-        stage.fixed.of(&unit.view, how.estimator);
         let mut meter = stage.renderer.meter(size, &vec![how.resolve; variants.len()])?;
         let mut followed: Vec<Followed> = variants.iter().map(|_| Followed::default()).collect();
         for frame in 0..frames {
@@ -103,7 +114,8 @@ impl Runner<'_> {
             let request = request(pose, frame);
             let layers = stage.draw(&request, needed, frames)?;
             let (sums, _) = stage.renderer.measure(&request, &layers, &mut meter, &variants)?;
-            for (stream, (name, _)) in self.variants.iter().enumerate().filter(|(_, (_, choice))| definition.video && is_plain(*choice)) {
+            let filmed = |choice: VariantChoice| definition.video && is_pictured(&labels, how, choice);
+            for (stream, (name, _)) in choices.iter().enumerate().filter(|(_, (_, choice))| filmed(*choice)) {
                 let texels: Vec<[f32; 3]> = meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
                 let sequence = pictures::sequence(folder, &reference_part, &unit.id, name);
                 pictures::write_frame(&sequence, frame, size, &texels)?;
@@ -111,11 +123,11 @@ impl Runner<'_> {
                     pictures::write_judges(&sequence, &pictures::sequence(folder, &reference_part, "", ""), size)?;
                 }
             }
-            for (((name, _), sums), followed) in self.variants.iter().zip(&sums).zip(&mut followed) {
+            for (((name, _), sums), followed) in choices.iter().zip(&sums).zip(&mut followed) {
                 follow(&labels, &mut rows, name, frame, sums, &reference, how.resolve, followed);
             }
         }
-        for ((name, _), followed) in self.variants.iter().zip(&followed) {
+        for ((name, _), followed) in choices.iter().zip(&followed) {
             over_frames(&labels, &mut rows, name, followed, &reference, how.resolve);
         }
 
@@ -124,15 +136,23 @@ impl Runner<'_> {
         let last = frames - 1;
         let pose = views::pose(definition, &stage.renderer, &unit.view, last)?;
         let judged = request(pose, last);
-        self.errors(unit, how, &labels, &meter, &reference, folder, &mut rows)?;
-        self.costs(&labels, &judged, &mut rows)?;
+        self.errors(unit, how, &choices, &labels, &meter, &reference, folder, &mut rows)?;
+        self.costs(&choices, &labels, &judged, &mut rows)?;
 
         // Seeds at the last frame, of what is not resolved: bias, variance, and how the noise is arranged.
         if how.resolve == Resolve::Off && definition.seeds >= 2 {
             let done = |seed: u32| step(u64::from(frames + 1 + seed), total);
-            self.seeds(needed, how, &labels, &judged, &variants, &mut rows, &done)?;
+            self.seeds(needed, how, &choices, &labels, &judged, &variants, &mut rows, &done)?;
         }
         self.gpu.check()?;
+        let fixed = &mut self.stage.as_mut().context("prepared")?.fixed;
+        match known {
+            Some(known) => rows.extend(known.into_iter().map(|row| Row { noise: noise.clone(), ..row })),
+            None => {
+                let names: Vec<&String> = self.variants.iter().filter(|(_, choice)| !how.draws(*choice)).map(|(name, _)| name).collect();
+                fixed.rows.insert(how.resolve, rows.iter().filter(|row| names.contains(&&row.variant)).cloned().collect());
+            }
+        }
         Ok(Outcome { rows, times: Vec::new() })
     }
 
@@ -142,6 +162,7 @@ impl Runner<'_> {
         &self,
         unit: &Unit,
         how: &How,
+        choices: &[(String, VariantChoice)],
         labels: &Labels<'_>,
         meter: &Meter,
         reference: &Reference,
@@ -151,10 +172,8 @@ impl Runner<'_> {
         let definition = self.definition;
         let mark = Mark::frame(definition.frames - 1);
         let mut sheet = pictures::Sheet::new(folder, unit);
-        let stochastic =
-            |choice: VariantChoice| Flavour::ALL.into_iter().any(|f| choice.may_use(f) && how.estimator.is_stochastic(Variant::only(f)));
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
-        let pictures: Vec<Vec<[u32; 2]>> = (0..self.variants.len()).map(read).collect::<kernels::error::Result<_>>()?;
+        let pictures: Vec<Vec<[u32; 2]>> = (0..choices.len()).map(read).collect::<kernels::error::Result<_>>()?;
         // FLIP takes longer than rendering: all processors judge, each picture on its own.
         let judged: Vec<(Vec<[f32; 3]>, judge::Errors)> = pictures
             .par_iter()
@@ -165,7 +184,7 @@ impl Runner<'_> {
                 Ok((texels, errors))
             })
             .collect::<Result<_>>()?;
-        for (stream, ((name, choice), (texels, errors))) in self.variants.iter().zip(&judged).enumerate() {
+        for (stream, ((name, choice), (texels, errors))) in choices.iter().zip(&judged).enumerate() {
             for (metric, value) in [
                 ("mse", Some(errors.mse)),
                 ("rmse", Some(errors.mse.sqrt())),
@@ -178,13 +197,11 @@ impl Runner<'_> {
                     labels.put(rows, name, metric, mark, value, None);
                 }
             }
-            let single = is_plain(*choice);
-            let first = definition.noises.first().is_some_and(|noise| noise == labels.noise);
-            if single && (stochastic(*choice) || first) {
+            if is_pictured(labels, how, *choice) {
                 let title = format!("{name}, {}", labels.noise);
                 let caption = format!("RMSE {:.4}, FLIP {:.4}", errors.mse.sqrt(), errors.flip.mean);
                 sheet.of(labels, name).keep(pictures::Kind::Frame, name, &title, &caption, definition.size, &pictures::display(texels))?;
-                if stochastic(*choice) && definition.frames > 1 {
+                if how.draws(*choice) && definition.frames > 1 {
                     let map = pictures::flicker_map(self.gpu, meter, stream, definition.size)?;
                     let caption = "Luminance against the frame before, after exact reprojection; white = 0.25 or more.".to_owned();
                     let title = format!("Flicker of {name}, {}", labels.noise);
@@ -196,11 +213,17 @@ impl Runner<'_> {
     }
 
     /// What lanes that march together pay.
-    fn costs(&mut self, labels: &Labels<'_>, judged: &RenderRequest, rows: &mut Vec<Row>) -> Result<()> {
+    fn costs(
+        &mut self,
+        choices: &[(String, VariantChoice)],
+        labels: &Labels<'_>,
+        judged: &RenderRequest,
+        rows: &mut Vec<Row>,
+    ) -> Result<()> {
         let stage = self.stage.as_mut().context("prepared")?;
         let mark = Mark::frame(self.definition.frames - 1);
         let estimator = judged.estimator;
-        for (name, choice) in &self.variants {
+        for (name, choice) in choices {
             let cost = match composed(*choice) {
                 Some(variant) => Some(f64::from(costs::promised(estimator, variant))),
                 None => {
@@ -229,6 +252,7 @@ impl Runner<'_> {
         &mut self,
         needed: Variant,
         how: &How,
+        choices: &[(String, VariantChoice)],
         labels: &Labels<'_>,
         judged: &RenderRequest,
         variants: &[Option<Variant>],
@@ -288,7 +312,7 @@ impl Runner<'_> {
                 }
             }
             if seed == 0 && self.definition.measures("power") {
-                for ((name, _), stream) in self.variants.iter().zip(&streams) {
+                for ((name, _), stream) in choices.iter().zip(&streams) {
                     let [now, exact] = [&stream.signal, &stream.exact].map(|buffer| read_signal(gpu, buffer, 0, pixels));
                     spectrum(labels, rows, name, size, &now?, &exact?)?;
                 }
@@ -303,7 +327,7 @@ impl Runner<'_> {
         gpu.submit_and_wait(encoder)?;
         let finished = seeds.read_finished(gpu, &streams)?;
         let mark = Mark::frame(judged.frame);
-        for (i, (name, _)) in self.variants.iter().enumerate() {
+        for (i, (name, _)) in choices.iter().enumerate() {
             let numbers = (finished[i].terrain * 3.0).max(1.0);
             labels.put(rows, name, "bias", mark, bias[i].mean(), bias[i].standard_error());
             // Where the estimator has no bias, seeds' squared errors scatter as their variances do.
@@ -321,7 +345,7 @@ impl Runner<'_> {
             let mut squares = into(|s| &s.signal);
             squares.iter_mut().for_each(|to| to.stream.squared = 1);
             renderer.compose(judged, &theory, &squares)?;
-            for ((name, choice), stream) in self.variants.iter().zip(&streams) {
+            for ((name, choice), stream) in choices.iter().zip(&streams) {
                 if !cliffs.flavours().any(|flavour| choice.may_use(flavour)) {
                     labels.put(rows, name, "variance_theory", mark, 0.0, None);
                     continue;
@@ -336,9 +360,10 @@ impl Runner<'_> {
     }
 }
 
-/// Whether pictures of a choice are kept: of single flavours, and of what chooses by itself.
-fn is_plain(choice: VariantChoice) -> bool {
-    composed(choice).is_none_or(|variant| variant.flavours().count() == 1)
+/// Whether pictures of a choice are kept: of single flavours, and of what chooses by itself; where no noise changes them, once, with the first.
+fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
+    let first = || labels.definition.noises.first().is_some_and(|noise| noise == labels.noise);
+    composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || first())
 }
 
 /// Rows of one frame of one variant.

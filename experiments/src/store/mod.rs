@@ -73,8 +73,7 @@ pub struct Run {
     done: BTreeSet<usize>,
     /// What a person should know of the folder's state.
     notes: Vec<String>,
-    /// Released when it is closed, however the process ends.
-    _lock: File,
+    _lock: Lock,
 }
 
 impl Run {
@@ -354,8 +353,19 @@ fn remove_leftovers(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Takes the folder for this process. The system frees it when the process ends, even by SIGKILL.
-fn lock(folder: &Path, command: &str) -> Result<File> {
+/// A folder's lock. The system frees it when the process ends, even by SIGKILL.
+#[derive(Debug)]
+struct Lock(File);
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Closing the file would not do while a child that another thread has just forked still holds a copy. An error leaves it to the closing.
+        drop(self.0.unlock());
+    }
+}
+
+/// Takes the folder for this process.
+fn lock(folder: &Path, command: &str) -> Result<Lock> {
     let path = folder.join(LOCK);
     let context = || format!("cannot lock {}", folder.display());
     let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).with_context(context)?;
@@ -371,7 +381,7 @@ fn lock(folder: &Path, command: &str) -> Result<File> {
         Err(TryLockError::Error(error)) => return Err(error).with_context(context),
     }
     file.set_len(0).and_then(|()| write!(file, "process {} (`{command}`)", std::process::id())).with_context(context)?;
-    Ok(file)
+    Ok(Lock(file))
 }
 
 /// A run read back: whole, or its shards together, or as far as it is done.

@@ -62,6 +62,28 @@ fn measure_outside_box(colour: vec3<f32>, pixel: vec2<u32>) -> bool {
     return any(colour < low * (1.0 - MEASURE_BOX_SLACK)) || any(colour > high * (1.0 + MEASURE_BOX_SLACK));
 }
 
+// What a pixel did since one of the frames before: linked, chosen << 8, flipped << 16, as in `MeasureTile`; the difference in luminance; the pixel there.
+struct MeasureChange {
+    links: u32,
+    difference: f32,
+    before: vec2<u32>,
+}
+
+fn measure_change(link_at: u32, past_slot: u32, luminance: f32, choice: u32) -> MeasureChange {
+    let link = links[link_at];
+    if link == MEASURE_NO_LINK {
+        return MeasureChange(0u, 0.0, vec2<u32>(0u));
+    }
+    let before = signal[past_slot + link];
+    if !signal_is_terrain(before) {
+        return MeasureChange(0u, 0.0, vec2<u32>(0u));
+    }
+    let choice_before = signal_choice(before);
+    let both = choice != 0u && choice_before != 0u;
+    let counts = 1u + select(0u, 256u, both) + select(0u, 65536u, both && choice != choice_before);
+    return MeasureChange(counts, abs(luminance - signal_luminance(signal_colour(before))), before);
+}
+
 @compute @workgroup_size(64)
 fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let tile = id.x;
@@ -71,7 +93,12 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = measure.size.x * measure.size.y;
     let origin = vec2<u32>(tile % measure.tiles.x, tile / measure.tiles.x) * 8u;
     let end = min(origin + 8u, measure.size);
-    var sum: MeasureTile;
+    // Lags one by one and not in an array: an index that varies makes a processor keep the sums in memory.
+    var links_sum = vec4<u32>(0u);
+    var differences = vec4<f32>(0.0);
+    var terrain = 0u;
+    var fetches = 0u;
+    var rejections = 0u;
     for (var y = origin.y; y < end.y; y++) {
         for (var x = origin.x; x < end.x; x++) {
             let at = y * measure.size.x + x;
@@ -79,32 +106,35 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             if !signal_is_terrain(now) {
                 continue;
             }
-            sum.terrain++;
-            sum.fetches += signal_fetches(now);
-            let colour = signal_colour(now);
-            let luminance = signal_luminance(colour);
+            terrain++;
+            fetches += signal_fetches(now);
+            let luminance = signal_luminance(signal_colour(now));
             let choice = signal_choice(now);
-            for (var lag = 0u; lag < measure.lags; lag++) {
-                let link = links[lag * count + at];
-                if link == MEASURE_NO_LINK {
-                    continue;
+            if measure.lags > 0u {
+                let change = measure_change(at, measure.past_slots.x, luminance, choice);
+                links_sum.x += change.links;
+                differences.x += change.difference;
+                if change.links != 0u && ((x + 2u * y) & 3u) == measure.subset {
+                    rejections += 1u + select(0u, 256u, measure_outside_box(signal_colour(change.before), vec2<u32>(x, y)));
+                    atomicAdd(&histogram[measure_bin(change.difference)], 1u);
                 }
-                let before = signal[measure.past_slots[lag] + link];
-                if !signal_is_terrain(before) {
-                    continue;
-                }
-                let colour_before = signal_colour(before);
-                let choice_before = signal_choice(before);
-                let difference = abs(luminance - signal_luminance(colour_before));
-                let both = choice != 0u && choice_before != 0u;
-                sum.links[lag] += 1u + select(0u, 256u, both) + select(0u, 65536u, both && choice != choice_before);
-                sum.differences[lag] += difference;
-                if lag == 0u && ((x + 2u * y) & 3u) == measure.subset {
-                    sum.rejections += 1u + select(0u, 256u, measure_outside_box(colour_before, vec2<u32>(x, y)));
-                    atomicAdd(&histogram[measure_bin(difference)], 1u);
-                }
+            }
+            if measure.lags > 1u {
+                let change = measure_change(count + at, measure.past_slots.y, luminance, choice);
+                links_sum.y += change.links;
+                differences.y += change.difference;
+            }
+            if measure.lags > 2u {
+                let change = measure_change(2u * count + at, measure.past_slots.z, luminance, choice);
+                links_sum.z += change.links;
+                differences.z += change.difference;
+            }
+            if measure.lags > 3u {
+                let change = measure_change(3u * count + at, measure.past_slots.w, luminance, choice);
+                links_sum.w += change.links;
+                differences.w += change.difference;
             }
         }
     }
-    tiles[tile] = sum;
+    tiles[tile] = MeasureTile(links_sum, differences, terrain, fetches, rejections, 0u);
 }
