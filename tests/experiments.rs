@@ -13,7 +13,7 @@ use ::experiments::definition::{self, Definition};
 use ::experiments::expectations;
 use ::experiments::row::{COLUMNS, Row};
 use ::experiments::store::table::{read_parquet, write_csv, write_parquet};
-use ::experiments::store::{Place, Provenance, Run, RunData, read_run};
+use ::experiments::store::{Existing, Place, Provenance, Run, RunData, read_run};
 use ::experiments::unit::{Measure, Outcome, Shard, Unit, Work, plan, share};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::file::properties::WriterProperties;
@@ -273,7 +273,7 @@ fn real_terrain_is_imported_once_and_kept() {
     let scene = definition.scene(&Some(toml::Value::Float(0.05)), Some(&imported)).unwrap();
     assert_eq!((scene.blend.hash_scale, scene.cameras.len()), (0.05, 4));
     drop(run);
-    let run = Run::open(&definition, &Place { resume: true, ..place }, &machine()).unwrap();
+    let run = Run::open(&definition, &Place { existing: Existing::Resume, ..place }, &machine()).unwrap();
     assert_eq!(fs::metadata(imported.join("scene.toml")).unwrap().modified().unwrap(), written, "imported again");
     drop(run);
     // What only the imported scene can tell is told before anything is measured.
@@ -408,7 +408,7 @@ fn machine() -> Provenance {
 }
 
 fn place(out: &Path) -> Place<'_> {
-    Place { out, resume: false, shard: None, small: false }
+    Place { out, own: false, existing: Existing::Refuse, shard: None, small: false }
 }
 
 fn uninterrupted() -> anyhow::Result<()> {
@@ -480,7 +480,7 @@ fn a_run_yields_what_was_measured_and_judges_it() {
     assert!(same(&rows, &data.rows), "CSV and Parquet differ");
     // Adding prose and expectations is no other run; it shows when the run is read again.
     let told = Definition { analysis: "Nothing follows.".to_owned(), ..trial };
-    let data = complete(&told, &Place { resume: true, ..place(&folder.0) });
+    let data = complete(&told, &Place { existing: Existing::Resume, ..place(&folder.0) });
     assert_eq!(read_run(&data.folder).unwrap().definition.analysis, "Nothing follows.");
 }
 
@@ -491,7 +491,12 @@ fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
     complete(&trial, &place(&whole.0));
     let count = plan(&trial).len();
     for stop in 0..count {
-        let mut run = Run::open(&trial, &Place { resume: stop > 0, ..place(&stopped.0) }, &machine()).unwrap();
+        let mut run = Run::open(
+            &trial,
+            &Place { existing: if stop > 0 { Existing::Resume } else { Existing::Refuse }, ..place(&stopped.0) },
+            &machine(),
+        )
+        .unwrap();
         assert_eq!(run.progress(), (stop, count));
         let left = Cell::new(1);
         let go_on = || if left.replace(left.get() - 1) > 0 { Ok(()) } else { anyhow::bail!("stopped") };
@@ -507,7 +512,7 @@ fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
             assert!(error.contains("--resume"), "{error}");
         }
     }
-    complete(&trial, &Place { resume: true, ..place(&stopped.0) });
+    complete(&trial, &Place { existing: Existing::Resume, ..place(&stopped.0) });
     assert!(results(&whole.0) == results(&stopped.0), "bytes differ after {count} stops");
     assert!(names(&stopped.0.join("trial")).iter().all(|name| !name.ends_with(".tmp") && name != "parts"));
     // The comparison sees a number that changed in its last digits.
@@ -525,7 +530,7 @@ fn killed_at_any_moment_and_resumed_a_run_gives_equal_bytes() {
     let small = trial().small();
     if let Some(out) = std::env::var_os(CHILD) {
         let out = PathBuf::from(out);
-        let mut run = Run::open(&small, &Place { resume: true, ..place(&out) }, &machine()).unwrap();
+        let mut run = Run::open(&small, &Place { existing: Existing::Resume, ..place(&out) }, &machine()).unwrap();
         let mut fake = Fake { pause: Duration::from_millis(1), ..Fake::of(&small) };
         run.carry_out(&mut fake, &|_, _| {}, &uninterrupted).unwrap();
         run.finish().unwrap();
@@ -557,7 +562,7 @@ fn killed_at_any_moment_and_resumed_a_run_gives_equal_bytes() {
     assert!(kills >= 3, "it was over before it could be killed");
     if !finished {
         // So slow a machine kills it each time before its first part; what it left must still be resumed.
-        complete(&small, &Place { resume: true, ..place(&killed.0) });
+        complete(&small, &Place { existing: Existing::Resume, ..place(&killed.0) });
     }
     assert!(results(&whole.0) == results(&killed.0), "bytes differ after {kills} kills");
 }
@@ -567,15 +572,50 @@ fn a_folder_is_used_by_one_run_at_a_time() {
     let folder = Folder::new("lock");
     let trial = trial();
     let run = Run::open(&trial, &place(&folder.0), &machine()).unwrap();
-    for resume in [false, true] {
-        let error = refused(&trial, &Place { resume, ..place(&folder.0) }, &machine());
+    for existing in [Existing::Refuse, Existing::Resume, Existing::Replace] {
+        let error = refused(&trial, &Place { existing, ..place(&folder.0) }, &machine());
         let holder = format!("process {}", std::process::id());
         assert!(error.contains("is in use by") && error.contains("--out"), "{error}");
         assert!(cfg!(windows) || error.contains(&holder) && error.contains("experiments run trial.toml"), "{error}");
     }
     // A shard of it is another folder; and once the holder is gone, so is the lock.
     drop(run);
-    Run::open(&trial, &Place { resume: true, ..place(&folder.0) }, &machine()).unwrap();
+    Run::open(&trial, &Place { existing: Existing::Resume, ..place(&folder.0) }, &machine()).unwrap();
+}
+
+#[test]
+fn a_run_that_is_replaced_makes_way_only_for_its_own_kind() {
+    let folder = Folder::new("replace");
+    let trial = trial();
+    let own = Place { own: true, existing: Existing::Replace, ..place(&folder.0) };
+    complete(&trial, &own);
+    for name in ["reference", "pictures", "video"] {
+        fs::create_dir_all(folder.0.join(name)).unwrap();
+        folder.write(&format!("{name}/old.png"), "old");
+    }
+    folder.write("report.html", "old");
+    folder.write("mine.txt", "kept");
+    // Another seed count: the old run goes, with everything that it made and with nothing else.
+    let more = Definition { seeds: trial.seeds + 2, ..trial.clone() };
+    let run = Run::open(&more, &own, &machine()).unwrap();
+    assert_eq!(run.progress().0, 0);
+    // The stand-in leaves its references beside the tables.
+    let left: Vec<String> = names(&folder.0).into_iter().filter(|name| !name.starts_with("reference-")).collect();
+    assert_eq!(left, ["lock", "manifest.json", "mine.txt", "parts"]);
+    drop(run);
+    // Stopped and the same: it goes on. Finished and the same: it is done again.
+    let mut run = Run::open(&more, &own, &machine()).unwrap();
+    run.carry_out(&mut Fake::of(&more), &|_, _| {}, &uninterrupted).unwrap();
+    drop(run);
+    let run = Run::open(&more, &own, &machine()).unwrap();
+    assert_eq!(run.progress().0, run.progress().1);
+    run.finish().unwrap();
+    assert_eq!(Run::open(&more, &own, &machine()).unwrap().progress().0, 0);
+    // A run of another name stays.
+    let other = Definition { name: "other".to_owned(), ..trial };
+    let error = refused(&other, &own, &machine());
+    assert!(error.contains("holds another run") && error.contains("--out"), "{error}");
+    assert!(folder.0.join("manifest.json").exists());
 }
 
 #[test]
@@ -585,7 +625,7 @@ fn another_run_is_not_resumed_and_what_differs_is_named() {
     let scene = folder.write("scene.toml", kernels::scene::DEFAULT_TEXT);
     let of_file = Definition { scene: Some(scene.clone()), ..trial.clone() };
     complete(&of_file, &place(&folder.0));
-    let again = Place { resume: true, ..place(&folder.0) };
+    let again = Place { existing: Existing::Resume, ..place(&folder.0) };
     let unlike = |definition: &Definition, place: &Place<'_>, machine: &Provenance, says: &[&str]| {
         let error = refused(definition, place, machine);
         for part in says.iter().chain(&["--out"]) {
@@ -612,8 +652,8 @@ fn foreign_folders_and_broken_manifests_are_left_alone() {
     let trial = trial();
     fs::create_dir_all(folder.0.join("trial")).unwrap();
     folder.write("trial/thesis.txt", "years of work");
-    for resume in [false, true] {
-        let error = refused(&trial, &Place { resume, ..place(&folder.0) }, &machine());
+    for existing in [Existing::Refuse, Existing::Resume, Existing::Replace] {
+        let error = refused(&trial, &Place { existing, ..place(&folder.0) }, &machine());
         assert!(error.contains("thesis.txt") && error.contains("--out"), "{error}");
     }
     assert_eq!(names(&folder.0.join("trial")), ["thesis.txt"]);
@@ -624,7 +664,7 @@ fn foreign_folders_and_broken_manifests_are_left_alone() {
     drop(Run::open(&trial, &place(&folder.0), &machine()).unwrap());
     for broken in ["", "{", "{}", "[1]", "{\"format\": 1}", "{\"format\": 99}"] {
         folder.write("trial/manifest.json", broken);
-        let error = refused(&trial, &Place { resume: true, ..place(&folder.0) }, &machine());
+        let error = refused(&trial, &Place { existing: Existing::Resume, ..place(&folder.0) }, &machine());
         assert!(error.contains("manifest.json") && error.contains("--out"), "{broken}: {error}");
         assert!(read_run(&folder.0.join("trial")).is_err());
     }
@@ -650,7 +690,7 @@ fn damaged_parts_and_results_are_done_again() {
     let mut flipped = fs::read(parts.join(&list[5])).unwrap();
     flipped[200] ^= 4;
     fs::write(parts.join(&list[5]), flipped).unwrap();
-    let again = Place { resume: true, ..place(&damaged.0) };
+    let again = Place { existing: Existing::Resume, ..place(&damaged.0) };
     let mut run = Run::open(&trial, &again, &machine()).unwrap();
     assert_eq!(run.progress(), (list.len() - 4, list.len()), "{:?}", run.notes());
     assert!(
@@ -697,8 +737,8 @@ fn a_full_disk_is_said_and_the_run_goes_on_once_there_is_room() {
     let (whole, full) = (Folder::new("room"), Folder::new("full"));
     let trial = trial().small();
     complete(&trial, &place(&whole.0));
-    let stop = |block: &dyn Fn(&Path), says: &str, resume: bool| {
-        let mut run = Run::open(&trial, &Place { resume, ..place(&full.0) }, &machine()).unwrap();
+    let stop = |block: &dyn Fn(&Path), says: &str, existing: Existing| {
+        let mut run = Run::open(&trial, &Place { existing, ..place(&full.0) }, &machine()).unwrap();
         let mut measure = Full { fake: Fake::of(&trial), parts: full.0.join("trial/parts"), block };
         let error = format!("{:#}", run.carry_out(&mut measure, &|_, _| {}, &uninterrupted).unwrap_err());
         for part in [says, "00002-", "--resume", "make room"] {
@@ -708,7 +748,7 @@ fn a_full_disk_is_said_and_the_run_goes_on_once_there_is_room() {
         assert_eq!(run.progress().0, 2);
     };
     // Something is in the way of the last step, the renaming.
-    stop(&|file| fs::create_dir_all(file.join("in the way")).unwrap(), "cannot write", false);
+    stop(&|file| fs::create_dir_all(file.join("in the way")).unwrap(), "cannot write", Existing::Refuse);
     let blocked = full.0.join("trial/parts").join(names(&full.0.join("trial/parts")).into_iter().find(|n| n.starts_with("00002")).unwrap());
     fs::remove_dir_all(blocked).unwrap();
     assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "nothing half-written is left");
@@ -720,10 +760,10 @@ fn a_full_disk_is_said_and_the_run_goes_on_once_there_is_room() {
             name.push(format!(".{}.tmp", std::process::id()));
             std::os::unix::fs::symlink("/dev/full", file.with_file_name(name)).unwrap();
         };
-        stop(&link, "No space left on device", true);
+        stop(&link, "No space left on device", Existing::Resume);
         assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "nothing half-written is left");
     }
-    complete(&trial, &Place { resume: true, ..place(&full.0) });
+    complete(&trial, &Place { existing: Existing::Resume, ..place(&full.0) });
     assert!(results(&whole.0) == results(&full.0));
 }
 

@@ -59,6 +59,9 @@ pub(crate) enum Command {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
+The demo is an experiment that is built in, experiments/definitions/demo.toml; DIR receives what `experiments run` writes for one. What was
+stopped goes on when the demo is called again in the same way; a finished demo, or one of other options, makes way.
+
 Example:
   experiments demo --out out/demo --seeds 32")]
 pub(crate) struct DemoArgs {

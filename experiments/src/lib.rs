@@ -13,7 +13,6 @@ pub mod unit;
 
 mod cli;
 mod commands;
-mod measure;
 mod report;
 
 use std::cell::Cell;

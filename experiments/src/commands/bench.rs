@@ -10,10 +10,10 @@ use kernels::gpu::Gpu;
 use kernels::picture::write_whole;
 use kernels::scene;
 use kernels::variant::{Flavour, Variant};
+use statrs::statistics::{Data, Median as _};
 
 use super::{Reporter, check_interrupted, check_output_file, print, watch_interrupts};
 use crate::cli::BenchArgs;
-use crate::measure::median;
 
 /// Median milliseconds by camera, choice and pass.
 type Times = BTreeMap<(String, String, String), f64>;
@@ -51,8 +51,8 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
                 }
             }
         }
-        for ((name, pass), mut ms) in samples {
-            times.insert((camera.name.clone(), name, pass), median(&mut ms));
+        for ((name, pass), ms) in samples {
+            times.insert((camera.name.clone(), name, pass), Data::new(ms).median());
         }
     }
     reporter.finish();

@@ -10,7 +10,7 @@ use super::run::each;
 use crate::cli::CheckArgs;
 use crate::definition::Definition;
 use crate::expectations::{self, Verdict};
-use crate::store::Place;
+use crate::store::{Existing, Place};
 
 /// A folder for results that nobody asked to keep.
 struct Temporary(PathBuf);
@@ -34,7 +34,7 @@ impl Drop for Temporary {
 pub(crate) fn run(args: &CheckArgs) -> Result<()> {
     let temporary = args.out.is_none().then(Temporary::new).transpose()?;
     let out = args.out.as_deref().or(temporary.as_ref().map(|folder| folder.0.as_path())).unwrap_or(Path::new("."));
-    let place = Place { out, resume: false, shard: None, small: true };
+    let place = Place { out, own: false, existing: Existing::Refuse, shard: None, small: true };
     each(&args.definitions, |definition, session| {
         let small = definition.small();
         has_expectations(&small)?;

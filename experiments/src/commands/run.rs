@@ -11,7 +11,7 @@ use crate::definition::{self, Definition};
 use crate::expectations::{self, Verdict};
 use crate::report;
 use crate::runner::Runner;
-use crate::store::{Place, Provenance, Run, RunData};
+use crate::store::{Existing, Place, Provenance, Run, RunData};
 use crate::unit::Measure;
 
 /// Who measures the parts of a run, on a device. `imported` = folder of the imported scene, where the definition imports one.
@@ -24,17 +24,9 @@ pub(crate) fn run(args: &RunArgs) -> Result<()> {
     if let Some(jobs) = args.jobs {
         rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global().context("cannot start worker threads: leave --jobs out")?;
     }
-    let place = Place { out: &args.out, resume: args.resume, shard: args.shard, small: false };
-    each(&args.definitions, |definition, session| {
-        let data = session.carry_out(&definition, &place)?;
-        let verdicts = expectations::evaluate(&definition, &data.rows, &data.times);
-        let text = summary(&data, &verdicts);
-        if data.manifest.shard.is_some() {
-            return print(&text);
-        }
-        let written = report::write_run(&report::of(data)?, &verdicts)?;
-        print(&format!("{text}  {}\n  report: {}\n", written.verdict, written.page.display()))
-    })
+    let existing = if args.resume { Existing::Resume } else { Existing::Refuse };
+    let place = Place { out: &args.out, own: false, existing, shard: args.shard, small: false };
+    each(&args.definitions, |definition, session| session.answer(&definition, &place))
 }
 
 /// The device and the progress of a whole call.
@@ -44,6 +36,24 @@ pub(crate) struct Session {
 }
 
 impl Session {
+    /// Looks for a device.
+    pub(crate) fn begin() -> Result<Session> {
+        watch_interrupts()?;
+        Ok(Session { gpu: Gpu::new()?, reporter: Reporter::new() })
+    }
+
+    /// A run with its report, and in short what came of it.
+    pub(crate) fn answer(&self, definition: &Definition, place: &Place<'_>) -> Result<()> {
+        let data = self.carry_out(definition, place)?;
+        let verdicts = expectations::evaluate(definition, &data.rows, &data.times);
+        let text = summary(&data, &verdicts);
+        if data.manifest.shard.is_some() {
+            return print(&text);
+        }
+        let written = report::write_run(&report::of(data)?, &verdicts)?;
+        print(&format!("{text}  {}\n  report: {}\n", written.verdict, written.page.display()))
+    }
+
     /// One run from its first part to its joined tables.
     pub(crate) fn carry_out(&self, definition: &Definition, place: &Place<'_>) -> Result<RunData> {
         let info = &self.gpu.info;
@@ -85,8 +95,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
     for (file, definition) in loaded {
         let outcome = definition.and_then(|definition| {
             if session.is_none() {
-                watch_interrupts()?;
-                session = Some(Session { gpu: Gpu::new()?, reporter: Reporter::new() });
+                session = Some(Session::begin()?);
             }
             let session = session.as_ref().context("made just above")?;
             act(definition, session)

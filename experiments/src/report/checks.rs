@@ -45,7 +45,7 @@ pub(super) fn promises(rows: &[GoldenRow]) -> Option<(bool, String)> {
 }
 
 /// The largest of some biases, given with their standard errors and names. `seeds`: how many numbers the standard errors come from, see [`sidak_limit`].
-pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seeds: Option<u32>) -> Option<(bool, String)> {
+pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seeds: u32) -> Option<(bool, String)> {
     let scores: Vec<(f64, &str)> =
         rows.into_iter().map(|(bias, error, name)| (bias.abs() / error, name)).filter(|(z, _)| z.is_finite()).collect();
     let (z, name) = scores.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -53,20 +53,14 @@ pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seed
     Some((
         *z < limit,
         format!(
-            "largest bias of {count} stochastic rows: {z:.1} standard errors ({name}); at most {limit:.1} expected (0.1 % for all together{})",
-            few(seeds)
+            "largest bias of {count} stochastic rows: {z:.1} standard errors ({name}); at most {limit:.1} expected (0.1 % for all together, from {seeds} seeds)"
         ),
     ))
 }
 
-/// Why a limit is wide.
-fn few(seeds: Option<u32>) -> String {
-    seeds.map_or_else(String::new, |n| format!(", from {n} seeds"))
-}
-
 /// The range of variances measured over variances predicted, of some given with the standard errors of those measured, where they are known. A
 /// ratio that few seeds explain is as good as one in the range.
-pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, seeds: Option<u32>) -> Option<(bool, String)> {
+pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, seeds: u32) -> Option<(bool, String)> {
     let rows: Vec<(f64, f64)> = rows
         .into_iter()
         .map(|(measured, predicted, error)| (measured / predicted, error.map_or(f64::INFINITY, |e| (measured - predicted).abs() / e)))
@@ -80,7 +74,9 @@ pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, 
     let outside: Vec<f64> = rows.iter().filter(|(ratio, _)| !inside(*ratio)).map(|(_, z)| *z).collect();
     let furthest = outside.iter().copied().max_by(f64::total_cmp);
     let but = match furthest {
-        Some(z) if z.is_finite() => format!("; those outside are at most {z:.1} standard errors off, {limit:.1} expected{}", few(seeds)),
+        Some(z) if z.is_finite() => {
+            format!("; those outside are at most {z:.1} standard errors off, {limit:.1} expected, from {seeds} seeds")
+        }
         _ => String::new(),
     };
     Some((
@@ -92,6 +88,9 @@ pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// So many seeds that standard errors are known.
+    const MANY: u32 = 1_000_000;
 
     #[test]
     fn promises_are_kept_or_seen_broken() {
@@ -110,16 +109,16 @@ mod tests {
 
     #[test]
     fn bias_and_variance_are_held_to_their_limits() {
-        assert_eq!(bias([(3e-4, 1e-4, "a"), (0.0, 0.0, "b")], None).map(|c| c.0), Some(true));
-        let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")], None).expect("one row with chance");
+        assert_eq!(bias([(3e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).map(|c| c.0), Some(true));
+        let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).expect("one row with chance");
         assert!(!good && text.contains("4.0 standard errors (a)"), "{text}");
         // The same bias among 600: none that was found.
         let many = (0..600).map(|i| (if i == 7 { 4e-4 } else { 0.0 }, 1e-4, "a"));
-        assert_eq!(bias(many, None).map(|c| c.0), Some(true));
+        assert_eq!(bias(many, MANY).map(|c| c.0), Some(true));
         // Ten standard errors are within chance if they come from 4 seeds, and not if from 16.
-        assert_eq!([4, 16].map(|seeds| bias([(1e-3, 1e-4, "a")], Some(seeds)).map(|c| c.0)), [Some(true), Some(false)]);
-        assert_eq!(bias([(0.0, 0.0, "b")], None), None);
-        let known = |ratios: &[f64], error: Option<f64>| variance(ratios.iter().map(|r| (*r, 1.0, error)), None);
+        assert_eq!([4, 16].map(|seeds| bias([(1e-3, 1e-4, "a")], seeds).map(|c| c.0)), [Some(true), Some(false)]);
+        assert_eq!(bias([(0.0, 0.0, "b")], MANY), None);
+        let known = |ratios: &[f64], error: Option<f64>| variance(ratios.iter().map(|r| (*r, 1.0, error)), MANY);
         assert_eq!(known(&[0.97, 1.03, f64::NAN], None).map(|c| c.0), Some(true));
         assert_eq!([known(&[0.5, 1.0], None), known(&[1.0, 1.5], None)].map(|c| c.map(|c| c.0)), [Some(false); 2]);
         // Half of what was predicted, of few seeds and of many.

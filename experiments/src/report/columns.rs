@@ -239,7 +239,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
     let biases = stochastic().zip(&names).map(|(s, name)| (s.value(BIAS), s.error(BIAS).unwrap_or(f64::NAN), name.as_str()));
     let variances = stochastic().map(|s| (s.value(VARIANCE), s.value(THEORY), s.error(VARIANCE)));
     // One number a seed is what their standard errors come from.
-    let seeds = Some(run.definition.seeds);
+    let seeds = run.definition.seeds;
     let expected = expectations(run, verdicts);
     let met = expected.iter().filter(|v| v.met).count();
     let expected = (!expected.is_empty()).then(|| (met == expected.len(), format!("{met} of {} expectations are met", expected.len())));

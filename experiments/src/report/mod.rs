@@ -1,11 +1,10 @@
-//! Reports: of a run of an experiment, from its rows alone, and of the demo.
+//! Reports: of a run of an experiment, from its rows alone.
 //!
 //! Read in this order: [`summary`] (rows to one summary per choice), [`verdict`] (the answer, by what varies), [`columns`] (what tables show),
-//! [`run`] (the page), [`markdown`] (the same for a pull request). `html`, `plots`, `numbers` and `checks` serve the demo, too.
+//! [`run`] (the page), [`markdown`] (the same for a pull request).
 
 mod checks;
 mod columns;
-mod demo;
 #[cfg(test)]
 mod fake;
 mod html;
@@ -30,8 +29,6 @@ use crate::definition::Definition;
 use crate::row::Row;
 
 pub(crate) use crate::expectations::Verdict;
-pub(crate) use checks::GoldenRow;
-pub(crate) use demo::{DemoResults, Mode, PictureEntry, VariantRow, write};
 pub(crate) use load::{judge, of, read_run};
 pub(crate) use pictures::{FOLDER, RunPicture};
 
@@ -95,6 +92,8 @@ pub(crate) fn write_run(run: &RunData, verdicts: &[Verdict]) -> Result<Written> 
 
 const PAGE: &str = "report.html";
 const MARKDOWN: &str = "report.md";
+/// The files of a report.
+pub(crate) const FILES: [&str; 2] = [PAGE, MARKDOWN];
 
 fn write_bytes(out_dir: &Path, name: &str, bytes: &[u8]) -> Result<()> {
     let file = out_dir.join(name);

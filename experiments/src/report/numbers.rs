@@ -1,6 +1,6 @@
 //! How numbers are written, and what is said with them.
 
-use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// Half-width of a 95 % confidence interval in standard errors, of a normal mean.
 pub(super) const CONFIDENCE_95: f64 = 1.96;
@@ -40,13 +40,12 @@ pub(super) fn with_interval(value: f64, standard_error: Option<f64>) -> String {
 }
 
 /// How many standard errors the largest of `count` estimates may be from its expectation, if their family is held to 0.1 %: Sidak's correction,
-/// whose inequality also holds for estimates that share data. A standard error that was itself estimated from a few `seeds` makes the ratio
-/// Student's t with one degree of freedom fewer, and the limit wider: 4 seeds tell little. `None`: from so many numbers that it counts as known.
-pub(super) fn sidak_limit(count: usize, seeds: Option<u32>) -> f64 {
+/// whose inequality also holds for estimates that share data. The standard errors were themselves estimated, from a number for each of `seeds`
+/// seeds, which makes the ratio Student's t with one degree of freedom fewer: the limit of 4 seeds is wide, for they tell little.
+pub(super) fn sidak_limit(count: usize, seeds: u32) -> f64 {
     let each = 1.0 - 0.999f64.powf(1.0 / count.max(1) as f64);
-    let at = 1.0 - each / 2.0;
-    let student = seeds.and_then(|n| StudentsT::new(0.0, 1.0, f64::from(n.max(2) - 1)).ok());
-    student.map_or_else(|| Normal::standard().inverse_cdf(at), |t| t.inverse_cdf(at))
+    // Positive degrees of freedom are all that the distribution asks for.
+    StudentsT::new(0.0, 1.0, f64::from(seeds.max(2) - 1)).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - each / 2.0))
 }
 
 /// Indices of the points that no other dominates (is at most as large in both and smaller in one), by rising x.
@@ -89,12 +88,11 @@ mod tests {
 
     #[test]
     fn limits_grow_with_the_family() {
-        // One estimate at 0.1 %: 3.29; 33 at once: 4.17, which is 0.001/33 to five digits.
-        assert!((sidak_limit(1, None) - 3.2905).abs() < 1e-3 && (sidak_limit(33, None) - 4.17).abs() < 0.01);
-        assert!(sidak_limit(600, None) > sidak_limit(33, None));
-        // Tables of Student's t, two-sided 0.1 %: 12.924 with 3 degrees of freedom, 4.073 with 15; far out it is the normal one.
-        assert!((sidak_limit(1, Some(4)) - 12.924).abs() < 1e-3 && (sidak_limit(1, Some(16)) - 4.073).abs() < 1e-3);
-        assert!((sidak_limit(33, Some(100_000)) - sidak_limit(33, None)).abs() < 1e-3);
+        // Tables of Student's t, two-sided 0.1 %: 12.924 with 3 degrees of freedom, 4.073 with 15.
+        assert!((sidak_limit(1, 4) - 12.924).abs() < 1e-3 && (sidak_limit(1, 16) - 4.073).abs() < 1e-3);
+        // Far out it is the normal distribution's: 3.29 for one; 4.17 for 33 at once, which is 0.001/33 to five digits.
+        assert!((sidak_limit(1, 1_000_000) - 3.2905).abs() < 1e-3 && (sidak_limit(33, 1_000_000) - 4.17).abs() < 0.01);
+        assert!(sidak_limit(600, 16) > sidak_limit(33, 16));
     }
 
     #[test]

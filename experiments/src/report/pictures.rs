@@ -30,7 +30,7 @@ pub(crate) struct RunPicture {
     pub(crate) title: String,
     /// A sentence.
     pub(crate) caption: String,
-    /// `reference`, `frame`, `flicker-map` or `error-map`.
+    /// `reference`, `frame`, `tile-map`, `flicker-map` or `error-map`.
     pub(crate) kind: String,
     /// Which choice it shows, as in the columns of a row.
     pub(crate) view: String,
@@ -50,8 +50,13 @@ pub(crate) struct RunPicture {
 }
 
 /// Kinds of pictures in their order, with headings.
-const KINDS: [(&str, &str); 4] =
-    [("reference", "References"), ("frame", "Frames"), ("flicker-map", "Flicker maps"), ("error-map", "Error maps")];
+const KINDS: [(&str, &str); 5] = [
+    ("reference", "References"),
+    ("frame", "Frames"),
+    ("tile-map", "Which tile runs what"),
+    ("flicker-map", "Flicker maps"),
+    ("error-map", "Error maps"),
+];
 
 /// The contact sheets of a run, with their heading: `room` characters of pictures at most. What cannot be shown is told of.
 pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {

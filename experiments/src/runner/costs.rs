@@ -13,13 +13,24 @@ pub(super) fn promised(estimator: Estimator, variant: Variant) -> u32 {
     variant.flavours().map(|flavour| estimator.promised_fetches(flavour)).sum()
 }
 
-/// Mean over terrain pixels of what the flavours of a pixel's tile cost; `tile` = edge, pixels.
+/// Number of a pixel's tile; `tile` = edge, pixels.
+fn tile_of(at: usize, size: [u32; 2], tile: u32) -> usize {
+    let (x, y) = (at as u32 % size[0], at as u32 / size[0]);
+    (y / tile * size[0].div_ceil(tile) + x / tile) as usize
+}
+
+/// Mean over terrain pixels of what the flavours of a pixel's tile cost.
 pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, estimator: Estimator) -> Option<f64> {
-    let columns = size[0].div_ceil(tile);
-    grouped(masks, estimator, |at| {
-        let (x, y) = (at as u32 % size[0], at as u32 / size[0]);
-        y / tile * columns + x / tile
-    })
+    grouped(masks, estimator, |at| tile_of(at, size, tile))
+}
+
+/// For each pixel the flavours of its tile; 0 where it shows no terrain.
+pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
+    let mut sets = vec![0; (size[0].div_ceil(tile) * size[1].div_ceil(tile)) as usize];
+    for (at, mask) in masks.iter().enumerate() {
+        sets[tile_of(at, size, tile)] |= mask;
+    }
+    masks.iter().enumerate().map(|(at, &mask)| if mask == 0 { 0 } else { sets[tile_of(at, size, tile)] }).collect()
 }
 
 /// The same with patches of 16 x 16 quads in place of tiles: of a patch that is partly seen, only what is seen counts.
@@ -72,5 +83,7 @@ mod tests {
         // Single pixels: each its own.
         assert_eq!(of(1), Some((2.0 * 15.0 + 12.0 + 4.0 * 15.0) / 31.0));
         assert_eq!(per_tile(&[0; 4], [2, 2], 8, Estimator::Fc5), None);
+        let sets = tile_sets(&masks, [8, 4], 4);
+        assert_eq!([sets[0], sets[3], sets[4], sets[31]], [6, 6, 1, 0]);
     }
 }

@@ -27,6 +27,7 @@ use kernels::variant::{Flavour, Variant};
 use crate::definition::{ClassifyBy, Definition, FrameChoices, Normals, setting_text};
 use crate::metrics;
 use crate::row::Row;
+use crate::store::REFERENCE;
 use crate::unit::{Measure, Outcome, Setting, Unit, Work, plan};
 
 /// A renderer says nothing while it works: a part's own steps are the progress.
@@ -116,7 +117,7 @@ impl<'a> Runner<'a> {
             .into_iter()
             .find(|other| other.work == Work::Reference && other.view == unit.view && other.setting == unit.setting)
             .with_context(|| format!("the run has no reference of view `{}`", unit.view))?;
-        Ok(folder.join("reference").join(format!("{}.exr", found.id)))
+        Ok(folder.join(REFERENCE).join(format!("{}.exr", found.id)))
     }
 }
 
@@ -171,6 +172,11 @@ impl Mark {
 }
 
 impl Labels<'_> {
+    /// Whether this is the noise that the definition names first.
+    fn is_first_noise(&self) -> bool {
+        self.definition.noises.first().is_some_and(|noise| noise == self.noise)
+    }
+
     /// Adds a row, if the definition asks for the metric.
     fn put(&self, rows: &mut Vec<Row>, variant: &str, metric: &str, mark: Mark, value: f64, standard_error: Option<f64>) {
         if !self.definition.measures(metric) {

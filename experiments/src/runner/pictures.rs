@@ -15,6 +15,7 @@ use crate::definition::setting_text;
 use crate::judge::flip::magma;
 use crate::judge::video::commands;
 use crate::report::{FOLDER, RunPicture};
+use crate::store::VIDEO;
 use crate::unit::Unit;
 
 /// Difference in luminance that a flicker map shows white.
@@ -29,6 +30,8 @@ pub(super) enum Kind {
     FlickerMap,
     /// The converged reference.
     Reference,
+    /// Which tile runs which variant.
+    TileMap,
 }
 
 impl Kind {
@@ -38,6 +41,7 @@ impl Kind {
             Kind::Frame => "frame",
             Kind::FlickerMap => "flicker-map",
             Kind::Reference => "reference",
+            Kind::TileMap => "tile-map",
         }
     }
 }
@@ -95,8 +99,6 @@ impl Sheet {
     }
 }
 
-/// Folder of PNG sequences in that of a run.
-const VIDEO: &str = "video";
 /// Frames a second that tools which judge video are told: what a game would like to have.
 const FRAMES_PER_SECOND: f64 = 60.0;
 
@@ -142,4 +144,26 @@ pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2
         scale[((share * 255.0) as usize).min(scale.len() - 1)]
     };
     Ok(now.iter().zip(&links).map(colour).collect())
+}
+
+/// A colour for each flavour in maps of tiles; a tile of several has their mean. Of the Okabe-Ito kind: told apart by colour-blind eyes, too.
+const FLAVOUR_COLOURS: [[u16; 3]; 5] = [[86, 180, 90], [70, 110, 200], [213, 94, 60], [230, 170, 60], [150, 90, 190]];
+
+/// What the colours of a map of tiles mean.
+pub(super) const TILE_MAP_LEGEND: &str =
+    "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixtures: tiles of several.";
+
+/// The sets of flavours that pixels are shaded by (0 = none), mixed half and half with the picture.
+pub(super) fn tile_map(sets: &[u8], picture: &[[u8; 3]]) -> Vec<[u8; 3]> {
+    let colour = |(&set, &seen): (&u8, &[u8; 3])| {
+        let colours: Vec<[u16; 3]> = (0..5).filter(|bit| set >> bit & 1 == 1).map(|bit| FLAVOUR_COLOURS[bit]).collect();
+        if colours.is_empty() {
+            return seen;
+        }
+        std::array::from_fn(|k| {
+            let mean = colours.iter().map(|c| c[k]).sum::<u16>() / colours.len() as u16;
+            u8::try_from(u16::midpoint(mean, u16::from(seen[k]))).unwrap_or(u8::MAX)
+        })
+    };
+    sets.iter().zip(picture).map(colour).collect()
 }

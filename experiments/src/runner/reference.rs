@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 use super::{Labels, Mark, Runner, pictures, truth, views};
 use crate::commands::check_interrupted;
 use crate::judge::Image;
+use crate::store::REFERENCE;
 use crate::unit::{Outcome, Unit};
 
 /// Samples of a batch.
@@ -188,7 +189,7 @@ impl Runner<'_> {
             differences,
         };
         let albedo = all.mean();
-        let own = folder.join("reference");
+        let own = folder.join(REFERENCE);
         fs::create_dir_all(&own).with_context(|| format!("cannot make the folder {}", own.display()))?;
         let file = own.join(format!("{}.exr", unit.id));
         let hdr = albedo.iter().zip(&all.terrain).map(|(c, &on)| [c[0], c[1], c[2], f32::from(u8::from(on))]).collect();

@@ -136,8 +136,10 @@ impl Runner<'_> {
         let last = frames - 1;
         let pose = views::pose(definition, &stage.renderer, &unit.view, last)?;
         let judged = request(pose, last);
-        self.errors(unit, how, &choices, &labels, &meter, &reference, folder, &mut rows)?;
-        self.costs(&choices, &labels, &judged, &mut rows)?;
+        let mut sheet = pictures::Sheet::new(folder, unit);
+        self.errors(how, &choices, &labels, &meter, &reference, &mut sheet, &mut rows)?;
+        self.costs(&choices, &labels, &judged, &meter, &mut sheet, &mut rows)?;
+        sheet.finish()?;
 
         // Seeds at the last frame, of what is not resolved: bias, variance, and how the noise is arranged.
         if how.resolve == Resolve::Off && definition.seeds >= 2 {
@@ -160,18 +162,16 @@ impl Runner<'_> {
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn errors(
         &self,
-        unit: &Unit,
         how: &How,
         choices: &[(String, VariantChoice)],
         labels: &Labels<'_>,
         meter: &Meter,
         reference: &Reference,
-        folder: &Path,
+        sheet: &mut pictures::Sheet,
         rows: &mut Vec<Row>,
     ) -> Result<()> {
         let definition = self.definition;
         let mark = Mark::frame(definition.frames - 1);
-        let mut sheet = pictures::Sheet::new(folder, unit);
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
         let pictures: Vec<Vec<[u32; 2]>> = (0..choices.len()).map(read).collect::<kernels::error::Result<_>>()?;
         // FLIP takes longer than rendering: all processors judge, each picture on its own.
@@ -209,21 +209,25 @@ impl Runner<'_> {
                 }
             }
         }
-        sheet.finish()
+        Ok(())
     }
 
-    /// What lanes that march together pay.
+    /// What lanes that march together pay, and a map of it.
+    #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn costs(
         &mut self,
         choices: &[(String, VariantChoice)],
         labels: &Labels<'_>,
         judged: &RenderRequest,
+        meter: &Meter,
+        sheet: &mut pictures::Sheet,
         rows: &mut Vec<Row>,
     ) -> Result<()> {
         let stage = self.stage.as_mut().context("prepared")?;
         let mark = Mark::frame(self.definition.frames - 1);
         let estimator = judged.estimator;
-        for (name, choice) in choices {
+        let mut mapped = !labels.is_first_noise();
+        for (stream, (name, choice)) in choices.iter().enumerate() {
             let cost = match composed(*choice) {
                 Some(variant) => Some(f64::from(costs::promised(estimator, variant))),
                 None => {
@@ -235,7 +239,19 @@ impl Runner<'_> {
                     let masks: Vec<u8> = picture.values("mask").context("asked for")?.iter().map(|&m| m as u8).collect();
                     match picture.vectors("position") {
                         Some(positions) => costs::per_patch(&masks, positions, &stage.renderer, &picture.report.drawn, estimator),
-                        None => costs::per_tile(&masks, judged.size, stage.choices.tile, estimator),
+                        None => {
+                            // One map: `generic` has the same tiles as `auto`.
+                            if !mapped {
+                                let albedo: Vec<[f32; 3]> =
+                                    meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
+                                let sets = costs::tile_sets(&masks, judged.size, stage.choices.tile);
+                                let map = pictures::tile_map(&sets, &pictures::display(&albedo));
+                                let (kind, legend) = (pictures::Kind::TileMap, pictures::TILE_MAP_LEGEND);
+                                sheet.of(labels, name).keep(kind, "tiles", "Tiles of automatic choice", legend, judged.size, &map)?;
+                                mapped = true;
+                            }
+                            costs::per_tile(&masks, judged.size, stage.choices.tile, estimator)
+                        }
                     }
                 }
             };
@@ -362,8 +378,7 @@ impl Runner<'_> {
 
 /// Whether pictures of a choice are kept: of single flavours, and of what chooses by itself; where no noise changes them, once, with the first.
 fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
-    let first = || labels.definition.noises.first().is_some_and(|noise| noise == labels.noise);
-    composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || first())
+    composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || labels.is_first_noise())
 }
 
 /// Rows of one frame of one variant.

@@ -7,10 +7,10 @@ use kernels::frame::RenderRequest;
 use kernels::shading::Estimator;
 use kernels::shared::moments::Moments;
 use kernels::shared::noise::NoiseKind;
+use statrs::statistics::{Data, Median as _};
 
 use super::{Labels, Mark, Runner, views};
 use crate::commands::check_interrupted;
-use crate::measure::median;
 use crate::metrics::TIME;
 use crate::unit::{Outcome, Unit};
 
@@ -52,11 +52,11 @@ impl Runner<'_> {
         let scene = renderer.scene().name.clone();
         let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: "off" };
         let mut rows = Vec::new();
-        for ((index, pass), mut ms) in times {
+        for ((index, pass), ms) in times {
             let mut spread = Moments::<f64>::new();
             ms.iter().for_each(|&v| spread.add([v, 0.0]));
             let name = &self.variants[index].0;
-            labels.put(&mut rows, name, &format!("{TIME}:{pass}"), Mark::frame(0), median(&mut ms), spread.standard_error());
+            labels.put(&mut rows, name, &format!("{TIME}:{pass}"), Mark::frame(0), Data::new(ms).median(), spread.standard_error());
         }
         Ok(Outcome { rows: Vec::new(), times: rows })
     }

@@ -5,6 +5,8 @@
 //!   manifest.json      written first; at the end `complete` becomes true
 //!   lock               held by the process that runs
 //!   scene/             the imported scene, if one is imported
+//!   reference/         converged references, with what is known of them
+//!   pictures/, video/  what the report shows; frames, if they are asked for
 //!   parts/             a file for each part done, while parts are missing
 //!   metrics.parquet    all rows, in the order of the parts; metrics.csv has the same
 //!   times.parquet      device times, which never repeat; times.csv has the same
@@ -15,7 +17,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -23,6 +25,7 @@ use kernels::world::heightmap;
 
 use crate::definition::{self, Definition, setting_text};
 use crate::metrics;
+use crate::report;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Shard, Share, Unit, Work, plan, share};
 
@@ -35,19 +38,36 @@ use table::{Table, read_parquet, write_csv, write_parquet};
 const LOCK: &str = "lock";
 const PARTS: &str = "parts";
 const SCENE: &str = "scene";
+/// Folder of converged references.
+pub(crate) const REFERENCE: &str = "reference";
+/// Folder of PNG sequences.
+pub(crate) const VIDEO: &str = "video";
 const NOTE_PART: &str = "scree.part";
 const NOTE_METRICS: &str = "scree.metrics";
 
 /// Progress is counted in this many steps a part.
 const STEPS: u64 = 1000;
 
+/// What is done about a run that is there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// It stays, and no other is begun.
+    Refuse,
+    /// It goes on, if it is the same.
+    Resume,
+    /// It goes on if it is the same and was stopped; else one of the same name makes way.
+    Replace,
+}
+
 /// Where a run is kept, and which it is.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
-    /// Folder of all runs.
+    /// Folder of all runs, or the run's own.
     pub out: &'a Path,
-    /// Whether to go on with a run that is there.
-    pub resume: bool,
+    /// Whether it is the run's own.
+    pub own: bool,
+    /// What is done about a run that is there.
+    pub existing: Existing,
     /// Which piece; `None` = the whole.
     pub shard: Option<Shard>,
     /// Whether the definition is as `small` changes it.
@@ -55,9 +75,14 @@ pub struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// The folder of a definition's run.
+    /// The folder of a definition's whole run.
+    fn whole(&self, definition: &Definition) -> PathBuf {
+        if self.own { self.out.to_owned() } else { self.out.join(&definition.name) }
+    }
+
+    /// The folder of a definition's run, or of its piece.
     pub fn folder(&self, definition: &Definition) -> PathBuf {
-        let run = self.out.join(&definition.name);
+        let run = self.whole(definition);
         self.shard.map_or(run.clone(), |shard| run.join(format!("shard-{}-of-{}", shard.number, shard.count)))
     }
 }
@@ -86,8 +111,9 @@ impl Run {
     pub fn open(definition: &Definition, place: &Place<'_>, provenance: &Provenance) -> Result<Run> {
         let folder = place.folder(definition);
         let show = folder.display();
-        if place.shard.is_some() && place.out.join(&definition.name).join(manifest::FILE).exists() {
-            bail!("{} holds the whole run: choose another --out for shards", place.out.join(&definition.name).display());
+        let whole = place.whole(definition);
+        if place.shard.is_some() && whole.join(manifest::FILE).exists() {
+            bail!("{} holds the whole run: choose another --out for shards", whole.display());
         }
         fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {show}: choose another with --out"))?;
         let is_run = || folder.join(manifest::FILE).exists();
@@ -96,20 +122,25 @@ impl Run {
         }
         let lock = lock(&folder, &provenance.command)?;
         let mut manifest = Manifest::new(definition, place.small, place.shard, provenance)?;
-        if is_run() {
-            let there = Manifest::read(&folder)?;
-            if !place.resume {
+        let there = if is_run() { Some(Manifest::read(&folder)?) } else { None };
+        if let Some(there) = there {
+            let difference = there.difference(&manifest)?;
+            let replaced =
+                place.existing == Existing::Replace && there.experiment == definition.name && (there.complete || difference.is_some());
+            if replaced {
+                remove_results(&folder)?;
+            } else if place.existing == Existing::Refuse {
                 let state = if there.complete { "a finished run" } else { "a run that was stopped" };
                 // `check` has no --resume: it is quick by design.
                 let go_on = if place.small { "" } else { "go on with --resume, " };
                 bail!("{show} holds {state}: {go_on}remove it, or choose another --out");
-            }
-            if let Some(difference) = there.difference(&manifest)? {
+            } else if let Some(difference) = difference {
                 bail!("{show} holds another run, {difference}: choose another --out, or remove the folder");
+            } else {
+                // Prose and expectations may have changed; the command is the one that began it.
+                manifest.complete = there.complete;
+                manifest.provenance = there.provenance;
             }
-            // Prose and expectations may have changed; the command is the one that began it.
-            manifest.complete = there.complete;
-            manifest.provenance = there.provenance;
         }
         remove_leftovers(&folder)?;
         manifest.write(&folder)?;
@@ -337,6 +368,30 @@ fn foreign(folder: &Path) -> Result<Option<String>> {
 /// Whether a name is one of those under which files and folders are written before they are renamed.
 fn is_leftover(name: &str) -> bool {
     name.ends_with(".tmp") || name.starts_with(&format!(".{SCENE}.part-"))
+}
+
+/// Removes what a run made, and nothing else. The manifest goes last: until then the folder is a run's.
+fn remove_results(folder: &Path) -> Result<()> {
+    let tables = [METRICS, TIMES].into_iter().flat_map(|name| ["parquet", "csv"].map(|extension| format!("{name}.{extension}")));
+    let reports = report::FILES.into_iter().map(str::to_owned);
+    for name in tables.chain(reports) {
+        remove(&folder.join(name))?;
+    }
+    for name in [PARTS, SCENE, REFERENCE, VIDEO, report::FOLDER] {
+        remove(&folder.join(name))?;
+    }
+    remove(&folder.join(manifest::FILE))
+}
+
+/// Removes a file or a folder, if it is there.
+fn remove(path: &Path) -> Result<()> {
+    let gone = if path.is_dir() && !path.is_symlink() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    match gone {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("cannot remove {}: choose another --out", path.display()))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn remove_leftovers(folder: &Path) -> Result<()> {
