@@ -133,6 +133,8 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("size = [64, 36]", "size = [0, 36]", &["size", "16384"]),
     ("size = [64, 36]", "size = [16384, 16384]", &["size", "67108864"]),
     ("frames = 4", "frames = 0", &["frames", "at least 1"]),
+    ("frames = 4", "frames = 90000", &["frames", "more than path `sideways` has: give at most"]),
+    ("metrics = [\"rmse\"", "metrics = [\"power\", \"rmse\"", &["metrics 1", "at least 64 pixels"]),
     ("frames = 4", "frames = 1000000", &["frames", "100000"]),
     ("seeds = 2", "seeds = 1", &["seeds", "no variance"]),
     ("variants = [\"auto\", \"near-cliff\"]", "variants = []", &["variants", "at least one"]),

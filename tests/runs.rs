@@ -99,6 +99,27 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     assert!(kills >= 2, "it was over before it could be killed");
     assert!(bytes(&killed) == expected, "the tables differ after {kills} kills");
 
+    // Stopped once more, and its reference damaged meanwhile: that is made again, and nothing differs.
+    let stopped = folder.path("stopped");
+    let reference = Path::new(&stopped).join("tiny").join("reference").join("reference-cliff-sideways.exr");
+    let mut child = Command::new(program())
+        .args(["run", &definition, "--out", &stopped])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program can be started");
+    let part = Path::new(&stopped).join("tiny").join("parts").join("00000-reference-cliff-sideways.parquet");
+    let began = Instant::now();
+    while !part.exists() {
+        assert!(child.try_wait().expect("a child").is_none() && began.elapsed() < Duration::from_secs(300), "no reference was made");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().expect("a child");
+    child.wait().expect("a child");
+    fs::write(&reference, b"no picture").expect("writable");
+    success(&["run", &definition, "--out", &stopped, "--resume"]);
+    assert!(bytes(&stopped) == expected, "the tables differ after the reference was made again");
+
     // A finished run whose table is damaged is done again, and comes out the same.
     let table = Path::new(&killed).join("tiny").join("metrics.parquet");
     fs::write(&table, &expected[0][..expected[0].len() / 2]).expect("writable");

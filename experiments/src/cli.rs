@@ -81,7 +81,8 @@ pub(crate) struct DemoArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Results go to DIR/<name of the experiment>: manifest.json, metrics.parquet, metrics.csv, times.parquet, times.csv, pictures.
+Results go to DIR/<name of the experiment>: report.html, report.md, metrics.parquet, metrics.csv, times.parquet, times.csv,
+manifest.json, pictures/, reference/. An expectation that does not hold is said and changes nothing; `experiments check` fails over one.
 What was stopped, by Ctrl-C or worse, goes on with --resume, and its metrics are the same as if it had not been. Shards may run on
 several machines with equal adapters; `experiments report DIR/<name>` reads them together.
 
@@ -320,7 +321,7 @@ pub(crate) struct CompareArgs {
     /// Count only pixels of terrain, whose alpha in B is 1; elsewhere A is made equal to B before flip and ssim look
     #[arg(long)]
     pub(crate) terrain: bool,
-    /// Write the map of FLIP errors in the colours of magma: 0 is black, 1 pale yellow
+    /// Write the map of FLIP errors in the colours of magma (0 is black, 1 pale yellow), whatever --metric prints
     #[arg(long, value_name = "FILE.png", value_parser = png)]
     pub(crate) map: Option<PathBuf>,
     /// Pixels in a degree of the viewer's sight, for flip, 4 to 400

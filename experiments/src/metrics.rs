@@ -26,6 +26,8 @@ pub enum Axis {
     Frequency,
 }
 
+/// Smallest side of the square that spectra are taken of, pixels.
+pub const SMALLEST_SIDE: u32 = 64;
 /// Frames between two that are compared: 1 to this many.
 pub const LAGS: u32 = 4;
 

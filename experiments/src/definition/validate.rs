@@ -33,7 +33,8 @@ const BATCHES: u32 = 4;
 struct Facts {
     /// Names of cameras, with the field of view in degrees where it is known.
     cameras: Vec<(String, Option<f64>)>,
-    paths: Vec<String>,
+    /// Names of paths, with how many frames they have.
+    paths: Vec<(String, u64)>,
     passes: Vec<&'static str>,
     /// `None` = not imported yet.
     text: Option<SceneText>,
@@ -43,7 +44,7 @@ impl Facts {
     fn of(scene: &Scene, text: SceneText) -> Facts {
         Facts {
             cameras: scene.cameras.iter().map(|camera| (camera.name.clone(), Some(camera.fov_deg))).collect(),
-            paths: scene.paths.iter().map(|path| path.name.clone()).collect(),
+            paths: scene.paths.iter().map(|path| (path.name.clone(), path.frames())).collect(),
             passes: Requirements::of(scene).passes.iter().map(|pass| pass.name).collect(),
             text: Some(text),
         }
@@ -301,6 +302,11 @@ fn choices(top: &At, definition: &Definition) -> Checked {
         })?;
     }
     for (i, text) in definition.metrics.iter().enumerate() {
+        if text == "power" && definition.size.iter().any(|&side| side < metrics::SMALLEST_SIDE) {
+            let least = metrics::SMALLEST_SIDE;
+            at.index(i)
+                .fail(format!("`power` is taken of squares of at least {least} pixels: make `size` {least} or more, or leave it out"))?;
+        }
         definition.why_not(text).or_else(|what| at.index(i).fail(what))?;
     }
     Ok(())
@@ -353,11 +359,15 @@ fn finite(at: &At, value: &Value) -> Checked {
 fn against(definition: &Definition, facts: &Facts) -> Checked {
     let top = At::top();
     let cameras: Vec<&str> = facts.cameras.iter().map(|(name, _)| name.as_str()).collect();
-    let known: Vec<&str> = cameras.iter().copied().chain(facts.paths.iter().map(String::as_str)).collect();
+    let known: Vec<&str> = cameras.iter().copied().chain(facts.paths.iter().map(|(name, _)| name.as_str())).collect();
     for (i, name) in definition.views.iter().enumerate() {
         if !known.contains(&name.as_str()) {
             let what = format!("the scene has no camera or path `{name}`: {}", suggestion(name, &known));
             top.key("views").index(i).fail(what)?;
+        }
+        if let Some((_, most)) = facts.paths.iter().find(|(path, frames)| path == name && *frames < u64::from(definition.frames)) {
+            let what = format!("{} is more than path `{name}` has: give at most {most}, or lengthen the path", definition.frames);
+            top.key("frames").fail(what)?;
         }
     }
     for (i, view) in definition.moving_views.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! How the values of a field are arranged: its power by frequency, and its clumping. White noise is 1 in both.
+//! How the values of a field are arranged: its power by frequency. White noise has 1 at each.
 //!
 //! Noise that buys stability with blotches has power at low frequencies and clumps; blue noise has little of either (Ulichney 1987,
 //! *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
@@ -85,52 +85,6 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
         }
     };
     Ok(sums.into_iter().map(band).collect())
-}
-
-/// How much means of blocks vary, relative to white noise.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clumping {
-    /// 1 for white noise; block² where blocks are uniform; 0 where all block means are equal.
-    pub ratio: f64,
-    /// Number of blocks; of white noise the ratio has standard error sqrt(2 / (blocks - 1)).
-    pub blocks: usize,
-}
-
-/// Clumping of a field of `size` (width, height), row by row: with b² pixels in a block,
-///
-/// > b² Var(block mean) / Var(pixel)
-///
-/// Blocks are squares side by side from the upper left; both variances are unbiased and of the same pixels, those of the blocks that lie
-/// within the picture and wholly within `mask` (no mask = everywhere). Sums are of squared differences from the mean, so a large offset
-/// does no harm. `None` with fewer than two blocks, or where pixels do not vary.
-///
-/// # Errors
-/// When lengths do not fit, a value is NaN or infinite, or `block` is 0.
-pub fn clumping(field: &[f32], size: [u32; 2], block: u32, mask: Option<&[bool]>) -> Result<Option<Clumping>> {
-    check(field, size)?;
-    if block == 0 || mask.is_some_and(|mask| mask.len() != field.len()) {
-        return Err(Error::Request("clumping needs blocks of at least 1 pixel, and a mask of the field's size".to_owned()));
-    }
-    let [width, height] = size.map(|side| side as usize);
-    let block = block as usize;
-    let (across, down) = (width / block, height / block);
-    let pixels_of = |index: usize| {
-        let corner = index / across * block * width + index % across * block;
-        (0..block * block).map(move |i| corner + i / block * width + i % block)
-    };
-    let whole = |index: &usize| mask.is_none_or(|mask| pixels_of(*index).all(|i| mask[i]));
-    let blocks: Vec<usize> = (0..across * down).filter(whole).collect();
-    let pixel = |i: usize| f64::from(field[i]);
-    let per_block = (block * block) as f64;
-    let means: Vec<f64> = blocks.iter().map(|b| pixels_of(*b).map(pixel).sum::<f64>() / per_block).collect();
-    if means.len() < 2 {
-        return Ok(None);
-    }
-    let count = means.len() as f64;
-    let mean = means.iter().sum::<f64>() / count;
-    let between = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    let all = blocks.iter().flat_map(|b| pixels_of(*b)).map(|i| (pixel(i) - mean).powi(2)).sum::<f64>() / (count * per_block - 1.0);
-    Ok((all > 0.0).then(|| Clumping { ratio: per_block * between / all, blocks: means.len() }))
 }
 
 fn check(field: &[f32], size: [u32; 2]) -> Result<()> {
@@ -296,57 +250,5 @@ mod tests {
         // The smallest: one band of a field of 8 x 8.
         let least: Vec<f32> = (0..64).map(|i| unit2(i, 0, 1, 9) as f32).collect();
         assert!(radial_power(&least, [8, 8], 1).unwrap()[0].power.is_finite());
-    }
-
-    fn ratio(field: &[f32], block: u32) -> f64 {
-        clumping(field, SIZE, block, None).unwrap().unwrap().ratio
-    }
-
-    #[test]
-    fn clumping_has_closed_forms() {
-        for block in [1, 3, 5, 8] {
-            let found = clumping(&white(3), SIZE, block, None).unwrap().unwrap();
-            let side = SIDE / block as usize;
-            assert_eq!(found.blocks, side * side);
-            // White: four tests at 0.1 % together are at 3.7 standard errors.
-            assert!((found.ratio - 1.0).abs() <= 3.7 * (2.0 / (found.blocks as f64 - 1.0)).sqrt(), "block {block}: {found:?}");
-        }
-        // Uniform blocks: block², but for the two counts less 1.
-        let (pixels, cells) = ((SIDE * SIDE) as f64, (SIDE * SIDE / 16) as f64);
-        assert!((ratio(&blocks(3), 4) - (pixels - 1.0) / (cells - 1.0)).abs() < 1e-9);
-        assert!(ratio(&blocks(3), 8) > 14.0, "larger blocks of the same cells");
-        // Alternating values: every block of an even side has the same mean.
-        let board: Vec<f32> = (0..SIDE * SIDE).map(|i| ((i % SIDE + i / SIDE) % 2) as f32).collect();
-        assert!(ratio(&board, 4).abs() < 1e-12);
-    }
-
-    #[test]
-    fn clumping_holds_at_extremes() {
-        // 2^20 with steps of 1/8, the spacing of f32 there: the offset is exact, so nothing may change.
-        let small: Vec<f32> = white(4).iter().map(|v| (v * 8.0).floor() / 8.0).collect();
-        let large: Vec<f32> = small.iter().map(|v| v + 1_048_576.0).collect();
-        assert!((ratio(&large, 5) / ratio(&small, 5) - 1.0).abs() < 1e-9);
-        let huge: Vec<f32> = small.iter().map(|v| v * f32::MAX).collect();
-        assert!((ratio(&huge, 5) / ratio(&small, 5) - 1.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn clumping_leaves_masked_blocks_out() {
-        let size = [23u32, 17];
-        let inside = |i: usize| !(i % 23 >= 7 && i / 23 >= 12);
-        let mask: Vec<bool> = (0..area(size)).map(inside).collect();
-        let field = |hidden: f32| -> Vec<f32> {
-            (0..area(size)).map(|i| if inside(i) { unit2(i as i32, 1, 6, 9) as f32 } else { hidden }).collect()
-        };
-        let found = clumping(&field(0.0), size, 5, Some(&mask)).unwrap().unwrap();
-        // 4 x 3 blocks fit; of the lowest row, the second is hidden in part and two are in most.
-        assert_eq!(found.blocks, 9);
-        assert_eq!(Some(found), clumping(&field(1e9), size, 5, Some(&mask)).unwrap());
-        assert_ne!(Some(found), clumping(&field(1e9), size, 5, None).unwrap());
-        assert_eq!(clumping(&field(0.0), size, 23, None).unwrap(), None);
-        assert_eq!(clumping(&vec![2.0; area(size)], size, 5, None).unwrap(), None);
-        assert!(clumping(&field(f32::NAN), size, 5, None).is_err());
-        assert!(clumping(&field(0.0), size, 0, None).is_err());
-        assert!(clumping(&field(0.0), size, 5, Some(&mask[1..])).is_err());
     }
 }

@@ -21,12 +21,11 @@ mod verdict;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
-use kernels::error::Error;
-use kernels::picture::write_whole;
+use anyhow::{Result, ensure};
 
 use crate::definition::Definition;
 use crate::row::Row;
+use crate::store::write_with;
 
 pub(crate) use crate::expectations::Verdict;
 pub(crate) use load::{judge, of, read_run};
@@ -96,7 +95,5 @@ const MARKDOWN: &str = "report.md";
 pub(crate) const FILES: [&str; 2] = [PAGE, MARKDOWN];
 
 fn write_bytes(out_dir: &Path, name: &str, bytes: &[u8]) -> Result<()> {
-    let file = out_dir.join(name);
-    write_whole(&file, |temporary| std::fs::write(temporary, bytes).map_err(|source| Error::File { file: file.clone(), source }))
-        .with_context(|| format!("cannot write {name}"))
+    write_with(&out_dir.join(name), |output| output.write_all(bytes))
 }

@@ -27,7 +27,6 @@ use kernels::variant::{Flavour, Variant};
 use crate::definition::{ClassifyBy, Definition, FrameChoices, Normals, setting_text};
 use crate::metrics;
 use crate::row::Row;
-use crate::store::REFERENCE;
 use crate::unit::{Measure, Outcome, Setting, Unit, Work, plan};
 
 /// A renderer says nothing while it works: a part's own steps are the progress.
@@ -111,13 +110,10 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// The reference of the part's view and setting.
-    fn reference_file(&self, unit: &Unit, folder: &Path) -> Result<PathBuf> {
-        let found = plan(self.definition)
-            .into_iter()
-            .find(|other| other.work == Work::Reference && other.view == unit.view && other.setting == unit.setting)
-            .with_context(|| format!("the run has no reference of view `{}`", unit.view))?;
-        Ok(folder.join(REFERENCE).join(format!("{}.exr", found.id)))
+    /// The part that makes the reference of a part's view and setting.
+    fn reference_of(&self, unit: &Unit) -> Result<Unit> {
+        let is_its = |other: &Unit| other.work == Work::Reference && other.view == unit.view && other.setting == unit.setting;
+        plan(self.definition).into_iter().find(is_its).with_context(|| format!("the run has no reference of view `{}`", unit.view))
     }
 }
 
@@ -220,14 +216,15 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
 
 impl Stage<'_> {
     /// Shades the flavours of `needed` on every pixel of one view: those that draw numbers anew, the others once for all noises.
-    fn draw(&mut self, request: &RenderRequest, needed: Variant, frames: u32) -> Result<Layers> {
+    fn draw(&mut self, request: &RenderRequest, needed: Variant) -> Result<Layers> {
         let [drawing, fixed] = split(needed, request.estimator);
-        let fits = u64::from(frames) * Layers::bytes(request.size) <= FIXED_BYTES;
+        let key = (request.frame, request.sample_pattern);
+        let known = &self.fixed.frames;
+        let fits = known.contains_key(&key) || (known.len() as u64 + 1) * Layers::bytes(request.size) <= FIXED_BYTES;
         let (Some(drawing), Some(fixed), true) = (drawing, fixed, fits) else {
             self.renderer.draw_flavours(request, needed, &self.layers)?;
             return Ok(self.layers.clone());
         };
-        let key = (request.frame, request.sample_pattern);
         if !self.fixed.frames.contains_key(&key) {
             let layers = Layers::new(self.renderer.gpu(), request.size);
             self.renderer.draw_flavours(request, fixed, &layers)?;

@@ -4,10 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use kernels::error::Error;
 use kernels::gpu::{Gpu, read_buffer};
 use kernels::metrics::{Meter, NO_LINK};
-use kernels::picture::{srgb_code, write_png_texels, write_whole};
+use kernels::picture::{srgb_code, write_png_texels};
 use kernels::shared::signal;
 
 use super::Labels;
@@ -15,9 +14,11 @@ use crate::definition::setting_text;
 use crate::judge::flip::magma;
 use crate::judge::video::commands;
 use crate::report::{FOLDER, RunPicture};
-use crate::store::VIDEO;
+use crate::store::{VIDEO, write_with};
 use crate::unit::Unit;
 
+/// What to do where a picture cannot be written.
+const ROOM: &str = "make room if the disk is full";
 /// Difference in luminance that a flicker map shows white.
 const MAP_WHITE: f64 = 0.25;
 
@@ -76,7 +77,7 @@ impl Sheet {
     pub(super) fn keep(&mut self, kind: Kind, name: &str, title: &str, caption: &str, size: [u32; 2], texels: &[[u8; 3]]) -> Result<()> {
         fs::create_dir_all(&self.folder).with_context(|| format!("cannot make the folder {}", self.folder.display()))?;
         let file = format!("{}-{name}.png", self.part);
-        write_png_texels(&self.folder.join(&file), size, texels)?;
+        write_png_texels(&self.folder.join(&file), size, texels).context(ROOM)?;
         self.entries.push(RunPicture {
             file,
             title: title.to_owned(),
@@ -94,8 +95,7 @@ impl Sheet {
         }
         let file = self.folder.join(format!("{}.json", self.part));
         let bytes = serde_json::to_vec_pretty(&self.entries).context("the list of pictures cannot be put into JSON")?;
-        write_whole(&file, |temporary| fs::write(temporary, &bytes).map_err(|source| Error::File { file: temporary.to_owned(), source }))?;
-        Ok(())
+        write_with(&file, |output| output.write_all(&bytes))
     }
 }
 
@@ -111,7 +111,7 @@ pub(super) fn sequence(run: &Path, reference_part: &str, part: &str, variant: &s
 /// Writes a frame of a sequence.
 pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], texels: &[[f32; 3]]) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    Ok(write_png_texels(&folder.join(format!("{frame:04}.png")), size, &display(texels))?)
+    write_png_texels(&folder.join(format!("{frame:04}.png")), size, &display(texels)).context(ROOM)
 }
 
 /// Writes the command lines that judge a sequence against the reference's, beside its frames.
@@ -119,8 +119,7 @@ pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Res
     let pattern = |folder: &Path| format!("../{}/%04d.png", folder.file_name().unwrap_or_default().to_string_lossy());
     let text = commands(&pattern(test), &pattern(reference), FRAMES_PER_SECOND, size);
     let file = test.join("judge.txt");
-    write_whole(&file, |temporary| fs::write(temporary, &text).map_err(|source| Error::File { file: temporary.to_owned(), source }))?;
-    Ok(())
+    write_with(&file, |output| output.write_all(text.as_bytes()))
 }
 
 /// Linear albedo as a display shows it: sRGB, without tone mapping, since what is compared is albedo.

@@ -6,10 +6,9 @@
 //! nothing without resolve is expected to have less.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
-use kernels::error::Error;
+use anyhow::{Context, Result, ensure};
 use kernels::frame::{RenderRequest, Renderer};
 use kernels::metrics::{BINS, LAGS, quantile};
 use kernels::picture::{self, AovSet, Picture};
@@ -23,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use super::{Labels, Mark, Runner, pictures, truth, views};
 use crate::commands::check_interrupted;
 use crate::judge::Image;
-use crate::store::REFERENCE;
+use crate::store::{REFERENCE, write_with};
 use crate::unit::{Outcome, Unit};
 
 /// Samples of a batch.
@@ -58,15 +57,20 @@ pub(super) struct Reference {
 
 impl Reference {
     /// Reads what an earlier part wrote.
-    pub(super) fn read(file: &Path) -> Result<Reference> {
-        let image =
-            Image::read(file, None).with_context(|| format!("the reference {} cannot be used: run without --resume", file.display()))?;
+    pub(super) fn read(folder: &Path, part: &Unit) -> Result<Reference> {
+        let file = &picture_file(folder, part);
+        let image = Image::read(file, None).with_context(|| format!("the reference {} cannot be used", file.display()))?;
         let mask = image.terrain().with_context(|| format!("{} does not say where terrain is", file.display()))?;
         let record = file.with_extension("json");
         let bytes = fs::read(&record).with_context(|| format!("cannot read {}", record.display()))?;
-        let record = serde_json::from_slice(&bytes).with_context(|| format!("{} is corrupt: run without --resume", record.display()))?;
+        let record = serde_json::from_slice(&bytes).with_context(|| format!("{} is corrupt", record.display()))?;
         Ok(Reference { albedo: image.texels, mask, record })
     }
+}
+
+/// The picture of a reference in a run's folder; its record lies beside it.
+fn picture_file(folder: &Path, part: &Unit) -> PathBuf {
+    folder.join(REFERENCE).join(format!("{}.exr", part.id))
 }
 
 /// Sums of samples of a pixel.
@@ -188,18 +192,21 @@ impl Runner<'_> {
             difference_p95: quantile(&histogram, 0.95),
             differences,
         };
+        ensure!(
+            all.terrain.contains(&true),
+            "view `{}` shows no terrain in its last frame: move its camera, or give fewer frames",
+            unit.view
+        );
         let albedo = all.mean();
+        let file = picture_file(folder, unit);
         let own = folder.join(REFERENCE);
         fs::create_dir_all(&own).with_context(|| format!("cannot make the folder {}", own.display()))?;
-        let file = own.join(format!("{}.exr", unit.id));
         let hdr = albedo.iter().zip(&all.terrain).map(|(c, &on)| [c[0], c[1], c[2], f32::from(u8::from(on))]).collect();
         let picture = Picture { size, hdr, layers: Vec::new(), passes: Vec::new(), fetches_per_px: None, report: Default::default() };
-        picture::write_exr(&file, &picture)?;
+        picture::write_exr(&file, &picture).context("make room if the disk is full")?;
         let json = file.with_extension("json");
         let bytes = serde_json::to_vec_pretty(&record).context("the reference cannot be put into JSON")?;
-        picture::write_whole(&json, |temporary| {
-            fs::write(temporary, &bytes).map_err(|source| Error::File { file: temporary.to_owned(), source })
-        })?;
+        write_with(&json, |output| output.write_all(&bytes))?;
         let mut sheet = pictures::Sheet::new(folder, unit);
         let caption = format!("96 fetches, {} samples per pixel, standard error {:.2e}", record.spp, record.standard_error);
         sheet.keep(

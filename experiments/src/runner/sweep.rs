@@ -17,8 +17,9 @@ use rayon::prelude::*;
 
 use super::reference::Reference;
 use super::{Labels, Mark, Runner, by_patch, composed, costs, flavours_of, pictures, split, views};
-use crate::commands::check_interrupted;
+use crate::commands::{check_interrupted, error_line};
 use crate::judge;
+use crate::metrics::SMALLEST_SIDE;
 use crate::row::Row;
 use crate::unit::{Outcome, Unit};
 
@@ -26,8 +27,6 @@ use crate::unit::{Outcome, Unit};
 const BANDS: u32 = 24;
 /// Pixels a side that a band takes, so that it holds enough frequencies.
 const PIXELS_PER_BAND: u32 = 8;
-/// Smallest side of the square that spectra are taken of, pixels.
-const SMALLEST_SIDE: u32 = 64;
 /// Largest side of the square that spectra are taken of, pixels.
 const SPECTRUM_SIDE: u32 = 256;
 
@@ -77,9 +76,16 @@ impl Runner<'_> {
     /// The sweep: frames first, then errors at the last of them, then seeds.
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
-        let reference_file = self.reference_file(unit, folder)?;
-        let reference_part = reference_file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let reference = Reference::read(&reference_file)?;
+        let reference_part = self.reference_of(unit)?;
+        let reference = match Reference::read(folder, &reference_part) {
+            Ok(reference) => reference,
+            // Someone may have removed or damaged it since its part was done: it comes out the same again.
+            Err(error) => {
+                eprintln!("note: {}; it is made again", error_line(&error));
+                self.reference(&reference_part, folder, step)?;
+                Reference::read(folder, &reference_part)?
+            }
+        };
         let size = definition.size;
         let frames = definition.frames;
         let total = u64::from(frames + definition.seeds + 2);
@@ -112,15 +118,15 @@ impl Runner<'_> {
             check_interrupted()?;
             let pose = views::pose(definition, &stage.renderer, &unit.view, frame)?;
             let request = request(pose, frame);
-            let layers = stage.draw(&request, needed, frames)?;
+            let layers = stage.draw(&request, needed)?;
             let (sums, _) = stage.renderer.measure(&request, &layers, &mut meter, &variants)?;
             let filmed = |choice: VariantChoice| definition.video && is_pictured(&labels, how, choice);
             for (stream, (name, _)) in choices.iter().enumerate().filter(|(_, (_, choice))| filmed(*choice)) {
                 let texels: Vec<[f32; 3]> = meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
-                let sequence = pictures::sequence(folder, &reference_part, &unit.id, name);
+                let sequence = pictures::sequence(folder, &reference_part.id, &unit.id, name);
                 pictures::write_frame(&sequence, frame, size, &texels)?;
                 if frame + 1 == frames {
-                    pictures::write_judges(&sequence, &pictures::sequence(folder, &reference_part, "", ""), size)?;
+                    pictures::write_judges(&sequence, &pictures::sequence(folder, &reference_part.id, "", ""), size)?;
                 }
             }
             for (((name, _), sums), followed) in choices.iter().zip(&sums).zip(&mut followed) {

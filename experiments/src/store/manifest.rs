@@ -89,7 +89,12 @@ impl Manifest {
     pub(super) fn read(folder: &Path) -> Result<Manifest> {
         let file = folder.join(FILE);
         let text = fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
-        let broken = |what: String| anyhow!("{}: {what}: the folder cannot be used; choose another with --out", file.display());
+        let broken = |what: String| {
+            anyhow!(
+                "{}: {what}: it is damaged, or of another version: remove the folder, or choose another (--out of a run)",
+                file.display()
+            )
+        };
         let format = serde_json::from_str::<serde_json::Value>(&text).map_err(|error| broken(error.to_string()))?;
         let format = format.get("format").and_then(serde_json::Value::as_u64).unwrap_or(0);
         if format != u64::from(FORMAT) {

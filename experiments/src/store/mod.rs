@@ -32,6 +32,8 @@ use crate::unit::{Measure, Outcome, Shard, Share, Unit, Work, plan, share};
 mod manifest;
 pub mod table;
 
+pub(crate) use table::write_with;
+
 pub use manifest::{Manifest, Provenance};
 use table::{Table, read_parquet, write_csv, write_parquet};
 
@@ -241,13 +243,9 @@ impl Run {
             let unit = &share.unit;
             go_on().and_then(|()| measure.measure(unit, &self.folder, &step)).and_then(|outcome| self.keep(&share, outcome)).with_context(
                 || {
-                    format!(
-                        "`{}`, part {} of {} ({}): --resume goes on from here",
-                        self.definition.name,
-                        unit.index + 1,
-                        self.shares.len(),
-                        unit.id
-                    )
+                    // `check` has no --resume.
+                    let go_on = if self.manifest.small { "" } else { ": --resume goes on from here" };
+                    format!("`{}`, part {} of {} ({}){go_on}", self.definition.name, unit.index + 1, self.shares.len(), unit.id)
                 },
             )?;
             self.done.insert(share.unit.index);
@@ -278,7 +276,7 @@ impl Run {
         let notes = [(NOTE_PART.to_owned(), part_name(unit)), (NOTE_METRICS.to_owned(), count.to_string())];
         outcome.rows.append(&mut outcome.times);
         let file = part_file(&self.folder, unit);
-        write_parquet(&file, &mut std::iter::once(Ok(outcome.rows)), &notes).context("make room if the disk is full")
+        write_parquet(&file, &mut std::iter::once(Ok(outcome.rows)), &notes)
     }
 
     fn identify(&self, unit: &Unit, row: &mut Row) {
@@ -318,7 +316,7 @@ impl Run {
                         Ok(if times { clocks } else { metrics })
                     })
                 };
-                let room = "make room if the disk is full and go on with --resume";
+                let room = "go on with --resume";
                 write_parquet(&self.file(name, "parquet"), &mut groups(), &[]).context(room)?;
                 write_csv(&self.file(name, "csv"), &mut groups()).context(room)?;
             }

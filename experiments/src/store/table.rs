@@ -176,7 +176,7 @@ pub fn write_csv(file: &Path, groups: Groups<'_>) -> Result<()> {
 }
 
 /// A file that is written whole, and is on the disk before it has its name.
-pub(super) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>) -> Result<()> {
+pub(crate) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>) -> Result<()> {
     let done = write_whole(file, |temporary| {
         let written = (|| {
             let mut output = BufWriter::new(File::create(temporary)?);
@@ -185,7 +185,10 @@ pub(super) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)
         })();
         written.map_err(|source| Error::File { file: file.to_owned(), source })
     });
-    done.with_context(|| format!("cannot write {}", file.display()))
+    done.map_err(|error| match error {
+        Error::File { source, .. } => anyhow!("cannot write {}: {source}: make room if the disk is full", file.display()),
+        other => anyhow!("cannot write {}: {other}", file.display()),
+    })
 }
 
 /// What the system said, where it was the system.

@@ -313,3 +313,10 @@ pub struct CameraPath {
     #[serde(rename = "key")]
     pub keys: Vec<CameraPose>,
 }
+
+impl CameraPath {
+    /// Frames from the first key to the last, both included.
+    pub fn frames(&self) -> u64 {
+        self.keys.len().saturating_sub(1) as u64 * u64::from(self.frames_per_key) + 1
+    }
+}
