@@ -2,13 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Instant;
 
 use anyhow::{Context, Result};
 use kernels::camera::Pose;
+use kernels::composition::{Destination, Layers};
 use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::Gpu;
+use kernels::metrics::LAGS;
 use kernels::picture::write_whole;
 use kernels::scene;
+use kernels::temporal::Resolve;
 use kernels::variant::{Flavour, Variant};
 use statrs::statistics::{Data, Median as _};
 
@@ -17,6 +21,11 @@ use crate::cli::BenchArgs;
 
 /// Median milliseconds by camera, choice and pass.
 type Times = BTreeMap<(String, String, String), f64>;
+
+/// Passes of the wall clock: a frame from the request to the end of its work, and what measuring adds to it. Not a device's timestamps: a software
+/// adapter's count what they wait for.
+const FRAME: &str = "frame (wall clock)";
+const MEASURING: &str = "measuring (wall clock)";
 
 const AUTO: &str = "auto";
 const GENERIC: &str = "generic";
@@ -51,6 +60,9 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
                 }
             }
         }
+        for (pass, ms) in measuring(&mut renderer, pose, args)? {
+            samples.insert((AUTO.to_owned(), pass.to_owned()), ms);
+        }
         for ((name, pass), ms) in samples {
             times.insert((camera.name.clone(), name, pass), Data::new(ms).median());
         }
@@ -62,13 +74,43 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     print(&text(&gpu, args, &times))
 }
 
+/// Milliseconds of rendering frames by automatic choice, and of measuring each against four before it. What composes its picture is no part of either.
+fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs) -> Result<[(&'static str, Vec<f64>); 2]> {
+    let layers = Layers::new(renderer.gpu(), args.size);
+    let mut meter = renderer.meter(args.size, &[Resolve::Off])?;
+    let all = Flavour::ALL.into_iter().fold(0, |mask, flavour| mask | flavour.bit());
+    let all = Variant::new(all).context("five flavours are a variant")?;
+    let (mut frames, mut measures) = (Vec::new(), Vec::new());
+    for frame in 0..LAGS as u32 + args.repeats {
+        check_interrupted()?;
+        let request = RenderRequest { frame, ..RenderRequest::new(pose, args.size) };
+        let began = Instant::now();
+        renderer.draw(&request)?;
+        let drawn = began.elapsed();
+        renderer.draw_flavours(&request, all, &layers)?;
+        let began = Instant::now();
+        let stream = renderer.composition().stream(None);
+        renderer.compose(&request, &layers, &[Destination { stream, signal: &meter.streams[0].signal, offset: meter.slots().now }])?;
+        let composed = began.elapsed();
+        let began = Instant::now();
+        renderer.measure(&request, &layers, &mut meter, &[None])?;
+        let measured = began.elapsed();
+        if frame >= LAGS as u32 {
+            frames.push(drawn.as_secs_f64() * 1e3);
+            measures.push((measured.as_secs_f64() - composed.as_secs_f64()) * 1e3);
+        }
+    }
+    Ok([(FRAME, frames), (MEASURING, measures)])
+}
+
 fn shading(times: &Times, camera: &str, choice: &str) -> f64 {
     times.get(&(camera.to_owned(), choice.to_owned(), "shading".to_owned())).copied().unwrap_or(f64::NAN)
 }
 
 /// Share of the classification pass in a frame of automatic variants.
 fn classification_share(times: &Times, camera: &str) -> f64 {
-    let of_frame: Vec<_> = times.iter().filter(|((c, name, _), _)| c == camera && name == AUTO).collect();
+    let of_frame: Vec<_> =
+        times.iter().filter(|((c, name, pass), _)| c == camera && name == AUTO && ![FRAME, MEASURING].contains(&pass.as_str())).collect();
     let all: f64 = of_frame.iter().map(|(_, ms)| **ms).sum();
     of_frame.iter().filter(|((_, _, pass), _)| pass == "classification").map(|(_, ms)| **ms).sum::<f64>() / all
 }
@@ -88,6 +130,12 @@ fn text(gpu: &Gpu, args: &BenchArgs, times: &Times) -> String {
             "classification, share of the frame",
             100.0 * classification_share(times, camera)
         );
+        let wall = |pass: &str| times.get(&(camera.to_owned(), AUTO.to_owned(), pass.to_owned())).copied().unwrap_or(f64::NAN);
+        out += &format!(
+            "  {:<46} {:>5.1} %  asked: below 10 %\n",
+            "measuring / rendering a frame, wall clock",
+            100.0 * wall(MEASURING) / wall(FRAME)
+        );
     }
     out
 }
@@ -101,7 +149,11 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, times: &Times) -> Result<()>
         let software = gpu.is_software().to_string();
         let [width, height] = args.size.map(|n| n.to_string());
         let row = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height, variant, pass];
-        csv.write_record(row.into_iter().map(ToString::to_string).chain(["gpu_ms".to_owned(), "ms".to_owned(), format!("{ms:.4}")]))?;
+        csv.write_record(row.into_iter().map(ToString::to_string).chain([
+            if [FRAME, MEASURING].contains(&pass.as_str()) { "wall_ms" } else { "gpu_ms" }.to_owned(),
+            "ms".to_owned(),
+            format!("{ms:.4}"),
+        ]))?;
     }
     let bytes = csv.into_inner().context("cannot finish the table")?;
     Ok(write_whole(file, |temporary| {
