@@ -25,11 +25,13 @@ enum Shape {
 impl Shape {
     /// A parameter is varied to see what it does; the more there are of the rest, the more it is what was asked for.
     fn of(table: &Table) -> Shape {
+        let costs = table.noises.len() <= 1 || table.summaries.iter().any(|s| s.value(table.cost).is_finite());
         match table {
             t if t.settings.len() > 1 => Shape::Parameter,
             t if t.temporal.len() > 1 => Shape::Temporal,
             t if t.estimators.len() > 1 => Shape::Estimators,
-            t if t.variants.len() > 1 && t.variants.len() >= t.noises.len() => Shape::Variants,
+            // Variants are weighed by what they cost; where that was not measured, noises by what they do.
+            t if t.variants.len() > 1 && t.variants.len() >= t.noises.len() && costs => Shape::Variants,
             t if t.noises.len() > 1 => Shape::Noises,
             _ => Shape::One,
         }
@@ -556,6 +558,14 @@ mod tests {
         let mut both = all.clone();
         both[0].1[4] = 0.4;
         assert!(said(&both).contains("hashed both flips and clumps least (flip rate 0.1, clumping 0.4)"), "{}", said(&both));
+        // With as many variants, but no costs, noises are still what can be compared.
+        let mut more: Vec<_> = all
+            .iter()
+            .cloned()
+            .chain(["splat", "near-cliff"].map(|v| (Row { variant: v.to_owned(), ..noise("hashed") }, all[0].1)))
+            .collect();
+        more.iter_mut().for_each(|l| l.1[0] = NONE);
+        assert!(said(&more).starts_with("With auto, of 3 noises"), "{}", said(&more));
         // Flips are never said without clumping, or that it is missing.
         let mut lost = all.clone();
         lost.iter_mut().for_each(|l| l.1[4] = NONE);
