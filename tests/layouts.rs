@@ -168,9 +168,9 @@ fn pairs() -> Vec<(&'static str, Layout)> {
         ("PageJob", host!(PageJob { sector, origin, texel_m, border })),
         ("CompositionStream", host!(CompositionStream { mask, modulated, squared, pad_0 })),
         ("MotionPast", host!(MotionPast { offset, x_shift, forward, y_shift, x_row, pad_0, y_row, pad_1 })),
-        ("MotionFrame", host!(MotionFrame { past, lags, slot, tolerance, pad_0, past_slots })),
-        ("MeasureFrame", host!(MeasureFrame { size, tiles, slot, lags, subset, pad_0, past_slots })),
-        ("MeasureTile", host!(MeasureTile { links, differences, terrain, fetches, rejections, pad_0 })),
+        ("MotionFrame", host!(MotionFrame { past, lags, slot, tolerance, quarter, past_slots })),
+        ("MeasureFrame", host!(MeasureFrame { size, tiles, slot, lags, quarter, pad_0, past_slots })),
+        ("MeasureTile", host!(MeasureTile { links, differences, terrain, fetches, rejections, quarter_terrain })),
         ("SeedFrame", host!(SeedFrame { size, tiles, blocks, block, count, offset, zero, pad_1, pad_2 })),
         (
             "TemporalFrame",

@@ -7,6 +7,7 @@ use kernels::gpu::probe::run;
 use kernels::metrics::{BINS, BLOCK, FrameSums, LAGS, Meter, NO_LINK, Seeds, quantile, reference};
 use kernels::shared::hash;
 use kernels::shared::moments::Moments;
+use kernels::shared::motion;
 use kernels::shared::signal;
 use kernels::temporal::{self, Resolve, SamplePattern};
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -66,7 +67,9 @@ fn a_still_picture_with_fixed_noise_neither_flickers_nor_flips() {
     for (frame, sums) in follow(7, picture).into_iter().enumerate() {
         assert_eq!((sums.terrain, sums.fetches), (PIXELS as u64, PIXELS as u64 * 12));
         for (lag, sums) in sums.lags.iter().enumerate() {
-            let expected = if lag < frame { PIXELS as u64 } else { 0 };
+            let followed = if lag == 0 { PIXELS } else { PIXELS / 4 } as u64;
+            assert_eq!(sums.terrain, followed);
+            let expected = if lag < frame { followed } else { 0 };
             assert_eq!((sums.linked, sums.chosen, sums.flipped), (expected, expected, 0), "frame {frame}, lag {}", lag + 1);
             assert_eq!(sums.difference, 0.0);
         }
@@ -153,8 +156,11 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
         let past: Vec<_> = (0..LAGS).map(|lag| (pictures[4 - lag].as_slice(), &links[lag * PIXELS..(lag + 1) * PIXELS])).collect();
         let expected = reference::measure(SIZE, &pictures[5], &past, 5 % 4);
         for (lag, (found, expected)) in last.lags.iter().zip(&expected.lags).enumerate() {
-            let missing = if moved { 3 * (lag + 1) * SIZE[1] as usize } else { 0 };
-            assert_eq!(found.linked, (PIXELS - missing) as u64);
+            let missing = |x: usize| moved && x < 3 * (lag + 1);
+            let followed = |at: &usize| lag == 0 || motion::in_quarter([at % width, at / width].map(|n| n as u32), 5 % 4);
+            assert_eq!(found.terrain, (0..PIXELS).filter(followed).count() as u64);
+            assert_eq!(found.linked, (0..PIXELS).filter(|at| followed(at) && !missing(at % width)).count() as u64);
+            assert_eq!(found.terrain, expected.terrain);
             assert_eq!((found.linked, found.chosen, found.flipped), (expected.linked, expected.chosen, expected.flipped));
             // Sums of 64 numbers below 1 in f32, each rounded: at most 64 * 64 half ulps of 64 a tile.
             assert!((found.difference - expected.difference).abs() <= 96.0 * 64.0 * 64.0 * 2f64.powi(-19), "{found:?} {expected:?}");

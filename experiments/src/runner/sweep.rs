@@ -409,7 +409,7 @@ fn follow(
     for (lag, (sums, followed)) in sums.lags.iter().zip(&mut followed.lags).enumerate().take(frame as usize) {
         let mark = mark.lag(lag + 1);
         let linked = sums.linked as f64;
-        labels.put(rows, name, "disoccluded", mark, add(&mut followed.disoccluded, 1.0 - linked / terrain), None);
+        labels.put(rows, name, "disoccluded", mark, add(&mut followed.disoccluded, 1.0 - linked / (sums.terrain as f64).max(1.0)), None);
         if sums.linked == 0 {
             continue;
         }

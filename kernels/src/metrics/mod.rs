@@ -38,13 +38,15 @@ pub struct Slots {
     pub now: u32,
     /// Those of 1 to 4 frames before.
     pub past: [u32; LAGS],
+    /// 0 to 3: the quarter of the pixels whose box test, histogram and lags 2 to 4 this frame takes.
+    pub quarter: u32,
 }
 
 impl Slots {
     /// Of the `index`-th frame of a sequence of pictures of `pixels` pixels.
     pub fn of(index: u32, pixels: u32) -> Slots {
         let slot = |back: u32| (index % SLOTS + SLOTS - back) % SLOTS * pixels;
-        Slots { now: slot(0), past: [slot(1), slot(2), slot(3), slot(4)] }
+        Slots { now: slot(0), past: [slot(1), slot(2), slot(3), slot(4)], quarter: index % 4 }
     }
 }
 
@@ -57,7 +59,7 @@ pub struct MeasureFrame {
     pub tiles: [u32; 2],
     pub slot: u32,
     pub lags: u32,
-    pub subset: u32,
+    pub quarter: u32,
     pub pad_0: u32,
     pub past_slots: [u32; LAGS],
 }
@@ -72,13 +74,15 @@ pub struct MeasureTile {
     pub terrain: u32,
     pub fetches: u32,
     pub rejections: u32,
-    pub pad_0: u32,
+    pub quarter_terrain: u32,
 }
 
 /// What one lag came to in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LagSums {
-    /// Terrain pixels whose point was seen then.
+    /// Terrain pixels that were followed back: all of them one frame, a quarter (another one each frame) two to four.
+    pub terrain: u64,
+    /// Of those, pixels whose point was seen then.
     pub linked: u64,
     /// Of those, pixels with a random choice at both ends.
     pub chosen: u64,
@@ -119,6 +123,9 @@ impl FrameSums {
             sums.fetches += u64::from(tile.fetches);
             sums.tested += u64::from(tile.rejections & 255);
             sums.rejected += u64::from(tile.rejections >> 8);
+            for (i, lag) in sums.lags.iter_mut().enumerate() {
+                lag.terrain += u64::from(if i == 0 { tile.terrain } else { tile.quarter_terrain });
+            }
             for ((lag, &word), &difference) in sums.lags.iter_mut().zip(&tile.links).zip(&tile.differences) {
                 lag.linked += u64::from(word & 255);
                 lag.chosen += u64::from(word >> 8 & 255);
@@ -255,7 +262,7 @@ impl Meter {
             tiles: [columns, rows],
             slot: slots.now,
             lags,
-            subset: self.index % 4,
+            quarter: slots.quarter,
             pad_0: 0,
             past_slots: slots.past,
         };

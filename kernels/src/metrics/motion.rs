@@ -1,7 +1,8 @@
 //! Motion: links from each pixel to the pixels that showed its surface point 1 to 4 frames before.
 //!
 //! Reads depth, triangle normals, and the distances of the frames before. Writes this frame's distances, an index a pixel and lag (or none, where the point
-//! was hidden, outside the picture, or behind the camera), and the exact position one frame before. Dispatch: a workgroup an 8 x 8 tile.
+//! was hidden, outside the picture, or behind the camera), and the exact position one frame before. To two to four frames before only a quarter of the
+//! pixels is linked, another one each frame. Dispatch: a workgroup 128 x 2 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -30,7 +31,7 @@ pub struct MotionFrame {
     pub lags: u32,
     pub slot: u32,
     pub tolerance: f32,
-    pub pad_0: u32,
+    pub quarter: u32,
     pub past_slots: [u32; LAGS],
 }
 
@@ -109,8 +110,14 @@ impl Motion {
         now: &View,
         slots: &super::Slots,
     ) {
-        let mut uniform =
-            MotionFrame { lags: self.lags(), slot: slots.now, tolerance: TOLERANCE, past_slots: slots.past, ..MotionFrame::default() };
+        let mut uniform = MotionFrame {
+            lags: self.lags(),
+            slot: slots.now,
+            tolerance: TOLERANCE,
+            quarter: slots.quarter,
+            past_slots: slots.past,
+            ..MotionFrame::default()
+        };
         for (to, past) in uniform.past.iter_mut().zip(&self.views) {
             *to = Past::between(now, past).uniform();
         }
@@ -125,7 +132,7 @@ impl Motion {
         pass.set_bind_group(0, frame, &[]);
         pass.set_bind_group(1, &targets, &[]);
         pass.set_bind_group(2, &group, &[]);
-        pass.dispatch_workgroups(now.size[0].div_ceil(8), now.size[1].div_ceil(8), 1);
+        pass.dispatch_workgroups(now.size[0].div_ceil(4 * 32), now.size[1].div_ceil(2), 1);
     }
 
     /// Keeps the view of a frame that is done.

@@ -5,7 +5,7 @@ struct MotionFrame {
     lags: u32,                      // how many of them there are
     slot: u32,                      // where this frame's distances go
     tolerance: f32,                 // relative difference of depth up to which two points are on one surface
-    pad_0: u32,
+    quarter: u32,                   // 0..=3: the quarter of the pixels that lags 2 to 4 are linked for
     past_slots: vec4<u32>,          // where theirs are
 }
 
@@ -14,45 +14,76 @@ struct MotionFrame {
 @group(2) @binding(0) var<uniform> motion: MotionFrame;
 // Metres along the view direction, a picture a slot; 0 = no terrain.
 @group(2) @binding(1) var<storage, read_write> distances: array<f32>;
-// Index of the pixel nearest to where the point was, a picture a lag.
+// Index of the pixel nearest to where the point was, a picture a lag; of lags 2 to 4 only the quarter is written.
 @group(2) @binding(2) var<storage, read_write> links: array<u32>;
 // Where exactly it was one frame before, pixels; -1e9 = nowhere.
 @group(2) @binding(3) var<storage, read_write> positions: array<vec2<f32>>;
 
 const MOTION_NO_LINK: u32 = 0xffffffffu;
 
-@compute @workgroup_size(8, 8)
-fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = id.xy;
-    if any(pixel >= frame.size) {
-        return;
-    }
-    let count = frame.size.x * frame.size.y;
-    let at = pixel.y * frame.size.x + pixel.x;
+// A surface point as it is seen now.
+struct MotionPoint {
+    point: vec3<f32>,
+    normal: vec3<f32>,
+    distance: f32,      // along the view direction, metres; 0 = no terrain
+}
+
+fn motion_point(pixel: vec2<u32>) -> MotionPoint {
     let depth = textureLoad(depth_target, pixel, 0);
     let distance = select(0.0, frame.near_m / depth, depth > 0.0);
-    distances[motion.slot + at] = distance;
-    let point = frame_ray(vec2<f32>(pixel)) * distance;
-    let normal = frame_normal(textureLoad(normal_target, pixel, 0).zw);
-    var position = vec2<f32>(-1e9);
-    for (var lag = 0u; lag < 4u; lag++) {
-        var link = MOTION_NO_LINK;
-        if lag < motion.lags && depth > 0.0 {
-            let past = motion.past[lag];
-            let was = motion_reproject(point, past);
-            let nearest = floor(was.xy + 0.5);
-            if was.z > 0.0 && all(nearest >= vec2<f32>(0.0)) && all(nearest < vec2<f32>(frame.size)) {
-                let there = u32(nearest.y) * frame.size.x + u32(nearest.x);
-                let expected = motion_expected_distance(point, past, motion_past_ray(past, nearest), normal);
-                if motion_same_surface(distances[motion.past_slots[lag] + there], expected, motion.tolerance) {
-                    link = there;
-                    if lag == 0u {
-                        position = was.xy;
-                    }
-                }
-            }
-        }
-        links[lag * count + at] = link;
+    return MotionPoint(frame_ray(vec2<f32>(pixel)) * distance, frame_normal(textureLoad(normal_target, pixel, 0).zw), distance);
+}
+
+// Where a point was seen some frames before, and the pixel nearest to that.
+struct MotionFound {
+    link: u32,
+    position: vec2<f32>,
+}
+
+fn motion_find(seen: MotionPoint, lag: u32) -> MotionFound {
+    let nowhere = MotionFound(MOTION_NO_LINK, vec2<f32>(-1e9));
+    if lag >= motion.lags || seen.distance <= 0.0 {
+        return nowhere;
     }
-    positions[at] = position;
+    let past = motion.past[lag];
+    let was = motion_reproject(seen.point, past);
+    let nearest = floor(was.xy + 0.5);
+    if was.z <= 0.0 || any(nearest < vec2<f32>(0.0)) || any(nearest >= vec2<f32>(frame.size)) {
+        return nowhere;
+    }
+    let there = u32(nearest.y) * frame.size.x + u32(nearest.x);
+    let expected = motion_expected_distance(seen.point, past, motion_past_ray(past, nearest), seen.normal);
+    if !motion_same_surface(distances[motion.past_slots[lag] + there], expected, motion.tolerance) {
+        return nowhere;
+    }
+    return MotionFound(there, was.xy);
+}
+
+// An invocation four pixels of a row, one of which is of the quarter. That one comes by itself and not as a case within the loop: a processor that
+// runs its lanes in step would pay for it in all four.
+@compute @workgroup_size(32, 2)
+fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let count = frame.size.x * frame.size.y;
+    let row = id.y;
+    let first = id.x * 4u;
+    if row >= frame.size.y || first >= frame.size.x {
+        return;
+    }
+    for (var x = first; x < min(first + 4u, frame.size.x); x++) {
+        let at = row * frame.size.x + x;
+        let seen = motion_point(vec2<u32>(x, row));
+        let found = motion_find(seen, 0u);
+        distances[motion.slot + at] = seen.distance;
+        links[at] = found.link;
+        positions[at] = found.position;
+    }
+    let x = motion_of_quarter(first, row, motion.quarter);
+    if x >= frame.size.x {
+        return;
+    }
+    let at = row * frame.size.x + x;
+    let seen = motion_point(vec2<u32>(x, row));
+    for (var lag = 1u; lag < 4u; lag++) {
+        links[lag * count + at] = motion_find(seen, lag).link;
+    }
 }

@@ -1,18 +1,23 @@
 //! The sums of one frame in f64: what `measure.wgsl` and `seeds.wgsl` are held to.
 
 use super::{FrameSums, LAGS, NO_LINK, SeedSums};
-use crate::shared::signal;
+use crate::shared::{motion, signal};
 
-/// Sums of a frame over pictures of `size` pixels: `now` against `past[lag]` by the links of that lag, with box tests on the quarter `subset`.
+/// Sums of a frame over pictures of `size` pixels: `now` against `past[lag]` by the links of that lag, lags 2 to 4 and box tests on `quarter` of the pixels.
 /// The histogram is left empty.
-pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], subset: u32) -> FrameSums {
+pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], quarter: u32) -> FrameSums {
     let mut sums = FrameSums::default();
     let [width, height] = size.map(|n| n as usize);
     for (at, &signal_now) in now.iter().enumerate().filter(|(_, s)| signal::is_terrain(**s)) {
         sums.terrain += 1;
         sums.fetches += u64::from(signal::fetches(signal_now));
         let (x, y) = (at % width, at / width);
+        let in_quarter = motion::in_quarter([x as u32, y as u32], quarter);
         for (lag, (picture, links)) in past.iter().enumerate().take(LAGS) {
+            if lag > 0 && !in_quarter {
+                continue;
+            }
+            sums.lags[lag].terrain += 1;
             let link = links[at];
             if link == NO_LINK || !signal::is_terrain(picture[link as usize]) {
                 continue;
@@ -27,7 +32,7 @@ pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])],
                 lag_sums.chosen += 1;
                 lag_sums.flipped += u64::from(choice_now != choice_before);
             }
-            if lag == 0 && (x + 2 * y) as u32 % 4 == subset {
+            if lag == 0 && in_quarter {
                 sums.tested += 1;
                 let mut low = [f32::MAX; 3];
                 let mut high = [f32::MIN; 3];

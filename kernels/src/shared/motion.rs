@@ -125,3 +125,8 @@ pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], no
 pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
+
+/// Whether a pixel is of quarter 0 to 3 of the picture: one that `motion_of_quarter` leads to.
+pub fn in_quarter(pixel: [u32; 2], quarter: u32) -> bool {
+    pixel[0] % 4 == (quarter + 2 * pixel[1]) % 4
+}

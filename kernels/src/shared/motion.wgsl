@@ -52,3 +52,9 @@ fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
 fn motion_same_surface(found: f32, expected: f32, tolerance: f32) -> bool {
     return found > 0.0 && expected > 0.0 && abs(found - expected) <= tolerance * expected;
 }
+
+// Of the four pixels of row `y` from `first` on, a multiple of 4, the one that is of quarter 0..=3 of the picture: every fourth pixel of a row, two
+// further on in the next. Four quarters are the picture.
+fn motion_of_quarter(first: u32, y: u32, quarter: u32) -> u32 {
+    return first + ((quarter + 2u * y) & 3u);
+}
