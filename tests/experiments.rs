@@ -185,6 +185,8 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("over = { variant = \"auto\" }\n", "", &["expect 2, metric", "give `over`"]),
     ("over = { variant = \"auto\" }", "over = { variant = \"near-cliff\" }", &["expect 2, over", "always 1"]),
     ("over = { variant = \"auto\" }", "over = { metric = \"gpu\" }", &["expect 2, over, metric", "is no metric"]),
+    ("size = [64, 36]", "size = [64, 36, 2]", &["size", "has 3 entries, must have 2"]),
+    ("range = [0.0, 1.0]", "range = [0.0, 1.0, 5.0]", &["expect 1, range", "has 3 entries, must have 2"]),
 ];
 
 #[test]

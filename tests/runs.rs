@@ -136,6 +136,9 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     rows.sort_by(experiments::row::Row::order);
     assert!(together.complete && together.rows == rows, "{} rows in shards, {} in one", together.rows.len(), rows.len());
 
+    // One definition twice is no two definitions.
+    failure(&["run", &definition, &definition, "--out", &folder.path("twice")], &["is given twice"]);
+
     // Another definition is not resumed into the folder.
     fs::write(&definition, TEXT.replace("frames = 3", "frames = 2")).expect("writable");
     failure(&["run", &definition, "--out", &whole, "--resume"], &["frames"]);
@@ -143,5 +146,32 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     let parquet = Path::new(&shards).join("tiny").join("shard-1-of-2").join("metrics.parquet");
     let text = fs::read(&parquet).expect("written");
     fs::write(&parquet, &text[..text.len() / 2]).expect("writable");
-    failure(&["report", &Path::new(&shards).join("tiny").display().to_string()], &["metrics.parquet"]);
+    let both = Path::new(&shards).join("tiny").display().to_string();
+    failure(&["report", &both], &["metrics.parquet"]);
+    // So is one that does not say what it is.
+    fs::remove_file(parquet.with_file_name("manifest.json")).expect("written");
+    failure(&["report", &both], &["shard-1-of-2 has no manifest.json"]);
+    // And one that is not there, beside a report of what is.
+    fs::remove_dir_all(parquet.parent().expect("a folder")).expect("written");
+    let report = Command::new(program()).args(["report", &both]).output().expect("the program can be started");
+    assert!(report.status.success() && String::from_utf8_lossy(&report.stderr).contains("missing is shard 1/2"), "{report:?}");
+}
+
+/// Two pixels, one of them terrain's in no other column: beyond the first lag every other frame follows none.
+#[test]
+fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
+    let folder = Folder::new("two-pixels");
+    prepare(&folder);
+    let text = "name = \"two\"\nquestion = \"Is anything lost standing still?\"\nsize = [2, 1]\nframes = 6\nscene = \"scene.toml\"\n\
+        views = [\"grazing\"]\nvariants = [\"far-cliff\"]\ntimes = \"none\"\nreference = { spp = 32, max_spp = 32 }\n\
+        metrics = [\"disoccluded\", \"flip_rate\", \"rmse\"]\n";
+    let (definition, out) = (folder.write("two.toml", text), folder.path("out"));
+    success(&["run", &definition, "--out", &out]);
+    let run = read_run(&Path::new(&out).join("two")).expect("it was just written");
+    let of = |metric: &str| run.rows.iter().filter(|r| r.metric == metric).collect::<Vec<_>>();
+    let frames = |lag| of("disoccluded").iter().filter(|r| r.lag == Some(lag) && r.frame.is_some()).count();
+    assert!(of("disoccluded").iter().all(|r| r.value.abs() < 1e-12), "{:?}", of("disoccluded"));
+    assert!(frames(1) == 5 && frames(2) < 4 && frames(2) > 0, "{} and {} frames", frames(1), frames(2));
+    assert!(!of("rmse").is_empty() && !of("reference_se").is_empty() && !of("reference_spp").is_empty());
+    assert!(of("bias").is_empty() && of("terrain").is_empty());
 }

@@ -31,6 +31,9 @@ pub const SMALLEST_SIDE: u32 = 64;
 /// Frames between two that are compared: 1 to this many.
 pub const LAGS: u32 = 4;
 
+/// What is taken against the converged reference.
+pub const ERRORS: [&str; 6] = ["mse", "rmse", "mrse", "psnr", "ssim", "flip"];
+
 /// A metric.
 #[derive(Clone, Copy, Debug)]
 pub struct Metric {
@@ -85,9 +88,9 @@ pub const METRICS: [Metric; 25] = [
         Axis::None,
         "The variance that the theory of selection predicts for the same pixels.",
     ),
-    metric("mse", "linear radiance^2", Needs::Picture, Axis::None, "Mean squared error against the converged reference."),
+    metric("mse", "linear albedo^2", Needs::Picture, Axis::None, "Mean squared error against the converged reference."),
     metric("mrse", "1", Needs::Picture, Axis::None, "Mean relative squared error against the converged reference."),
-    metric("rmse", "linear radiance", Needs::Picture, Axis::None, "Root of the mean squared error against the converged reference."),
+    metric("rmse", "linear albedo", Needs::Picture, Axis::None, "Root of the mean squared error against the converged reference."),
     metric("psnr", "dB", Needs::Picture, Axis::None, "Peak signal-to-noise ratio against the converged reference, of display values."),
     metric("ssim", "1", Needs::Picture, Axis::None, "Structural similarity to the converged reference, of display values; 1 = the same."),
     metric("flip", "1", Needs::Picture, Axis::None, "Mean FLIP difference from the converged reference, of display values; 0 = the same."),
@@ -123,7 +126,7 @@ pub const METRICS: [Metric; 25] = [
     ),
     metric("taa_rejections", "1", Needs::Frames, Axis::None, "Share of history samples that a 3 x 3 colour box clips."),
     metric("disoccluded", "1", Needs::Frames, Axis::Lag, "Share of terrain pixels without history some frames before."),
-    metric("reference_se", "linear radiance", Needs::Picture, Axis::None, "Standard error of the reference, root mean square over pixels."),
+    metric("reference_se", "linear albedo", Needs::Picture, Axis::None, "Standard error of the reference, root mean square over pixels."),
     metric("reference_spp", "samples/px", Needs::Picture, Axis::None, "Samples per pixel that the reference took."),
     metric("reference_difference", "linear luminance", Needs::Frames, Axis::Lag, "The difference of the reference sequence."),
     metric("reference_difference_p95", "linear luminance", Needs::Frames, Axis::Lag, "As reference_difference, the 95th percentile."),

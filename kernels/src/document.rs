@@ -7,6 +7,7 @@ use std::fs;
 use std::ops::Range;
 use std::path::Path;
 
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -55,11 +56,40 @@ impl Wrong {
 ///
 /// # Errors
 /// Not TOML, an unknown key (the nearest known one is named), or a wrong type.
-pub fn read<T: DeserializeOwned>(text: &str, remedy_of_missing: fn(&str) -> &'static str) -> Result<T, Wrong> {
-    toml::from_str(text).map_err(|error| {
+pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&str) -> &'static str) -> Result<T, Wrong> {
+    let read: T = toml::from_str(text).map_err(|error| {
         let (line, what) = explain(text, &error, remedy_of_missing);
         Wrong { line, what }
-    })
+    })?;
+    // Of a list that is too long the reader takes what it needs and drops the rest without a word.
+    let problem = text
+        .parse::<toml::Table>()
+        .ok()
+        .zip(toml::Table::try_from(&read).ok())
+        .and_then(|(given, taken)| surplus(&toml::Value::Table(given), &toml::Value::Table(taken), &mut Vec::new()));
+    problem.map_or(Ok(read), |problem| Err(problem.wrong(text)))
+}
+
+/// The first list of which less was taken than was given.
+fn surplus(given: &toml::Value, taken: &toml::Value, path: &mut Vec<Step>) -> Option<Problem> {
+    let mut within = |step: Step, given: &toml::Value, taken: &toml::Value| {
+        path.push(step);
+        let found = surplus(given, taken, path);
+        path.pop();
+        found
+    };
+    match (given, taken) {
+        (toml::Value::Table(given), toml::Value::Table(taken)) => {
+            given.iter().find_map(|(key, value)| within(Step::Key(key.clone().into()), value, taken.get(key)?))
+        }
+        (toml::Value::Array(given), toml::Value::Array(taken)) if given.len() > taken.len() => {
+            Some(Problem { path: path.clone(), what: format!("has {} entries, must have {}", given.len(), taken.len()) })
+        }
+        (toml::Value::Array(given), toml::Value::Array(taken)) => {
+            given.iter().zip(taken).enumerate().find_map(|(i, (given, taken))| within(Step::Index(i), given, taken))
+        }
+        _ => None,
+    }
 }
 
 /// The known word that `word` was probably meant to be: at most a third of its letters wrong (at least one letter may be, never

@@ -10,6 +10,9 @@ use crate::report;
 pub(crate) fn run(args: &ReportArgs) -> Result<()> {
     let run = report::read_run(&args.run)?;
     super::check_writable(&args.run)?;
+    for missing in &run.missing {
+        eprintln!("not whole: missing is {missing}");
+    }
     let verdicts = report::judge(&run);
     let written = report::write_run(&run, &verdicts)?;
     print(&format!("{}\n{}\n", written.verdict, written.page.display()))

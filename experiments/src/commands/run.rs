@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use kernels::gpu::Gpu;
 
 use super::{Reporter, check_interrupted, error_line, print, watch_interrupts};
@@ -87,6 +87,8 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
     let names: Vec<(&PathBuf, &str)> = loaded.iter().filter_map(|(file, d)| Some((*file, d.as_ref().ok()?.name.as_str()))).collect();
     for (i, (file, name)) in names.iter().enumerate() {
         if let Some((before, _)) = names[..i].iter().find(|(_, other)| other.eq_ignore_ascii_case(name)) {
+            let same = before.canonicalize().ok().zip(file.canonicalize().ok()).is_some_and(|(a, b)| a == b);
+            ensure!(!same, "{} is given twice: name it once", file.display());
             bail!("{} and {} are both called `{name}`, and would share a folder: rename one", before.display(), file.display());
         }
     }

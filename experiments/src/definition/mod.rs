@@ -284,7 +284,9 @@ impl Definition {
 
     /// Whether a run measures this metric: it is asked for, and there is what it needs.
     pub fn measures(&self, metric: &str) -> bool {
-        self.why_not(metric).is_ok()
+        // What an error is worth goes with every error.
+        let of_an_error = || ["reference_se", "reference_spp"].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
+        self.why_not(metric).is_ok() || of_an_error()
     }
 
     /// # Errors

@@ -182,7 +182,7 @@ fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String
 fn variants(table: &Table, rows: &[usize]) -> Option<String> {
     let front = table.front(rows, table.cost, table.error);
     if front.is_empty() {
-        return None;
+        return without_cost(table, rows);
     }
     let items = front_items(table, &front, |s| table.label(&s.key));
     let among = if table.noises.len() > 1 {
@@ -452,6 +452,18 @@ fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
     Some(text)
 }
 
+/// The least and the most erroneous, or else those that flicker least and most, where nothing says what they cost.
+fn without_cost(table: &Table, rows: &[usize]) -> Option<String> {
+    let (metric, (low, high)) = [table.error, FLICKER].into_iter().find_map(|m| Some((m, extremes(table, rows, m)?)))?;
+    let item = |i: usize| format!("{} ({})", table.label(&table.summaries[i].key), price(table, &table.summaries[i]));
+    let what = format!("no cost was measured; by {}", metric.words);
+    Some(if low == high {
+        format!("{what} there is only {}", item(low))
+    } else {
+        format!("{what} the least is {}, the most {}", item(low), item(high))
+    })
+}
+
 fn one(table: &Table, summary: &Summary) -> Option<String> {
     let parts: Vec<String> = [table.cost, table.error, FLICKER]
         .into_iter()
@@ -519,6 +531,17 @@ mod tests {
         all[2].1[0] = 12.0;
         assert!(said(&all).starts_with("Of 3 variants, 3 are Pareto-optimal"), "{}", said(&all));
         assert!(said(&all).contains("near-cliff (12.0 fetches, RMSE 0.02, flicker 0.01)"));
+    }
+
+    #[test]
+    fn variants_without_a_cost_are_told_by_error_or_flicker() {
+        let mut all = vec![(variant("vt"), [NONE, 0.05, 0.001, NONE, NONE]), (variant("splat"), [NONE, 0.01, 0.002, NONE, NONE])];
+        assert_eq!(
+            said(&all),
+            "No cost was measured; by RMSE the least is splat (RMSE 0.01, flicker 0.002), the most vt (RMSE 0.05, flicker 0.001)."
+        );
+        all.iter_mut().for_each(|(_, values)| values[1] = NONE);
+        assert_eq!(said(&all), "No cost was measured; by flicker the least is vt (flicker 0.001), the most splat (flicker 0.002).");
     }
 
     #[test]

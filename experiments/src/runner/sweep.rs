@@ -408,8 +408,12 @@ fn follow(
     }
     for (lag, (sums, followed)) in sums.lags.iter().zip(&mut followed.lags).enumerate().take(frame as usize) {
         let mark = mark.lag(lag + 1);
+        if sums.terrain == 0 {
+            // Beyond the first lag a quarter is followed, which may hold no terrain where the picture does.
+            continue;
+        }
         let linked = sums.linked as f64;
-        labels.put(rows, name, "disoccluded", mark, add(&mut followed.disoccluded, 1.0 - linked / (sums.terrain as f64).max(1.0)), None);
+        labels.put(rows, name, "disoccluded", mark, add(&mut followed.disoccluded, 1.0 - linked / sums.terrain as f64), None);
         if sums.linked == 0 {
             continue;
         }

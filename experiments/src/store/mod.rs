@@ -471,6 +471,18 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read {show}: give the folder of a run, where manifest.json is"))?;
     let mut below: Vec<PathBuf> = entries.filter_map(Result::ok).map(|e| e.path()).filter(|p| p.join(manifest::FILE).exists()).collect();
     below.sort();
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {show}"))?.filter_map(Result::ok);
+    let nameless = entries.map(|e| e.path()).find(|p| {
+        let name = p.file_name().unwrap_or_default().to_string_lossy();
+        p.is_dir() && name.starts_with("shard-") && name.contains("-of-") && !p.join(manifest::FILE).exists()
+    });
+    if let Some(shard) = nameless {
+        bail!(
+            "{} has no {}, so its numbers cannot be told from others: run that shard anew, or take the folder away",
+            shard.display(),
+            manifest::FILE
+        );
+    }
     let shards: Vec<(PathBuf, Manifest, Shard)> = below
         .iter()
         .map(|path| {
