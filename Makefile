@@ -17,7 +17,7 @@ export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"
     if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
 endif
 
-.PHONY: help setup demo test bench audit clean
+.PHONY: help setup demo app test bench audit clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -29,6 +29,9 @@ demo: setup ## the main job in small, on the built-in world; writes a report
 	$(CARGO) build --release --locked -p experiments
 	$(CARGO) run --release --locked -q -p experiments -- demo --out "$(OUT)"
 	@echo "The report is $(OUT)/report.html"
+
+app: setup ## opens the workbench
+	$(CARGO) run --release --locked -p workbench
 
 test: setup ## format, lints, documentation, every test, the notebook
 	$(CARGO) fmt --all --check

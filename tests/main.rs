@@ -35,4 +35,6 @@ mod shaders;
 #[cfg(test)]
 mod shared;
 #[cfg(test)]
+mod workbench;
+#[cfg(test)]
 mod world;

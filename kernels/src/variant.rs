@@ -44,6 +44,17 @@ impl Flavour {
         }
     }
 
+    /// Its colour in maps, sRGB: hues that colour-blind eyes tell apart, after Okabe and Ito 2008.
+    pub const fn colour(self) -> [u8; 3] {
+        match self {
+            Flavour::VirtualTexture => [86, 180, 90],
+            Flavour::FarAtlas => [70, 110, 200],
+            Flavour::NearCliff => [213, 94, 60],
+            Flavour::FarCliff => [230, 170, 60],
+            Flavour::Splat => [150, 90, 190],
+        }
+    }
+
     /// What Far Cry 5's estimator takes of it: [`Estimator::promised_fetches`].
     pub const fn promised_fetches(self) -> u32 {
         Estimator::Fc5.promised_fetches(self)
@@ -96,6 +107,13 @@ impl Variant {
     /// The flavours of the set, in the order of their bits.
     pub fn flavours(self) -> impl Iterator<Item = Flavour> {
         Flavour::ALL.into_iter().filter(move |&f| self.has(f))
+    }
+
+    /// The mean of its flavours' colours.
+    pub fn colour(self) -> [u8; 3] {
+        let count = self.0.count_ones();
+        let mean = |k: usize| self.flavours().map(|f| u32::from(f.colour()[k])).sum::<u32>() / count;
+        std::array::from_fn(|k| u8::try_from(mean(k)).unwrap_or(u8::MAX))
     }
 
     /// Sum of the promised fetches of its flavours by Far Cry 5's estimator: what a pixel costs that needs all of them.

@@ -8,6 +8,7 @@ use kernels::gpu::{Gpu, read_buffer};
 use kernels::metrics::{Meter, NO_LINK};
 use kernels::picture::{srgb_code, write_png_texels};
 use kernels::shared::signal;
+use kernels::variant::Variant;
 
 use super::Labels;
 use crate::definition::setting_text;
@@ -145,9 +146,6 @@ pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2
     Ok(now.iter().zip(&links).map(colour).collect())
 }
 
-/// A colour for each flavour in maps of tiles; a tile of several has their mean. Of the Okabe-Ito kind: told apart by colour-blind eyes, too.
-const FLAVOUR_COLOURS: [[u16; 3]; 5] = [[86, 180, 90], [70, 110, 200], [213, 94, 60], [230, 170, 60], [150, 90, 190]];
-
 /// What the colours of a map of tiles mean.
 pub(super) const TILE_MAP_LEGEND: &str =
     "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixtures: tiles of several.";
@@ -155,14 +153,9 @@ pub(super) const TILE_MAP_LEGEND: &str =
 /// The sets of flavours that pixels are shaded by (0 = none), mixed half and half with the picture.
 pub(super) fn tile_map(sets: &[u8], picture: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let colour = |(&set, &seen): (&u8, &[u8; 3])| {
-        let colours: Vec<[u16; 3]> = (0..5).filter(|bit| set >> bit & 1 == 1).map(|bit| FLAVOUR_COLOURS[bit]).collect();
-        if colours.is_empty() {
-            return seen;
-        }
-        std::array::from_fn(|k| {
-            let mean = colours.iter().map(|c| c[k]).sum::<u16>() / colours.len() as u16;
-            u8::try_from(u16::midpoint(mean, u16::from(seen[k]))).unwrap_or(u8::MAX)
-        })
+        let Some(variant) = Variant::new(set) else { return seen };
+        let own = variant.colour();
+        std::array::from_fn(|k| own[k].midpoint(seen[k]))
     };
     sets.iter().zip(picture).map(colour).collect()
 }

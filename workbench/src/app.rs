@@ -1,0 +1,384 @@
+//! The window: panels around a picture, and what they have in common.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use eframe::egui::util::undoer::Undoer;
+use eframe::egui::{self, Key, KeyboardShortcut, Modifiers, TextureHandle, TextureOptions, Ui, WidgetText};
+use egui_tiles::{Behavior, Container, LinearDir, SimplificationOptions, Tile, TileId, Tiles, Tree, UiResponse};
+use kernels::scene::{self, Scene};
+use kernels::variant::Flavour;
+
+use crate::engine::{Engine, News, Shown, Viewpoint, Wish};
+use crate::flight::Flight;
+use crate::panels;
+use crate::settings::Settings;
+
+/// Pictures that the graph of frame times goes back.
+const TIMES: usize = 120;
+/// Pixels drawn per pixel of the screen, along a side, where a processor draws.
+const SOFTWARE_SCALE: f64 = 0.5;
+
+/// A part of the window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pane {
+    /// The picture.
+    Viewport,
+    /// Which shaders.
+    Variants,
+    /// The scene's numbers.
+    Parameters,
+    /// What the frame was made of.
+    Frame,
+    /// What is to be seen, and the keys.
+    Help,
+}
+
+impl Pane {
+    /// Its title.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Pane::Viewport => "Viewport",
+            Pane::Variants => "Variants",
+            Pane::Parameters => "Parameters",
+            Pane::Frame => "Frame",
+            Pane::Help => "What is this?",
+        }
+    }
+}
+
+/// The frame index and whether it goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Clock {
+    /// The frame that is wanted next, or was drawn last if paused.
+    pub frame: u32,
+    /// Whether time stands still.
+    pub paused: bool,
+}
+
+/// The application.
+pub struct Workbench {
+    engine: Engine,
+    pub(crate) news: News,
+    /// What is on screen.
+    pub settings: Settings,
+    /// The scene as it was loaded: what a reset goes back to.
+    pub(crate) original: Scene,
+    undoer: Undoer<Settings>,
+    /// Where it is seen from.
+    pub viewpoint: Viewpoint,
+    pub(crate) flight: Flight,
+    /// Time.
+    pub clock: Clock,
+    /// Size of the picture that the viewport has room for, pixels.
+    pub(crate) room: [u32; 2],
+    pub(crate) texture: Option<TextureHandle>,
+    asked: Option<Wish>,
+    pub(crate) times: VecDeque<Duration>,
+    last_shown: Option<Instant>,
+    scaled: bool,
+    tree: Tree<Pane>,
+}
+
+impl Workbench {
+    /// The window's contents for a scene; pictures follow as they are drawn.
+    pub fn new(ctx: &egui::Context, scene: Scene) -> Workbench {
+        let wake = ctx.clone();
+        let viewpoint = match (scene.paths.iter().find(|p| p.name == "forwards").or(scene.paths.first()), scene.cameras.first()) {
+            (Some(path), _) => Viewpoint::Path(path.name.clone()),
+            (None, Some(camera)) => Viewpoint::Camera(camera.name.clone()),
+            (None, None) => {
+                let pose = kernels::camera::Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: -0.1, fov: 1.0 };
+                Viewpoint::Free { pose, walking: true }
+            }
+        };
+        Workbench {
+            engine: Engine::start(move || wake.request_repaint()),
+            news: News::default(),
+            settings: Settings::new(scene.clone()),
+            original: scene,
+            undoer: Undoer::default(),
+            viewpoint,
+            flight: Flight::default(),
+            clock: Clock::default(),
+            room: [0; 2],
+            texture: None,
+            asked: None,
+            times: VecDeque::new(),
+            last_shown: None,
+            scaled: false,
+            tree: layout(),
+        }
+    }
+
+    /// The last picture.
+    pub fn shown(&self) -> Option<&Arc<Shown>> {
+        self.news.shown.as_ref()
+    }
+
+    /// Whether the picture is the one that the controls ask for.
+    pub fn is_settled(&self) -> bool {
+        let Some(shown) = self.shown() else { return false };
+        let same_time = !self.clock.paused || shown.wish.frame == self.clock.frame;
+        same_time && shown.wish.settings == self.settings && shown.wish.viewpoint == self.viewpoint && shown.wish.size == self.size()
+    }
+
+    /// Why the last picture was refused.
+    pub fn failure(&self) -> Option<&str> {
+        self.news.failure.as_deref()
+    }
+
+    /// Whether every shader that a click may ask for is ready.
+    pub fn is_warm(&self) -> bool {
+        self.news.warm[1] > 0 && self.news.warm[0] == self.news.warm[1]
+    }
+
+    /// Size of the picture to draw, pixels.
+    fn size(&self) -> [u32; 2] {
+        self.room.map(|side| if side == 0 { 0 } else { ((f64::from(side) * self.settings.scale).round() as u32).max(1) })
+    }
+
+    /// Takes the engine's news over.
+    fn listen(&mut self, ctx: &egui::Context) {
+        let before = self.news.shown.take();
+        self.news = self.engine.news();
+        if let (false, Some(adapter)) = (self.scaled, &self.news.adapter) {
+            self.scaled = true;
+            if adapter.software {
+                self.settings.scale = SOFTWARE_SCALE;
+                // Nobody did this, so nobody takes it back.
+                self.undoer = Undoer::default();
+            }
+        }
+        let Some(shown) = self.news.shown.clone() else { return };
+        if before.is_some_and(|before| Arc::ptr_eq(&before, &shown)) {
+            return;
+        }
+        let texels: Vec<egui::Color32> = shown.texels.iter().map(|&[r, g, b]| egui::Color32::from_rgb(r, g, b)).collect();
+        let image = egui::ColorImage::new(shown.wish.size.map(|n| n as usize), texels);
+        match &mut self.texture {
+            Some(texture) => texture.set(image, TextureOptions::NEAREST),
+            None => self.texture = Some(ctx.load_texture("viewport", image, TextureOptions::NEAREST)),
+        }
+        let now = Instant::now();
+        if let Some(last) = self.last_shown.replace(now) {
+            self.times.push_back(now - last);
+            if self.times.len() > TIMES {
+                self.times.pop_front();
+            }
+        }
+    }
+
+    /// Goes on to the next frame if this one was shown, so that none is left out.
+    fn tick(&mut self) {
+        let frame = self.clock.frame;
+        if !self.clock.paused && self.shown().is_some_and(|shown| shown.wish.frame == frame) {
+            self.clock.frame = frame.wrapping_add(1);
+        }
+    }
+
+    /// Asks for the picture that the controls describe, unless it was asked for.
+    fn ask(&mut self) {
+        let size = self.size();
+        if size.contains(&0) || self.news.adapter.is_none() {
+            return;
+        }
+        let wish = Wish { settings: self.settings.clone(), viewpoint: self.viewpoint.clone(), size, frame: self.clock.frame };
+        if self.asked.as_ref() != Some(&wish) {
+            self.asked = Some(wish.clone());
+            self.engine.wish(wish);
+        }
+    }
+
+    /// The pose of the last picture, to go on from.
+    pub(crate) fn pose(&self) -> Option<kernels::camera::Pose> {
+        match &self.viewpoint {
+            // A walker's height follows from the place, which may be ahead of the picture.
+            Viewpoint::Free { pose, .. } => Some(*pose),
+            Viewpoint::Camera(_) | Viewpoint::Path(_) => self.shown().map(|shown| shown.pose),
+        }
+    }
+
+    /// Leaves a camera or a path, to fly on from where it is.
+    pub(crate) fn fly(&mut self, pose: kernels::camera::Pose) {
+        self.viewpoint = Viewpoint::Free { pose, walking: self.flight.walking };
+    }
+
+    /// Goes one frame on and stops there.
+    pub(crate) fn step(&mut self) {
+        self.clock = Clock { frame: self.clock.frame.wrapping_add(u32::from(self.clock.paused)), paused: true };
+    }
+
+    pub(crate) fn undo(&mut self) {
+        if let Some(before) = self.undoer.undo(&self.settings) {
+            self.settings = before.clone();
+        }
+    }
+
+    pub(crate) fn redo(&mut self) {
+        if let Some(after) = self.undoer.redo(&self.settings) {
+            self.settings = after.clone();
+        }
+    }
+
+    pub(crate) fn can_undo(&self) -> bool {
+        self.undoer.has_undo(&self.settings)
+    }
+
+    pub(crate) fn can_redo(&self) -> bool {
+        self.undoer.has_redo(&self.settings)
+    }
+
+    /// Keys that work wherever no text is typed.
+    fn keys(&mut self, ctx: &egui::Context) {
+        if ctx.text_edit_focused() {
+            return;
+        }
+        let command = |key| KeyboardShortcut::new(Modifiers::COMMAND, key);
+        let redo = KeyboardShortcut::new(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+        if ctx.input_mut(|i| i.consume_shortcut(&redo) || i.consume_shortcut(&command(Key::Y))) {
+            self.redo();
+        }
+        if ctx.input_mut(|i| i.consume_shortcut(&command(Key::Z))) {
+            self.undo();
+        }
+        let pressed = |key| ctx.input(|i| i.modifiers.is_none() && i.key_pressed(key));
+        for (key, flavour) in [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5].into_iter().zip(Flavour::ALL) {
+            if pressed(key) {
+                self.settings.toggle(flavour);
+            }
+        }
+        if pressed(Key::Num0) {
+            self.settings.forced = None;
+        }
+        if pressed(Key::G) {
+            self.settings.generic ^= true;
+        }
+        if pressed(Key::Space) {
+            self.clock.paused ^= true;
+        }
+        if pressed(Key::Period) {
+            self.step();
+        }
+        if pressed(Key::F) {
+            self.flight.walking ^= true;
+        }
+    }
+
+    /// One line above everything: undo, time, where the camera is.
+    fn bar(&mut self, ui: &mut Ui) {
+        ui.horizontal_wrapped(|ui| {
+            if ui.add_enabled(self.can_undo(), egui::Button::new("Undo")).on_hover_text("Ctrl+Z").clicked() {
+                self.undo();
+            }
+            if ui.add_enabled(self.can_redo(), egui::Button::new("Redo")).on_hover_text("Ctrl+Shift+Z").clicked() {
+                self.redo();
+            }
+            ui.separator();
+            let label = if self.clock.paused { "Run" } else { "Pause" };
+            if ui.button(label).on_hover_text("Space").clicked() {
+                self.clock.paused ^= true;
+            }
+            if ui.button("Step").on_hover_text("Full stop: one frame on, and pause").clicked() {
+                self.step();
+            }
+            ui.label(format!("frame {}", self.clock.frame))
+                .on_hover_text("The only time there is: noise and paths follow it, never a clock");
+            ui.separator();
+            panels::viewport::viewpoints(self, ui);
+        });
+    }
+
+    /// One line below everything: what is wrong, what is being done, who draws.
+    fn status(&self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            if let Some(failure) = self.failure() {
+                ui.colored_label(ui.visuals().error_fg_color, failure);
+            } else if let Some(progress) = &self.news.progress {
+                ui.spinner();
+                let steps = if progress.total > 0 { format!(": {} of {}", progress.done, progress.total) } else { String::new() };
+                ui.label(format!("{}{steps}", progress.stage));
+            } else if !self.is_warm() && self.news.warm[1] > 0 {
+                let [done, all] = self.news.warm;
+                ui.add(egui::ProgressBar::new(done as f32 / all as f32).desired_width(120.0).text(format!("shaders {done} of {all}")));
+            } else {
+                ui.label("ready");
+            }
+            if let Some(adapter) = &self.news.adapter {
+                ui.separator();
+                let kind = if adapter.software { ", a software adapter: compare times, do not quote them" } else { "" };
+                ui.label(format!("{}{kind}", adapter.name));
+            }
+        });
+    }
+}
+
+/// The picture on the left, everything else in two stacks on the right.
+fn layout() -> Tree<Pane> {
+    let mut tiles = Tiles::default();
+    let viewport = tiles.insert_pane(Pane::Viewport);
+    let upper: Vec<TileId> = [Pane::Variants, Pane::Help].into_iter().map(|p| tiles.insert_pane(p)).collect();
+    let lower: Vec<TileId> = [Pane::Parameters, Pane::Frame].into_iter().map(|p| tiles.insert_pane(p)).collect();
+    let (upper, lower) = (tiles.insert_tab_tile(upper), tiles.insert_tab_tile(lower));
+    let right = tiles.insert_vertical_tile(vec![upper, lower]);
+    let root = tiles.insert_horizontal_tile(vec![viewport, right]);
+    if let Some(Tile::Container(Container::Linear(linear))) = tiles.get_mut(root) {
+        debug_assert_eq!(linear.dir, LinearDir::Horizontal, "made just above");
+        linear.shares.set_share(viewport, 0.66);
+        linear.shares.set_share(right, 0.34);
+    }
+    Tree::new(egui::Id::unique("workbench"), root, tiles)
+}
+
+struct Panes<'a>(&'a mut Workbench);
+
+impl Behavior<Pane> for Panes<'_> {
+    fn pane_ui(&mut self, ui: &mut Ui, _: TileId, pane: &mut Pane) -> UiResponse {
+        let app = &mut *self.0;
+        let scrolled = |ui: &mut Ui, app: &mut Workbench, add: fn(&mut Workbench, &mut Ui)| {
+            egui::Frame::new().inner_margin(8.0).show(ui, |ui| {
+                egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| add(app, ui));
+            });
+        };
+        match pane {
+            Pane::Viewport => panels::viewport::show(app, ui),
+            Pane::Variants => scrolled(ui, app, panels::variants::show),
+            Pane::Parameters => scrolled(ui, app, panels::parameters::show),
+            Pane::Frame => scrolled(ui, app, panels::frame::show),
+            Pane::Help => scrolled(ui, app, panels::help::show),
+        }
+        UiResponse::None
+    }
+
+    fn tab_title_for_pane(&mut self, pane: &Pane) -> WidgetText {
+        pane.name().into()
+    }
+
+    fn simplification_options(&self) -> SimplificationOptions {
+        SimplificationOptions { all_panes_must_have_tabs: true, ..Default::default() }
+    }
+}
+
+impl eframe::App for Workbench {
+    fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
+        let ctx = ui.ctx().clone();
+        self.listen(&ctx);
+        self.keys(&ctx);
+        self.tick();
+        egui::Panel::top("bar").show(ui, |ui| self.bar(ui));
+        egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
+        egui::CentralPanel::no_frame().show(ui, |ui| {
+            let mut tree = std::mem::replace(&mut self.tree, Tree::empty(egui::Id::unique("workbench")));
+            tree.ui(&mut Panes(self), ui);
+            self.tree = tree;
+        });
+        if let Err(error) = scene::validate(&self.settings.scene) {
+            // What a slider made impossible is said, and the picture stays as it was.
+            self.news.failure = Some(error.to_string());
+        } else {
+            self.ask();
+        }
+        self.undoer.feed_state(ctx.input(|i| i.time), &self.settings);
+    }
+}

@@ -1,0 +1,67 @@
+//! What the frame was made of, and what it took.
+
+use eframe::egui::{self, Color32, Sense, Ui, vec2};
+use kernels::variant::Variant;
+
+use crate::app::Workbench;
+
+pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+    let Some(shown) = app.shown().cloned() else {
+        ui.label("No picture yet.");
+        return;
+    };
+    let report = &shown.picture.report;
+    times(app, ui);
+    let row = |ui: &mut Ui, name: &str, value: String| {
+        ui.label(name);
+        ui.label(value);
+        ui.end_row();
+    };
+    egui::Grid::new("frame").num_columns(2).striped(true).show(ui, |ui| {
+        row(ui, "Picture", format!("{} x {} px", shown.wish.size[0], shown.wish.size[1]));
+        row(ui, "Shaded by", shown.wish.settings.choice_name());
+        let fetches = shown.picture.fetches_per_px.map_or_else(|| "not counted".to_owned(), |n| format!("{n:.2} a pixel"));
+        row(ui, "Fetches", fetches);
+        row(ui, "Drawn and read back", format!("{:.1} ms", shown.took.as_secs_f64() * 1e3));
+        let device: f64 = report.passes.iter().map(|p| p.time_ms).sum();
+        row(ui, "Passes, device time", format!("{device:.1} ms"));
+        for pass in &report.passes {
+            row(ui, &format!("    {}", pass.name), format!("{:.2} ms", pass.time_ms));
+        }
+        row(ui, "Quadtree nodes", report.nodes.to_string());
+        row(ui, "Patches", report.patches.to_string());
+        row(ui, "Pages wanted, made", format!("{}, {}", report.pages.wanted, report.pages.rendered));
+        row(ui, "Tiles with terrain", report.tiles.first().copied().unwrap_or(0).to_string());
+        for variant in Variant::all() {
+            let tiles = report.tiles.get(usize::from(variant.mask())).copied().unwrap_or(0);
+            if tiles > 0 {
+                row(ui, &format!("    {variant}"), format!("{tiles} tiles"));
+            }
+        }
+    });
+}
+
+/// From picture to picture, a bar each.
+fn times(app: &Workbench, ui: &mut Ui) {
+    let mut sorted: Vec<f64> = app.times.iter().map(|t| t.as_secs_f64() * 1e3).collect();
+    if sorted.is_empty() {
+        return;
+    }
+    sorted.sort_by(f64::total_cmp);
+    let (median, worst) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
+    ui.label(format!("{:.1} pictures a second; median {median:.0} ms, longest {worst:.0} ms of the last {}", 1e3 / median, sorted.len()));
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 48.0), Sense::hover());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Frame times"));
+    let painter = ui.painter_at(rect);
+    painter.rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
+    let top = (median * 3.0).max(1e-3);
+    let width = rect.width() / app.times.len() as f32;
+    for (i, time) in app.times.iter().enumerate() {
+        let ms = time.as_secs_f64() * 1e3;
+        let height = ((ms / top).min(1.0) as f32) * rect.height();
+        let left = rect.left() + i as f32 * width;
+        let bar =
+            egui::Rect::from_min_max(egui::pos2(left, rect.bottom() - height), egui::pos2(left + (width - 1.0).max(0.5), rect.bottom()));
+        painter.rect_filled(bar, 0.0, if ms > 2.0 * median { Color32::from_rgb(213, 94, 0) } else { Color32::from_rgb(86, 180, 233) });
+    }
+}

@@ -1,0 +1,35 @@
+//! What is to be seen, and the keys.
+
+use eframe::egui::{self, Ui};
+
+use crate::app::Workbench;
+
+const TEXT: &str = "A terrain shaded as in Far Cry 5: every 8 x 8 tile of the screen runs the cheapest shader that its pixels allow, out of 31. \
+    Far ground comes from textures baked into the quadtree, near ground from virtual-texture pages, cliffs from a few texture samples \
+    chosen at random. Force another variant, estimator or noise on every tile, and see what it costs and what it does to the picture.";
+
+const KEYS: [(&str, &str); 11] = [
+    ("drag", "look around"),
+    ("W A S D", "move; with Shift four times as fast"),
+    ("Q E", "down, up"),
+    ("wheel", "speed"),
+    ("F", "walk on the ground, or fly"),
+    ("1 - 5", "force a flavour, or take it away"),
+    ("0", "automatic"),
+    ("G", "generic kernel"),
+    ("Space", "pause"),
+    (".", "one frame on"),
+    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
+];
+
+pub(crate) fn show(_: &mut Workbench, ui: &mut Ui) {
+    ui.label(TEXT);
+    ui.separator();
+    egui::Grid::new("keys").num_columns(2).show(ui, |ui| {
+        for (key, does) in KEYS {
+            ui.monospace(key);
+            ui.label(does);
+            ui.end_row();
+        }
+    });
+}

@@ -1,0 +1,57 @@
+//! The scene's numbers, each with its unit, range, and a way back.
+
+use eframe::egui::{self, Slider, Ui};
+
+use crate::app::Workbench;
+use crate::parameters::{GROUPS, Parameter};
+use crate::settings::SCALES;
+
+/// Points that a row takes beside its slider, and the slider's narrowest and widest.
+const BESIDE: f32 = 285.0;
+const SLIDER: [f32; 2] = [30.0, 200.0];
+
+pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+    ui.spacing_mut().slider_width = (ui.available_width() - BESIDE).clamp(SLIDER[0], SLIDER[1]);
+    ui.horizontal(|ui| {
+        let label = ui.label("Render scale");
+        ui.add(Slider::new(&mut app.settings.scale, SCALES[0]..=SCALES[1]).logarithmic(true).clamping(egui::SliderClamping::Always))
+            .labelled_by(label.id)
+            .on_hover_text("Pixels drawn per pixel of the screen, along a side");
+    });
+    for group in &GROUPS {
+        egui::CollapsingHeader::new(group.name).default_open(true).show(ui, |ui| {
+            egui::Grid::new(group.name).num_columns(3).show(ui, |ui| {
+                for parameter in group.parameters {
+                    row(app, ui, parameter);
+                    ui.end_row();
+                }
+            });
+        });
+    }
+}
+
+fn row(app: &mut Workbench, ui: &mut Ui, parameter: &Parameter) {
+    let usual = *(parameter.at)(&mut app.original);
+    let value = (parameter.at)(&mut app.settings.scene);
+    let hint = format!(
+        "{}\n{} in a scene or an experiment; here from {} to {}, {usual} in this scene.",
+        parameter.about, parameter.key, parameter.range[0], parameter.range[1]
+    );
+    let label = ui.label(parameter.name).on_hover_text(&hint);
+    let suffix = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
+    ui.add(
+        Slider::new(value, parameter.range[0]..=parameter.range[1])
+            .logarithmic(parameter.logarithmic)
+            .clamping(egui::SliderClamping::Never)
+            .suffix(suffix)
+            .max_decimals(3),
+    )
+    .labelled_by(label.id)
+    .on_hover_text(&hint);
+    let changed = *value != usual;
+    let reset = ui.add_enabled(changed, egui::Button::new("Reset").small());
+    reset.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, changed, format!("Reset {}", parameter.name)));
+    if reset.on_hover_text(format!("Back to {usual}")).clicked() {
+        *(parameter.at)(&mut app.settings.scene) = usual;
+    }
+}

@@ -1,0 +1,260 @@
+//! The window without a window: steps that somebody would take, then a picture of it. For documentation, and on machines without a display.
+
+use std::path::Path;
+use std::str::FromStr;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, anyhow, bail};
+use eframe::egui::{self, Key, Role};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
+use kernels::document::suggestion;
+use kernels::scene::Scene;
+
+use crate::app::Workbench;
+
+/// Longest wait for a picture.
+const PATIENCE: Duration = Duration::from_secs(300);
+/// How often the window is drawn while it waits.
+const NAP: Duration = Duration::from_millis(5);
+
+/// One thing that somebody does.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// Clicks what has this name.
+    Click(String),
+    /// Presses a key.
+    Key(Key),
+    /// Gives the number of this name a value.
+    Set(String, f64),
+    /// Lets so many pictures be drawn.
+    Frames(u32),
+    /// Waits until every shader is ready.
+    Warm,
+}
+
+impl FromStr for Step {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Step> {
+        let text = text.trim();
+        let (word, rest) = text.split_once(' ').map_or((text, ""), |(word, rest)| (word, rest.trim()));
+        match (word, rest) {
+            ("click", name) if !name.is_empty() => Ok(Step::Click(name.to_owned())),
+            ("key", name) => {
+                Key::from_name(name).map(Step::Key).ok_or_else(|| anyhow!("`{name}` is no key: give a name such as Space, W or 1"))
+            }
+            ("set", both) => {
+                let (name, value) = both.rsplit_once('=').with_context(|| format!("`{text}`: write `set NAME = VALUE`"))?;
+                let value = value.trim();
+                Ok(Step::Set(name.trim().to_owned(), value.parse().with_context(|| format!("`{value}` is no number"))?))
+            }
+            ("frames", count) => Ok(Step::Frames(count.parse().with_context(|| format!("`{count}` is no number of frames"))?)),
+            ("warm", "") => Ok(Step::Warm),
+            _ => {
+                bail!("`{text}` is no step: give `click NAME`, `key KEY`, `set NAME = VALUE`, `frames N` or `warm`, with `;` between steps")
+            }
+        }
+    }
+}
+
+/// The steps of a text, `;` or a line break between them.
+///
+/// # Errors
+/// What is no step.
+pub fn steps(text: &str) -> Result<Vec<Step>> {
+    text.split([';', '\n']).map(str::trim).filter(|step| !step.is_empty()).map(str::parse).collect()
+}
+
+/// The application without a window.
+pub struct Stage {
+    harness: Harness<'static, Workbench>,
+}
+
+impl Stage {
+    /// A window of so many points that nobody sees.
+    pub fn new(scene: Scene, size: [u32; 2]) -> Stage {
+        let size = size.map(|n| n as f32);
+        let harness = Harness::builder()
+            .with_size(egui::vec2(size[0], size[1]))
+            .with_theme(egui::Theme::Dark)
+            .wgpu()
+            .build_eframe(move |cc| Workbench::new(&cc.egui_ctx, scene));
+        Stage { harness }
+    }
+
+    /// The application.
+    pub fn app(&mut self) -> &mut Workbench {
+        self.harness.state_mut()
+    }
+
+    /// Draws the window until something holds.
+    ///
+    /// # Errors
+    /// When the drawing thread gives up, or takes longer than patience lasts.
+    pub fn until(&mut self, what: &str, done: impl Fn(&Workbench) -> bool) -> Result<()> {
+        let began = Instant::now();
+        loop {
+            self.harness.step();
+            let app = self.harness.state();
+            if done(app) {
+                return Ok(());
+            }
+            if let Some(failure) = app.failure() {
+                bail!("{failure}");
+            }
+            if began.elapsed() > PATIENCE {
+                bail!("{what} did not come within {} s", PATIENCE.as_secs());
+            }
+            std::thread::sleep(NAP);
+        }
+    }
+
+    /// Waits for the picture that the controls ask for.
+    ///
+    /// # Errors
+    /// As [`Stage::until`].
+    pub fn settle(&mut self) -> Result<()> {
+        // What was just done is asked for by the next drawing of the window only.
+        self.harness.step();
+        self.until("the picture", Workbench::is_settled)
+    }
+
+    /// Everything that can be named on screen.
+    pub fn names(&self) -> Vec<String> {
+        let mut names: Vec<String> = self
+            .harness
+            .root()
+            .children_recursive()
+            .filter_map(|node| node.accesskit_node().label().or(node.accesskit_node().value()))
+            .collect();
+        names.sort();
+        names.dedup();
+        names
+    }
+
+    /// Whether something of this name is on screen.
+    pub fn has(&self, name: &str) -> bool {
+        self.harness.query_all_by_label(name).next().is_some()
+    }
+
+    /// Holds a key down for so many drawings of the window, over the picture.
+    ///
+    /// # Errors
+    /// As [`Stage::until`].
+    pub fn hold(&mut self, key: Key, drawings: u32) -> Result<()> {
+        self.harness.key_down(key);
+        for _ in 0..drawings {
+            self.harness.step();
+        }
+        self.harness.key_up(key);
+        self.settle()
+    }
+
+    /// Drags the picture by so many points.
+    ///
+    /// # Errors
+    /// As [`Stage::until`].
+    pub fn drag(&mut self, by: [f32; 2]) -> Result<()> {
+        let Some(node) = self.find("Picture") else { return Err(self.missing("Picture")) };
+        let from = node.rect().center();
+        self.harness.hover_at(from);
+        self.harness.step();
+        self.harness.drag_at(from);
+        self.harness.step();
+        let to = from + egui::vec2(by[0], by[1]);
+        self.harness.hover_at(to);
+        self.harness.step();
+        self.harness.drop_at(to);
+        self.settle()
+    }
+
+    /// What has this name, before the label that gives it.
+    fn find<'a>(&'a self, name: &'a str) -> Option<egui_kittest::Node<'a>> {
+        self.harness.query_all_by_label(name).find(|node| node.accesskit_node().role() != Role::Label)
+    }
+
+    fn missing(&self, name: &str) -> anyhow::Error {
+        let names = self.names();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        anyhow!("nothing on screen is called `{name}`: {}", suggestion(name, &names))
+    }
+
+    /// Takes a step, and waits for the picture that it leads to.
+    ///
+    /// # Errors
+    /// When nothing on screen has the name, or as [`Stage::until`].
+    pub fn take(&mut self, step: &Step) -> Result<()> {
+        match step {
+            Step::Click(name) => {
+                // Into view first: what is scrolled away cannot be hit.
+                self.find(name).ok_or_else(|| self.missing(name))?.scroll_to_me();
+                self.harness.run_steps(2);
+                self.find(name).ok_or_else(|| self.missing(name))?.click();
+            }
+            Step::Key(key) => self.harness.key_press(*key),
+            Step::Set(name, value) => {
+                let Some(node) = self.find(name) else { return Err(self.missing(name)) };
+                node.set_value_accesskit(*value);
+            }
+            Step::Frames(count) => {
+                let until = self.harness.state().clock.frame.wrapping_add(*count);
+                return self.until("the frame", |app| app.clock.frame >= until);
+            }
+            Step::Warm => return self.until("the last shader", Workbench::is_warm),
+        }
+        self.settle()
+    }
+
+    /// Writes a picture of the window as PNG: whole or not at all.
+    ///
+    /// # Errors
+    /// When it cannot be drawn or written.
+    pub fn screenshot(&mut self, file: &Path) -> Result<()> {
+        let image = self.harness.render().map_err(|what| anyhow!("the window cannot be drawn: {what}"))?;
+        let texels: Vec<[u8; 3]> = image.pixels().map(|p| [p[0], p[1], p[2]]).collect();
+        kernels::picture::write_png_texels(file, [image.width(), image.height()], &texels)?;
+        Ok(())
+    }
+}
+
+/// Takes the steps and writes the picture.
+///
+/// # Errors
+/// As [`Stage::take`] and [`Stage::screenshot`].
+pub fn run(scene: Scene, size: [u32; 2], steps: &[Step], file: &Path) -> Result<()> {
+    let mut stage = Stage::new(scene, size);
+    stage.settle()?;
+    for step in steps {
+        stage.take(step)?;
+    }
+    stage.screenshot(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_read_and_what_is_none_is_refused() {
+        let expected = vec![
+            Step::Click("Variant splat".to_owned()),
+            Step::Key(Key::Space),
+            Step::Set("Noise cell".to_owned(), 2.0),
+            Step::Frames(3),
+            Step::Warm,
+        ];
+        assert_eq!(steps("click Variant splat; key Space;\nset Noise cell = 2; frames 3; warm;").expect("steps"), expected);
+        for (text, part) in [
+            ("clack x", "is no step"),
+            ("click", "is no step"),
+            ("key Nonsense", "is no key"),
+            ("frames -1", "no number"),
+            ("set a", "NAME = VALUE"),
+            ("set a = b", "is no number"),
+        ] {
+            let error = steps(text).expect_err(text);
+            assert!(format!("{error:#}").contains(part), "{text}: {error:#}");
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! What is on screen, but for where the camera stands: all that undo takes back.
+
+use kernels::camera::Pose;
+use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::picture::AovSet;
+use kernels::scene::Scene;
+use kernels::shading::Estimator;
+use kernels::shared::noise::NoiseKind;
+use kernels::variant::{Flavour, Variant};
+
+use crate::display::Layer;
+
+/// Smallest and largest side of a picture relative to its place on the screen.
+pub const SCALES: [f64; 2] = [0.1, 2.0];
+
+/// Everything that decides how the terrain looks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The scene, with the numbers that were changed.
+    pub scene: Scene,
+    /// The variant on every tile; `None` = each tile what its pixels need.
+    pub forced: Option<Variant>,
+    /// Whether the generic kernel shades in place of the variants' own.
+    pub generic: bool,
+    /// How stochastic flavours arrive at a value.
+    pub estimator: Estimator,
+    /// Their noise.
+    pub noise: NoiseKind,
+    /// Their seed.
+    pub seed: u32,
+    /// Whether each frame has a seed of its own: the seed above, plus the frame.
+    pub reseeds: bool,
+    /// Full splat with two tiling scales.
+    pub two_tilings: bool,
+    /// Pixels drawn per pixel of the screen, along a side.
+    pub scale: f64,
+    /// What the viewport shows.
+    pub layer: Layer,
+    /// Whether fetches are counted (a slower shader).
+    pub counts: bool,
+}
+
+impl Settings {
+    /// A scene as its file says, automatic variants, the estimators of Far Cry 5.
+    pub fn new(scene: Scene) -> Settings {
+        Settings {
+            scene,
+            forced: None,
+            generic: false,
+            estimator: Estimator::default(),
+            noise: NoiseKind::HashedIsotropic,
+            seed: 0,
+            reseeds: false,
+            two_tilings: false,
+            scale: 1.0,
+            layer: Layer::Lit,
+            counts: false,
+        }
+    }
+
+    /// Which shader shades which tile.
+    pub fn choice(&self) -> VariantChoice {
+        match (self.forced, self.generic) {
+            (None, false) => VariantChoice::Auto,
+            (None, true) => VariantChoice::GenericAuto,
+            (Some(variant), false) => VariantChoice::Forced(variant),
+            (Some(variant), true) => VariantChoice::GenericForced(variant),
+        }
+    }
+
+    /// What the choice of shaders is called: `auto`, `splat`, `generic vt+splat`.
+    pub fn choice_name(&self) -> String {
+        let what = self.forced.map_or_else(|| "auto".to_owned(), |variant| variant.to_string());
+        if self.generic { format!("generic {what}") } else { what }
+    }
+
+    /// Adds a flavour to those forced, or takes it away; without any left the choice is automatic again.
+    pub fn toggle(&mut self, flavour: Flavour) {
+        let mask = self.forced.map_or(0, Variant::mask) ^ flavour.bit();
+        self.forced = Variant::new(mask);
+    }
+
+    /// The picture of one frame.
+    pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
+        let layers: Vec<&str> = self.layer.aov().into_iter().collect();
+        RenderRequest {
+            variant: self.choice(),
+            estimator: self.estimator,
+            noise: self.noise,
+            seed: if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed },
+            frame,
+            two_tilings: self.two_tilings,
+            aovs: AovSet::from_names(&layers).unwrap_or_default(),
+            count_fetches: self.counts,
+            ..RenderRequest::new(pose, size)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::scene;
+
+    use super::*;
+
+    #[test]
+    fn flavours_are_added_and_taken_away_one_by_one() {
+        let mut settings = Settings::new(scene::load(scene::DEFAULT).expect("built in"));
+        settings.toggle(Flavour::Splat);
+        settings.toggle(Flavour::VirtualTexture);
+        assert_eq!(
+            (settings.choice_name().as_str(), settings.choice()),
+            ("vt+splat", VariantChoice::Forced(Variant::new(17).expect("a set")))
+        );
+        settings.generic = true;
+        assert_eq!(settings.choice_name(), "generic vt+splat");
+        settings.toggle(Flavour::Splat);
+        settings.toggle(Flavour::VirtualTexture);
+        assert_eq!((settings.choice_name().as_str(), settings.choice()), ("generic auto", VariantChoice::GenericAuto));
+    }
+
+    #[test]
+    fn every_layer_is_one_that_the_renderer_knows() {
+        for layer in Layer::ALL {
+            if let Some(name) = layer.aov() {
+                assert!(AovSet::from_names(&[name]).is_ok(), "{name}");
+            }
+        }
+    }
+}
