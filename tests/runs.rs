@@ -157,7 +157,7 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     assert!(report.status.success() && String::from_utf8_lossy(&report.stderr).contains("missing is shard 1/2"), "{report:?}");
 }
 
-/// Two pixels, one of them terrain's in no other column: beyond the first lag every other frame follows none.
+/// Of two pixels of one row the frame's quarter takes the one, the other, or neither: then nothing is followed beyond the first lag.
 #[test]
 fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
     let folder = Folder::new("two-pixels");

@@ -179,6 +179,7 @@ fn wrong_scenes_are_refused_with_place_and_remedy() {
         ("tile_m = 2.0", "tile_m = 0.0", 8, &["material 1, tile_m", "above 0"]),
         ("tile_m = 2.0", "tile_m = nan", 8, &["tile_m", "NaN"]),
         ("tile_m = 2.0", "tile_m = inf", 8, &["tile_m", "inf"]),
+        ("tile_m = 4.0", "tile_m = 4.0\ntint = [1, 1, 1, 1]", 13, &["material 2, tint", "has 4 entries, must have 3"]),
         ("tile_m = 4.0", "tile_m = 4.0\ntint = [1, -1, 1]", 13, &["material 2, tint"]),
         ("tile_m = 4.0", "tile_m = 4.0\nnormal_strength = -0.1", 13, &["normal_strength"]),
         ("material = \"rock\"", "material = \"rok\"", 16, &["rule 2, material", "did you mean `rock`?"]),

@@ -1,10 +1,13 @@
 //! The application, without a window: what every control does, by the name that a screen reader has for it.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use eframe::egui;
 use kernels::frame::VariantChoice;
 use kernels::variant::{Flavour, Variant};
+use workbench::app::Workbench;
 use workbench::display::Layer;
 use workbench::engine::{EYE_M, Viewpoint};
 use workbench::parameters::GROUPS;
@@ -96,14 +99,28 @@ fn a_scene_that_cannot_be_is_refused_and_the_picture_stays() {
     stage.app().settings.scene.flavours.cliff_near_m = 9000.0;
     let error = stage.settle().expect_err("near cliff ends behind the far atlas").to_string();
     assert!(error.contains("cliff_near_m"), "{error}");
+    // It stands in the window, too, for as long as it is so.
+    assert!(stage.settle().is_err() && stage.names().iter().any(|name| name.contains("cliff_near_m")), "{:?}", stage.names());
     assert_eq!(stage.app().shown().expect("still there").texels, before);
-    take_back(&mut stage);
+    stage.app().settings.scene = small_scene();
     stage.settle().expect("possible again");
+    assert!(!stage.names().iter().any(|name| name.contains("cliff_near_m")));
 }
 
-fn take_back(stage: &mut Stage) {
-    let near = small_scene().flavours.cliff_near_m;
-    stage.app().settings.scene.flavours.cliff_near_m = near;
+#[test]
+fn numbers_are_where_their_keys_say_and_within_what_is_offered() {
+    let plain = small_scene();
+    let value = |scene: &kernels::scene::Scene, key: &str| {
+        let document = toml::Value::try_from(scene).expect("a scene is a document");
+        key.split('.').fold(document, |at, step| at[step].clone()).as_float().expect("a number")
+    };
+    for parameter in GROUPS.iter().flat_map(|g| g.parameters) {
+        let usual = value(&plain, parameter.key);
+        assert!((parameter.range[0]..=parameter.range[1]).contains(&usual), "{}: {usual}", parameter.key);
+        let mut changed = plain.clone();
+        *(parameter.at)(&mut changed) = usual + 1.0;
+        assert!((value(&changed, parameter.key) - usual - 1.0).abs() < 1e-9, "{}", parameter.key);
+    }
 }
 
 #[test]
@@ -129,8 +146,19 @@ fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
         assert_eq!((&shown.pose, &shown.texels), (&before.0, &before.1), "frame {frame}");
     }
     // Running, no frame is left out: the next one is asked for when one was shown.
-    take(&mut stage, "key Space; frames 3; key Space");
-    assert!(stage.app().clock.frame >= 6 && stage.app().clock.paused);
+    let seen = RefCell::new(BTreeSet::new());
+    take(&mut stage, "key Space");
+    let from = stage.app().clock.frame;
+    let look = |app: &Workbench| {
+        seen.borrow_mut().extend(app.shown().map(|shown| shown.wish.frame));
+        app.clock.frame >= from + 4
+    };
+    stage.until("four frames", look).expect("pictures");
+    let seen = seen.into_inner();
+    let (first, last) = (*seen.first().expect("some"), *seen.last().expect("some"));
+    assert!(seen.len() >= 4 && seen.iter().copied().eq(first..=last), "{seen:?}");
+    take(&mut stage, "key Space");
+    assert!(stage.app().clock.paused);
 }
 
 #[test]
@@ -150,11 +178,16 @@ fn the_camera_flies_turns_and_walks() {
     let after = pose(&mut stage);
     assert!((after.position - walking.position).length() > 0.1);
     // The eye is at its height over the ground, which only the drawing thread knows: held to a renderer of the same scene.
-    let renderer = crate::frame::renderer();
-    for p in [walking.position, after.position] {
-        let above = p.z - renderer.ground_m(p.x, p.y);
-        assert!((above - EYE_M).abs() < 1e-9, "{above} m above the ground");
+    {
+        let renderer = crate::frame::renderer();
+        for p in [walking.position, after.position] {
+            let above = p.z - renderer.ground_m(p.x, p.y);
+            assert!((above - EYE_M).abs() < 1e-9, "{above} m above the ground");
+        }
     }
+    // Off the ground again, it goes on from there.
+    take(&mut stage, "key F");
+    assert_eq!(pose(&mut stage).position, after.position);
 }
 
 trait ParseKey {
@@ -188,6 +221,10 @@ fn layers_panels_and_what_is_not_there() {
     assert!(stage.names().iter().any(|name| name.contains("Far Cry 5")));
     let error = stage.take(&Step::Click("Variant splet".to_owned())).expect_err("no such thing").to_string();
     assert!(error.contains("nothing on screen is called `Variant splet`"), "{error}");
+    let error = stage.take(&Step::Frames(1)).expect_err("it is paused").to_string();
+    assert!(error.contains("time stands still"), "{error}");
+    let error = Stage::new(small_scene(), [1, 1]).settle().expect_err("no room").to_string();
+    assert!(error.contains("--size"), "{error}");
     let error = stage.screenshot(Path::new("/nowhere/at/all.png")).expect_err("no such folder").to_string();
     assert!(error.contains("/nowhere/at/all.png"), "{error}");
 }

@@ -125,7 +125,7 @@ pub const METRICS: [Metric; 25] = [
         "Radial power spectrum of the noise relative to white noise of the same variance.",
     ),
     metric("taa_rejections", "1", Needs::Frames, Axis::None, "Share of history samples that a 3 x 3 colour box clips."),
-    metric("disoccluded", "1", Needs::Frames, Axis::Lag, "Share of terrain pixels without history some frames before."),
+    metric("disoccluded", "1", Needs::Frames, Axis::Lag, "Share of the terrain pixels followed that have no history some frames before."),
     metric("reference_se", "linear albedo", Needs::Picture, Axis::None, "Standard error of the reference, root mean square over pixels."),
     metric("reference_spp", "samples/px", Needs::Picture, Axis::None, "Samples per pixel that the reference took."),
     metric("reference_difference", "linear luminance", Needs::Frames, Axis::Lag, "The difference of the reference sequence."),

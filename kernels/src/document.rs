@@ -55,18 +55,17 @@ impl Wrong {
 /// Reads `text` into its type. `remedy_of_missing(key)` is appended where a key is missing; it may be empty.
 ///
 /// # Errors
-/// Not TOML, an unknown key (the nearest known one is named), or a wrong type.
+/// Not TOML, an unknown key (the nearest known one is named), a wrong type, or a list that is too long.
 pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&str) -> &'static str) -> Result<T, Wrong> {
     let read: T = toml::from_str(text).map_err(|error| {
         let (line, what) = explain(text, &error, remedy_of_missing);
         Wrong { line, what }
     })?;
     // Of a list that is too long the reader takes what it needs and drops the rest without a word.
-    let problem = text
-        .parse::<toml::Table>()
-        .ok()
-        .zip(toml::Table::try_from(&read).ok())
-        .and_then(|(given, taken)| surplus(&toml::Value::Table(given), &toml::Value::Table(taken), &mut Vec::new()));
+    let whole = |what: String| Wrong { line: None, what };
+    let given = text.parse::<toml::Table>().map_err(|error| whole(error.to_string()))?;
+    let taken = toml::Table::try_from(&read).map_err(|error| whole(error.to_string()))?;
+    let problem = surplus(&toml::Value::Table(given), &toml::Value::Table(taken), &mut Vec::new());
     problem.map_or(Ok(read), |problem| Err(problem.wrong(text)))
 }
 

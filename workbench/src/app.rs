@@ -75,6 +75,8 @@ pub struct Workbench {
     pub(crate) room: [u32; 2],
     pub(crate) texture: Option<TextureHandle>,
     asked: Option<Wish>,
+    /// Why the scene cannot be as the sliders have it.
+    impossible: Option<String>,
     pub(crate) times: VecDeque<Duration>,
     last_shown: Option<Instant>,
     scaled: bool,
@@ -105,6 +107,7 @@ impl Workbench {
             room: [0; 2],
             texture: None,
             asked: None,
+            impossible: None,
             times: VecDeque::new(),
             last_shown: None,
             scaled: false,
@@ -124,9 +127,14 @@ impl Workbench {
         same_time && shown.wish.settings == self.settings && shown.wish.viewpoint == self.viewpoint && shown.wish.size == self.size()
     }
 
-    /// Why the last picture was refused.
+    /// Why there is no picture of what the controls ask for.
     pub fn failure(&self) -> Option<&str> {
-        self.news.failure.as_deref()
+        self.impossible.as_deref().or(self.news.failure.as_deref())
+    }
+
+    /// Whether the viewport has room for a picture.
+    pub fn has_room(&self) -> bool {
+        !self.room.contains(&0)
     }
 
     /// Whether every shader that a click may ask for is ready.
@@ -180,8 +188,10 @@ impl Workbench {
 
     /// Asks for the picture that the controls describe, unless it was asked for.
     fn ask(&mut self) {
+        // What a slider made impossible is said, and the picture stays as it was.
+        self.impossible = scene::validate(&self.settings.scene).err().map(|error| error.to_string());
         let size = self.size();
-        if size.contains(&0) || self.news.adapter.is_none() {
+        if self.impossible.is_some() || !self.has_room() || self.news.adapter.is_none() {
             return;
         }
         let wish = Wish { settings: self.settings.clone(), viewpoint: self.viewpoint.clone(), size, frame: self.clock.frame };
@@ -194,8 +204,12 @@ impl Workbench {
     /// The pose of the last picture, to go on from.
     pub(crate) fn pose(&self) -> Option<kernels::camera::Pose> {
         match &self.viewpoint {
-            // A walker's height follows from the place, which may be ahead of the picture.
-            Viewpoint::Free { pose, .. } => Some(*pose),
+            // A walker's height is known by the thread that draws; the place may be ahead of the picture.
+            Viewpoint::Free { pose, walking: true } => {
+                let z = self.shown().map_or(pose.position.z, |shown| shown.pose.position.z);
+                Some(kernels::camera::Pose { position: pose.position.with_z(z), ..*pose })
+            }
+            Viewpoint::Free { pose, walking: false } => Some(*pose),
             Viewpoint::Camera(_) | Viewpoint::Path(_) => self.shown().map(|shown| shown.pose),
         }
     }
@@ -373,12 +387,7 @@ impl eframe::App for Workbench {
             tree.ui(&mut Panes(self), ui);
             self.tree = tree;
         });
-        if let Err(error) = scene::validate(&self.settings.scene) {
-            // What a slider made impossible is said, and the picture stays as it was.
-            self.news.failure = Some(error.to_string());
-        } else {
-            self.ask();
-        }
+        self.ask();
         self.undoer.feed_state(ctx.input(|i| i.time), &self.settings);
     }
 }

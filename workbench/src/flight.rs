@@ -10,8 +10,6 @@ use kernels::camera::Pose;
 pub const SPEEDS_M_S: [f64; 2] = [0.05, 2000.0];
 /// How much a notch of the wheel changes the speed.
 const NOTCH: f64 = 1.15;
-/// Radians that the view turns for a drag over the height of the viewport, as a share of the vertical field of view: the ground keeps under the pointer.
-const TURN: f64 = 1.0;
 /// Steepest look up or down, radians: never quite along the axis that says where up is.
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
 
@@ -31,12 +29,12 @@ impl Default for Flight {
 }
 
 impl Flight {
-    /// Turns the view by a drag of so many points in a viewport of such a height; says whether it did.
+    /// Turns the view by a drag of so many points in a viewport of such a height, so that what was under the pointer stays there; says whether it did.
     pub fn turn(&self, pose: &mut Pose, drag: Vec2, height: f32) -> bool {
         if drag == Vec2::ZERO || height <= 0.0 {
             return false;
         }
-        let angle = |points: f32| f64::from(points / height) * pose.fov * TURN;
+        let angle = |points: f32| f64::from(points / height) * pose.fov;
         let (yaw, pitch) = (angle(-drag.x), angle(drag.y));
         pose.yaw = (pose.yaw + yaw).rem_euclid(TAU);
         pose.pitch = (pose.pitch + pitch).clamp(-STEEPEST, STEEPEST);

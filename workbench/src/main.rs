@@ -60,8 +60,12 @@ fn run(args: &Args) -> Result<()> {
         ..Default::default()
     };
     eframe::run_native("scree", options, Box::new(|cc| Ok(Box::new(Workbench::new(&cc.egui_ctx, scene))))).map_err(|error| {
+        // The library's own words name its source file; that there is no display is said plainly.
+        let unset = |name: &str| std::env::var_os(name).is_none_or(|value| value.is_empty());
+        let headless = cfg!(target_os = "linux") && unset("DISPLAY") && unset("WAYLAND_DISPLAY");
+        let why = if headless { "neither DISPLAY nor WAYLAND_DISPLAY is set".to_owned() } else { error.to_string() };
         anyhow!(
-            "no window could be opened ({error}): on a machine without a display use `workbench --screenshot FILE`, or `experiments`, which needs none"
+            "no window could be opened ({why}): on a machine without a display use `workbench --screenshot FILE`, or `experiments`, which needs none"
         )
     })
 }

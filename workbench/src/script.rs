@@ -4,7 +4,7 @@ use std::path::Path;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use eframe::egui::{self, Key, Role};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
@@ -117,6 +117,7 @@ impl Stage {
     pub fn settle(&mut self) -> Result<()> {
         // What was just done is asked for by the next drawing of the window only.
         self.harness.step();
+        ensure!(self.harness.state().has_room(), "the window is too small for a picture: make it larger with --size");
         self.until("the picture", Workbench::is_settled)
     }
 
@@ -196,6 +197,9 @@ impl Stage {
             Step::Set(name, value) => {
                 let Some(node) = self.find(name) else { return Err(self.missing(name)) };
                 node.set_value_accesskit(*value);
+            }
+            Step::Frames(_) if self.harness.state().clock.paused => {
+                bail!("time stands still, so no frame follows: `key Space` lets it run")
             }
             Step::Frames(count) => {
                 let until = self.harness.state().clock.frame.wrapping_add(*count);

@@ -27,6 +27,10 @@ type Times = BTreeMap<(String, String, String), f64>;
 const FRAME: &str = "frame (wall clock)";
 const MEASURING: &str = "measuring (wall clock)";
 
+fn is_wall_clock(pass: &str) -> bool {
+    [FRAME, MEASURING].contains(&pass)
+}
+
 const AUTO: &str = "auto";
 const GENERIC: &str = "generic";
 const VIEWS: [&str; 2] = ["cliff", "ground"];
@@ -109,8 +113,7 @@ fn shading(times: &Times, camera: &str, choice: &str) -> f64 {
 
 /// Share of the classification pass in a frame of automatic variants.
 fn classification_share(times: &Times, camera: &str) -> f64 {
-    let of_frame: Vec<_> =
-        times.iter().filter(|((c, name, pass), _)| c == camera && name == AUTO && ![FRAME, MEASURING].contains(&pass.as_str())).collect();
+    let of_frame: Vec<_> = times.iter().filter(|((c, name, pass), _)| c == camera && name == AUTO && !is_wall_clock(pass)).collect();
     let all: f64 = of_frame.iter().map(|(_, ms)| **ms).sum();
     of_frame.iter().filter(|((_, _, pass), _)| pass == "classification").map(|(_, ms)| **ms).sum::<f64>() / all
 }
@@ -150,7 +153,7 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, times: &Times) -> Result<()>
         let [width, height] = args.size.map(|n| n.to_string());
         let row = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height, variant, pass];
         csv.write_record(row.into_iter().map(ToString::to_string).chain([
-            if [FRAME, MEASURING].contains(&pass.as_str()) { "wall_ms" } else { "gpu_ms" }.to_owned(),
+            if is_wall_clock(pass) { "wall_ms" } else { "gpu_ms" }.to_owned(),
             "ms".to_owned(),
             format!("{ms:.4}"),
         ]))?;

@@ -469,14 +469,14 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
     }
     let show = folder.display();
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read {show}: give the folder of a run, where manifest.json is"))?;
-    let mut below: Vec<PathBuf> = entries.filter_map(Result::ok).map(|e| e.path()).filter(|p| p.join(manifest::FILE).exists()).collect();
-    below.sort();
-    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {show}"))?.filter_map(Result::ok);
-    let nameless = entries.map(|e| e.path()).find(|p| {
+    let mut inside: Vec<PathBuf> = entries.filter_map(Result::ok).map(|e| e.path()).collect();
+    inside.sort();
+    let (below, others): (Vec<PathBuf>, Vec<PathBuf>) = inside.into_iter().partition(|p| p.join(manifest::FILE).exists());
+    let is_shard = |p: &&PathBuf| {
         let name = p.file_name().unwrap_or_default().to_string_lossy();
-        p.is_dir() && name.starts_with("shard-") && name.contains("-of-") && !p.join(manifest::FILE).exists()
-    });
-    if let Some(shard) = nameless {
+        p.is_dir() && name.starts_with("shard-") && name.contains("-of-")
+    };
+    if let Some(shard) = others.iter().find(is_shard) {
         bail!(
             "{} has no {}, so its numbers cannot be told from others: run that shard anew, or take the folder away",
             shard.display(),

@@ -119,8 +119,7 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    // What is dear, of a quarter. By itself and not as a case within the loop above: a processor that runs its lanes in step would pay for it in all
-    // pixels.
+    // What is dear, of a quarter; a loop of its own for the reason that motion.wgsl gives.
     for (var y = origin.y; y < end.y; y++) {
         for (var first = origin.x; first < end.x; first += 4u) {
             let x = motion_of_quarter(first, y, measure.quarter);

@@ -1,8 +1,8 @@
 //! Metrics: what a sequence of pictures does over frames and over seeds, summed on the device.
 //!
 //! A *stream* is one way to shade (variant, estimator, noise, resolve) followed over time: a ring of five pictures, two words a pixel (`shared::signal`).
-//! Each frame, [`Motion`] links every pixel to those that showed its surface point 1 to 4 frames before; then each stream is measured against its own
-//! past by sums a tile, which are all that is read back. Nothing here grows with the number of frames.
+//! Each frame, [`Motion`] links every pixel to the one that showed its surface point a frame before, and a quarter of them to those of 2 to 4; then each
+//! stream is measured against its own past by sums a tile, which are all that is read back. Nothing here grows with the number of frames.
 //!
 //! The formulas are in METHODOLOGY; `reference` holds them in f64.
 

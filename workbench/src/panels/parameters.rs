@@ -7,7 +7,7 @@ use crate::parameters::{GROUPS, Parameter};
 use crate::settings::SCALES;
 
 /// Points that a row takes beside its slider, and the slider's narrowest and widest.
-const BESIDE: f32 = 285.0;
+const BESIDE: f32 = 310.0;
 const SLIDER: [f32; 2] = [30.0, 200.0];
 
 pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {

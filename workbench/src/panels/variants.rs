@@ -5,6 +5,7 @@ use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 
+use super::choose;
 use crate::app::Workbench;
 
 /// Columns of the 31.
@@ -43,21 +44,13 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     });
     ui.separator();
     egui::Grid::new("estimator and noise").num_columns(2).show(ui, |ui| {
-        let label = ui.label("Estimator");
-        let combo = egui::ComboBox::from_id_salt("Estimator").selected_text(app.settings.estimator.name()).show_ui(ui, |ui| {
-            for estimator in Estimator::ALL {
-                ui.selectable_value(&mut app.settings.estimator, estimator, estimator.name());
-            }
-        });
-        combo.response.labelled_by(label.id);
+        let shown = app.settings.estimator.name();
+        let all = Estimator::ALL.into_iter().map(|e| (e, e.name().to_owned(), "")).collect();
+        choose(ui, "Estimator", &mut app.settings.estimator, shown, all);
         ui.end_row();
-        let label = ui.label("Noise");
-        let combo = egui::ComboBox::from_id_salt("Noise").selected_text(app.settings.noise.name()).show_ui(ui, |ui| {
-            for noise in NoiseKind::ALL {
-                ui.selectable_value(&mut app.settings.noise, noise, noise.name());
-            }
-        });
-        combo.response.labelled_by(label.id);
+        let shown = app.settings.noise.name();
+        let all = NoiseKind::ALL.into_iter().map(|n| (n, n.name().to_owned(), "")).collect();
+        choose(ui, "Noise", &mut app.settings.noise, shown, all);
         ui.end_row();
         let label = ui.label("Seed");
         ui.add(egui::DragValue::new(&mut app.settings.seed)).labelled_by(label.id);

@@ -2,6 +2,7 @@
 
 use eframe::egui::{self, Color32, Rect, Sense, Ui, pos2, vec2};
 
+use super::choose;
 use crate::app::Workbench;
 use crate::display::Layer;
 use crate::engine::Viewpoint;
@@ -78,23 +79,13 @@ pub(crate) fn viewpoints(app: &mut Workbench, ui: &mut Ui) {
         Viewpoint::Free { walking: false, .. } => "flying".to_owned(),
     };
     let scene = &app.original;
-    let cameras = scene.cameras.iter().map(|c| (format!("camera {}", c.name), Viewpoint::Camera(c.name.clone())));
-    let paths = scene.paths.iter().map(|p| (format!("path {}", p.name), Viewpoint::Path(p.name.clone())));
-    let choices: Vec<(String, Viewpoint)> = cameras.chain(paths).collect();
-    let label = ui.label("View");
-    let combo = egui::ComboBox::from_id_salt("View").selected_text(name).show_ui(ui, |ui| {
-        for (name, viewpoint) in choices {
-            ui.selectable_value(&mut app.viewpoint, viewpoint, name);
-        }
-    });
-    combo.response.labelled_by(label.id).on_hover_text("Cameras and paths of the scene; drag or W A S D to leave them");
-    let label = ui.label("Layer");
-    let combo = egui::ComboBox::from_id_salt("Layer").selected_text(app.settings.layer.name()).show_ui(ui, |ui| {
-        for layer in Layer::ALL {
-            ui.selectable_value(&mut app.settings.layer, layer, layer.name()).on_hover_text(layer.legend());
-        }
-    });
-    combo.response.labelled_by(label.id);
+    let cameras = scene.cameras.iter().map(|c| (Viewpoint::Camera(c.name.clone()), format!("camera {}", c.name), ""));
+    let paths = scene.paths.iter().map(|p| (Viewpoint::Path(p.name.clone()), format!("path {}", p.name), ""));
+    let all = cameras.chain(paths).collect();
+    choose(ui, "View", &mut app.viewpoint, &name, all).on_hover_text("Cameras and paths of the scene; drag or W A S D to leave them");
+    let all = Layer::ALL.into_iter().map(|l| (l, l.name().to_owned(), l.legend())).collect();
+    let shown = app.settings.layer.name();
+    choose(ui, "Layer", &mut app.settings.layer, shown, all);
     ui.checkbox(&mut app.flight.walking, "Walk").on_hover_text("Keep the eye 1.7 m over the ground (F)");
     ui.label(format!("{:.3} m/s", app.flight.speed_m_s)).on_hover_text("Speed: the wheel over the picture changes it");
 }
