@@ -25,7 +25,9 @@ struct MeasureTile {
     quarter_terrain: u32,
 }
 
-@group(0) @binding(0) var<uniform> measure: MeasureFrame;
+// Storage and not a uniform: lavapipe compiles a shader anew for each value of the uniforms that its branches ask for, and of Mesa 22.3 each dispatch
+// leaves a copy of the shader behind (170 kB a stream and frame were seen here).
+@group(0) @binding(0) var<storage, read> measure: MeasureFrame;
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read_write> tiles: array<MeasureTile>;

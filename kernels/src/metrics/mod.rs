@@ -204,7 +204,7 @@ impl Meter {
     /// When a shader does not compile or the device has not the memory.
     pub fn new(gpu: &Gpu, frame_uniforms: &wgpu::BindGroupLayout, size: [u32; 2], resolves: &[Resolve]) -> Result<Meter> {
         let stage = wgpu::ShaderStages::COMPUTE;
-        let frame_layout = gpu.layout("measured frame", stage, &[Binding::Uniform, Binding::Storage]);
+        let frame_layout = gpu.layout("measured frame", stage, &[Binding::Storage, Binding::Storage]);
         let stream_layout = gpu.layout("measured stream", stage, &[Binding::Storage, Binding::StorageWritten, Binding::StorageWritten]);
         let shader = Shader::new(gpu, "measure", &files())?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -266,7 +266,7 @@ impl Meter {
             pad_0: 0,
             past_slots: slots.past,
         };
-        let buffer = gpu.buffer_with("measured frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniform));
+        let buffer = gpu.buffer_with("measured frame", wgpu::BufferUsages::STORAGE, bytes_of(&uniform));
         let frame = gpu.group("measured frame", &self.frame_layout, &[&buffer, &self.motion.links].map(|b| b.as_entire_binding()));
         for stream in &self.streams {
             encoder.clear_buffer(&stream.histogram, 0, None);

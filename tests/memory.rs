@@ -1,0 +1,54 @@
+//! Memory over many frames, in a process of its own: what a frame leaves behind adds up in a long run.
+
+use std::fs;
+
+use kernels::camera::Pose;
+use kernels::composition::Layers;
+use kernels::frame::{RenderRequest, Renderer};
+use kernels::gpu::Gpu;
+use kernels::metrics::Meter;
+use kernels::scene;
+use kernels::temporal::Resolve;
+use kernels::variant::Variant;
+
+const SIZE: [u32; 2] = [64, 48];
+/// Frames until everything is there that comes once: rings, pools of the driver, shaders of each kind.
+const FIRST: u32 = 30;
+const MORE: u32 = 60;
+/// What the allocator may scatter over that many frames. The leak that this test was made for left 40 MB.
+const SLACK_KIB: u64 = 3 << 10;
+
+/// Memory of this process that is in use; absent where the system does not say.
+fn resident_kib() -> Option<u64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse().ok()
+}
+
+#[test]
+fn measured_frames_leave_nothing_behind() {
+    if resident_kib().is_none() {
+        eprintln!("left out: this system has no /proc/self/status");
+        return;
+    }
+    let gpu = Gpu::new().expect("an adapter");
+    let mut scene = scene::load(scene::DEFAULT).expect("the built-in scene");
+    scene.detail_size = 64;
+    let mut renderer = Renderer::new(&gpu, &scene, &|_| {}).expect("the small scene renders");
+    let pose = Pose::of(&scene.cameras[1], |x, y| renderer.ground_m(x, y));
+    let layers = Layers::new(&gpu, SIZE);
+    let flavours = Variant::new(12).expect("both cliffs");
+    let mut meter: Meter = renderer.meter(SIZE, &Resolve::ALL).expect("a meter");
+    let mut frames = |from: u32, to: u32| {
+        for frame in from..to {
+            let request = RenderRequest { frame, seed: frame, ..RenderRequest::new(pose, SIZE) };
+            renderer.draw(&request).expect("a frame");
+            renderer.draw_flavours(&request, flavours, &layers).expect("flavours");
+            renderer.measure(&request, &layers, &mut meter, &[Some(flavours); 4]).expect("sums");
+        }
+        resident_kib().expect("read above")
+    };
+    let before = frames(0, FIRST);
+    let after = frames(FIRST, FIRST + MORE);
+    assert!(after <= before + SLACK_KIB, "{MORE} frames left {} KiB behind: {before} KiB before, {after} KiB after", after - before);
+}
