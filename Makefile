@@ -30,8 +30,8 @@ demo: setup ## the main job in small, on the built-in world; writes a report
 	$(CARGO) run --release --locked -q -p experiments -- demo --out "$(OUT)"
 	@echo "The report is $(OUT)/report.html"
 
-app: setup ## opens the workbench
-	$(CARGO) run --release --locked -p workbench
+app: setup ## opens the workbench; edited shaders are drawn with at once
+	$(CARGO) run --release --locked -p workbench -- --shaders kernels/src
 
 test: setup ## format, lints, documentation, every test, the notebook
 	$(CARGO) fmt --all --check

@@ -19,6 +19,8 @@ mod geometry;
 #[cfg(test)]
 mod import;
 #[cfg(test)]
+mod inspector;
+#[cfg(test)]
 mod layouts;
 #[cfg(test)]
 mod materials;
@@ -26,6 +28,8 @@ mod materials;
 mod metrics;
 #[cfg(test)]
 mod noise;
+#[cfg(test)]
+mod reload;
 #[cfg(test)]
 mod runs;
 #[cfg(test)]

@@ -3,16 +3,23 @@
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
+use ::experiments::store::read_run;
 use eframe::egui;
+use kernels::camera::Pose;
 use kernels::frame::VariantChoice;
+use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
+use kernels::world::payload::PAYLOAD_BYTES;
 use workbench::app::Workbench;
+use workbench::compare::{Mode, Other};
 use workbench::display::Layer;
-use workbench::engine::{EYE_M, Viewpoint};
+use workbench::engine::{EYE_M, Shown, Viewpoint};
 use workbench::parameters::GROUPS;
 use workbench::script::{Stage, Step, steps};
 
+use crate::bad_input::{Folder, program};
 use crate::frame::small_scene;
 
 const WINDOW: [u32; 2] = [1100, 1500];
@@ -20,11 +27,12 @@ const WINDOW: [u32; 2] = [1100, 1500];
 /// The application with a small scene, standing still at a camera, its first picture there.
 fn stage() -> Stage {
     let mut stage = Stage::new(small_scene(), WINDOW);
-    stage.settle().expect("the first picture");
     let app = stage.app();
     app.clock.paused = true;
-    app.settings.scale = 0.2;
     app.viewpoint = Viewpoint::Camera("ground".to_owned());
+    stage.settle().expect("the first picture");
+    // The adapter has brought its own.
+    stage.app().settings.scale = 0.2;
     stage.settle().expect("a picture of the ground");
     stage
 }
@@ -208,7 +216,8 @@ fn layers_panels_and_what_is_not_there() {
         take(&mut stage, &format!("click Layer; click {}", layer.name()));
         let shown = stage.app().shown().expect("a picture").clone();
         assert_eq!(shown.wish.settings.layer, layer);
-        assert!(pictures.iter().all(|p| *p != shown.texels), "{} looks like another layer", layer.name());
+        // Where time stands still nothing flickers, which looks like nothing that flips.
+        assert!(layer.is_measured() || pictures.iter().all(|p| *p != shown.texels), "{} looks like another layer", layer.name());
         pictures.push(shown.texels.clone());
     }
     take(&mut stage, "click Count fetches; click Frame");
@@ -227,4 +236,314 @@ fn layers_panels_and_what_is_not_there() {
     assert!(error.contains("--size"), "{error}");
     let error = stage.screenshot(Path::new("/nowhere/at/all.png")).expect_err("no such folder").to_string();
     assert!(error.contains("/nowhere/at/all.png"), "{error}");
+}
+
+/// Draws the window until something is on screen that stands for what another process does.
+fn wait(stage: &mut Stage, what: &str, done: impl Fn(&Stage) -> bool) {
+    let began = Instant::now();
+    loop {
+        stage.settle().expect("a picture");
+        if done(stage) {
+            return;
+        }
+        assert!(began.elapsed() < Duration::from_secs(300), "{what} did not come: {:?}", stage.names());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Share of the terrain on screen where a picture differs by more than rounding does: a code of 255.
+fn differing(picture: &image::RgbImage, shown: &Shown) -> f64 {
+    assert_eq!([picture.width(), picture.height()], shown.wish.size);
+    let terrain = shown.picture.hdr.iter().map(|texel| texel[3] > 0.0);
+    let differs = |(a, b): (&image::Rgb<u8>, &[u8; 3])| (0..3).any(|k| a.0[k].abs_diff(b[k]) > 1);
+    let on: Vec<bool> = picture.pixels().zip(&shown.texels).map(differs).zip(terrain).filter(|(_, on)| *on).map(|(d, _)| d).collect();
+    assert!(on.len() * 4 > shown.texels.len(), "hardly any terrain: {} pixels", on.len());
+    on.iter().filter(|differs| **differs).count() as f64 / on.len() as f64
+}
+
+#[test]
+fn what_is_on_screen_is_saved_run_stopped_and_gone_on_with() {
+    // The panel starts the program that lies beside this one.
+    program();
+    let folder = Folder::new("workbench-experiment");
+    let out = folder.path("out");
+    let mut stage = stage();
+    let pose = stage.app().shown().expect("a picture").pose;
+    let app = stage.app();
+    app.settings.scale = 0.1;
+    app.settings.layer = Layer::Albedo;
+    app.settings.noise = NoiseKind::WhiteScreen;
+    app.settings.scene.blend.mip_bias = 0.5;
+    app.clock.frame = 2;
+    // Beside the camera, and on foot: a view that the scene has no name for.
+    app.viewpoint = Viewpoint::Free { pose: Pose { yaw: pose.yaw + 0.2, ..pose }, walking: false };
+    take(&mut stage, "key F; click Variant near-cliff");
+    take(&mut stage, &format!("click Experiments; type Folder = {}; type Definitions = ; type Results = {out}", folder.0.display()));
+    take(&mut stage, "type Experiment name = seen; set Frames of the run = 3; set Seeds of the run = 2");
+
+    // What a run cannot draw is refused, and says which control to turn back.
+    stage.app().settings.reseeds = true;
+    take(&mut stage, "click Save as experiment");
+    assert!(stage.names().iter().any(|name| name.contains("clear `A seed a frame`")), "{:?}", stage.names());
+    assert!(!folder.0.join("seen").exists() && !stage.has("Run seen"));
+    stage.app().settings.reseeds = false;
+    take(&mut stage, "click Save as experiment");
+    assert!(folder.0.join("seen").join("seen.toml").is_file() && stage.has("Run seen"), "{:?}", stage.names());
+    // Once more under that name, nothing is written over.
+    take(&mut stage, "click Save as experiment");
+    assert!(stage.names().iter().any(|name| name.contains("seen exists")), "{:?}", stage.names());
+
+    // Stopped in the middle, and gone on with.
+    take(&mut stage, "click Run seen");
+    wait(&mut stage, "the first part", |stage| stage.names().iter().any(|name| name.contains("seen (%)")));
+    take(&mut stage, "click Cancel run");
+    wait(&mut stage, "the stop", |stage| stage.names().iter().any(|name| name.contains("seen: stopped")));
+    take(&mut stage, "click Run seen");
+    wait(&mut stage, "the report", |stage| stage.has("Open report"));
+    assert!(stage.names().iter().any(|name| name.contains("What does near-cliff cost")), "{:?}", stage.names());
+
+    // It is of what was on screen.
+    let shown = stage.app().shown().expect("a picture").clone();
+    let run = read_run(&Path::new(&out).join("seen")).expect("it is whole");
+    assert!(run.complete && Path::new(&out).join("seen").join("report.html").is_file());
+    assert_eq!((run.definition.size, run.definition.frames, run.definition.seeds), (shown.wish.size, 3, 2));
+    let measured: Vec<_> = run.rows.iter().filter(|row| row.metric == "flip_rate").collect();
+    assert!(!measured.is_empty() && run.rows.iter().any(|row| row.metric == "variance"));
+    for row in measured {
+        let labels = [&row.view, &row.variant, &row.estimator, &row.noise, &row.temporal];
+        assert_eq!(labels, ["workbench", "near-cliff", "fc5", "white", "off"]);
+    }
+    // To the picture: white noise is another in every frame, so frame, seed, view and scene must all be the same.
+    let file = Path::new(&out).join("seen").join("pictures").join("sweep-workbench-fc5-white-off-near-cliff.png");
+    let picture = image::open(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display())).to_rgb8();
+    let same = differing(&picture, &shown);
+    assert!(same <= 0.001, "{same} of the terrain differs");
+    // Negative control: the frame before.
+    stage.app().clock.frame = 1;
+    stage.settle().expect("a picture");
+    let other = differing(&picture, stage.app().shown().expect("a picture"));
+    assert!(other > 0.1, "only {other} of the terrain differs in another frame");
+}
+
+#[test]
+fn a_place_is_kept_and_gone_back_to_as_the_same_picture() {
+    let mut stage = stage();
+    let seen = |stage: &mut Stage| {
+        let shown = stage.app().shown().expect("a picture");
+        (shown.pose, shown.texels.clone())
+    };
+    take(&mut stage, "click Places; click Keep this place");
+    let before = seen(&mut stage);
+    stage.hold("W".parse_key(), 4).expect("a picture");
+    let elsewhere = seen(&mut stage);
+    assert!(elsewhere.0 != before.0 && elsewhere.1 != before.1, "it flew away");
+    take(&mut stage, "click Keep this place; click Go to place");
+    assert!(seen(&mut stage) == before, "the place that was kept first");
+    take(&mut stage, "click Go to place 2");
+    assert!(seen(&mut stage) == elsewhere, "the second, under a name of its own");
+    take(&mut stage, "click Forget place");
+    assert!(!stage.has("Go to place") && stage.has("Go to place 2"));
+}
+
+#[test]
+fn a_recorded_flight_replays_the_same_pictures_frame_by_frame() {
+    let mut stage = stage();
+    stage.app().clock.frame = 40;
+    stage.settle().expect("a picture");
+    take(&mut stage, "click Places; click Record path");
+    let mut flown = Vec::new();
+    for frame in 0..4 {
+        if frame > 0 {
+            take(&mut stage, "click Step");
+        }
+        stage.hold("W".parse_key(), 2).expect("a picture");
+        let shown = stage.app().shown().expect("a picture").clone();
+        assert_eq!(shown.wish.frame, frame, "a recording begins at frame 0");
+        flown.push((shown.pose, shown.texels.clone()));
+    }
+    assert!(flown.windows(2).all(|pair| pair[0] != pair[1]), "it moved");
+    assert!(stage.has("4 frames so far"), "{:?}", stage.names());
+    take(&mut stage, "click Stop recording; click View; click camera ground; click Replay path");
+    for frame in 0..6_usize {
+        if frame > 0 {
+            take(&mut stage, "click Step");
+        }
+        let shown = stage.app().shown().expect("a picture").clone();
+        assert!(matches!(&shown.wish.viewpoint, Viewpoint::Recorded(path) if path.frames() == 4));
+        assert_eq!(shown.pose, flown[frame % 4].0, "frame {frame}: over and over");
+        assert!(frame >= 4 || shown.texels == flown[frame].1, "frame {frame}: other pixels");
+    }
+    // Nothing is typed under `Path file` yet: that is said, and nothing is written.
+    take(&mut stage, "click Write path to a file");
+    assert!(stage.names().iter().any(|name| name.contains("Path file") && name.contains(".csv")), "{:?}", stage.names());
+    take(&mut stage, "click Forget path path");
+    assert!(!stage.has("Replay path"));
+}
+
+#[test]
+fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
+    let mut stage = stage();
+    let alone = stage.app().shown().expect("a picture").texels.clone();
+    take(&mut stage, "click Compare; click Keep A as B");
+    let shown = stage.app().shown().expect("a picture").clone();
+    let second = shown.second.as_ref().expect("B");
+    assert!(shown.texels == alone && second.texels == alone, "B is A");
+    assert_eq!((second.rmse, second.largest), (0.0, 0.0), "nowhere a difference");
+    // Something of the request, and something of the scene: both sides are what they would be alone.
+    for change in ["set Seed = 7", "set Sun above = 20"] {
+        take(&mut stage, &format!("click Variants; click Parameters; {change}; click Compare"));
+        let shown = stage.app().shown().expect("a picture").clone();
+        let second = shown.second.as_ref().expect("B");
+        assert!(second.texels == alone && shown.texels != alone, "{change}");
+        assert!(second.rmse > 0.0 && second.largest > 0.0 && second.largest >= second.mean.abs(), "{change}");
+    }
+    assert!(
+        stage.names().iter().any(|n| n.starts_with("A: ") && n.contains("seed 7") && n.contains("Sun above 20 deg")),
+        "{:?}",
+        stage.names()
+    );
+    // Each way to show them is drawn from the same pictures.
+    let both = stage.app().shown().expect("a picture").clone();
+    for mode in Mode::ALL.into_iter().filter(|m| *m != Mode::Off) {
+        take(&mut stage, &format!("click Show; click {}", mode.name()));
+        let shown = stage.app().shown().expect("a picture").clone();
+        assert_eq!((shown.wish.compare.mode, &shown.texels), (mode, &both.texels));
+        let difference = shown.second.as_ref().expect("B").difference.as_ref();
+        assert_eq!(difference.is_some_and(|d| d.iter().any(|&c| c != d[0])), mode == Mode::Difference);
+    }
+    take(&mut stage, "click Swap A and B");
+    let swapped = stage.app().shown().expect("a picture").clone();
+    assert!(swapped.texels == alone && swapped.second.as_ref().expect("B").texels == both.texels, "A is what B was");
+    take(&mut stage, "key X");
+    assert_eq!(stage.app().compare.mode, Mode::Flicker);
+    take(&mut stage, "click B is; click exact blend of A");
+    assert_eq!(stage.app().compare.other, Other::Exact);
+}
+
+#[test]
+fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
+    let mut stage = stage();
+    let last = |stage: &mut Stage| stage.app().shown().expect("a picture").readings.last().copied().expect("measured");
+    stage.app().viewpoint = Viewpoint::Camera("cliff".to_owned());
+    stage.app().settings.forced = Some(Variant::only(Flavour::FarCliff));
+    take(&mut stage, "click Metrics; click Measure; key Period; key Period; key Period");
+    let still = last(&mut stage).sides[0].expect("terrain");
+    // Noise that is fixed to the ground, seen by a camera that stands: nothing changes.
+    assert_eq!((still.flip_rate, still.flicker, still.variance), (Some(0.0), 0.0, 0.0));
+    assert_eq!(still.frames, 4.0);
+    stage.app().settings.reseeds = true;
+    take(&mut stage, "key Period; key Period; key Period");
+    let reseeded = last(&mut stage).sides[0].expect("terrain");
+    assert!(reseeded.frames <= 4.0 && reseeded.flip_rate.expect("choices") > 0.3 && reseeded.flicker > 1e-3, "{reseeded:?}");
+    // Frozen numbers stay; begun anew they count one frame.
+    take(&mut stage, "click Freeze; key Period");
+    assert_eq!(last(&mut stage).sides[0], Some(reseeded));
+    take(&mut stage, "click Freeze; click Begin anew");
+    assert_eq!(last(&mut stage).sides[0].expect("terrain").frames, 1.0);
+    // Against the exact blend there is noise in one frame already, and no bias to speak of.
+    take(&mut stage, "click Compare; click Show; click Wipe; key Period");
+    let against = last(&mut stage).sides;
+    let (a, b) = (against[0].expect("A"), against[1].expect("B"));
+    assert!(a.clumping.is_some_and(|c| c > 0.2) && b.flip_rate.is_none() && b.flicker == 0.0, "{a:?} {b:?}");
+    assert!(a.bias.is_some_and(|bias| bias.abs() < 0.01) && b.bias.is_none(), "{a:?} {b:?}");
+    // A rectangle holds fewer pixels; a measured layer is drawn.
+    stage.app().metrics.region = Some([0.25, 0.5, 0.5, 0.75]);
+    take(&mut stage, "key Period");
+    assert!(last(&mut stage).sides[0].expect("terrain").terrain < a.terrain / 4);
+    take(&mut stage, "click Whole picture; click Layer; click Flips");
+    assert_eq!(stage.app().settings.layer, Layer::Flips);
+}
+
+/// What the legend of the map says: levels, and how many nodes of each are drawn.
+fn legend(stage: &Stage) -> Vec<(u8, usize)> {
+    fn of(name: &str) -> Option<(u8, usize)> {
+        let (level, rest) = name.strip_prefix("Level ")?.split_once(": ")?;
+        let (_, nodes) = rest.rsplit_once(", ")?;
+        Some((level.parse().ok()?, nodes.strip_suffix(" nodes")?.parse().ok()?))
+    }
+    stage.names().iter().filter_map(|name| of(name)).collect()
+}
+
+#[test]
+fn the_machine_shows_what_each_stage_reported() {
+    let mut stage = stage();
+    take(&mut stage, "click Machine");
+    assert!(stage.has("Map of nodes"), "{:?}", stage.names());
+    for (camera, step) in [("ground", "key Period"), ("vista", "set Map span = 9000")] {
+        stage.app().viewpoint = Viewpoint::Camera(camera.to_owned());
+        take(&mut stage, step);
+        let shown = stage.app().shown().expect("a picture").clone();
+        let report = &shown.picture.report;
+
+        // Every node is in the legend once, with its level.
+        let levels = legend(&stage);
+        assert!(report.nodes > 0 && report.drawn.len() == report.nodes);
+        assert_eq!(levels.iter().map(|(_, nodes)| nodes).sum::<usize>(), report.nodes, "{camera}: {levels:?}");
+        assert!(levels.iter().filter(|(_, nodes)| *nodes > 0).count() > 1, "{camera}: one level only");
+        for (level, nodes) in levels {
+            assert_eq!(report.drawn.iter().filter(|node| node.lod == level).count(), nodes, "{camera}, level {level}");
+        }
+
+        // What is reported fits together.
+        let (atlas, cache) = (report.atlas, report.page_cache);
+        assert!(report.nodes <= report.visited && report.visited <= atlas.resident && atlas.resident <= atlas.capacity, "{report:?}");
+        let slots = u64::try_from(atlas.capacity + 1).expect("few");
+        let payload = u64::try_from(PAYLOAD_BYTES).expect("small");
+        assert!((slots * payload / 2..=slots * payload).contains(&atlas.bytes), "{} bytes", atlas.bytes);
+        assert_eq!(report.pages.wanted_by_level.iter().sum::<usize>(), report.pages.wanted);
+        assert_eq!(cache.by_level.iter().sum::<usize>(), cache.resident);
+        assert!(cache.resident <= cache.capacity && cache.bytes > 0, "{cache:?}");
+
+        // And it is on screen.
+        let names = stage.names();
+        let mut expected = vec![
+            format!("{} of {}", atlas.resident, atlas.capacity),
+            format!("{} of {}", cache.resident, cache.capacity),
+            report.patches.to_string(),
+        ];
+        expected.extend(Variant::all().filter_map(|variant| {
+            let tiles = report.tiles[usize::from(variant.mask())];
+            (tiles > 0).then(|| format!("{tiles} tiles, {:.1} %", 100.0 * f64::from(tiles) / f64::from(report.tiles[0])))
+        }));
+        for text in expected {
+            assert!(names.contains(&text), "{camera}: `{text}` is not in {names:?}");
+        }
+    }
+    // A camera that stands needs no node anew.
+    take(&mut stage, "key Period");
+    assert_eq!(stage.app().shown().expect("a picture").picture.report.loaded, 0);
+}
+
+#[test]
+fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
+    let mut stage = stage();
+    stage.app().viewpoint = Viewpoint::Camera("cliff".to_owned());
+    stage.settle().expect("a picture");
+    let before = stage.app().shown().expect("a picture").texels.clone();
+    take(&mut stage, "click Inspector");
+    assert!(stage.app().shown().expect("a picture").pixel.is_none());
+    // By the keyboard.
+    let size = stage.app().shown().expect("a picture").wish.size;
+    let on: Vec<bool> = stage.app().shown().expect("a picture").picture.hdr.iter().map(|texel| texel[3] > 0.0).collect();
+    let at = |index: usize| [index % size[0] as usize, index / size[0] as usize];
+    let ground = at(on.len() - 1 - on.iter().rev().position(|on| *on).expect("terrain"));
+    take(&mut stage, &format!("set Pixel x = {}; set Pixel y = {}", ground[0], ground[1]));
+    let shown = stage.app().shown().expect("a picture").clone();
+    let pixel = shown.pixel.as_ref().expect("terrain");
+    assert_eq!(pixel.pixel.map(|n| n as usize), ground);
+    assert!(stage.has("World position") && stage.has(&format!("{}, {} px", ground[0], ground[1])), "{:?}", stage.names());
+    assert_eq!(shown.texels, before, "the picture stays as it was");
+    take(&mut stage, "click Copy");
+    // With B beside A it is still A's.
+    take(&mut stage, "click Compare; click Show; click Wipe; click Inspector");
+    assert_eq!(stage.app().shown().expect("a picture").pixel.as_ref(), Some(pixel));
+    take(&mut stage, "click Let go");
+    assert_eq!((stage.app().probe, stage.app().shown().expect("a picture").pixel.is_none()), (None, true));
+    // By the mouse: the middle of the viewport. A drag looks around and probes nothing.
+    take(&mut stage, "click Compare; click Show; click Only A");
+    stage.drag([6.0, 0.0]).expect("a picture");
+    assert_eq!(stage.app().probe, None);
+    take(&mut stage, "click Picture");
+    let [x, y] = stage.app().probe.expect("a click");
+    assert!((x - 0.5).abs() < 0.02 && (y - 0.5).abs() < 0.02, "{x} {y}");
 }

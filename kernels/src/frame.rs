@@ -1,5 +1,6 @@
 //! The frame, on one page: [`Renderer::render`] calls the stages in their order, what one makes being the next one's argument.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bytemuck::{Pod, Zeroable, bytes_of};
@@ -12,23 +13,27 @@ use crate::culling::{self, Patch};
 use crate::error::{Error, Result};
 use crate::geometry::{self, Geometry};
 use crate::gpu::bindings::Binding;
-use crate::gpu::{Gpu, PassTime, Timer};
+use crate::gpu::{Gpu, PassTime, Sources, Timer};
 use crate::inspect::Inspect;
 use crate::lighting::{self, Lighting};
 use crate::materials::Palette;
-use crate::metrics::{FrameSums, Meter};
+use crate::metrics::{FrameSums, Links, Meter};
 use crate::picture::{AovSet, Picture};
 use crate::quadtree;
 use crate::scene::{self, Blend, Requirements, Scene};
 use crate::shading::{self, Estimator, Kernel, PipelineKey, Shading};
 use crate::shared::flavour_weights::FlavourParams;
 use crate::shared::noise::{self, NoiseKind};
-use crate::streaming::Streaming;
+use crate::streaming::{AtlasCounts, Streaming};
 use crate::temporal::{Resolve, SamplePattern};
 use crate::terrain::{Terrain, palette_means};
 use crate::variant::{Flavour, Variant};
-use crate::virtual_texture::{self, PageCounts, VirtualTexture};
+use crate::virtual_texture::{self, CacheCounts, PageCounts, VirtualTexture};
 use crate::world::{NodeId, PaletteMeans, World};
+
+mod reload;
+
+pub use reload::{ReloadReport, shader_files};
 
 /// The uniforms that every stage knows.
 pub const FRAME_WGSL: (&str, &str) = ("frame.wgsl", include_str!("frame.wgsl"));
@@ -178,14 +183,22 @@ pub const MAX_PIXELS: u64 = 1 << 26;
 pub struct FrameReport {
     /// Time of each pass on the device.
     pub passes: Vec<PassTime>,
+    /// Nodes visited: those drawn, and those above them.
+    pub visited: usize,
+    /// Nodes that were not resident and were baked for this frame.
+    pub loaded: usize,
     /// Nodes drawn.
     pub nodes: usize,
     /// Patches drawn.
     pub patches: usize,
     /// The nodes drawn, each covering what no other does.
     pub drawn: Vec<NodeId>,
+    /// The atlases after this frame's loading.
+    pub atlas: AtlasCounts,
     /// Virtual-texture pages.
     pub pages: PageCounts,
+    /// The pages kept after this frame's rendering.
+    pub page_cache: CacheCounts,
     /// Tiles: all that hold terrain, then per variant 1..=31.
     pub tiles: Vec<u32>,
 }
@@ -235,6 +248,10 @@ pub struct Renderer<'a> {
     lighting: Lighting,
     inspect: Inspect,
     composition: Composition,
+    /// What the shaders above were made of.
+    sources: Arc<Sources>,
+    /// Of the last frame's shading.
+    keys: Vec<PipelineKey>,
     frame_layout: wgpu::BindGroupLayout,
     targets: Option<Targets>,
     last: Option<Drawn>,
@@ -277,6 +294,7 @@ impl<'a> Renderer<'a> {
         let streaming = Streaming::new(gpu, requirements.colour_modulation);
         let terrain = Terrain::new(gpu, &streaming, &palette, scene.blend.anisotropy);
         progress(Progress { stage: "shaders".to_owned(), done: 0, total: 0 });
+        let sources = gpu.sources();
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
         let capacity = if requirements.has(Flavour::VirtualTexture) { virtual_texture::CAPACITY } else { 0 };
         let modulated = requirements.colour_modulation;
@@ -294,6 +312,8 @@ impl<'a> Renderer<'a> {
             lighting: Lighting::new(gpu, &frame_layout)?,
             inspect: Inspect::new(gpu, &frame_layout, &terrain)?,
             composition: Composition::new(gpu, &frame_layout, modulated)?,
+            sources,
+            keys: Vec::new(),
             means: palette_means(&palette),
             scene: scene.clone(),
             options,
@@ -318,6 +338,9 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// When the scene asks for cliffs that the world does not have.
     pub fn retune(&mut self, scene: &Scene) -> Result<bool> {
+        if *scene == self.scene {
+            return Ok(true);
+        }
         let mut same = scene.clone();
         same.flavours.clone_from(&self.scene.flavours);
         same.blend =
@@ -330,7 +353,11 @@ impl<'a> Renderer<'a> {
             return Ok(false);
         }
         scene::validate_against_world(scene, self.world.max_slope_deg())?;
-        self.virtual_texture.forget();
+        // Of these numbers the height blend enters the texels of pages; a mip bias only rounds them otherwise.
+        let enters = |blend: &Blend| [blend.height_sharpness, blend.mip_bias];
+        if enters(&scene.blend) != enters(&self.scene.blend) {
+            self.virtual_texture.forget();
+        }
         self.scene = scene.clone();
         self.requirements = requirements;
         self.last = None;
@@ -423,11 +450,14 @@ impl<'a> Renderer<'a> {
         let mut encoder = gpu.encoder("geometry");
 
         let same = |d: &Drawn| (d.pose, d.size, d.jitter) == (request.pose, request.size, request.jitter);
+        // Where the geometry is kept, nothing is loaded.
+        let mut loaded = 0;
         let drawn = match self.last.take().filter(|d| request.keep_geometry && same(d)) {
             Some(drawn) => drawn,
             None => {
                 // streaming, quadtree: which nodes, and their payloads; culling: patches
                 let (visited, drawn, patches) = self.visible_patches(&view)?;
+                loaded = self.streaming.loaded();
                 // geometry: depth, stencil, mask, normals
                 self.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, &targets.geometry);
                 let (pose, size, jitter) = (request.pose, request.size, request.jitter);
@@ -451,7 +481,7 @@ impl<'a> Renderer<'a> {
         };
 
         // shading: G-buffer, by the variants that have tiles; lighting: linear HDR
-        let keys = self.warm(request, &tiles);
+        let keys = self.warm(request, &tiles)?;
         let mut encoder = gpu.encoder("shading");
         self.shading.encode(
             gpu,
@@ -473,10 +503,14 @@ impl<'a> Renderer<'a> {
 
         let report = FrameReport {
             passes: timer.read(gpu)?,
+            visited: drawn.visited.len(),
+            loaded,
             nodes: drawn.nodes.len(),
             patches: drawn.patches,
             drawn: drawn.nodes.clone(),
+            atlas: self.streaming.counts(),
             pages,
+            page_cache: self.virtual_texture.cache_counts(),
             tiles: tiles.to_vec(),
         };
         self.last = Some(drawn);
@@ -513,6 +547,24 @@ impl<'a> Renderer<'a> {
     /// When a shader does not compile or the device has not the memory.
     pub fn meter(&self, size: [u32; 2], resolves: &[Resolve]) -> Result<Meter> {
         Meter::new(self.gpu, &self.frame_layout, size, resolves)
+    }
+
+    /// Follows surface points from one picture of this renderer to the next.
+    ///
+    /// # Errors
+    /// When the shader does not compile or the device has not the memory.
+    pub fn links(&self, size: [u32; 2]) -> Result<Links> {
+        Links::new(self.gpu, &self.frame_layout, size)
+    }
+
+    /// Where each pixel's surface point of the last frame drawn, which `request` made, was in the one that `links` was last asked for.
+    ///
+    /// # Errors
+    /// When nothing of that size was drawn yet or the device fails.
+    pub fn link(&self, request: &RenderRequest, links: &mut Links) -> Result<Vec<u32>> {
+        let targets = self.targets.as_ref().filter(|t| t.size == links.size());
+        let targets = targets.ok_or_else(|| Error::Request("nothing of this size has been drawn yet".to_owned()))?;
+        links.find(self.gpu, &self.frame_group(request), &targets.geometry, self.view(request))
     }
 
     /// Composes pictures of the last frame drawn, which `request` made, from its flavours' layers: each stream into its buffer.
@@ -598,7 +650,10 @@ impl<'a> Renderer<'a> {
     }
 
     /// Builds the pipelines that a request needs for the tiles there are (all 31 lists and the generic one's), and returns their keys.
-    fn warm(&mut self, request: &RenderRequest, tiles: &[u32]) -> Vec<PipelineKey> {
+    ///
+    /// # Errors
+    /// When one cannot be built.
+    fn warm(&mut self, request: &RenderRequest, tiles: &[u32]) -> Result<Vec<PipelineKey>> {
         let has_tiles = |mask: usize| tiles.get(mask).is_some_and(|&n| n > 0);
         let kernels: Vec<Kernel> = match request.variant {
             VariantChoice::Auto | VariantChoice::Forced(_) => {
@@ -619,11 +674,17 @@ impl<'a> Renderer<'a> {
             .collect();
         let total = keys.len() as u64;
         for (done, &key) in (0..).zip(&keys) {
-            if self.shading.warm(self.gpu, key) {
+            if self.shading.warm(self.gpu, key)? {
                 (self.progress)(Progress { stage: "shader variants".to_owned(), done, total });
             }
         }
-        keys
+        // Those of one view, by whatever it was shaded; what is not lit is for nobody to see.
+        if request.lit && !request.keep_geometry {
+            self.keys.clear();
+        }
+        let fresh = keys.iter().filter(|key| request.lit && !self.keys.contains(key)).copied().collect::<Vec<_>>();
+        self.keys.extend(fresh);
+        Ok(keys)
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "uniforms are f32 on purpose")]

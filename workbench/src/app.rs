@@ -1,6 +1,7 @@
 //! The window: panels around a picture, and what they have in common.
 
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -10,8 +11,11 @@ use egui_tiles::{Behavior, Container, LinearDir, SimplificationOptions, Tile, Ti
 use kernels::scene::{self, Scene};
 use kernels::variant::Flavour;
 
+use crate::compare::Compare;
 use crate::engine::{Engine, News, Shown, Viewpoint, Wish};
 use crate::flight::Flight;
+use crate::kept::{self, Keeper, Kept};
+use crate::live::Metrics;
 use crate::panels;
 use crate::settings::Settings;
 
@@ -27,22 +31,55 @@ pub enum Pane {
     Viewport,
     /// Which shaders.
     Variants,
+    /// A beside B.
+    Compare,
+    /// What is measured of the pictures.
+    Metrics,
     /// The scene's numbers.
     Parameters,
-    /// What the frame was made of.
+    /// What the frame took.
     Frame,
+    /// One pixel, taken apart.
+    Inspector,
+    /// What each stage made of it: nodes on a map, atlases, pages, tiles.
+    Machine,
+    /// Experiments to save and to run.
+    Experiments,
+    /// Places to go back to, and paths to fly again.
+    Places,
     /// What is to be seen, and the keys.
     Help,
 }
 
 impl Pane {
+    /// All of them.
+    pub const ALL: [Pane; 11] = [
+        Pane::Viewport,
+        Pane::Variants,
+        Pane::Compare,
+        Pane::Places,
+        Pane::Help,
+        Pane::Parameters,
+        Pane::Metrics,
+        Pane::Frame,
+        Pane::Inspector,
+        Pane::Machine,
+        Pane::Experiments,
+    ];
+
     /// Its title.
     pub const fn name(self) -> &'static str {
         match self {
             Pane::Viewport => "Viewport",
             Pane::Variants => "Variants",
+            Pane::Compare => "Compare",
+            Pane::Metrics => "Metrics",
             Pane::Parameters => "Parameters",
             Pane::Frame => "Frame",
+            Pane::Inspector => "Inspector",
+            Pane::Machine => "Machine",
+            Pane::Experiments => "Experiments",
+            Pane::Places => "Places",
             Pane::Help => "What is this?",
         }
     }
@@ -57,6 +94,29 @@ pub struct Clock {
     pub paused: bool,
 }
 
+/// How the pictures are looked at, which changes none of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Looking {
+    /// Magnification, from 1.
+    pub zoom: f32,
+    /// The place in the middle of the viewport, as shares of the picture.
+    pub centre: [f32; 2],
+    /// Whether a magnified cut-out follows the pointer.
+    pub loupe: bool,
+    /// Where the line of a wipe is, as a share of the viewport's width.
+    pub wipe: f32,
+    /// Whether B is up, where one is shown at a time.
+    pub b: bool,
+    /// Whether the drag that is going on draws the rectangle that is measured.
+    pub measures: bool,
+}
+
+impl Default for Looking {
+    fn default() -> Self {
+        Looking { zoom: 1.0, centre: [0.5; 2], loupe: false, wipe: 0.5, b: false, measures: false }
+    }
+}
+
 /// The application.
 pub struct Workbench {
     engine: Engine,
@@ -65,7 +125,13 @@ pub struct Workbench {
     pub settings: Settings,
     /// The scene as it was loaded: what a reset goes back to.
     pub(crate) original: Scene,
-    undoer: Undoer<Settings>,
+    /// What it is held against.
+    pub compare: Compare,
+    /// What is measured of it.
+    pub metrics: Metrics,
+    /// Place of the pixel that is taken apart, in shares of the picture; `None` = none is.
+    pub probe: Option<[f32; 2]>,
+    undoer: Undoer<(Settings, Compare)>,
     /// Where it is seen from.
     pub viewpoint: Viewpoint,
     pub(crate) flight: Flight,
@@ -73,19 +139,31 @@ pub struct Workbench {
     pub clock: Clock,
     /// Size of the picture that the viewport has room for, pixels.
     pub(crate) room: [u32; 2],
-    pub(crate) texture: Option<TextureHandle>,
+    pub(crate) textures: [Option<TextureHandle>; 3],
+    /// How the pictures are looked at.
+    pub(crate) looking: Looking,
     asked: Option<Wish>,
     /// Why the scene cannot be as the sliders have it.
     impossible: Option<String>,
     pub(crate) times: VecDeque<Duration>,
     last_shown: Option<Instant>,
     scaled: bool,
+    /// The scale that nobody chose.
+    automatic_scale: f64,
+    pub(crate) places: panels::places::PlacesPanel,
+    pub(crate) machine: panels::machine::MachinePanel,
+    /// What writes what is kept, and the scene's name in there; `None` = nothing is kept.
+    keeping: Option<(Keeper, String)>,
+    /// What somebody should know of what was kept, until it is dismissed.
+    notes: Vec<String>,
+    pub(crate) experiments: panels::experiments::ExperimentsPanel,
     tree: Tree<Pane>,
 }
 
 impl Workbench {
     /// The window's contents for a scene; pictures follow as they are drawn.
-    pub fn new(ctx: &egui::Context, scene: Scene) -> Workbench {
+    /// `shaders`: a folder of WGSL files to draw with and to follow, as [`Engine::start`] takes it.
+    pub fn new(ctx: &egui::Context, scene: Scene, shaders: Option<PathBuf>) -> Workbench {
         let wake = ctx.clone();
         let viewpoint = match (scene.paths.iter().find(|p| p.name == "forwards").or(scene.paths.first()), scene.cameras.first()) {
             (Some(path), _) => Viewpoint::Path(path.name.clone()),
@@ -96,23 +174,69 @@ impl Workbench {
             }
         };
         Workbench {
-            engine: Engine::start(move || wake.request_repaint()),
+            engine: Engine::start(shaders, move || wake.request_repaint()),
             news: News::default(),
             settings: Settings::new(scene.clone()),
+            compare: Compare::default(),
+            metrics: Metrics::default(),
+            probe: None,
             original: scene,
             undoer: Undoer::default(),
             viewpoint,
             flight: Flight::default(),
             clock: Clock::default(),
             room: [0; 2],
-            texture: None,
+            textures: [None, None, None],
+            looking: Looking::default(),
             asked: None,
             impossible: None,
             times: VecDeque::new(),
             last_shown: None,
             scaled: false,
+            automatic_scale: 1.0,
+            places: panels::places::PlacesPanel::default(),
+            machine: panels::machine::MachinePanel::default(),
+            keeping: None,
+            notes: Vec::new(),
+            experiments: panels::experiments::ExperimentsPanel::default(),
             tree: layout(),
         }
+    }
+
+    /// Takes up what is kept of the scene of this name ([`kept::scene_name`]), and keeps it from now on. `notes` are shown until they are dismissed.
+    #[must_use]
+    pub fn keeping(mut self, keeper: Keeper, scene_name: String, mut notes: Vec<String>) -> Workbench {
+        let kept = keeper.kept();
+        notes.extend(kept.apply(&scene_name, &mut self.settings));
+        self.places.all = kept.places(&scene_name);
+        if let Some(tree) = kept.tree(egui::Id::unique("workbench")) {
+            self.tree = tree;
+        }
+        // Who chose a scale keeps it on a software adapter, too.
+        self.scaled = kept.has_scale();
+        self.notes = notes;
+        self.keeping = Some((keeper, scene_name));
+        self
+    }
+
+    /// What there is to keep.
+    fn present(&self, before: &Kept, scene_name: &str) -> Kept {
+        let kept = Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree);
+        if self.settings.scale == self.automatic_scale { kept.without_scale() } else { kept }
+    }
+
+    /// Keeps what has changed, now and then.
+    fn keep(&mut self, ctx: &egui::Context) {
+        let Some((mut keeper, scene_name)) = self.keeping.take() else { return };
+        keeper.tend(Instant::now(), |before| self.present(before, &scene_name));
+        self.keeping = Some((keeper, scene_name));
+        // A change that nothing follows would wait for the next one.
+        ctx.request_repaint_after(kept::EVERY);
+    }
+
+    /// Makes every shader ready that a click may ask for, between pictures.
+    pub fn warm(&self) {
+        self.engine.warm();
     }
 
     /// The last picture.
@@ -124,12 +248,17 @@ impl Workbench {
     pub fn is_settled(&self) -> bool {
         let Some(shown) = self.shown() else { return false };
         let same_time = !self.clock.paused || shown.wish.frame == self.clock.frame;
-        same_time && shown.wish.settings == self.settings && shown.wish.viewpoint == self.viewpoint && shown.wish.size == self.size()
+        same_time && shown.wish == Wish { frame: shown.wish.frame, ..self.wish() }
     }
 
     /// Why there is no picture of what the controls ask for.
     pub fn failure(&self) -> Option<&str> {
         self.impossible.as_deref().or(self.news.failure.as_deref())
+    }
+
+    /// Why the shaders of the folder are not those that draw.
+    pub fn shader_error(&self) -> Option<&str> {
+        self.news.shader_error.as_deref()
     }
 
     /// Whether the viewport has room for a picture.
@@ -151,10 +280,10 @@ impl Workbench {
     fn listen(&mut self, ctx: &egui::Context) {
         let before = self.news.shown.take();
         self.news = self.engine.news();
-        if let (false, Some(adapter)) = (self.scaled, &self.news.adapter) {
-            self.scaled = true;
-            if adapter.software {
-                self.settings.scale = SOFTWARE_SCALE;
+        if let Some(adapter) = &self.news.adapter {
+            self.automatic_scale = if adapter.software { SOFTWARE_SCALE } else { 1.0 };
+            if !std::mem::replace(&mut self.scaled, true) {
+                self.settings.scale = self.automatic_scale;
                 // Nobody did this, so nobody takes it back.
                 self.undoer = Undoer::default();
             }
@@ -163,11 +292,19 @@ impl Workbench {
         if before.is_some_and(|before| Arc::ptr_eq(&before, &shown)) {
             return;
         }
-        let texels: Vec<egui::Color32> = shown.texels.iter().map(|&[r, g, b]| egui::Color32::from_rgb(r, g, b)).collect();
-        let image = egui::ColorImage::new(shown.wish.size.map(|n| n as usize), texels);
-        match &mut self.texture {
-            Some(texture) => texture.set(image, TextureOptions::NEAREST),
-            None => self.texture = Some(ctx.load_texture("viewport", image, TextureOptions::NEAREST)),
+        let second = shown.second.as_ref();
+        let pictures = [Some(&shown.texels), second.map(|s| &s.texels), second.and_then(|s| s.difference.as_ref())];
+        for (place, texels) in self.textures.iter_mut().zip(pictures) {
+            let Some(texels) = texels else {
+                *place = None;
+                continue;
+            };
+            let texels: Vec<egui::Color32> = texels.iter().map(|&[r, g, b]| egui::Color32::from_rgb(r, g, b)).collect();
+            let image = egui::ColorImage::new(shown.wish.size.map(|n| n as usize), texels);
+            match place {
+                Some(texture) => texture.set(image, TextureOptions::NEAREST),
+                None => *place = Some(ctx.load_texture("viewport", image, TextureOptions::NEAREST)),
+            }
         }
         let now = Instant::now();
         if let Some(last) = self.last_shown.replace(now) {
@@ -186,15 +323,27 @@ impl Workbench {
         }
     }
 
+    /// The picture that the controls describe.
+    fn wish(&self) -> Wish {
+        Wish {
+            settings: self.settings.clone(),
+            compare: self.compare.clone(),
+            metrics: self.metrics.clone(),
+            viewpoint: self.viewpoint.clone(),
+            size: self.size(),
+            frame: self.clock.frame,
+            probe: self.probe,
+        }
+    }
+
     /// Asks for the picture that the controls describe, unless it was asked for.
     fn ask(&mut self) {
         // What a slider made impossible is said, and the picture stays as it was.
         self.impossible = scene::validate(&self.settings.scene).err().map(|error| error.to_string());
-        let size = self.size();
         if self.impossible.is_some() || !self.has_room() || self.news.adapter.is_none() {
             return;
         }
-        let wish = Wish { settings: self.settings.clone(), viewpoint: self.viewpoint.clone(), size, frame: self.clock.frame };
+        let wish = self.wish();
         if self.asked.as_ref() != Some(&wish) {
             self.asked = Some(wish.clone());
             self.engine.wish(wish);
@@ -210,7 +359,7 @@ impl Workbench {
                 Some(kernels::camera::Pose { position: pose.position.with_z(z), ..*pose })
             }
             Viewpoint::Free { pose, walking: false } => Some(*pose),
-            Viewpoint::Camera(_) | Viewpoint::Path(_) => self.shown().map(|shown| shown.pose),
+            Viewpoint::Camera(_) | Viewpoint::Path(_) | Viewpoint::Recorded(_) => self.shown().map(|shown| shown.pose),
         }
     }
 
@@ -224,24 +373,29 @@ impl Workbench {
         self.clock = Clock { frame: self.clock.frame.wrapping_add(u32::from(self.clock.paused)), paused: true };
     }
 
+    /// What undo takes back.
+    fn undoable(&self) -> (Settings, Compare) {
+        (self.settings.clone(), self.compare.clone())
+    }
+
     pub(crate) fn undo(&mut self) {
-        if let Some(before) = self.undoer.undo(&self.settings) {
-            self.settings = before.clone();
+        if let Some(before) = self.undoer.undo(&self.undoable()) {
+            (self.settings, self.compare) = before.clone();
         }
     }
 
     pub(crate) fn redo(&mut self) {
-        if let Some(after) = self.undoer.redo(&self.settings) {
-            self.settings = after.clone();
+        if let Some(after) = self.undoer.redo(&self.undoable()) {
+            (self.settings, self.compare) = after.clone();
         }
     }
 
     pub(crate) fn can_undo(&self) -> bool {
-        self.undoer.has_undo(&self.settings)
+        self.undoer.has_undo(&self.undoable())
     }
 
     pub(crate) fn can_redo(&self) -> bool {
-        self.undoer.has_redo(&self.settings)
+        self.undoer.has_redo(&self.undoable())
     }
 
     /// Keys that work wherever no text is typed.
@@ -278,6 +432,12 @@ impl Workbench {
         if pressed(Key::F) {
             self.flight.walking ^= true;
         }
+        if pressed(Key::X) {
+            panels::compare::flick(self);
+        }
+        if pressed(Key::L) {
+            self.looking.loupe ^= true;
+        }
     }
 
     /// One line above everything: undo, time, where the camera is.
@@ -309,6 +469,8 @@ impl Workbench {
         ui.horizontal(|ui| {
             if let Some(failure) = self.failure() {
                 ui.colored_label(ui.visuals().error_fg_color, failure);
+            } else if let Some(error) = self.shader_error() {
+                ui.colored_label(ui.visuals().error_fg_color, error).on_hover_text("The last shaders that compiled draw on");
             } else if let Some(progress) = &self.news.progress {
                 ui.spinner();
                 let steps = if progress.total > 0 { format!(": {} of {}", progress.done, progress.total) } else { String::new() };
@@ -324,6 +486,10 @@ impl Workbench {
                 let kind = if adapter.software { ", a software adapter: compare times, do not quote them" } else { "" };
                 ui.label(format!("{}{kind}", adapter.name));
             }
+            if let Some(failure) = self.keeping.as_ref().and_then(|(keeper, _)| keeper.failure()) {
+                ui.separator();
+                ui.colored_label(ui.visuals().error_fg_color, failure);
+            }
         });
     }
 }
@@ -332,8 +498,11 @@ impl Workbench {
 fn layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let viewport = tiles.insert_pane(Pane::Viewport);
-    let upper: Vec<TileId> = [Pane::Variants, Pane::Help].into_iter().map(|p| tiles.insert_pane(p)).collect();
-    let lower: Vec<TileId> = [Pane::Parameters, Pane::Frame].into_iter().map(|p| tiles.insert_pane(p)).collect();
+    let upper: Vec<TileId> = [Pane::Variants, Pane::Compare, Pane::Places, Pane::Help].into_iter().map(|p| tiles.insert_pane(p)).collect();
+    let lower: Vec<TileId> = [Pane::Parameters, Pane::Metrics, Pane::Frame, Pane::Inspector, Pane::Machine, Pane::Experiments]
+        .into_iter()
+        .map(|p| tiles.insert_pane(p))
+        .collect();
     let (upper, lower) = (tiles.insert_tab_tile(upper), tiles.insert_tab_tile(lower));
     let right = tiles.insert_vertical_tile(vec![upper, lower]);
     let root = tiles.insert_horizontal_tile(vec![viewport, right]);
@@ -358,8 +527,14 @@ impl Behavior<Pane> for Panes<'_> {
         match pane {
             Pane::Viewport => panels::viewport::show(app, ui),
             Pane::Variants => scrolled(ui, app, panels::variants::show),
+            Pane::Compare => scrolled(ui, app, panels::compare::show),
+            Pane::Metrics => scrolled(ui, app, panels::metrics::show),
             Pane::Parameters => scrolled(ui, app, panels::parameters::show),
             Pane::Frame => scrolled(ui, app, panels::frame::show),
+            Pane::Inspector => scrolled(ui, app, panels::inspector::show),
+            Pane::Machine => scrolled(ui, app, panels::machine::show),
+            Pane::Experiments => scrolled(ui, app, panels::experiments::show),
+            Pane::Places => scrolled(ui, app, panels::places::show),
             Pane::Help => scrolled(ui, app, panels::help::show),
         }
         UiResponse::None
@@ -378,9 +553,22 @@ impl eframe::App for Workbench {
     fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
         self.listen(&ctx);
+        if let Some(shown) = self.shown().cloned() {
+            self.places.watch(&shown);
+        }
         self.keys(&ctx);
         self.tick();
         egui::Panel::top("bar").show(ui, |ui| self.bar(ui));
+        if !self.notes.is_empty() {
+            egui::Panel::top("notes").show(ui, |ui| {
+                for note in &self.notes {
+                    ui.colored_label(ui.visuals().warn_fg_color, note);
+                }
+                if ui.button("Dismiss").clicked() {
+                    self.notes.clear();
+                }
+            });
+        }
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
         egui::CentralPanel::no_frame().show(ui, |ui| {
             let mut tree = std::mem::replace(&mut self.tree, Tree::empty(egui::Id::unique("workbench")));
@@ -388,6 +576,15 @@ impl eframe::App for Workbench {
             self.tree = tree;
         });
         self.ask();
-        self.undoer.feed_state(ctx.input(|i| i.time), &self.settings);
+        self.undoer.feed_state(ctx.input(|i| i.time), &self.undoable());
+        self.keep(&ctx);
+    }
+
+    fn on_exit(&mut self) {
+        let Some((mut keeper, scene_name)) = self.keeping.take() else { return };
+        if let Err(error) = keeper.finish(|before| self.present(before, &scene_name)) {
+            // The window is gone.
+            eprintln!("error: {error}");
+        }
     }
 }

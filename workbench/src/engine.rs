@@ -6,6 +6,7 @@
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -14,8 +15,15 @@ use kernels::camera::{Pose, along};
 use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::Gpu;
 use kernels::picture::Picture;
+use kernels::shared::signal::luminance;
 use kernels::variant::Variant;
 
+use crate::compare::{Compare, Mode};
+use crate::display;
+use crate::inspector::{self, Pixel};
+use crate::live::{Live, Metrics, Reading};
+use crate::places::Recorded;
+use crate::reload::{INTERVAL, Reload};
 use crate::settings::Settings;
 
 /// Height of the eye when walking, metres.
@@ -32,6 +40,8 @@ pub enum Viewpoint {
     Camera(String),
     /// The frame's place on a path of the scene, over and over.
     Path(String),
+    /// A path that was flown: the frame's place on it, over and over.
+    Recorded(Arc<Recorded>),
     /// Anywhere.
     Free {
         /// Where.
@@ -44,14 +54,45 @@ pub enum Viewpoint {
 /// A picture that is wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wish {
-    /// How it looks.
+    /// How it looks: A.
     pub settings: Settings,
+    /// What it is held against.
+    pub compare: Compare,
+    /// What is measured of it.
+    pub metrics: Metrics,
     /// From where.
     pub viewpoint: Viewpoint,
     /// Pixels.
     pub size: [u32; 2],
     /// The only time there is.
     pub frame: u32,
+    /// Place of a pixel that is taken apart, in shares of the picture; `None` = none is.
+    pub probe: Option<[f32; 2]>,
+}
+
+impl Wish {
+    /// Whether pictures are followed from frame to frame.
+    pub fn is_measured(&self) -> bool {
+        self.metrics.on || self.settings.layer.is_measured()
+    }
+}
+
+/// The picture compared with.
+pub struct Second {
+    /// What it was drawn by.
+    pub settings: Settings,
+    /// sRGB, row by row from the top.
+    pub texels: Vec<[u8; 3]>,
+    /// How much it differs from the first, as colours, where that is shown.
+    pub difference: Option<Vec<[u8; 3]>>,
+    /// Root mean squared difference of lit linear colour over terrain.
+    pub rmse: f64,
+    /// Mean of A less B over terrain, luminance.
+    pub mean: f64,
+    /// Largest absolute difference over terrain, luminance.
+    pub largest: f64,
+    /// The picture and its numbers.
+    pub picture: Picture,
 }
 
 /// A picture that was drawn.
@@ -64,6 +105,18 @@ pub struct Shown {
     pub texels: Vec<[u8; 3]>,
     /// The picture and its numbers.
     pub picture: Picture,
+    /// B, if it was wanted.
+    pub second: Option<Second>,
+    /// The pixel that was to be taken apart, of A; `None` = none was, or it is sky.
+    pub pixel: Option<Pixel>,
+    /// Why there is no B though it was wanted; one line.
+    pub alone: Option<String>,
+    /// Elevation of the ground below the camera, metres.
+    pub ground_m: f64,
+    /// How the quadtree lies over the world.
+    pub layout: kernels::world::Layout,
+    /// What was measured since the numbers were begun, the newest last.
+    pub readings: Vec<Reading>,
     /// From the wish to the texels.
     pub took: Duration,
 }
@@ -90,11 +143,15 @@ pub struct News {
     pub warm: [usize; 2],
     /// Why the last wish was not fulfilled; one line.
     pub failure: Option<String>,
+    /// Why the shaders of the folder are not those that draw; one line with file, line and message. The last that compiled draw.
+    pub shader_error: Option<String>,
 }
 
 #[derive(Default)]
 struct Mail {
     wish: Option<Wish>,
+    /// Whether shaders that nothing was drawn with yet are made ready between pictures.
+    warming: bool,
     stop: bool,
 }
 
@@ -115,9 +172,19 @@ impl Boxes {
         (self.wake)();
     }
 
-    /// The newest wish; without one, waits for it, or returns at once if there is something else to do.
-    fn next(&self, idle_work: bool) -> Next {
+    /// Shaders that are ready, of all; none of none where nobody makes them ready.
+    fn warmth(&self, warmed: &Warmed) -> [usize; 2] {
+        if self.is_warming() { warmed.count() } else { [0; 2] }
+    }
+
+    fn is_warming(&self) -> bool {
+        lock(&self.mail).warming
+    }
+
+    /// The newest wish; without one, waits for it, at most for `patience` if that is given; or returns at once if shaders are `cold` and wanted warm.
+    fn next(&self, cold: bool, patience: Option<Duration>) -> Next {
         let mut mail = lock(&self.mail);
+        let mut waited = false;
         loop {
             if mail.stop {
                 return Next::Stop;
@@ -125,10 +192,17 @@ impl Boxes {
             if let Some(wish) = mail.wish.take() {
                 return Next::Wish(Box::new(wish));
             }
-            if idle_work {
+            if waited || cold && mail.warming {
                 return Next::Idle;
             }
-            mail = self.arrived.wait(mail).unwrap_or_else(PoisonError::into_inner);
+            mail = match patience {
+                None => self.arrived.wait(mail).unwrap_or_else(PoisonError::into_inner),
+                Some(patience) => {
+                    let (mail, end) = self.arrived.wait_timeout(mail, patience).unwrap_or_else(PoisonError::into_inner);
+                    waited = end.timed_out();
+                    mail
+                }
+            };
         }
     }
 }
@@ -146,8 +220,9 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Starts the thread. `wake` is called whenever there are news.
-    pub fn start(wake: impl Fn() + Send + Sync + 'static) -> Engine {
+    /// Starts the thread. `shaders`: a folder laid out as `kernels/src` whose WGSL files are drawn with, and followed. `wake` is called whenever there
+    /// are news.
+    pub fn start(shaders: Option<PathBuf>, wake: impl Fn() + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes {
             mail: Mutex::new(Mail::default()),
             arrived: Condvar::new(),
@@ -156,7 +231,7 @@ impl Engine {
         });
         let own = boxes.clone();
         let thread = std::thread::spawn(move || {
-            let outcome = catch_unwind(AssertUnwindSafe(|| draw_on_devices(&own)));
+            let outcome = catch_unwind(AssertUnwindSafe(|| draw_on_devices(&own, shaders.map(Reload::new))));
             if outcome.is_err() {
                 own.tell(|news| {
                     news.failure = Some("drawing stopped by an internal error; please report it, and restart the program".to_owned())
@@ -169,6 +244,12 @@ impl Engine {
     /// Asks for a picture; a wish that was not begun yet is replaced.
     pub fn wish(&self, wish: Wish) {
         lock(&self.boxes.mail).wish = Some(wish);
+        self.boxes.arrived.notify_one();
+    }
+
+    /// Makes shaders ready that a click may ask for, whenever there is no picture to draw.
+    pub fn warm(&self) {
+        lock(&self.boxes.mail).warming = true;
         self.boxes.arrived.notify_one();
     }
 
@@ -198,7 +279,7 @@ enum End {
     Device(Box<Wish>),
 }
 
-fn draw_on_devices(boxes: &Boxes) {
+fn draw_on_devices(boxes: &Boxes, mut reload: Option<Reload>) {
     let mut pending = None;
     let mut losses = 0;
     loop {
@@ -207,9 +288,14 @@ fn draw_on_devices(boxes: &Boxes) {
             Err(error) => return boxes.tell(|news| news.failure = Some(error.to_string())),
         };
         boxes.tell(|news| news.adapter = Some(Adapter { name: gpu.info.name.clone(), software: gpu.is_software() }));
-        match draw_scenes(boxes, &gpu, pending.take(), &mut losses) {
+        match draw_scenes(boxes, &gpu, pending.take(), &mut losses, &mut reload) {
             End::Stop => return,
-            End::Scene(wish) | End::Device(wish) => pending = Some(wish),
+            End::Scene(wish) | End::Device(wish) => {
+                if let Some(text) = reload.as_mut().and_then(|reload| reload.device_failed(&gpu)) {
+                    boxes.tell(|news| news.shader_error = Some(text));
+                }
+                pending = Some(wish);
+            }
         }
         losses += 1;
         if losses > DEVICES {
@@ -222,19 +308,19 @@ fn draw_on_devices(boxes: &Boxes) {
 }
 
 /// Draws scene after scene until the device fails.
-fn draw_scenes(boxes: &Boxes, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses: &mut u32) -> End {
+fn draw_scenes(boxes: &Boxes, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
     let progress = |p: Progress| boxes.tell(|news| news.progress = Some(p));
     loop {
         let wish = match pending.take() {
             Some(wish) => wish,
-            None => match boxes.next(false) {
+            None => match boxes.next(false, None) {
                 Next::Wish(wish) => wish,
                 Next::Idle => continue,
                 Next::Stop => return End::Stop,
             },
         };
         match Renderer::new(gpu, &wish.settings.scene, &progress) {
-            Ok(renderer) => match draw_pictures(boxes, renderer, wish, losses) {
+            Ok(renderer) => match draw_pictures(boxes, renderer, wish, losses, reload) {
                 End::Scene(wish) => pending = Some(wish),
                 end => return end,
             },
@@ -249,48 +335,57 @@ fn draw_scenes(boxes: &Boxes, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses:
 }
 
 /// Draws pictures of one scene.
-fn draw_pictures(boxes: &Boxes, mut renderer: Renderer<'_>, first: Box<Wish>, losses: &mut u32) -> End {
+fn draw_pictures(boxes: &Boxes, mut renderer: Renderer<'_>, first: Box<Wish>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
     let mut warmed = Warmed::default();
+    let mut live = Live::default();
     let mut next = Next::Wish(first);
+    // A folder is looked at also while nothing is wished for.
+    let patience = reload.is_some().then_some(INTERVAL);
+    let mut last: Option<Box<Wish>> = None;
     loop {
+        if let Some(outcome) = reload.as_mut().and_then(|reload| reload.step(&mut renderer)) {
+            boxes.tell(|news| news.shader_error = outcome.as_ref().err().cloned());
+            if outcome.is_ok_and(|report| !report.stages.is_empty()) {
+                // What was measured, and what is ready, was so with other shaders.
+                (live, warmed) = (Live::default(), Warmed::default());
+                // The last wish once more, unless there is a newer one.
+                next = match (next, last.take()) {
+                    (Next::Idle, Some(wish)) => Next::Wish(wish),
+                    (next, _) => next,
+                };
+            }
+        }
         let wish = match next {
             Next::Stop => return End::Stop,
             Next::Idle => {
-                if warmed.step(&mut renderer).is_err() {
-                    warmed.give_up();
+                if warmed.is_open() && boxes.is_warming() {
+                    if warmed.step(&mut renderer).is_err() {
+                        warmed.give_up();
+                    }
+                    boxes.tell(|news| news.warm = boxes.warmth(&warmed));
                 }
-                boxes.tell(|news| news.warm = warmed.count());
-                next = boxes.next(warmed.is_open());
+                next = boxes.next(warmed.is_open(), patience);
                 continue;
             }
             Next::Wish(wish) => wish,
         };
-        if wish.settings.scene != *renderer.scene() {
-            match renderer.retune(&wish.settings.scene) {
-                Ok(true) => {}
-                Ok(false) => return End::Scene(wish),
-                Err(error) => {
-                    boxes.tell(|news| news.failure = Some(error.to_string()));
-                    next = boxes.next(warmed.is_open());
-                    continue;
-                }
+        match renderer.retune(&wish.settings.scene) {
+            Ok(true) => {}
+            Ok(false) => return End::Scene(wish),
+            Err(error) => {
+                boxes.tell(|news| news.failure = Some(error.to_string()));
+                next = boxes.next(warmed.is_open(), patience);
+                continue;
             }
         }
-        let began = Instant::now();
-        let drawn = pose(&renderer, &wish).and_then(|pose| {
-            let request = wish.settings.request(pose, wish.size, wish.frame);
-            let picture = renderer.render(&request)?;
-            Ok((request, picture))
-        });
-        match drawn {
-            Ok((request, picture)) => {
+        last = Some(wish.clone());
+        match draw(&mut renderer, &mut live, &wish) {
+            Ok((request, shown)) => {
                 *losses = 0;
-                let texels = wish.settings.layer.colours(&picture);
-                warmed.drew(&request, &picture);
-                let shown = Arc::new(Shown { pose: request.pose, texels, picture, took: began.elapsed(), wish: *wish });
+                warmed.drew(&request, &shown.picture);
                 boxes.tell(|news| {
-                    news.shown = Some(shown);
-                    news.warm = warmed.count();
+                    news.shown = Some(Arc::new(shown));
+                    news.warm = boxes.warmth(&warmed);
                     (news.progress, news.failure) = (None, None);
                 });
             }
@@ -300,14 +395,83 @@ fn draw_pictures(boxes: &Boxes, mut renderer: Renderer<'_>, first: Box<Wish>, lo
                 news.failure = Some(error.to_string());
             }),
         }
-        next = boxes.next(warmed.is_open());
+        next = boxes.next(warmed.is_open(), patience);
         // Wishes that come without a pause would leave no time for shaders that a click may want: one a picture.
-        if let (Next::Wish(_), true) = (&next, warmed.is_open()) {
+        if let (Next::Wish(_), true) = (&next, warmed.is_open() && boxes.is_warming()) {
             if warmed.step(&mut renderer).is_err() {
                 warmed.give_up();
             }
-            boxes.tell(|news| news.warm = warmed.count());
+            boxes.tell(|news| news.warm = boxes.warmth(&warmed));
         }
+    }
+}
+
+/// Draws A, and B if it is wanted, and measures them.
+fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::error::Result<(RenderRequest, Shown)> {
+    let began = Instant::now();
+    let pose = pose(renderer, wish)?;
+    let measured = wish.is_measured();
+    let request = wish.settings.request(pose, wish.size, wish.frame, measured);
+    let picture = renderer.render(&request)?;
+    let pixel = match wish.probe {
+        Some(probe) => inspector::inspect(renderer, &request, inspector::pixel_at(probe, wish.size))?,
+        None => None,
+    };
+    let b = wish.compare.b(&wish.settings);
+    let (second, alone) = match b.as_ref().map(|b| draw_second(renderer, b, &request, measured)) {
+        None => (None, None),
+        Some(Ok(second)) => (Some(second), None),
+        Some(Err(error @ kernels::error::Error::Gpu(_))) => return Err(error),
+        // A is as good without it.
+        Some(Err(error)) => (None, Some(error.to_string())),
+    };
+    let b = b.filter(|_| second.is_some());
+    if measured {
+        live.take(renderer, &wish.metrics, &request, [Some(&wish.settings), b.as_ref()], [Some(&picture), second.as_ref()])?;
+    }
+    let layer = wish.settings.layer;
+    let texels = layer.colours(&picture, live.side(0));
+    let second = second.zip(b).map(|(second, settings)| compared(wish, &picture, second, settings, live));
+    let readings = if measured { live.history() } else { Vec::new() };
+    let ground_m = renderer.ground_m(pose.position.x, pose.position.y);
+    let layout = *renderer.world().layout();
+    let shown =
+        Shown { pose, texels, picture, second, pixel, alone, ground_m, layout, readings, took: began.elapsed(), wish: wish.clone() };
+    Ok((request, shown))
+}
+
+/// Draws B of the view that A was drawn of.
+fn draw_second(renderer: &mut Renderer<'_>, settings: &Settings, a: &RenderRequest, measured: bool) -> kernels::error::Result<Picture> {
+    if !renderer.retune(&settings.scene)? {
+        let text = "B is not drawn: it needs other flavours or textures than A (a distance, slope or band that takes a flavour out or in); \
+                    keep B anew, or undo that";
+        return Err(kernels::error::Error::Request(text.to_owned()));
+    }
+    let request = settings.request(a.pose, a.size, a.frame, measured);
+    renderer.render(&RenderRequest { keep_geometry: true, ..request })
+}
+
+/// What B looks like, and how far A is from it.
+fn compared(wish: &Wish, a: &Picture, b: Picture, settings: Settings, live: &Live) -> Second {
+    let pairs = a.hdr.iter().zip(&b.hdr).filter(|(a, _)| a[3] > 0.0);
+    let (mut count, mut squares, mut sum, mut largest) = (0_u32, 0.0_f64, 0.0_f64, 0.0_f64);
+    for (a, b) in pairs {
+        let difference = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+        squares += difference.iter().map(|&d| f64::from(d) * f64::from(d)).sum::<f64>() / 3.0;
+        let y = luminance(difference);
+        sum += y;
+        largest = largest.max(y.abs());
+        count += 1;
+    }
+    let count = f64::from(count.max(1));
+    Second {
+        texels: wish.settings.layer.of_second().colours(&b, live.side(1)),
+        difference: (wish.compare.mode == Mode::Difference).then(|| display::difference(a, &b)),
+        rmse: (squares / count).sqrt(),
+        mean: sum / count,
+        largest,
+        settings,
+        picture: b,
     }
 }
 
@@ -325,6 +489,7 @@ fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::error::Result<Pose> {
             let path = scene.paths.iter().find(|p| p.name == *name).ok_or_else(|| missing("path", name))?;
             Ok(along(path, u32::try_from(u64::from(wish.frame) % path.frames().max(1)).unwrap_or(0), ground))
         }
+        Viewpoint::Recorded(path) => Ok(path.pose(wish.frame)),
         Viewpoint::Free { pose, walking } => {
             let mut pose = *pose;
             if *walking {

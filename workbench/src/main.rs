@@ -8,6 +8,7 @@ use clap::Parser;
 use eframe::egui;
 use kernels::scene;
 use workbench::app::Workbench;
+use workbench::kept::{self, Keeper};
 use workbench::script;
 
 /// Terrain shaded live: switch 31 variants, estimators and noises at a click, and see what each costs.
@@ -19,16 +20,21 @@ use workbench::script;
     everything that is measured."
 )]
 struct Args {
-    /// Scene file or folder; `default` is built in
-    #[arg(default_value = scene::DEFAULT)]
-    scene: String,
+    /// Scene file or folder; `default` is built in [default: the one that was open last]
+    scene: Option<String>,
+    /// Starts as new: what is kept is neither read nor written
+    #[arg(long)]
+    fresh: bool,
     /// Size of the window, points
     #[arg(long, value_name = "WxH", default_value = "1280x800", value_parser = size)]
     size: [u32; 2],
     /// Draws the window into a PNG instead of opening it, once the steps of --script are done
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
-    /// What to do before: `click NAME`, `key KEY`, `set NAME = VALUE`, `frames N`, `warm`, with `;` between them
+    /// Draws with the WGSL files of this folder, laid out as kernels/src, and follows them as they are edited
+    #[arg(long, value_name = "FOLDER")]
+    shaders: Option<PathBuf>,
+    /// What to do before: `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `frames N`, `warm`, with `;` between them
     #[arg(long, value_name = "STEPS", requires = "screenshot", default_value = "")]
     script: String,
 }
@@ -45,29 +51,70 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     parse().filter(|size| size.iter().all(|n| (SIDES[0]..=SIDES[1]).contains(n))).ok_or_else(wrong)
 }
 
+/// What is kept, and what somebody should know of it.
+fn open(fresh: bool) -> (Option<Keeper>, Vec<String>) {
+    let Some(path) = kept::place().filter(|_| !fresh) else {
+        let nowhere = "nothing is kept: the machine names no folder for it; set SCREE_STATE to a file";
+        return (None, if fresh { Vec::new() } else { vec![nowhere.to_owned()] });
+    };
+    let (keeper, note) = Keeper::open(path);
+    (Some(keeper), note.into_iter().collect())
+}
+
 fn run(args: &Args) -> Result<()> {
-    let scene = scene::load(&args.scene)?;
+    let shaders = args.shaders.clone();
+    if let Some(folder) = shaders.as_ref().filter(|folder| !folder.is_dir()) {
+        bail!("--shaders {}: there is no such folder", folder.display());
+    }
     if let Some(file) = &args.screenshot {
         if file.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
             bail!("{}: its folder does not exist: make it first", file.display());
         }
         let steps = script::steps(&args.script).context("--script")?;
-        return script::run(scene, args.size, &steps, file);
+        let scene = scene::load(args.scene.as_deref().unwrap_or(scene::DEFAULT))?;
+        return script::run(scene, args.size, shaders, &steps, file);
+    }
+    let (keeper, mut notes) = open(args.fresh);
+    let last = keeper.as_ref().and_then(|keeper| keeper.kept().recent().first().cloned());
+    let (name, scene) = match (&args.scene, last) {
+        (Some(given), _) => (kept::scene_name(given), scene::load(given)?),
+        (None, Some(last)) => match scene::load(&last) {
+            Ok(scene) => (last, scene),
+            Err(error) => {
+                notes.push(format!("the scene that was open last is left out: {error}"));
+                (scene::DEFAULT.to_owned(), scene::load(scene::DEFAULT)?)
+            }
+        },
+        (None, None) => (scene::DEFAULT.to_owned(), scene::load(scene::DEFAULT)?),
+    };
+    for note in &notes {
+        eprintln!("note: {note}");
     }
     let [width, height] = args.size.map(|n| n as f32);
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default().with_title(format!("Scree - {}", scene.name)).with_inner_size([width, height]),
         ..Default::default()
     };
-    eframe::run_native("scree", options, Box::new(|cc| Ok(Box::new(Workbench::new(&cc.egui_ctx, scene))))).map_err(|error| {
-        // The library's own words name its source file; that there is no display is said plainly.
-        let unset = |name: &str| std::env::var_os(name).is_none_or(|value| value.is_empty());
-        let headless = cfg!(target_os = "linux") && unset("DISPLAY") && unset("WAYLAND_DISPLAY");
-        let why = if headless { "neither DISPLAY nor WAYLAND_DISPLAY is set".to_owned() } else { error.to_string() };
-        anyhow!(
-            "no window could be opened ({why}): on a machine without a display use `workbench --screenshot FILE`, or `experiments`, which needs none"
-        )
-    })
+    let open = |cc: &eframe::CreationContext<'_>| {
+        let app = Workbench::new(&cc.egui_ctx, scene, shaders);
+        app.warm();
+        match keeper {
+            Some(keeper) => app.keeping(keeper, name, notes),
+            None => app,
+        }
+    };
+    eframe::run_native("scree", options, Box::new(|cc| Ok(Box::new(open(cc))))).map_err(|error| no_window(&error))
+}
+
+/// Why there is no window, and what to do without.
+fn no_window(error: &eframe::Error) -> anyhow::Error {
+    // The library's own words name its source file; that there is no display is said plainly.
+    let unset = |name: &str| std::env::var_os(name).is_none_or(|value| value.is_empty());
+    let headless = cfg!(target_os = "linux") && unset("DISPLAY") && unset("WAYLAND_DISPLAY");
+    let why = if headless { "neither DISPLAY nor WAYLAND_DISPLAY is set".to_owned() } else { error.to_string() };
+    anyhow!(
+        "no window could be opened ({why}): on a machine without a display use `workbench --screenshot FILE`, or `experiments`, which needs none"
+    )
 }
 
 fn main() -> ExitCode {

@@ -144,6 +144,13 @@ pub const GROUPS: [Group; 3] = [
     },
 ];
 
+/// The numbers in which `own` differs from `other`, with both values.
+pub fn differences(own: &Scene, other: &Scene) -> Vec<(&'static Parameter, [f64; 2])> {
+    let (mut own, mut other) = (own.clone(), other.clone());
+    let both = GROUPS.iter().flat_map(|g| g.parameters).map(|p| (p, [*(p.at)(&mut own), *(p.at)(&mut other)]));
+    both.filter(|(_, [a, b])| a.to_bits() != b.to_bits()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,6 @@
 //! The window without a window: steps that somebody would take, then a picture of it. For documentation, and on machines without a display.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
@@ -27,6 +27,8 @@ pub enum Step {
     Key(Key),
     /// Gives the number of this name a value.
     Set(String, f64),
+    /// Puts a text into the field of this name.
+    Type(String, String),
     /// Lets so many pictures be drawn.
     Frames(u32),
     /// Waits until every shader is ready.
@@ -49,10 +51,16 @@ impl FromStr for Step {
                 let value = value.trim();
                 Ok(Step::Set(name.trim().to_owned(), value.parse().with_context(|| format!("`{value}` is no number"))?))
             }
+            ("type", both) => {
+                let (name, value) = both.split_once('=').with_context(|| format!("`{text}`: write `type NAME = TEXT`"))?;
+                Ok(Step::Type(name.trim().to_owned(), value.trim().to_owned()))
+            }
             ("frames", count) => Ok(Step::Frames(count.parse().with_context(|| format!("`{count}` is no number of frames"))?)),
             ("warm", "") => Ok(Step::Warm),
             _ => {
-                bail!("`{text}` is no step: give `click NAME`, `key KEY`, `set NAME = VALUE`, `frames N` or `warm`, with `;` between steps")
+                bail!(
+                    "`{text}` is no step: give `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `frames N` or `warm`, with `;` between steps"
+                )
             }
         }
     }
@@ -74,12 +82,26 @@ pub struct Stage {
 impl Stage {
     /// A window of so many points that nobody sees.
     pub fn new(scene: Scene, size: [u32; 2]) -> Stage {
+        Stage::with_shaders(scene, size, None)
+    }
+
+    /// As [`Stage::new`], drawing with the WGSL files of a folder and following them.
+    pub fn with_shaders(scene: Scene, size: [u32; 2], shaders: Option<PathBuf>) -> Stage {
         let size = size.map(|n| n as f32);
         let harness = Harness::builder()
             .with_size(egui::vec2(size[0], size[1]))
             .with_theme(egui::Theme::Dark)
+            // As in a window: a name in a script that the fonts lack is boxes, and no end.
+            .allow_missing_glyphs()
             .wgpu()
-            .build_eframe(move |cc| Workbench::new(&cc.egui_ctx, scene));
+            .build_eframe(move |cc| {
+                // Nothing glides: what is clicked stands where it is seen.
+                cc.egui_ctx.all_styles_mut(|style| {
+                    style.animation_time = 0.0;
+                    style.scroll_animation = egui::style::ScrollAnimation::none();
+                });
+                Workbench::new(&cc.egui_ctx, scene, shaders)
+            });
         Stage { harness }
     }
 
@@ -190,13 +212,17 @@ impl Stage {
             Step::Click(name) => {
                 // Into view first: what is scrolled away cannot be hit.
                 self.find(name).ok_or_else(|| self.missing(name))?.scroll_to_me();
-                self.harness.run_steps(2);
+                self.harness.run_steps(5);
                 self.find(name).ok_or_else(|| self.missing(name))?.click();
             }
             Step::Key(key) => self.harness.key_press(*key),
             Step::Set(name, value) => {
                 let Some(node) = self.find(name) else { return Err(self.missing(name)) };
                 node.set_value_accesskit(*value);
+            }
+            Step::Type(name, text) => {
+                let Some(node) = self.find(name) else { return Err(self.missing(name)) };
+                node.set_text_value_accesskit(text);
             }
             Step::Frames(_) if self.harness.state().clock.paused => {
                 bail!("time stands still, so no frame follows: `key Space` lets it run")
@@ -205,7 +231,10 @@ impl Stage {
                 let until = self.harness.state().clock.frame.wrapping_add(*count);
                 return self.until("the frame", |app| app.clock.frame >= until);
             }
-            Step::Warm => return self.until("the last shader", Workbench::is_warm),
+            Step::Warm => {
+                self.harness.state().warm();
+                return self.until("the last shader", Workbench::is_warm);
+            }
         }
         self.settle()
     }
@@ -226,8 +255,8 @@ impl Stage {
 ///
 /// # Errors
 /// As [`Stage::take`] and [`Stage::screenshot`].
-pub fn run(scene: Scene, size: [u32; 2], steps: &[Step], file: &Path) -> Result<()> {
-    let mut stage = Stage::new(scene, size);
+pub fn run(scene: Scene, size: [u32; 2], shaders: Option<PathBuf>, steps: &[Step], file: &Path) -> Result<()> {
+    let mut stage = Stage::with_shaders(scene, size, shaders);
     stage.settle()?;
     for step in steps {
         stage.take(step)?;
@@ -245,16 +274,21 @@ mod tests {
             Step::Click("Variant splat".to_owned()),
             Step::Key(Key::Space),
             Step::Set("Noise cell".to_owned(), 2.0),
+            Step::Type("Folder".to_owned(), "a b".to_owned()),
             Step::Frames(3),
             Step::Warm,
         ];
-        assert_eq!(steps("click Variant splat; key Space;\nset Noise cell = 2; frames 3; warm;").expect("steps"), expected);
+        assert_eq!(
+            steps("click Variant splat; key Space;\nset Noise cell = 2; type Folder = a b; frames 3; warm;").expect("steps"),
+            expected
+        );
         for (text, part) in [
             ("clack x", "is no step"),
             ("click", "is no step"),
             ("key Nonsense", "is no key"),
             ("frames -1", "no number"),
             ("set a", "NAME = VALUE"),
+            ("type a", "NAME = TEXT"),
             ("set a = b", "is no number"),
         ] {
             let error = steps(text).expect_err(text);

@@ -80,9 +80,17 @@ impl Settings {
         self.forced = Variant::new(mask);
     }
 
-    /// The picture of one frame.
-    pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
-        let layers: Vec<&str> = self.layer.aov().into_iter().collect();
+    /// Whether both make the same pictures, however those are looked at.
+    pub fn looks_like(&self, other: &Settings) -> bool {
+        *self == Settings { scale: self.scale, layer: self.layer, counts: self.counts, ..other.clone() }
+    }
+
+    /// The picture of one frame; `measured` = with what live metrics are taken from.
+    pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32, measured: bool) -> RenderRequest {
+        let mut layers: Vec<&str> = self.layer.aov().into_iter().collect();
+        if measured {
+            layers.extend(crate::live::LAYERS);
+        }
         RenderRequest {
             variant: self.choice(),
             estimator: self.estimator,

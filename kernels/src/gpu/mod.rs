@@ -1,6 +1,6 @@
 //! The only place that knows adapters, pipelines, timers and read-back.
 
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, RwLock};
 
 use crate::error::{Error, Result};
 
@@ -8,10 +8,12 @@ pub mod bindings;
 pub mod probe;
 mod readback;
 mod shader;
+mod sources;
 mod timer;
 
 pub use readback::{read_buffer, read_texture};
 pub use shader::{Shader, constants};
+pub use sources::{Sources, shader_path};
 pub use timer::{PassTime, Timer};
 
 /// What the terrain stack cannot do without, with the reason that an error gives.
@@ -57,6 +59,8 @@ pub struct Gpu {
     pub features: wgpu::Features,
     /// First error that the device reported outside any call, if one did.
     failure: Arc<Mutex<Option<String>>>,
+    /// What shaders are made of in place of the texts compiled in.
+    sources: RwLock<Arc<Sources>>,
 }
 
 fn instance() -> wgpu::Instance {
@@ -161,7 +165,7 @@ impl Gpu {
                 slot.get_or_insert_with(|| error.to_string().replace('\n', " "));
             }
         }));
-        Ok(Gpu { device, queue, info: adapter.get_info(), features, failure })
+        Ok(Gpu { device, queue, info: adapter.get_info(), features, failure, sources: RwLock::default() })
     }
 
     /// Whether the adapter is a CPU: then times are compared, never quoted alone.
@@ -211,6 +215,12 @@ impl Gpu {
     pub fn buffer(&self, label: &str, usage: wgpu::BufferUsages, size: u64) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }
+}
+
+/// Bytes of a texture's texels, of all mips and layers; a device may add some between them.
+pub fn texture_bytes(texture: &wgpu::Texture) -> u64 {
+    let of_mip = |mip| texture.format().theoretical_memory_footprint(texture.size().mip_level_size(mip, texture.dimension()));
+    (0..texture.mip_level_count()).map(of_mip).sum()
 }
 
 #[cfg(test)]

@@ -15,10 +15,12 @@ use crate::gpu::{Gpu, Shader, Timer, read_buffer};
 use crate::shared;
 use crate::temporal::{Resolve, Temporal};
 
+mod follow;
 mod motion;
 pub mod reference;
 mod seeds;
 
+pub use follow::{Followed, Links, Point, Sample, Summary};
 pub use motion::{Motion, MotionFrame, NO_LINK, TOLERANCE, files as motion_files};
 pub use seeds::{BLOCK, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums, files as seeds_files};
 

@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 
 use crate::classification::{ARGUMENT_BYTES, Lists};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::FRAME_WGSL;
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
@@ -172,10 +172,39 @@ impl Shading {
         })
     }
 
+    /// The stage compiled anew, with the pipelines of `keys`; without any, with the generic one, so that no mistake waits for the first picture.
+    ///
+    /// # Errors
+    /// When the shader does not compile, or one of the pipelines cannot be built.
+    pub(crate) fn rebuilt(
+        &self,
+        gpu: &Gpu,
+        frame_layout: &wgpu::BindGroupLayout,
+        terrain: &Terrain,
+        keys: &[PipelineKey],
+    ) -> Result<Shading> {
+        let mut shading = Shading::new(gpu, frame_layout, terrain, self.settings)?;
+        let generic = PipelineKey {
+            kernel: Kernel::Generic,
+            estimator: Estimator::Fc5,
+            noise: NoiseKind::HashedIsotropic,
+            two_tilings: false,
+            diagnostics: false,
+        };
+        let keys = if keys.is_empty() { std::slice::from_ref(&generic) } else { keys };
+        for &key in keys {
+            shading.warm(gpu, key)?;
+        }
+        Ok(shading)
+    }
+
     /// Builds a pipeline unless it is there; says whether it had to.
-    pub fn warm(&mut self, gpu: &Gpu, key: PipelineKey) -> bool {
+    ///
+    /// # Errors
+    /// When the device refuses it: as a wrong request, since others can be had all the same.
+    pub fn warm(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<bool> {
         if self.pipelines.contains_key(&key) {
-            return false;
+            return Ok(false);
         }
         if key.noise.needs_mask() && !self.pipelines.keys().any(|k| k.noise.needs_mask()) {
             self.noise_ranks = gpu.buffer_with("noise ranks", wgpu::BufferUsages::STORAGE, bytemuck::cast_slice(blue_noise::ranks()));
@@ -186,7 +215,7 @@ impl Shading {
             targets.push(Some(wgpu::TextureFormat::R32Uint.into()));
         }
         let terrain_only = wgpu::StencilFaceState { compare: wgpu::CompareFunction::Equal, ..Default::default() };
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        let descriptor = wgpu::RenderPipelineDescriptor {
             label: Some("shading"),
             layout: Some(&self.pipeline_layout),
             vertex: wgpu::VertexState {
@@ -212,9 +241,13 @@ impl Shading {
             }),
             multiview_mask: None,
             cache: None,
-        });
+        };
+        let (pipeline, complaint) = gpu.caught(|| gpu.device.create_render_pipeline(&descriptor));
+        if let Some(what) = complaint {
+            return Err(Error::Request(format!("shader shading: shading/shading.wgsl: {what}")));
+        }
         self.pipelines.insert(key, pipeline);
-        true
+        Ok(true)
     }
 
     /// Records the pass: one indirect draw per key. Every key must be warm, and record diagnostics if and only if `diagnostics` says so

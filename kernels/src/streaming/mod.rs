@@ -8,13 +8,24 @@
 use std::collections::HashMap;
 
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, texture_bytes};
 use crate::quadtree::NodeBounds;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{NodeId, NodePayload, PaletteMeans, World};
 
 /// Nodes that can be resident at once (SYSTEMS A: about 500).
 pub const CAPACITY: u32 = 512;
+
+/// Who sits in the atlases, and what they take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AtlasCounts {
+    /// Nodes resident.
+    pub resident: usize,
+    /// The most that can be.
+    pub capacity: usize,
+    /// Bytes of all atlases as allocated, used or not.
+    pub bytes: u64,
+}
 
 /// The atlases and who sits in them.
 pub struct Streaming {
@@ -31,6 +42,8 @@ pub struct Streaming {
     resident: HashMap<NodeId, Resident>,
     free: Vec<u32>,
     frame: u64,
+    /// Nodes baked since this frame began.
+    loaded: usize,
     layers: u32,
 }
 
@@ -94,6 +107,7 @@ impl Streaming {
             resident: HashMap::new(),
             free: (1..layers).rev().collect(),
             frame: 0,
+            loaded: 0,
             layers,
         }
     }
@@ -101,6 +115,7 @@ impl Streaming {
     /// Begins a frame: what it touches is not evicted in it.
     pub fn begin_frame(&mut self) {
         self.frame += 1;
+        self.loaded = 0;
     }
 
     /// Makes `nodes` resident, baking those that are not on worker threads; returns their bounds in the same order.
@@ -126,6 +141,7 @@ impl Streaming {
             self.write(gpu, slot, &payload);
             let bounds = NodeBounds { height_m: [world.elevation_m(payload.min_height), world.elevation_m(payload.max_height)] };
             self.resident.insert(payload.id, Resident { slot, bounds, used: self.frame });
+            self.loaded += 1;
         }
         Ok(nodes.iter().map(|n| self.resident[n].bounds).collect())
     }
@@ -143,6 +159,22 @@ impl Streaming {
     /// Whether nothing is resident.
     pub fn is_empty(&self) -> bool {
         self.resident.is_empty()
+    }
+
+    /// Nodes baked and uploaded since the frame began.
+    pub fn loaded(&self) -> usize {
+        self.loaded
+    }
+
+    /// Who sits in the atlases now.
+    pub fn counts(&self) -> AtlasCounts {
+        let atlases = [&self.height, &self.normal, &self.albedo, &self.colour_modulation, &self.splat];
+        AtlasCounts {
+            resident: self.resident.len(),
+            // Slot 0 stands for "not loaded".
+            capacity: (self.layers - 1) as usize,
+            bytes: atlases.into_iter().map(texture_bytes).sum(),
+        }
     }
 
     fn take_slot(&mut self) -> Result<u32> {

@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::frame::FRAME_WGSL;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, array, aspect, view};
-use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer};
+use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer, texture_bytes};
 use crate::quadtree::lod_map;
 use crate::shared;
 use crate::terrain::{self, Terrain};
@@ -118,6 +118,21 @@ pub struct PageCounts {
     pub rendered: usize,
     /// Pages replaced by a coarser one because the cache was full.
     pub coarsened: usize,
+    /// Pages the picture asked for, by level.
+    pub wanted_by_level: [usize; LEVELS as usize],
+}
+
+/// What is kept of the pages that pictures asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CacheCounts {
+    /// Pages kept.
+    pub resident: usize,
+    /// The most that can be; 0 = the scene has no virtual texture.
+    pub capacity: usize,
+    /// Bytes of pages and page table as allocated, used or not.
+    pub bytes: u64,
+    /// Pages kept, by level.
+    pub by_level: [usize; LEVELS as usize],
 }
 
 struct Physical {
@@ -128,7 +143,7 @@ struct Physical {
 }
 
 /// What is compiled only for scenes that have a virtual texture.
-struct Passes {
+pub(crate) struct Passes {
     request_pipeline: wgpu::ComputePipeline,
     request_layout: wgpu::BindGroupLayout,
     page_pipeline: wgpu::RenderPipeline,
@@ -179,7 +194,11 @@ pub fn request_files() -> Vec<(&'static str, &'static str)> {
 }
 
 impl Passes {
-    fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, colour_modulation: bool) -> Result<Passes> {
+    /// Compiles both.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub(crate) fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, colour_modulation: bool) -> Result<Passes> {
         let request_layout = gpu.layout(
             "page requests",
             wgpu::ShaderStages::COMPUTE,
@@ -283,9 +302,29 @@ impl VirtualTexture {
         self.free.sort_unstable_by_key(|&layer| std::cmp::Reverse(layer));
     }
 
+    /// Draws with passes compiled anew; what the former ones rendered is forgotten.
+    pub(crate) fn replace_passes(&mut self, passes: Passes) {
+        self.passes = Some(passes);
+        self.forget();
+    }
+
     /// Whether the scene has a virtual texture.
     pub fn is_required(&self) -> bool {
         self.passes.is_some()
+    }
+
+    /// What is kept now.
+    pub fn cache_counts(&self) -> CacheCounts {
+        let mut by_level = [0; LEVELS as usize];
+        for page in self.cache.keys() {
+            by_level[page.level as usize] += 1;
+        }
+        CacheCounts {
+            resident: self.cache.len(),
+            capacity: if self.is_required() { self.pages[0].depth_or_array_layers() as usize } else { 0 },
+            bytes: self.pages.iter().chain([&self.table]).map(texture_bytes).sum(),
+            by_level,
+        }
     }
 
     /// Records the pass that marks the pages this frame's pixels would sample.
@@ -339,6 +378,9 @@ impl VirtualTexture {
         let mut wanted: Vec<PageId> =
             words.iter().enumerate().filter(|(_, w)| **w != 0).map(|(i, &w)| PageId::of_request(i, w, camera)).collect();
         let mut counts = PageCounts { wanted: wanted.len(), ..PageCounts::default() };
+        for page in &wanted {
+            counts.wanted_by_level[page.level as usize] += 1;
+        }
         let capacity = self.pages[0].depth_or_array_layers() as usize;
         // Too many for the cache: the finest give way to their parents, level by level.
         while wanted.len() > capacity {

@@ -1,7 +1,6 @@
-//! What the frame was made of, and what it took.
+//! What the frame took.
 
 use eframe::egui::{self, Color32, Sense, Ui, vec2};
-use kernels::variant::Variant;
 
 use crate::app::Workbench;
 
@@ -27,16 +26,6 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         row(ui, "Passes, device time", format!("{device:.1} ms"));
         for pass in &report.passes {
             row(ui, &format!("    {}", pass.name), format!("{:.2} ms", pass.time_ms));
-        }
-        row(ui, "Quadtree nodes", report.nodes.to_string());
-        row(ui, "Patches", report.patches.to_string());
-        row(ui, "Pages wanted, made", format!("{}, {}", report.pages.wanted, report.pages.rendered));
-        row(ui, "Tiles with terrain", report.tiles.first().copied().unwrap_or(0).to_string());
-        for variant in Variant::all() {
-            let tiles = report.tiles.get(usize::from(variant.mask())).copied().unwrap_or(0);
-            if tiles > 0 {
-                row(ui, &format!("    {variant}"), format!("{tiles} tiles"));
-            }
         }
     });
 }

@@ -8,8 +8,9 @@ const TEXT: &str = "A terrain shaded as in Far Cry 5: every 8 x 8 tile of the sc
     Far ground comes from textures baked into the quadtree, near ground from virtual-texture pages, cliffs from a few texture samples \
     chosen at random. Force another variant, estimator or noise on every tile, and see what it costs and what it does to the picture.";
 
-const KEYS: [(&str, &str); 11] = [
+const KEYS: [(&str, &str); 17] = [
     ("drag", "look around"),
+    ("click", "take a pixel apart: Inspector"),
     ("W A S D", "move; with Shift four times as fast"),
     ("Q E", "down, up"),
     ("wheel", "speed"),
@@ -19,6 +20,11 @@ const KEYS: [(&str, &str); 11] = [
     ("G", "generic kernel"),
     ("Space", "pause"),
     (".", "one frame on"),
+    ("X", "A or B, where one is shown at a time"),
+    ("L", "loupe"),
+    ("Ctrl+wheel", "zoom"),
+    ("middle drag", "move what is zoomed"),
+    ("Ctrl+drag", "measure a rectangle"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
 ];
 

@@ -1,8 +1,14 @@
 //! What the window is made of. A panel is a function of the application and a place.
 
+pub(crate) mod compare;
+pub(crate) mod experiments;
 pub(crate) mod frame;
 pub(crate) mod help;
+pub(crate) mod inspector;
+pub(crate) mod machine;
+pub(crate) mod metrics;
 pub(crate) mod parameters;
+pub(crate) mod places;
 pub(crate) mod variants;
 pub(crate) mod viewport;
 

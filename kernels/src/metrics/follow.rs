@@ -1,0 +1,316 @@
+//! Numbers of each pixel that follow its surface point from frame to frame: what live views of noise and flicker are made of.
+//!
+//! [`Links`] says where each pixel's point was one frame before (the pass that all metrics over time rest on); [`Followed`] carries running moments along.
+//! A window of n frames is exponential: a frame weighs 1/n, and less than n frames back all weigh the same. Where a point was not seen a frame before,
+//! its numbers begin anew.
+
+use rayon::prelude::*;
+
+use super::{Motion, NO_LINK, Slots};
+use crate::camera::View;
+use crate::error::Result;
+use crate::geometry;
+use crate::gpu::{Gpu, Timer, read_buffer};
+
+/// Edge of the blocks that tell clumping, pixels: that of the measured metrics.
+const BLOCK: usize = super::BLOCK as usize;
+
+/// Where each pixel's surface point was one frame before.
+pub struct Links {
+    motion: Motion,
+    size: [u32; 2],
+    index: u32,
+}
+
+impl Links {
+    /// Compiles the pass and allocates for pictures of `size` pixels.
+    ///
+    /// # Errors
+    /// When the shader does not compile or the device has not the memory.
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, size: [u32; 2]) -> Result<Links> {
+        let motion = Motion::new(gpu, frame_layout, size)?;
+        gpu.check()?;
+        Ok(Links { motion, size, index: 0 })
+    }
+
+    /// Pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Links the picture whose geometry is given, seen by `now`, to the one given before: an index a pixel, [`NO_LINK`] = not seen there. Waits.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn find(&mut self, gpu: &Gpu, frame: &wgpu::BindGroup, geometry: &geometry::Targets, now: View) -> Result<Vec<u32>> {
+        let pixels = self.size[0] * self.size[1];
+        let mut encoder = gpu.encoder("links");
+        let slots = Slots::of(self.index, pixels);
+        self.motion.encode(gpu, &mut encoder, &mut Timer::new(gpu), frame, geometry, &now, &slots);
+        gpu.submit_and_wait(encoder)?;
+        let bytes = read_buffer(gpu, &self.motion.links, u64::from(pixels) * 4)?;
+        self.motion.advance(now);
+        self.index = self.index.wrapping_add(1);
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
+    }
+}
+
+/// What one picture says of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// Luminance of linear albedo; below 0 = no terrain.
+    pub luminance: f32,
+    /// The first random choice, 0 = none.
+    pub choice: u8,
+    /// Luminance less that of the picture compared with, 0 without one.
+    pub error: f32,
+}
+
+/// Running moments of a pixel's surface point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Point {
+    /// Frames that are in here, at most the window; 0 = no terrain.
+    pub frames: f32,
+    /// Mean luminance.
+    pub mean: f32,
+    /// Variance of luminance over frames.
+    pub variance: f32,
+    /// Mean absolute difference in luminance from one frame to the next.
+    pub flicker: f32,
+    /// Frames whose choice can be compared with the one before, at most the window.
+    pub chosen: f32,
+    /// Share of them with another choice.
+    pub flips: f32,
+    /// Mean difference from the picture compared with.
+    pub bias: f32,
+    last: f32,
+    last_choice: u8,
+}
+
+impl Point {
+    /// The moments with one more frame; `before` is where the point was seen a frame before.
+    fn with(before: Option<&Point>, now: Sample, window: f32) -> Point {
+        if now.luminance < 0.0 {
+            return Point::default();
+        }
+        let Some(p) = before.filter(|p| p.frames > 0.0) else {
+            return Point {
+                frames: 1.0,
+                mean: now.luminance,
+                bias: now.error,
+                last: now.luminance,
+                last_choice: now.choice,
+                ..Point::default()
+            };
+        };
+        let frames = (p.frames + 1.0).min(window);
+        let share = 1.0 / frames;
+        let deviation = now.luminance - p.mean;
+        // Differences are one fewer than frames.
+        let share_of_steps = 1.0 / (frames - 1.0).max(1.0);
+        let comparable = now.choice != 0 && p.last_choice != 0;
+        let chosen = if comparable { (p.chosen + 1.0).min(window) } else { p.chosen };
+        let flipped = f32::from(u8::from(now.choice != p.last_choice));
+        Point {
+            frames,
+            mean: p.mean + share * deviation,
+            variance: (1.0 - share) * (p.variance + share * deviation * deviation),
+            flicker: p.flicker + share_of_steps * ((now.luminance - p.last).abs() - p.flicker),
+            chosen,
+            flips: if comparable { p.flips + (flipped - p.flips) / chosen } else { p.flips },
+            bias: p.bias + share * (now.error - p.bias),
+            last: now.luminance,
+            last_choice: now.choice,
+        }
+    }
+}
+
+/// What a region came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Pixels of terrain.
+    pub terrain: usize,
+    /// Frames that its median pixel has been followed, at most the window.
+    pub frames: f32,
+    /// Mean variance of luminance over frames.
+    pub variance: f64,
+    /// Mean absolute difference in luminance from frame to frame.
+    pub flicker: f64,
+    /// Share of choices that differ from the frame before; absent without choices.
+    pub flip_rate: Option<f64>,
+    /// Mean difference from the picture compared with; absent without one.
+    pub bias: Option<f64>,
+    /// Block variance of this frame's noise relative to white noise of the same strength (1); absent where nothing varies.
+    pub clumping: Option<f64>,
+}
+
+/// The points of a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Followed {
+    size: [usize; 2],
+    points: Vec<Point>,
+    /// Luminance less what is expected there: the picture compared with, or else the running mean. Not a number where there is no terrain.
+    noise: Vec<f32>,
+    compared: bool,
+}
+
+impl Followed {
+    /// Takes a picture in. `links` leads to the picture taken in before; `compared` = errors are against another picture, which also tells noise.
+    ///
+    /// # Panics
+    /// When there are not as many samples and links as the size has pixels.
+    pub fn take(&mut self, size: [u32; 2], samples: &[Sample], links: &[u32], window: u32, compared: bool) {
+        let size = size.map(|n| n as usize);
+        assert!(samples.len() == size[0] * size[1] && links.len() == samples.len(), "a sample and a link a pixel");
+        let before = if self.size == size { std::mem::take(&mut self.points) } else { Vec::new() };
+        let window = window.max(2) as f32;
+        let at = |link: u32| if link == NO_LINK { None } else { before.get(link as usize) };
+        self.points = samples.par_iter().zip(links).map(|(&now, &link)| Point::with(at(link), now, window)).collect();
+        let points = &self.points;
+        let noise = |(s, p): (&Sample, &Point)| match (s.luminance >= 0.0, compared) {
+            (false, _) => f32::NAN,
+            (true, true) => s.error,
+            (true, false) => s.luminance - p.mean,
+        };
+        self.noise = samples.par_iter().zip(points).map(noise).collect();
+        (self.size, self.compared) = (size, compared);
+    }
+
+    /// Begins anew.
+    pub fn reset(&mut self) {
+        *self = Followed::default();
+    }
+
+    /// The points, row by row from the top; none before the first picture.
+    pub fn points(&self) -> &[Point] {
+        &self.points
+    }
+
+    /// What the pixels from `low` to below `high` came to; absent where they hold no terrain.
+    pub fn summary(&self, low: [usize; 2], high: [usize; 2]) -> Option<Summary> {
+        let high = [high[0].min(self.size[0]), high[1].min(self.size[1])];
+        let row = |y: usize| y * self.size[0] + low[0]..y * self.size[0] + high[0].max(low[0]);
+        let points: Vec<&Point> = (low[1]..high[1]).flat_map(|y| &self.points[row(y)]).filter(|p| p.frames > 0.0).collect();
+        let terrain = points.len();
+        if terrain == 0 {
+            return None;
+        }
+        let mean = |f: fn(&Point) -> f32| points.iter().map(|&p| f64::from(f(p))).sum::<f64>() / terrain as f64;
+        let chosen: f64 = points.iter().map(|p| f64::from(p.chosen)).sum();
+        let flipped: f64 = points.iter().map(|p| f64::from(p.chosen * p.flips)).sum();
+        let mut frames: Vec<f32> = points.iter().map(|p| p.frames).collect();
+        let middle = terrain / 2;
+        frames.select_nth_unstable_by(middle, f32::total_cmp);
+        Some(Summary {
+            terrain,
+            frames: frames[middle],
+            variance: mean(|p| p.variance),
+            flicker: mean(|p| p.flicker),
+            flip_rate: (chosen > 0.0).then(|| flipped / chosen),
+            bias: self.compared.then(|| mean(|p| p.bias)),
+            clumping: self.clumping(low, high),
+        })
+    }
+
+    /// As METHODOLOGY's clumping, over whole blocks of terrain.
+    fn clumping(&self, low: [usize; 2], high: [usize; 2]) -> Option<f64> {
+        let (mut blocks, mut pixels) = (0.0, 0.0);
+        for y in (low[1]..high[1].saturating_sub(BLOCK - 1)).step_by(BLOCK) {
+            for x in (low[0]..high[0].saturating_sub(BLOCK - 1)).step_by(BLOCK) {
+                let block = (y..y + BLOCK).flat_map(|y| &self.noise[y * self.size[0] + x..][..BLOCK]);
+                let (sum, squares) = block.fold((0.0, 0.0), |(s, q), &e| (s + f64::from(e), q + f64::from(e) * f64::from(e)));
+                if squares.is_finite() {
+                    let count = (BLOCK * BLOCK) as f64;
+                    blocks += (sum / count) * (sum / count);
+                    pixels += squares / count;
+                }
+            }
+        }
+        (pixels > 0.0).then(|| (BLOCK * BLOCK) as f64 * blocks / pixels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [u32; 2] = [20, 15];
+    const PIXELS: usize = 300;
+
+    fn still() -> Vec<u32> {
+        (0..300).collect()
+    }
+
+    fn picture(f: impl Fn(usize) -> Sample) -> Vec<Sample> {
+        (0..PIXELS).map(f).collect()
+    }
+
+    fn grey(luminance: f32) -> Sample {
+        Sample { luminance, ..Sample::default() }
+    }
+
+    #[test]
+    fn a_value_that_alternates_has_the_variance_flicker_and_flips_of_its_closed_form() {
+        let mut followed = Followed::default();
+        for frame in 0..64_u8 {
+            let luminance = if frame % 2 == 0 { 0.25 } else { 0.75 };
+            let samples = picture(|_| Sample { luminance, choice: 1 + frame % 2, error: luminance - 0.4 });
+            followed.take(SIZE, &samples, &still(), 64, true);
+        }
+        let all = followed.summary([0, 0], [20, 15]).expect("terrain");
+        assert_eq!((all.terrain, all.frames), (PIXELS, 64.0));
+        assert!((all.variance - 0.0625).abs() < 1e-6, "{}", all.variance);
+        assert!((all.flicker - 0.5).abs() < 1e-6 && all.flip_rate == Some(1.0), "{all:?}");
+        assert!((all.bias.expect("compared") - 0.1).abs() < 1e-6, "{:?}", all.bias);
+        // All pixels differ alike: the strongest clumping there is.
+        assert!((all.clumping.expect("noise") - 25.0).abs() < 1e-3, "{:?}", all.clumping);
+    }
+
+    #[test]
+    fn numbers_move_with_the_point_and_begin_anew_where_it_was_hidden() {
+        let mut followed = Followed::default();
+        followed.take(SIZE, &picture(|i| grey(i as f32)), &vec![NO_LINK; PIXELS], 8, false);
+        // Everything moves one pixel to the right; the first column is new, the last row is sky.
+        let samples = picture(|i| if i >= 280 { grey(-1.0) } else { grey(i as f32 - 1.0) });
+        let links: Vec<u32> = (0..300).map(|i| if i % 20 == 0 { NO_LINK } else { i - 1 }).collect();
+        followed.take(SIZE, &samples, &links, 8, false);
+        for (i, point) in followed.points().iter().enumerate() {
+            let expected = if i >= 280 {
+                0.0
+            } else if i % 20 == 0 {
+                1.0
+            } else {
+                2.0
+            };
+            assert_eq!((point.frames, point.flicker, point.variance), (expected, 0.0, 0.0), "pixel {i}");
+        }
+        let region = followed.summary([0, 0], [2, 14]).expect("terrain");
+        assert_eq!((region.terrain, region.clumping), (28, None));
+        assert_eq!(followed.summary([0, 14], [20, 15]), None, "sky");
+        // Another size begins anew, too.
+        followed.take([10, 30], &samples, &links, 8, false);
+        assert!(followed.points().iter().all(|p| p.frames <= 1.0));
+    }
+
+    #[test]
+    fn white_noise_has_a_clumping_of_one_and_its_flicker() {
+        let uniform = |i: usize, frame: u32| {
+            let h = crate::shared::hash::pcg4d([u32::try_from(i).unwrap_or(0), frame, 5, 9])[0];
+            (f64::from(h) / 4_294_967_296.0) as f32
+        };
+        let size = [200, 200];
+        let links: Vec<u32> = (0..40_000).collect();
+        let mut followed = Followed::default();
+        for frame in 0..32 {
+            let samples: Vec<Sample> = (0..40_000).map(|i| grey(uniform(i, frame))).collect();
+            followed.take(size, &samples, &links, 1000, false);
+        }
+        let all = followed.summary([0, 0], [200, 200]).expect("terrain");
+        // 1/12 less the share of 32 frames that the running mean takes; |difference| of two uniforms is 1/3. Six standard errors of 40 000 pixels.
+        assert!((all.variance - 31.0 / 32.0 / 12.0).abs() < 6.0 * 0.0745 / 40_000_f64.sqrt() / 32_f64.sqrt() * 1.2, "{}", all.variance);
+        assert!((all.flicker - 1.0 / 3.0).abs() < 6.0 * 0.236 / 40_000_f64.sqrt() / 31_f64.sqrt() * 1.5, "{}", all.flicker);
+        // 1 600 blocks: the standard deviation of their squares is sqrt(2).
+        assert!((all.clumping.expect("noise") - 1.0).abs() < 6.0 * 2_f64.sqrt() / 40.0, "{:?}", all.clumping);
+        assert_eq!(all.flip_rate, None, "no choices");
+    }
+}

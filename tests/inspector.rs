@@ -1,0 +1,153 @@
+//! The pixel inspector against the layers of the same picture, and its references against what shaders chose.
+
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::picture::AovSet;
+use kernels::shading::Estimator;
+use kernels::shared::noise::NoiseKind;
+use kernels::variant::{Flavour, Variant};
+use workbench::inspector::{Pixel, inspect, pixel_at, probe_of};
+
+use crate::frame::{pose, renderer, request, terrain};
+
+fn place(index: usize, size: [u32; 2]) -> [u32; 2] {
+    let index = u32::try_from(index).expect("a small picture");
+    [index % size[0], index / size[0]]
+}
+
+#[test]
+fn a_pixel_says_what_the_layers_say() {
+    let mut renderer = renderer();
+    let request = request(&renderer, "cliff");
+    let aovs = AovSet::from_names(&["depth", "mask", "variant", "choice", "position", "ddx", "ddy"]).expect("known layers");
+    let picture = renderer.render(&RenderRequest { aovs, ..request.clone() }).expect("renders");
+    let (on, value) = (terrain(&picture), |name: &str, i: usize| picture.values(name).expect("asked for")[i]);
+    let vector = |name: &str, i: usize| picture.vectors(name).expect("asked for")[i].map(f64::from);
+    let names: Vec<String> = renderer.scene().materials.iter().map(|m| m.name.clone()).collect();
+    let (mut errors, mut found, mut seen) = (Vec::new(), 0, 0);
+    for i in (0..on.len()).step_by(61) {
+        let at = place(i, request.size);
+        let pixel = inspect(&mut renderer, &request, at).expect("inspects");
+        let Some(pixel) = pixel.filter(|_| on[i]) else {
+            assert!(!on[i], "{at:?} is terrain");
+            continue;
+        };
+        seen += 1;
+        assert_eq!(pixel.pixel, at);
+        assert_eq!(pixel.depth_m, f64::from(value("depth", i)), "{at:?}");
+        assert_eq!(f64::from(pixel.mask), f64::from(value("mask", i)), "{at:?}");
+        assert_eq!(f64::from(pixel.variant), f64::from(value("variant", i)), "{at:?}");
+        assert_eq!(f64::from(pixel.choice), f64::from(value("choice", i)), "{at:?}");
+        assert_eq!(pixel.steps.map(|step| step.shader), [vector("ddx", i), vector("ddy", i)], "{at:?}");
+        // The layer is in f32 of world metres.
+        let off = (DVec3::from_array(pixel.position) - DVec3::from_array(vector("position", i))).length();
+        assert!(off < 1e-3 + 1e-6 * pixel.distance_m, "{at:?}: {off} m");
+        for sum in [pixel.flavours.iter().sum::<f64>(), pixel.splat.iter().map(|texel| texel.weight).sum()] {
+            assert!((sum - 1.0).abs() < 1e-6, "{at:?}: {sum}");
+        }
+        assert!(pixel.mask & !pixel.variant == 0);
+        for texel in &pixel.splat {
+            assert_eq!(texel.material, names[texel.index as usize]);
+        }
+        let Some(triangle) = pixel.triangle else { continue };
+        found += 1;
+        let towards = (DVec3::from_array(pixel.position) - request.pose.position) / pixel.distance_m;
+        if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
+            // A code of 2 x 8 bits is off by at most 1 degree, which a slanting plane makes three times as much of.
+            assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
+            errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
+        }
+    }
+    assert!(seen > 25 && found * 50 >= seen * 49, "{found} triangles for {seen} pixels");
+    errors.sort_by(f64::total_cmp);
+    let (median, worst) = (errors[errors.len() / 2], errors[errors.len() - 1]);
+    assert!(errors.len() > 20 && median < 0.03 && worst < 0.15, "median {median}, worst {worst} of {}", errors.len());
+    // The codes are not exact, and that is seen.
+    assert!(median > 1e-5, "{median}");
+}
+
+#[test]
+fn sky_is_nothing_and_beside_the_picture_is_an_error() {
+    let mut renderer = renderer();
+    let mut request = request(&renderer, "cliff");
+    request.pose.pitch = 80f64.to_radians();
+    request.pose.position.z += 2000.0;
+    renderer.render(&request).expect("renders");
+    assert_eq!(inspect(&mut renderer, &request, [3, 4]).expect("inspects"), None);
+    let error = inspect(&mut renderer, &request, [request.size[0], 0]).expect_err("one too far").to_string();
+    assert!(error.contains("no pixel 96, 0"), "{error}");
+}
+
+/// The pixels of a coarse grid over a picture that is drawn by one flavour.
+fn grid(flavour: Flavour, estimator: Estimator, noise: NoiseKind, seed: u32) -> Vec<Pixel> {
+    let mut renderer = renderer();
+    let variant = VariantChoice::Forced(Variant::only(flavour));
+    let request = RenderRequest { variant, estimator, noise, seed, frame: 5, ..request(&renderer, "cliff") };
+    renderer.render(&request).expect("renders");
+    let [width, height] = request.size;
+    let places = (0..width * height).step_by(89).map(|i| [i % width, i / width]);
+    places.filter_map(|at| inspect(&mut renderer, &request, at).expect("inspects")).collect()
+}
+
+#[test]
+fn the_references_choose_what_the_shader_chose() {
+    for (flavour, estimator, noise) in [
+        (Flavour::NearCliff, Estimator::Fc5, NoiseKind::HashedIsotropic),
+        (Flavour::FarCliff, Estimator::Fc5, NoiseKind::HashedAnisotropic),
+        (Flavour::FarCliff, Estimator::Biplanar, NoiseKind::WhiteWorld),
+        (Flavour::FarCliff, Estimator::Hex, NoiseKind::InterleavedGradient),
+        (Flavour::NearCliff, Estimator::Stf, NoiseKind::SpatioTemporalBlue),
+        (Flavour::Splat, Estimator::Stf, NoiseKind::WhiteScreen),
+        (Flavour::FarCliff, Estimator::Stf, NoiseKind::Blue),
+    ] {
+        let pixels = grid(flavour, estimator, noise, 3);
+        let draws = pixels.iter().filter(|pixel| pixel.draw.is_some_and(|draw| draw.flavour == flavour)).count();
+        let agreeing = pixels.iter().filter(|pixel| pixel.agrees()).count();
+        assert!(pixels.len() > 30 && draws == pixels.len(), "{estimator} {noise}: {draws} of {} draw", pixels.len());
+        // A threshold on a border between two choices, and a point on one between two cells of noise, may fall either way.
+        assert!(agreeing + 1 >= pixels.len(), "{estimator} {noise}: {agreeing} of {} agree", pixels.len());
+    }
+    // Negative control: of another seed they say something else.
+    let [ours, others] = [3, 4].map(|seed| grid(Flavour::FarCliff, Estimator::Fc5, NoiseKind::HashedIsotropic, seed));
+    let expected = |pixel: &Pixel| pixel.draw.expect("draws").expected;
+    let alike = ours.iter().zip(&others).filter(|(a, b)| expected(a) == b.choice).count();
+    assert!(alike * 4 < ours.len() * 3, "{alike} of {}", ours.len());
+    // Without chance there is nothing to draw.
+    let exact = grid(Flavour::FarCliff, Estimator::Exact, NoiseKind::HashedIsotropic, 3);
+    assert!(exact.iter().all(|pixel| pixel.draw.is_none() && pixel.choice == 0 && pixel.agrees()));
+}
+
+#[test]
+fn the_pages_of_all_pixels_are_those_that_the_frame_asked_for() {
+    let mut renderer = renderer();
+    let variant = VariantChoice::Forced(Variant::only(Flavour::VirtualTexture));
+    let request = RenderRequest { variant, keep_geometry: true, ..RenderRequest::new(pose(&renderer, "ground"), [24, 16]) };
+    let wanted = renderer.render(&request).expect("renders").report.pages.wanted;
+    let mut pages = BTreeSet::new();
+    for y in 0..request.size[1] {
+        for x in 0..request.size[0] {
+            let Some(pixel) = inspect(&mut renderer, &request, [x, y]).expect("inspects") else { continue };
+            let page = pixel.page.expect("all is virtual texture");
+            assert!(page.covered >= page.footprint[0] && page.covered <= page.footprint[1], "{page:?}");
+            assert_eq!(page.coarsened, 0);
+            pages.insert(page.id);
+        }
+    }
+    // The frame asks for both levels where a pixel is on their border, by a thousandth.
+    let said = pages.len();
+    assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "{said} pages said, {wanted} wanted");
+    // Without it there is none.
+    let far = RenderRequest { variant: VariantChoice::Forced(Variant::only(Flavour::FarAtlas)), ..request };
+    renderer.render(&far).expect("renders");
+    let pixel = inspect(&mut renderer, &far, [12, 12]).expect("inspects").expect("ground");
+    assert_eq!((pixel.page, pixel.flavours), (None, [0.0, 1.0, 0.0, 0.0, 0.0]));
+}
+
+#[test]
+fn a_probe_keeps_its_place_when_the_picture_changes_its_size() {
+    let probe = probe_of([40, 20], [96, 64]);
+    assert_eq!(pixel_at(probe, [96, 64]), [40, 20]);
+    assert_eq!(pixel_at(probe, [192, 128]), [81, 41]);
+}

@@ -1,0 +1,288 @@
+//! Shaders edited while they draw: what is built anew, what stays, and what is said of a mistake.
+//!
+//! Each test has a device of its own: other sources than those compiled in are a device's, and nobody else's.
+
+use std::path::{Path, PathBuf};
+
+use kernels::error::{Error, Result};
+use kernels::frame::{ReloadReport, RenderRequest, Renderer, VariantChoice, shader_files};
+use kernels::gpu::{Gpu, Sources};
+use kernels::picture::Picture;
+use kernels::variant::{Flavour, Variant};
+use workbench::app::Workbench;
+use workbench::engine::Viewpoint;
+use workbench::script::Stage;
+
+use crate::frame::{request, small_scene, terrain};
+
+const LIGHTING: &str = "lighting/lighting.wgsl";
+const LIT: &str = "return vec4<f32>(sun + sky_diffuse + sky_specular, 1.0);";
+const LIT_BY_HALF: &str = "return vec4<f32>(0.5 * (sun + sky_diffuse + sky_specular), 1.0);";
+const NORMAL: &str = "let n = normal_smoothness.xyz;";
+const NO_SUCH_NAME: &str = "let n = no_such_name.xyz;";
+
+/// A copy of the shaders that were compiled in.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(test: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("scree-shaders-{test}-{}", std::process::id()));
+        copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/src"), &path);
+        Folder(path)
+    }
+
+    /// Replaces what stands once in a file, and returns its line, from 1.
+    fn edit(&self, name: &str, from: &str, to: &str) -> usize {
+        let file = self.0.join(name);
+        let text = std::fs::read_to_string(&file).expect("a shader");
+        assert_eq!(text.matches(from).count(), 1, "{name}: {from}");
+        std::fs::write(&file, text.replace(from, to)).expect("written");
+        text.lines().position(|line| line.contains(from)).expect("counted just above") + 1
+    }
+
+    fn append(&self, name: &str, text: &str) {
+        let file = self.0.join(name);
+        let before = std::fs::read_to_string(&file).expect("a shader");
+        std::fs::write(&file, before + text).expect("written");
+    }
+
+    fn sources(&self) -> Result<Sources> {
+        Sources::read(&self.0, &shader_files())
+    }
+
+    fn reload(&self, renderer: &mut Renderer<'_>) -> Result<ReloadReport> {
+        renderer.reload_shaders(self.sources()?)
+    }
+
+    fn refused(&self, renderer: &mut Renderer<'_>) -> String {
+        self.reload(renderer).expect_err("a mistake").to_string()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // What is left lies in the folder of temporary files.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The WGSL files of a folder, and of those in it.
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).expect("a folder");
+    for entry in std::fs::read_dir(from).expect("the sources") {
+        let from = entry.expect("an entry").path();
+        let to = to.join(from.file_name().expect("a name"));
+        if from.is_dir() {
+            copy(&from, &to);
+        } else if from.extension().is_some_and(|e| e == "wgsl") {
+            std::fs::write(&to, std::fs::read(&from).expect("a shader")).expect("copied");
+        }
+    }
+}
+
+fn draw(renderer: &mut Renderer<'_>, request: &RenderRequest) -> Picture {
+    renderer.render(request).expect("renders")
+}
+
+/// Whether the terrain of `dim` has half the radiance of `bright`, and the sky all of it.
+fn is_half_of(dim: &Picture, bright: &Picture) -> bool {
+    dim.hdr.iter().zip(&bright.hdr).zip(terrain(bright)).all(|((dim, bright), on)| {
+        let share = if on { 0.5 } else { 1.0 };
+        (0..3).all(|i| (dim[i] - share * bright[i]).abs() <= 1e-5 * bright[i].abs())
+    })
+}
+
+#[test]
+fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
+    let folder = Folder::new("mistakes");
+    assert!(folder.sources().expect("all are there").is_empty(), "a file differs from what was compiled in, or is not where its name says");
+    let gpu = Gpu::new().expect("an adapter");
+    let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
+    // Whatever was compiled in, or is in the folder, is the same: nothing is built.
+    assert_eq!(folder.reload(&mut renderer).expect("no change"), ReloadReport::default());
+    let request = request(&renderer, "ground");
+    let first = draw(&mut renderer, &request);
+    assert!(!is_half_of(&first, &first), "a picture in which half is not all");
+
+    folder.edit(LIGHTING, LIT, LIT_BY_HALF);
+    let report = folder.reload(&mut renderer).expect("compiles");
+    assert_eq!((report.files, report.stages), (vec![LIGHTING.to_owned()], vec!["lighting"]));
+    let dim = draw(&mut renderer, &request);
+    assert!(is_half_of(&dim, &first));
+    // The same again is no change.
+    assert_eq!(folder.reload(&mut renderer).expect("no change"), ReloadReport::default());
+
+    // A mistake of each kind: told with its place, and the picture stays as it was last.
+    let stays = |renderer: &mut Renderer<'_>| assert_eq!(draw(renderer, &request).hdr, dim.hdr);
+    let line = folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
+    let error = folder.refused(&mut renderer);
+    assert!(error.contains(&format!("{LIGHTING}:{line}: ")) && error.contains("`no_such_name`"), "{error}");
+    assert!(!error.contains('\n') && !error.contains('│'), "{error}");
+    stays(&mut renderer);
+    folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
+
+    let line = folder.edit(LIGHTING, "let n_dot_v = max(dot(n, v), 1e-3);", "let n_dot_v = max(dot(n, v), vec3<f32>(1e-3));");
+    let error = folder.refused(&mut renderer);
+    assert!(error.contains(&format!("{LIGHTING}:{line}: ")), "{error}");
+    stays(&mut renderer);
+    folder.edit(LIGHTING, "max(dot(n, v), vec3<f32>(1e-3))", "max(dot(n, v), 1e-3)");
+
+    folder.edit(LIGHTING, "fn lighting_fragment(", "fn lighting_fragments(");
+    let error = folder.refused(&mut renderer);
+    assert!(error.contains(LIGHTING) && error.contains("lighting_fragment"), "{error}");
+    stays(&mut renderer);
+    folder.edit(LIGHTING, "fn lighting_fragments(", "fn lighting_fragment(");
+
+    let line = folder.edit("shared/hash.wgsl", "fn hash_pcg(v: u32) -> u32 {", "fn hash_pcg(v: u32) -> u33 {");
+    let error = folder.refused(&mut renderer);
+    assert!(error.contains(&format!("shared/hash.wgsl:{line}: ")), "{error}");
+    stays(&mut renderer);
+    folder.edit("shared/hash.wgsl", "-> u33 {", "-> u32 {");
+
+    // As an editor leaves it for a moment.
+    let text = std::fs::read(folder.0.join(LIGHTING)).expect("a shader");
+    std::fs::write(folder.0.join(LIGHTING), "").expect("emptied");
+    let error = folder.refused(&mut renderer);
+    assert!(error.contains(LIGHTING), "{error}");
+    std::fs::remove_file(folder.0.join(LIGHTING)).expect("removed");
+    let error = folder.refused(&mut renderer);
+    assert!(error.starts_with(&*folder.0.join(LIGHTING).to_string_lossy()), "{error}");
+    stays(&mut renderer);
+    std::fs::write(folder.0.join(LIGHTING), text).expect("written");
+
+    // What was refused is nobody else's on this device: another renderer draws with the last good ones.
+    let mut other = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
+    assert_eq!(draw(&mut other, &request).hdr, dim.hdr);
+
+    folder.edit(LIGHTING, LIT_BY_HALF, LIT);
+    assert_eq!(folder.reload(&mut renderer).expect("compiles").stages, ["lighting"]);
+    assert_eq!(draw(&mut renderer, &request).hdr, first.hdr);
+    gpu.check().expect("no mistake was left to the device");
+}
+
+#[test]
+fn stages_are_built_anew_whose_files_changed_and_pages_with_them() {
+    let folder = Folder::new("stages");
+    let gpu = Gpu::new().expect("an adapter");
+    let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
+    let request = request(&renderer, "ground");
+    let first = draw(&mut renderer, &request);
+    let pages = |picture: &Picture| (picture.report.pages.wanted, picture.report.pages.rendered);
+    let (wanted, rendered) = pages(&first);
+    assert!(wanted > 0 && rendered == wanted, "{wanted} pages, {rendered} rendered");
+    assert_eq!(pages(&draw(&mut renderer, &request)), (wanted, 0));
+    let all = ["geometry", "classification", "virtual texture", "shading", "lighting", "inspect", "composition"];
+    let cases: [(&str, &[&str], bool); 6] = [
+        ("lighting/lighting.wgsl", &["lighting"], false),
+        ("geometry/stitch.wgsl", &["geometry"], false),
+        ("virtual_texture/page.wgsl", &["virtual texture"], true),
+        ("virtual_texture/virtual_texture.wgsl", &["virtual texture", "shading"], true),
+        ("shared/signal.wgsl", &["composition"], false),
+        ("frame.wgsl", &all, true),
+    ];
+    for (file, stages, pages_anew) in cases {
+        folder.append(file, "// A remark.\n");
+        let report = folder.reload(&mut renderer).expect("a remark compiles");
+        assert_eq!((report.files, report.stages), (vec![file.to_owned()], stages.to_vec()));
+        let picture = draw(&mut renderer, &request);
+        assert_eq!(picture.hdr, first.hdr, "{file}");
+        assert_eq!(pages(&picture), (wanted, if pages_anew { wanted } else { 0 }), "{file}");
+    }
+    // One of the two is used on any device.
+    for file in ["classification/plain.wgsl", "classification/subgroup.wgsl"] {
+        folder.append(file, "// A remark.\n");
+        let used = (file == "classification/subgroup.wgsl") == gpu.features.contains(wgpu::Features::SUBGROUP);
+        let report = folder.reload(&mut renderer).expect("a remark compiles");
+        assert_eq!(report.stages, if used { vec!["classification"] } else { vec![] }, "{file}");
+    }
+}
+
+#[test]
+fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
+    let folder = Folder::new("variant");
+    let gpu = Gpu::new().expect("an adapter");
+    let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
+    let forced = |variant| RenderRequest { variant: VariantChoice::Forced(variant), ..request(&renderer, "ground") };
+    let (atlas, full) = (forced(Variant::only(Flavour::FarAtlas)), forced(Variant::new(31).expect("all five")));
+    let first = draw(&mut renderer, &atlas);
+    // Divides by 0 where the pipeline of all five flavours is specialised.
+    let shading = "shading/shading.wgsl";
+    folder.edit(shading, "override VARIANT: u32 = 0u;", "override VARIANT: u32 = 0u;\noverride BROKEN: u32 = 1u / (VARIANT ^ 31u);");
+    folder.edit(
+        shading,
+        "return shade(vec2<u32>(in.clip.xy), in.mask);",
+        "return shade(vec2<u32>(in.clip.xy), in.mask + BROKEN - BROKEN);",
+    );
+    assert_eq!(folder.reload(&mut renderer).expect("compiles for the variant that was drawn").stages, ["shading"]);
+    assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
+    let error = renderer.render(&full).expect_err("cannot be built");
+    // Not the device's failure: whoever draws keeps it.
+    assert!(matches!(&error, Error::Request(text) if text.contains(shading)), "{error}");
+    gpu.check().expect("the device has nothing to complain about");
+    assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
+    // Once it was drawn, a change that breaks it is refused as a whole.
+    folder.edit(shading, "(VARIANT ^ 31u)", "(VARIANT ^ 2u)");
+    let error = folder.refused(&mut renderer);
+    assert!(error.contains(shading), "{error}");
+    assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
+}
+
+/// The application with the small scene and a folder's shaders, standing still at a camera.
+fn stage(folder: &Folder) -> Stage {
+    let mut stage = Stage::with_shaders(small_scene(), [1100, 700], Some(folder.0.clone()));
+    stage.settle().expect("the first picture");
+    let app = stage.app();
+    app.clock.paused = true;
+    app.settings.scale = 0.2;
+    app.viewpoint = Viewpoint::Camera("ground".to_owned());
+    stage.settle().expect("a picture of the ground");
+    stage
+}
+
+fn texels(app: &Workbench) -> &[[u8; 3]] {
+    &app.shown().expect("a picture").texels
+}
+
+#[test]
+fn the_workbench_follows_a_folder() {
+    let folder = Folder::new("workbench");
+    let mut stage = stage(&folder);
+    let first = texels(stage.app()).to_vec();
+    // Nothing is asked for: the picture changes by itself.
+    folder.edit(LIGHTING, LIT, LIT_BY_HALF);
+    stage.until("the edited shader", |app| texels(app) != first).expect("a picture");
+    assert_eq!(stage.app().shader_error(), None);
+    let dim = texels(stage.app()).to_vec();
+    let line = folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
+    stage.until("the complaint", |app| app.shader_error().is_some()).expect("told");
+    let error = stage.app().shader_error().expect("just seen").to_owned();
+    assert!(error.contains(&format!("{LIGHTING}:{line}: ")), "{error}");
+    assert!(stage.names().iter().any(|name| name.contains(LIGHTING)), "{:?}", stage.names());
+    // Drawing goes on, with the last that compiled: here of another frame of a camera that stands still.
+    let frame = stage.app().shown().expect("a picture").wish.frame;
+    stage.app().clock.frame = frame + 1;
+    stage.settle().expect("a picture");
+    stage.app().clock.frame = frame;
+    stage.settle().expect("a picture");
+    assert_eq!(texels(stage.app()), dim);
+    assert!(stage.app().shader_error().is_some(), "it stands for as long as it is so");
+    folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
+    stage.until("the mended shader", |app| app.shader_error().is_none()).expect("told");
+    assert_eq!(texels(stage.app()), dim);
+    folder.edit(LIGHTING, LIT_BY_HALF, LIT);
+    stage.until("the first shader", |app| texels(app) == first).expect("a picture");
+}
+
+#[test]
+fn the_workbench_starts_with_a_broken_shader() {
+    let folder = Folder::new("start");
+    folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
+    let mut stage = stage(&folder);
+    stage.until("the complaint", |app| app.shader_error().is_some()).expect("told");
+    let error = stage.app().shader_error().expect("just seen").to_owned();
+    assert!(error.contains(LIGHTING) && error.contains("no_such_name"), "{error}");
+    let built_in = texels(stage.app()).to_vec();
+    folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
+    stage.until("the mended shader", |app| app.shader_error().is_none()).expect("told");
+    assert_eq!(texels(stage.app()), built_in);
+}

@@ -1,0 +1,194 @@
+//! Two ways to shade one view, beside each other: A is what the panels edit, B what it is held against.
+
+use kernels::shading::Estimator;
+use kernels::variant::{Flavour, Variant};
+
+use crate::parameters::differences;
+use crate::settings::Settings;
+
+/// How A and B share the viewport.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Only A is drawn.
+    #[default]
+    Off,
+    /// A on the left of a line, B on its right.
+    Wipe,
+    /// The same cut-out of both, next to each other.
+    SideBySide,
+    /// One of them at a time, changed by a key.
+    Flicker,
+    /// How much they differ.
+    Difference,
+}
+
+impl Mode {
+    /// All of them, in the order of the menu.
+    pub const ALL: [Mode; 5] = [Mode::Off, Mode::Wipe, Mode::SideBySide, Mode::Flicker, Mode::Difference];
+
+    /// Its name in the menu.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Mode::Off => "Only A",
+            Mode::Wipe => "Wipe",
+            Mode::SideBySide => "Side by side",
+            Mode::Flicker => "Flicker",
+            Mode::Difference => "Difference",
+        }
+    }
+
+    /// What is seen.
+    pub const fn about(self) -> &'static str {
+        match self {
+            Mode::Off => "B is not drawn",
+            Mode::Wipe => "A left of the line, B right of it; drag the line",
+            Mode::SideBySide => "The same part of both",
+            Mode::Flicker => "One at a time; X shows the other",
+            Mode::Difference => "Absolute difference in luminance, 0.001 black to 1 white, logarithmic",
+        }
+    }
+}
+
+/// What A is held against.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Other {
+    /// The exact blend of what A's estimator draws from: its mean, without noise.
+    #[default]
+    Exact,
+    /// Full splat on two tilings on every pixel, exact: 96 fetches.
+    Full,
+    /// Settings that were kept.
+    Kept(Box<Settings>),
+}
+
+impl Other {
+    /// What it is called in the menu.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Other::Exact => "exact blend of A",
+            Other::Full => "full splat, 96 fetches",
+            Other::Kept(_) => "kept settings",
+        }
+    }
+}
+
+/// The comparison.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Compare {
+    /// How both are shown.
+    pub mode: Mode,
+    /// What B is.
+    pub other: Other,
+}
+
+impl Compare {
+    /// What B is drawn by; `None` = it is not drawn. How a picture is looked at (layer, scale, counting) is A's.
+    pub fn b(&self, a: &Settings) -> Option<Settings> {
+        let looked_at_as_a = |b: &Settings| Settings { layer: a.layer, scale: a.scale, counts: a.counts, ..b.clone() };
+        match (self.mode, &self.other) {
+            (Mode::Off, _) => None,
+            (_, Other::Exact) => Some(Settings { estimator: Estimator::Exact, ..a.clone() }),
+            (_, Other::Full) => {
+                let forced = Some(Variant::only(Flavour::Splat));
+                Some(Settings { estimator: Estimator::Exact, forced, generic: false, two_tilings: true, ..a.clone() })
+            }
+            (_, Other::Kept(b)) => Some(looked_at_as_a(b)),
+        }
+    }
+
+    /// Keeps A as B.
+    pub fn keep(&mut self, a: &Settings) {
+        self.other = Other::Kept(Box::new(a.clone()));
+        if self.mode == Mode::Off {
+            self.mode = Mode::Wipe;
+        }
+    }
+
+    /// Exchanges A and B, as far as they decide how the terrain looks.
+    pub fn swap(&mut self, a: &mut Settings) {
+        let drawn = Compare { mode: Mode::Wipe, other: self.other.clone() };
+        if let Some(b) = drawn.b(a) {
+            self.other = Other::Kept(Box::new(std::mem::replace(a, b)));
+        }
+    }
+}
+
+/// What tells two settings apart, in words; the choice of shaders alone if nothing does.
+pub fn label(own: &Settings, other: &Settings) -> String {
+    let mut parts = Vec::new();
+    if own.choice() != other.choice() {
+        parts.push(own.choice_name());
+    }
+    if own.estimator != other.estimator {
+        parts.push(own.estimator.name().to_owned());
+    }
+    if own.noise != other.noise {
+        parts.push(own.noise.name().to_owned());
+    }
+    if own.seed != other.seed {
+        parts.push(format!("seed {}", own.seed));
+    }
+    if own.reseeds != other.reseeds {
+        parts.push(if own.reseeds { "a seed a frame" } else { "one seed" }.to_owned());
+    }
+    if own.two_tilings != other.two_tilings {
+        parts.push(if own.two_tilings { "two tilings" } else { "one tiling" }.to_owned());
+    }
+    for (parameter, [mine, _]) in differences(&own.scene, &other.scene) {
+        let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
+        parts.push(format!("{} {}{unit}", parameter.name, (mine * 1000.0).round() / 1000.0));
+    }
+    if parts.is_empty() { own.choice_name() } else { parts.join(", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::scene;
+    use kernels::shared::noise::NoiseKind;
+
+    use super::*;
+
+    fn settings() -> Settings {
+        Settings::new(scene::load(scene::DEFAULT).expect("built in"))
+    }
+
+    #[test]
+    fn b_is_what_it_is_called_and_looked_at_as_a_is() {
+        let mut a = settings();
+        a.noise = NoiseKind::WhiteScreen;
+        let mut compare = Compare::default();
+        assert_eq!(compare.b(&a), None, "off");
+        compare.keep(&a);
+        assert_eq!((compare.mode, compare.b(&a)), (Mode::Wipe, Some(a.clone())));
+        let kept = a.clone();
+        a.noise = NoiseKind::WhiteWorld;
+        a.scale = 0.25;
+        a.scene.blend.hash_scale = 2.0;
+        let b = compare.b(&a).expect("drawn");
+        assert_eq!((b.noise, b.scale), (NoiseKind::WhiteScreen, 0.25));
+        assert_eq!(
+            (label(&a, &b), label(&b, &a)),
+            ("world, Noise cell 2 px".to_owned(), format!("white, Noise cell {} px", kept.scene.blend.hash_scale))
+        );
+        compare.other = Other::Exact;
+        assert_eq!(compare.b(&a).map(|b| (b.estimator, b.noise)), Some((Estimator::Exact, NoiseKind::WhiteWorld)));
+        compare.other = Other::Full;
+        let full = compare.b(&a).expect("drawn");
+        assert_eq!(
+            (full.choice_name().as_str(), full.two_tilings, label(&full, &a).as_str()),
+            ("splat", true, "splat, exact, two tilings")
+        );
+    }
+
+    #[test]
+    fn a_swap_and_another_one_are_none() {
+        let (mut a, mut compare) = (settings(), Compare::default());
+        compare.keep(&a);
+        a.noise = NoiseKind::Blue;
+        let (before, was) = (a.clone(), compare.clone());
+        compare.swap(&mut a);
+        assert_eq!(a.noise, NoiseKind::HashedIsotropic);
+        compare.swap(&mut a);
+        assert_eq!((a, compare), (before, was));
+    }
+}

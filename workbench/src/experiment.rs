@@ -1,0 +1,715 @@
+//! What is on screen as an experiment: saved as a definition that `experiments run` accepts, and run by that program while the window goes on.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, BufRead as _, BufReader, PipeReader};
+use std::path::{self, Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail, ensure};
+use experiments::definition::{self, Definition, Reference, Small, Times, variant_name};
+use kernels::scene::{self, CameraPose, Scene, World};
+use toml::Value;
+
+use crate::engine::{EYE_M, Viewpoint};
+use crate::parameters::GROUPS;
+use crate::settings::Settings;
+
+/// Name of the camera that stands for a place that no camera of the scene has.
+const CAMERA: &str = "workbench";
+/// Name of the scene's file beside a definition.
+const SCENE: &str = "scene.toml";
+/// Lines of a report that are shown: the answer, what was checked, and most of the table.
+const EXCERPT: usize = 40;
+/// How often a process is asked whether it has ended.
+const NAP: Duration = Duration::from_millis(10);
+/// Longest wait, when a run is dropped, for it to stop by itself.
+const FAREWELL: Duration = Duration::from_secs(3);
+
+/// How much of it is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Width and height of a picture, pixels.
+    pub size: [u32; 2],
+    /// Frames of the sequence, from frame 0, at least 1; at least 2 for what compares frames.
+    pub frames: u32,
+    /// Seeds that bias and variance are taken over; 0 = neither is measured, else at least 2.
+    pub seeds: u32,
+}
+
+/// Saves what is on screen into a new folder, whole or not at all: `NAME.toml`, and beside it `scene.toml` where the scene is not the built-in
+/// one with other numbers, or the camera stands where none of the scene's does. Returns the definition's file.
+///
+/// Files that the scene names are named by absolute paths. A run has frames from 0 on; what is on screen is its frame of the same number.
+///
+/// # Errors
+/// One line with the remedy: the name is none for a file, the folder exists or cannot be written, a definition cannot say what is on screen (a seed
+/// other than 0 or one a frame, two tilings, the generic kernel with flavours forced), or `experiments` would refuse it.
+pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoint, extent: Extent) -> Result<PathBuf> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    ensure!(!name.is_empty() && name.chars().all(plain), "`{name}` names no experiment: use letters a to z, digits, - and _");
+    ensure!(!name.eq_ignore_ascii_case("scene"), "`{name}` is the name of the scene beside the experiment: choose another");
+    ensure!(!folder.exists(), "{} exists, and is not written over: choose another name, or remove it", folder.display());
+    check_expressible(settings)?;
+    let (view, camera) = view(&settings.scene, viewpoint)?;
+
+    let staging = Staging::beside(folder)?;
+    let changes = if camera.is_none() { changes(&settings.scene) } else { None };
+    let source = if changes.is_some() {
+        scene::DEFAULT
+    } else {
+        let mut copy = with_absolute_paths(&settings.scene)?;
+        copy.cameras.extend(camera);
+        staging.write(SCENE, &toml::to_string(&copy).context("the scene cannot be written as TOML")?)?;
+        SCENE
+    };
+    let choice = variant_name(settings.choice());
+    let definition = Definition {
+        name: name.to_owned(),
+        question: format!(
+            "What does {choice} cost and show by {} and {} noise, seen from {view}?",
+            settings.estimator,
+            settings.noise.name()
+        ),
+        analysis: String::new(),
+        scene: Some(source.to_owned()),
+        import: None,
+        views: vec![view],
+        moving_views: Vec::new(),
+        size: extent.size,
+        frames: extent.frames,
+        seeds: extent.seeds,
+        variants: vec![choice],
+        estimators: vec![settings.estimator.name().to_owned()],
+        noises: vec![settings.noise.name().to_owned()],
+        temporal: vec!["off".to_owned()],
+        vary: None,
+        settings: changes.unwrap_or_default(),
+        metrics: Vec::new(),
+        video: false,
+        reference: Reference::default(),
+        times: Times::default(),
+        small: Small::default(),
+        expectations: Vec::new(),
+        folder: PathBuf::new(),
+    };
+    let file = format!("{name}.toml");
+    let text = format!("# Saved from the workbench. To run it: experiments run {file} --out out\n{}", definition.to_toml()?);
+    // By the same reader as a run's, so that nothing is saved that could not be run.
+    definition::parse(&text, &file, &staging.folder)?;
+    staging.write(&file, &text)?;
+    fs::rename(&staging.folder, folder).with_context(|| format!("cannot make the folder {}: choose another", folder.display()))?;
+    Ok(folder.join(file))
+}
+
+/// Refuses what a definition has no words for.
+fn check_expressible(settings: &Settings) -> Result<()> {
+    ensure!(
+        settings.forced.is_none() || !settings.generic,
+        "a run has the generic kernel only as each tile needs it: clear `Generic kernel`, or choose `Automatic`"
+    );
+    ensure!(!settings.reseeds, "a run draws all its frames with one seed: clear `A seed a frame`");
+    ensure!(settings.seed == 0, "a run draws its frames with seed 0, and `Seed` is {}: set it to 0", settings.seed);
+    ensure!(!settings.two_tilings, "a run draws full splat on one tiling: clear `Two tilings`");
+    Ok(())
+}
+
+/// Name of the view, and the camera that the scene needs for it.
+fn view(scene: &Scene, viewpoint: &Viewpoint) -> Result<(String, Option<CameraPose>)> {
+    let is_camera = |name: &str| scene.cameras.iter().any(|camera| camera.name == name);
+    match viewpoint {
+        Viewpoint::Camera(name) => Ok((name.clone(), None)),
+        Viewpoint::Path(name) => {
+            ensure!(!is_camera(name), "scene `{}` has a camera `{name}`, too, which a run would take for the path: rename one", scene.name);
+            Ok((name.clone(), None))
+        }
+        Viewpoint::Recorded(path) => {
+            bail!("the view is a replay of `{}`, which a definition has no words for: go to a camera, a path or a place", path.name)
+        }
+        Viewpoint::Free { pose, walking } => {
+            let is_taken = |name: &str| is_camera(name) || scene.paths.iter().any(|path| path.name == name);
+            let mut name = CAMERA.to_owned();
+            let mut number = 1;
+            while is_taken(&name) {
+                number += 1;
+                name = format!("{CAMERA}-{number}");
+            }
+            // Who walks has a height over the ground, which the run finds again; what the pose says of it may be a step old.
+            let z = if *walking { EYE_M } else { pose.position.z };
+            let camera = CameraPose {
+                name: name.clone(),
+                position: [pose.position.x, pose.position.y, z],
+                above_ground: *walking,
+                yaw_deg: pose.yaw.to_degrees().rem_euclid(360.0),
+                pitch_deg: pose.pitch.to_degrees(),
+                fov_deg: pose.fov.to_degrees(),
+            };
+            Ok((name, Some(camera)))
+        }
+    }
+}
+
+/// The numbers in which a scene differs from the built-in one, by their keys; `None` if it differs in anything else.
+fn changes(scene: &Scene) -> Option<BTreeMap<String, Value>> {
+    let mut built_in = scene::load(scene::DEFAULT).ok()?;
+    // The built-in scene names no files, and so it makes no difference where they would be.
+    let mut wanted = Scene { folder: built_in.folder.clone(), ..scene.clone() };
+    let mut changes = BTreeMap::new();
+    for parameter in GROUPS.iter().flat_map(|group| group.parameters) {
+        let to = *(parameter.at)(&mut wanted);
+        let from = (parameter.at)(&mut built_in);
+        if *from != to {
+            *from = to;
+            changes.insert(parameter.key.to_owned(), Value::Float(to));
+        }
+    }
+    (built_in == wanted).then_some(changes)
+}
+
+/// The scene as it can be read from anywhere.
+fn with_absolute_paths(scene: &Scene) -> Result<Scene> {
+    let mut copy = scene.clone();
+    let material_folders = copy.materials.iter_mut().filter_map(|material| material.folder.as_mut());
+    let heightmap = match &mut copy.world {
+        World::Heightmap { file, .. } => Some(file),
+        World::Procedural { .. } => None,
+    };
+    for relative in material_folders.chain(heightmap) {
+        let from_here = scene.folder.join(&*relative);
+        *relative = path::absolute(&from_here).with_context(|| format!("{} has no absolute path", from_here.display()))?;
+    }
+    Ok(copy)
+}
+
+/// A folder that becomes the wanted one when it is whole, and is removed if it does not get there.
+struct Staging {
+    folder: PathBuf,
+}
+
+impl Staging {
+    fn beside(folder: &Path) -> Result<Staging> {
+        let Some(name) = folder.file_name() else { bail!("`{}` names no folder: give a name", folder.display()) };
+        let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let staging = parent.join(format!(".{}.part-{}", name.to_string_lossy(), std::process::id()));
+        fs::create_dir_all(&staging).with_context(|| format!("cannot write into {}: choose another folder", parent.display()))?;
+        Ok(Staging { folder: staging })
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<()> {
+        let file = self.folder.join(name);
+        fs::write(&file, text).with_context(|| format!("cannot write {}: make room, or choose another folder", file.display()))
+    }
+}
+
+impl Drop for Staging {
+    fn drop(&mut self) {
+        // Nothing is left to do about a temporary folder that cannot be removed; one that was renamed is gone.
+        drop(fs::remove_dir_all(&self.folder));
+    }
+}
+
+/// The definitions in a folder, by name: its `.toml` files but for `scene.toml`, and those that [`save`] left in folders of their own name. A file is
+/// itself; what is not there has none.
+pub fn definitions(place: &Path) -> Vec<PathBuf> {
+    if place.is_file() {
+        return vec![place.to_owned()];
+    }
+    let Ok(entries) = fs::read_dir(place) else { return Vec::new() };
+    let mut found: Vec<PathBuf> = entries.filter_map(|entry| definition_at(entry.ok()?.path())).collect();
+    found.sort();
+    found
+}
+
+fn definition_at(path: PathBuf) -> Option<PathBuf> {
+    if path.is_dir() {
+        let own = path.join(format!("{}.toml", path.file_name()?.to_str()?));
+        return own.is_file().then_some(own);
+    }
+    let is_definition = path.extension().is_some_and(|extension| extension == "toml") && path.file_name().is_some_and(|name| name != SCENE);
+    is_definition.then_some(path)
+}
+
+/// The folder of definitions that come with the program: below the working directory, or below a folder that holds this program.
+pub fn shipped() -> Option<PathBuf> {
+    let definitions = Path::new("experiments").join("definitions");
+    let own = std::env::current_exe().unwrap_or_default();
+    let places = own.ancestors().skip(1).map(|folder| folder.join(&definitions));
+    std::iter::once(definitions.clone()).chain(places).find(|folder| folder.is_dir())
+}
+
+/// A definition's name on buttons: that of its file.
+pub fn name(definition: &Path) -> String {
+    definition.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// Opens a page in the program that the system has for it, without waiting for it.
+///
+/// # Errors
+/// There is no program that finds one.
+pub fn open(page: &Path) -> Result<()> {
+    let opener = match std::env::consts::OS {
+        "windows" => "explorer",
+        "macos" => "open",
+        _ => "xdg-open",
+    };
+    let started = Command::new(opener).arg(page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    let mut child = started.with_context(|| format!("`{opener}` cannot be started: open {} in a browser", page.display()))?;
+    // Its status says nothing reliable; it only has to be taken.
+    thread::spawn(move || child.wait());
+    Ok(())
+}
+
+/// The program that runs experiments: beside this one, in the folder above (where tests find it), or on the search path.
+fn program() -> Result<PathBuf> {
+    let name = format!("experiments{}", std::env::consts::EXE_SUFFIX);
+    let own = std::env::current_exe().unwrap_or_default();
+    let near = own.ancestors().skip(1).take(2).map(Path::to_owned);
+    let search_path = std::env::var_os("PATH").unwrap_or_default();
+    let found = near.chain(std::env::split_paths(&search_path)).map(|folder| folder.join(&name)).find(|file| file.is_file());
+    let profile = if cfg!(debug_assertions) { "" } else { " --release" };
+    found.with_context(|| {
+        format!(
+            "the program `experiments` is neither beside this one nor on the search path: `cargo build{profile} -p experiments` makes it"
+        )
+    })
+}
+
+/// What a run came to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Report {
+    /// Its report.html.
+    pub page: PathBuf,
+    /// The first lines of the report.md beside it, Markdown; empty if that cannot be read.
+    pub excerpt: String,
+}
+
+/// A run of the program `experiments` under way, or what came of it. Dropped, it is stopped.
+pub struct Run {
+    name: String,
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    child: Mutex<Child>,
+    said: Mutex<Said>,
+}
+
+/// What the process has said of itself.
+#[derive(Default)]
+struct Said {
+    last: String,
+    error: Option<String>,
+    page: Option<PathBuf>,
+    /// How often it was asked to stop.
+    cancelled: u32,
+    outcome: Option<Result<Report, String>>,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Run {
+    /// Starts a definition; its results go to a folder of its name in `out`. One that was stopped goes on, and a finished one is reported
+    /// anew. `wake` is called whenever there is something to show.
+    ///
+    /// # Errors
+    /// There is no program `experiments`, or it cannot be started.
+    pub fn start(definition: &Path, out: &Path, wake: impl Fn() + Send + 'static) -> Result<Run> {
+        let mut command = Command::new(program()?);
+        command.arg("run").arg(definition).arg("--out").arg(out).arg("--resume");
+        Run::follow(command, name(definition), wake)
+    }
+
+    /// Starts a process that speaks as `experiments run` does.
+    fn follow(mut command: Command, name: String, wake: impl Fn() + Send + 'static) -> Result<Run> {
+        // One pipe for both, so that the last line is the last one.
+        let (output, input) = io::pipe().context("the run's output cannot be followed")?;
+        let second = input.try_clone().context("the run's output cannot be followed")?;
+        command.stdin(Stdio::null()).stdout(input).stderr(second);
+        let child = command.spawn().with_context(|| format!("{} cannot be started", command.get_program().display()))?;
+        // It holds ends of the pipe, which would never close.
+        drop(command);
+        let shared = Arc::new(Shared { child: Mutex::new(child), said: Mutex::new(Said::default()) });
+        let own = shared.clone();
+        thread::spawn(move || own.listen(output, &wake));
+        Ok(Run { name, shared })
+    }
+
+    /// Name of the experiment.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The last line that the program has said; empty before the first.
+    pub fn progress(&self) -> String {
+        lock(&self.shared.said).last.clone()
+    }
+
+    /// Whether it has ended, in whichever way.
+    pub fn is_done(&self) -> bool {
+        lock(&self.shared.said).outcome.is_some()
+    }
+
+    /// What came of it, once it has ended: the report, or one line that says why there is none.
+    pub fn outcome(&self) -> Option<Result<Report, String>> {
+        lock(&self.shared.said).outcome.clone()
+    }
+
+    /// Asks it to stop, as Ctrl-C does: what is finished is kept, and [`Run::start`] goes on from there. Asked again, it is ended at once.
+    pub fn cancel(&self) {
+        let shared = self.shared.clone();
+        thread::spawn(move || shared.cancel());
+    }
+}
+
+impl Drop for Run {
+    fn drop(&mut self) {
+        if self.is_done() {
+            return;
+        }
+        // Not by a thread, which the end of this program would stop before it has done anything.
+        self.shared.cancel();
+        let began = Instant::now();
+        while !self.is_done() {
+            if began.elapsed() > FAREWELL {
+                return self.shared.cancel();
+            }
+            thread::sleep(NAP);
+        }
+    }
+}
+
+impl Shared {
+    /// Takes in what the process says until it has ended.
+    fn listen(&self, output: PipeReader, wake: &dyn Fn()) {
+        for line in BufReader::new(output).split(b'\n') {
+            let Ok(line) = line else { break };
+            lock(&self.said).hear(&String::from_utf8_lossy(&line));
+            wake();
+        }
+        let status = loop {
+            // Waiting within the lock would keep a cancellation out.
+            let ended = lock(&self.child).try_wait();
+            match ended {
+                Ok(None) => thread::sleep(NAP),
+                Ok(Some(status)) => break Ok(status),
+                Err(error) => break Err(error),
+            }
+        };
+        let mut said = lock(&self.said);
+        let outcome = said.conclude(status);
+        said.outcome = Some(outcome);
+        drop(said);
+        wake();
+    }
+
+    /// The first time as Ctrl-C, then for good. While the process is locked its number cannot become another's.
+    fn cancel(&self) {
+        let mut child = lock(&self.child);
+        if !matches!(child.try_wait(), Ok(None)) {
+            return;
+        }
+        let mut said = lock(&self.said);
+        said.cancelled += 1;
+        let first = said.cancelled == 1;
+        drop(said);
+        if first && interrupt(&child) {
+            return;
+        }
+        // It fails for a process that has ended, which is what is wanted.
+        drop(child.kill());
+    }
+}
+
+/// Sends what Ctrl-C sends; says whether that was possible.
+fn interrupt(child: &Child) -> bool {
+    // Built into every shell, while there need not be a program `kill`.
+    let kill = || Command::new("sh").arg("-c").arg(format!("kill -INT {}", child.id())).stdin(Stdio::null()).output();
+    cfg!(unix) && kill().is_ok_and(|output| output.status.success())
+}
+
+impl Said {
+    fn hear(&mut self, line: &str) {
+        let line = line.trim();
+        if line.is_empty() {
+            return;
+        }
+        if let Some(error) = line.strip_prefix("error: ") {
+            self.error = Some(error.to_owned());
+        }
+        if let Some(page) = line.strip_prefix("report: ") {
+            self.page = Some(PathBuf::from(page));
+        }
+        line.clone_into(&mut self.last);
+    }
+
+    fn conclude(&self, status: io::Result<ExitStatus>) -> Result<Report, String> {
+        let status = status.map_err(|error| format!("nobody knows how the run ended: {error}"))?;
+        match &self.page {
+            Some(page) if status.success() => Ok(Report { page: page.clone(), excerpt: excerpt(page) }),
+            _ if self.cancelled > 0 => Err("stopped; what was finished is kept, and running it again goes on from there".to_owned()),
+            _ => Err(self.error.clone().unwrap_or_else(|| format!("the run ended without a report ({status}): {}", self.last))),
+        }
+    }
+}
+
+fn excerpt(page: &Path) -> String {
+    let text = fs::read_to_string(page.with_extension("md")).unwrap_or_default();
+    // The window's fonts lack the report's ticks and crosses.
+    text.lines().take(EXCERPT).collect::<Vec<_>>().join("\n").replace('\u{2705}', "[holds]").replace('\u{274c}', "[fails]")
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use kernels::camera::Pose;
+    use kernels::shading::Estimator;
+    use kernels::shared::noise::NoiseKind;
+    use kernels::variant::{Flavour, Variant};
+
+    use super::*;
+
+    const EXTENT: Extent = Extent { size: [80, 72], frames: 3, seeds: 2 };
+
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(name: &str) -> Folder {
+            let folder = std::env::temp_dir().join(format!("scree-workbench-{name}-{}", std::process::id()));
+            fs::create_dir_all(&folder).expect("a temporary folder");
+            Folder(folder)
+        }
+
+        fn entries(&self) -> usize {
+            fs::read_dir(&self.0).expect("it is there").count()
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn settings() -> Settings {
+        Settings::new(scene::load(scene::DEFAULT).expect("built in"))
+    }
+
+    fn camera(name: &str) -> Viewpoint {
+        Viewpoint::Camera(name.to_owned())
+    }
+
+    /// The scene of a saved definition, with the folder of another: where files are is not what a scene says.
+    fn saved_scene(definition: &Definition, like: &Scene) -> Scene {
+        Scene { folder: like.folder.clone(), ..definition.scene(&None, None).expect("a scene") }
+    }
+
+    #[test]
+    fn a_saved_definition_says_what_is_on_screen() {
+        let folder = Folder::new("same");
+        let mut settings = settings();
+        settings.forced = Variant::new(Flavour::Splat.bit() | Flavour::NearCliff.bit());
+        settings.estimator = Estimator::Biplanar;
+        settings.noise = NoiseKind::WhiteScreen;
+        settings.scene.blend.hash_scale = 0.1 + 0.2;
+        settings.scene.sun.azimuth_deg = 200.5;
+        let file = save(&folder.0.join("seen"), "seen", &settings, &camera("cliff"), EXTENT).expect("it is saved");
+        let definition = definition::load(&file).expect("it is read");
+        assert_eq!((definition.size, definition.frames, definition.seeds), ([80, 72], 3, 2));
+        assert_eq!(definition.view_names().collect::<Vec<_>>(), ["cliff"]);
+        assert_eq!(definition.variant_choices().expect("a variant"), [("near-cliff+splat".to_owned(), settings.choice())]);
+        for (list, name) in [(&definition.estimators, "biplanar"), (&definition.noises, "white"), (&definition.temporal, "off")] {
+            assert_eq!(*list, [name]);
+        }
+        // The built-in scene with other numbers is no file of its own.
+        assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(scene::DEFAULT), 2));
+        assert_eq!(fs::read_dir(folder.0.join("seen")).expect("a folder").count(), 1);
+        assert!(saved_scene(&definition, &settings.scene) == settings.scene);
+        // Another scene is.
+        settings.scene.materials[0].tile_m *= 2.0;
+        let file = save(&folder.0.join("other"), "other", &settings, &camera("cliff"), EXTENT).expect("it is saved");
+        let definition = definition::load(&file).expect("it is read");
+        assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(SCENE), 0));
+        assert!(saved_scene(&definition, &settings.scene) == settings.scene);
+        // Automatic choice by either kernel has a name; a path has its own frames.
+        for (generic, name) in [(false, "auto"), (true, "generic")] {
+            let settings = Settings { forced: None, generic, ..settings.clone() };
+            let path = Viewpoint::Path("sideways".to_owned());
+            let file = save(&folder.0.join(name), name, &settings, &path, EXTENT).expect("it is saved");
+            let definition = definition::load(&file).expect("it is read");
+            assert_eq!(definition.variants, [name]);
+            assert_eq!(definition.views, ["sideways"]);
+        }
+        assert_eq!(definitions(&folder.0).iter().map(|file| super::name(file)).collect::<Vec<_>>(), ["auto", "generic", "other", "seen"]);
+        assert_eq!(definitions(&folder.0.join("other")), [folder.0.join("other").join("other.toml")]);
+        assert_eq!(definitions(&file), [file]);
+        assert!(definitions(&folder.0.join("nowhere")).is_empty());
+    }
+
+    #[test]
+    fn a_place_between_cameras_becomes_one() {
+        let folder = Folder::new("free");
+        let pose = Pose { position: DVec3::new(12.5, -7.25, 431.0), yaw: -0.3, pitch: 0.2, fov: 1.0 };
+        let mut settings = settings();
+        for (walking, name) in [(false, "workbench"), (true, "workbench-2")] {
+            let folder = folder.0.join(name);
+            let file = save(&folder, name, &settings, &Viewpoint::Free { pose, walking }, EXTENT).expect("it is saved");
+            let definition = definition::load(&file).expect("it is read");
+            assert_eq!(definition.views, [name]);
+            let scene = saved_scene(&definition, &settings.scene);
+            let camera = scene.cameras.last().expect("one was added");
+            assert_eq!((camera.name.as_str(), scene.cameras.len()), (name, settings.scene.cameras.len() + 1));
+            let found = Pose::of(camera, |_, _| 400.0);
+            let expected = pose.position.with_z(if walking { 400.0 + EYE_M } else { 431.0 });
+            assert_eq!(found.position, expected);
+            // Degrees and back again: not to the last bit.
+            for (a, b) in found.axes().into_iter().zip(pose.axes()) {
+                assert!((a - b).length() < 1e-14, "{a} {b}");
+            }
+            assert!((found.fov - pose.fov).abs() < 1e-15);
+            settings.scene = scene;
+        }
+    }
+
+    #[test]
+    fn files_of_a_scene_are_found_from_the_copy() {
+        let folder = Folder::new("paths");
+        fs::create_dir_all(folder.0.join("scene").join("rock")).expect("a temporary folder");
+        fs::write(folder.0.join("scene").join("height.png"), b"not looked at").expect("a temporary file");
+        let mut settings = settings();
+        settings.scene.folder = folder.0.join("scene");
+        settings.scene.world = World::Heightmap {
+            file: PathBuf::from("height.png"),
+            metres_per_texel: 2.0,
+            height_range_m: [0.0, 100.0],
+            detail_m: 0.0,
+            seed: 0,
+            holes: Vec::new(),
+            colour_modulation: 0.0,
+        };
+        let rock = &mut settings.scene.materials[0];
+        (rock.procedural, rock.folder) = (None, Some(PathBuf::from("rock")));
+        let file = save(&folder.0.join("seen"), "seen", &settings, &camera("cliff"), EXTENT).expect("it is saved");
+        let scene = definition::load(&file).expect("it is read").scene(&None, None).expect("its files are found");
+        let World::Heightmap { file, .. } = &scene.world else { panic!("another world") };
+        assert!(file.is_absolute() && file.is_file(), "{}", file.display());
+        let rock = scene.materials[0].folder.as_ref().expect("a folder");
+        assert!(rock.is_absolute() && rock.is_dir(), "{}", rock.display());
+    }
+
+    #[test]
+    fn what_cannot_be_said_is_refused_and_nothing_is_left() {
+        let folder = Folder::new("refused");
+        let error = |name: &str, change: &dyn Fn(&mut Settings), viewpoint: &Viewpoint, extent: Extent| {
+            let mut settings = settings();
+            change(&mut settings);
+            let error = save(&folder.0.join("seen"), name, &settings, viewpoint, extent).expect_err("refused");
+            assert_eq!(folder.entries(), 0, "{error:#}");
+            let text = format!("{error:#}");
+            assert_eq!(text.lines().count(), 1, "{text}");
+            text
+        };
+        let cliff = camera("cliff");
+        let settings_that = |change: &dyn Fn(&mut Settings)| error("seen", change, &cliff, EXTENT);
+        let generic = |s: &mut Settings| (s.generic, s.forced) = (true, Some(Variant::only(Flavour::Splat)));
+        assert!(settings_that(&generic).contains("clear `Generic kernel`"));
+        assert!(settings_that(&|s| s.reseeds = true).contains("clear `A seed a frame`"));
+        assert!(settings_that(&|s| s.seed = 7).contains("`Seed` is 7: set it to 0"));
+        assert!(settings_that(&|s| s.two_tilings = true).contains("clear `Two tilings`"));
+        assert!(settings_that(&|s| s.scene.flavours.cliff_near_m = 9000.0).contains("cliff_near_m"));
+        let nothing = |_: &mut Settings| {};
+        for name in ["", "a b", "../a", "Scene"] {
+            assert!(error(name, &nothing, &cliff, EXTENT).starts_with(&format!("`{name}`")), "{name}");
+        }
+        assert!(error("seen", &nothing, &camera("nowhere"), EXTENT).contains("no camera or path `nowhere`"));
+        assert!(error("seen", &nothing, &cliff, Extent { seeds: 1, ..EXTENT }).contains("seeds"));
+        let path = Viewpoint::Path("sideways".to_owned());
+        assert!(error("seen", &nothing, &path, Extent { frames: 1000, ..EXTENT }).contains("more than path `sideways` has"));
+        let twice = |s: &mut Settings| s.scene.cameras[0].name = "sideways".to_owned();
+        assert!(error("seen", &twice, &path, EXTENT).contains("rename one"));
+    }
+
+    #[test]
+    fn a_folder_that_exists_is_not_written_over() {
+        let folder = Folder::new("twice");
+        let seen = folder.0.join("seen");
+        let file = save(&seen, "seen", &settings(), &camera("cliff"), EXTENT).expect("it is saved");
+        let before = fs::read(&file).expect("written");
+        let error = save(&seen, "seen", &settings(), &camera("ground"), EXTENT).expect_err("it is there").to_string();
+        assert!(error.contains("seen exists") && error.contains("choose another name"), "{error}");
+        assert_eq!((fs::read(&file).expect("still there"), folder.entries()), (before, 1));
+        // Neither is a file, or an empty folder.
+        fs::write(folder.0.join("file"), b"x").expect("a temporary file");
+        fs::create_dir(folder.0.join("empty")).expect("a temporary folder");
+        for name in ["file", "empty"] {
+            assert!(save(&folder.0.join(name), "seen", &settings(), &camera("cliff"), EXTENT).is_err(), "{name}");
+        }
+    }
+
+    #[cfg(unix)]
+    fn shell(script: &str) -> Run {
+        let mut command = Command::new("sh");
+        command.arg("-c").arg(script);
+        Run::follow(command, "trial".to_owned(), || {}).expect("there is a shell")
+    }
+
+    #[cfg(unix)]
+    fn wait(run: &Run, what: &str, done: impl Fn(&Run) -> bool) {
+        let began = Instant::now();
+        while !done(run) {
+            assert!(began.elapsed() < Duration::from_secs(60), "{what} did not come: {}", run.progress());
+            thread::sleep(NAP);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_run_says_what_it_does_and_what_came_of_it() {
+        let folder = Folder::new("outcomes");
+        fs::write(folder.0.join("report.md"), "# Question\n\nAnswer").expect("a temporary file");
+        let page = folder.0.join("report.html");
+        let run = shell(&format!("echo 'trial (%): 25/100' >&2; echo '  report: {}'", page.display()));
+        wait(&run, "the end", Run::is_done);
+        assert_eq!(run.outcome(), Some(Ok(Report { page, excerpt: "# Question\n\nAnswer".to_owned() })));
+        for (script, says) in [
+            ("echo 'error: no such file: give one' >&2; exit 1", "no such file: give one"),
+            ("echo 'x: 1/2'; exit 3", "x: 1/2"),
+            ("echo '  report: x.html'; echo 'error: the disk is full' >&2; exit 1", "the disk is full"),
+            ("exit 0", "without a report"),
+        ] {
+            let run = shell(script);
+            wait(&run, "the end", Run::is_done);
+            let error = run.outcome().expect("it ended").expect_err(script);
+            assert!(error.contains(says), "{script}: {error}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_run_is_stopped_when_asked_and_when_dropped() {
+        const ENDLESS: &str = "echo $$; exec sleep 600";
+        let run = shell(ENDLESS);
+        wait(&run, "a word", |run| !run.progress().is_empty());
+        assert!(!run.is_done() && run.outcome().is_none());
+        // Interrupts may be ignored where tests run in the background; the second time is for good.
+        run.cancel();
+        thread::sleep(Duration::from_millis(500));
+        run.cancel();
+        wait(&run, "the end", Run::is_done);
+        assert!(run.outcome().expect("it ended").expect_err("no report").starts_with("stopped"));
+
+        let run = shell(ENDLESS);
+        wait(&run, "a word", |run| !run.progress().is_empty());
+        let shared = run.shared.clone();
+        drop(run);
+        let began = Instant::now();
+        while lock(&shared.said).outcome.is_none() {
+            assert!(began.elapsed() < Duration::from_secs(60), "it goes on");
+            thread::sleep(NAP);
+        }
+    }
+}

@@ -1,0 +1,573 @@
+//! One pixel, taken apart: what each stage of the frame made of it, beside what it is exactly.
+//!
+//! The stages' own numbers are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
+//! Beside them stands what the references say in f64 of the same inputs: thresholds of the noise and the choice that follows, page and
+//! level of the virtual texture, and the derivatives on the triangle that was really drawn. That triangle is the world's: of the node drawn
+//! there, at that node's LOD, with quantised heights and welded borders, its normal not rounded to 2 x 8 bits. (Not guessed from neighbouring
+//! pixels: at a few pixels a triangle, most of them lie on others.)
+//!
+//! Not said: weights modified by height, since heights of detail textures are on the device only; and whether the page that was wanted was
+//! there, beyond how many pages of the frame were not ([`Page::coarsened`]).
+
+use eframe::wgpu;
+use glam::{DVec2, DVec3};
+use kernels::culling::{PATCH_QUADS, pack_deltas};
+use kernels::error::{Error, Result};
+use kernels::frame::{RenderRequest, Renderer, VariantChoice};
+use kernels::geometry::reference::stitch;
+use kernels::gpu::read_texture;
+use kernels::picture::AovSet;
+use kernels::quadtree::lod_map;
+use kernels::scene::{Blend, Scene};
+use kernels::shading::Estimator;
+use kernels::shared::flavour_weights::{self, FlavourParams};
+use kernels::shared::noise::{self, HashedPoint};
+use kernels::shared::{biplanar, octahedral, select, triplanar};
+use kernels::variant::{Flavour, Variant};
+use kernels::virtual_texture::{LEVELS, PAGE_TEXELS, PageId, TEXELS_PER_M, anisotropy};
+use kernels::world::payload::diagonal_rises;
+use kernels::world::{LODS, Layout, NODE_QUADS, NodeId, World};
+
+/// Layers that are read of the picture.
+const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
+/// How far beside a triangle a point on it may seem to lie, metres and shares of the step to the next pixel: f32, and screens of 1/256 pixel.
+const BESIDE: [f64; 2] = [1e-3, 0.02];
+/// How far above or below its plane, metres and shares of a pixel's width there.
+const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
+
+/// What is known of a pixel of terrain. Vectors are in world axes: x east, y north, z up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pixel {
+    /// Column and row, from the top left.
+    pub pixel: [u32; 2],
+    /// World metres, from depth along the pixel's ray in f64; exact as far as the f32 depth is (some 1e-7 of the distance).
+    pub position: [f64; 3],
+    /// Sector that holds it, from the world's south-west corner.
+    pub sector: [i32; 2],
+    /// Metres along the view direction.
+    pub depth_m: f64,
+    /// Metres along the pixel's ray.
+    pub distance_m: f64,
+    /// Unit normal that shading, weights and projections follow, as stored: 2 x 8 bits.
+    pub shading_normal: [f64; 3],
+    /// Unit normal of the triangle, as stored: 2 x 8 bits.
+    pub triangle_normal: [f64; 3],
+    /// The triangle itself; `None` where none of the world's lies there: the shader that places vertices was edited.
+    pub triangle: Option<Triangle>,
+    /// Steps of the position to the next pixel on the right and to the next one below.
+    pub steps: [Derivative; 2],
+    /// Flavours that the pixel needs, as bits of [`Flavour`]: 1..=31.
+    pub mask: u8,
+    /// Flavours of the variant that its tile runs, alike.
+    pub variant: u8,
+    /// Weights of the flavours in that variant, in the order of [`Flavour::ALL`], summing to 1.
+    pub flavours: [f64; 5],
+    /// The splat texels around it: south-west, south-east, north-west, north-east.
+    pub splat: [Texel; 4],
+    /// First random choice that was recorded: 0 = none, else 1 + splat texel + 4 times the axis that the projection looks along.
+    pub choice: u32,
+    /// What the references say of that choice; `None` = nothing of this pixel is random.
+    pub draw: Option<Draw>,
+    /// Where it looks into the virtual texture; `None` = it does not.
+    pub page: Option<Page>,
+}
+
+/// A triangle as it was drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangle {
+    /// LOD of its node, 0 = finest.
+    pub lod: u8,
+    /// Distance of vertices at that LOD, metres.
+    pub spacing_m: f64,
+    /// Its unit normal.
+    pub normal: [f64; 3],
+}
+
+/// Step of the position to a neighbouring pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Derivative {
+    /// As the shader has it, metres.
+    pub shader: [f64; 3],
+    /// To where the neighbour's ray meets the triangle's plane, metres; `None` where it does not, or the triangle is not known.
+    pub exact: Option<[f64; 3]>,
+}
+
+impl Derivative {
+    /// Length of the difference as a share of the exact step's, >= 0.
+    pub fn error(&self) -> Option<f64> {
+        let exact = DVec3::from_array(self.exact?);
+        let share = (DVec3::from_array(self.shader) - exact).length() / exact.length();
+        share.is_finite().then_some(share)
+    }
+
+    /// How many mip levels too coarse (above 0) or too fine textures are chosen for it: log2 of the ratio of both lengths.
+    pub fn mips(&self) -> Option<f64> {
+        let ratio = DVec3::from_array(self.shader).length() / DVec3::from_array(self.exact?).length();
+        let mips = ratio.log2();
+        mips.is_finite().then_some(mips)
+    }
+}
+
+/// A texel of the splat map beside the pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texel {
+    /// Name of its material in the scene.
+    pub material: String,
+    /// Its place in the palette.
+    pub index: u32,
+    /// Bilinear weight, 0..=1, by which chance chooses, too; heights modify it in blends of all four.
+    pub weight: f64,
+}
+
+/// A first random choice, by the references.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Draw {
+    /// The flavour that draws first.
+    pub flavour: Flavour,
+    /// Threshold that chooses the projection, [0, 1); `None` = all projections are seen.
+    pub projection: Option<f64>,
+    /// Threshold that chooses the splat texel, [0, 1).
+    pub material: f64,
+    /// Weights of the projections that look along x, y and z, summing to 1.
+    pub projections: [f64; 3],
+    /// The choice that follows, coded as [`Pixel::choice`]. The device rounds to f32: a threshold within some 1e-6 of a border between two
+    /// choices, and a point that near to a border of noise cells, may fall the other way there.
+    pub expected: u32,
+}
+
+/// A place in the virtual texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Page {
+    /// The page that the pixel asks for.
+    pub id: PageId,
+    /// Place in it, texels from its south-west corner, 0..=[`PAGE_TEXELS`].
+    pub texel: [f64; 2],
+    /// Steps to the next pixels, seen from above: the shorter and the longer, in texels of level 0, mip bias included.
+    pub footprint: [f64; 2],
+    /// What filtering covers of it, in the same unit: the shorter, or so much of the longer as anisotropy leaves over.
+    pub covered: f64,
+    /// Level before rounding down: log2 of `covered`, at least 0.
+    pub lod: f64,
+    /// Mip level inside the page, 0..=1: pages have two.
+    pub mip: f64,
+    /// Pages of this frame that gave way to coarser ones since not all fit. At 0 the page asked for is the page used, but for two pages 64 apart
+    /// on one level, of which one gives way.
+    pub coarsened: usize,
+}
+
+impl Pixel {
+    /// Whether the recorded choice is the one that follows from the references.
+    pub fn agrees(&self) -> bool {
+        self.choice == self.draw.map_or(0, |draw| draw.expected)
+    }
+
+    /// Angle between the stored and the true normal of the triangle, radians.
+    pub fn normal_error(&self) -> Option<f64> {
+        let (stored, exact) = (DVec3::from_array(self.triangle_normal), DVec3::from_array(self.triangle?.normal));
+        // Of two unit vectors; the arc cosine would lose small angles.
+        Some(2.0 * ((stored - exact).length() / 2.0).min(1.0).asin())
+    }
+}
+
+/// Splat texel 0..=3 and axis 0..=2 of a recorded choice; `None` = there was none.
+pub fn chosen(choice: u32) -> Option<(usize, usize)> {
+    let code = choice.checked_sub(1)? as usize;
+    Some((code % 4, code / 4))
+}
+
+/// The pixel at a place, given in shares of the picture's width and height; the nearest one for places outside.
+pub fn pixel_at(probe: [f32; 2], size: [u32; 2]) -> [u32; 2] {
+    std::array::from_fn(|k| ((f64::from(probe[k]) * f64::from(size[k])).floor().max(0.0) as u32).min(size[k].saturating_sub(1)))
+}
+
+/// The middle of a pixel, in shares of the picture's width and height.
+pub fn probe_of(pixel: [u32; 2], size: [u32; 2]) -> [f32; 2] {
+    std::array::from_fn(|k| ((f64::from(pixel[k]) + 0.5) / f64::from(size[k].max(1))) as f32)
+}
+
+/// Takes a pixel of the last picture apart, which `request` made: shaded at the centres of pixels, normals stored in 2 x 8 bits. `None` = sky.
+///
+/// The geometry is shaded once more, by shaders that record choices: the first time they are compiled.
+///
+/// # Errors
+/// When the pixel lies outside the picture or the device fails.
+pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32; 2]) -> Result<Option<Pixel>> {
+    let ([x, y], [width, height]) = (pixel, request.size);
+    if x >= width || y >= height {
+        return Err(Error::Request(format!("a picture of {width}x{height} has no pixel {x}, {y}: columns and rows count from 0")));
+    }
+    let again = RenderRequest { aovs: AovSet::from_names(&LAYERS)?, lit: false, keep_geometry: true, ..request.clone() };
+    let picture = renderer.render(&again)?;
+    let index = y as usize * width as usize + x as usize;
+    let [depth_m, mask, variant, choice] = LAYERS.map(|name| picture.values(name).map_or(0.0, |values| values[index]));
+    if depth_m <= 0.0 {
+        return Ok(None);
+    }
+    let inspected = renderer.inspect(&again)?[index];
+    let [shading_normal, triangle_normal] = stored_normals(renderer, index)?;
+    let (scene, world, view) = (renderer.scene(), renderer.world(), renderer.view(&again));
+
+    let depth_m = f64::from(depth_m);
+    let ray = view.ray(f64::from(x), f64::from(y));
+    let position = view.pose.position + ray * depth_m;
+    let distance_m = ray.length() * depth_m;
+    let [ddx, ddy] = [inspected.ddx, inspected.ddy].map(|step| step.map(f64::from));
+
+    let longest = [ddx, ddy].map(|step| DVec3::from_array(step).length()).into_iter().fold(0.0, f64::max);
+    let spot = Spot {
+        position,
+        normal: DVec3::from_array(triangle_normal),
+        beside_m: BESIDE[0] + BESIDE[1] * longest,
+        off_plane_m: OFF_PLANE[0] + OFF_PLANE[1] * depth_m * view.ray_dy.length(),
+    };
+    let triangle = spot.triangle(world, &picture.report.drawn);
+    let steps = [(ddx, view.ray_dx), (ddy, view.ray_dy)].map(|(shader, ray_step)| Derivative {
+        shader,
+        exact: triangle.and_then(|triangle| step_on_plane(ray, ray_step, depth_m, triangle.normal)),
+    });
+
+    let (mask, variant, choice) = (mask as u8, variant as u8, choice as u32);
+    let forced = matches!(request.variant, VariantChoice::Forced(_) | VariantChoice::GenericForced(_));
+    let all = flavour_weights::weights(distance_m, shading_normal[2], &FlavourParams::new(&scene.flavours));
+    let flavours = flavour_weights::weights_for(all, u32::from(variant), forced);
+
+    // What the shader starts from, in its own f32: the noise must see the cells that the shader saw.
+    let sector_m = world.layout().sector_m;
+    let place = Place::of(view.sector.to_array(), inspected.position.map(f64::from), sector_m);
+    let weights = inspected.bilinear.map(f64::from);
+    let draw = drawing(request.estimator, flavours).map(|drawing| {
+        let point = HashedPoint { sector: place.sector, position: place.position, sector_m, ddx, ddy, hash_scale: scene.blend.hash_scale };
+        let (seed, frame) = (request.seed, request.frame);
+        let u = noise::thresholds(request.noise, &point, noise::WORLD_LEVEL, pixel, frame, seed, drawing.salt);
+        drawing.draw(u, projections(request.estimator, shading_normal, scene.blend.triplanar_sharpness), weights)
+    });
+    let samples_pages = flavours[place_of(Flavour::VirtualTexture)] > 0.0;
+    let page = samples_pages.then(|| Page::of(&place, [ddx, ddy], sector_m, &scene.blend, picture.report.pages.coarsened));
+
+    Ok(Some(Pixel {
+        pixel,
+        position: position.to_array(),
+        sector: place.sector,
+        depth_m,
+        distance_m,
+        shading_normal,
+        triangle_normal,
+        triangle,
+        steps,
+        mask,
+        variant,
+        flavours,
+        splat: std::array::from_fn(|i| Texel::of(scene, inspected.splat[i], weights[i])),
+        choice,
+        draw,
+        page,
+    }))
+}
+
+/// Shading and triangle normal of a pixel of the last frame.
+fn stored_normals(renderer: &Renderer<'_>, index: usize) -> Result<[[f64; 3]; 2]> {
+    let targets = renderer.targets().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
+    let texels = read_texture(renderer.gpu(), &targets.geometry.normals, wgpu::TextureAspect::All, 4)?;
+    let stored = |channel: usize| f64::from(texels[4 * index + channel]) / 255.0;
+    Ok([0, 2].map(|first| octahedral::decode(octahedral::dequantise8([stored(first), stored(first + 1)]))))
+}
+
+/// Place of a flavour in tables of five.
+fn place_of(flavour: Flavour) -> usize {
+    flavour.bit().trailing_zeros() as usize
+}
+
+impl Texel {
+    fn of(scene: &Scene, index: u32, weight: f64) -> Texel {
+        let material = scene.materials.get(index as usize).map_or_else(|| format!("no. {index}"), |m| m.name.clone());
+        Texel { material, index, weight }
+    }
+}
+
+/// A place as shaders have it: metres count from the sector's south-west corner, z is elevation.
+struct Place {
+    sector: [i32; 2],
+    position: [f64; 3],
+}
+
+impl Place {
+    /// Of local coordinates, which count from the corner of the camera's sector.
+    fn of(camera_sector: [i32; 2], local: [f64; 3], sector_m: f64) -> Place {
+        let steps = [local[0], local[1]].map(|x| (x / sector_m).floor());
+        Place {
+            sector: std::array::from_fn(|k| camera_sector[k] + steps[k] as i32),
+            position: [local[0] - steps[0] * sector_m, local[1] - steps[1] * sector_m, local[2]],
+        }
+    }
+}
+
+/// Step to where the neighbour's ray meets the plane through `ray * t`; all from the eye. `None` where it looks past it.
+fn step_on_plane(ray: DVec3, ray_step: DVec3, t: f64, normal: [f64; 3]) -> Option<[f64; 3]> {
+    let normal = DVec3::from_array(normal);
+    let neighbour = ray + ray_step;
+    let hit = t * normal.dot(ray) / normal.dot(neighbour);
+    (hit.is_finite() && hit > 0.0).then(|| (neighbour * hit - ray * t).to_array())
+}
+
+/// A point that was seen, and how exactly.
+struct Spot {
+    position: DVec3,
+    /// Of the triangle, as stored.
+    normal: DVec3,
+    beside_m: f64,
+    off_plane_m: f64,
+}
+
+impl Spot {
+    /// The triangle drawn here: of those that hold the point, the one whose normal is most like the stored one, which tells neighbours apart at
+    /// their common edge.
+    fn triangle(&self, world: &World, drawn: &[NodeId]) -> Option<Triangle> {
+        let layout = world.layout();
+        let at = self.position.truncate();
+        let node = (0..LODS).filter_map(|lod| layout.node_at(lod, at.x, at.y)).find(|node| drawn.contains(node))?;
+        let vertex = |v: DVec2| v.extend(world.elevation_m(world.quantise(world.height_m(v.x, v.y))));
+        let normal = |flat: [DVec2; 3]| {
+            let [a, b, c] = flat.map(vertex);
+            let normal = (b - a).cross(c - a).try_normalize()?;
+            (normal.dot(self.position - a).abs() <= self.off_plane_m).then_some(normal)
+        };
+        let holding = triangles_near(node, layout, &lod_map(drawn), at).into_iter().filter(|&flat| inside_m(flat, at) >= -self.beside_m);
+        let likeness = |normal: &DVec3| normal.dot(self.normal);
+        let normal = holding.filter_map(normal).max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;
+        Some(Triangle { lod: node.lod, spacing_m: layout.spacing_m(node.lod), normal: normal.to_array() })
+    }
+}
+
+/// Triangles of a node around a place, seen from above, counter-clockwise, in world metres: the quads next to it, and all along a border where
+/// the place is next to that, since vertices are welded along borders.
+fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], at: DVec2) -> Vec<[DVec2; 3]> {
+    let (origin, spacing, quads) = (node.origin_m(layout), layout.spacing_m(node.lod), u32::from(NODE_QUADS));
+    let at = (at - origin) / spacing;
+    let is_near = |quad: u32, at: f64| (f64::from(quad) + 0.5 - at).abs() <= 1.5;
+    let is_border = |quad: u32| quad == 0 || quad == quads - 1;
+    let mut triangles = Vec::new();
+    for j in 0..quads {
+        for i in 0..quads {
+            if !(is_near(i, at.x) || is_border(j)) || !(is_near(j, at.y) || is_border(i)) {
+                continue;
+            }
+            let deltas = pack_deltas(node, [i / PATCH_QUADS, j / PATCH_QUADS], lods);
+            let corner = |x: u32, y: u32| {
+                let [x, y] = stitch([i + x, j + y], deltas);
+                origin + DVec2::new(f64::from(x), f64::from(y)) * spacing
+            };
+            let [sw, se, nw, ne] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
+            let rises = diagonal_rises(i as usize, j as usize);
+            triangles.extend(if rises { [[sw, se, ne], [sw, ne, nw]] } else { [[sw, se, nw], [se, ne, nw]] });
+        }
+    }
+    triangles
+}
+
+/// Metres from a point to the nearest side of a counter-clockwise triangle, below 0 outside it; the farthest outside where it has no area.
+fn inside_m(triangle: [DVec2; 3], point: DVec2) -> f64 {
+    let [a, b, c] = triangle;
+    if (b - a).perp_dot(c - a) <= 0.0 {
+        return f64::NEG_INFINITY;
+    }
+    let beyond = |from: DVec2, to: DVec2| (to - from).perp_dot(point - from) / (to - from).length();
+    beyond(a, b).min(beyond(b, c)).min(beyond(c, a))
+}
+
+/// Who draws the first random number of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Drawing {
+    flavour: Flavour,
+    /// That of its noise in `shading.wgsl`.
+    salt: u32,
+    /// Whether chance chooses the projection, too.
+    projects: bool,
+}
+
+/// The first of the flavours that have a weight and draw by this estimator, in the order in which they are shaded.
+fn drawing(estimator: Estimator, flavours: [f64; 5]) -> Option<Drawing> {
+    // Far Cry 5's near cliff sees all projections; one tap sees one.
+    let in_order = [(Flavour::NearCliff, 1, estimator == Estimator::Stf), (Flavour::FarCliff, 2, true), (Flavour::Splat, 3, true)];
+    let draws = |flavour: Flavour| flavours[place_of(flavour)] > 0.0 && estimator.is_stochastic(Variant::only(flavour));
+    let first = in_order.into_iter().find(|&(flavour, ..)| draws(flavour));
+    first.map(|(flavour, salt, projects)| Drawing { flavour, salt, projects })
+}
+
+impl Drawing {
+    fn draw(self, u: [f64; 4], projections: [f64; 3], weights: [f64; 4]) -> Draw {
+        let (projection, material) = if self.projects { (Some(u[0]), u[1]) } else { (None, u[0]) };
+        let axis = projection.map_or(0, |u| select::of_3(projections, u));
+        let code = 1 + select::of_4(weights, material) + 4 * axis;
+        Draw { flavour: self.flavour, projection, material, projections, expected: u32::try_from(code).unwrap_or(u32::MAX) }
+    }
+}
+
+/// Weights of the projections that look along x, y and z, of estimators that draw.
+fn projections(estimator: Estimator, normal: [f64; 3], sharpness: f64) -> [f64; 3] {
+    if estimator != Estimator::Biplanar {
+        return triplanar::weights(normal, sharpness);
+    }
+    let (axes, weights) = biplanar::projections(normal, sharpness);
+    let mut of_axis = [0.0; 3];
+    for (axis, weight) in axes.into_iter().zip(weights) {
+        of_axis[axis as usize] = weight;
+    }
+    of_axis
+}
+
+impl Page {
+    /// By the formulas of `virtual_texture.wgsl`, in f64.
+    fn of(place: &Place, steps: [[f64; 3]; 2], sector_m: f64, blend: &Blend, coarsened: usize) -> Page {
+        let texels = |step: [f64; 3]| step[0].hypot(step[1]) * TEXELS_PER_M * blend.mip_bias.exp2();
+        let [across, down] = steps.map(texels);
+        let footprint = [across.min(down), across.max(down)];
+        let covered = footprint[0].max(footprint[1] / f64::from(anisotropy(blend.anisotropy)));
+        let lod = covered.max(1.0).log2();
+        let level = (lod.floor() as u32).min(LEVELS - 1);
+
+        let pages_per_m = TEXELS_PER_M / f64::from(PAGE_TEXELS);
+        let along = |k: usize| {
+            let pages = (f64::from(place.sector[k]) * sector_m + place.position[k]).max(0.0) * pages_per_m / f64::from(1u32 << level);
+            (pages.floor() as u32, (pages - pages.floor()) * f64::from(PAGE_TEXELS))
+        };
+        let [(x, u), (y, v)] = [along(0), along(1)];
+        let mip = (lod - f64::from(level)).clamp(0.0, 1.0);
+        Page { id: PageId { level, x, y }, texel: [u, v], footprint, covered, lod, mip, coarsened }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::scene;
+    use kernels::shared::derivatives::on_plane;
+
+    use super::*;
+
+    /// Numbers in [0, 1) that look random.
+    fn unit(i: u32, k: u32) -> f64 {
+        f64::from(kernels::shared::hash::pcg4d([i, k, 3, 9])[0]) / 4_294_967_296.0
+    }
+
+    #[test]
+    fn pixels_and_shares_are_each_others_inverse() {
+        for size in [[1, 1], [3, 7], [1920, 1080], [16_384, 4093]] {
+            for pixel in [[0, 0], [size[0] / 2, size[1] / 3], [size[0] - 1, size[1] - 1]] {
+                assert_eq!(pixel_at(probe_of(pixel, size), size), pixel, "{size:?}");
+            }
+            assert_eq!(pixel_at([-0.5, 1.5], size), [0, size[1] - 1]);
+            assert_eq!(pixel_at([1.0, 0.0], size), [size[0] - 1, 0]);
+        }
+    }
+
+    #[test]
+    fn an_exact_normal_gives_the_references_derivative_and_a_rounded_one_an_error() {
+        let (ray, steps) = (DVec3::new(0.2, 1.0, -0.3), [DVec3::new(1e-3, 0.0, 0.0), DVec3::new(0.0, 2e-4, -1e-3)]);
+        let normal = DVec3::new(-0.3, -0.1, 0.9).normalize().to_array();
+        for step in steps {
+            let exact = step_on_plane(ray, step, 80.0, normal);
+            let shader = on_plane(ray.to_array(), step.to_array(), 80.0, normal);
+            let same = Derivative { shader, exact };
+            assert!(same.error().is_some_and(|e| e < 1e-10) && same.mips().is_some_and(|m| m.abs() < 1e-10), "{same:?}");
+            // It ends on the plane.
+            assert!(DVec3::from_array(exact.expect("in view")).dot(DVec3::from_array(normal)).abs() < 1e-12);
+            let doubled = Derivative { shader: shader.map(|x| 2.0 * x), exact };
+            assert!((doubled.error().expect("known") - 1.0).abs() < 1e-9 && (doubled.mips().expect("known") - 1.0).abs() < 1e-9);
+        }
+        // A plane seen from its edge: the neighbour below looks past it.
+        assert_eq!(step_on_plane(DVec3::Y, DVec3::new(0.0, 0.0, 1e-3), 10.0, [0.0, -1e-4, 1.0]), None);
+        let unknown = Derivative { shader: [1.0; 3], exact: None };
+        assert_eq!((unknown.error(), unknown.mips()), (None, None));
+    }
+
+    #[test]
+    fn triangles_cover_a_node_once_also_where_borders_are_welded() {
+        let layout = Layout::of(10_240.0, None);
+        let [north_east, south_west] = [NodeId { lod: 5, x: 1, y: 1 }, NodeId { lod: 2, x: 7, y: 7 }];
+        // One is coarser by five levels, a step longer than a patch, the other by two: in the east and south, then in the north and west.
+        for node in [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 0, x: 32, y: 31 }] {
+            let lods = lod_map(&[node, north_east, south_west]);
+            for i in 0..400 {
+                // Half of them in the outermost quads.
+                let along = |k: u32| {
+                    let u = unit(i, k);
+                    let share = if (i + k).is_multiple_of(2) { u } else { (2.0 * u).floor() * (1.0 - 1.0 / 128.0) + u / 128.0 };
+                    share * layout.node_m(0)
+                };
+                let at = node.origin_m(&layout) + DVec2::new(along(0), along(1));
+                let inside: Vec<f64> = triangles_near(node, &layout, &lods, at).into_iter().map(|t| inside_m(t, at)).collect();
+                let on_a_side = inside.iter().any(|m| m.abs() < 1e-6);
+                let holding = inside.iter().filter(|m| **m > 0.0).count();
+                assert!(holding == 1 || on_a_side, "{holding} triangles at {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_worlds_own_triangle_is_found_and_none_above_it() {
+        let scene = scene::load(scene::DEFAULT).expect("built in");
+        let world = World::new(&scene).expect("a world");
+        let layout = *world.layout();
+        let node = layout.node_at(layout.finest_lod, 1879.64, -1069.62).expect("in the world");
+        for i in 0..60 {
+            let at = node.origin_m(&layout) + DVec2::new(unit(i, 5), unit(i, 6)) * layout.node_m(node.lod);
+            let height = |x: f64, y: f64| world.surface_height_m(x, y);
+            let spot = |up: f64| Spot { position: at.extend(height(at.x, at.y) + up), normal: DVec3::Z, beside_m: 1e-9, off_plane_m: 1e-6 };
+            let triangle = spot(0.0).triangle(&world, &[node]).expect("every place has a triangle");
+            assert_eq!((triangle.lod, triangle.spacing_m), (node.lod, layout.spacing_m(node.lod)));
+            // Its slope is the surface's.
+            let [x, y, z] = triangle.normal;
+            let step = 1e-7;
+            let slope = [height(at.x + step, at.y) - height(at.x, at.y), height(at.x, at.y + step) - height(at.x, at.y)].map(|d| d / step);
+            assert!((slope[0] + x / z).abs() < 1e-3 && (slope[1] + y / z).abs() < 1e-3, "{slope:?} {triangle:?}");
+            assert_eq!(spot(0.1).triangle(&world, &[node]), None, "nothing is drawn in the air");
+            assert_eq!(spot(0.0).triangle(&world, &[]), None);
+        }
+    }
+
+    #[test]
+    fn choices_are_drawn_by_the_first_flavour_that_draws() {
+        let near_and_splat = [0.0, 0.0, 0.5, 0.0, 0.5];
+        let first = |estimator, flavours| drawing(estimator, flavours).map(|d| (d.flavour, d.projects));
+        assert_eq!(first(Estimator::Fc5, near_and_splat), Some((Flavour::NearCliff, false)));
+        assert_eq!(first(Estimator::Stf, near_and_splat), Some((Flavour::NearCliff, true)));
+        assert_eq!(first(Estimator::Exact, near_and_splat), None);
+        assert_eq!(first(Estimator::Fc5, [0.0, 0.5, 0.0, 0.5, 0.0]), Some((Flavour::FarCliff, true)));
+        assert_eq!(first(Estimator::Fc5, [0.5, 0.0, 0.0, 0.0, 0.5]), None);
+        assert_eq!(first(Estimator::Stf, [0.5, 0.0, 0.0, 0.0, 0.5]), Some((Flavour::Splat, true)));
+        // Texel 3 by 0.95 of 0.1, 0.2, 0.3, 0.4; axis 1 by 0.5 of 0.2, 0.5, 0.3.
+        let weights = [0.1, 0.2, 0.3, 0.4];
+        let far = Drawing { flavour: Flavour::FarCliff, salt: 2, projects: true }.draw([0.5, 0.95, 0.0, 0.0], [0.2, 0.5, 0.3], weights);
+        assert_eq!((far.expected, chosen(far.expected)), (8, Some((3, 1))));
+        let near = Drawing { flavour: Flavour::NearCliff, salt: 1, projects: false }.draw([0.15, 0.95, 0.0, 0.0], [0.2, 0.5, 0.3], weights);
+        assert_eq!((near.projection, near.material, near.expected, chosen(near.expected)), (None, 0.15, 2, Some((1, 0))));
+        assert_eq!(chosen(0), None);
+    }
+
+    #[test]
+    fn pages_follow_the_footprint_and_the_place() {
+        let scene = scene::load(scene::DEFAULT).expect("built in");
+        let page = |footprint: [f64; 2], anisotropy: u16, mip_bias: f64| {
+            let place = Place { sector: [3, 2], position: [10.25, 63.5, 700.0] };
+            let [across, down] = footprint.map(|texels| texels / TEXELS_PER_M);
+            Page::of(&place, [[across, 0.0, 50.0], [0.0, -down, 0.0]], 64.0, &Blend { anisotropy, mip_bias, ..scene.blend.clone() }, 0)
+        };
+        let near = page([0.5, 0.25], 1, 0.0);
+        assert_eq!((near.id, near.texel, near.lod), (PageId { level: 0, x: 3 * 64 + 10, y: 2 * 64 + 63 }, [64.0, 128.0], 0.0));
+        let far = page([9.0, 3.0], 1, 0.0);
+        assert!((far.covered - 9.0).abs() < 1e-9 && (far.lod - 9f64.log2()).abs() < 1e-9 && (far.mip - (9f64 / 8.0).log2()).abs() < 1e-9);
+        // Page edges of 8 m: 202.25 m and 191.5 m from the corner.
+        assert_eq!(far.id, PageId { level: 3, x: 25, y: 23 });
+        assert!((far.texel[0] - 2.25 * 32.0).abs() < 1e-9 && (far.texel[1] - 7.5 * 32.0).abs() < 1e-9, "{far:?}");
+        // Anisotropy covers what is long, up to 4; the bias counts as pixels that are wider.
+        assert_eq!(page([9.0, 3.0], 2, 0.0).id.level, 2);
+        assert_eq!(page([9.0, 3.0], 16, 0.0).id.level, 1);
+        assert_eq!(page([9.0, 3.0], 1, 1.0).id.level, 4);
+        assert_eq!(page([1e9, 1e9], 1, 0.0).id.level, LEVELS - 1);
+    }
+
+    #[test]
+    fn local_coordinates_are_put_into_sectors() {
+        let place = Place::of([80, 79], [130.5, -0.25, 9.0], 64.0);
+        assert_eq!((place.sector, place.position), ([82, 78], [2.5, 63.75, 9.0]));
+    }
+}

@@ -1,0 +1,732 @@
+//! What is kept from one start to the next: how panes are arranged, what was chosen, numbers that were changed, places and paths. A TOML file of
+//! the user's own ([`place`]), which can be read and mended; nothing in it is needed to start.
+//!
+//! It is written whole or not at all, and never over something that this program has not written: what cannot be understood is set aside, what a
+//! newer program wrote is left alone.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use eframe::egui;
+use egui_tiles::Tree;
+use kernels::document::{self, suggestion};
+use kernels::error::Error;
+use kernels::picture::write_whole;
+use kernels::scene::{self, Scene};
+use kernels::shading::Estimator;
+use kernels::shared::noise::NoiseKind;
+use kernels::variant::Variant;
+use serde::{Deserialize, Serialize};
+
+use crate::app::Pane;
+use crate::display::Layer;
+use crate::layout::Layout;
+use crate::parameters::{GROUPS, Parameter, differences};
+use crate::places::{Place, Places, Recorded};
+use crate::settings::{SCALES, Settings};
+
+/// Version of the file. Raised when a key is added or changes its meaning: an older program then leaves the file alone.
+pub const VERSION: u32 = 1;
+/// Scenes that are remembered.
+pub const MOST_RECENT: usize = 10;
+/// How often changes are looked for.
+pub const EVERY: Duration = Duration::from_secs(3);
+/// The choice that is no variant.
+const AUTOMATIC: &str = "auto";
+
+/// Everything that is kept.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Kept {
+    version: u32,
+    /// Scenes that were open, the newest first, each once, at most [`MOST_RECENT`]: [`scene_name`].
+    #[serde(default)]
+    recent: Vec<String>,
+    #[serde(default)]
+    look: Look,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    layout: Option<Layout>,
+    /// What belongs to one scene, by its name.
+    #[serde(default, rename = "scene", skip_serializing_if = "BTreeMap::is_empty")]
+    scenes: BTreeMap<String, OfScene>,
+}
+
+/// Choices, by their names. What is left out stays as it is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Look {
+    variant: Option<String>,
+    generic: Option<bool>,
+    estimator: Option<String>,
+    noise: Option<String>,
+    seed: Option<u32>,
+    reseeds: Option<bool>,
+    two_tilings: Option<bool>,
+    scale: Option<f64>,
+    layer: Option<String>,
+    counts: Option<bool>,
+}
+
+/// What belongs to one scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct OfScene {
+    /// Numbers that are not those of the scene's file, by their keys in it: the file may be edited, and keeps its edits.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    numbers: BTreeMap<String, f64>,
+    #[serde(rename = "place", skip_serializing_if = "Vec::is_empty")]
+    places: Vec<Place>,
+    #[serde(rename = "path", skip_serializing_if = "Vec::is_empty")]
+    paths: Vec<Recorded>,
+}
+
+impl Default for Kept {
+    fn default() -> Kept {
+        Kept { version: VERSION, recent: Vec::new(), look: Look::default(), layout: None, scenes: BTreeMap::new() }
+    }
+}
+
+impl Look {
+    fn of(settings: &Settings) -> Look {
+        Look {
+            variant: Some(settings.forced.map_or_else(|| AUTOMATIC.to_owned(), |variant| variant.to_string())),
+            generic: Some(settings.generic),
+            estimator: Some(settings.estimator.to_string()),
+            noise: Some(settings.noise.to_string()),
+            seed: Some(settings.seed),
+            reseeds: Some(settings.reseeds),
+            two_tilings: Some(settings.two_tilings),
+            scale: Some(settings.scale),
+            layer: Some(settings.layer.name().to_owned()),
+            counts: Some(settings.counts),
+        }
+    }
+
+    /// Makes the choices, and says what could not be chosen.
+    fn apply(&self, settings: &mut Settings) -> Vec<String> {
+        let variant = |text: &str| match text {
+            AUTOMATIC => Ok(None),
+            _ => text.parse::<Variant>().map(Some).map_err(|error| error.to_string()),
+        };
+        let estimator = |text: &str| text.parse::<Estimator>().map_err(|error| error.to_string());
+        let noise = |text: &str| text.parse::<NoiseKind>().map_err(|error| error.to_string());
+        let layer = |text: &str| {
+            let known = Layer::ALL.into_iter().find(|layer| layer.name() == text);
+            known.ok_or_else(|| format!("`{text}` is no layer: {}", suggestion(text, &Layer::ALL.map(Layer::name))))
+        };
+        let mut said: Vec<String> = [
+            take("variant", self.variant.as_deref(), variant, &mut settings.forced),
+            take("estimator", self.estimator.as_deref(), estimator, &mut settings.estimator),
+            take("noise", self.noise.as_deref(), noise, &mut settings.noise),
+            take("layer", self.layer.as_deref(), layer, &mut settings.layer),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        match self.scale {
+            Some(scale) if (SCALES[0]..=SCALES[1]).contains(&scale) => settings.scale = scale,
+            Some(scale) => {
+                said.push(format!("the kept scale is left out: it is {scale}, must lie in {}..={}", SCALES[0], SCALES[1]));
+            }
+            None => {}
+        }
+        settings.generic = self.generic.unwrap_or(settings.generic);
+        settings.seed = self.seed.unwrap_or(settings.seed);
+        settings.reseeds = self.reseeds.unwrap_or(settings.reseeds);
+        settings.two_tilings = self.two_tilings.unwrap_or(settings.two_tilings);
+        settings.counts = self.counts.unwrap_or(settings.counts);
+        said
+    }
+}
+
+/// Puts what a kept name stands for into its place, or says why that stays as it is.
+fn take<T>(what: &str, kept: Option<&str>, read: impl FnOnce(&str) -> Result<T, String>, place: &mut T) -> Option<String> {
+    match read(kept?) {
+        Ok(value) => {
+            *place = value;
+            None
+        }
+        Err(why) => Some(format!("the kept {what} is left out: {why}")),
+    }
+}
+
+fn parameters() -> impl Iterator<Item = &'static Parameter> {
+    GROUPS.into_iter().flat_map(|group| group.parameters)
+}
+
+impl Kept {
+    /// What there is to keep now. `before` is what was kept until then: of other scenes everything stays. `scene_name` names the scene
+    /// ([`scene_name`]), and `original` is it as its file says.
+    pub fn of(before: &Kept, scene_name: &str, settings: &Settings, original: &Scene, places: &Places, tree: &Tree<Pane>) -> Kept {
+        let changed = differences(&settings.scene, original).into_iter().filter(|(_, [now, _])| now.is_finite());
+        let numbers = changed.map(|(parameter, [now, _])| (parameter.key.to_owned(), now));
+        // Numbers that the scene cannot have would be refused at the next start, and those before them would be lost.
+        let numbers = match scene::validate(&settings.scene) {
+            Ok(()) => numbers.collect(),
+            Err(_) => before.scenes.get(scene_name).map(|scene| scene.numbers.clone()).unwrap_or_default(),
+        };
+        let here = OfScene { numbers, places: places.places().to_vec(), paths: places.paths().to_vec() };
+        let mut scenes = before.scenes.clone();
+        if here == OfScene::default() {
+            scenes.remove(scene_name);
+        } else {
+            scenes.insert(scene_name.to_owned(), here);
+        }
+        let others = before.recent.iter().filter(|&name| name != scene_name).cloned();
+        let recent = std::iter::once(scene_name.to_owned()).chain(others).take(MOST_RECENT).collect();
+        Kept { version: VERSION, recent, look: Look::of(settings), layout: Layout::of(tree), scenes }
+    }
+
+    /// Makes the choices again, and changes the numbers of this scene that were changed; returns a line for everything that is not possible any more,
+    /// which stays as it is.
+    pub fn apply(&self, scene_name: &str, settings: &mut Settings) -> Vec<String> {
+        let mut said = self.look.apply(settings);
+        let mut changed = settings.scene.clone();
+        for (key, &number) in self.scenes.get(scene_name).into_iter().flat_map(|scene| &scene.numbers) {
+            match parameters().find(|parameter| parameter.key == key) {
+                Some(parameter) if number.is_finite() => *(parameter.at)(&mut changed) = number,
+                Some(_) => said.push(format!("the kept {key} is left out: {number} is no finite number")),
+                None => said.push(format!("the kept {key} is left out: no number of a scene is called so")),
+            }
+        }
+        match scene::validate(&changed) {
+            Ok(()) => settings.scene = changed,
+            Err(error) => said.push(format!("the kept numbers are left out, since they do not fit the scene: {error}")),
+        }
+        said
+    }
+
+    /// The same, but for the scale of the picture: where nobody chose it, the adapter of the next start does.
+    #[must_use]
+    pub fn without_scale(mut self) -> Kept {
+        self.look.scale = None;
+        self
+    }
+
+    /// The arrangement of panes, under the identifier of the window's tree; `None` = as usual.
+    pub fn tree(&self, id: egui::Id) -> Option<Tree<Pane>> {
+        self.layout.as_ref()?.tree(id)
+    }
+
+    /// The places and paths of a scene.
+    pub fn places(&self, scene_name: &str) -> Places {
+        self.scenes.get(scene_name).map_or_else(Places::default, |scene| Places::new(scene.places.clone(), scene.paths.clone()))
+    }
+
+    /// Scenes that were open, the newest first, at most [`MOST_RECENT`]: what [`scene::load`] takes.
+    pub fn recent(&self) -> &[String] {
+        &self.recent
+    }
+
+    /// Whether a scale of the picture is kept, which no adapter should change then.
+    pub fn has_scale(&self) -> bool {
+        self.look.scale.is_some()
+    }
+
+    /// Reads what is kept, and a line where somebody should know of it. Without a file: nothing kept, and no line. A file that is not of this
+    /// kind, or damaged, is renamed to `NAME.damaged` (or `NAME.damaged-2`, and so on); one of a newer version, and one that cannot be read,
+    /// stay.
+    pub fn load(path: &Path) -> (Kept, Option<String>) {
+        let line = match Found::at(path) {
+            Found::Nothing => return (Kept::default(), None),
+            Found::Kept(kept) => return (*kept, None),
+            Found::Foreign(what) => match set_aside(path) {
+                Ok(aside) => format!(
+                    "{what}; it is set aside as {}, and everything is as usual: mend it and give it its name back to have it again",
+                    aside.display()
+                ),
+                Err(error) => format!("{what}; it cannot be set aside ({error}), so that nothing is kept: move it away"),
+            },
+            Found::Newer(version) => newer(path, version),
+            Found::Unreadable(why) => unreadable(path, &why),
+        };
+        (Kept::default(), Some(line))
+    }
+
+    /// Writes what is kept: whole or not at all, and only where there is no file, or one of this kind.
+    ///
+    /// # Errors
+    /// One line: what stands there is of a newer version, of another kind, or cannot be read; or the file cannot be written. What was there stays.
+    pub fn save(&self, path: &Path) -> Result<(), String> {
+        match Found::at(path) {
+            Found::Nothing => {}
+            Found::Kept(there) => return self.beside(*there).write(path),
+            Found::Newer(version) => return Err(newer(path, version)),
+            Found::Foreign(what) => return Err(format!("{what}; it is not written over, so that nothing is kept: move it away")),
+            Found::Unreadable(why) => return Err(unreadable(path, &why)),
+        }
+        self.write(path)
+    }
+
+    /// With the other scenes as they are in the file: another window may have one of them open.
+    fn beside(&self, there: Kept) -> Kept {
+        let own = self.recent.first();
+        let mut scenes = there.scenes;
+        if let Some(own) = own {
+            scenes.remove(own);
+            scenes.extend(self.scenes.get(own).map(|scene| (own.clone(), scene.clone())));
+        }
+        let others = there.recent.into_iter().filter(|name| !self.recent.contains(name));
+        let recent = self.recent.iter().cloned().chain(others).take(MOST_RECENT).collect();
+        Kept { scenes, recent, ..self.clone() }
+    }
+
+    fn write(&self, path: &Path) -> Result<(), String> {
+        let text = toml::to_string(self).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        if let Some(folder) = path.parent() {
+            let cannot = |error: std::io::Error| {
+                format!("cannot make the folder {}: {error}: set SCREE_STATE to a file elsewhere", folder.display())
+            };
+            fs::create_dir_all(folder).map_err(cannot)?;
+        }
+        write(path, text.as_bytes())
+    }
+}
+
+/// What stands in a place.
+enum Found {
+    Nothing,
+    Kept(Box<Kept>),
+    /// What is wrong, and where.
+    Foreign(String),
+    Newer(i64),
+    /// Why.
+    Unreadable(String),
+}
+
+/// What every version of the file has.
+#[derive(Deserialize)]
+struct Versioned {
+    version: i64,
+}
+
+impl Found {
+    fn at(path: &Path) -> Found {
+        // A device or pipe has no end to read to.
+        let bytes = match fs::metadata(path).map(|metadata| metadata.is_file()) {
+            Ok(true) => fs::read(path),
+            Ok(false) => return Found::Unreadable("it is no plain file".to_owned()),
+            Err(error) => Err(error),
+        };
+        let bytes = match bytes {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Found::Nothing,
+            Err(error) => return Found::Unreadable(error.to_string()),
+        };
+        let name = path.display().to_string();
+        let Ok(text) = String::from_utf8(bytes) else { return Found::Foreign(format!("{name} is not UTF-8 text")) };
+        // Before anything else is asked of it: a newer version may mean something else by every other key.
+        if let Ok(Versioned { version }) = toml::from_str(&text)
+            && version > i64::from(VERSION)
+        {
+            return Found::Newer(version);
+        }
+        match document::read::<Kept>(&text, |_| "") {
+            Ok(kept) if kept.version == VERSION => Found::Kept(Box::new(kept)),
+            Ok(kept) => Found::Foreign(format!("{name}: there is no version {}", kept.version)),
+            Err(wrong) => Found::Foreign(format!("{}: {}", wrong.place(&name), wrong.what)),
+        }
+    }
+}
+
+fn newer(path: &Path, version: i64) -> String {
+    format!(
+        "{} is of version {version}, this program knows {VERSION}: it is left alone, so that nothing is kept; use the newer program, or set \
+         SCREE_STATE to another file",
+        path.display()
+    )
+}
+
+fn unreadable(path: &Path, why: &str) -> String {
+    format!("cannot read {}: {why}: nothing is kept; mend that, or set SCREE_STATE to another file", path.display())
+}
+
+/// Gives a file a name of its own beside its place.
+fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
+    let mut number = 1;
+    loop {
+        let mut name = path.file_name().unwrap_or_default().to_os_string();
+        name.push(if number == 1 { ".damaged".to_owned() } else { format!(".damaged-{number}") });
+        let aside = path.with_file_name(name);
+        if aside.symlink_metadata().is_err() {
+            return fs::rename(path, &aside).map(|()| aside);
+        }
+        number += 1;
+    }
+}
+
+/// Writes a file under a temporary name, brings it to the disk, and gives it its name: it is whole, or what was there before.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    let done = write_whole(path, |temporary| {
+        let written = || -> std::io::Result<()> {
+            let mut file = File::create(temporary)?;
+            file.write_all(bytes)?;
+            file.sync_all()
+        };
+        written().map_err(|source| Error::File { file: path.to_owned(), source })
+    });
+    done.map_err(|error| match error {
+        Error::File { source, .. } => {
+            format!("cannot write {}: {source}: make room if the disk is full, or choose a folder that can be written", path.display())
+        }
+        other => format!("cannot write {}: {other}", path.display()),
+    })
+}
+
+/// The file of what is kept: `$SCREE_STATE`, or `scree/workbench.toml` in `$XDG_STATE_HOME` or `~/.local/state`, on Windows in `%APPDATA%`, on
+/// macOS in `~/Library/Application Support`. `None` = the machine names no such folder: nothing is kept.
+pub fn place() -> Option<PathBuf> {
+    place_by(|name| std::env::var_os(name))
+}
+
+fn place_by(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+    // What is not absolute would be another file in every folder that the program is started in.
+    let folder = |name: &str| variable(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
+    if let Some(file) = variable("SCREE_STATE").filter(|file| !file.is_empty()) {
+        return Some(file.into());
+    }
+    let state = if cfg!(windows) {
+        folder("APPDATA")
+    } else if cfg!(target_os = "macos") {
+        folder("HOME").map(|home| home.join("Library/Application Support"))
+    } else {
+        folder("XDG_STATE_HOME").or_else(|| folder("HOME").map(|home| home.join(".local/state")))
+    };
+    Some(state?.join("scree").join("workbench.toml"))
+}
+
+/// What a scene is called here: the absolute path of what [`scene::load`] was given, or `default`.
+pub fn scene_name(given: &str) -> String {
+    let absolute = || std::path::absolute(given).ok()?.into_os_string().into_string().ok();
+    if given == scene::DEFAULT { given.to_owned() } else { absolute().unwrap_or_else(|| given.to_owned()) }
+}
+
+/// Keeps what there is, now and then, and without the window waiting for a disk.
+#[derive(Debug)]
+pub struct Keeper {
+    path: PathBuf,
+    /// What the file has, or is about to have.
+    kept: Kept,
+    looked: Instant,
+    writing: Option<JoinHandle<Result<(), String>>>,
+    failure: Option<String>,
+}
+
+impl Keeper {
+    /// Reads what is kept in a file; the line is that of [`Kept::load`].
+    pub fn open(path: PathBuf) -> (Keeper, Option<String>) {
+        let (kept, line) = Kept::load(&path);
+        (Keeper { path, kept, looked: Instant::now(), writing: None, failure: None }, line)
+    }
+
+    /// What is kept.
+    pub fn kept(&self) -> &Kept {
+        &self.kept
+    }
+
+    /// Why it could not be written, as long as it cannot; one line.
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
+    }
+
+    /// To be called as often as the window is drawn: every [`EVERY`] looks at what there is to keep, and if it has changed begins to write it.
+    /// `present` is given what was kept before.
+    pub fn tend(&mut self, now: Instant, present: impl FnOnce(&Kept) -> Kept) {
+        if self.writing.as_ref().is_some_and(|writing| !writing.is_finished()) || now.saturating_duration_since(self.looked) < EVERY {
+            return;
+        }
+        self.join();
+        self.looked = now;
+        if self.take(present) {
+            let (kept, path) = (self.kept.clone(), self.path.clone());
+            self.writing = Some(std::thread::spawn(move || kept.save(&path)));
+        }
+    }
+
+    /// Writes what there is to keep, if it has changed, and waits until it is written.
+    ///
+    /// # Errors
+    /// As [`Kept::save`].
+    pub fn finish(&mut self, present: impl FnOnce(&Kept) -> Kept) -> Result<(), String> {
+        self.join();
+        if self.take(present) {
+            self.failure = self.kept.save(&self.path).err();
+        }
+        self.failure.clone().map_or(Ok(()), Err)
+    }
+
+    /// Takes over what there is; says whether the file does not have it.
+    fn take(&mut self, present: impl FnOnce(&Kept) -> Kept) -> bool {
+        let present = present(&self.kept);
+        let changed = present != self.kept || self.failure.is_some();
+        self.kept = present;
+        changed
+    }
+
+    /// Waits for a writing under way, and takes note of its outcome.
+    fn join(&mut self) {
+        if let Some(writing) = self.writing.take() {
+            let outcome = writing.join().unwrap_or_else(|_| Err("keeping stopped by an internal error; please report it".to_owned()));
+            self.failure = outcome.err();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use kernels::camera::Pose;
+    use kernels::variant::Flavour;
+
+    use super::*;
+
+    const ELSEWHERE: &str = "/elsewhere/scene.toml";
+
+    /// A folder that is removed in the end.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(test: &str) -> Folder {
+            let folder = std::env::temp_dir().join(format!("scree-kept-{test}-{}", std::process::id()));
+            let _ = fs::remove_dir_all(&folder);
+            fs::create_dir_all(&folder).expect("can be made");
+            Folder(folder)
+        }
+
+        fn file(&self) -> PathBuf {
+            self.0.join("workbench.toml")
+        }
+
+        fn names(&self) -> Vec<String> {
+            let names = fs::read_dir(&self.0).expect("is there").map(|entry| entry.expect("an entry").file_name());
+            let mut names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
+            names.sort();
+            names
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn plain() -> Scene {
+        scene::load(scene::DEFAULT).expect("built in")
+    }
+
+    fn tree() -> Tree<Pane> {
+        let panes = Pane::ALL.iter().map(|pane| Layout::Pane { name: pane.name().to_owned() }).collect();
+        Layout::Tabs { open: 2, children: panes }.tree(egui::Id::unique("kept in a test")).expect("panes")
+    }
+
+    fn places() -> Places {
+        let pose = Pose { position: DVec3::new(1.0, -2.5, 1e3 / 7.0), yaw: 1.0, pitch: -0.1, fov: 0.9 };
+        let mut places = Places::default();
+        places.keep("ridge", pose);
+        places.add(Recorded::new("flight", vec![pose, Pose { yaw: 1.1, ..pose }]).expect("frames"));
+        places
+    }
+
+    /// Everything other than usual.
+    fn changed() -> Settings {
+        let mut settings = Settings::new(plain());
+        settings.scene.blend.hash_scale = 2.0 / 3.0;
+        settings.scene.sun.azimuth_deg = 12.5;
+        Settings {
+            forced: Variant::new(Flavour::Splat.bit() | Flavour::VirtualTexture.bit()),
+            generic: true,
+            estimator: Estimator::Stf,
+            noise: NoiseKind::Blue,
+            seed: u32::MAX,
+            reseeds: true,
+            two_tilings: true,
+            scale: 0.7,
+            layer: Layer::Tiles,
+            counts: true,
+            ..settings
+        }
+    }
+
+    fn kept() -> Kept {
+        Kept::of(&Kept::default(), scene::DEFAULT, &changed(), &plain(), &places(), &tree())
+    }
+
+    #[test]
+    fn everything_comes_back() {
+        let folder = Folder::new("round");
+        let file = folder.0.join("made/on/demand.toml");
+        kept().save(&file).expect("written");
+        let (read, line) = Kept::load(&file);
+        assert_eq!((&read.look, &read.layout, &read.recent, line), (&kept().look, &kept().layout, &kept().recent, None));
+        let mut settings = Settings::new(plain());
+        assert_eq!(read.apply(scene::DEFAULT, &mut settings), Vec::<String>::new());
+        assert_eq!(settings, changed());
+        let again = read.places(scene::DEFAULT);
+        assert_eq!((again.places()[0].name.as_str(), again.paths()), ("ridge", places().paths()));
+        let pose = again.places()[0].pose;
+        assert!(pose.position == places().places()[0].pose.position && (pose.yaw - 1.0).abs() < 1e-15);
+        assert!(read.has_scale() && read.tree(egui::Id::unique("again")).as_ref().and_then(Layout::of) == kept().layout);
+        // What was read is what is written: nothing creeps from start to start.
+        let mut original = plain();
+        original.blend.mip_bias = 0.5;
+        let mut settings = Settings::new(original.clone());
+        read.apply(scene::DEFAULT, &mut settings);
+        assert!((settings.scene.blend.mip_bias - 0.5).abs() < 1e-12, "an edit of the scene's file");
+        assert_eq!(Kept::of(&read, scene::DEFAULT, &settings, &original, &again, &tree()), read);
+        let none = folder.0.join("nothing.toml");
+        assert_eq!(Kept::load(&none), (Kept::default(), None));
+    }
+
+    #[test]
+    fn scenes_do_not_share_numbers_and_places() {
+        let usual = Settings::new(plain());
+        let elsewhere = Kept::of(&kept(), ELSEWHERE, &usual, &plain(), &Places::default(), &tree());
+        assert_eq!(elsewhere.recent(), [ELSEWHERE, scene::DEFAULT]);
+        assert!(elsewhere.places(ELSEWHERE).is_empty() && elsewhere.places(scene::DEFAULT) == places());
+        let mut settings = usual.clone();
+        elsewhere.apply(ELSEWHERE, &mut settings);
+        assert_eq!(settings, usual);
+        elsewhere.apply(scene::DEFAULT, &mut settings);
+        assert_eq!(settings.scene, changed().scene);
+    }
+
+    #[test]
+    fn recent_scenes_are_few_and_none_comes_twice() {
+        let opened = |before: &Kept, name: &str| Kept::of(before, name, &Settings::new(plain()), &plain(), &Places::default(), &tree());
+        let many = (0..15).fold(Kept::default(), |before, i| opened(&before, &format!("scene {i}")));
+        assert_eq!((many.recent().len(), many.recent()[0].as_str(), many.recent()[9].as_str()), (MOST_RECENT, "scene 14", "scene 5"));
+        let again = opened(&many, "scene 7");
+        assert_eq!((again.recent().len(), again.recent()[0].as_str(), again.recent()[1].as_str()), (MOST_RECENT, "scene 7", "scene 14"));
+        assert!(again.recent()[1..].iter().all(|name| name != "scene 7"));
+    }
+
+    #[test]
+    fn what_is_damaged_or_foreign_is_set_aside_and_never_deleted() {
+        let folder = Folder::new("damaged");
+        let mut texts = vec![b"\xff\xfe".to_vec(), Vec::new(), b"[palette]\nred = 1\n".to_vec(), b"version = 0\n".to_vec()];
+        texts.push(b"version = 1\n[look]\nnoises = 3\n".to_vec());
+        texts.push(b"version = 1\n[look]\nnoise = ".to_vec());
+        for (text, number) in texts.iter().zip(1..) {
+            fs::write(folder.file(), text).expect("written");
+            let refusal = kept().save(&folder.file()).expect_err("not ours");
+            assert!(refusal.contains("not written over") && fs::read(folder.file()).expect("still there") == *text, "{refusal}");
+            let (kept, line) = Kept::load(&folder.file());
+            let line = line.expect("somebody should know");
+            let aside = if number == 1 { "workbench.toml.damaged".to_owned() } else { format!("workbench.toml.damaged-{number}") };
+            assert!(kept == Kept::default() && line.contains(&aside) && !line.contains('\n'), "{line}");
+            assert_eq!(fs::read(folder.0.join(aside)).expect("set aside"), *text);
+            assert!(!folder.file().exists());
+        }
+        fs::write(folder.file(), "version = 1\n[look]\nnoises = 3\n").expect("written");
+        let line = Kept::load(&folder.file()).1.expect("a key of no meaning");
+        assert!(line.contains("workbench.toml:3") && line.contains("did you mean `noise`"), "{line}");
+        // In place of a file something that is none.
+        fs::create_dir(folder.file()).expect("made");
+        let line = Kept::load(&folder.file()).1.expect("a folder");
+        assert!(line.contains("no plain file") && folder.file().is_dir() && kept().save(&folder.file()).is_err(), "{line}");
+    }
+
+    #[test]
+    fn a_newer_version_is_left_alone() {
+        let folder = Folder::new("newer");
+        let text = "version = 2\nlook = \"of another kind\"\n";
+        fs::write(folder.file(), text).expect("written");
+        let (kept, line) = Kept::load(&folder.file());
+        assert!(kept == Kept::default() && line.as_ref().is_some_and(|line| line.contains("version 2")), "{line:?}");
+        assert!(kept.save(&folder.file()).expect_err("not written over").contains("SCREE_STATE"));
+        assert_eq!((fs::read_to_string(folder.file()).expect("still there").as_str(), folder.names().len()), (text, 1));
+    }
+
+    #[test]
+    fn names_that_are_gone_are_said_and_the_rest_is_taken() {
+        let folder = Folder::new("names");
+        let text = "version = 1\n[look]\nvariant = \"vt+lava\"\nestimator = \"stf\"\nnoise = \"pink\"\nlayer = \"Tile\"\nscale = 9.0\nseed = 5\n\
+            [scene.default.numbers]\n\"blend.hash_scale\" = 3.0\n\"blend.gone\" = 1.0\n\"sun.azimuth_deg\" = nan\n";
+        fs::write(folder.file(), text).expect("written");
+        let (kept, line) = Kept::load(&folder.file());
+        assert_eq!(line, None);
+        let mut settings = Settings::new(plain());
+        let said = kept.apply(scene::DEFAULT, &mut settings);
+        let parts = ["vt+lava", "pink", "Tile", "scale", "blend.gone", "sun.azimuth_deg"];
+        assert_eq!(said.len(), parts.len(), "{said:?}");
+        for (line, part) in said.iter().zip(parts) {
+            assert!(line.contains(part) && line.contains("left out") && !line.contains('\n'), "{line}");
+        }
+        let mut expected = Settings { estimator: Estimator::Stf, seed: 5, ..Settings::new(plain()) };
+        expected.scene.blend.hash_scale = 3.0;
+        assert_eq!(settings, expected);
+        // Numbers that the scene cannot have, as its file is now.
+        let mut impossible = kept.clone();
+        impossible.scenes.entry(scene::DEFAULT.to_owned()).or_default().numbers =
+            BTreeMap::from([("flavours.cliff_near_m".to_owned(), 9000.0)]);
+        let said = impossible.apply(scene::DEFAULT, &mut settings);
+        assert!(said.len() == 1 && said[0].contains("cliff_near_m") && settings.scene == expected.scene, "{said:?}");
+        // They are not kept in the first place: what was kept before stays.
+        let mut numbers = changed();
+        numbers.scene.flavours.cliff_near_m = 9000.0;
+        let kept = Kept::of(&kept, scene::DEFAULT, &numbers, &plain(), &Places::default(), &tree());
+        assert_eq!(kept.scenes[scene::DEFAULT].numbers.get("blend.hash_scale"), Some(&3.0));
+    }
+
+    #[test]
+    fn a_writing_that_fails_leaves_the_old_file_whole() {
+        let folder = Folder::new("whole");
+        kept().save(&folder.file()).expect("written");
+        let before = fs::read(folder.file()).expect("there");
+        // What the temporary file would be called is taken.
+        fs::create_dir(folder.0.join(format!("workbench.toml.{}.tmp", std::process::id()))).expect("made");
+        let error = Kept::default().save(&folder.file()).expect_err("cannot be written");
+        assert!(error.contains("workbench.toml") && error.contains("make room"), "{error}");
+        assert_eq!(fs::read(folder.file()).expect("there"), before);
+    }
+
+    #[test]
+    fn a_keeper_writes_changes_now_and_then_and_in_the_end() {
+        let folder = Folder::new("keeper");
+        let (mut keeper, line) = Keeper::open(folder.file());
+        assert!(line.is_none() && *keeper.kept() == Kept::default());
+        let begun = Instant::now();
+        keeper.tend(begun, |_| panic!("not so soon"));
+        keeper.tend(begun + 2 * EVERY, |before| Kept { look: Look::of(&changed()), ..before.clone() });
+        keeper.finish(Kept::clone).expect("written");
+        assert_eq!(Kept::load(&folder.file()).0.look, Look::of(&changed()));
+        // Nothing new, nothing written.
+        fs::remove_file(folder.file()).expect("was there");
+        keeper.finish(Kept::clone).expect("nothing to do");
+        assert!(folder.names().is_empty());
+        // A failure stays until it is mended.
+        fs::create_dir(folder.file()).expect("made");
+        assert!(keeper.finish(|_| kept()).is_err() && keeper.failure().is_some_and(|line| line.contains("no plain file")));
+        fs::remove_dir(folder.file()).expect("was there");
+        keeper.finish(Kept::clone).expect("mended");
+        assert!(keeper.failure().is_none() && folder.names() == ["workbench.toml"]);
+    }
+
+    #[test]
+    fn the_file_lies_where_the_machine_keeps_such() {
+        let home = std::env::temp_dir();
+        let by =
+            |pairs: &[(&str, OsString)]| place_by(|name| pairs.iter().find(|(known, _)| *known == name).map(|(_, value)| value.clone()));
+        let all = ["HOME", "APPDATA", "XDG_STATE_HOME"].map(|name| (name, home.clone().into_os_string()));
+        assert!(by(&all).is_some_and(|file| file.starts_with(&home) && file.ends_with("scree/workbench.toml")));
+        let own = [all[0].clone(), ("SCREE_STATE", OsString::from("own.toml"))];
+        assert_eq!(by(&own), Some(PathBuf::from("own.toml")));
+        let relative = ["HOME", "APPDATA", "XDG_STATE_HOME"].map(|name| (name, OsString::from("relative")));
+        assert_eq!(by(&relative), None);
+        assert_eq!(by(&[]), None);
+    }
+
+    #[test]
+    fn a_scene_is_called_by_its_absolute_path() {
+        assert_eq!(scene_name(scene::DEFAULT), scene::DEFAULT);
+        let name = scene_name("some/scene.toml");
+        assert!(Path::new(&name).is_absolute() && Path::new(&name).ends_with("some/scene.toml"), "{name}");
+        assert_eq!(scene_name(&name), name);
+    }
+}

@@ -1,0 +1,221 @@
+//! How panes are arranged, as it is kept: by their titles and shares. The window library's own format would not do: TOML holds neither its
+//! identifiers (64 bits, unsigned) nor its empty values, and a pane that came or went with a version would make it unreadable.
+
+use eframe::egui;
+use egui_tiles::{Container, Grid, GridLayout, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
+use serde::{Deserialize, Serialize};
+
+use crate::app::Pane;
+
+/// A pane, or what holds several. Shares are relative to each other, above 0; where one is missing or none, it is 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Layout {
+    /// A pane.
+    Pane {
+        /// Its title: [`Pane::name`].
+        name: String,
+    },
+    /// One on top of the other.
+    Tabs {
+        /// Which is on top, from 0.
+        open: usize,
+        /// What there is, from the left.
+        children: Vec<Layout>,
+    },
+    /// Beside each other.
+    Row {
+        /// Shares of the width, one a child.
+        shares: Vec<f32>,
+        /// What there is, from the left.
+        children: Vec<Layout>,
+    },
+    /// Below each other.
+    Column {
+        /// Shares of the height, one a child.
+        shares: Vec<f32>,
+        /// What there is, from the top.
+        children: Vec<Layout>,
+    },
+    /// In rows and columns.
+    Grid {
+        /// How many columns; 0 = as many as fit.
+        columns: usize,
+        /// Shares of the width, one a column.
+        column_shares: Vec<f32>,
+        /// Shares of the height, one a row.
+        row_shares: Vec<f32>,
+        /// What there is, row by row.
+        children: Vec<Layout>,
+    },
+}
+
+impl Layout {
+    /// How panes are arranged now; `None` = there are none.
+    pub fn of(tree: &Tree<Pane>) -> Option<Layout> {
+        Layout::of_tile(&tree.tiles, tree.root()?)
+    }
+
+    fn of_tile(tiles: &Tiles<Pane>, id: TileId) -> Option<Layout> {
+        let all = |children: &[TileId]| children.iter().filter_map(|&child| Layout::of_tile(tiles, child)).collect::<Vec<_>>();
+        Some(match tiles.get(id)? {
+            Tile::Pane(pane) => Layout::Pane { name: pane.name().to_owned() },
+            Tile::Container(Container::Tabs(tabs)) => {
+                let open = tabs.children.iter().position(|&child| tabs.is_active(child)).unwrap_or(0);
+                Layout::Tabs { open, children: all(&tabs.children) }
+            }
+            Tile::Container(Container::Linear(linear)) => {
+                let shares = linear.children.iter().map(|&child| linear.shares[child]).collect();
+                let children = all(&linear.children);
+                match linear.dir {
+                    LinearDir::Horizontal => Layout::Row { shares, children },
+                    LinearDir::Vertical => Layout::Column { shares, children },
+                }
+            }
+            Tile::Container(Container::Grid(grid)) => Layout::Grid {
+                columns: if let GridLayout::Columns(columns) = grid.layout { columns } else { 0 },
+                column_shares: grid.col_shares.clone(),
+                row_shares: grid.row_shares.clone(),
+                children: all(&grid.children().copied().collect::<Vec<_>>()),
+            },
+        })
+    }
+
+    /// The arrangement again, under the identifier of the window's tree. Panes that are not known any more, and second ones of a name, are left
+    /// out; panes that it does not have yet are added to the last tabs, since nothing else would open them. `None` = no pane is left.
+    pub fn tree(&self, id: egui::Id) -> Option<Tree<Pane>> {
+        let mut making = Making { tiles: Tiles::default(), left: Pane::ALL.to_vec(), tabs: None };
+        let mut root = making.insert(self)?;
+        let Making { mut tiles, left, tabs } = making;
+        let new: Vec<TileId> = left.into_iter().map(|pane| tiles.insert_pane(pane)).collect();
+        let tabs = match tabs {
+            Some(tabs) => tiles.get_mut(tabs),
+            None => None,
+        };
+        match tabs {
+            _ if new.is_empty() => {}
+            Some(Tile::Container(container)) => new.into_iter().for_each(|pane| container.add_child(pane)),
+            _ => {
+                let beside = tiles.insert_tab_tile(new);
+                root = tiles.insert_horizontal_tile(vec![root, beside]);
+            }
+        }
+        Some(Tree::new(id, root, tiles))
+    }
+}
+
+/// A tree on its way.
+struct Making {
+    tiles: Tiles<Pane>,
+    /// Panes that have no place yet.
+    left: Vec<Pane>,
+    /// The last tabs.
+    tabs: Option<TileId>,
+}
+
+impl Making {
+    fn insert(&mut self, layout: &Layout) -> Option<TileId> {
+        match layout {
+            Layout::Pane { name } => {
+                let at = self.left.iter().position(|pane| pane.name() == name)?;
+                let pane = self.left.remove(at);
+                Some(self.tiles.insert_pane(pane))
+            }
+            Layout::Tabs { open, children } => {
+                let made = self.insert_all(children);
+                let open = made.iter().find(|(place, _)| place == open).or(made.first()).map(|&(_, child)| child)?;
+                let mut tabs = Tabs::new(made.into_iter().map(|(_, child)| child).collect());
+                tabs.set_active(open);
+                let id = self.tiles.insert_container(tabs);
+                self.tabs = Some(id);
+                Some(id)
+            }
+            Layout::Row { shares, children } => self.insert_linear(LinearDir::Horizontal, shares, children),
+            Layout::Column { shares, children } => self.insert_linear(LinearDir::Vertical, shares, children),
+            Layout::Grid { columns, column_shares, row_shares, children } => {
+                let made = self.insert_all(children);
+                if made.is_empty() {
+                    return None;
+                }
+                let mut grid = Grid::new(made.into_iter().map(|(_, child)| child).collect());
+                grid.layout = if *columns == 0 { GridLayout::Auto } else { GridLayout::Columns(*columns) };
+                grid.col_shares = column_shares.iter().copied().map(usable).collect();
+                grid.row_shares = row_shares.iter().copied().map(usable).collect();
+                Some(self.tiles.insert_container(grid))
+            }
+        }
+    }
+
+    /// What became of each child that has a pane, with its place among them.
+    fn insert_all(&mut self, children: &[Layout]) -> Vec<(usize, TileId)> {
+        children.iter().enumerate().filter_map(|(place, child)| Some((place, self.insert(child)?))).collect()
+    }
+
+    fn insert_linear(&mut self, dir: LinearDir, shares: &[f32], children: &[Layout]) -> Option<TileId> {
+        let made = self.insert_all(children);
+        if made.is_empty() {
+            return None;
+        }
+        let mut linear = Linear::new(dir, made.iter().map(|&(_, child)| child).collect());
+        for (place, child) in made {
+            linear.shares.set_share(child, usable(shares.get(place).copied().unwrap_or(1.0)));
+        }
+        Some(self.tiles.insert_container(linear))
+    }
+}
+
+/// A share that leaves every pane visible.
+fn usable(share: f32) -> f32 {
+    if share.is_finite() && share > 0.0 { share } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn id() -> egui::Id {
+        egui::Id::unique("layout of a test")
+    }
+
+    fn pane(pane: Pane) -> Layout {
+        Layout::Pane { name: pane.name().to_owned() }
+    }
+
+    /// All panes: the first beside a column of a grid and of tabs, the last tab on top.
+    fn all() -> Layout {
+        let [first, second, third] = [0, 1, 2].map(|i| pane(Pane::ALL[i]));
+        let grid = Layout::Grid { columns: 2, column_shares: vec![0.75, 1.25], row_shares: vec![1.0], children: vec![second, third] };
+        let rest: Vec<Layout> = Pane::ALL[3..].iter().map(|&p| pane(p)).collect();
+        let tabs = Layout::Tabs { open: rest.len() - 1, children: rest };
+        let column = Layout::Column { shares: vec![0.3, 0.7], children: vec![grid, tabs] };
+        Layout::Row { shares: vec![1.5, 0.5], children: vec![first, column] }
+    }
+
+    #[test]
+    fn a_layout_becomes_a_tree_and_the_same_layout_again() {
+        let tree = all().tree(id()).expect("panes");
+        assert_eq!(Layout::of(&tree), Some(all()));
+        // As text, too.
+        let text = toml::to_string(&all()).expect("can be written");
+        assert_eq!(toml::from_str::<Layout>(&text).expect("can be read"), all(), "{text}");
+    }
+
+    #[test]
+    fn unknown_and_second_panes_are_left_out_and_new_ones_are_added() {
+        let gone = Layout::Pane { name: "Gone".to_owned() };
+        let known = pane(Pane::ALL[1]);
+        let tabs = Layout::Tabs { open: 1, children: vec![gone.clone(), known.clone(), known.clone()] };
+        let row = Layout::Row { shares: vec![f32::NAN, -1.0], children: vec![pane(Pane::ALL[0]), tabs] };
+        let Some(Layout::Row { shares, children }) = row.tree(id()).as_ref().and_then(Layout::of) else { panic!("a row stays one") };
+        assert_eq!((shares, children[0].clone()), (vec![1.0, 1.0], pane(Pane::ALL[0])));
+        let Layout::Tabs { open, children } = &children[1] else { panic!("tabs stay tabs") };
+        let expected: Vec<Layout> = Pane::ALL[1..].iter().map(|&p| pane(p)).collect();
+        assert_eq!((*open, children), (0, &expected));
+        // Without tabs, new ones get some.
+        let Some(Layout::Row { children, .. }) = pane(Pane::ALL[0]).tree(id()).as_ref().and_then(Layout::of) else {
+            panic!("a row is made")
+        };
+        assert!(matches!(&children[1], Layout::Tabs { children, .. } if children.len() == Pane::ALL.len() - 1));
+        assert!(gone.tree(id()).is_none());
+    }
+}

@@ -1,0 +1,170 @@
+//! Metrics of the pictures as they are drawn: variance, bias, flips, flicker and clumping, followed along the surface.
+
+use std::collections::VecDeque;
+
+use kernels::error::Result;
+use kernels::frame::{RenderRequest, Renderer};
+use kernels::metrics::{Followed, Links, NO_LINK, Sample, Summary};
+use kernels::picture::Picture;
+use kernels::shared::signal::luminance;
+use rayon::prelude::*;
+
+use crate::settings::Settings;
+
+/// Layers of a picture that metrics are taken from.
+pub const LAYERS: [&str; 2] = ["albedo", "choice"];
+/// Windows on offer, frames.
+pub const WINDOWS: [u32; 2] = [2, 1024];
+/// Frames that plots go back.
+const HISTORY: usize = 240;
+
+/// What is measured of the pictures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Metrics {
+    /// Whether anything is.
+    pub on: bool,
+    /// Frames that a number goes back, exponentially.
+    pub window: u32,
+    /// Whether the numbers stay as they are.
+    pub frozen: bool,
+    /// How often they were begun anew.
+    pub resets: u32,
+    /// Left, top, right and bottom of what is summed, as shares of the picture; `None` = all.
+    pub region: Option<[f32; 4]>,
+}
+
+impl Default for Metrics {
+    fn default() -> Self {
+        Metrics { on: false, window: 32, frozen: false, resets: 0, region: None }
+    }
+}
+
+/// One frame's numbers, of A and of B.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// The frame.
+    pub frame: u32,
+    /// A, and B if it was drawn.
+    pub sides: [Option<Summary>; 2],
+}
+
+/// What is followed from picture to picture.
+#[derive(Default)]
+pub struct Live {
+    links: Option<Links>,
+    followed: [Followed; 2],
+    /// What the numbers are of: settings of both, resets.
+    of: Option<([Option<Settings>; 2], u32)>,
+    /// Frame and pose that were taken in last: a picture that is only looked at otherwise is not a further frame.
+    last: Option<RenderRequest>,
+    /// What was summed last.
+    region: Option<[f32; 4]>,
+    history: VecDeque<Reading>,
+}
+
+impl Live {
+    /// Takes the pictures of A and B of one view in, right after they were drawn, the request being the last one.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn take(
+        &mut self,
+        renderer: &Renderer<'_>,
+        metrics: &Metrics,
+        request: &RenderRequest,
+        settings: [Option<&Settings>; 2],
+        pictures: [Option<&Picture>; 2],
+    ) -> Result<()> {
+        let same_size = self.links.as_ref().is_some_and(|links| links.size() == request.size);
+        if metrics.frozen && same_size && self.of.as_ref().is_some_and(|of| of.1 == metrics.resets) {
+            self.sum_again(metrics, request.size);
+            return Ok(());
+        }
+        let kept = |of: &([Option<Settings>; 2], u32)| {
+            of.1 == metrics.resets
+                && of.0.iter().zip(settings).all(|pair| match pair {
+                    (Some(before), Some(now)) => before.looks_like(now),
+                    (None, None) => true,
+                    _ => false,
+                })
+        };
+        if !self.of.as_ref().is_some_and(kept) || !same_size {
+            self.followed.iter_mut().for_each(Followed::reset);
+            self.history.clear();
+            self.last = None;
+            self.of = Some((settings.map(|s| s.cloned()), metrics.resets));
+        }
+        if !same_size {
+            self.links = Some(renderer.links(request.size)?);
+        }
+        let again = self.last.as_ref().is_some_and(|last| (last.frame, last.pose) == (request.frame, request.pose));
+        let Some(links) = self.links.as_mut().filter(|_| !again) else {
+            self.sum_again(metrics, request.size);
+            return Ok(());
+        };
+        // Flips and flicker are told from one frame to the next: over a gap, nothing is followed.
+        let mut found = renderer.link(request, links)?;
+        let follows = |last: &RenderRequest| request.frame == last.frame || request.frame == last.frame.wrapping_add(1);
+        if !self.last.as_ref().is_some_and(follows) {
+            found.fill(NO_LINK);
+            self.history.clear();
+        }
+        let links = found;
+        self.last = Some(request.clone());
+        let [a, b] = pictures.map(|picture| picture.and_then(samples));
+        if let (Some(a), Some(b)) = (&a, &b) {
+            let against = |a: &Sample, b: &Sample| Sample { error: a.luminance - b.luminance, ..*a };
+            let a: Vec<Sample> = a.par_iter().zip(b).map(|(a, b)| against(a, b)).collect();
+            self.followed[0].take(request.size, &a, &links, metrics.window, true);
+            self.followed[1].take(request.size, b, &links, metrics.window, false);
+        } else if let Some(a) = &a {
+            self.followed[0].take(request.size, a, &links, metrics.window, false);
+        }
+        if self.region != metrics.region {
+            self.history.clear();
+            self.region = metrics.region;
+        }
+        self.history.push_back(Reading { frame: request.frame, sides: self.summaries(metrics, request.size) });
+        if self.history.len() > HISTORY {
+            self.history.pop_front();
+        }
+        Ok(())
+    }
+
+    /// Sums the last frame over another region: what it comes to is known, the course until then is not.
+    fn sum_again(&mut self, metrics: &Metrics, size: [u32; 2]) {
+        if let (true, Some(last)) = (self.region != metrics.region, self.history.back().copied()) {
+            self.region = metrics.region;
+            self.history = VecDeque::from([Reading { sides: self.summaries(metrics, size), ..last }]);
+        }
+    }
+
+    /// What the region comes to now.
+    fn summaries(&self, metrics: &Metrics, size: [u32; 2]) -> [Option<Summary>; 2] {
+        let [left, top, right, bottom] = metrics.region.unwrap_or([0.0, 0.0, 1.0, 1.0]);
+        let at = |share: f32, side: u32| (f64::from(share.clamp(0.0, 1.0)) * f64::from(side)).round() as usize;
+        let (low, high) = ([at(left, size[0]), at(top, size[1])], [at(right, size[0]), at(bottom, size[1])]);
+        self.followed.each_ref().map(|f| if f.points().is_empty() { None } else { f.summary(low, high) })
+    }
+
+    /// The moments of each pixel of A or B.
+    pub fn side(&self, index: usize) -> &Followed {
+        &self.followed[index]
+    }
+
+    /// The readings since the numbers were begun, the newest last.
+    pub fn history(&self) -> Vec<Reading> {
+        self.history.iter().copied().collect()
+    }
+}
+
+/// What a picture says of each pixel, if it has the layers.
+fn samples(picture: &Picture) -> Option<Vec<Sample>> {
+    let (albedo, choices) = (picture.vectors(LAYERS[0])?, picture.values(LAYERS[1])?);
+    let sample = |((albedo, &choice), seen): ((&[f32; 3], &f32), &[f32; 4])| Sample {
+        luminance: if seen[3] > 0.0 { luminance(*albedo) as f32 } else { -1.0 },
+        choice: choice as u8,
+        error: 0.0,
+    };
+    Some(albedo.par_iter().zip(choices).zip(&picture.hdr).map(sample).collect())
+}

@@ -1,0 +1,94 @@
+//! A beside B: what B is, and how both are shown.
+
+use eframe::egui::{self, Ui};
+use experiments::judge;
+
+use super::choose;
+use crate::app::Workbench;
+use crate::compare::{Mode, Other, label};
+use crate::engine::{Second, Shown};
+
+pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+    ui.label("A is what the panels edit. B is what it is held against.");
+    egui::Grid::new("compare").num_columns(2).show(ui, |ui| {
+        let all = Mode::ALL.into_iter().map(|m| (m, m.name().to_owned(), m.about())).collect();
+        let shown = app.compare.mode.name();
+        choose(ui, "Show", &mut app.compare.mode, shown, all);
+        ui.end_row();
+        let mut others = vec![
+            (Other::Exact, Other::Exact.name().to_owned(), "The mean of what A's estimator draws: no noise"),
+            (Other::Full, Other::Full.name().to_owned(), "Exact, on every pixel: what cheaper shading is judged by"),
+        ];
+        if let Other::Kept(kept) = &app.compare.other {
+            others.push((Other::Kept(kept.clone()), app.compare.other.name().to_owned(), ""));
+        }
+        let shown = app.compare.other.name();
+        choose(ui, "B is", &mut app.compare.other, shown, others);
+        ui.end_row();
+    });
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Keep A as B").on_hover_text("Then change A, and see what that does").clicked() {
+            app.compare.keep(&app.settings);
+        }
+        let drawn = app.compare.mode != Mode::Off;
+        if ui.add_enabled(drawn, egui::Button::new("Swap A and B")).on_hover_text("To edit B").clicked() {
+            app.compare.swap(&mut app.settings);
+        }
+        if ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text("A or B, one at a time (X)").clicked() {
+            flick(app);
+        }
+    });
+    ui.separator();
+    ui.horizontal_wrapped(|ui| {
+        let label = ui.label("Zoom");
+        ui.add(egui::Slider::new(&mut app.looking.zoom, 1.0..=64.0).logarithmic(true).suffix(" x"))
+            .labelled_by(label.id)
+            .on_hover_text("Of both alike; Ctrl and the wheel over the picture");
+        if ui.button("Fit").clicked() {
+            (app.looking.zoom, app.looking.centre) = (1.0, [0.5; 2]);
+        }
+        ui.checkbox(&mut app.looking.loupe, "Loupe").on_hover_text("Eight times what is under the pointer, of A and of B (L)");
+    });
+    if app.compare.mode == Mode::Wipe {
+        let label = ui.label("Wipe at");
+        ui.add(egui::Slider::new(&mut app.looking.wipe, 0.0..=1.0)).labelled_by(label.id);
+    }
+    if let Some(shown) = app.shown().cloned() {
+        numbers(&shown, ui);
+    }
+}
+
+/// Shows the other one of two pictures; where both are up or none is compared, begins to show one at a time.
+pub(crate) fn flick(app: &mut Workbench) {
+    if app.compare.mode == Mode::Flicker {
+        app.looking.b ^= true;
+    } else {
+        app.compare.mode = Mode::Flicker;
+        app.looking.b = true;
+    }
+}
+
+/// How far apart the pictures on show are.
+fn numbers(shown: &Shown, ui: &mut Ui) {
+    if let Some(alone) = &shown.alone {
+        ui.colored_label(ui.visuals().warn_fg_color, alone);
+    }
+    let Some(second) = &shown.second else { return };
+    let Second { rmse, mean, largest, .. } = second;
+    ui.separator();
+    ui.label(format!("A: {}", label(&shown.wish.settings, &second.settings)));
+    ui.label(format!("B: {}", label(&second.settings, &shown.wish.settings)));
+    let psnr = judge::psnr_db(rmse * rmse);
+    egui::Grid::new("difference").num_columns(2).striped(true).show(ui, |ui| {
+        let mut row = |name: &str, value: String, about: &str| {
+            ui.label(name).on_hover_text(about);
+            ui.label(value);
+            ui.end_row();
+        };
+        row("RMSE", format!("{rmse:.5}"), "Root mean squared difference of lit linear colour over terrain");
+        row("PSNR", if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() }, "Of the same, against a peak of 1");
+        row("Mean A - B", format!("{mean:+.5}"), "In luminance");
+        row("Largest |A - B|", format!("{largest:.4}"), "In luminance");
+    });
+    ui.label("Of this frame, lit, at one sample a pixel on both sides; experiments judge against a supersampled reference.");
+}

@@ -1,0 +1,469 @@
+//! What each stage made of the frame: the nodes drawn on a map, with the frustum seen from outside, and a section of numbers a stage.
+//!
+//! A stage to come adds a function that makes its [`Section`] of the report, and its line in [`sections`].
+
+use eframe::egui::{self, Color32, Pos2, Rect, Sense, Slider, Stroke, StrokeKind, Ui, pos2, vec2};
+use glam::DVec2;
+use kernels::camera::Pose;
+use kernels::frame::FrameReport;
+use kernels::streaming::AtlasCounts;
+use kernels::variant::Variant;
+use kernels::virtual_texture::{CacheCounts, PageCounts, PageId};
+use kernels::world::{LODS, Layout, NodeId};
+
+use crate::app::Workbench;
+use crate::engine::Shown;
+
+/// The narrowest span of the map, and the one it begins with, metres.
+const NARROWEST_M: f64 = 200.0;
+const USUAL_M: f64 = 4000.0;
+/// Smallest and largest edge of the map on the screen, points.
+const MAP_POINTS: [f32; 2] = [120.0, 480.0];
+/// Points of a wheel or a drag by which the span changes e-fold.
+const POINTS_PER_E: f32 = 200.0;
+/// Length of the arrow that says where the camera looks, points.
+const ARROW_POINTS: f32 = 22.0;
+/// Edge of a colour in the legend, points.
+const SWATCH_POINTS: f32 = 12.0;
+/// Colours of levels, the finest first: viridis, equal steps to the eye, from light to dark also where hues look alike.
+const LEVEL_COLOURS: [[u8; 3]; LODS as usize] =
+    [[253, 231, 37], [122, 209, 81], [34, 168, 132], [42, 120, 142], [65, 68, 135], [68, 1, 84]];
+
+/// How the map is looked at.
+pub(crate) struct MachinePanel {
+    /// Metres along the map's edge.
+    span_m: f64,
+}
+
+impl Default for MachinePanel {
+    fn default() -> MachinePanel {
+        MachinePanel { span_m: USUAL_M }
+    }
+}
+
+/// What one stage has to say of the frame.
+struct Section {
+    name: &'static str,
+    about: &'static str,
+    /// Names and values. A name that is indented belongs to the row above.
+    rows: Vec<(String, String)>,
+}
+
+/// One level of the quadtree.
+#[derive(Debug, PartialEq)]
+struct Level {
+    /// 0 = finest.
+    lod: u8,
+    /// Edge of a node, metres.
+    edge_m: f64,
+    /// Edge of a texel of the baked atlas, metres: as far apart as heights are.
+    texel_m: f64,
+    /// Nodes drawn.
+    nodes: usize,
+}
+
+pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+    let Some(shown) = app.shown().cloned() else {
+        ui.label("No picture yet.");
+        return;
+    };
+    let report = &shown.picture.report;
+    map(&mut app.machine.span_m, &shown, ui);
+    legend(&levels(&report.drawn, &shown.layout), ui);
+    for section in sections(report) {
+        let header = egui::CollapsingHeader::new(section.name).default_open(true).show(ui, |ui| {
+            egui::Grid::new(section.name).num_columns(2).striped(true).show(ui, |ui| {
+                for (name, value) in &section.rows {
+                    ui.label(name);
+                    ui.label(value);
+                    ui.end_row();
+                }
+            });
+        });
+        header.header_response.on_hover_text(section.about);
+    }
+}
+
+/// The sections of a frame, in the order of its stages.
+fn sections(report: &FrameReport) -> Vec<Section> {
+    vec![nodes(report), atlas(&report.atlas, report.loaded), pages(&report.pages, &report.page_cache), tiles(&report.tiles)]
+}
+
+fn row(name: &str, value: impl ToString) -> (String, String) {
+    (name.to_owned(), value.to_string())
+}
+
+fn nodes(report: &FrameReport) -> Section {
+    Section {
+        name: "Nodes and patches",
+        about: "Quadtree and culling: nodes are visited from the coarsest down, and each node drawn is cut into patches of 16 x 16 quads",
+        rows: vec![row("Nodes visited", report.visited), row("Nodes drawn", report.nodes), row("Patches in the frustum", report.patches)],
+    }
+}
+
+fn atlas(counts: &AtlasCounts, loaded: usize) -> Section {
+    Section {
+        name: "Atlas",
+        about: "Streaming: a node that is visited has a slot; the one that was not for longest gives way",
+        rows: vec![
+            row("Slots used", format!("{} of {}", counts.resident, counts.capacity)),
+            row("Nodes loaded for this frame", loaded),
+            row("Memory of the atlases", mebibytes(counts.bytes)),
+        ],
+    }
+}
+
+fn pages(wanted: &PageCounts, cache: &CacheCounts) -> Section {
+    let mut rows = Vec::new();
+    if cache.capacity == 0 {
+        rows.push(row("Virtual texture", "none in this scene"));
+    } else {
+        rows.push(row("Pages wanted", wanted.wanted));
+        rows.push(row("Pages rendered for this frame", wanted.rendered));
+        rows.push(row("Pages given up for coarser ones", wanted.coarsened));
+        rows.push(row("Pages kept", format!("{} of {}", cache.resident, cache.capacity)));
+        for (level, (wanted, kept)) in (0..).zip(wanted.wanted_by_level.iter().zip(&cache.by_level)) {
+            if *wanted > 0 || *kept > 0 {
+                let edge_m = PageId { level, x: 0, y: 0 }.edge_m();
+                rows.push(row(&format!("    level {level}, {edge_m} m"), format!("{wanted} wanted, {kept} kept")));
+            }
+        }
+        rows.push(row("Memory of the pages", mebibytes(cache.bytes)));
+    }
+    Section { name: "Pages", about: "Virtual texture: what pixels ask for is rendered once, from above, and kept", rows }
+}
+
+/// `counts`: all tiles with terrain, then those of each variant.
+fn tiles(counts: &[u32]) -> Section {
+    let of = |mask: u8| counts.get(usize::from(mask)).copied().unwrap_or(0);
+    let all = of(0);
+    let mut rows = vec![row("Tiles with terrain", all)];
+    for variant in Variant::all() {
+        let tiles = of(variant.mask());
+        if tiles > 0 {
+            let share = 100.0 * f64::from(tiles) / f64::from(all.max(1));
+            rows.push(row(&format!("    {variant}"), format!("{tiles} tiles, {share:.1} %")));
+        }
+    }
+    Section { name: "Tiles", about: "Classification: a tile runs the variant that has every flavour its pixels need", rows }
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+/// The levels that this world has, the finest first, and how many nodes of each are drawn.
+fn levels(drawn: &[NodeId], layout: &Layout) -> Vec<Level> {
+    let nodes = |lod| drawn.iter().filter(|node| node.lod == lod).count();
+    (layout.finest_lod..LODS)
+        .map(|lod| Level { lod, edge_m: layout.node_m(lod), texel_m: layout.spacing_m(lod), nodes: nodes(lod) })
+        .collect()
+}
+
+fn level_colour(lod: u8) -> Color32 {
+    let [r, g, b] = LEVEL_COLOURS[usize::from(lod).min(LEVEL_COLOURS.len() - 1)];
+    Color32::from_rgb(r, g, b)
+}
+
+/// What the map's colours stand for; a colour's name is its whole row, since colours are not seen by everybody.
+fn legend(levels: &[Level], ui: &mut Ui) {
+    egui::Grid::new("levels").num_columns(5).striped(true).show(ui, |ui| {
+        for (name, about) in [
+            ("", "The level's colour on the map"),
+            ("Level", "0 is the finest"),
+            ("Edge", "Of a node"),
+            ("Nodes", "Drawn in this frame"),
+            ("Texel", "Of the baked atlas: 128 along a node's edge, as many as quads"),
+        ] {
+            ui.label(name).on_hover_text(about);
+        }
+        ui.end_row();
+        for level in levels {
+            let (swatch, painter) = ui.allocate_painter(vec2(SWATCH_POINTS, SWATCH_POINTS), Sense::hover());
+            painter.rect_filled(swatch.rect, 2.0, level_colour(level.lod));
+            let name = format!("Level {}: {} m, {} nodes", level.lod, level.edge_m, level.nodes);
+            swatch.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &name));
+            ui.label(level.lod.to_string());
+            ui.label(format!("{} m", level.edge_m));
+            ui.label(level.nodes.to_string());
+            ui.label(format!("{} m", level.texel_m));
+            ui.end_row();
+        }
+    });
+}
+
+/// A square of the world on the screen, north up.
+struct Map {
+    /// What is in the middle, world metres.
+    centre: DVec2,
+    /// Metres along an edge.
+    span_m: f64,
+    /// Where it is on the screen.
+    rect: Rect,
+}
+
+impl Map {
+    fn points_per_m(&self) -> f64 {
+        f64::from(self.rect.width()) / self.span_m
+    }
+
+    /// Where a place, in world metres, is on the screen.
+    fn on_screen(&self, place: DVec2) -> Pos2 {
+        let [east, north] = ((place - self.centre) * self.points_per_m()).to_array();
+        self.rect.center() + vec2(east as f32, -north as f32)
+    }
+
+    /// A square with this south-west corner and edge, in world metres.
+    fn square(&self, corner: DVec2, edge_m: f64) -> Rect {
+        Rect::from_two_pos(self.on_screen(corner), self.on_screen(corner + edge_m))
+    }
+
+    fn node(&self, node: NodeId, layout: &Layout) -> Rect {
+        self.square(node.origin_m(layout), layout.node_m(node.lod))
+    }
+}
+
+/// The span after the wheel, a drag upwards or fingers spread by `points` have come closer.
+fn closer(span_m: f64, points: f32, widest_m: f64) -> f64 {
+    (span_m * f64::from(-points / POINTS_PER_E).exp()).clamp(NARROWEST_M, widest_m.max(NARROWEST_M))
+}
+
+/// The longest of 1, 2, 5, 10, 20 ... metres within a length, which is at least 1.
+fn round_length_m(longest_m: f64) -> f64 {
+    let decade = 10_f64.powi(longest_m.max(1.0).log10().floor() as i32);
+    [5.0, 2.0].into_iter().map(|digit| digit * decade).find(|&length| length <= longest_m).unwrap_or(decade)
+}
+
+/// What the frustum holds of level ground at an elevation, cut off somewhere beyond `reach_m` from the camera: corners of a convex polygon, in
+/// world metres. Empty where the camera is not above that ground or sees none of it.
+fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> Vec<DVec2> {
+    let above_m = pose.position.z - ground_m;
+    if above_m <= 0.0 || size.contains(&0) {
+        return Vec::new();
+    }
+    let [right, up, forward] = pose.axes();
+    let half_height = (pose.fov / 2.0).tan();
+    let half_width = half_height * f64::from(size[0]) / f64::from(size[1]);
+    let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
+    let corners = corners.map(|[x, y]: [f64; 2]| forward + right * (half_width * x) + up * (half_height * y));
+    // Rays are 1 long along the view direction. What sinks less than this meets the ground beyond `reach_m`, or never.
+    let highest = -above_m / (4.0 * reach_m.max(above_m));
+    let mut rays = Vec::new();
+    for (i, &ray) in corners.iter().enumerate() {
+        let next = corners[(i + 1) % corners.len()];
+        if ray.z <= highest {
+            rays.push(ray);
+        }
+        if (ray.z <= highest) != (next.z <= highest) {
+            rays.push(ray.lerp(next, (highest - ray.z) / (next.z - ray.z)));
+        }
+    }
+    rays.into_iter().map(|ray| pose.position.truncate() + ray.truncate() * (above_m / -ray.z)).collect()
+}
+
+/// The nodes drawn, from above, and the camera among them.
+fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
+    let (layout, pose) = (&shown.layout, &shown.pose);
+    let widest_m = layout.world_m().max(NARROWEST_M);
+    ui.horizontal(|ui| {
+        let label = ui.label("Map span");
+        let slider = Slider::new(span_m, NARROWEST_M..=widest_m).logarithmic(true).clamping(egui::SliderClamping::Always);
+        ui.add(slider.suffix(" m").max_decimals(0))
+            .labelled_by(label.id)
+            .on_hover_text("Along the map's edge; the wheel over the map changes it, and a drag up or down");
+    });
+    let edge = ui.available_width().clamp(MAP_POINTS[0], MAP_POINTS[1]);
+    let (response, painter) = ui.allocate_painter(vec2(edge, edge), Sense::drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Map of nodes"));
+    let mut points = -response.drag_delta().y;
+    if response.hovered() {
+        // Taken, so that the panel does not scroll as well.
+        points += ui.input_mut(|i| std::mem::take(&mut i.smooth_scroll_delta.y));
+        points += ui.input(egui::InputState::zoom_delta).max(f32::MIN_POSITIVE).ln() * POINTS_PER_E;
+    }
+    *span_m = closer(*span_m, points, widest_m);
+
+    let map = Map { centre: pose.position.truncate(), span_m: *span_m, rect: response.rect };
+    let (paper, ink) = (ui.visuals().extreme_bg_color, ui.visuals().text_color());
+    painter.rect_filled(map.rect, 2.0, paper);
+    for &node in &shown.picture.report.drawn {
+        let square = map.node(node, layout);
+        if square.intersects(map.rect) {
+            painter.rect(square, 0.0, level_colour(node.lod), Stroke::new(0.5, paper), StrokeKind::Inside);
+        }
+    }
+    let world = map.square(DVec2::splat(-layout.world_m() / 2.0), layout.world_m());
+    painter.rect_stroke(world, 0.0, Stroke::new(1.0, ink), StrokeKind::Outside);
+    let outline = ground_outline(pose, shown.wish.size, shown.ground_m, *span_m);
+    let outline: Vec<Pos2> = outline.into_iter().map(|place| map.on_screen(place)).collect();
+    let camera = map.rect.center();
+    let look = vec2(pose.yaw.sin() as f32, -pose.yaw.cos() as f32) * ARROW_POINTS;
+    // White on black shows on every level's colour.
+    for stroke in [Stroke::new(4.0, Color32::BLACK), Stroke::new(1.5, Color32::WHITE)] {
+        if outline.len() > 2 {
+            painter.add(egui::Shape::closed_line(outline.clone(), stroke));
+        }
+        painter.circle_filled(camera, 2.0 + stroke.width, stroke.color);
+        painter.arrow(camera, look, stroke);
+    }
+    scale_bar(&map, &painter);
+    response.on_hover_text(
+        "Nodes drawn, by level, north up; the camera, where it looks, and what its picture holds of level ground at its feet",
+    );
+}
+
+/// The scale in a corner of the map.
+fn scale_bar(map: &Map, painter: &egui::Painter) {
+    let length_m = round_length_m(map.span_m / 4.0);
+    let bar =
+        Rect::from_min_size(pos2(map.rect.left() + 10.0, map.rect.bottom() - 12.0), vec2((length_m * map.points_per_m()) as f32, 4.0));
+    painter.rect(bar, 0.0, Color32::WHITE, Stroke::new(1.0, Color32::BLACK), StrokeKind::Outside);
+    let font = egui::FontId::proportional(12.0);
+    let text = painter.layout_no_wrap(format!("{length_m} m"), font.clone(), Color32::WHITE);
+    let at = bar.left_top() - vec2(0.0, text.size().y + 3.0);
+    painter.rect_filled(Rect::from_min_size(at, text.size()).expand(2.0), 2.0, Color32::from_black_alpha(160));
+    painter.galley(at, text, Color32::WHITE);
+    painter.text(map.rect.center_top() + vec2(0.0, 4.0), egui::Align2::CENTER_TOP, "N", font, Color32::WHITE);
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn map_of(centre: DVec2, span_m: f64) -> Map {
+        Map { centre, span_m, rect: Rect::from_min_size(pos2(50.0, 20.0), vec2(200.0, 200.0)) }
+    }
+
+    fn pose(pitch_deg: f64, fov_deg: f64) -> Pose {
+        // To the east.
+        let yaw = 90.0_f64.to_radians();
+        Pose { position: DVec3::new(300.0, -40.0, 150.0), yaw, pitch: pitch_deg.to_radians(), fov: fov_deg.to_radians() }
+    }
+
+    #[test]
+    fn nodes_lie_in_their_place_with_north_up() {
+        let layout = Layout::of(10_240.0, None);
+        let map = map_of(DVec2::ZERO, 400.0);
+        // Half a point a metre: the two nodes of level 0 at the world's centre, and their parent.
+        let node = |lod, x, y| map.node(NodeId { lod, x, y }, &layout);
+        assert_eq!(node(0, 80, 80), Rect::from_min_max(pos2(150.0, 88.0), pos2(182.0, 120.0)));
+        assert_eq!(node(0, 80, 79), Rect::from_min_max(pos2(150.0, 120.0), pos2(182.0, 152.0)));
+        assert_eq!(node(1, 40, 40), Rect::from_min_max(pos2(150.0, 56.0), pos2(214.0, 120.0)));
+        // Children tile their parent, wherever the camera is.
+        let map = map_of(DVec2::new(-777.0, 1234.5), 3000.0);
+        let parent = NodeId { lod: 3, x: 8, y: 11 };
+        let union = parent.children().into_iter().map(|child| map.node(child, &layout)).reduce(Rect::union).expect("four");
+        let whole = map.node(parent, &layout);
+        assert!((union.min - whole.min).length() < 1e-3 && (union.max - whole.max).length() < 1e-3, "{union:?} {whole:?}");
+    }
+
+    #[test]
+    fn straight_down_the_outline_is_the_picture_on_the_ground() {
+        // 100 m above the ground, 90 degrees high and twice as wide: 200 m by 400 m, the picture's width lying across the view direction.
+        let corners = ground_outline(&pose(-90.0, 90.0), [640, 320], 50.0, 1000.0);
+        let expected = [[200.0, -240.0], [200.0, 160.0], [400.0, -240.0], [400.0, 160.0]].map(DVec2::from_array);
+        assert_eq!(corners.len(), 4);
+        for corner in expected {
+            assert!(corners.iter().any(|c| (*c - corner).length() < 1e-6), "{corner} is not in {corners:?}");
+        }
+    }
+
+    #[test]
+    fn level_the_outline_is_a_wedge_as_wide_as_the_picture_that_leaves_the_map() {
+        let (fov_deg, reach_m) = (60.0_f64, 1000.0);
+        let pose = pose(0.0, fov_deg);
+        let corners = ground_outline(&pose, [320, 160], 100.0, reach_m);
+        assert_eq!(corners.len(), 4);
+        let half_height = (fov_deg / 2.0).to_radians().tan();
+        let from_camera: Vec<DVec2> = corners.iter().map(|&c| c - pose.position.truncate()).collect();
+        for ahead in &from_camera {
+            assert!((ahead.y.abs() / ahead.x - 2.0 * half_height).abs() < 1e-9, "{ahead}");
+        }
+        let nearest = from_camera.iter().map(|a| a.x).fold(f64::INFINITY, f64::min);
+        let farthest = from_camera.iter().map(|a| a.x).fold(0.0, f64::max);
+        assert!((nearest - 50.0 / half_height).abs() < 1e-9 && farthest > reach_m, "{nearest} to {farthest}");
+    }
+
+    #[test]
+    fn looking_up_from_below_or_at_nothing_there_is_no_outline() {
+        assert!(ground_outline(&pose(40.0, 60.0), [320, 160], 100.0, 1000.0).is_empty());
+        assert!(ground_outline(&pose(-20.0, 60.0), [320, 160], 150.0, 1000.0).is_empty());
+        assert!(ground_outline(&pose(-20.0, 60.0), [320, 0], 100.0, 1000.0).is_empty());
+        // Positive control, far above a small map.
+        assert_eq!(ground_outline(&pose(-60.0, 60.0), [320, 160], -20_000.0, 200.0).len(), 4);
+    }
+
+    #[test]
+    fn levels_count_every_node_once() {
+        let layout = Layout::of(10_240.0, None);
+        let node = |lod, x| NodeId { lod, x, y: 0 };
+        let drawn = [node(5, 0), node(0, 40), node(0, 41), node(3, 9), node(0, 42)];
+        let levels = levels(&drawn, &layout);
+        assert_eq!(levels.iter().map(|level| level.nodes).collect::<Vec<_>>(), [3, 0, 0, 1, 0, 1]);
+        assert_eq!(levels[3], Level { lod: 3, edge_m: 512.0, texel_m: 4.0, nodes: 1 });
+        // A world whose data deserve no more begins with a coarser level.
+        let coarse = super::levels(&drawn[..1], &Layout::of(10_240.0, Some(2.0)));
+        assert_eq!(coarse.iter().map(|level| level.lod).collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn level_colours_darken_from_fine_to_coarse() {
+        let luminance = |lod| {
+            let [r, g, b, _] = level_colour(lod).to_array().map(f64::from);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        for lod in 1..LODS {
+            assert!(luminance(lod) + 15.0 < luminance(lod - 1), "{lod}");
+        }
+    }
+
+    #[test]
+    fn the_map_comes_closer_within_bounds_and_its_scale_is_round() {
+        assert_eq!(closer(4000.0, 0.0, 10_240.0), 4000.0);
+        assert!((closer(4000.0, 50.0, 10_240.0) * closer(1.0e3, -50.0, 10_240.0) - 4.0e6).abs() < 1e-3, "there and back");
+        assert_eq!((closer(4000.0, 1e4, 10_240.0), closer(4000.0, -1e4, 10_240.0)), (NARROWEST_M, 10_240.0));
+        for (span_m, bar_m) in [(200.0, 50.0), (799.0, 100.0), (4100.0, 1000.0), (9000.0, 2000.0), (30_000.0, 5000.0)] {
+            assert!((round_length_m(span_m / 4.0) - bar_m).abs() < 1e-9, "{span_m}");
+        }
+    }
+
+    #[test]
+    fn every_stage_has_its_section_with_what_was_reported() {
+        let mut report = FrameReport { nodes: 12, visited: 17, patches: 345, loaded: 3, ..FrameReport::default() };
+        report.atlas = AtlasCounts { resident: 20, capacity: 512, bytes: 3 << 20 };
+        report.tiles = vec![0; 32];
+        (report.tiles[0], report.tiles[1], report.tiles[17]) = (8, 6, 2);
+        let value = |report: &FrameReport, section: &str, name: &str| {
+            let sections = sections(report);
+            let section = sections.iter().find(|s| s.name == section).expect("a section");
+            section.rows.iter().find(|(n, _)| n.trim() == name).map(|(_, value)| value.clone())
+        };
+        let is = |section: &str, name: &str, wanted: &str| {
+            assert_eq!(value(&report, section, name).as_deref(), Some(wanted), "{section}: {name}")
+        };
+        is("Nodes and patches", "Nodes visited", "17");
+        is("Nodes and patches", "Nodes drawn", "12");
+        is("Atlas", "Slots used", "20 of 512");
+        is("Atlas", "Nodes loaded for this frame", "3");
+        is("Atlas", "Memory of the atlases", "3.0 MiB");
+        is("Tiles", "Tiles with terrain", "8");
+        is("Tiles", &Variant::new(1).expect("a set").to_string(), "6 tiles, 75.0 %");
+        is("Tiles", &Variant::new(17).expect("a set").to_string(), "2 tiles, 25.0 %");
+        assert_eq!(value(&report, "Tiles", &Variant::new(2).expect("a set").to_string()), None);
+        is("Pages", "Virtual texture", "none in this scene");
+        // With a virtual texture, levels that have nothing are left out.
+        report.pages = PageCounts { wanted: 5, rendered: 2, ..PageCounts::default() };
+        report.pages.wanted_by_level[3] = 5;
+        report.page_cache = CacheCounts { resident: 9, capacity: 256, bytes: 1 << 20, ..CacheCounts::default() };
+        report.page_cache.by_level[3] = 7;
+        report.page_cache.by_level[4] = 2;
+        let is = |name: &str, wanted: Option<&str>| assert_eq!(value(&report, "Pages", name).as_deref(), wanted, "{name}");
+        is("Pages kept", Some("9 of 256"));
+        is("level 3, 8 m", Some("5 wanted, 7 kept"));
+        is("level 4, 16 m", Some("0 wanted, 2 kept"));
+        is("level 5, 32 m", None);
+        is("Virtual texture", None);
+    }
+}

@@ -1,0 +1,546 @@
+//! Places to go back to, and paths that were flown: what they are called, and how they are written.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::fmt;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
+use kernels::camera::Pose;
+use kernels::scene::CameraPose;
+use serde::{Deserialize, Serialize};
+
+use crate::kept;
+
+/// Longest path, frames: 28 minutes at 60 a second, 5 MB.
+pub const MOST_FRAMES: usize = 100_000;
+/// Frames that may be missing between two pictures of a recording: stepping by hand runs ahead of the pictures.
+const LONGEST_GAP: usize = 60;
+/// Longest name, characters.
+const NAME_LENGTH: usize = 100;
+/// Largest file that is read as a path, bytes: one of the longest takes about 12 million.
+const MOST_BYTES: u64 = 64 << 20;
+/// Columns of a path's file. Angles are radians: not every f64 of radians is some f64 of degrees times pi/180, and a replay shall stand where the
+/// flight stood, to the last bit.
+const COLUMNS: [&str; 7] = ["frame", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "fov_rad"];
+
+/// The degrees that give these radians again, where any do; else about the nearest. So an angle may change by its last two bits when it is first
+/// written, and never again.
+fn degrees(radians: f64) -> f64 {
+    let nearest = radians.to_degrees();
+    let (mut above, mut below) = (nearest, nearest);
+    // Two factors and two products are rounded, each by at most 2^-53: together four units in the last place where those are finest.
+    for _ in 0..=4 {
+        if let Some(exact) = [above, below].into_iter().find(|degrees| degrees.to_radians() == radians) {
+            return exact;
+        }
+        (above, below) = (above.next_up(), below.next_down());
+    }
+    nearest
+}
+
+/// Refuses what no camera can be.
+fn check(pose: Pose) -> Result<Pose, String> {
+    if !pose.position.is_finite() || !pose.yaw.is_finite() {
+        return Err("position and yaw must be finite".to_owned());
+    }
+    if !(-FRAC_PI_2..=FRAC_PI_2).contains(&pose.pitch) {
+        return Err(format!("pitch is {} radians, must lie within pi/2 of the horizon", pose.pitch));
+    }
+    if !(pose.fov > 0.0 && pose.fov < PI) {
+        return Err(format!("the field of view is {} radians, must lie between 0 and pi", pose.fov));
+    }
+    Ok(pose)
+}
+
+/// A place to go back to. In files it is a camera as scenes have them, so that it can be copied into one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "CameraPose", into = "CameraPose")]
+pub struct Place {
+    /// Its name, one line.
+    pub name: String,
+    /// Where, and which way.
+    pub pose: Pose,
+}
+
+impl From<Place> for CameraPose {
+    fn from(Place { name, pose }: Place) -> CameraPose {
+        CameraPose {
+            name,
+            position: pose.position.to_array(),
+            above_ground: false,
+            yaw_deg: degrees(pose.yaw),
+            pitch_deg: degrees(pose.pitch),
+            fov_deg: degrees(pose.fov),
+        }
+    }
+}
+
+impl TryFrom<CameraPose> for Place {
+    type Error = String;
+
+    fn try_from(camera: CameraPose) -> Result<Place, String> {
+        if camera.above_ground {
+            return Err(format!("`{}` counts from the ground, which only a scene's camera can: give z as elevation", camera.name));
+        }
+        let pose = check(Pose::of(&camera, |_, _| 0.0)).map_err(|what| format!("`{}`: {what}", camera.name))?;
+        Ok(Place { name: camera.name, pose })
+    }
+}
+
+/// A path that was flown: a pose a frame, over and over. Clones share the poses.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
+pub struct Recorded {
+    /// Its name, one line.
+    pub name: String,
+    poses: Arc<[Pose]>,
+}
+
+/// A path in the file of what is kept: rows of x, y, z in metres, yaw, pitch and field of view in radians.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    name: String,
+    poses: Vec<[f64; 6]>,
+}
+
+impl From<Recorded> for Written {
+    fn from(recorded: Recorded) -> Written {
+        Written { poses: recorded.poses.iter().map(numbers).collect(), name: recorded.name }
+    }
+}
+
+impl TryFrom<Written> for Recorded {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Recorded, String> {
+        let poses = written.poses.iter().zip(1..).map(|(&row, number)| pose(row).map_err(|what| format!("row {number}: {what}")));
+        let poses = poses.collect::<Result<Vec<Pose>, String>>().map_err(|what| format!("path `{}`, {what}", written.name))?;
+        Recorded::new(&written.name, poses).map_err(|what| format!("path `{}` {what}", written.name))
+    }
+}
+
+fn numbers(pose: &Pose) -> [f64; 6] {
+    let [x, y, z] = pose.position.to_array();
+    [x, y, z, pose.yaw, pose.pitch, pose.fov]
+}
+
+fn pose([x, y, z, yaw, pitch, fov]: [f64; 6]) -> Result<Pose, String> {
+    check(Pose { position: DVec3::new(x, y, z), yaw, pitch, fov })
+}
+
+impl PartialEq for Recorded {
+    fn eq(&self, other: &Recorded) -> bool {
+        // Viewpoints are compared at every drawing of the window: clones must not cost a walk along the path.
+        self.name == other.name && (Arc::ptr_eq(&self.poses, &other.poses) || self.poses == other.poses)
+    }
+}
+
+impl Recorded {
+    /// A path of these poses, one a frame.
+    ///
+    /// # Errors
+    /// There is none, or more than [`MOST_FRAMES`].
+    pub fn new(name: &str, poses: Vec<Pose>) -> Result<Recorded, String> {
+        match poses.len() {
+            0 => Err("has no frames".to_owned()),
+            1..=MOST_FRAMES => Ok(Recorded { name: name.to_owned(), poses: poses.into() }),
+            more => Err(format!("has {more} frames, more than {MOST_FRAMES}")),
+        }
+    }
+
+    /// How many frames it has, 1 to [`MOST_FRAMES`].
+    pub fn frames(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// Where the camera stands in a frame; after the last comes the first again.
+    pub fn pose(&self, frame: u32) -> Pose {
+        self.poses[frame as usize % self.poses.len()]
+    }
+
+    /// The path as a table: a header of names and units, a row a frame. Numbers are the shortest that read back as the same bits.
+    pub fn to_csv(&self) -> String {
+        let mut text = COLUMNS.join(",");
+        text.push('\n');
+        for (frame, pose) in self.poses.iter().enumerate() {
+            let row = numbers(pose).map(|number| format!("{number:?}")).join(",");
+            text.push_str(&format!("{frame},{row}\n"));
+        }
+        text
+    }
+
+    /// Reads what [`Recorded::to_csv`] makes. `place` names the table in errors.
+    ///
+    /// # Errors
+    /// One line with the place and the line: other columns, frames that do not count from 0, a cell that is no number, a pose that no camera can
+    /// have, no row, or too many.
+    pub fn from_csv(name: &str, table: impl Read, place: &str) -> Result<Recorded, String> {
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table);
+        let header = reader.headers().map_err(|error| format!("{place}: {error}"))?;
+        if !header.iter().eq(COLUMNS) {
+            let given = header.iter().collect::<Vec<_>>().join(",");
+            return Err(format!("{place}, line 1: the columns are `{given}`, must be `{}`", COLUMNS.join(",")));
+        }
+        let mut poses = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(|error| format!("{place}: {}", explain(&error)))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let wrong = |what: String| format!("{place}, line {line}: {what}");
+            let frame = record.get(0).unwrap_or_default();
+            if frame.parse::<usize>() != Ok(poses.len()) {
+                return Err(wrong(format!("the frame is `{frame}`, must be {}: frames count from 0, none is left out", poses.len())));
+            }
+            if poses.len() == MOST_FRAMES {
+                return Err(wrong(format!("a path has at most {MOST_FRAMES} frames: cut it into several")));
+            }
+            let mut row = [0.0; 6];
+            for ((number, cell), column) in row.iter_mut().zip(record.iter().skip(1)).zip(&COLUMNS[1..]) {
+                *number = cell.parse::<f64>().map_err(|_| wrong(format!("column `{column}`: `{cell}` is not a number")))?;
+            }
+            poses.push(pose(row).map_err(wrong)?);
+        }
+        Recorded::new(name, poses).map_err(|what| format!("{place} {what}: give a row a frame"))
+    }
+
+    /// Writes the table as a new file: whole or not at all.
+    ///
+    /// # Errors
+    /// One line: there is something of this name, or it cannot be written.
+    pub fn write(&self, file: &Path) -> Result<(), String> {
+        if file.symlink_metadata().is_ok() {
+            return Err(format!("{} exists: give another name, or remove it first", file.display()));
+        }
+        kept::write(file, self.to_csv().as_bytes())
+    }
+
+    /// Reads a table from a file; the path is called like the file.
+    ///
+    /// # Errors
+    /// One line: it cannot be read, or as [`Recorded::from_csv`].
+    pub fn read(file: &Path) -> Result<Recorded, String> {
+        let place = file.display().to_string();
+        let unreadable = |error: std::io::Error| format!("cannot read {place}: {error}");
+        // A device or pipe has no end to read to.
+        let metadata = fs::metadata(file).map_err(unreadable)?;
+        if !metadata.is_file() || metadata.len() > MOST_BYTES {
+            return Err(format!("{place} is no plain file, or larger than any path: give a table as `Write ... to a file` makes them"));
+        }
+        let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Recorded::from_csv(&name, File::open(file).map_err(unreadable)?, &place)
+    }
+}
+
+fn explain(error: &csv::Error) -> String {
+    match error.kind() {
+        csv::ErrorKind::UnequalLengths { pos, len, .. } => {
+            let line = pos.as_ref().map_or(0, csv::Position::line);
+            format!("line {line} has {len} cells, must have {}", COLUMNS.len())
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// Why a recording is over before it was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// It has [`MOST_FRAMES`].
+    Full,
+    /// The frame index went back, or too far ahead.
+    Jumped {
+        /// The last frame that was recorded.
+        from: usize,
+        /// The one that came then.
+        to: usize,
+    },
+}
+
+impl fmt::Display for Ended {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Ended::Full => write!(f, "recording stopped: a path has at most {MOST_FRAMES} frames"),
+            Ended::Jumped { from, to } => write!(f, "recording stopped: time went from frame {from} to {to}"),
+        }
+    }
+}
+
+/// A path while it is flown: a pose a frame, from frame 0, so that a replay has the noise of the flight, too.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recording {
+    poses: Vec<Pose>,
+}
+
+impl Recording {
+    /// Takes note of a picture that is shown; the same one may come any number of times. Until one of frame 0 comes, pictures are those from before.
+    /// Of several pictures of a frame the last counts; in a frame without one the camera stands where it stood.
+    ///
+    /// # Errors
+    /// What ends the recording. The frames until then stay.
+    pub fn see(&mut self, frame: u32, pose: Pose) -> Result<(), Ended> {
+        let (frame, next) = (frame as usize, self.poses.len());
+        let Some(last) = self.poses.last_mut() else {
+            if frame == 0 {
+                self.poses.push(pose);
+            }
+            return Ok(());
+        };
+        if frame + 1 == next {
+            *last = pose;
+            return Ok(());
+        }
+        if frame < next || frame - next > LONGEST_GAP {
+            return Err(Ended::Jumped { from: next - 1, to: frame });
+        }
+        let last = *last;
+        self.poses.resize(frame.min(MOST_FRAMES), last);
+        if frame >= MOST_FRAMES {
+            return Err(Ended::Full);
+        }
+        self.poses.push(pose);
+        Ok(())
+    }
+
+    /// Frames so far, at most [`MOST_FRAMES`].
+    pub fn frames(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// The path.
+    ///
+    /// # Errors
+    /// No picture came.
+    pub fn finish(self, name: &str) -> Result<Recorded, String> {
+        Recorded::new(name, self.poses).map_err(|what| format!("the recording {what}: let time run, or step, before it is stopped"))
+    }
+}
+
+/// The places and paths of a scene. No two places have the same name, and no two paths.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    places: Vec<Place>,
+    paths: Vec<Recorded>,
+}
+
+impl Places {
+    /// These places and paths; second ones of a name get a name of their own.
+    pub fn new(places: Vec<Place>, paths: Vec<Recorded>) -> Places {
+        let mut all = Places::default();
+        for Place { name, pose } in places {
+            all.keep(&name, pose);
+        }
+        for path in paths {
+            all.add(path);
+        }
+        all
+    }
+
+    /// The places, in the order in which they were kept.
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// The paths, in the order in which they were recorded or read.
+    pub fn paths(&self) -> &[Recorded] {
+        &self.paths
+    }
+
+    /// Whether there is nothing.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty() && self.paths.is_empty()
+    }
+
+    /// Keeps a place, under the name that is wanted or one made from it; returns that name.
+    pub fn keep(&mut self, name: &str, pose: Pose) -> &str {
+        let name = unique(name, "place", |name| self.places.iter().any(|place| place.name == name));
+        let at = self.places.len();
+        self.places.push(Place { name, pose });
+        &self.places[at].name
+    }
+
+    /// Adds a path, under its name or one made from it; returns that name.
+    pub fn add(&mut self, path: Recorded) -> &str {
+        let name = unique(&path.name, "path", |name| self.paths.iter().any(|path| path.name == name));
+        let at = self.paths.len();
+        self.paths.push(Recorded { name, ..path });
+        &self.paths[at].name
+    }
+
+    /// Forgets a place.
+    pub fn forget(&mut self, name: &str) {
+        self.places.retain(|place| place.name != name);
+    }
+
+    /// Forgets a path.
+    pub fn forget_path(&mut self, name: &str) {
+        self.paths.retain(|path| path.name != name);
+    }
+}
+
+/// The name that is wanted, on one line, if nothing has it, else with the next number that is free: `ridge`, `ridge 2`, `ridge 3`.
+fn unique(wanted: &str, usual: &str, is_taken: impl Fn(&str) -> bool) -> String {
+    let plain: String = wanted.chars().filter(|c| !c.is_control()).take(NAME_LENGTH).collect();
+    let wanted = if plain.trim().is_empty() { usual } else { plain.trim() };
+    if !is_taken(wanted) {
+        return wanted.to_owned();
+    }
+    let base = match wanted.rsplit_once(' ') {
+        Some((base, number)) if number.parse::<u32>().is_ok() => base,
+        _ => wanted,
+    };
+    let mut number = 2_u64;
+    loop {
+        let name = format!("{base} {number}");
+        if !is_taken(&name) {
+            return name;
+        }
+        number += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+
+    /// Numbers whose decimals have no end, from an explicit seed.
+    fn poses(count: usize) -> Vec<Pose> {
+        let mut state = 1_u64;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let mut pose = || Pose {
+            position: DVec3::new(5120.0 * (next() - 0.5), 1e-7 * next(), -1e6 * next()),
+            yaw: TAU * next(),
+            pitch: 3.0 * (next() - 0.5),
+            fov: 0.1 + 2.0 * next(),
+        };
+        (0..count).map(|_| pose()).collect()
+    }
+
+    fn bits(pose: &Pose) -> [u64; 6] {
+        numbers(pose).map(f64::to_bits)
+    }
+
+    #[test]
+    fn a_path_written_and_read_stands_where_it_stood_to_the_last_bit() {
+        let mut flown = poses(500);
+        flown[3].position = DVec3::new(-0.0, f64::MIN_POSITIVE, 1e300);
+        let path = Recorded::new("over the ridge", flown.clone()).expect("frames");
+        let read = Recorded::from_csv("over the ridge", path.to_csv().as_bytes(), "t.csv").expect("reads");
+        let text = toml::to_string(&path).expect("can be written");
+        let kept: Recorded = toml::from_str(&text).expect("can be read");
+        for (frame, pose) in (0..).zip(&flown) {
+            assert_eq!([bits(&read.pose(frame)), bits(&kept.pose(frame))], [bits(pose); 2], "frame {frame}");
+        }
+        assert_eq!((read.pose(500), read.pose(u32::MAX)), (flown[0], flown[u32::MAX as usize % 500]), "over and over");
+        assert_eq!((&path, &path), (&read, &kept));
+    }
+
+    #[test]
+    fn a_place_is_written_in_degrees_and_stays_the_same_from_then_on() {
+        for pose in poses(2000) {
+            let place = Place { name: "p".to_owned(), pose };
+            let read = |place: &Place| Place::try_from(CameraPose::from(place.clone())).expect("a camera");
+            let once = read(&place);
+            for (a, b) in numbers(&once.pose).into_iter().zip(numbers(&pose)) {
+                assert!((a - b).abs() <= 2.0 * f64::EPSILON * b.abs(), "{a} {b}");
+            }
+            assert_eq!(bits(&once.pose)[..3], bits(&pose)[..3], "positions are exact");
+            assert_eq!(bits(&read(&once).pose), bits(&once.pose), "read again");
+        }
+        let east = Place { name: "east".to_owned(), pose: Pose { position: DVec3::ONE, yaw: TAU / 4.0, pitch: 0.0, fov: TAU / 8.0 } };
+        let camera = CameraPose::from(east.clone());
+        assert_eq!((camera.yaw_deg, camera.pitch_deg, camera.fov_deg), (90.0, 0.0, 45.0));
+        let grounded = CameraPose { above_ground: true, ..camera.clone() };
+        assert!(Place::try_from(grounded).expect_err("there is no ground").contains("elevation"));
+        let flat = CameraPose { fov_deg: 180.0, ..camera };
+        assert!(Place::try_from(flat).expect_err("sees everything").contains("field of view"));
+    }
+
+    #[test]
+    fn a_table_that_is_none_is_refused_with_its_line() {
+        let header = COLUMNS.join(",");
+        let row = "0,1,2,3,0.5,0,1";
+        for (text, parts) in [
+            ("frame,x_m\n0,1\n".to_owned(), ["t.csv, line 1", "yaw_rad"]),
+            (format!("{header}\n"), ["t.csv has no frames", "a row a frame"]),
+            (format!("{header}\n{row}\n2,1,2,3,0.5,0,1\n"), ["t.csv, line 3", "`2`, must be 1"]),
+            (format!("{header}\n{row}\n1,1,2,3,0.5,0\n"), ["line 3", "6 cells, must have 7"]),
+            (format!("{header}\n0,1,2,three,0.5,0,1\n"), ["t.csv, line 2", "column `z_m`: `three`"]),
+            (format!("{header}\n0,1,2,NaN,0.5,0,1\n"), ["t.csv, line 2", "finite"]),
+            (format!("{header}\n0,1,2,3,0.5,2,1\n"), ["t.csv, line 2", "pitch"]),
+            (format!("{header}\n0,1,2,3,0.5,0,0\n"), ["t.csv, line 2", "field of view"]),
+        ] {
+            let error = Recorded::from_csv("t", text.as_bytes(), "t.csv").expect_err(&text);
+            assert!(parts.iter().all(|part| error.contains(part)) && !error.contains('\n'), "{text}: {error}");
+        }
+        // Blanks and the line ends of other systems are not wrong.
+        assert!(Recorded::from_csv("t", format!("{header}\r\n {row}\r\n\r\n").as_bytes(), "t.csv").is_ok());
+        assert!(Recorded::read(Path::new("nowhere/at/all.csv")).expect_err("no such file").contains("all.csv"));
+    }
+
+    #[test]
+    fn a_file_is_never_written_over() {
+        let file = std::env::temp_dir().join(format!("scree-places-{}.csv", std::process::id()));
+        let _ = fs::remove_file(&file);
+        let path = Recorded::new("ridge", poses(3)).expect("frames");
+        path.write(&file).expect("written");
+        let read = Recorded::read(&file).expect("read");
+        assert!(read.name.starts_with("scree-places-") && read.poses == path.poses);
+        let error = path.write(&file).expect_err("it exists");
+        assert!(error.contains("exists") && error.contains("another name"), "{error}");
+        fs::remove_file(&file).expect("was there");
+    }
+
+    #[test]
+    fn a_recording_has_a_pose_a_frame_and_an_end() {
+        let at = poses(8);
+        let mut recording = Recording::default();
+        // A picture from before, the first, the same again, the camera moved while time stood still.
+        for (frame, pose) in [(57, at[0]), (0, at[1]), (0, at[1]), (0, at[2]), (1, at[3])] {
+            recording.see(frame, pose).expect("goes on");
+        }
+        // Two frames without a picture.
+        recording.see(4, at[4]).expect("a short gap");
+        assert_eq!(recording.see(2, at[5]), Err(Ended::Jumped { from: 4, to: 2 }));
+        assert_eq!(recording.see(500, at[5]), Err(Ended::Jumped { from: 4, to: 500 }));
+        assert_eq!(recording.frames(), 5);
+        let path = recording.finish("p").expect("frames");
+        assert!((0..5).map(|frame| path.pose(frame)).eq([at[2], at[3], at[3], at[3], at[4]]));
+        assert!(Recording::default().finish("p").expect_err("nothing came").contains("no frames"));
+    }
+
+    #[test]
+    fn a_recording_is_bounded() {
+        let pose = poses(1)[0];
+        let mut recording = Recording::default();
+        let ended: Vec<Ended> = (0..=MOST_FRAMES as u32).filter_map(|frame| recording.see(frame, pose).err()).collect();
+        assert_eq!((ended, recording.frames()), (vec![Ended::Full], MOST_FRAMES));
+        assert!(Ended::Full.to_string().contains("100000"));
+        assert_eq!(recording.finish("long").expect("frames").frames(), MOST_FRAMES);
+        assert!(Recorded::new("too long", vec![pose; MOST_FRAMES + 1]).expect_err("too long").contains("100001"));
+    }
+
+    #[test]
+    fn names_are_given_once() {
+        let pose = poses(1)[0];
+        let mut all = Places::default();
+        let given = ["", " ridge\n", "ridge", "ridge 2", "place", "   "].map(|name| all.keep(name, pose).to_owned());
+        assert_eq!(given, ["place", "ridge", "ridge 2", "ridge 3", "place 2", "place 3"]);
+        all.forget("ridge 2");
+        assert_eq!(all.keep("ridge", pose), "ridge 2");
+        let path = Recorded::new("ridge", vec![pose]).expect("a frame");
+        assert_eq!((all.add(path.clone()).to_owned(), all.add(path.clone())), ("ridge".to_owned(), "ridge 2"));
+        all.forget_path("ridge");
+        assert_eq!(all.paths().len(), 1);
+        assert!(!all.is_empty() && Places::default().is_empty());
+        let place = all.places()[0].clone();
+        let doubled = Places::new(vec![place.clone(), place], vec![path.clone(), path]);
+        assert_eq!((&*doubled.places()[1].name, &*doubled.paths()[1].name), ("place 2", "ridge 2"));
+    }
+}
