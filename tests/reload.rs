@@ -100,7 +100,8 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
     // Whatever was compiled in, or is in the folder, is the same: nothing is built.
     assert_eq!(folder.reload(&mut renderer).expect("no change"), ReloadReport::default());
-    let request = request(&renderer, "ground");
+    // Of one cheap variant: compiling is what these tests take their time for.
+    let request = forced(&renderer, Flavour::FarAtlas.bit());
     let first = draw(&mut renderer, &request);
     assert!(!is_half_of(&first, &first), "a picture in which half is not all");
 
@@ -160,18 +161,22 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     gpu.check().expect("no mistake was left to the device");
 }
 
+fn forced(renderer: &Renderer<'_>, mask: u8) -> RenderRequest {
+    RenderRequest { variant: VariantChoice::Forced(Variant::new(mask).expect("a set")), ..request(renderer, "ground") }
+}
+
 #[test]
 fn stages_are_built_anew_whose_files_changed_and_pages_with_them() {
     let folder = Folder::new("stages");
     let gpu = Gpu::new().expect("an adapter");
     let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
-    let request = request(&renderer, "ground");
+    let request = forced(&renderer, Flavour::FarAtlas.bit() | Flavour::VirtualTexture.bit());
     let first = draw(&mut renderer, &request);
     let pages = |picture: &Picture| (picture.report.pages.wanted, picture.report.pages.rendered);
     let (wanted, rendered) = pages(&first);
     assert!(wanted > 0 && rendered == wanted, "{wanted} pages, {rendered} rendered");
     assert_eq!(pages(&draw(&mut renderer, &request)), (wanted, 0));
-    let all = ["geometry", "classification", "virtual texture", "shading", "lighting", "inspect", "composition"];
+    let all = ["geometry", "classification", "virtual texture", "shading", "lighting", "inspect", "composition", "links"];
     let cases: [(&str, &[&str], bool); 6] = [
         ("lighting/lighting.wgsl", &["lighting"], false),
         ("geometry/stitch.wgsl", &["geometry"], false),
@@ -230,11 +235,12 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
 /// The application with the small scene and a folder's shaders, standing still at a camera.
 fn stage(folder: &Folder) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), [1100, 700], Some(folder.0.clone()));
-    stage.settle().expect("the first picture");
     let app = stage.app();
     app.clock.paused = true;
-    app.settings.scale = 0.2;
+    app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
     app.viewpoint = Viewpoint::Camera("ground".to_owned());
+    stage.settle().expect("the first picture");
+    stage.app().settings.scale = 0.2;
     stage.settle().expect("a picture of the ground");
     stage
 }
@@ -244,10 +250,17 @@ fn texels(app: &Workbench) -> &[[u8; 3]] {
 }
 
 #[test]
-fn the_workbench_follows_a_folder() {
+fn the_workbench_starts_with_a_broken_shader_and_follows_the_folder() {
     let folder = Folder::new("workbench");
+    folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
     let mut stage = stage(&folder);
+    stage.until("the complaint", |app| app.shader_error().is_some()).expect("told");
+    let error = stage.app().shader_error().expect("just seen").to_owned();
+    assert!(error.contains(LIGHTING) && error.contains("no_such_name"), "{error}");
     let first = texels(stage.app()).to_vec();
+    folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
+    stage.until("the mended shader", |app| app.shader_error().is_none()).expect("told");
+    assert_eq!(texels(stage.app()), first);
     // Nothing is asked for: the picture changes by itself.
     folder.edit(LIGHTING, LIT, LIT_BY_HALF);
     stage.until("the edited shader", |app| texels(app) != first).expect("a picture");
@@ -271,18 +284,4 @@ fn the_workbench_follows_a_folder() {
     assert_eq!(texels(stage.app()), dim);
     folder.edit(LIGHTING, LIT_BY_HALF, LIT);
     stage.until("the first shader", |app| texels(app) == first).expect("a picture");
-}
-
-#[test]
-fn the_workbench_starts_with_a_broken_shader() {
-    let folder = Folder::new("start");
-    folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
-    let mut stage = stage(&folder);
-    stage.until("the complaint", |app| app.shader_error().is_some()).expect("told");
-    let error = stage.app().shader_error().expect("just seen").to_owned();
-    assert!(error.contains(LIGHTING) && error.contains("no_such_name"), "{error}");
-    let built_in = texels(stage.app()).to_vec();
-    folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
-    stage.until("the mended shader", |app| app.shader_error().is_none()).expect("told");
-    assert_eq!(texels(stage.app()), built_in);
 }

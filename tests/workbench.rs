@@ -26,9 +26,19 @@ const WINDOW: [u32; 2] = [1100, 1500];
 
 /// The application with a small scene, standing still at a camera, its first picture there.
 fn stage() -> Stage {
+    standing(None)
+}
+
+/// As [`stage`], for what asks nothing of the picture: by one cheap variant, since compiling is what these tests take their time for.
+fn cheap_stage() -> Stage {
+    standing(Some(Variant::only(Flavour::FarAtlas)))
+}
+
+fn standing(forced: Option<Variant>) -> Stage {
     let mut stage = Stage::new(small_scene(), WINDOW);
     let app = stage.app();
     app.clock.paused = true;
+    app.settings.forced = forced;
     app.viewpoint = Viewpoint::Camera("ground".to_owned());
     stage.settle().expect("the first picture");
     // The adapter has brought its own.
@@ -86,7 +96,7 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
 
 #[test]
 fn every_parameter_is_set_and_reset_by_its_name() {
-    let mut stage = stage();
+    let mut stage = cheap_stage();
     let original = stage.app().settings.scene.clone();
     for parameter in GROUPS.iter().flat_map(|g| g.parameters) {
         let usual = *(parameter.at)(&mut original.clone());
@@ -102,7 +112,7 @@ fn every_parameter_is_set_and_reset_by_its_name() {
 
 #[test]
 fn a_scene_that_cannot_be_is_refused_and_the_picture_stays() {
-    let mut stage = stage();
+    let mut stage = cheap_stage();
     let before = stage.app().shown().expect("a picture").texels.clone();
     stage.app().settings.scene.flavours.cliff_near_m = 9000.0;
     let error = stage.settle().expect_err("near cliff ends behind the far atlas").to_string();
@@ -133,7 +143,7 @@ fn numbers_are_where_their_keys_say_and_within_what_is_offered() {
 
 #[test]
 fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
-    let mut stage = stage();
+    let mut stage = cheap_stage();
     stage.app().viewpoint = Viewpoint::Path("sideways".to_owned());
     stage.app().clock.frame = 0;
     stage.settle().expect("a picture");
@@ -171,7 +181,7 @@ fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
 
 #[test]
 fn the_camera_flies_turns_and_walks() {
-    let mut stage = stage();
+    let mut stage = cheap_stage();
     let pose = |stage: &mut Stage| stage.app().shown().expect("a picture").pose;
     let start = pose(&mut stage);
     stage.hold("W".parse_key(), 4).expect("a picture");
@@ -327,7 +337,7 @@ fn what_is_on_screen_is_saved_run_stopped_and_gone_on_with() {
 
 #[test]
 fn a_place_is_kept_and_gone_back_to_as_the_same_picture() {
-    let mut stage = stage();
+    let mut stage = cheap_stage();
     let seen = |stage: &mut Stage| {
         let shown = stage.app().shown().expect("a picture");
         (shown.pose, shown.texels.clone())
@@ -347,7 +357,7 @@ fn a_place_is_kept_and_gone_back_to_as_the_same_picture() {
 
 #[test]
 fn a_recorded_flight_replays_the_same_pictures_frame_by_frame() {
-    let mut stage = stage();
+    let mut stage = cheap_stage();
     stage.app().clock.frame = 40;
     stage.settle().expect("a picture");
     take(&mut stage, "click Places; click Record path");
@@ -422,7 +432,7 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
 
 #[test]
 fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
-    let mut stage = stage();
+    let mut stage = cheap_stage();
     let last = |stage: &mut Stage| stage.app().shown().expect("a picture").readings.last().copied().expect("measured");
     stage.app().viewpoint = Viewpoint::Camera("cliff".to_owned());
     stage.app().settings.forced = Some(Variant::only(Flavour::FarCliff));

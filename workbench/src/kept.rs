@@ -662,7 +662,7 @@ mod tests {
         expected.scene.blend.hash_scale = 3.0;
         assert_eq!(settings, expected);
         // Numbers that the scene cannot have, as its file is now.
-        let mut impossible = kept.clone();
+        let mut impossible = Kept { look: Look::default(), ..kept.clone() };
         impossible.scenes.entry(scene::DEFAULT.to_owned()).or_default().numbers =
             BTreeMap::from([("flavours.cliff_near_m".to_owned(), 9000.0)]);
         let said = impossible.apply(scene::DEFAULT, &mut settings);

@@ -269,9 +269,9 @@ mod tests {
     #[test]
     fn numbers_move_with_the_point_and_begin_anew_where_it_was_hidden() {
         let mut followed = Followed::default();
-        followed.take(SIZE, &picture(|i| grey(i as f32)), &vec![NO_LINK; PIXELS], 8, false);
+        followed.take(SIZE, &picture(|i| grey(i as f32 + 1.0)), &vec![NO_LINK; PIXELS], 8, false);
         // Everything moves one pixel to the right; the first column is new, the last row is sky.
-        let samples = picture(|i| if i >= 280 { grey(-1.0) } else { grey(i as f32 - 1.0) });
+        let samples = picture(|i| if i >= 280 { grey(-1.0) } else { grey(i as f32) });
         let links: Vec<u32> = (0..300).map(|i| if i % 20 == 0 { NO_LINK } else { i - 1 }).collect();
         followed.take(SIZE, &samples, &links, 8, false);
         for (i, point) in followed.points().iter().enumerate() {
