@@ -31,6 +31,7 @@ demo: setup ## the main job in small, on the built-in world; writes a report
 	@echo "The report is $(OUT)/report.html"
 
 app: setup ## opens the workbench; edited shaders are drawn with at once
+	$(CARGO) build --release --locked -p experiments
 	$(CARGO) run --release --locked -p workbench -- --shaders kernels/src
 
 test: setup ## format, lints, documentation, every test, the notebook

@@ -551,7 +551,7 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     assert_eq!((stage.app().probe, stage.app().shown().expect("a picture").pixel.is_none()), (None, true));
     // By the mouse: the middle of the viewport. A drag looks around and probes nothing.
     take(&mut stage, "click Compare; click Show; click Only A");
-    stage.drag([6.0, 0.0]).expect("a picture");
+    stage.drag([40.0, 0.0]).expect("a picture");
     assert_eq!(stage.app().probe, None);
     take(&mut stage, "click Picture");
     let [x, y] = stage.app().probe.expect("a click");

@@ -327,7 +327,7 @@ impl Found {
             return Found::Newer(version);
         }
         match document::read::<Kept>(&text, |_| "") {
-            Ok(kept) if kept.version == VERSION => Found::Kept(Box::new(kept)),
+            Ok(kept) if (1..=VERSION).contains(&kept.version) => Found::Kept(Box::new(kept)),
             Ok(kept) => Found::Foreign(format!("{name}: there is no version {}", kept.version)),
             Err(wrong) => Found::Foreign(format!("{}: {}", wrong.place(&name), wrong.what)),
         }

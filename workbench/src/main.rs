@@ -16,11 +16,10 @@ use workbench::script;
 #[command(
     version,
     about,
-    after_help = "Without a display: --screenshot FILE --script STEPS draws the same window into a file; `experiments` does \
-    everything that is measured."
+    after_help = "Without a display: --screenshot FILE --script STEPS draws the same window into a file; `experiments` measures what is to be kept or quoted."
 )]
 struct Args {
-    /// Scene file or folder; `default` is built in [default: the one that was open last]
+    /// Scene file or folder; `default` is built in [default: the one that was open last; with --fresh or --screenshot `default`]
     scene: Option<String>,
     /// Starts as new: what is kept is neither read nor written
     #[arg(long)]
@@ -34,7 +33,7 @@ struct Args {
     /// Draws with the WGSL files of this folder, laid out as kernels/src, and follows them as they are edited
     #[arg(long, value_name = "FOLDER")]
     shaders: Option<PathBuf>,
-    /// What to do before: `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `frames N`, `warm`, with `;` between them
+    /// What to do before the picture of --screenshot is taken: `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `frames N`, `warm`, with `;` between them
     #[arg(long, value_name = "STEPS", requires = "screenshot", default_value = "")]
     script: String,
 }

@@ -1,4 +1,4 @@
-//! What is on screen, but for where the camera stands: all that undo takes back.
+//! What is on screen, but for where the camera stands: what undo takes back, together with the comparison.
 
 use kernels::camera::Pose;
 use kernels::frame::{RenderRequest, VariantChoice};

@@ -62,7 +62,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     });
     let Some(shown) = app.shown().cloned() else { return };
     let Some(last) = shown.readings.last() else {
-        ui.label("Nothing measured yet: `Measure`, or one of the layers Noise, Flicker, Flips and Bias, and let time run.");
+        ui.label("Nothing measured yet: `Measure`, or one of the layers Deviation, Flicker, Flips and Bias, and let time run.");
         return;
     };
     table(last, ui);
