@@ -91,7 +91,7 @@ impl Renderer<'_> {
     /// Of shading the pipelines of the last frame are built at once; others when they are wanted, which then may fail.
     ///
     /// # Errors
-    /// When one does not compile: with file, line and message. Then nothing has changed, for this renderer and for its device.
+    /// When one does not compile: with file, line and message; or when no pipeline comes of one: with the files and message. Then nothing has changed, for this renderer and for its device.
     pub fn reload_shaders(&mut self, sources: Sources) -> Result<ReloadReport> {
         let files = self.sources.differences(&sources);
         if files.is_empty() {

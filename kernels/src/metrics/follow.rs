@@ -1,7 +1,7 @@
 //! Numbers of each pixel that follow its surface point from frame to frame: what live views of noise and flicker are made of.
 //!
 //! [`Links`] says where each pixel's point was one frame before (the pass that all metrics over time rest on); [`Followed`] carries running moments along.
-//! A window of n frames is exponential: a frame weighs 1/n, and less than n frames back all weigh the same. Where a point was not seen a frame before,
+//! A window of n frames is exponential: a frame weighs 1/n, and while there are fewer they all weigh the same. Where a point was not seen a frame before,
 //! its numbers begin anew.
 
 use rayon::prelude::*;
