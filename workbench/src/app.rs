@@ -209,7 +209,7 @@ impl Workbench {
         let kept = keeper.kept();
         notes.extend(kept.apply(&scene_name, &mut self.settings));
         self.places.all = kept.places(&scene_name);
-        if let Some(tree) = kept.tree(egui::Id::unique("workbench")) {
+        if let Some(tree) = kept.tree(tree_id()) {
             self.tree = tree;
         }
         // Who chose a scale keeps it on a software adapter, too.
@@ -494,6 +494,11 @@ impl Workbench {
     }
 }
 
+/// What the window's panes are remembered by.
+fn tree_id() -> egui::Id {
+    egui::Id::unique("workbench")
+}
+
 /// The picture on the left, everything else in two stacks on the right.
 fn layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
@@ -511,7 +516,7 @@ fn layout() -> Tree<Pane> {
         linear.shares.set_share(viewport, 0.66);
         linear.shares.set_share(right, 0.34);
     }
-    Tree::new(egui::Id::unique("workbench"), root, tiles)
+    Tree::new(tree_id(), root, tiles)
 }
 
 struct Panes<'a>(&'a mut Workbench);
@@ -571,7 +576,7 @@ impl eframe::App for Workbench {
         }
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
         egui::CentralPanel::no_frame().show(ui, |ui| {
-            let mut tree = std::mem::replace(&mut self.tree, Tree::empty(egui::Id::unique("workbench")));
+            let mut tree = std::mem::replace(&mut self.tree, Tree::empty(tree_id()));
             tree.ui(&mut Panes(self), ui);
             self.tree = tree;
         });

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::{self, BufRead as _, BufReader, PipeReader};
 use std::path::{self, Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -14,7 +14,7 @@ use experiments::definition::{self, Definition, Reference, Small, Times, variant
 use kernels::scene::{self, CameraPose, Scene, World};
 use toml::Value;
 
-use crate::engine::{EYE_M, Viewpoint};
+use crate::engine::{EYE_M, Viewpoint, lock};
 use crate::parameters::GROUPS;
 use crate::settings::Settings;
 
@@ -306,10 +306,6 @@ struct Said {
     /// How often it was asked to stop.
     cancelled: u32,
     outcome: Option<Result<Report, String>>,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Run {
