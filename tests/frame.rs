@@ -1,6 +1,6 @@
 //! The whole frame on the GPU: variants against the generic kernel, counted fetches, the statistics of random choice, cracks, history.
 //!
-//! One renderer of a small scene serves all tests: a pipeline takes software Vulkan a second to compile.
+//! Two renderers of a small scene serve all tests: a pipeline takes software Vulkan two seconds to compile.
 
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -29,10 +29,20 @@ pub(crate) fn gpu() -> &'static Gpu {
     GPU.get_or_init(|| Gpu::new().expect("these tests need an adapter; `make setup` installs a software one"))
 }
 
-pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
-    static RENDERER: OnceLock<Mutex<Renderer<'static>>> = OnceLock::new();
+fn shared(index: usize) -> MutexGuard<'static, Renderer<'static>> {
+    static RENDERERS: [OnceLock<Mutex<Renderer<'static>>>; 2] = [OnceLock::new(), OnceLock::new()];
     let make = || Mutex::new(Renderer::new(gpu(), &small_scene(), &|_| {}).expect("the small scene renders"));
-    RENDERER.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
+    RENDERERS[index].get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The small scene, for one test at a time.
+pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
+    shared(0)
+}
+
+/// The same once more, for tests that want other shaders than those of the 31 variants, and need not wait until these are compiled.
+pub(crate) fn second_renderer() -> MutexGuard<'static, Renderer<'static>> {
+    shared(1)
 }
 
 pub(crate) fn pose(renderer: &Renderer<'_>, camera: &str) -> Pose {
@@ -106,6 +116,11 @@ fn automatic_tiles_hold_what_their_pixels_need() {
     let auto = renderer.render(&base).expect("renders");
     let generic = renderer.render(&RenderRequest { variant: VariantChoice::GenericAuto, ..base }).expect("renders");
     assert!(largest_difference(&auto, &generic) <= 2.0);
+    // Counting changes nothing: the same by the shader that counts neither fetches nor choices.
+    let uncounted = RenderRequest { variant: VariantChoice::GenericAuto, ..request(&renderer, "cliff") };
+    assert!(!uncounted.wants_diagnostics());
+    let uncounted = renderer.render(&uncounted).expect("renders");
+    assert!(largest_difference(&uncounted, &generic) <= 2.0);
     let (mask, variant) = (auto.values("mask").expect("asked for"), auto.values("variant").expect("asked for"));
     let mut used = std::collections::BTreeSet::new();
     for ((&mask, &variant), on) in mask.iter().zip(variant).zip(terrain(&auto)) {
@@ -288,15 +303,15 @@ fn a_picture_does_not_depend_on_what_was_looked_at_before() {
 
 #[test]
 fn the_kernel_refuses_what_it_cannot_draw() {
+    let mut scene = small_scene();
+    scene.flavours.far_atlas_m = 0.0;
+    let mut without = Renderer::new(gpu(), &scene, &|_| {}).expect("renders without virtual texture");
     let mut renderer = renderer();
     for size in [[0, 0], [0, 5], [1_000_000, 1], [16_000, 16_000]] {
         let request = RenderRequest { size, ..request(&renderer, "cliff") };
         let message = renderer.render(&request).expect_err("no such picture").to_string();
         assert!(message.contains("1 to 16384"), "{message}");
     }
-    let mut scene = small_scene();
-    scene.flavours.far_atlas_m = 0.0;
-    let mut without = Renderer::new(gpu(), &scene, &|_| {}).expect("renders without virtual texture");
     let vt = RenderRequest { variant: VariantChoice::Forced(Variant::only(Flavour::VirtualTexture)), ..request(&renderer, "cliff") };
     let message = without.render(&vt).expect_err("there is no virtual texture").to_string();
     assert!(message.contains("far_atlas_m"), "{message}");

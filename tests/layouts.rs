@@ -164,7 +164,7 @@ fn pairs() -> Vec<(&'static str, Layout)> {
                 mean_smoothness,
             }),
         ),
-        ("Inspected", host!(Inspected { position, slot, ddx, corner, ddy, pad, splat, bilinear })),
+        ("Inspected", host!(Inspected { position, slot, ddx, corner, ddy, plane, splat, bilinear, blended })),
         ("PageJob", host!(PageJob { sector, origin, texel_m, border })),
         ("CompositionStream", host!(CompositionStream { mask, modulated, squared, pad_0 })),
         ("MotionPast", host!(MotionPast { offset, x_shift, forward, y_shift, x_row, pad_0, y_row, pad_1 })),

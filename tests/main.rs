@@ -9,6 +9,10 @@ mod compare;
 #[cfg(test)]
 mod composition;
 #[cfg(test)]
+mod edit;
+#[cfg(test)]
+mod editing;
+#[cfg(test)]
 mod estimators;
 #[cfg(test)]
 mod experiments;
@@ -22,6 +26,8 @@ mod import;
 mod inspector;
 #[cfg(test)]
 mod layouts;
+#[cfg(test)]
+mod looking;
 #[cfg(test)]
 mod materials;
 #[cfg(test)]

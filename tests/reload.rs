@@ -234,13 +234,12 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
 
 /// The application with the small scene and a folder's shaders, standing still at a camera.
 fn stage(folder: &Folder) -> Stage {
-    let mut stage = Stage::with_shaders(small_scene(), [1100, 700], Some(folder.0.clone()));
-    let app = stage.app();
-    app.clock.paused = true;
-    app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
-    app.viewpoint = Viewpoint::Camera("ground".to_owned());
-    stage.settle().expect("the first picture");
-    stage.app().settings.scale = 0.2;
+    let mut stage = Stage::with_shaders(small_scene(), [1100, 700], Some(folder.0.clone()), |app| {
+        app.clock.paused = true;
+        app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.settings.scale = 0.2;
+        app.viewpoint = Viewpoint::Camera("ground".to_owned());
+    });
     stage.settle().expect("a picture of the ground");
     stage
 }

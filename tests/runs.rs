@@ -49,11 +49,37 @@ fn bytes(out: &str) -> [Vec<u8>; 2] {
     ["metrics.parquet", "metrics.csv"].map(|name| fs::read(Path::new(out).join("tiny").join(name)).expect("the run wrote its tables"))
 }
 
+/// How many parts of a run that is not finished are done.
+fn parts(out: &str) -> usize {
+    let files = fs::read_dir(Path::new(out).join("tiny").join("parts")).into_iter().flatten().filter_map(Result::ok);
+    files.filter(|file| file.path().extension().is_some_and(|e| e == "parquet")).count()
+}
+
+/// Goes on with a run, and kills it when it is time: after a while, or when so many parts are done.
+fn kill(definition: &str, out: &str, is_time: impl Fn(Duration) -> bool) {
+    let mut child = Command::new(program())
+        .args(["run", definition, "--out", out, "--resume"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program can be started");
+    let began = Instant::now();
+    while !is_time(began.elapsed()) {
+        assert!(child.try_wait().expect("a child").is_none(), "it was over before it could be killed");
+        assert!(began.elapsed() < Duration::from_secs(300), "the run does not get on");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().expect("a child");
+    child.wait().expect("a child");
+}
+
 #[test]
 fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     let folder = Folder::new("runs");
     let [definition, whole] = prepare(&folder);
+    let began = Instant::now();
     let said = success(&["run", &definition, "--out", &whole]);
+    let took = began.elapsed();
     assert!(said.contains("holds: White noise flips") && said.contains("report.html"), "{said}");
     let expected = bytes(&whole);
     let run = read_run(&Path::new(&whole).join("tiny")).expect("the run is read back");
@@ -71,60 +97,27 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     // A folder with a run in it is not written over.
     failure(&["run", &definition, "--out", &whole], &["--resume"]);
 
-    // Killed after some time, again and again, and resumed: equal bytes.
+    // Killed and resumed: while it starts, in the midst of its first part, just after that, and in the midst of a later one. Equal bytes.
     let killed = folder.path("killed");
-    let mut pause = Duration::from_millis(700);
-    let mut kills = 0;
-    loop {
-        let mut child = Command::new(program())
-            .args(["run", &definition, "--out", &killed, "--resume"])
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the program can be started");
-        let began = Instant::now();
-        while began.elapsed() < pause && child.try_wait().expect("a child").is_none() {
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        if let Some(status) = child.try_wait().expect("a child") {
-            assert!(status.success(), "the resumed run failed");
-            break;
-        }
-        child.kill().expect("a child");
-        child.wait().expect("a child");
-        kills += 1;
-        assert!(kills < 60, "the run does not get on");
-        pause = pause * 8 / 5;
-    }
-    assert!(kills >= 2, "it was over before it could be killed");
-    assert!(bytes(&killed) == expected, "the tables differ after {kills} kills");
+    let done = || parts(&killed);
+    kill(&definition, &killed, |after| after > took / 60);
+    kill(&definition, &killed, |after| after > took / 6);
+    kill(&definition, &killed, |_| done() >= 1);
+    kill(&definition, &killed, |after| after > took / 5);
+    success(&["run", &definition, "--out", &killed, "--resume"]);
+    assert!(bytes(&killed) == expected, "the tables differ after kills");
 
-    // Stopped once more, and its reference damaged meanwhile: that is made again, and nothing differs.
-    let stopped = folder.path("stopped");
-    let reference = Path::new(&stopped).join("tiny").join("reference").join("reference-cliff-sideways.exr");
-    let mut child = Command::new(program())
-        .args(["run", &definition, "--out", &stopped])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("the program can be started");
-    let part = Path::new(&stopped).join("tiny").join("parts").join("00000-reference-cliff-sideways.parquet");
-    let began = Instant::now();
-    while !part.exists() {
-        assert!(child.try_wait().expect("a child").is_none() && began.elapsed() < Duration::from_secs(300), "no reference was made");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    child.kill().expect("a child");
-    child.wait().expect("a child");
-    fs::write(&reference, b"no picture").expect("writable");
-    success(&["run", &definition, "--out", &stopped, "--resume"]);
-    assert!(bytes(&stopped) == expected, "the tables differ after the reference was made again");
-
-    // A finished run whose table is damaged is done again, and comes out the same.
+    // A finished run whose table is damaged is done again; stopped in that, and its reference damaged meanwhile, that is made again. Nothing differs.
     let table = Path::new(&killed).join("tiny").join("metrics.parquet");
     fs::write(&table, &expected[0][..expected[0].len() / 2]).expect("writable");
+    assert_eq!(done(), 0, "a finished run keeps no parts");
+    kill(&definition, &killed, |_| done() >= 1);
+    let reference = Path::new(&killed).join("tiny").join("reference").join("reference-cliff-sideways.exr");
+    assert!(reference.is_file());
+    fs::write(&reference, b"no picture").expect("writable");
     success(&["run", &definition, "--out", &killed, "--resume"]);
     assert!(bytes(&killed) == expected, "the tables differ after they were done again");
+    assert!(fs::read(&reference).expect("made again").len() > 100, "the reference was not made again");
 
     // Shards: disjoint, and together the same rows.
     let shards = folder.path("shards");

@@ -79,8 +79,12 @@ fn resolved_value(module: &naga::Module, name: &str) -> Option<f64> {
     }
 }
 
+/// Overrides that a key decides: those whose default is a number of its own, and does not follow from others.
 fn declared(module: &naga::Module) -> Vec<&str> {
-    module.overrides.iter().filter_map(|(_, o)| o.name.as_deref()).collect()
+    let is_own = |init: Option<naga::Handle<naga::Expression>>| {
+        init.is_none_or(|init| matches!(module.global_expressions[init], naga::Expression::Literal(_)))
+    };
+    module.overrides.iter().filter(|(_, o)| is_own(o.init)).filter_map(|(_, o)| o.name.as_deref()).collect()
 }
 
 fn shading_module() -> (naga::Module, ModuleInfo) {

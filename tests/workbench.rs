@@ -20,7 +20,7 @@ use workbench::parameters::GROUPS;
 use workbench::script::{Stage, Step, steps};
 
 use crate::bad_input::{Folder, program};
-use crate::frame::small_scene;
+use crate::frame::{gpu, small_scene};
 
 const WINDOW: [u32; 2] = [1100, 1500];
 
@@ -30,24 +30,22 @@ fn stage() -> Stage {
 }
 
 /// As [`stage`], for what asks nothing of the picture: by one cheap variant, since compiling is what these tests take their time for.
-fn cheap_stage() -> Stage {
+pub(crate) fn cheap_stage() -> Stage {
     standing(Some(Variant::only(Flavour::FarAtlas)))
 }
 
 fn standing(forced: Option<Variant>) -> Stage {
-    let mut stage = Stage::new(small_scene(), WINDOW);
-    let app = stage.app();
-    app.clock.paused = true;
-    app.settings.forced = forced;
-    app.viewpoint = Viewpoint::Camera("ground".to_owned());
-    stage.settle().expect("the first picture");
-    // The adapter has brought its own.
-    stage.app().settings.scale = 0.2;
+    let mut stage = Stage::prepared(small_scene(), WINDOW, |app| {
+        app.clock.paused = true;
+        app.settings.forced = forced;
+        app.settings.scale = 0.2;
+        app.viewpoint = Viewpoint::Camera("ground".to_owned());
+    });
     stage.settle().expect("a picture of the ground");
     stage
 }
 
-fn take(stage: &mut Stage, text: &str) {
+pub(crate) fn take(stage: &mut Stage, text: &str) {
     for step in steps(text).expect("steps") {
         stage.take(&step).unwrap_or_else(|error| panic!("{text}: {error:#}"));
     }
@@ -111,6 +109,60 @@ fn every_parameter_is_set_and_reset_by_its_name() {
 }
 
 #[test]
+fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
+    let drawn = |chosen: Option<f64>| {
+        let mut stage = Stage::prepared(small_scene(), [640, 480], |app| {
+            app.clock.paused = true;
+            app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+            app.settings.scale = chosen.unwrap_or(app.settings.scale);
+        });
+        stage.settle().expect("a picture");
+        let scale = stage.app().settings.scale;
+        let [width, height] = stage.app().shown().expect("a picture").wish.size;
+        // There is nothing to take back.
+        take(&mut stage, "click Undo");
+        assert_eq!(stage.app().settings.scale, scale);
+        (scale, f64::from(width), f64::from(height))
+    };
+    let expected = if gpu().is_software() { 0.5 } else { 1.0 };
+    let (automatic, chosen) = (drawn(None), drawn(Some(0.25)));
+    assert_eq!((automatic.0, chosen.0), (expected, 0.25));
+    // As many times as large, but for rounding to a pixel.
+    let times = expected / 0.25;
+    assert!((automatic.1 - times * chosen.1).abs() <= times && (automatic.2 - times * chosen.2).abs() <= times, "{automatic:?} {chosen:?}");
+}
+
+#[test]
+fn a_window_finds_nothing_of_the_one_before() {
+    // Three frames are measured; the second window's follow those of the first, with whose thread they are likely drawn.
+    let seen = |frame: u32| {
+        let mut stage = cheap_stage();
+        stage.app().clock.frame = frame;
+        take(&mut stage, "click Metrics; click Measure; key Period; key Period");
+        let shown = stage.app().shown().expect("a picture").clone();
+        assert_eq!(shown.wish.frame, frame + 2);
+        let frames: Vec<u32> = shown.readings.iter().map(|reading| reading.frame).collect();
+        assert_eq!(frames, [frame, frame + 1, frame + 2], "readings of this window alone");
+        let last = shown.readings.last().and_then(|reading| reading.sides[0]).expect("measured");
+        assert_eq!(last.frames, 3.0, "frames of this window alone");
+        stage.app().settings.scene.sun.elevation_deg = 20.0;
+        stage.app().viewpoint = Viewpoint::Camera("nowhere".to_owned());
+        assert!(stage.settle().is_err(), "the thread that draws fails at last");
+        shown.texels.clone()
+    };
+    let first = seen(0);
+    // What nobody has asked for is not there yet, and nothing is wrong.
+    let mut stage = Stage::new(small_scene(), [1, 1]);
+    for _ in 0..20 {
+        stage.until("a drawing of the window", |_| true).expect("nothing is wrong");
+        assert!(stage.app().shown().is_none() && stage.app().failure().is_none() && !stage.app().is_warm());
+    }
+    drop(stage);
+    // Of an atlas no frame is another, nor does the sun of the first window shine.
+    assert!(seen(3) == first);
+}
+
+#[test]
 fn a_scene_that_cannot_be_is_refused_and_the_picture_stays() {
     let mut stage = cheap_stage();
     let before = stage.app().shown().expect("a picture").texels.clone();
@@ -139,6 +191,25 @@ fn numbers_are_where_their_keys_say_and_within_what_is_offered() {
         *(parameter.at)(&mut changed) = usual + 1.0;
         assert!((value(&changed, parameter.key) - usual - 1.0).abs() < 1e-9, "{}", parameter.key);
     }
+}
+
+#[test]
+fn a_lost_device_is_made_anew_and_nothing_is_lost_with_it() {
+    let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
+        app.clock.paused = true;
+        app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.settings.scale = 0.2;
+        app.viewpoint = Viewpoint::Camera("ground".to_owned());
+    });
+    stage.settle().expect("a picture");
+    take(&mut stage, "set Sun above = 20");
+    let before = stage.app().shown().expect("a picture").clone();
+    stage.app().engine().lose_device();
+    stage.app().clock.frame += 1;
+    stage.settle().expect("a picture by another device");
+    let after = stage.app().shown().expect("a picture").clone();
+    assert!(!std::sync::Arc::ptr_eq(&before, &after) && after.wish.frame == before.wish.frame + 1);
+    assert!(after.wish.settings == before.wish.settings && after.texels == before.texels, "the same picture with the same numbers");
 }
 
 #[test]
@@ -272,12 +343,12 @@ fn differing(picture: &image::RgbImage, shown: &Shown) -> f64 {
 }
 
 #[test]
-fn what_is_on_screen_is_saved_run_stopped_and_gone_on_with() {
+fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     // The panel starts the program that lies beside this one.
     program();
     let folder = Folder::new("workbench-experiment");
     let out = folder.path("out");
-    let mut stage = stage();
+    let mut stage = cheap_stage();
     let pose = stage.app().shown().expect("a picture").pose;
     let app = stage.app();
     app.settings.scale = 0.1;
@@ -292,12 +363,10 @@ fn what_is_on_screen_is_saved_run_stopped_and_gone_on_with() {
     take(&mut stage, "type Experiment name = seen; set Frames of the run = 3; set Seeds of the run = 2");
 
     // What a run cannot draw is refused, and says which control to turn back.
-    stage.app().settings.reseeds = true;
-    take(&mut stage, "click Save as experiment");
-    assert!(stage.names().iter().any(|name| name.contains("clear `A seed a frame`")), "{:?}", stage.names());
+    take(&mut stage, "key C; click Save as experiment");
+    assert!(stage.names().iter().any(|name| name.contains("let go of `Freeze culling`")), "{:?}", stage.names());
     assert!(!folder.0.join("seen").exists() && !stage.has("Run seen"));
-    stage.app().settings.reseeds = false;
-    take(&mut stage, "click Save as experiment");
+    take(&mut stage, "key C; click Save as experiment");
     assert!(folder.0.join("seen").join("seen.toml").is_file() && stage.has("Run seen"), "{:?}", stage.names());
     // Once more under that name, nothing is written over.
     take(&mut stage, "click Save as experiment");
@@ -426,8 +495,12 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     assert!(swapped.texels == alone && swapped.second.as_ref().expect("B").texels == both.texels, "A is what B was");
     take(&mut stage, "key X");
     assert_eq!(stage.app().compare.mode, Mode::Flicker);
+    // Of one variant: the exact blend of each would be another shader to compile.
+    stage.app().settings.forced = Some(Variant::only(Flavour::NearCliff));
     take(&mut stage, "click B is; click exact blend of A");
     assert_eq!(stage.app().compare.other, Other::Exact);
+    let shown = stage.app().shown().expect("a picture").clone();
+    assert!(shown.texels != shown.second.as_ref().expect("B").texels, "without the noise of A");
 }
 
 #[test]
@@ -481,6 +554,8 @@ fn the_machine_shows_what_each_stage_reported() {
     assert!(stage.has("Map of nodes"), "{:?}", stage.names());
     for (camera, step) in [("ground", "key Period"), ("vista", "set Map span = 9000")] {
         stage.app().viewpoint = Viewpoint::Camera(camera.to_owned());
+        // Far off it is the nodes that differ: by one cheap variant.
+        stage.app().settings.forced = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
         take(&mut stage, step);
         let shown = stage.app().shown().expect("a picture").clone();
         let report = &shown.picture.report;
@@ -526,7 +601,8 @@ fn the_machine_shows_what_each_stage_reported() {
 
 #[test]
 fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
-    let mut stage = stage();
+    // Of one variant, which draws random numbers: its pixels are other than those of its exact blend.
+    let mut stage = standing(Some(Variant::only(Flavour::NearCliff)));
     stage.app().viewpoint = Viewpoint::Camera("cliff".to_owned());
     stage.settle().expect("a picture");
     let before = stage.app().shown().expect("a picture").texels.clone();
@@ -541,6 +617,7 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     let shown = stage.app().shown().expect("a picture").clone();
     let pixel = shown.pixel.as_ref().expect("terrain");
     assert_eq!(pixel.pixel.map(|n| n as usize), ground);
+    assert!(pixel.draw.is_some(), "{pixel:?}");
     assert!(stage.has("World position") && stage.has(&format!("{}, {} px", ground[0], ground[1])), "{:?}", stage.names());
     assert_eq!(shown.texels, before, "the picture stays as it was");
     take(&mut stage, "click Copy");

@@ -20,7 +20,7 @@ use crate::materials::Palette;
 use crate::metrics::{FrameSums, Links, Meter};
 use crate::picture::{AovSet, Picture};
 use crate::quadtree;
-use crate::scene::{self, Blend, Requirements, Scene};
+use crate::scene::{self, Requirements, Scene};
 use crate::shading::{self, Estimator, Kernel, PipelineKey, Shading};
 use crate::shared::flavour_weights::FlavourParams;
 use crate::shared::noise::{self, NoiseKind};
@@ -31,8 +31,10 @@ use crate::variant::{Flavour, Variant};
 use crate::virtual_texture::{self, CacheCounts, PageCounts, VirtualTexture};
 use crate::world::{NodeId, PaletteMeans, World};
 
+mod edit;
 mod reload;
 
+pub use edit::EditCounts;
 pub use reload::{ReloadReport, shader_files};
 
 /// The uniforms that every stage knows.
@@ -142,6 +144,14 @@ pub struct RenderRequest {
     /// Shades the geometry of the last frame again instead of drawing it: for many seeds or variants of one view. The pose, size and
     /// jitter must be those of the last frame, else it is drawn all the same.
     pub keep_geometry: bool,
+    /// Bias of the terrain's LOD: each whole one halves the distance at which nodes are split.
+    pub lod_bias: f64,
+    /// Of the vertices of a node along a side every so many-th is drawn: 1, 2 or 4, see [`geometry::STRIDES`]. The ground's textures stay as fine.
+    pub vertex_stride: u32,
+    /// Selects nodes and patches as seen from there instead of from the camera: to look at what culling leaves.
+    pub culled_from: Option<Pose>,
+    /// Whether each variant is shaded, and timed, in a pass of its own; never so where the whole is timed.
+    pub time_variants: bool,
 }
 
 impl RenderRequest {
@@ -162,6 +172,10 @@ impl RenderRequest {
             count_fetches: false,
             lit: true,
             keep_geometry: false,
+            lod_bias: 0.0,
+            vertex_stride: 1,
+            culled_from: None,
+            time_variants: false,
         }
     }
 }
@@ -187,6 +201,8 @@ pub struct FrameReport {
     pub visited: usize,
     /// Nodes that were not resident and were baked for this frame.
     pub loaded: usize,
+    /// What edits of the scene had made anew since the frame before.
+    pub edited: EditCounts,
     /// Nodes drawn.
     pub nodes: usize,
     /// Patches drawn.
@@ -223,11 +239,17 @@ pub struct RendererOptions {
     pub exact_normals: bool,
     /// Edge of a tile, pixels: 4, 8 or 16.
     pub tile: u32,
+    /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]): keeps what textures and nodes were made
+    /// from, some 100 MB at most.
+    pub editable: bool,
+    /// Edge of detail textures, texels, in place of the scene's: for a first look, until [`Renderer::take_palette`] brings the scene's own. For
+    /// editable renderers.
+    pub sketch: Option<u32>,
 }
 
 impl Default for RendererOptions {
     fn default() -> Self {
-        RendererOptions { exact_normals: false, tile: classification::TILE }
+        RendererOptions { exact_normals: false, tile: classification::TILE, editable: false, sketch: None }
     }
 }
 
@@ -239,6 +261,10 @@ pub struct Renderer<'a> {
     requirements: Requirements,
     world: World,
     means: PaletteMeans,
+    /// What the textures hold, if it can be edited.
+    palette: Option<Palette>,
+    /// What edits had made anew since the last frame.
+    edited: EditCounts,
     streaming: Streaming,
     terrain: Terrain,
     geometry: Geometry,
@@ -260,9 +286,8 @@ pub struct Renderer<'a> {
 
 /// What the geometry targets hold.
 struct Drawn {
-    pose: Pose,
-    size: [u32; 2],
-    jitter: [f64; 2],
+    /// Pose, size, jitter, bias of the LOD, stride of the vertices and the pose culled from.
+    seen: (Pose, [u32; 2], [f64; 2], f64, u32, Option<Pose>),
     visited: Vec<NodeId>,
     nodes: Vec<NodeId>,
     patches: usize,
@@ -288,10 +313,9 @@ impl<'a> Renderer<'a> {
             return Err(Error::Request(format!("tiles of {} pixels cannot be had: give 4, 8 or 16", options.tile)));
         }
         let requirements = Requirements::of(scene);
-        let palette = Palette::build(scene, world.layout().sector_m, |name| {
-            progress(Progress { stage: format!("texture {name}"), done: 0, total: 0 });
-        })?;
-        let streaming = Streaming::new(gpu, requirements.colour_modulation);
+        let size = options.sketch.unwrap_or(scene.detail_size);
+        let palette = Palette::sketch(scene, size, world.layout().sector_m, edit::on_texture(progress))?;
+        let streaming = Streaming::new(gpu, requirements.colour_modulation, options.editable);
         let terrain = Terrain::new(gpu, &streaming, &palette, scene.blend.anisotropy);
         progress(Progress { stage: "shaders".to_owned(), done: 0, total: 0 });
         let sources = gpu.sources();
@@ -315,6 +339,8 @@ impl<'a> Renderer<'a> {
             sources,
             keys: Vec::new(),
             means: palette_means(&palette),
+            palette: options.editable.then_some(palette),
+            edited: EditCounts::default(),
             scene: scene.clone(),
             options,
             requirements,
@@ -330,38 +356,6 @@ impl<'a> Renderer<'a> {
         // A pipeline that the device refused is this call's failure, not that of the first picture.
         gpu.check()?;
         Ok(renderer)
-    }
-
-    /// Takes another scene over, if it differs from the one drawn only in numbers that no texture and no pipeline holds: the blend (but for
-    /// anisotropy and material contrast), the flavours' distances and slopes, the light. Says whether it could; if not, nothing was changed.
-    ///
-    /// # Errors
-    /// When the scene asks for cliffs that the world does not have.
-    pub fn retune(&mut self, scene: &Scene) -> Result<bool> {
-        if *scene == self.scene {
-            return Ok(true);
-        }
-        let mut same = scene.clone();
-        same.flavours.clone_from(&self.scene.flavours);
-        same.blend =
-            Blend { anisotropy: scene.blend.anisotropy, material_contrast: scene.blend.material_contrast, ..self.scene.blend.clone() };
-        same.sun.clone_from(&self.scene.sun);
-        same.sky.clone_from(&self.scene.sky);
-        let requirements = Requirements::of(scene);
-        let has = |r: &Requirements| Flavour::ALL.map(|f| r.has(f));
-        if same != self.scene || has(&requirements) != has(&self.requirements) {
-            return Ok(false);
-        }
-        scene::validate_against_world(scene, self.world.max_slope_deg())?;
-        // Of these numbers the height blend enters the texels of pages; a mip bias only rounds them otherwise.
-        let enters = |blend: &Blend| [blend.height_sharpness, blend.mip_bias];
-        if enters(&scene.blend) != enters(&self.scene.blend) {
-            self.virtual_texture.forget();
-        }
-        self.scene = scene.clone();
-        self.requirements = requirements;
-        self.last = None;
-        Ok(true)
     }
 
     /// The world drawn.
@@ -387,6 +381,11 @@ impl<'a> Renderer<'a> {
     /// Elevation of the drawn ground, metres.
     pub fn ground_m(&self, x: f64, y: f64) -> f64 {
         self.world.surface_height_m(x, y)
+    }
+
+    /// The page of the virtual texture that served the last frame where it asked for `page`; `None` where none did.
+    pub fn page_serving(&self, page: virtual_texture::PageId) -> Option<virtual_texture::PageId> {
+        self.virtual_texture.serving(page)
     }
 
     /// The targets of the last frame, for tests and inspection.
@@ -416,6 +415,13 @@ impl<'a> Renderer<'a> {
     pub fn draw(&mut self, request: &RenderRequest) -> Result<FrameReport> {
         check_size(request.size, &self.gpu.device.limits(), self.options.tile)?;
         self.check_variant(request.variant)?;
+        let [finest, coarsest] = quadtree::LOD_BIASES;
+        if !(finest..=coarsest).contains(&request.lod_bias) {
+            return Err(Error::Request(format!("an LOD bias of {} cannot be drawn: give {finest} to {coarsest}", request.lod_bias)));
+        }
+        if !geometry::STRIDES.contains(&request.vertex_stride) {
+            return Err(Error::Request(format!("every {}th vertex cannot be drawn: give 1, 2 or 4", request.vertex_stride)));
+        }
         let gpu = self.gpu;
         if self.targets.as_ref().is_none_or(|t| t.size != request.size) {
             self.last = None;
@@ -449,19 +455,19 @@ impl<'a> Renderer<'a> {
         let mut timer = Timer::new(gpu);
         let mut encoder = gpu.encoder("geometry");
 
-        let same = |d: &Drawn| (d.pose, d.size, d.jitter) == (request.pose, request.size, request.jitter);
+        let seen = (request.pose, request.size, request.jitter, request.lod_bias, request.vertex_stride, request.culled_from);
         // Where the geometry is kept, nothing is loaded.
         let mut loaded = 0;
-        let drawn = match self.last.take().filter(|d| request.keep_geometry && same(d)) {
+        let drawn = match self.last.take().filter(|d| request.keep_geometry && d.seen == seen) {
             Some(drawn) => drawn,
             None => {
                 // streaming, quadtree: which nodes, and their payloads; culling: patches
-                let (visited, drawn, patches) = self.visible_patches(&view)?;
+                let eye = request.culled_from.map_or(view, |pose| self.view(&RenderRequest { pose, ..request.clone() }));
+                let (visited, drawn, patches) = self.visible_patches(request, &view, &eye)?;
                 loaded = self.streaming.loaded();
                 // geometry: depth, stencil, mask, normals
-                self.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, &targets.geometry);
-                let (pose, size, jitter) = (request.pose, request.size, request.jitter);
-                Drawn { pose, size, jitter, visited, nodes: drawn, patches: patches.len() }
+                self.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, request.vertex_stride, &targets.geometry);
+                Drawn { seen, visited, nodes: drawn, patches: patches.len() }
             }
         };
         // classification: tiles per variant; requests: visible virtual-texture pages
@@ -475,7 +481,8 @@ impl<'a> Renderer<'a> {
 
         // virtual texture: pages that are missing
         let pages = if has_pages {
-            self.virtual_texture.fill(gpu, groups, self.world.layout(), &drawn.visited, view.sector)?
+            let sources: Vec<(NodeId, u64)> = drawn.visited.iter().map(|&node| (node, self.streaming.revision(node))).collect();
+            self.virtual_texture.fill(gpu, groups, self.world.layout(), &sources, view.sector)?
         } else {
             PageCounts::default()
         };
@@ -494,6 +501,7 @@ impl<'a> Renderer<'a> {
             &targets.shading,
             &keys,
             request.wants_diagnostics(),
+            request.time_variants,
         );
         if request.lit {
             self.lighting.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.shading, &targets.image);
@@ -505,6 +513,7 @@ impl<'a> Renderer<'a> {
             passes: timer.read(gpu)?,
             visited: drawn.visited.len(),
             loaded,
+            edited: std::mem::take(&mut self.edited),
             nodes: drawn.nodes.len(),
             patches: drawn.patches,
             drawn: drawn.nodes.clone(),
@@ -618,12 +627,12 @@ impl<'a> Renderer<'a> {
         &self.composition
     }
 
-    /// The nodes a view visits (made resident), those of them it draws, and the patches of those that it may see.
-    fn visible_patches(&mut self, view: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Vec<Patch>)> {
+    /// The nodes that `eye` visits (made resident), those of them it draws, and the patches of those that it may see, placed for `view`.
+    fn visible_patches(&mut self, request: &RenderRequest, view: &View, eye: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Vec<Patch>)> {
         self.streaming.begin_frame();
         let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, self.gpu);
         let done = AtomicU64::new(0);
-        let selection = quadtree::select(world, view, |nodes| {
+        let selection = quadtree::select(world, eye, request.lod_bias, |nodes| {
             let on_baked = || {
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(Progress { stage: "terrain nodes".to_owned(), done, total: 0 });
@@ -634,7 +643,7 @@ impl<'a> Renderer<'a> {
         self.terrain.update(gpu, slots);
         let drawn: Vec<_> = selection.drawn.iter().filter_map(|&n| self.streaming.get(n).map(|(slot, bounds)| (n, slot, bounds))).collect();
         let lod_map = quadtree::lod_map(&selection.drawn);
-        let patches = culling::cull(&drawn, &lod_map, self.world.layout(), view);
+        let patches = culling::cull(&drawn, &lod_map, self.world.layout(), [view, eye], request.vertex_stride);
         let drawn = drawn.into_iter().map(|(node, ..)| node).collect();
         Ok((selection.visited, drawn, patches))
     }

@@ -8,21 +8,29 @@ use std::time::{Duration, Instant};
 use eframe::egui::util::undoer::Undoer;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers, TextureHandle, TextureOptions, Ui, WidgetText};
 use egui_tiles::{Behavior, Container, LinearDir, SimplificationOptions, Tile, TileId, Tiles, Tree, UiResponse};
+use glam::DVec3;
+use kernels::camera::Pose;
 use kernels::scene::{self, Scene};
 use kernels::variant::Flavour;
 
+use crate::brush::{Brush, Ground};
 use crate::compare::Compare;
 use crate::engine::{Engine, News, Shown, Viewpoint, Wish};
-use crate::flight::Flight;
+use crate::flight::{self, Flight, Orbit};
 use crate::kept::{self, Keeper, Kept};
 use crate::live::Metrics;
 use crate::panels;
 use crate::settings::Settings;
 
+mod opening;
+
 /// Pictures that the graph of frame times goes back.
 const TIMES: usize = 120;
 /// Pixels drawn per pixel of the screen, along a side, where a processor draws.
 const SOFTWARE_SCALE: f64 = 0.5;
+/// Vertices of the terrain that are drawn there, see [`Settings::vertex_stride`]: a processor takes its time by triangles, and with half of the pixels
+/// half of the vertices are as dense.
+const SOFTWARE_STRIDE: u32 = 2;
 
 /// A part of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +39,12 @@ pub enum Pane {
     Viewport,
     /// Which shaders.
     Variants,
+    /// Textures and how they lie on the ground.
+    Materials,
+    /// Which material lies where.
+    Rules,
+    /// What is painted over that.
+    Brush,
     /// A beside B.
     Compare,
     /// What is measured of the pictures.
@@ -53,9 +67,12 @@ pub enum Pane {
 
 impl Pane {
     /// All of them.
-    pub const ALL: [Pane; 11] = [
+    pub const ALL: [Pane; 14] = [
         Pane::Viewport,
         Pane::Variants,
+        Pane::Materials,
+        Pane::Rules,
+        Pane::Brush,
         Pane::Compare,
         Pane::Places,
         Pane::Help,
@@ -72,6 +89,9 @@ impl Pane {
         match self {
             Pane::Viewport => "Viewport",
             Pane::Variants => "Variants",
+            Pane::Materials => "Materials",
+            Pane::Rules => "Rules",
+            Pane::Brush => "Brush",
             Pane::Compare => "Compare",
             Pane::Metrics => "Metrics",
             Pane::Parameters => "Parameters",
@@ -135,6 +155,10 @@ pub struct Workbench {
     /// Where it is seen from.
     pub viewpoint: Viewpoint,
     pub(crate) flight: Flight,
+    /// Where culling is frozen, if it is.
+    pub culled_from: Option<Pose>,
+    /// What a drag in the picture paints, if it does.
+    pub brush: Brush,
     /// Time.
     pub clock: Clock,
     /// Size of the picture that the viewport has room for, pixels.
@@ -145,16 +169,32 @@ pub struct Workbench {
     asked: Option<Wish>,
     /// Why the scene cannot be as the sliders have it.
     impossible: Option<String>,
+    /// The last scene that could be: it goes on being drawn when files that it names are removed.
+    checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
     last_shown: Option<Instant>,
+    /// Whether somebody chose the scale at an earlier start.
     scaled: bool,
+    /// Whether what suits the adapter was chosen.
+    adapted: bool,
     /// The scale that nobody chose.
     automatic_scale: f64,
     pub(crate) places: panels::places::PlacesPanel,
     pub(crate) machine: panels::machine::MachinePanel,
-    /// What writes what is kept, and the scene's name in there; `None` = nothing is kept.
-    keeping: Option<(Keeper, String)>,
-    /// What somebody should know of what was kept, until it is dismissed.
+    pub(crate) materials: panels::materials::MaterialsPanel,
+    pub(crate) rules: panels::rules::RulesPanel,
+    pub(crate) scenes: panels::scenes::ScenesPanel,
+    /// What the scene was opened from, as [`scene::load`] takes it; `None` = from no file.
+    given: Option<String>,
+    /// Number of its opening, as [`Wish::opened`].
+    opened: u32,
+    /// The scene before it, until it is loaded.
+    before: Option<Box<opening::Before>>,
+    /// The scene's name in the window's title.
+    titled: String,
+    /// What writes what is kept; `None` = nothing is.
+    keeping: Option<Keeper>,
+    /// What somebody should know of what was kept and opened, until it is dismissed.
     notes: Vec<String>,
     pub(crate) experiments: panels::experiments::ExperimentsPanel,
     tree: Tree<Pane>,
@@ -165,37 +205,45 @@ impl Workbench {
     /// `shaders`: a folder of WGSL files to draw with and to follow, as [`Engine::start`] takes it.
     pub fn new(ctx: &egui::Context, scene: Scene, shaders: Option<PathBuf>) -> Workbench {
         let wake = ctx.clone();
-        let viewpoint = match (scene.paths.iter().find(|p| p.name == "forwards").or(scene.paths.first()), scene.cameras.first()) {
-            (Some(path), _) => Viewpoint::Path(path.name.clone()),
-            (None, Some(camera)) => Viewpoint::Camera(camera.name.clone()),
-            (None, None) => {
-                let pose = kernels::camera::Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: -0.1, fov: 1.0 };
-                Viewpoint::Free { pose, walking: true }
-            }
-        };
+        Workbench::drawn_by(Engine::start(shaders, move || wake.request_repaint()), scene)
+    }
+
+    /// As [`Workbench::new`], with a thread that draws, and wakes the window, already.
+    pub fn drawn_by(engine: Engine, scene: Scene) -> Workbench {
         Workbench {
-            engine: Engine::start(shaders, move || wake.request_repaint()),
+            engine,
             news: News::default(),
             settings: Settings::new(scene.clone()),
             compare: Compare::default(),
             metrics: Metrics::default(),
             probe: None,
+            viewpoint: opening::usual_viewpoint(&scene),
+            titled: scene.name.clone(),
             original: scene,
             undoer: Undoer::default(),
-            viewpoint,
             flight: Flight::default(),
+            culled_from: None,
+            brush: Brush::default(),
             clock: Clock::default(),
             room: [0; 2],
             textures: [None, None, None],
             looking: Looking::default(),
             asked: None,
             impossible: None,
+            checked: None,
             times: VecDeque::new(),
             last_shown: None,
             scaled: false,
+            adapted: false,
             automatic_scale: 1.0,
             places: panels::places::PlacesPanel::default(),
             machine: panels::machine::MachinePanel::default(),
+            materials: panels::materials::MaterialsPanel::default(),
+            rules: panels::rules::RulesPanel::default(),
+            scenes: panels::scenes::ScenesPanel::default(),
+            given: None,
+            opened: 0,
+            before: None,
             keeping: None,
             notes: Vec::new(),
             experiments: panels::experiments::ExperimentsPanel::default(),
@@ -203,19 +251,36 @@ impl Workbench {
         }
     }
 
+    /// Takes note of what the scene was opened from, as [`scene::load`] takes it: a file that is asked for may then be written over.
+    #[must_use]
+    pub fn opened(mut self, given: &str) -> Workbench {
+        self.come_from(given);
+        self
+    }
+
+    /// As [`Workbench::opened`].
+    pub fn come_from(&mut self, given: &str) {
+        self.materials.opened(given);
+        let name = kept::scene_name(given);
+        self.scenes.opened(&name);
+        self.given = Some(name);
+    }
+
     /// Takes up what is kept of the scene of this name ([`kept::scene_name`]), and keeps it from now on. `notes` are shown until they are dismissed.
     #[must_use]
     pub fn keeping(mut self, keeper: Keeper, scene_name: String, mut notes: Vec<String>) -> Workbench {
         let kept = keeper.kept();
-        notes.extend(kept.apply(&scene_name, &mut self.settings));
-        self.places.all = kept.places(&scene_name);
+        notes.extend(kept.apply_look(&mut self.settings));
+        self.scenes.recent = kept.recent().to_vec();
+        self.scenes.opened(&scene_name);
         if let Some(tree) = kept.tree(tree_id()) {
             self.tree = tree;
         }
         // Who chose a scale keeps it on a software adapter, too.
         self.scaled = kept.has_scale();
+        (self.keeping, self.given) = (Some(keeper), Some(scene_name));
+        notes.extend(self.take_up());
         self.notes = notes;
-        self.keeping = Some((keeper, scene_name));
         self
     }
 
@@ -227,11 +292,29 @@ impl Workbench {
 
     /// Keeps what has changed, now and then.
     fn keep(&mut self, ctx: &egui::Context) {
-        let Some((mut keeper, scene_name)) = self.keeping.take() else { return };
-        keeper.tend(Instant::now(), |before| self.present(before, &scene_name));
-        self.keeping = Some((keeper, scene_name));
+        let Some(name) = self.given.clone() else { return };
+        let Some(mut keeper) = self.keeping.take() else { return };
+        // Of a scene that may not be one nothing is kept.
+        if self.before.is_none() {
+            keeper.tend(Instant::now(), |before| self.present(before, &name));
+        }
+        self.keeping = Some(keeper);
         // A change that nothing follows would wait for the next one.
         ctx.request_repaint_after(kept::EVERY);
+    }
+
+    /// Keeps what has changed, and waits until it is written.
+    fn keep_now(&mut self) {
+        let Some(name) = self.given.clone() else { return };
+        let Some(mut keeper) = self.keeping.take() else { return };
+        // Why it could not be is in the keeper's failure.
+        let _ = keeper.finish(|before| self.present(before, &name));
+        self.keeping = Some(keeper);
+    }
+
+    /// The thread that draws.
+    pub fn engine(&self) -> &Engine {
+        &self.engine
     }
 
     /// Makes every shader ready that a click may ask for, between pictures.
@@ -246,14 +329,16 @@ impl Workbench {
 
     /// Whether the picture is the one that the controls ask for.
     pub fn is_settled(&self) -> bool {
-        let Some(shown) = self.shown() else { return false };
+        let Some(shown) = self.shown().filter(|shown| !shown.draft) else { return false };
         let same_time = !self.clock.paused || shown.wish.frame == self.clock.frame;
         same_time && shown.wish == Wish { frame: shown.wish.frame, ..self.wish() }
     }
 
     /// Why there is no picture of what the controls ask for.
     pub fn failure(&self) -> Option<&str> {
-        self.impossible.as_deref().or(self.news.failure.as_deref())
+        // Why another scene could not be loaded is no failure of this one.
+        let own = self.news.unloaded.is_none_or(|opened| opened == self.opened);
+        self.impossible.as_deref().or(self.news.failure.as_deref().filter(|_| own))
     }
 
     /// Why the shaders of the folder are not those that draw.
@@ -280,10 +365,18 @@ impl Workbench {
     fn listen(&mut self, ctx: &egui::Context) {
         let before = self.news.shown.take();
         self.news = self.engine.news();
+        self.settle_opening();
         if let Some(adapter) = &self.news.adapter {
-            self.automatic_scale = if adapter.software { SOFTWARE_SCALE } else { 1.0 };
-            if !std::mem::replace(&mut self.scaled, true) {
-                self.settings.scale = self.automatic_scale;
+            let is_untouched = self.settings.scale == self.automatic_scale;
+            let (scale, stride) = if adapter.software { (SOFTWARE_SCALE, SOFTWARE_STRIDE) } else { (1.0, 1) };
+            self.automatic_scale = scale;
+            if !std::mem::replace(&mut self.adapted, true) {
+                if self.settings.vertex_stride == 1 {
+                    self.settings.vertex_stride = stride;
+                }
+                if !self.scaled && is_untouched {
+                    self.settings.scale = scale;
+                }
                 // Nobody did this, so nobody takes it back.
                 self.undoer = Undoer::default();
             }
@@ -333,13 +426,19 @@ impl Workbench {
             size: self.size(),
             frame: self.clock.frame,
             probe: self.probe,
+            seeks: self.brush.paints || self.flight.orbit == Orbit::Sought,
+            culled_from: self.culled_from,
+            opened: self.opened,
         }
     }
 
     /// Asks for the picture that the controls describe, unless it was asked for.
     fn ask(&mut self) {
         // What a slider made impossible is said, and the picture stays as it was.
-        self.impossible = scene::validate(&self.settings.scene).err().map(|error| error.to_string());
+        if self.checked.as_deref() != Some(&self.settings.scene) {
+            self.impossible = scene::validate(&self.settings.scene).err().map(|error| error.to_string());
+            self.checked = self.impossible.is_none().then(|| Box::new(self.settings.scene.clone()));
+        }
         if self.impossible.is_some() || !self.has_room() || self.news.adapter.is_none() {
             return;
         }
@@ -351,12 +450,12 @@ impl Workbench {
     }
 
     /// The pose of the last picture, to go on from.
-    pub(crate) fn pose(&self) -> Option<kernels::camera::Pose> {
+    pub(crate) fn pose(&self) -> Option<Pose> {
         match &self.viewpoint {
             // A walker's height is known by the thread that draws; the place may be ahead of the picture.
             Viewpoint::Free { pose, walking: true } => {
                 let z = self.shown().map_or(pose.position.z, |shown| shown.pose.position.z);
-                Some(kernels::camera::Pose { position: pose.position.with_z(z), ..*pose })
+                Some(Pose { position: pose.position.with_z(z), ..*pose })
             }
             Viewpoint::Free { pose, walking: false } => Some(*pose),
             Viewpoint::Camera(_) | Viewpoint::Path(_) | Viewpoint::Recorded(_) => self.shown().map(|shown| shown.pose),
@@ -364,8 +463,38 @@ impl Workbench {
     }
 
     /// Leaves a camera or a path, to fly on from where it is.
-    pub(crate) fn fly(&mut self, pose: kernels::camera::Pose) {
+    pub(crate) fn fly(&mut self, pose: Pose) {
         self.viewpoint = Viewpoint::Free { pose, walking: self.flight.walking };
+    }
+
+    /// Begins to move about what is looked at, or ends it.
+    pub(crate) fn orbit(&mut self, on: bool) {
+        self.flight.orbit = if on { Orbit::Sought } else { Orbit::Off };
+        self.flight.walking &= !on;
+    }
+
+    /// The place that the camera moves about, world metres; `None` = it flies or walks.
+    pub fn orbited(&self) -> Option<DVec3> {
+        self.flight.target()
+    }
+
+    /// Begins to move about a place as soon as the picture shows where that is.
+    fn seek(&mut self) {
+        if self.flight.orbit != Orbit::Sought {
+            return;
+        }
+        let Some(shown) = self.shown().cloned().filter(|shown| shown.wish.probe == self.probe) else { return };
+        let middle = || Some(Ground::of(&shown)?.at([0.5; 2]).unwrap_or_else(|| flight::ahead(&shown.pose, shown.ground_m)));
+        let probed = shown.pixel.as_ref().map(|pixel| DVec3::from_array(pixel.position));
+        if let (Some(target), Some(pose)) = (probed.or_else(middle), self.pose()) {
+            self.flight.orbit = Orbit::About(target);
+            self.fly(flight::facing(&pose, target));
+        }
+    }
+
+    /// Goes on with the nodes and patches of this moment, or ends that.
+    pub(crate) fn freeze_culling(&mut self) {
+        self.culled_from = if self.culled_from.is_some() { None } else { self.pose() };
     }
 
     /// Goes one frame on and stops there.
@@ -376,6 +505,27 @@ impl Workbench {
     /// What undo takes back.
     fn undoable(&self) -> (Settings, Compare) {
         (self.settings.clone(), self.compare.clone())
+    }
+
+    /// Makes what is on screen a point that undo goes back to, so that what was done before and what follows are taken back each for itself.
+    pub(crate) fn undo_point(&mut self, ctx: &egui::Context) {
+        let present = self.undoable();
+        // It is fed first, since that is what ends a redo.
+        self.undoer.feed_state(ctx.input(|i| i.time), &present);
+        self.undoer.add_undo(&present);
+    }
+
+    /// Takes note of what has changed. A drag of the brush is one change, however long it is and however often it pauses.
+    fn watch_changes(&mut self, ctx: &egui::Context) {
+        let held = ctx.input(|i| i.pointer.primary_down());
+        if self.brush.is_drawing() && held {
+            return;
+        }
+        if self.brush.is_drawing() {
+            self.brush.finish();
+            self.undo_point(ctx);
+        }
+        self.undoer.feed_state(ctx.input(|i| i.time), &self.undoable());
     }
 
     pub(crate) fn undo(&mut self) {
@@ -432,17 +582,39 @@ impl Workbench {
         if pressed(Key::F) {
             self.flight.walking ^= true;
         }
+        if pressed(Key::O) {
+            self.orbit(self.flight.orbit == Orbit::Off);
+        }
+        if pressed(Key::C) {
+            self.freeze_culling();
+        }
         if pressed(Key::X) {
             panels::compare::flick(self);
         }
         if pressed(Key::L) {
             self.looking.loupe ^= true;
         }
+        if pressed(Key::B) {
+            self.brush.paints ^= true;
+        }
     }
 
-    /// One line above everything: undo, time, where the camera is.
+    /// Takes over what was dropped on the window: a scene is opened, folders are textures.
+    fn dropped(&mut self, ctx: &egui::Context) {
+        let paths: Vec<PathBuf> = ctx.input(|i| i.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
+        for path in paths {
+            if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
+                panels::scenes::open_file(self, &path);
+            } else {
+                panels::materials::dropped(self, &path);
+            }
+        }
+    }
+
+    /// One line above everything: scenes, undo, time, where the camera is.
     fn bar(&mut self, ui: &mut Ui) {
         ui.horizontal_wrapped(|ui| {
+            panels::scenes::menu(self, ui);
             if ui.add_enabled(self.can_undo(), egui::Button::new("Undo")).on_hover_text("Ctrl+Z").clicked() {
                 self.undo();
             }
@@ -486,7 +658,7 @@ impl Workbench {
                 let kind = if adapter.software { ", a software adapter: compare times, do not quote them" } else { "" };
                 ui.label(format!("{}{kind}", adapter.name));
             }
-            if let Some(failure) = self.keeping.as_ref().and_then(|(keeper, _)| keeper.failure()) {
+            if let Some(failure) = self.keeping.as_ref().and_then(Keeper::failure) {
                 ui.separator();
                 ui.colored_label(ui.visuals().error_fg_color, failure);
             }
@@ -503,7 +675,10 @@ fn tree_id() -> egui::Id {
 fn layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let viewport = tiles.insert_pane(Pane::Viewport);
-    let upper: Vec<TileId> = [Pane::Variants, Pane::Compare, Pane::Places, Pane::Help].into_iter().map(|p| tiles.insert_pane(p)).collect();
+    let upper: Vec<TileId> = [Pane::Variants, Pane::Materials, Pane::Rules, Pane::Brush, Pane::Compare, Pane::Places, Pane::Help]
+        .into_iter()
+        .map(|p| tiles.insert_pane(p))
+        .collect();
     let lower: Vec<TileId> = [Pane::Parameters, Pane::Metrics, Pane::Frame, Pane::Inspector, Pane::Machine, Pane::Experiments]
         .into_iter()
         .map(|p| tiles.insert_pane(p))
@@ -532,6 +707,9 @@ impl Behavior<Pane> for Panes<'_> {
         match pane {
             Pane::Viewport => panels::viewport::show(app, ui),
             Pane::Variants => scrolled(ui, app, panels::variants::show),
+            Pane::Materials => scrolled(ui, app, panels::materials::show),
+            Pane::Rules => scrolled(ui, app, panels::rules::show),
+            Pane::Brush => scrolled(ui, app, panels::brush::show),
             Pane::Compare => scrolled(ui, app, panels::compare::show),
             Pane::Metrics => scrolled(ui, app, panels::metrics::show),
             Pane::Parameters => scrolled(ui, app, panels::parameters::show),
@@ -558,6 +736,10 @@ impl eframe::App for Workbench {
     fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
         self.listen(&ctx);
+        panels::materials::listen(self);
+        panels::scenes::listen(self);
+        self.dropped(&ctx);
+        self.seek();
         if let Some(shown) = self.shown().cloned() {
             self.places.watch(&shown);
         }
@@ -574,6 +756,7 @@ impl eframe::App for Workbench {
                 }
             });
         }
+        panels::scenes::ask(self, ui);
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
         egui::CentralPanel::no_frame().show(ui, |ui| {
             let mut tree = std::mem::replace(&mut self.tree, Tree::empty(tree_id()));
@@ -581,13 +764,20 @@ impl eframe::App for Workbench {
             self.tree = tree;
         });
         self.ask();
-        self.undoer.feed_state(ctx.input(|i| i.time), &self.undoable());
+        self.watch_changes(&ctx);
         self.keep(&ctx);
+        if self.titled != self.original.name {
+            self.titled.clone_from(&self.original.name);
+            ctx.send_viewport_cmd(egui::ViewportCommand::Title(format!("Scree - {}", self.titled)));
+        }
     }
 
     fn on_exit(&mut self) {
-        let Some((mut keeper, scene_name)) = self.keeping.take() else { return };
-        if let Err(error) = keeper.finish(|before| self.present(before, &scene_name)) {
+        // Of a scene that may not be one nothing is kept.
+        if self.before.is_none() {
+            self.keep_now();
+        }
+        if let Some(error) = self.keeping.as_ref().and_then(Keeper::failure) {
             // The window is gone.
             eprintln!("error: {error}");
         }

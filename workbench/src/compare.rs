@@ -82,9 +82,10 @@ pub struct Compare {
 }
 
 impl Compare {
-    /// What B is drawn by; `None` = it is not drawn. How a picture is looked at (layer, scale, counting) is A's.
+    /// What B is drawn by; `None` = it is not drawn. How a picture is looked at (layer, scale, counting, timing) is A's.
     pub fn b(&self, a: &Settings) -> Option<Settings> {
-        let looked_at_as_a = |b: &Settings| Settings { layer: a.layer, scale: a.scale, counts: a.counts, ..b.clone() };
+        let Settings { layer, scale, counts, times_variants, .. } = *a;
+        let looked_at_as_a = |b: &Settings| Settings { layer, scale, counts, times_variants, ..b.clone() };
         match (self.mode, &self.other) {
             (Mode::Off, _) => None,
             (_, Other::Exact) => Some(Settings { estimator: Estimator::Exact, ..a.clone() }),
@@ -138,6 +139,15 @@ pub fn label(own: &Settings, other: &Settings) -> String {
         let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
         parts.push(format!("{} {}{unit}", parameter.name, (mine * 1000.0).round() / 1000.0));
     }
+    if own.scene.materials != other.scene.materials {
+        parts.push("other materials".to_owned());
+    }
+    if own.scene.rules != other.scene.rules {
+        parts.push("other rules".to_owned());
+    }
+    if own.scene.strokes != other.scene.strokes {
+        parts.push(format!("{} strokes", own.scene.strokes.len()));
+    }
     if parts.is_empty() { own.choice_name() } else { parts.join(", ") }
 }
 
@@ -170,6 +180,10 @@ mod tests {
             (label(&a, &b), label(&b, &a)),
             ("world, Noise cell 2 px".to_owned(), format!("white, Noise cell {} px", kept.scene.blend.hash_scale))
         );
+        let mut painted = b.clone();
+        painted.scene.materials[0].tint[1] = 0.5;
+        painted.scene.rules.pop();
+        assert_eq!(label(&painted, &b), "other materials, other rules");
         compare.other = Other::Exact;
         assert_eq!(compare.b(&a).map(|b| (b.estimator, b.noise)), Some((Estimator::Exact, NoiseKind::WhiteWorld)));
         compare.other = Other::Full;

@@ -1,4 +1,6 @@
-//! From a picture's numbers to colours on the screen.
+//! From a picture's numbers to colours on the screen, and what those mean: legends and pictures take their colours from the same [`Scale`]s.
+
+use std::sync::LazyLock;
 
 use experiments::judge::flip::magma;
 use kernels::metrics::{Followed, Point};
@@ -37,30 +39,136 @@ pub enum Layer {
     Bias,
 }
 
-/// Distances that the depth scale ends at, metres.
-const DEPTHS_M: [f32; 2] = [1.0, 10_000.0];
-/// Fetches that the scale ends at: full splat on two tilings.
-const MOST_FETCHES: f32 = 96.0;
+/// How a value becomes a colour, in the picture and on the bar that explains it.
+#[derive(Debug, PartialEq)]
+pub struct Scale {
+    /// What the values are.
+    pub name: &'static str,
+    colours: Colours,
+    /// Values at the bar's ends, whose colours those beyond have, too.
+    ends: [f32; 2],
+    logarithmic: bool,
+    /// Values that are marked on the bar, and what is written there.
+    pub ticks: &'static [(f32, &'static str)],
+}
+
+/// The colours along a bar.
+#[derive(Debug, PartialEq)]
+enum Colours {
+    /// From black to pale yellow, in equal steps to the eye.
+    Magma,
+    /// Blue, grey in the middle, orange.
+    Diverging,
+    /// From black to red (0), green (1) or blue (2).
+    Channel(usize),
+}
+
+impl Scale {
+    /// Where a value is on the bar, from 0 at the left to 1 at the right.
+    pub fn place(&self, value: f32) -> f32 {
+        let [low, high] = self.ends;
+        let place = if self.logarithmic { (value.max(low) / low).ln() / (high / low).ln() } else { (value - low) / (high - low) };
+        place.clamp(0.0, 1.0)
+    }
+
+    /// The colour at a place on the bar, sRGB.
+    pub fn at(&self, place: f32) -> [u8; 3] {
+        match self.colours {
+            Colours::Magma => MAGMA[((place.clamp(0.0, 1.0) * 255.0) as usize).min(MAGMA.len() - 1)],
+            Colours::Diverging => diverging(2.0 * place - 1.0),
+            Colours::Channel(channel) => {
+                let mut colour = [0; 3];
+                colour[channel] = (place.clamp(0.0, 1.0) * 255.0) as u8;
+                colour
+            }
+        }
+    }
+
+    /// The colour of a value, sRGB.
+    pub fn colour(&self, value: f32) -> [u8; 3] {
+        self.at(self.place(value))
+    }
+}
+
+static MAGMA: LazyLock<Vec<[u8; 3]>> = LazyLock::new(magma);
+
+/// Metres.
+static DEPTH: [Scale; 1] = [Scale {
+    name: "distance along the view direction",
+    colours: Colours::Magma,
+    ends: [1.0, 10_000.0],
+    logarithmic: true,
+    ticks: &[(1.0, "1 m"), (10.0, "10 m"), (100.0, "100 m"), (1000.0, "1 km"), (10_000.0, "10 km")],
+}];
+/// Up to full splat on two tilings.
+static FETCHES: [Scale; 1] = [Scale {
+    name: "texture fetches a pixel",
+    colours: Colours::Magma,
+    ends: [0.0, 96.0],
+    logarithmic: false,
+    ticks: &[(0.0, "0"), (24.0, "24"), (48.0, "48"), (72.0, "72"), (96.0, "96")],
+}];
+static NORMAL: [Scale; 3] = [
+    Scale { name: "x, east", colours: Colours::Channel(0), ends: [-1.0, 1.0], logarithmic: false, ticks: COMPONENTS },
+    Scale { name: "y, north", colours: Colours::Channel(1), ends: [-1.0, 1.0], logarithmic: false, ticks: COMPONENTS },
+    Scale { name: "z, up", colours: Colours::Channel(2), ends: [-1.0, 1.0], logarithmic: false, ticks: COMPONENTS },
+];
+const COMPONENTS: &[(f32, &str)] = &[(-1.0, "-1"), (0.0, "0"), (1.0, "1")];
+static DEVIATION: [Scale; 1] =
+    [Scale { name: "standard deviation of luminance", colours: Colours::Magma, ends: [1e-3, 1.0], logarithmic: true, ticks: LUMINANCES }];
+static FLICKER: [Scale; 1] = [Scale {
+    name: "mean |difference| in luminance from frame to frame",
+    colours: Colours::Magma,
+    ends: [1e-3, 1.0],
+    logarithmic: true,
+    ticks: LUMINANCES,
+}];
+static DIFFERENCE: [Scale; 1] =
+    [Scale { name: "|A - B| in luminance", colours: Colours::Magma, ends: [1e-3, 1.0], logarithmic: true, ticks: LUMINANCES }];
+const LUMINANCES: &[(f32, &str)] = &[(1e-3, "0.001"), (0.01, "0.01"), (0.1, "0.1"), (1.0, "1")];
+static FLIPS: [Scale; 1] = [Scale {
+    name: "share of choices other than the frame before",
+    colours: Colours::Magma,
+    ends: [0.0, 1.0],
+    logarithmic: false,
+    ticks: &[(0.0, "0"), (0.25, "0.25"), (0.5, "0.5"), (0.75, "0.75"), (1.0, "1")],
+}];
+static BIAS: [Scale; 1] = [Scale {
+    name: "mean A - B in luminance",
+    colours: Colours::Diverging,
+    ends: [-0.1, 0.1],
+    logarithmic: false,
+    ticks: &[(-0.1, "-0.1"), (0.0, "0"), (0.1, "0.1")],
+}];
+
 /// Colours of choices, which have no order: by turns around the circle of hues, neighbours far apart.
 const CHOICES: [[u8; 3]; 8] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [213, 94, 0], [204, 121, 167], [160, 160, 160]];
+/// The largest choice: four splat texels along three axes.
+const MOST_CHOICES: usize = 12;
 
-/// Bias that the diverging scale ends at, luminance.
-const LARGEST_BIAS: f32 = 0.1;
-/// Differences that logarithmic scales begin at, luminance; they end at 1.
-const SMALLEST_DIFFERENCE: f32 = 1e-3;
+/// What the colours of a picture mean.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Legend {
+    /// More than a bar or swatches can say: [`Layer::legend`].
+    Words,
+    /// A value a bar.
+    Bars(&'static [Scale]),
+    /// A meaning a colour.
+    Swatches(Vec<Swatch>),
+}
+
+/// A colour with its meaning.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Swatch {
+    /// sRGB.
+    pub colour: [u8; 3],
+    /// What it stands for.
+    pub name: String,
+}
 
 fn lit(texel: &[f32; 4]) -> [u8; 3] {
     tone_map([texel[0], texel[1], texel[2]])
-}
-
-fn on_scale(scale: &[[u8; 3]], share: f32) -> [u8; 3] {
-    scale[((share.clamp(0.0, 1.0) * 255.0) as usize).min(scale.len() - 1)]
-}
-
-/// Place of a difference on a scale from [`SMALLEST_DIFFERENCE`] to 1.
-fn logarithmic(difference: f32) -> f32 {
-    1.0 - (difference.max(SMALLEST_DIFFERENCE).ln() / SMALLEST_DIFFERENCE.ln())
 }
 
 /// Blue below 0, grey at 0, orange above, as far apart for those who tell red and green with trouble; -1 to 1.
@@ -71,12 +179,33 @@ fn diverging(value: f32) -> [u8; 3] {
     std::array::from_fn(|k| (ENDS[1][k] + (end[k] - ENDS[1][k]) * value.abs()) as u8)
 }
 
-/// How much the lit luminance of two pictures differs, on the logarithmic scale.
+/// How much the lit luminance of two pictures differs, in the colours of [`difference_legend`].
 pub fn difference(a: &Picture, b: &Picture) -> Vec<[u8; 3]> {
-    let scale = magma();
     let lit = |t: &[f32; 4]| luminance([t[0], t[1], t[2]]) as f32;
-    let colour = |(a, b): (&[f32; 4], &[f32; 4])| on_scale(&scale, logarithmic((lit(a) - lit(b)).abs()));
+    let colour = |(a, b): (&[f32; 4], &[f32; 4])| DIFFERENCE[0].colour((lit(a) - lit(b)).abs());
     a.hdr.par_iter().zip(&b.hdr).map(colour).collect()
+}
+
+/// What the colours of a difference mean.
+pub fn difference_legend() -> Legend {
+    Legend::Bars(&DIFFERENCE)
+}
+
+/// The colour of a choice: black = there was none.
+fn choice(code: f32) -> [u8; 3] {
+    if code >= 1.0 { CHOICES[(code as usize - 1) % CHOICES.len()] } else { [0; 3] }
+}
+
+/// The flavours of a pixel or tile; `None` = it has none.
+fn flavours(mask: f32) -> Option<Variant> {
+    Variant::new(mask as u8)
+}
+
+/// The sets of flavours that occur, in the order of their numbers.
+fn occurring(masks: &[f32]) -> Vec<Variant> {
+    let bit = |mask: &f32| flavours(*mask).map_or(0, |variant| 1_u32 << variant.mask());
+    let seen = masks.par_iter().map(bit).reduce(|| 0, |a, b| a | b);
+    Variant::all().filter(|variant| seen >> variant.mask() & 1 == 1).collect()
 }
 
 impl Layer {
@@ -156,17 +285,58 @@ impl Layer {
         matches!(self, Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias)
     }
 
+    /// What its values are coloured by, where they are numbers.
+    fn scales(self) -> &'static [Scale] {
+        match self {
+            Layer::Normal => &NORMAL,
+            Layer::Depth => &DEPTH,
+            Layer::Fetches => &FETCHES,
+            Layer::Deviation => &DEVIATION,
+            Layer::Flicker => &FLICKER,
+            Layer::Flips => &FLIPS,
+            Layer::Bias => &BIAS,
+            Layer::Lit | Layer::Albedo | Layer::Mask | Layer::Tiles | Layer::Choice => &[],
+        }
+    }
+
+    /// What the colours of a picture that was made with this layer mean.
+    pub fn legend_for(self, picture: &Picture) -> Legend {
+        let swatches = match (self, self.aov().and_then(|name| picture.layer(name))) {
+            (Layer::Mask | Layer::Tiles, Some(Values::Value(masks))) => {
+                let swatch = |variant: Variant| Swatch { colour: variant.colour(), name: format!("{variant} ({})", variant.mask()) };
+                occurring(masks).into_iter().map(swatch).collect()
+            }
+            (Layer::Choice, Some(Values::Value(_))) => {
+                let none = Swatch { colour: choice(0.0), name: "none".to_owned() };
+                let some = (1..=CHOICES.len()).map(|code| {
+                    let also = code + CHOICES.len();
+                    let name = if also <= MOST_CHOICES { format!("{code}, {also}") } else { code.to_string() };
+                    Swatch { colour: choice(code as f32), name }
+                });
+                std::iter::once(none).chain(some).collect()
+            }
+            _ => Vec::new(),
+        };
+        match (self.scales(), swatches.is_empty()) {
+            ([], true) => Legend::Words,
+            ([], false) => Legend::Swatches(swatches),
+            (scales, _) => Legend::Bars(scales),
+        }
+    }
+
     /// The colours of what was followed, over a darkened picture where there is no terrain or nothing to say yet.
     fn measured(self, picture: &Picture, followed: &Followed) -> Vec<[u8; 3]> {
-        let scale = magma();
         let colour = |(point, seen): (&Point, &[f32; 4])| {
             let value = match self {
-                Layer::Deviation => (point.frames > 1.0).then(|| logarithmic(point.variance.max(0.0).sqrt())),
-                Layer::Flicker => (point.frames > 1.0).then(|| logarithmic(point.flicker)),
+                Layer::Deviation => (point.frames > 1.0).then(|| point.variance.max(0.0).sqrt()),
+                Layer::Flicker => (point.frames > 1.0).then_some(point.flicker),
                 Layer::Flips => (point.chosen > 0.0).then_some(point.flips),
-                _ => return if point.frames > 0.0 { diverging(point.bias / LARGEST_BIAS) } else { lit(seen).map(|c| c / 3) },
+                _ => (point.frames > 0.0).then_some(point.bias),
             };
-            value.map_or_else(|| lit(seen).map(|c| c / 3), |share| on_scale(&scale, share))
+            match (value, self.scales()) {
+                (Some(value), [scale]) => scale.colour(value),
+                _ => lit(seen).map(|c| c / 3),
+            }
         };
         followed.points().par_iter().zip(&picture.hdr).map(colour).collect()
     }
@@ -176,31 +346,168 @@ impl Layer {
         if self.is_measured() && followed.points().len() == picture.hdr.len() {
             return self.measured(picture, followed);
         }
-        let scale = magma();
-        let on_scale = |share: f32| on_scale(&scale, share);
         match (self, self.aov().and_then(|name| picture.layer(name))) {
             (Layer::Albedo, Some(Values::Rgb(texels))) => texels.par_iter().map(|t| t.map(srgb_code)).collect(),
             (Layer::Normal, Some(Values::Xyz(texels))) => {
-                texels.par_iter().map(|t| t.map(|c| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * 255.0) as u8)).collect()
+                let colour = |texel: &[f32; 3]| std::array::from_fn(|k| NORMAL[k].colour(texel[k])[k]);
+                texels.par_iter().map(colour).collect()
             }
             (Layer::Depth, Some(Values::Value(metres))) => {
-                let span = (DEPTHS_M[1] / DEPTHS_M[0]).ln();
-                metres.par_iter().map(|&m| if m > 0.0 { on_scale((m / DEPTHS_M[0]).max(1.0).ln() / span) } else { [0; 3] }).collect()
+                metres.par_iter().map(|&m| if m > 0.0 { DEPTH[0].colour(m) } else { [0; 3] }).collect()
             }
             (Layer::Mask | Layer::Tiles, Some(Values::Value(masks))) => {
                 let colour = |(&mask, seen): (&f32, &[f32; 4])| {
                     let seen = lit(seen);
-                    let Some(variant) = Variant::new(mask as u8) else { return seen };
+                    let Some(variant) = flavours(mask) else { return seen };
                     let own = variant.colour();
                     std::array::from_fn(|k| own[k].midpoint(seen[k]))
                 };
                 masks.par_iter().zip(&picture.hdr).map(colour).collect()
             }
-            (Layer::Fetches, Some(Values::Value(counts))) => counts.par_iter().map(|&n| on_scale(n / MOST_FETCHES)).collect(),
-            (Layer::Choice, Some(Values::Value(choices))) => {
-                choices.par_iter().map(|&c| if c > 0.0 { CHOICES[(c as usize - 1) % CHOICES.len()] } else { [0; 3] }).collect()
-            }
+            (Layer::Fetches, Some(Values::Value(counts))) => counts.par_iter().map(|&n| FETCHES[0].colour(n)).collect(),
+            (Layer::Choice, Some(Values::Value(choices))) => choices.par_iter().map(|&code| choice(code)).collect(),
             _ => picture.hdr.par_iter().map(lit).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::frame::FrameReport;
+    use kernels::metrics::Sample;
+
+    use super::*;
+
+    /// A picture of so many pixels of grey terrain in a row, with one layer.
+    fn picture(name: &str, values: Values, pixels: usize) -> Picture {
+        let width = u32::try_from(pixels).expect("few");
+        Picture {
+            size: [width, 1],
+            hdr: vec![[0.2, 0.2, 0.2, 1.0]; pixels],
+            layers: vec![(name.to_owned(), values)],
+            passes: Vec::new(),
+            fetches_per_px: None,
+            report: FrameReport::default(),
+        }
+    }
+
+    fn bars(legend: &Legend) -> &'static [Scale] {
+        match legend {
+            Legend::Bars(scales) => scales,
+            other => panic!("no bars: {other:?}"),
+        }
+    }
+
+    /// Colours of the bar where its ticks are.
+    fn at_ticks(scale: &Scale) -> Vec<[u8; 3]> {
+        scale.ticks.iter().map(|(value, _)| scale.at(scale.place(*value))).collect()
+    }
+
+    fn values(scale: &Scale) -> Vec<f32> {
+        scale.ticks.iter().map(|(value, _)| *value).collect()
+    }
+
+    #[test]
+    fn a_pixel_has_the_colour_that_the_bar_has_at_its_value() {
+        for (layer, name) in [(Layer::Depth, "depth"), (Layer::Fetches, "fetches")] {
+            let scale = &layer.scales()[0];
+            let picture = picture(name, Values::Value(values(scale)), scale.ticks.len());
+            assert_eq!(layer.colours(&picture, &Followed::default()), at_ticks(scale), "{}", layer.name());
+            assert_eq!(bars(&layer.legend_for(&picture)), layer.scales());
+        }
+        // A normal's channels are three bars.
+        let components = values(&NORMAL[0]);
+        let normals: Vec<[f32; 3]> = components.iter().map(|&c| [c, -c, 0.5 * c]).collect();
+        let picture = picture("normal", Values::Xyz(normals.clone()), normals.len());
+        let expected: Vec<[u8; 3]> = normals.iter().map(|n| std::array::from_fn(|k| NORMAL[k].at(NORMAL[k].place(n[k]))[k])).collect();
+        assert_eq!(Layer::Normal.colours(&picture, &Followed::default()), expected);
+        assert_eq!(bars(&Layer::Normal.legend_for(&picture)).len(), 3);
+        assert_eq!((expected[0], expected[2]), ([0, 255, 63], [255, 0, 191]));
+    }
+
+    #[test]
+    fn what_is_measured_has_the_colours_of_its_bar() {
+        // The second frame is brighter by as much as a tick says: that is its flicker, its deviation is half of it.
+        let ticks = values(&FLICKER[0]);
+        let count = u32::try_from(ticks.len()).expect("few");
+        let links: Vec<u32> = (0..count).collect();
+        let sample = |luminance: f32, error: f32| Sample { luminance, choice: 1, error };
+        let mut followed = Followed::default();
+        let second: Vec<Sample> = ticks.iter().map(|&tick| sample(tick, 0.1)).collect();
+        for samples in [vec![sample(0.0, 0.1); ticks.len()], second] {
+            followed.take([count, 1], &samples, &links, 8, true);
+        }
+        let picture = picture("albedo", Values::Rgb(Vec::new()), ticks.len());
+        let of = |layer: Layer| layer.colours(&picture, &followed);
+        let points = followed.points();
+        let along = |scale: &Scale, value: fn(&Point) -> f32| points.iter().map(|p| scale.at(scale.place(value(p)))).collect::<Vec<_>>();
+        assert_eq!(of(Layer::Flicker), along(&FLICKER[0], |p| p.flicker));
+        assert_eq!(of(Layer::Deviation), along(&DEVIATION[0], |p| p.variance.sqrt()));
+        assert_eq!(of(Layer::Flips), along(&FLIPS[0], |p| p.flips));
+        assert_eq!(of(Layer::Bias), along(&BIAS[0], |p| p.bias));
+        assert!((points[2].flicker - ticks[2]).abs() < 1e-6 && (points[2].variance.sqrt() - ticks[2] / 2.0).abs() < 1e-6);
+        for layer in Layer::ALL.into_iter().filter(|layer| layer.is_measured()) {
+            assert_eq!(bars(&layer.legend_for(&picture)), layer.scales());
+        }
+    }
+
+    #[test]
+    fn a_difference_has_the_colours_of_its_bar() {
+        let scale = &DIFFERENCE[0];
+        let a = picture("albedo", Values::Rgb(Vec::new()), scale.ticks.len());
+        let mut b = a.clone();
+        for (texel, (value, _)) in b.hdr.iter_mut().zip(scale.ticks) {
+            *texel = [0.2 + value, 0.2 + value, 0.2 + value, 1.0];
+        }
+        // Rounding may move a value over the border to the colour beside, of 256.
+        for (colour, (value, _)) in difference(&a, &b).into_iter().zip(scale.ticks) {
+            let beside = [-1.0, 0.0, 1.0].map(|step| scale.at(scale.place(*value) + step / 255.0));
+            assert!(beside.contains(&colour), "{colour:?} at {value} is none of {beside:?}");
+        }
+        assert_eq!(difference_legend(), Legend::Bars(&DIFFERENCE));
+    }
+
+    #[test]
+    fn ticks_lie_on_their_bar_in_order_and_colours_tell_them_apart() {
+        let all = Layer::ALL.into_iter().flat_map(Layer::scales).chain(&DIFFERENCE);
+        for scale in all {
+            let places: Vec<f32> = values(scale).into_iter().map(|value| scale.place(value)).collect();
+            assert!(places.len() >= 3 && places.windows(2).all(|pair| pair[0] + 0.1 < pair[1]), "{}: {places:?}", scale.name);
+            let ends = [places[0], places[places.len() - 1]];
+            assert!(ends[0].abs() < 1e-6 && (ends[1] - 1.0).abs() < 1e-6, "{}: {places:?}", scale.name);
+            assert!(at_ticks(scale).windows(2).all(|pair| pair[0] != pair[1]), "{}", scale.name);
+            // Beyond the ends there is nothing further, and what is no number has a colour, too.
+            assert_eq!(scale.colour(f32::MAX), scale.at(1.0), "{}", scale.name);
+            assert_eq!(scale.colour(f32::MIN), scale.at(0.0), "{}", scale.name);
+            let _ = scale.colour(f32::NAN);
+        }
+        assert!((DEPTH[0].place(100.0) - 0.5).abs() < 1e-6 && (BIAS[0].place(0.0) - 0.5).abs() < 1e-6);
+        assert_eq!(BIAS[0].colour(0.0), diverging(0.0));
+    }
+
+    #[test]
+    fn swatches_are_what_occurs_in_the_colours_that_it_has() {
+        let masks = vec![16.0, 0.0, 3.0, 16.0, 1.0];
+        for (layer, name) in [(Layer::Mask, "mask"), (Layer::Tiles, "variant")] {
+            let picture = picture(name, Values::Value(masks.clone()), masks.len());
+            let Legend::Swatches(swatches) = layer.legend_for(&picture) else { panic!("no swatches") };
+            let names: Vec<&str> = swatches.iter().map(|swatch| swatch.name.as_str()).collect();
+            assert_eq!(names, ["vt (1)", "vt+far-atlas (3)", "splat (16)"]);
+            // Pixels are halfway from their swatch to the picture.
+            let seen = lit(&picture.hdr[0]);
+            let colours = layer.colours(&picture, &Followed::default());
+            let mixed = |swatch: &Swatch| std::array::from_fn(|k| swatch.colour[k].midpoint(seen[k]));
+            assert_eq!(colours, [mixed(&swatches[2]), seen, mixed(&swatches[1]), mixed(&swatches[2]), mixed(&swatches[0])]);
+        }
+        let codes: Vec<f32> = (0..=8_u8).map(f32::from).collect();
+        let picture = picture("choice", Values::Value(codes.clone()), codes.len());
+        let Legend::Swatches(swatches) = Layer::Choice.legend_for(&picture) else { panic!("no swatches") };
+        let colours: Vec<[u8; 3]> = swatches.iter().map(|swatch| swatch.colour).collect();
+        assert_eq!(Layer::Choice.colours(&picture, &Followed::default()), colours);
+        assert_eq!((swatches[0].name.as_str(), swatches[1].name.as_str(), swatches[8].name.as_str()), ("none", "1, 9", "8"));
+        // Words where there is neither, and where the layer is not there.
+        for layer in [Layer::Lit, Layer::Albedo, Layer::Mask] {
+            assert_eq!(layer.legend_for(&picture), Legend::Words, "{}", layer.name());
         }
     }
 }

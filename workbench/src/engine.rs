@@ -12,19 +12,24 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use kernels::camera::{Pose, along};
-use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
+use kernels::frame::{Progress, RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::gpu::Gpu;
+use kernels::metrics::Followed;
 use kernels::picture::Picture;
+use kernels::scene::Scene;
 use kernels::shared::signal::luminance;
 use kernels::variant::Variant;
 
 use crate::compare::{Compare, Mode};
-use crate::display;
+use crate::display::{self, Legend};
 use crate::inspector::{self, Pixel};
-use crate::live::{Live, Metrics, Reading};
+use crate::live::{LAYERS, Live, Metrics, Reading};
 use crate::places::Recorded;
 use crate::reload::{INTERVAL, Reload};
 use crate::settings::Settings;
+use crate::sketch::{self, Sketch};
+
+mod pool;
 
 /// Height of the eye when walking, metres.
 pub const EYE_M: f64 = 1.7;
@@ -68,12 +73,30 @@ pub struct Wish {
     pub frame: u32,
     /// Place of a pixel that is taken apart, in shares of the picture; `None` = none is.
     pub probe: Option<[f32; 2]>,
+    /// Whether places on the ground are looked for, by the picture's depth: for a brush, and for what is orbited.
+    pub seeks: bool,
+    /// Where nodes and patches are selected from in place of the viewpoint; `None` = from there.
+    pub culled_from: Option<Pose>,
+    /// Number of the opening that the scene comes from: another one is loaded anew, with the files that it names, also if the scene is equal.
+    pub opened: u32,
 }
 
 impl Wish {
     /// Whether pictures are followed from frame to frame.
     pub fn is_measured(&self) -> bool {
         self.metrics.on || self.settings.layer.is_measured()
+    }
+
+    /// Layers that are wanted besides the one on show.
+    fn layers(&self) -> Vec<&'static str> {
+        let measured: &[&str] = if self.is_measured() { &LAYERS } else { &[] };
+        let sought: &[&str] = if self.seeks { &["depth"] } else { &[] };
+        [measured, sought].concat()
+    }
+
+    /// The picture of A, with these layers besides the one on show.
+    fn request(&self, pose: Pose, layers: &[&str]) -> RenderRequest {
+        RenderRequest { culled_from: self.culled_from, ..self.settings.request(pose, self.size, self.frame, layers) }
     }
 }
 
@@ -83,6 +106,8 @@ pub struct Second {
     pub settings: Settings,
     /// sRGB, row by row from the top.
     pub texels: Vec<[u8; 3]>,
+    /// What its colours mean.
+    pub legend: Legend,
     /// How much it differs from the first, as colours, where that is shown.
     pub difference: Option<Vec<[u8; 3]>>,
     /// Root mean squared difference of lit linear colour over terrain.
@@ -103,6 +128,10 @@ pub struct Shown {
     pub pose: Pose,
     /// sRGB, row by row from the top.
     pub texels: Vec<[u8; 3]>,
+    /// What its colours mean.
+    pub legend: Legend,
+    /// Whether it is a first look, which shows only where everything is.
+    pub draft: bool,
     /// The picture and its numbers.
     pub picture: Picture,
     /// B, if it was wanted.
@@ -113,6 +142,8 @@ pub struct Shown {
     pub alone: Option<String>,
     /// Elevation of the ground below the camera, metres.
     pub ground_m: f64,
+    /// Elevation of the ground below the pose that culling is frozen at, metres; `None` = it is not frozen.
+    pub culled_ground_m: Option<f64>,
     /// How the quadtree lies over the world.
     pub layout: kernels::world::Layout,
     /// What was measured since the numbers were begun, the newest last.
@@ -143,6 +174,10 @@ pub struct News {
     pub warm: [usize; 2],
     /// Why the last wish was not fulfilled; one line.
     pub failure: Option<String>,
+    /// Number of the opening whose scene was loaded last, with all that it names.
+    pub loaded: Option<u32>,
+    /// Number of the opening whose scene could not be loaded, if that was the last one; the failure says why.
+    pub unloaded: Option<u32>,
     /// Why the shaders of the folder are not those that draw; one line with file, line and message. The last that compiled draw.
     pub shader_error: Option<String>,
 }
@@ -152,14 +187,26 @@ struct Mail {
     wish: Option<Wish>,
     /// Whether shaders that nothing was drawn with yet are made ready between pictures.
     warming: bool,
+    /// Whether what was drawn is to be forgotten: nobody looks at it any more.
+    rest: bool,
+    /// Whether the device is to be lost.
+    lose: bool,
     stop: bool,
+    /// Whether the thread has ended, for whatever reason.
+    ended: bool,
 }
+
+/// What is called whenever there are news.
+type Wake = Arc<dyn Fn() + Send + Sync>;
 
 struct Boxes {
     mail: Mutex<Mail>,
     arrived: Condvar,
+    /// Tells that the thread rests, or has ended.
+    rested: Condvar,
     news: Mutex<News>,
-    wake: Box<dyn Fn() + Send + Sync>,
+    /// Belongs to the window that looks.
+    wake: Mutex<Wake>,
 }
 
 /// What a mutex holds, also after a thread that held it has panicked: what is in there is whole at any moment.
@@ -168,9 +215,20 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Boxes {
+    fn new(wake: Wake) -> Boxes {
+        Boxes {
+            mail: Mutex::new(Mail::default()),
+            arrived: Condvar::new(),
+            rested: Condvar::new(),
+            news: Mutex::new(News::default()),
+            wake: Mutex::new(wake),
+        }
+    }
+
     fn tell(&self, change: impl FnOnce(&mut News)) {
         change(&mut lock(&self.news));
-        (self.wake)();
+        let wake = lock(&self.wake).clone();
+        wake();
     }
 
     /// Shaders that are ready, of all; none of none where nobody makes them ready.
@@ -189,6 +247,9 @@ impl Boxes {
         loop {
             if mail.stop {
                 return Next::Stop;
+            }
+            if mail.rest {
+                return Next::Rest;
             }
             if let Some(wish) = mail.wish.take() {
                 return Next::Wish(Box::new(wish));
@@ -211,6 +272,8 @@ impl Boxes {
 enum Next {
     Wish(Box<Wish>),
     Idle,
+    /// Forget what was drawn, and say so.
+    Rest,
     Stop,
 }
 
@@ -218,18 +281,15 @@ enum Next {
 pub struct Engine {
     boxes: Arc<Boxes>,
     thread: Option<JoinHandle<()>>,
+    /// The scene that the thread goes on with for another window, if it is one that is used again.
+    scene: Option<Box<Scene>>,
 }
 
 impl Engine {
     /// Starts the thread. `shaders`: a folder laid out as `kernels/src` whose WGSL files are drawn with, and followed. `wake` is called whenever there
     /// are news.
     pub fn start(shaders: Option<PathBuf>, wake: impl Fn() + Send + Sync + 'static) -> Engine {
-        let boxes = Arc::new(Boxes {
-            mail: Mutex::new(Mail::default()),
-            arrived: Condvar::new(),
-            news: Mutex::new(News::default()),
-            wake: Box::new(wake),
-        });
+        let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
         let thread = std::thread::spawn(move || {
             let outcome = catch_unwind(AssertUnwindSafe(|| draw_on_devices(&own, shaders.map(Reload::new))));
@@ -238,14 +298,20 @@ impl Engine {
                     news.failure = Some("drawing stopped by an internal error; please report it, and restart the program".to_owned())
                 });
             }
+            own.ended();
         });
-        Engine { boxes, thread: Some(thread) }
+        Engine { boxes, thread: Some(thread), scene: None }
     }
 
     /// Asks for a picture; a wish that was not begun yet is replaced.
     pub fn wish(&self, wish: Wish) {
         lock(&self.boxes.mail).wish = Some(wish);
         self.boxes.arrived.notify_one();
+    }
+
+    /// Loses the device before the next picture, as a driver may at any time: for tests of what follows.
+    pub fn lose_device(&self) {
+        lock(&self.boxes.mail).lose = true;
     }
 
     /// Makes shaders ready that a click may ask for, whenever there is no picture to draw.
@@ -262,6 +328,9 @@ impl Engine {
 
 impl Drop for Engine {
     fn drop(&mut self) {
+        if self.give_back() {
+            return;
+        }
         lock(&self.boxes.mail).stop = true;
         self.boxes.arrived.notify_one();
         if let Some(thread) = self.thread.take() {
@@ -280,7 +349,7 @@ enum End {
     Device(Box<Wish>),
 }
 
-fn draw_on_devices(boxes: &Boxes, mut reload: Option<Reload>) {
+fn draw_on_devices(boxes: &Arc<Boxes>, mut reload: Option<Reload>) {
     let mut pending = None;
     let mut losses = 0;
     loop {
@@ -309,7 +378,7 @@ fn draw_on_devices(boxes: &Boxes, mut reload: Option<Reload>) {
 }
 
 /// Draws scene after scene until the device fails.
-fn draw_scenes(boxes: &Boxes, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
+fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
     let progress = |p: Progress| boxes.tell(|news| news.progress = Some(p));
     loop {
         let wish = match pending.take() {
@@ -317,10 +386,21 @@ fn draw_scenes(boxes: &Boxes, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses:
             None => match boxes.next(false, None) {
                 Next::Wish(wish) => wish,
                 Next::Idle => continue,
+                Next::Rest => {
+                    boxes.rested();
+                    continue;
+                }
                 Next::Stop => return End::Stop,
             },
         };
-        match Renderer::new(gpu, &wish.settings.scene, &progress) {
+        // Why the scene before could not be drawn is not said of this one.
+        boxes.tell(|news| {
+            if news.unloaded != Some(wish.opened) {
+                (news.failure, news.unloaded) = (None, None);
+            }
+        });
+        let options = RendererOptions { editable: true, sketch: Some(sketch::TEXELS), ..RendererOptions::default() };
+        match Renderer::with(gpu, &wish.settings.scene, options, &progress) {
             Ok(renderer) => match draw_pictures(boxes, renderer, wish, losses, reload) {
                 End::Scene(wish) => pending = Some(wish),
                 end => return end,
@@ -328,36 +408,66 @@ fn draw_scenes(boxes: &Boxes, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses:
             Err(kernels::error::Error::Gpu(_)) => return End::Device(wish),
             // The scene cannot be drawn: the next wish may bring another.
             Err(error) => boxes.tell(|news| {
-                news.progress = None;
-                news.failure = Some(error.to_string());
+                (news.progress, news.failure) = (None, Some(error.to_string()));
+                news.unloaded = Some(wish.opened);
             }),
         }
     }
 }
 
 /// Draws pictures of one scene.
-fn draw_pictures(boxes: &Boxes, mut renderer: Renderer<'_>, first: Box<Wish>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
+fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
+    let opened = first.opened;
     let mut warmed = Warmed::default();
     let mut live = Live::default();
     let mut next = Next::Wish(first);
-    // A folder is looked at also while nothing is wished for.
-    let patience = reload.is_some().then_some(INTERVAL);
     let mut last: Option<Box<Wish>> = None;
+    let own = boxes.clone();
+    let tell: sketch::Tell = Arc::new(move |progress| own.tell(|news| news.progress = Some(progress)));
+    let mut sketch = Sketch::of(&renderer);
+    let loaded = || boxes.tell(|news| (news.loaded, news.unloaded) = (Some(opened), None));
+    if sketch.is_none() {
+        loaded();
+    }
     loop {
+        // A folder is looked at, and textures are waited for, also while nothing is wished for.
+        let patience = if sketch.is_some() { Some(sketch::INTERVAL) } else { reload.is_some().then_some(INTERVAL) };
+        match sketch.as_mut().and_then(|sketch| sketch.step(&mut renderer)) {
+            None => {}
+            Some(Ok(())) => {
+                sketch = None;
+                loaded();
+                next = again(next, last.take());
+            }
+            Some(Err(why)) => {
+                boxes.tell(|news| (news.progress, news.failure, news.unloaded) = (None, Some(why), Some(opened)));
+                // Another scene may do better.
+                match boxes.next(false, None) {
+                    Next::Wish(wish) => return End::Scene(wish),
+                    Next::Idle => continue,
+                    Next::Rest | Next::Stop => return End::Stop,
+                }
+            }
+        }
         if let Some(outcome) = reload.as_mut().and_then(|reload| reload.step(&mut renderer)) {
             boxes.tell(|news| news.shader_error = outcome.as_ref().err().cloned());
             if outcome.is_ok_and(|report| !report.stages.is_empty()) {
                 // What was measured, and what is ready, was so with other shaders.
                 (live, warmed) = (Live::default(), Warmed::default());
-                // The last wish once more, unless there is a newer one.
-                next = match (next, last.take()) {
-                    (Next::Idle, Some(wish)) => Next::Wish(wish),
-                    (next, _) => next,
-                };
+                next = again(next, last.take());
             }
         }
         let wish = match next {
             Next::Stop => return End::Stop,
+            // Nobody waits for its textures.
+            Next::Rest if sketch.is_some() => return End::Stop,
+            Next::Rest => {
+                // Whoever wishes next is another.
+                (live, warmed, last) = (Live::default(), Warmed::default(), None);
+                boxes.rested();
+                next = boxes.next(false, patience);
+                continue;
+            }
             Next::Idle => {
                 if warmed.is_open() && boxes.is_warming() {
                     if warmed.step(&mut renderer).is_err() {
@@ -370,6 +480,9 @@ fn draw_pictures(boxes: &Boxes, mut renderer: Renderer<'_>, first: Box<Wish>, lo
             }
             Next::Wish(wish) => wish,
         };
+        if wish.opened != opened {
+            return End::Scene(wish);
+        }
         match renderer.retune(&wish.settings.scene) {
             Ok(true) => {}
             Ok(false) => return End::Scene(wish),
@@ -380,10 +493,19 @@ fn draw_pictures(boxes: &Boxes, mut renderer: Renderer<'_>, first: Box<Wish>, lo
             }
         }
         last = Some(wish.clone());
-        match draw(&mut renderer, &mut live, &wish) {
+        if std::mem::take(&mut lock(&boxes.mail).lose) {
+            renderer.gpu().device.destroy();
+        }
+        let is_draft = sketch.is_some() && renderer.is_sketch();
+        match if is_draft { draw_draft(&mut renderer, &wish) } else { draw(&mut renderer, &mut live, &wish) } {
             Ok((request, shown)) => {
                 *losses = 0;
-                warmed.drew(&request, &shown.picture);
+                if !is_draft {
+                    warmed.drew(&request, &shown.picture);
+                }
+                if let Some(sketch) = &mut sketch {
+                    sketch.begin(&tell);
+                }
                 boxes.tell(|news| {
                     news.shown = Some(Arc::new(shown));
                     news.warm = boxes.warmth(&warmed);
@@ -391,10 +513,15 @@ fn draw_pictures(boxes: &Boxes, mut renderer: Renderer<'_>, first: Box<Wish>, lo
                 });
             }
             Err(kernels::error::Error::Gpu(_)) => return End::Device(wish),
-            Err(error) => boxes.tell(|news| {
-                news.progress = None;
-                news.failure = Some(error.to_string());
-            }),
+            Err(error) => {
+                if let Some(sketch) = &mut sketch {
+                    sketch.begin(&tell);
+                }
+                boxes.tell(|news| {
+                    news.progress = None;
+                    news.failure = Some(error.to_string());
+                });
+            }
         }
         next = boxes.next(warmed.is_open(), patience);
         // Wishes that come without a pause would leave no time for shaders that a click may want: one a picture.
@@ -407,12 +534,50 @@ fn draw_pictures(boxes: &Boxes, mut renderer: Renderer<'_>, first: Box<Wish>, lo
     }
 }
 
+/// The last wish once more, unless there is a newer one.
+fn again(next: Next, last: Option<Box<Wish>>) -> Next {
+    match (next, last) {
+        (Next::Idle, Some(wish)) => Next::Wish(wish),
+        (next, _) => next,
+    }
+}
+
+/// Draws a first look at what is wanted: A alone, and nothing measured.
+fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::error::Result<(RenderRequest, Shown)> {
+    let began = Instant::now();
+    let pose = pose(renderer, wish)?;
+    let request = sketch::draft(&wish.request(pose, &[]));
+    let picture = renderer.render(&request)?;
+    let shown = Shown {
+        pose,
+        texels: display::Layer::Lit.colours(&picture, &Followed::default()),
+        legend: display::Layer::Lit.legend_for(&picture),
+        draft: true,
+        picture,
+        second: None,
+        pixel: None,
+        alone: None,
+        ground_m: renderer.ground_m(pose.position.x, pose.position.y),
+        culled_ground_m: culled_ground_m(renderer, wish),
+        layout: *renderer.world().layout(),
+        readings: Vec::new(),
+        took: began.elapsed(),
+        wish: wish.clone(),
+    };
+    Ok((request, shown))
+}
+
+/// Elevation of the ground below the pose that culling is frozen at, metres.
+fn culled_ground_m(renderer: &Renderer<'_>, wish: &Wish) -> Option<f64> {
+    wish.culled_from.map(|pose| renderer.ground_m(pose.position.x, pose.position.y))
+}
+
 /// Draws A, and B if it is wanted, and measures them.
 fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
     let measured = wish.is_measured();
-    let request = wish.settings.request(pose, wish.size, wish.frame, measured);
+    let request = wish.request(pose, &wish.layers());
     let picture = renderer.render(&request)?;
     let pixel = match wish.probe {
         Some(probe) => inspector::inspect(renderer, &request, inspector::pixel_at(probe, wish.size))?,
@@ -431,13 +596,27 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::e
         live.take(renderer, &wish.metrics, &request, [Some(&wish.settings), b.as_ref()], [Some(&picture), second.as_ref()])?;
     }
     let layer = wish.settings.layer;
-    let texels = layer.colours(&picture, live.side(0));
+    let (texels, legend) = (layer.colours(&picture, live.side(0)), layer.legend_for(&picture));
     let second = second.zip(b).map(|(second, settings)| compared(wish, &picture, second, settings, live));
     let readings = if measured { live.history() } else { Vec::new() };
     let ground_m = renderer.ground_m(pose.position.x, pose.position.y);
     let layout = *renderer.world().layout();
-    let shown =
-        Shown { pose, texels, picture, second, pixel, alone, ground_m, layout, readings, took: began.elapsed(), wish: wish.clone() };
+    let shown = Shown {
+        pose,
+        texels,
+        legend,
+        draft: false,
+        picture,
+        second,
+        pixel,
+        alone,
+        ground_m,
+        culled_ground_m: culled_ground_m(renderer, wish),
+        layout,
+        readings,
+        took: began.elapsed(),
+        wish: wish.clone(),
+    };
     Ok((request, shown))
 }
 
@@ -448,8 +627,8 @@ fn draw_second(renderer: &mut Renderer<'_>, settings: &Settings, a: &RenderReque
                     keep B anew, or undo that";
         return Err(kernels::error::Error::Request(text.to_owned()));
     }
-    let request = settings.request(a.pose, a.size, a.frame, measured);
-    renderer.render(&RenderRequest { keep_geometry: true, ..request })
+    let request = settings.request(a.pose, a.size, a.frame, if measured { &LAYERS } else { &[] });
+    renderer.render(&RenderRequest { keep_geometry: true, culled_from: a.culled_from, ..request })
 }
 
 /// What B looks like, and how far A is from it.
@@ -467,6 +646,7 @@ fn compared(wish: &Wish, a: &Picture, b: Picture, settings: Settings, live: &Liv
     let count = f64::from(count.max(1));
     Second {
         texels: wish.settings.layer.of_second().colours(&b, live.side(1)),
+        legend: wish.settings.layer.of_second().legend_for(&b),
         difference: (wish.compare.mode == Mode::Difference).then(|| display::difference(a, &b)),
         rmse: (squares / count).sqrt(),
         mean: sum / count,

@@ -53,7 +53,6 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     ensure!(!name.is_empty() && name.chars().all(plain), "`{name}` names no experiment: use letters a to z, digits, - and _");
     ensure!(!name.eq_ignore_ascii_case("scene"), "`{name}` is the name of the scene beside the experiment: choose another");
     ensure!(!folder.exists(), "{} exists, and is not written over: choose another name, or remove it", folder.display());
-    check_expressible(settings)?;
     let (view, camera) = view(&settings.scene, viewpoint)?;
 
     let staging = Staging::beside(folder)?;
@@ -87,7 +86,7 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
         noises: vec![settings.noise.name().to_owned()],
         temporal: vec!["off".to_owned()],
         vary: None,
-        settings: changes.unwrap_or_default(),
+        settings: changes.unwrap_or_default().into_iter().chain(frame_choices(settings)).collect(),
         metrics: Vec::new(),
         video: false,
         reference: Reference::default(),
@@ -105,16 +104,17 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     Ok(folder.join(file))
 }
 
-/// Refuses what a definition has no words for.
-fn check_expressible(settings: &Settings) -> Result<()> {
-    ensure!(
-        settings.forced.is_none() || !settings.generic,
-        "a run has the generic kernel only as each tile needs it: clear `Generic kernel`, or choose `Automatic`"
-    );
-    ensure!(!settings.reseeds, "a run draws all its frames with one seed: clear `A seed a frame`");
-    ensure!(settings.seed == 0, "a run draws its frames with seed 0, and `Seed` is {}: set it to 0", settings.seed);
-    ensure!(!settings.two_tilings, "a run draws full splat on one tiling: clear `Two tilings`");
-    Ok(())
+/// The choices of the frame that are not a run's own, by their names in a definition.
+fn frame_choices(settings: &Settings) -> BTreeMap<String, Value> {
+    let usual = Settings::new(settings.scene.clone());
+    let all = [
+        ("frame.seed", settings.seed != usual.seed, Value::Integer(settings.seed.into())),
+        ("frame.reseeds", settings.reseeds, Value::Boolean(true)),
+        ("frame.two_tilings", settings.two_tilings, Value::Boolean(true)),
+        ("frame.lod_bias", settings.lod_bias != usual.lod_bias, Value::Float(settings.lod_bias)),
+        ("frame.vertex_stride", settings.vertex_stride != usual.vertex_stride, Value::Integer(settings.vertex_stride.into())),
+    ];
+    all.into_iter().filter(|(_, differs, _)| *differs).map(|(name, _, value)| (name.to_owned(), value)).collect()
 }
 
 /// Name of the view, and the camera that the scene needs for it.
@@ -170,7 +170,10 @@ fn changes(scene: &Scene) -> Option<BTreeMap<String, Value>> {
 }
 
 /// The scene as it can be read from anywhere.
-fn with_absolute_paths(scene: &Scene) -> Result<Scene> {
+///
+/// # Errors
+/// A file that it names has no absolute path.
+pub(crate) fn with_absolute_paths(scene: &Scene) -> Result<Scene> {
     let mut copy = scene.clone();
     let material_folders = copy.materials.iter_mut().filter_map(|material| material.folder.as_mut());
     let heightmap = match &mut copy.world {
@@ -463,6 +466,7 @@ fn excerpt(page: &Path) -> String {
 mod tests {
     use glam::DVec3;
     use kernels::camera::Pose;
+    use kernels::scene::{Stroke, StrokeKind};
     use kernels::shading::Estimator;
     use kernels::shared::noise::NoiseKind;
     use kernels::variant::{Flavour, Variant};
@@ -531,6 +535,21 @@ mod tests {
         let definition = definition::load(&file).expect("it is read");
         assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(SCENE), 0));
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
+        // So is what was edited and painted.
+        let stroke = Stroke {
+            kind: StrokeKind::Splat,
+            material: settings.scene.materials[1].name.clone(),
+            points: vec![[1.0 / 3.0, -2.0], [4.5, 0.0]],
+            radius_m: 3.0,
+            fade_m: 0.0,
+            amount: 0.0,
+        };
+        settings.scene.strokes = vec![stroke.clone(), Stroke { kind: StrokeKind::Mask, fade_m: 1.5, amount: 0.25, ..stroke }];
+        settings.scene.rules.swap(1, 2);
+        settings.scene.materials[2].tint = [0.5, 1.0 / 3.0, 2.0];
+        let file = save(&folder.0.join("painted"), "painted", &settings, &camera("cliff"), EXTENT).expect("it is saved");
+        let definition = definition::load(&file).expect("it is read");
+        assert!(saved_scene(&definition, &settings.scene) == settings.scene);
         // Automatic choice by either kernel has a name; a path has its own frames.
         for (generic, name) in [(false, "auto"), (true, "generic")] {
             let settings = Settings { forced: None, generic, ..settings.clone() };
@@ -540,7 +559,8 @@ mod tests {
             assert_eq!(definition.variants, [name]);
             assert_eq!(definition.views, ["sideways"]);
         }
-        assert_eq!(definitions(&folder.0).iter().map(|file| super::name(file)).collect::<Vec<_>>(), ["auto", "generic", "other", "seen"]);
+        let names: Vec<String> = definitions(&folder.0).iter().map(|file| super::name(file)).collect();
+        assert_eq!(names, ["auto", "generic", "other", "painted", "seen"]);
         assert_eq!(definitions(&folder.0.join("other")), [folder.0.join("other").join("other.toml")]);
         assert_eq!(definitions(&file), [file]);
         assert!(definitions(&folder.0.join("nowhere")).is_empty());
@@ -598,6 +618,25 @@ mod tests {
     }
 
     #[test]
+    fn choices_of_the_frame_are_saved_as_a_run_makes_them() {
+        let folder = Folder::new("frame-choices");
+        let mut settings = settings();
+        settings.forced = Some(Variant::only(Flavour::Splat));
+        (settings.generic, settings.seed, settings.reseeds, settings.two_tilings) = (true, u32::MAX, true, true);
+        (settings.lod_bias, settings.vertex_stride) = (0.75, 4);
+        let file = save(&folder.0.join("seen"), "seen", &settings, &camera("cliff"), EXTENT).expect("it is saved");
+        let definition = definition::load(&file).expect("it is read");
+        assert_eq!(definition.variant_choices().expect("a variant"), [("generic-splat".to_owned(), settings.choice())]);
+        let choices = definition.frame_choices(&None).expect("choices");
+        let pose = Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: 0.0, fov: 1.0 };
+        for frame in [0, 3] {
+            let (run, seen) = (choices.request(pose, EXTENT.size, frame), settings.request(pose, EXTENT.size, frame, &[]));
+            let of = |r: &kernels::frame::RenderRequest| (r.frame, r.seed, r.two_tilings, r.lod_bias, r.vertex_stride);
+            assert_eq!(of(&run), of(&seen));
+        }
+    }
+
+    #[test]
     fn what_cannot_be_said_is_refused_and_nothing_is_left() {
         let folder = Folder::new("refused");
         let error = |name: &str, change: &dyn Fn(&mut Settings), viewpoint: &Viewpoint, extent: Extent| {
@@ -611,11 +650,6 @@ mod tests {
         };
         let cliff = camera("cliff");
         let settings_that = |change: &dyn Fn(&mut Settings)| error("seen", change, &cliff, EXTENT);
-        let generic = |s: &mut Settings| (s.generic, s.forced) = (true, Some(Variant::only(Flavour::Splat)));
-        assert!(settings_that(&generic).contains("clear `Generic kernel`"));
-        assert!(settings_that(&|s| s.reseeds = true).contains("clear `A seed a frame`"));
-        assert!(settings_that(&|s| s.seed = 7).contains("`Seed` is 7: set it to 0"));
-        assert!(settings_that(&|s| s.two_tilings = true).contains("clear `Two tilings`"));
         assert!(settings_that(&|s| s.scene.flavours.cliff_near_m = 9000.0).contains("cliff_near_m"));
         let nothing = |_: &mut Settings| {};
         for name in ["", "a b", "../a", "Scene"] {

@@ -6,11 +6,11 @@
 //! there, at that node's LOD, with quantised heights and welded borders, its normal not rounded to 2 x 8 bits. (Not guessed from neighbouring
 //! pixels: at a few pixels a triangle, most of them lie on others.)
 //!
-//! Not said: weights modified by height, since heights of detail textures are on the device only; and whether the page that was wanted was
-//! there, beyond how many pages of the frame were not ([`Page::coarsened`]).
+//! Weights modified by height come from the device, which alone has the heights of detail textures: in the projection with the largest weight.
 
 use eframe::wgpu;
 use glam::{DVec2, DVec3};
+use kernels::camera::View;
 use kernels::culling::{PATCH_QUADS, pack_deltas};
 use kernels::error::{Error, Result};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
@@ -115,8 +115,10 @@ pub struct Texel {
     pub material: String,
     /// Its place in the palette.
     pub index: u32,
-    /// Bilinear weight, 0..=1, by which chance chooses, too; heights modify it in blends of all four.
+    /// Bilinear weight, 0..=1, by which chance chooses, too.
     pub weight: f64,
+    /// What the materials' heights make of it in blends of all four, 0..=1, in the projection with the largest weight.
+    pub blended: f64,
 }
 
 /// A first random choice, by the references.
@@ -150,9 +152,8 @@ pub struct Page {
     pub lod: f64,
     /// Mip level inside the page, 0..=1: pages have two.
     pub mip: f64,
-    /// Pages of this frame that gave way to coarser ones since not all fit. At 0 the page asked for is the page used, but for two pages 64 apart
-    /// on one level, of which one gives way.
-    pub coarsened: usize,
+    /// The page that was sampled: that one, or a coarser one where not all pages fit; `None` where there was none, and the far atlas stood in.
+    pub served: Option<PageId>,
 }
 
 impl Pixel {
@@ -185,6 +186,11 @@ pub fn probe_of(pixel: [u32; 2], size: [u32; 2]) -> [f32; 2] {
     std::array::from_fn(|k| ((f64::from(pixel[k]) + 0.5) / f64::from(size[k].max(1))) as f32)
 }
 
+/// The place of the world that is seen through the middle of a pixel at a depth, metres along the view direction.
+pub fn place_at(view: &View, [x, y]: [u32; 2], depth_m: f64) -> DVec3 {
+    view.pose.position + view.ray(f64::from(x), f64::from(y)) * depth_m
+}
+
 /// Takes a pixel of the last picture apart, which `request` made: shaded at the centres of pixels, normals stored in 2 x 8 bits. `None` = sky.
 ///
 /// The geometry is shaded once more, by shaders that record choices: the first time they are compiled.
@@ -209,7 +215,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
 
     let depth_m = f64::from(depth_m);
     let ray = view.ray(f64::from(x), f64::from(y));
-    let position = view.pose.position + ray * depth_m;
+    let position = place_at(&view, pixel, depth_m);
     let distance_m = ray.length() * depth_m;
     let [ddx, ddy] = [inspected.ddx, inspected.ddy].map(|step| step.map(f64::from));
 
@@ -220,7 +226,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
         beside_m: BESIDE[0] + BESIDE[1] * longest,
         off_plane_m: OFF_PLANE[0] + OFF_PLANE[1] * depth_m * view.ray_dy.length(),
     };
-    let triangle = spot.triangle(world, &picture.report.drawn);
+    let triangle = spot.triangle(world, &picture.report.drawn, request.vertex_stride);
     let steps = [(ddx, view.ray_dx), (ddy, view.ray_dy)].map(|(shader, ray_step)| Derivative {
         shader,
         exact: triangle.and_then(|triangle| step_on_plane(ray, ray_step, depth_m, triangle.normal)),
@@ -242,7 +248,10 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
         drawing.draw(u, projections(request.estimator, shading_normal, scene.blend.triplanar_sharpness), weights)
     });
     let samples_pages = flavours[place_of(Flavour::VirtualTexture)] > 0.0;
-    let page = samples_pages.then(|| Page::of(&place, [ddx, ddy], sector_m, &scene.blend, picture.report.pages.coarsened));
+    let page = samples_pages.then(|| {
+        let asked = Page::of(&place, [ddx, ddy], sector_m, &scene.blend);
+        Page { served: renderer.page_serving(asked.id), ..asked }
+    });
 
     Ok(Some(Pixel {
         pixel,
@@ -257,7 +266,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
         mask,
         variant,
         flavours,
-        splat: std::array::from_fn(|i| Texel::of(scene, inspected.splat[i], weights[i])),
+        splat: std::array::from_fn(|i| Texel::of(scene, inspected.splat[i], [weights[i], f64::from(inspected.blended[i])])),
         choice,
         draw,
         page,
@@ -278,9 +287,9 @@ fn place_of(flavour: Flavour) -> usize {
 }
 
 impl Texel {
-    fn of(scene: &Scene, index: u32, weight: f64) -> Texel {
+    fn of(scene: &Scene, index: u32, [weight, blended]: [f64; 2]) -> Texel {
         let material = scene.materials.get(index as usize).map_or_else(|| format!("no. {index}"), |m| m.name.clone());
-        Texel { material, index, weight }
+        Texel { material, index, weight, blended }
     }
 }
 
@@ -320,8 +329,8 @@ struct Spot {
 
 impl Spot {
     /// The triangle drawn here: of those that hold the point, the one whose normal is most like the stored one, which tells neighbours apart at
-    /// their common edge.
-    fn triangle(&self, world: &World, drawn: &[NodeId]) -> Option<Triangle> {
+    /// their common edge. `stride`: of a node's vertices along a side every so many-th is drawn.
+    fn triangle(&self, world: &World, drawn: &[NodeId], stride: u32) -> Option<Triangle> {
         let layout = world.layout();
         let at = self.position.truncate();
         let node = (0..LODS).filter_map(|lod| layout.node_at(lod, at.x, at.y)).find(|node| drawn.contains(node))?;
@@ -331,33 +340,36 @@ impl Spot {
             let normal = (b - a).cross(c - a).try_normalize()?;
             (normal.dot(self.position - a).abs() <= self.off_plane_m).then_some(normal)
         };
-        let holding = triangles_near(node, layout, &lod_map(drawn), at).into_iter().filter(|&flat| inside_m(flat, at) >= -self.beside_m);
+        let holding =
+            triangles_near(node, layout, &lod_map(drawn), stride, at).into_iter().filter(|&flat| inside_m(flat, at) >= -self.beside_m);
         let likeness = |normal: &DVec3| normal.dot(self.normal);
         let normal = holding.filter_map(normal).max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;
-        Some(Triangle { lod: node.lod, spacing_m: layout.spacing_m(node.lod), normal: normal.to_array() })
+        Some(Triangle { lod: node.lod, spacing_m: layout.spacing_m(node.lod) * f64::from(stride), normal: normal.to_array() })
     }
 }
 
 /// Triangles of a node around a place, seen from above, counter-clockwise, in world metres: the quads next to it, and all along a border where
 /// the place is next to that, since vertices are welded along borders.
-fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], at: DVec2) -> Vec<[DVec2; 3]> {
+fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: DVec2) -> Vec<[DVec2; 3]> {
     let (origin, spacing, quads) = (node.origin_m(layout), layout.spacing_m(node.lod), u32::from(NODE_QUADS));
     let at = (at - origin) / spacing;
-    let is_near = |quad: u32, at: f64| (f64::from(quad) + 0.5 - at).abs() <= 1.5;
-    let is_border = |quad: u32| quad == 0 || quad == quads - 1;
+    let edge = f64::from(stride);
+    let is_near = |quad: u32, at: f64| (f64::from(quad) + 0.5 * edge - at).abs() <= 1.5 * edge;
+    let is_border = |quad: u32| quad == 0 || quad == quads - stride;
+    let step = stride as usize;
     let mut triangles = Vec::new();
-    for j in 0..quads {
-        for i in 0..quads {
+    for j in (0..quads).step_by(step) {
+        for i in (0..quads).step_by(step) {
             if !(is_near(i, at.x) || is_border(j)) || !(is_near(j, at.y) || is_border(i)) {
                 continue;
             }
-            let deltas = pack_deltas(node, [i / PATCH_QUADS, j / PATCH_QUADS], lods);
+            let deltas = pack_deltas(node, [i / PATCH_QUADS, j / PATCH_QUADS], lods, stride);
             let corner = |x: u32, y: u32| {
-                let [x, y] = stitch([i + x, j + y], deltas);
+                let [x, y] = stitch([i + x * stride, j + y * stride], deltas);
                 origin + DVec2::new(f64::from(x), f64::from(y)) * spacing
             };
             let [sw, se, nw, ne] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
-            let rises = diagonal_rises(i as usize, j as usize);
+            let rises = diagonal_rises(i as usize / step, j as usize / step);
             triangles.extend(if rises { [[sw, se, ne], [sw, ne, nw]] } else { [[sw, se, nw], [se, ne, nw]] });
         }
     }
@@ -417,7 +429,7 @@ fn projections(estimator: Estimator, normal: [f64; 3], sharpness: f64) -> [f64; 
 
 impl Page {
     /// By the formulas of `virtual_texture.wgsl`, in f64.
-    fn of(place: &Place, steps: [[f64; 3]; 2], sector_m: f64, blend: &Blend, coarsened: usize) -> Page {
+    fn of(place: &Place, steps: [[f64; 3]; 2], sector_m: f64, blend: &Blend) -> Page {
         let texels = |step: [f64; 3]| step[0].hypot(step[1]) * TEXELS_PER_M * blend.mip_bias.exp2();
         let [across, down] = steps.map(texels);
         let footprint = [across.min(down), across.max(down)];
@@ -432,7 +444,7 @@ impl Page {
         };
         let [(x, u), (y, v)] = [along(0), along(1)];
         let mip = (lod - f64::from(level)).clamp(0.0, 1.0);
-        Page { id: PageId { level, x, y }, texel: [u, v], footprint, covered, lod, mip, coarsened }
+        Page { id: PageId { level, x, y }, texel: [u, v], footprint, covered, lod, mip, served: None }
     }
 }
 
@@ -486,15 +498,20 @@ mod tests {
         // One is coarser by five levels, a step longer than a patch, the other by two: in the east and south, then in the north and west.
         for node in [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 0, x: 32, y: 31 }] {
             let lods = lod_map(&[node, north_east, south_west]);
-            for i in 0..400 {
+            for i in 0..600 {
+                let stride = [1, 2, 4][i as usize % 3];
                 // Half of them in the outermost quads.
                 let along = |k: u32| {
                     let u = unit(i, k);
-                    let share = if (i + k).is_multiple_of(2) { u } else { (2.0 * u).floor() * (1.0 - 1.0 / 128.0) + u / 128.0 };
+                    let share = if (i + k).is_multiple_of(2) {
+                        u
+                    } else {
+                        (2.0 * u).floor() * (1.0 - f64::from(stride) / 128.0) + f64::from(stride) * u / 128.0
+                    };
                     share * layout.node_m(0)
                 };
                 let at = node.origin_m(&layout) + DVec2::new(along(0), along(1));
-                let inside: Vec<f64> = triangles_near(node, &layout, &lods, at).into_iter().map(|t| inside_m(t, at)).collect();
+                let inside: Vec<f64> = triangles_near(node, &layout, &lods, stride, at).into_iter().map(|t| inside_m(t, at)).collect();
                 let on_a_side = inside.iter().any(|m| m.abs() < 1e-6);
                 let holding = inside.iter().filter(|m| **m > 0.0).count();
                 assert!(holding == 1 || on_a_side, "{holding} triangles at {at}");
@@ -512,15 +529,15 @@ mod tests {
             let at = node.origin_m(&layout) + DVec2::new(unit(i, 5), unit(i, 6)) * layout.node_m(node.lod);
             let height = |x: f64, y: f64| world.surface_height_m(x, y);
             let spot = |up: f64| Spot { position: at.extend(height(at.x, at.y) + up), normal: DVec3::Z, beside_m: 1e-9, off_plane_m: 1e-6 };
-            let triangle = spot(0.0).triangle(&world, &[node]).expect("every place has a triangle");
+            let triangle = spot(0.0).triangle(&world, &[node], 1).expect("every place has a triangle");
             assert_eq!((triangle.lod, triangle.spacing_m), (node.lod, layout.spacing_m(node.lod)));
             // Its slope is the surface's.
             let [x, y, z] = triangle.normal;
             let step = 1e-7;
             let slope = [height(at.x + step, at.y) - height(at.x, at.y), height(at.x, at.y + step) - height(at.x, at.y)].map(|d| d / step);
             assert!((slope[0] + x / z).abs() < 1e-3 && (slope[1] + y / z).abs() < 1e-3, "{slope:?} {triangle:?}");
-            assert_eq!(spot(0.1).triangle(&world, &[node]), None, "nothing is drawn in the air");
-            assert_eq!(spot(0.0).triangle(&world, &[]), None);
+            assert_eq!(spot(0.1).triangle(&world, &[node], 1), None, "nothing is drawn in the air");
+            assert_eq!(spot(0.0).triangle(&world, &[], 1), None);
         }
     }
 
@@ -549,7 +566,7 @@ mod tests {
         let page = |footprint: [f64; 2], anisotropy: u16, mip_bias: f64| {
             let place = Place { sector: [3, 2], position: [10.25, 63.5, 700.0] };
             let [across, down] = footprint.map(|texels| texels / TEXELS_PER_M);
-            Page::of(&place, [[across, 0.0, 50.0], [0.0, -down, 0.0]], 64.0, &Blend { anisotropy, mip_bias, ..scene.blend.clone() }, 0)
+            Page::of(&place, [[across, 0.0, 50.0], [0.0, -down, 0.0]], 64.0, &Blend { anisotropy, mip_bias, ..scene.blend.clone() })
         };
         let near = page([0.5, 0.25], 1, 0.0);
         assert_eq!((near.id, near.texel, near.lod), (PageId { level: 0, x: 3 * 64 + 10, y: 2 * 64 + 63 }, [64.0, 128.0], 0.0));

@@ -185,8 +185,20 @@ impl Kept {
     /// Makes the choices again, and changes the numbers of this scene that were changed; returns a line for everything that is not possible any more,
     /// which stays as it is.
     pub fn apply(&self, scene_name: &str, settings: &mut Settings) -> Vec<String> {
-        let mut said = self.look.apply(settings);
-        let mut changed = settings.scene.clone();
+        let mut said = self.apply_look(settings);
+        said.extend(self.apply_numbers(scene_name, &mut settings.scene));
+        said
+    }
+
+    /// Makes the choices again, and changes no number; returns lines as [`Kept::apply`] does.
+    pub fn apply_look(&self, settings: &mut Settings) -> Vec<String> {
+        self.look.apply(settings)
+    }
+
+    /// Changes the numbers of this scene that were changed, and no choice; returns lines as [`Kept::apply`] does.
+    pub fn apply_numbers(&self, scene_name: &str, scene: &mut Scene) -> Vec<String> {
+        let mut said = Vec::new();
+        let mut changed = scene.clone();
         for (key, &number) in self.scenes.get(scene_name).into_iter().flat_map(|scene| &scene.numbers) {
             match parameters().find(|parameter| parameter.key == key) {
                 Some(parameter) if number.is_finite() => *(parameter.at)(&mut changed) = number,
@@ -195,7 +207,7 @@ impl Kept {
             }
         }
         match scene::validate(&changed) {
-            Ok(()) => settings.scene = changed,
+            Ok(()) => *scene = changed,
             Err(error) => said.push(format!("the kept numbers are left out, since they do not fit the scene: {error}")),
         }
         said
@@ -592,6 +604,9 @@ mod tests {
         let mut settings = usual.clone();
         elsewhere.apply(ELSEWHERE, &mut settings);
         assert_eq!(settings, usual);
+        // Another scene has its own numbers, and is looked at as the one before.
+        assert_eq!(elsewhere.apply_numbers(scene::DEFAULT, &mut settings.scene), Vec::<String>::new());
+        assert_eq!(settings, Settings { scene: changed().scene, ..usual });
         elsewhere.apply(scene::DEFAULT, &mut settings);
         assert_eq!(settings.scene, changed().scene);
     }

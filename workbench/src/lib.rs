@@ -4,8 +4,10 @@
 //! ([`reload`]).
 
 pub mod app;
+pub mod brush;
 pub mod compare;
 pub mod display;
+pub mod editing;
 pub mod engine;
 pub mod experiment;
 pub mod flight;
@@ -18,5 +20,6 @@ pub mod places;
 pub mod reload;
 pub mod script;
 pub mod settings;
+pub mod sketch;
 
 mod panels;

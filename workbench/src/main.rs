@@ -33,7 +33,7 @@ struct Args {
     /// Draws with the WGSL files of this folder, laid out as kernels/src, and follows them as they are edited
     #[arg(long, value_name = "FOLDER")]
     shaders: Option<PathBuf>,
-    /// What to do before the picture of --screenshot is taken: `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `frames N`, `warm`, with `;` between them
+    /// What to do before the picture of --screenshot is taken: `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `open FILE`, `frames N`, `warm`, with `;` between them
     #[arg(long, value_name = "STEPS", requires = "screenshot", default_value = "")]
     script: String,
 }
@@ -70,8 +70,7 @@ fn run(args: &Args) -> Result<()> {
             bail!("{}: its folder does not exist: make it first", file.display());
         }
         let steps = script::steps(&args.script).context("--script")?;
-        let scene = scene::load(args.scene.as_deref().unwrap_or(scene::DEFAULT))?;
-        return script::run(scene, args.size, shaders, &steps, file);
+        return script::run(args.scene.as_deref().unwrap_or(scene::DEFAULT), args.size, shaders, &steps, file);
     }
     let (keeper, mut notes) = open(args.fresh);
     let last = keeper.as_ref().and_then(|keeper| keeper.kept().recent().first().cloned());
@@ -95,7 +94,7 @@ fn run(args: &Args) -> Result<()> {
         ..Default::default()
     };
     let open = |cc: &eframe::CreationContext<'_>| {
-        let app = Workbench::new(&cc.egui_ctx, scene, shaders);
+        let app = Workbench::new(&cc.egui_ctx, scene, shaders).opened(&name);
         app.warm();
         match keeper {
             Some(keeper) => app.keeping(keeper, name, notes),

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -9,14 +10,17 @@ use eframe::egui::{self, Key, Role};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use kernels::document::suggestion;
-use kernels::scene::Scene;
+use kernels::scene::{self, Scene};
 
 use crate::app::Workbench;
+use crate::engine::Engine;
 
 /// Longest wait for a picture.
 const PATIENCE: Duration = Duration::from_secs(300);
 /// How often the window is drawn while it waits.
 const NAP: Duration = Duration::from_millis(5);
+/// Drawings of the window over which a turn of the wheel is spread, and more.
+const SPREAD: usize = 60;
 
 /// One thing that somebody does.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +33,8 @@ pub enum Step {
     Set(String, f64),
     /// Puts a text into the field of this name.
     Type(String, String),
+    /// Opens the scene of a file or folder, or `default`.
+    Open(String),
     /// Lets so many pictures be drawn.
     Frames(u32),
     /// Waits until every shader is ready.
@@ -55,11 +61,12 @@ impl FromStr for Step {
                 let (name, value) = both.split_once('=').with_context(|| format!("`{text}`: write `type NAME = TEXT`"))?;
                 Ok(Step::Type(name.trim().to_owned(), value.trim().to_owned()))
             }
+            ("open", given) if !given.is_empty() => Ok(Step::Open(given.to_owned())),
             ("frames", count) => Ok(Step::Frames(count.parse().with_context(|| format!("`{count}` is no number of frames"))?)),
             ("warm", "") => Ok(Step::Warm),
             _ => {
                 bail!(
-                    "`{text}` is no step: give `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `frames N` or `warm`, with `;` between steps"
+                    "`{text}` is no step: give `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `open FILE`, `frames N` or `warm`, with `;` between steps"
                 )
             }
         }
@@ -80,13 +87,31 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// A window of so many points that nobody sees.
+    /// A window of so many points that nobody sees. Its pictures may come from a thread that drew for an earlier one, as [`Engine::shared`] says.
     pub fn new(scene: Scene, size: [u32; 2]) -> Stage {
-        Stage::with_shaders(scene, size, None)
+        Stage::prepared(scene, size, |_| {})
     }
 
-    /// As [`Stage::new`], drawing with the WGSL files of a folder and following them.
-    pub fn with_shaders(scene: Scene, size: [u32; 2], shaders: Option<PathBuf>) -> Stage {
+    /// As [`Stage::new`], with something done before the first picture is asked for: what nobody looks at need not be drawn.
+    pub fn prepared(scene: Scene, size: [u32; 2], prepare: impl FnOnce(&mut Workbench)) -> Stage {
+        Stage::showing(size, |ctx| {
+            let wake = ctx.clone();
+            let mut app = Workbench::drawn_by(Engine::shared(&scene, move || wake.request_repaint()), scene);
+            prepare(&mut app);
+            app
+        })
+    }
+
+    /// As [`Stage::prepared`], with a thread of its own, that draws with the WGSL files of a folder and follows them if there is one.
+    pub fn with_shaders(scene: Scene, size: [u32; 2], shaders: Option<PathBuf>, prepare: impl FnOnce(&mut Workbench)) -> Stage {
+        Stage::showing(size, |ctx| {
+            let mut app = Workbench::new(ctx, scene, shaders);
+            prepare(&mut app);
+            app
+        })
+    }
+
+    fn showing(size: [u32; 2], app: impl FnOnce(&egui::Context) -> Workbench) -> Stage {
         let size = size.map(|n| n as f32);
         let harness = Harness::builder()
             .with_size(egui::vec2(size[0], size[1]))
@@ -94,13 +119,13 @@ impl Stage {
             // As in a window: a name in a script that the fonts lack is boxes, and no end.
             .allow_missing_glyphs()
             .wgpu()
-            .build_eframe(move |cc| {
+            .build_eframe(|cc| {
                 // Nothing glides: what is clicked stands where it is seen.
                 cc.egui_ctx.all_styles_mut(|style| {
                     style.animation_time = 0.0;
                     style.scroll_animation = egui::style::ScrollAnimation::none();
                 });
-                Workbench::new(&cc.egui_ctx, scene, shaders)
+                app(&cc.egui_ctx)
             });
         Stage { harness }
     }
@@ -179,8 +204,17 @@ impl Stage {
     /// # Errors
     /// As [`Stage::until`].
     pub fn drag(&mut self, by: [f32; 2]) -> Result<()> {
+        self.drag_with(egui::Modifiers::NONE, by)
+    }
+
+    /// As [`Stage::drag`], with keys held.
+    ///
+    /// # Errors
+    /// As [`Stage::until`].
+    pub fn drag_with(&mut self, held: egui::Modifiers, by: [f32; 2]) -> Result<()> {
         let Some(node) = self.find("Picture") else { return Err(self.missing("Picture")) };
         let from = node.rect().center();
+        self.harness.event(egui::Event::ModifiersChanged(held));
         self.harness.hover_at(from);
         self.harness.step();
         self.harness.drag_at(from);
@@ -189,6 +223,7 @@ impl Stage {
         self.harness.hover_at(to);
         self.harness.step();
         self.harness.drop_at(to);
+        self.harness.event(egui::Event::ModifiersChanged(egui::Modifiers::NONE));
         self.settle()
     }
 
@@ -201,6 +236,50 @@ impl Stage {
         let names = self.names();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         anyhow!("nothing on screen is called `{name}`: {}", suggestion(name, &names))
+    }
+
+    /// Opens a scene, and waits until it is loaded.
+    fn open(&mut self, given: &str) -> Result<()> {
+        let app = self.harness.state_mut();
+        app.open(given).map_err(|why| anyhow!(why))?;
+        let name = app.given().map(str::to_owned);
+        self.until("the scene", |app| !app.is_opening())?;
+        let app = self.harness.state();
+        let why = || app.notes().last().cloned().unwrap_or_default();
+        ensure!(app.given() == name.as_deref(), "{}", why());
+        Ok(())
+    }
+
+    /// Drops a file or folder on the window, and waits for the picture that it leads to.
+    ///
+    /// # Errors
+    /// As [`Stage::until`].
+    pub fn drop_file(&mut self, path: &Path) -> Result<()> {
+        self.harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
+        self.harness.step();
+        self.until("the scene", |app| !app.is_opening())?;
+        self.settle()
+    }
+
+    /// Turns the wheel over the picture by so many points, upwards above 0.
+    ///
+    /// # Errors
+    /// As [`Stage::until`].
+    pub fn scroll(&mut self, points: f32) -> Result<()> {
+        let Some(node) = self.find("Picture") else { return Err(self.missing("Picture")) };
+        let at = node.rect().center();
+        self.harness.hover_at(at);
+        self.harness.step();
+        self.harness.event(egui::Event::MouseWheel {
+            unit: egui::MouseWheelUnit::Point,
+            delta: egui::vec2(0.0, points),
+            phase: egui::TouchPhase::Move,
+            source: egui::MouseWheelSource::Unknown,
+            modifiers: egui::Modifiers::NONE,
+        });
+        // It is spread over several drawings.
+        self.harness.run_steps(SPREAD);
+        self.settle()
     }
 
     /// Takes a step, and waits for the picture that it leads to.
@@ -224,6 +303,7 @@ impl Stage {
                 let Some(node) = self.find(name) else { return Err(self.missing(name)) };
                 node.set_text_value_accesskit(text);
             }
+            Step::Open(given) => self.open(given)?,
             Step::Frames(_) if self.harness.state().clock.paused => {
                 bail!("time stands still, so no frame follows: `key Space` lets it run")
             }
@@ -251,12 +331,26 @@ impl Stage {
     }
 }
 
-/// Takes the steps and writes the picture.
+/// A file that is dropped on the window.
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
+/// Takes the steps in the window of a scene, as [`scene::load`] takes it, and writes the picture.
 ///
 /// # Errors
-/// As [`Stage::take`] and [`Stage::screenshot`].
-pub fn run(scene: Scene, size: [u32; 2], shaders: Option<PathBuf>, steps: &[Step], file: &Path) -> Result<()> {
-    let mut stage = Stage::with_shaders(scene, size, shaders);
+/// When the scene cannot be read, or as [`Stage::take`] and [`Stage::screenshot`].
+pub fn run(given: &str, size: [u32; 2], shaders: Option<PathBuf>, steps: &[Step], file: &Path) -> Result<()> {
+    let mut stage = Stage::with_shaders(scene::load(given)?, size, shaders, |app| app.come_from(given));
     stage.settle()?;
     for step in steps {
         stage.take(step)?;
@@ -275,16 +369,18 @@ mod tests {
             Step::Key(Key::Space),
             Step::Set("Noise cell".to_owned(), 2.0),
             Step::Type("Folder".to_owned(), "a b".to_owned()),
+            Step::Open("a b.toml".to_owned()),
             Step::Frames(3),
             Step::Warm,
         ];
         assert_eq!(
-            steps("click Variant splat; key Space;\nset Noise cell = 2; type Folder = a b; frames 3; warm;").expect("steps"),
+            steps("click Variant splat; key Space;\nset Noise cell = 2; type Folder = a b; open a b.toml; frames 3; warm;").expect("steps"),
             expected
         );
         for (text, part) in [
             ("clack x", "is no step"),
             ("click", "is no step"),
+            ("open", "is no step"),
             ("key Nonsense", "is no key"),
             ("frames -1", "no number"),
             ("set a", "NAME = VALUE"),

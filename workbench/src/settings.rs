@@ -36,8 +36,14 @@ pub struct Settings {
     pub scale: f64,
     /// What the viewport shows.
     pub layer: Layer,
+    /// Levels that the terrain's nodes are drawn coarser, below 0 finer.
+    pub lod_bias: f64,
+    /// Of a node's vertices along a side every so many-th is drawn: 1, 2 or 4.
+    pub vertex_stride: u32,
     /// Whether fetches are counted (a slower shader).
     pub counts: bool,
+    /// Whether each variant is shaded, and timed, in a pass of its own.
+    pub times_variants: bool,
 }
 
 impl Settings {
@@ -54,7 +60,10 @@ impl Settings {
             two_tilings: false,
             scale: 1.0,
             layer: Layer::Lit,
+            lod_bias: 0.0,
+            vertex_stride: 1,
             counts: false,
+            times_variants: false,
         }
     }
 
@@ -82,15 +91,13 @@ impl Settings {
 
     /// Whether both make the same pictures, however those are looked at.
     pub fn looks_like(&self, other: &Settings) -> bool {
-        *self == Settings { scale: self.scale, layer: self.layer, counts: self.counts, ..other.clone() }
+        let Settings { scale, layer, counts, times_variants, .. } = *self;
+        *self == Settings { scale, layer, counts, times_variants, ..other.clone() }
     }
 
-    /// The picture of one frame; `measured` = with what live metrics are taken from.
-    pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32, measured: bool) -> RenderRequest {
-        let mut layers: Vec<&str> = self.layer.aov().into_iter().collect();
-        if measured {
-            layers.extend(crate::live::LAYERS);
-        }
+    /// The picture of one frame, with the layer on show and `others`.
+    pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32, others: &[&str]) -> RenderRequest {
+        let layers: Vec<&str> = self.layer.aov().into_iter().chain(others.iter().copied()).collect();
         RenderRequest {
             variant: self.choice(),
             estimator: self.estimator,
@@ -100,6 +107,9 @@ impl Settings {
             two_tilings: self.two_tilings,
             aovs: AovSet::from_names(&layers).unwrap_or_default(),
             count_fetches: self.counts,
+            time_variants: self.times_variants,
+            lod_bias: self.lod_bias,
+            vertex_stride: self.vertex_stride,
             ..RenderRequest::new(pose, size)
         }
     }
@@ -125,6 +135,14 @@ mod tests {
         settings.toggle(Flavour::Splat);
         settings.toggle(Flavour::VirtualTexture);
         assert_eq!((settings.choice_name().as_str(), settings.choice()), ("generic auto", VariantChoice::GenericAuto));
+    }
+
+    #[test]
+    fn what_is_only_looked_at_otherwise_looks_the_same() {
+        let settings = Settings::new(scene::load(scene::DEFAULT).expect("built in"));
+        let otherwise = Settings { scale: 0.5, layer: Layer::Depth, counts: true, times_variants: true, ..settings.clone() };
+        assert!(settings.looks_like(&otherwise) && otherwise.looks_like(&settings));
+        assert!(!settings.looks_like(&Settings { seed: 1, ..settings.clone() }));
     }
 
     #[test]

@@ -156,7 +156,8 @@ pub enum Motion {
 #[serde(deny_unknown_fields)]
 pub struct Vary {
     /// A number of the scene file, as `blend.hash_scale`, or a choice of the frame: `frame.normals` (`octahedral`, `exact`),
-    /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`).
+    /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride`
+    /// (1, 2, 4), `frame.seed`, `frame.reseeds`, `frame.two_tilings`.
     pub parameter: String,
     /// Its values, in order.
     pub values: Vec<toml::Value>,
@@ -230,7 +231,10 @@ pub struct Expectation {
 /// Every one of the 31 variants in a definition's list.
 pub const ALL_VARIANTS: &str = "all";
 
-/// A way to choose variants by its name: `auto`, `generic`, a variant's name or its number.
+/// What the name of a variant that the generic kernel runs begins with.
+const GENERIC: &str = "generic-";
+
+/// A way to choose variants by its name: `auto`, `generic`, a variant's name or its number, and that after `generic-`.
 ///
 /// # Errors
 /// What is none of these.
@@ -238,7 +242,10 @@ pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
     match text {
         "auto" => Ok(VariantChoice::Auto),
         "generic" => Ok(VariantChoice::GenericAuto),
-        _ => text.parse().map(VariantChoice::Forced),
+        _ => match text.strip_prefix(GENERIC) {
+            Some(variant) => variant.parse().map(VariantChoice::GenericForced),
+            None => text.parse().map(VariantChoice::Forced),
+        },
     }
 }
 
@@ -247,7 +254,8 @@ pub fn variant_name(choice: VariantChoice) -> String {
     match choice {
         VariantChoice::Auto => "auto".to_owned(),
         VariantChoice::GenericAuto => "generic".to_owned(),
-        VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant) => variant.to_string(),
+        VariantChoice::Forced(variant) => variant.to_string(),
+        VariantChoice::GenericForced(variant) => format!("{GENERIC}{variant}"),
     }
 }
 

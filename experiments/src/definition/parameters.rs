@@ -6,7 +6,11 @@ use std::hash::Hasher;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
+use kernels::camera::Pose;
 use kernels::document::suggestion;
+use kernels::frame::RenderRequest;
+use kernels::geometry::STRIDES;
+use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene, SceneText};
 use kernels::world::heightmap::ReadOptions;
 use toml::{Table, Value};
@@ -39,7 +43,7 @@ pub enum ClassifyBy {
 }
 
 /// Choices of the frame, which no scene makes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameChoices {
     /// Normals for derivatives.
     pub normals: Normals,
@@ -47,17 +51,57 @@ pub struct FrameChoices {
     pub tile: u32,
     /// What is classified.
     pub classification: ClassifyBy,
+    /// Levels that terrain nodes are drawn coarser, below 0 finer (`frame.lod_bias`).
+    pub lod_bias: f64,
+    /// Of a node's vertices along a side every so many-th is drawn: 1, 2 or 4 (`frame.vertex_stride`).
+    pub vertex_stride: u32,
+    /// The first seed of all (`frame.seed`).
+    pub seed: u32,
+    /// Whether each frame has a seed of its own: that seed plus the frame (`frame.reseeds`).
+    pub reseeds: bool,
+    /// Whether full splat blends two tiling scales (`frame.two_tilings`).
+    pub two_tilings: bool,
 }
 
 impl Default for FrameChoices {
     fn default() -> Self {
-        FrameChoices { normals: Normals::default(), tile: 8, classification: ClassifyBy::default() }
+        FrameChoices {
+            normals: Normals::default(),
+            tile: 8,
+            classification: ClassifyBy::default(),
+            lod_bias: 0.0,
+            vertex_stride: 1,
+            seed: 0,
+            reseeds: false,
+            two_tilings: false,
+        }
     }
 }
 
 impl FrameChoices {
     /// The parameters there are.
-    pub const NAMES: [&str; 3] = ["frame.normals", "frame.tile", "frame.classification"];
+    pub const NAMES: [&str; 8] = [
+        "frame.normals",
+        "frame.tile",
+        "frame.classification",
+        "frame.lod_bias",
+        "frame.vertex_stride",
+        "frame.seed",
+        "frame.reseeds",
+        "frame.two_tilings",
+    ];
+
+    /// The request of a frame, as far as these choices decide it.
+    pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
+        RenderRequest {
+            frame,
+            lod_bias: self.lod_bias,
+            vertex_stride: self.vertex_stride,
+            seed: if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed },
+            two_tilings: self.two_tilings,
+            ..RenderRequest::new(pose, size)
+        }
+    }
 
     /// Takes a parameter of the frame over; all others are passed by.
     pub(super) fn apply(&mut self, parameter: &str, value: &Value) -> Result<(), String> {
@@ -88,6 +132,30 @@ impl FrameChoices {
                 "tile" => self.classification = ClassifyBy::Tile,
                 "patch" => self.classification = ClassifyBy::Patch,
                 _ => return wrong("\"tile\" or \"patch\""),
+            },
+            "lod_bias" => {
+                let [least, most] = LOD_BIASES;
+                let number = value.as_float().or_else(|| value.as_integer().map(|n| n as f64));
+                match number.filter(|bias| (least..=most).contains(bias)) {
+                    Some(bias) => self.lod_bias = bias,
+                    None => return wrong(&format!("a number from {least} to {most}")),
+                }
+            }
+            "vertex_stride" => match value.as_integer().and_then(|stride| u32::try_from(stride).ok()) {
+                Some(stride) if STRIDES.contains(&stride) => self.vertex_stride = stride,
+                _ => return wrong("1, 2 or 4"),
+            },
+            "seed" => match value.as_integer().and_then(|seed| u32::try_from(seed).ok()) {
+                Some(seed) => self.seed = seed,
+                None => return wrong(&format!("a whole number from 0 to {}", u32::MAX)),
+            },
+            "reseeds" => match value.as_bool() {
+                Some(on) => self.reseeds = on,
+                None => return wrong("true or false"),
+            },
+            "two_tilings" => match value.as_bool() {
+                Some(on) => self.two_tilings = on,
+                None => return wrong("true or false"),
             },
             _ => return Err(format!("`{parameter}` is no choice of the frame: {}", suggestion(parameter, &FrameChoices::NAMES))),
         }

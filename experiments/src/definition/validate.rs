@@ -405,7 +405,7 @@ fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
         None => {
             // Only what the import leaves at its default can be checked before it.
             let data = |parameter: &str| {
-                ["world", "material", "rule", "camera", "path", "name", "description", "detail_size"]
+                ["world", "material", "rule", "stroke", "camera", "path", "name", "description", "detail_size"]
                     .contains(&parameter.split('.').next().unwrap_or_default())
             };
             let varied = definition.vary.as_ref().is_some_and(|vary| data(&vary.parameter));

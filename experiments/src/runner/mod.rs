@@ -103,7 +103,8 @@ impl<'a> Runner<'a> {
         }
         // The old one first gives its memory back.
         self.stage = None;
-        let options = RendererOptions { exact_normals: choices.normals == Normals::Exact, tile: choices.tile };
+        let options =
+            RendererOptions { exact_normals: choices.normals == Normals::Exact, tile: choices.tile, ..RendererOptions::default() };
         let renderer = Renderer::with(self.gpu, &scene, options, QUIET)?;
         let layers = Layers::new(self.gpu, self.definition.size);
         self.stage = Some(Stage { setting: setting.clone(), choices, renderer, layers, exact: None, fixed: Fixed::default() });

@@ -149,6 +149,8 @@ impl Runner<'_> {
         let most = (settings.max_spp / BATCH).max(batches);
         let total = u64::from(definition.frames + most);
 
+        // Of the same surface, so that errors are those of shading.
+        let choices = stage.choices;
         let mut meter = renderer.meter(size, &[Resolve::Off])?;
         let mut differences = Vec::new();
         let mut histogram = [0u64; BINS];
@@ -157,7 +159,7 @@ impl Runner<'_> {
             step(u64::from(frame), total);
             check_interrupted()?;
             pose = views::pose(definition, renderer, &unit.view, frame)?;
-            let request = truth(&RenderRequest { frame, ..RenderRequest::new(pose, size) });
+            let request = truth(&choices.request(pose, size, frame));
             renderer.draw_flavours(&request, splat, &stage.layers)?;
             let (sums, _) = renderer.measure(&request, &stage.layers, &mut meter, &[Some(splat)])?;
             if definition.video {
@@ -169,7 +171,7 @@ impl Runner<'_> {
             histogram.iter_mut().zip(&sums[0].histogram).for_each(|(all, &n)| *all += u64::from(n));
         }
 
-        let request = RenderRequest { aovs: AovSet::from_names(&["albedo"])?, ..truth(&RenderRequest::new(pose, size)) };
+        let request = RenderRequest { aovs: AovSet::from_names(&["albedo"])?, ..truth(&choices.request(pose, size, 0)) };
         let single = renderer.render(&request)?;
         let single = single.vectors("albedo").context("the albedo layer was asked for")?.to_vec();
         let mut all = Accumulated::new(single.len());

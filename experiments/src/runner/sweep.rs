@@ -102,12 +102,12 @@ impl Runner<'_> {
         let variants: Vec<Option<Variant>> = choices.iter().map(|(_, choice)| composed(*choice)).collect();
         let scene = stage.renderer.scene().name.clone();
         let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: &temporal };
+        let of_frame = stage.choices;
         let request = |pose, frame: u32| RenderRequest {
             estimator: how.estimator,
             noise: how.noise,
-            frame,
             sample_pattern: how.resolve.sample_pattern(frame),
-            ..RenderRequest::new(pose, size)
+            ..of_frame.request(pose, size, frame)
         };
 
         // Frames: each against 1 to 4 before.
@@ -316,7 +316,7 @@ impl Runner<'_> {
         for seed in 0..self.definition.seeds {
             done(seed);
             check_interrupted()?;
-            let request = RenderRequest { seed, ..judged.clone() };
+            let request = RenderRequest { seed: judged.seed.wrapping_add(seed), ..judged.clone() };
             if let Some(drawing) = drawing {
                 renderer.draw_flavours(&request, drawing, &stage.layers)?;
             }

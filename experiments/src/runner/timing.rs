@@ -22,6 +22,7 @@ impl Runner<'_> {
     pub(super) fn time(&mut self, unit: &Unit, estimator: Estimator, noise: NoiseKind, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let stage = self.stage.as_mut().context("prepared")?;
+        let choices = stage.choices;
         let renderer = &mut stage.renderer;
         let pose = views::pose(definition, renderer, &unit.view, 0)?;
         let total = u64::from(ROUNDS + 1) * self.variants.len() as u64;
@@ -38,7 +39,7 @@ impl Runner<'_> {
                     estimator,
                     noise,
                     keep_geometry: index > 0,
-                    ..RenderRequest::new(pose, definition.size)
+                    ..choices.request(pose, definition.size, 0)
                 };
                 let report = renderer.draw(&request)?;
                 if round > 0 {

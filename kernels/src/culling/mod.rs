@@ -39,8 +39,9 @@ pub fn delta(own: u8, neighbour: u8) -> u32 {
     u32::from(neighbour.saturating_sub(own))
 }
 
-/// The packed deltas of a patch. Sides inside the node have none.
-pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8]) -> u32 {
+/// The packed deltas of a patch. Sides inside the node have none. `stride`: of the vertices of all patches every so many-th is drawn, so that a
+/// coarser neighbour's lie that much farther apart, too.
+pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -> u32 {
     let edge = 1i32 << node.lod;
     let (x, y) = (i32::from(node.x) * edge, i32::from(node.y) * edge);
     // A neighbour that is coarser covers the whole side, so any sector along it will do.
@@ -50,34 +51,39 @@ pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8]) -> u32 {
         if inside { lod_map[usize::try_from(y * side + x).unwrap_or(0)] } else { 0 }
     };
     let last = PATCHES - 1;
-    let side = |on: bool, x: i32, y: i32| if on { delta(node.lod, lod_at(x, y)) } else { 0 };
+    let side = |on: bool, x: i32, y: i32| match if on { delta(node.lod, lod_at(x, y)) } else { 0 } {
+        0 => 0,
+        coarser => coarser + stride.ilog2(),
+    };
     side(patch[1] == last, x, y + edge) << 12
         | side(patch[0] == last, x + edge, y) << 8
         | side(patch[1] == 0, x, y - 1) << 4
         | side(patch[0] == 0, x - 1, y)
 }
 
-/// The visible patches of the drawn nodes, in the order of the nodes.
+/// The patches of the drawn nodes that `eye` may see, in the order of the nodes, placed for `view`: mostly one and the same. `stride`: a power of two,
+/// see [`pack_deltas`].
 #[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
-pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout, view: &View) -> Vec<Patch> {
+pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout, [view, eye]: [&View; 2], stride: u32) -> Vec<Patch> {
     let mut patches = Vec::new();
     for &(node, slot, bounds) in drawn {
-        let (low, high) = local_box(node, bounds, layout, view);
-        if !view.sees(low, high) {
+        let (low, high) = local_box(node, bounds, layout, eye);
+        if !eye.sees(low, high) {
             continue;
         }
+        let (origin, _) = local_box(node, bounds, layout, view);
         let patch_m = layout.node_m(node.lod) / f64::from(PATCHES);
         for row in 0..PATCHES {
             for column in 0..PATCHES {
                 let corner = low + DVec3::new(f64::from(column), f64::from(row), 0.0) * patch_m;
                 let opposite = (corner.truncate() + patch_m).extend(high.z);
-                if view.sees(corner, opposite) {
+                if eye.sees(corner, opposite) {
                     patches.push(Patch {
-                        node_origin: [low.x as f32, low.y as f32],
+                        node_origin: [origin.x as f32, origin.y as f32],
                         spacing: (patch_m / f64::from(PATCH_QUADS)) as f32,
                         slot,
                         patch: [column, row],
-                        deltas: pack_deltas(node, [column, row], lod_map),
+                        deltas: pack_deltas(node, [column, row], lod_map, stride),
                         lod: u32::from(node.lod),
                     });
                 }

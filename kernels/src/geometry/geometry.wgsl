@@ -16,7 +16,8 @@ struct Patch {
 
 struct GeometryVarying {
     @builtin(position) clip: vec4<f32>,
-    @location(0) local: vec3<f32>,
+    // From the camera: derivatives are differences, and of elevations above the sea f32 leaves only millimetres.
+    @location(0) relative: vec3<f32>,
     @location(1) node_uv: vec2<f32>,
     @location(2) @interpolate(flat) slot: u32,
     @location(3) hole: f32,
@@ -31,7 +32,7 @@ fn geometry_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) 
     let local = vec3<f32>(p.node_origin + vec2<f32>(index) * p.spacing, frame.height_low_m + height * frame.height_span_m);
     var out: GeometryVarying;
     out.clip = frame.clip_from_local * vec4<f32>(local, 1.0);
-    out.local = local;
+    out.relative = local - frame.camera;
     out.node_uv = vec2<f32>(index) / f32(GEOMETRY_NODE_QUADS);
     out.slot = p.slot;
     out.hole = 0.0;
@@ -49,8 +50,8 @@ struct GeometryTargets {
 @fragment
 fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
     // The slope of a plane is the same at every pixel of its triangle; derivatives of the position give it.
-    let across = dpdx(in.local);
-    let down = dpdy(in.local);
+    let across = dpdx(in.relative);
+    let down = dpdy(in.relative);
     // A triangle that touches a hole's vertex has hole > 0 everywhere inside.
     if HAS_HOLES && in.hole > 0.0 {
         discard;
@@ -61,7 +62,7 @@ fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
     var triangle_normal = shading_normal;
     if area > 0.0 {
         triangle_normal = crossed / area;
-        if dot(triangle_normal, in.local - frame.camera) > 0.0 {
+        if dot(triangle_normal, in.relative) > 0.0 {
             triangle_normal = -triangle_normal;
         }
     }
@@ -73,7 +74,7 @@ fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
     }
     // Weights follow from what the shading pass will read back, so that mask and shading agree.
     let seen_normal = frame_normal(out.normals.xy);
-    let weights = flavour_weights(distance(in.local, frame.camera), seen_normal.z, frame.flavours);
+    let weights = flavour_weights(length(in.relative), seen_normal.z, frame.flavours);
     out.mask = flavour_mask(weights);
     return out;
 }

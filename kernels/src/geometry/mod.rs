@@ -50,9 +50,12 @@ pub const fn normal_format(exact: bool) -> wgpu::TextureFormat {
 pub struct Geometry {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
-    indices: wgpu::Buffer,
-    index_count: u32,
+    /// By the logarithm of the stride: indices of a patch, and how many.
+    indices: [(wgpu::Buffer, u32); STRIDES.len()],
 }
+
+/// Strides of a patch's vertices: of 17 along a side, 17, 9 or 5 are drawn.
+pub const STRIDES: [u32; 3] = [1, 2, 4];
 
 /// Stitching, without bindings.
 pub const STITCH_WGSL: (&str, &str) = ("geometry/stitch.wgsl", include_str!("stitch.wgsl"));
@@ -64,13 +67,14 @@ pub fn files() -> Vec<(&'static str, &'static str)> {
     files
 }
 
-/// Indices of a patch's 16 x 16 quads over its 17 x 17 vertices, counter-clockwise from above, diagonals alternating.
-fn patch_indices() -> Vec<u16> {
-    let side = u16::try_from(PATCH_QUADS).unwrap_or(16);
-    let vertex = |x: u16, y: u16| y * (side + 1) + x;
+/// Indices of a patch's 16 x 16 quads over its 17 x 17 vertices, or of fewer and larger ones over every `stride`-th of those, counter-clockwise from
+/// above, diagonals alternating.
+fn patch_indices(stride: u32) -> Vec<u16> {
+    let [side, stride] = [PATCH_QUADS, stride].map(|n| u16::try_from(n).unwrap_or(1));
+    let vertex = |x: u16, y: u16| stride * (y * (side + 1) + x);
     let mut indices = Vec::new();
-    for y in 0..side {
-        for x in 0..side {
+    for y in 0..side / stride {
+        for x in 0..side / stride {
             let [a, b, c, d] = [vertex(x, y), vertex(x + 1, y), vertex(x, y + 1), vertex(x + 1, y + 1)];
             if diagonal_rises(usize::from(x), usize::from(y)) {
                 indices.extend([a, b, d, a, d, c]);
@@ -125,16 +129,16 @@ impl Geometry {
             multiview_mask: None,
             cache: None,
         });
-        let indices = patch_indices();
-        Ok(Geometry {
-            pipeline,
-            layout,
-            index_count: u32::try_from(indices.len()).unwrap_or(0),
-            indices: gpu.buffer_with("patch indices", wgpu::BufferUsages::INDEX, cast_slice(&indices)),
-        })
+        let indices = STRIDES.map(|stride| {
+            let indices = patch_indices(stride);
+            let count = u32::try_from(indices.len()).unwrap_or(0);
+            (gpu.buffer_with("patch indices", wgpu::BufferUsages::INDEX, cast_slice(&indices)), count)
+        });
+        Ok(Geometry { pipeline, layout, indices })
     }
 
-    /// Records the pass.
+    /// Records the pass. `stride`: one of [`STRIDES`].
+    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
     pub fn encode(
         &self,
         gpu: &Gpu,
@@ -142,6 +146,7 @@ impl Geometry {
         timer: &mut Timer,
         groups: [&wgpu::BindGroup; 2],
         patches: &[Patch],
+        stride: u32,
         targets: &Targets,
     ) {
         let list = gpu.buffer_with("patches", wgpu::BufferUsages::STORAGE, if patches.is_empty() { &[0; 32] } else { cast_slice(patches) });
@@ -170,8 +175,9 @@ impl Geometry {
         pass.set_bind_group(0, groups[0], &[]);
         pass.set_bind_group(1, groups[1], &[]);
         pass.set_bind_group(2, &group, &[]);
-        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
+        let (indices, count) = &self.indices[stride.ilog2() as usize];
+        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
         pass.set_stencil_reference(1);
-        pass.draw_indexed(0..self.index_count, 0, 0..u32::try_from(patches.len()).unwrap_or(0));
+        pass.draw_indexed(0..*count, 0, 0..u32::try_from(patches.len()).unwrap_or(0));
     }
 }

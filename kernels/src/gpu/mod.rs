@@ -9,11 +9,13 @@ pub mod probe;
 mod readback;
 mod shader;
 mod sources;
+mod specialise;
 mod timer;
 
 pub use readback::{read_buffer, read_texture};
 pub use shader::{Shader, constants};
 pub use sources::{Sources, shader_path};
+pub(crate) use specialise::Template;
 pub use timer::{PassTime, Timer};
 
 /// What the terrain stack cannot do without, with the reason that an error gives.

@@ -1,12 +1,13 @@
 //! Shader modules from lists of WGSL files. No preprocessor: a module is its files, one after the other.
 
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Template};
 
 /// A WGSL module.
 pub struct Shader {
     /// The compiled module.
     pub module: wgpu::ShaderModule,
+    source: String,
 }
 
 impl Shader {
@@ -19,7 +20,7 @@ impl Shader {
         let files: Vec<(String, &str)> = files.iter().map(|&(name, text)| sources.file(name, text)).collect();
         let source: String = files.iter().flat_map(|(_, text)| [*text, "\n"]).collect();
         let (module, complaint) = gpu.caught(|| {
-            let source = wgpu::ShaderSource::Wgsl(source.into());
+            let source = wgpu::ShaderSource::Wgsl(source.as_str().into());
             gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
         });
         let info = pollster::block_on(module.get_compilation_info());
@@ -32,8 +33,16 @@ impl Shader {
         }
         match complaint {
             Some(what) => Err(Error::Gpu(format!("shader {label}: {what}"))),
-            None => Ok(Shader { module }),
+            None => Ok(Shader { module, source }),
         }
+    }
+
+    /// What modules of single pipelines are cut from.
+    ///
+    /// # Errors
+    /// When naga, which the device asked, too, does not take it.
+    pub(crate) fn template(&self) -> Result<Template> {
+        Template::new(&self.source).map_err(Error::Gpu)
     }
 }
 

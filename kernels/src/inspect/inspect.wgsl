@@ -12,9 +12,10 @@ struct Inspected {
     ddx: vec3<f32>,
     corner: u32,                // splat texel: x | y << 16
     ddy: vec3<f32>,
-    pad: f32,
+    plane: u32,                 // of the projection with the largest weight
     splat: vec4<u32>,           // the four palette indices around the pixel
-    bilinear: vec4<f32>,        // and their weights
+    bilinear: vec4<f32>,        // their weights
+    blended: vec4<f32>,         // and those that the materials' heights in that projection make of them
 }
 
 @compute @workgroup_size(8, 8)
@@ -26,7 +27,8 @@ fn inspect_main(@builtin(global_invocation_id) id: vec3<u32>) {
     var out: Inspected;
     let depth = textureLoad(depth_target, pixel, 0);
     if depth > 0.0 {
-        let footprint = surface_footprint(pixel, depth, textureLoad(normal_target, pixel, 0));
+        let normals = textureLoad(normal_target, pixel, 0);
+        let footprint = surface_footprint(pixel, depth, normals);
         let node = terrain_node(footprint.place);
         let cell = terrain_splat_cell(node);
         let place = footprint.place;
@@ -37,6 +39,14 @@ fn inspect_main(@builtin(global_invocation_id) id: vec3<u32>) {
         out.ddy = footprint.ddy;
         out.splat = vec4<u32>(terrain_splat_id(cell, 0u), terrain_splat_id(cell, 1u), terrain_splat_id(cell, 2u), terrain_splat_id(cell, 3u));
         out.bilinear = splat_blend_bilinear(cell.fraction);
+        let size = abs(frame_normal(normals.xy));
+        out.plane = select(select(0u, 1u, size.y > size.x), 2u, size.z >= max(size.x, size.y));
+        let projection = terrain_projection(out.plane, footprint);
+        var heights: vec4<f32>;
+        for (var i = 0u; i < frame.taps; i++) {
+            heights[i] = terrain_tap(cell, i, projection, 0u).height;
+        }
+        out.blended = splat_blend_weights(cell.fraction, heights, frame.height_sharpness);
     }
     inspected[(pixel.y - band.x) * frame.size.x + pixel.x] = out;
 }

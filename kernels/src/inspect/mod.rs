@@ -26,12 +26,14 @@ pub struct Inspected {
     pub corner: u32,
     /// Change of the position to the next pixel below, metres.
     pub ddy: [f32; 3],
-    /// Unused.
-    pub pad: f32,
+    /// Axis (x, y, z: 0, 1, 2) of the projection with the largest weight.
+    pub plane: u32,
     /// Palette indices of the four splat texels, in the order 00, 10, 01, 11.
     pub splat: [u32; 4],
     /// Their bilinear weights.
     pub bilinear: [f32; 4],
+    /// The weights that the heights of their materials make of these, in that projection.
+    pub blended: [f32; 4],
 }
 
 /// The pass.

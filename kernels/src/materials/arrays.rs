@@ -31,6 +31,24 @@ pub struct DetailArrays {
     pub height: Vec<CompressedChain>,
 }
 
+impl DetailArrays {
+    /// A copy of one layer of each array.
+    ///
+    /// # Panics
+    /// If there is no such layer.
+    pub fn layer(&self, layer: usize) -> CompressedLayers {
+        let [albedo, normal, height] = [&self.albedo, &self.normal, &self.height].map(|array| array[layer].clone());
+        CompressedLayers { albedo, normal, height }
+    }
+
+    /// Adds a layer to each array.
+    pub fn push(&mut self, layer: CompressedLayers) {
+        self.albedo.push(layer.albedo);
+        self.normal.push(layer.normal);
+        self.height.push(layer.height);
+    }
+}
+
 /// A block-compressed square texture with all its mips, down to 1x1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompressedChain {

@@ -66,18 +66,45 @@ pub struct MaterialMeans {
 impl MaterialMeans {
     /// Exact means (summed in f64) of `maps` under a linear RGB `tint`.
     pub fn of(maps: &MaterialMaps, tint: [f64; 3]) -> MaterialMeans {
+        TextureMeans::of(maps).tinted(tint)
+    }
+}
+
+/// Means of a texture, from which those of a material of any tint follow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct TextureMeans {
+    /// Linear.
+    albedo: [f64; 3],
+    /// Of the product of albedo and colour mask.
+    masked: [f64; 3],
+    smoothness: f32,
+    specular_occlusion: f32,
+}
+
+impl TextureMeans {
+    fn of(maps: &MaterialMaps) -> TextureMeans {
         let count = maps.albedo.len() as f64;
-        let mut albedo = [0.0_f64; 3];
+        let (mut albedo, mut masked) = ([0.0_f64; 3], [0.0_f64; 3]);
         for (texel, &mask) in maps.albedo.iter().zip(&maps.colour_mask) {
             for c in 0..3 {
-                albedo[c] += f64::from(texel[c]) * (1.0 + f64::from(mask) * (tint[c] - 1.0));
+                albedo[c] += f64::from(texel[c]);
+                masked[c] += f64::from(texel[c]) * f64::from(mask);
             }
         }
         let mean = |values: &[f32]| (values.iter().copied().map(f64::from).sum::<f64>() / count) as f32;
-        MaterialMeans {
-            albedo: albedo.map(|sum| (sum / count) as f32),
+        TextureMeans {
+            albedo: albedo.map(|sum| sum / count),
+            masked: masked.map(|sum| sum / count),
             smoothness: mean(&maps.smoothness),
             specular_occlusion: mean(&maps.specular_occlusion),
+        }
+    }
+
+    fn tinted(&self, tint: [f64; 3]) -> MaterialMeans {
+        MaterialMeans {
+            albedo: [0, 1, 2].map(|c| (self.albedo[c] + (tint[c] - 1.0) * self.masked[c]) as f32),
+            smoothness: self.smoothness,
+            specular_occlusion: self.specular_occlusion,
         }
     }
 }
@@ -120,6 +147,16 @@ pub struct Palette {
     pub arrays: DetailArrays,
     /// One per material: what node payloads are baked from.
     pub means: Vec<MaterialMeans>,
+    /// One per layer of the arrays.
+    layers: Vec<Texture>,
+}
+
+/// What a layer of the arrays was made from, and what it comes to on average.
+#[derive(Clone, Debug, PartialEq)]
+struct Texture {
+    source: Source,
+    contrast: f64,
+    means: TextureMeans,
 }
 
 /// Seed of every procedural material: textures are assets and do not change with the world's seed.
@@ -163,6 +200,33 @@ impl Palette {
     /// in 64..=2048; an unknown procedural name; a `tile_m` so small that a sector holds [`MAX_REPEATS_PER_SECTOR`] repeats or more; and
     /// whatever [`folder::load`] reports.
     pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
+        Palette::made(scene, scene.detail_size, sector_m, None, &progress)
+    }
+
+    /// As [`Palette::build`], with textures of `size` texels along an edge in place of the scene's `detail_size`: for a first look, in a small part
+    /// of the time.
+    ///
+    /// # Errors
+    /// As [`Palette::build`].
+    pub fn sketch(scene: &Scene, size: u32, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
+        Palette::made(scene, size, sector_m, None, &progress)
+    }
+
+    /// As [`Palette::build`], taking over every texture that this palette holds already.
+    ///
+    /// # Errors
+    /// As [`Palette::build`].
+    pub fn rebuilt(&self, scene: &Scene, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
+        Palette::made(scene, scene.detail_size, sector_m, Some(self), &progress)
+    }
+
+    /// The layers that were made of something else in `before`; `None` if both differ in the number or size of their layers.
+    pub fn fresh_layers(&self, before: &Palette) -> Option<Vec<usize>> {
+        let alike = self.arrays.size == before.arrays.size && self.layers.len() == before.layers.len();
+        alike.then(|| (0..self.layers.len()).filter(|&layer| self.layers[layer] != before.layers[layer]).collect())
+    }
+
+    fn made(scene: &Scene, size: u32, sector_m: f64, before: Option<&Palette>, progress: &(dyn Fn(&str) + Sync)) -> Result<Palette> {
         let of_scene = |what: String| Error::Scene { where_: scene.name.clone(), what };
         let count = scene.materials.len();
         if count == 0 || count > MAX_MATERIALS {
@@ -170,7 +234,6 @@ impl Palette {
                 "{count} materials, but a splat texel names 1 to {MAX_MATERIALS}: add or remove [[material]] tables"
             )));
         }
-        let size = scene.detail_size;
         if !size.is_power_of_two() || !(64..=2048).contains(&size) {
             return Err(of_scene(format!("detail_size = {size}: give a power of two from 64 to 2048")));
         }
@@ -193,36 +256,40 @@ impl Palette {
         }
 
         let total = sources.len();
+        let contrast = scene.blend.material_contrast;
+        let known = |source: &Source| {
+            let palette = before.filter(|palette| palette.arrays.size == size)?;
+            let layer = palette.layers.iter().position(|t| t.source == *source && t.contrast.to_bits() == contrast.to_bits())?;
+            Some((palette.arrays.layer(layer), palette.layers[layer].clone()))
+        };
         let numbered: Vec<_> = sources.iter().enumerate().collect();
         let mut arrays = DetailArrays { size, albedo: Vec::new(), normal: Vec::new(), height: Vec::new() };
-        let mut means: Vec<Option<MaterialMeans>> = vec![None; count];
+        let mut textures = Vec::with_capacity(total);
         for chunk in numbered.chunks(SOURCES_AT_ONCE) {
             let done: Vec<_> = chunk
                 .par_iter()
                 .map(|&(layer, (source, name))| {
+                    if let Some(known) = known(source) {
+                        return Ok(known);
+                    }
                     progress(&format!("detail textures {}/{total}: {name}", layer + 1));
                     let mut maps = match source {
                         Source::Procedural(kind) => procedural::make(kind, size, TEXTURE_SEED)?,
                         Source::Folder(path) => folder::load(name, path, size)?,
                     };
-                    set_contrast(&mut maps, scene.blend.material_contrast);
-                    let users = (0..count).filter(|&m| layer_of[m] == layer);
-                    let means: Vec<_> = users.map(|m| (m, MaterialMeans::of(&maps, scene.materials[m].tint))).collect();
-                    Ok((arrays::compress(&maps), means))
+                    set_contrast(&mut maps, contrast);
+                    let texture = Texture { source: source.clone(), contrast, means: TextureMeans::of(&maps) };
+                    Ok((arrays::compress(&maps), texture))
                 })
                 .collect::<Result<_>>()?;
-            for (layer, of_layer) in done {
-                arrays.albedo.push(layer.albedo);
-                arrays.normal.push(layer.normal);
-                arrays.height.push(layer.height);
-                for (m, mean) in of_layer {
-                    means[m] = Some(mean);
-                }
+            for (layer, texture) in done {
+                arrays.push(layer);
+                textures.push(texture);
             }
         }
 
         let means: Vec<MaterialMeans> =
-            means.into_iter().map(|mean| mean.expect("every material has a source, every source was made")).collect();
+            scene.materials.iter().zip(&layer_of).map(|(m, &layer)| textures[layer].means.tinted(m.tint)).collect();
         let layers = layers_of(&means);
         let flags = |material: &Material| {
             if material.tint.iter().any(|&t| (t - 1.0).abs() > f64::from(f32::EPSILON)) { FLAG_TINTED } else { 0 }
@@ -248,7 +315,7 @@ impl Palette {
                 })
             })
             .collect::<Result<_>>()?;
-        Ok(Palette { entries, arrays, means })
+        Ok(Palette { entries, arrays, means, layers: textures })
     }
 }
 

@@ -31,10 +31,11 @@ pub const QUAD_PX: f64 = 2.5;
 /// too, and the resident nodes must fit the atlases in large ones.
 pub const SPLIT_RATIO: [f64; 2] = [0.6, 2.0];
 
-/// A node is split when the camera is nearer than this many of its edges (and the node is visible).
-fn split_ratio(view: &View) -> f64 {
+/// A node is split when the camera is nearer than this many of its edges (and the node is visible); each whole step of the bias halves it.
+fn split_ratio(view: &View, lod_bias: f64) -> f64 {
     let focal_px = f64::from(view.size[1]) / (2.0 * (view.pose.fov / 2.0).tan());
-    (focal_px / (f64::from(NODE_QUADS) * QUAD_PX)).clamp(SPLIT_RATIO[0], SPLIT_RATIO[1])
+    let ratio = (focal_px / (f64::from(NODE_QUADS) * QUAD_PX)).clamp(SPLIT_RATIO[0], SPLIT_RATIO[1]);
+    (ratio * (-lod_bias).exp2()).min(SPLIT_RATIO[1])
 }
 
 /// Corner boxes of a node in the view's local coordinates.
@@ -45,19 +46,31 @@ pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View)
     (corner.extend(bounds.height_m[0]), (corner + edge).extend(bounds.height_m[1]))
 }
 
-/// Traverses the tree. `load` is given the nodes of one level that are needed next and returns their bounds in the same order.
+/// Biases of the LOD that can be asked for, see [`select`].
+pub const LOD_BIASES: [f64; 2] = [-2.0, 4.0];
+
+/// Traverses the tree. `lod_bias`: how many levels coarser (or, below 0, finer, as far as the atlases hold it) than usual. `load` is given the nodes of one level that are needed next and returns their bounds in the same order.
 ///
 /// # Errors
 /// Whatever `load` returns.
 pub fn select<E>(
     world: &World,
     view: &View,
+    lod_bias: f64,
     mut load: impl FnMut(&[NodeId]) -> std::result::Result<Vec<NodeBounds>, E>,
 ) -> std::result::Result<Selection, E> {
     let layout = world.layout();
-    let ratio = split_ratio(view);
+    let ratio = split_ratio(view, lod_bias);
     let mut selection = Selection::default();
-    let mut level: Vec<NodeId> = NodeId::roots().filter(|&n| world.exists(n)).collect();
+    // The margin keeps stitches towards unseen, hence coarse or absent, neighbours outside the picture.
+    let sees = |node: NodeId, (low, high): (DVec3, DVec3)| {
+        let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
+        view.sees(low - margin, high + margin)
+    };
+    // Of a root that is not loaded yet the world's heights are all that is known.
+    let (low_m, high_m) = world.height_range_m();
+    let anywhere = NodeBounds { height_m: [low_m, high_m] };
+    let mut level: Vec<NodeId> = NodeId::roots().filter(|&n| world.exists(n) && sees(n, local_box(n, anywhere, layout, view))).collect();
     while !level.is_empty() {
         let bounds = load(&level)?;
         selection.visited.extend_from_slice(&level);
@@ -65,9 +78,7 @@ pub fn select<E>(
         for (&node, &bounds) in level.iter().zip(&bounds) {
             let (low, high) = local_box(node, bounds, layout, view);
             let nearest = view.camera.clamp(low, high);
-            // The margin keeps stitches towards unseen, hence coarse, neighbours outside the picture.
-            let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
-            let wanted = nearest.distance(view.camera) < ratio * layout.node_m(node.lod) && view.sees(low - margin, high + margin);
+            let wanted = nearest.distance(view.camera) < ratio * layout.node_m(node.lod) && sees(node, (low, high));
             let children: Vec<NodeId> = if wanted && node.lod > layout.finest_lod {
                 node.children().into_iter().filter(|&c| world.exists(c)).collect()
             } else {

@@ -33,6 +33,9 @@ pub struct Scene {
     /// Splat rules; at every splat texel the rule of the largest weight gives the material, ties to the later.
     #[serde(rename = "rule")]
     pub rules: Vec<Rule>,
+    /// What was painted over the rules, in the order in which it was: a later stroke lies over an earlier one.
+    #[serde(default, rename = "stroke", skip_serializing_if = "Vec::is_empty")]
+    pub strokes: Vec<Stroke>,
     /// Edge length of detail textures, texels, a power of two in 64..=2048. The height and colour-mask texture is half that.
     #[serde(default = "default_detail_size")]
     pub detail_size: u32,
@@ -178,6 +181,37 @@ pub struct Rule {
     /// Share of the ground, 0..1, that the noise mask lets through.
     #[serde(default = "half")]
     pub noise_cover: f64,
+}
+
+/// What a brush did: a line as wide as the brush. Strokes are kept as what was done, not as texels, so that every LOD sees the same one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stroke {
+    /// What it changes.
+    pub kind: StrokeKind,
+    /// Name of the material that is laid, or whose rules are weighted.
+    pub material: String,
+    /// Where the brush passed, world metres (x, y), at least one; straight from each to the next.
+    pub points: Vec<[f64; 2]>,
+    /// Half the width of the line, metres, > 0.
+    pub radius_m: f64,
+    /// Width of the soft edge of a mask, metres inwards from the line's edge, 0 to `radius_m`. A splat map holds one material a texel, so that laying
+    /// one has no soft edge.
+    #[serde(default)]
+    pub fade_m: f64,
+    /// Factor on the weights of the material's rules, in the middle of a mask: 0 keeps the material away, 1 changes nothing. Of no meaning to splat.
+    #[serde(default)]
+    pub amount: f64,
+}
+
+/// What a stroke changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StrokeKind {
+    /// The splat map: the material lies wherever the brush passed, whatever the rules say.
+    Splat,
+    /// The weights of the rules that lay the material.
+    Mask,
 }
 
 fn half() -> f64 {

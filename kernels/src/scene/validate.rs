@@ -1,6 +1,6 @@
 //! What a scene file must satisfy beyond its types.
 
-use super::{CameraPose, Hole, Rule, Scene, World};
+use super::{CameraPose, Hole, Rule, Scene, Stroke, World};
 use crate::document::{At, Checked, suggestion};
 use crate::error::{Error, Result};
 
@@ -36,6 +36,8 @@ pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
 
 /// Elevations, coordinates and the like beyond this many metres are mistakes.
 const FAR_M: f64 = 1.0e7;
+/// Points of one stroke: every splat texel near it is held against each of them.
+const MOST_POINTS: usize = 65_536;
 
 pub(super) fn check(scene: &Scene) -> Checked {
     let top = At::top();
@@ -43,6 +45,7 @@ pub(super) fn check(scene: &Scene) -> Checked {
     world(&top.key("world"), scene)?;
     materials(&top.key("material"), scene)?;
     rules(&top.key("rule"), scene)?;
+    strokes(&top.key("stroke"), scene)?;
     let size = scene.detail_size;
     if !(64..=2048).contains(&size) || !size.is_power_of_two() {
         top.key("detail_size").fail(format!("is {size}, must be 64, 128, 256, 512, 1024 or 2048"))?;
@@ -127,18 +130,26 @@ fn rules(at: &At, scene: &Scene) -> Checked {
     if scene.rules.is_empty() {
         at.fail("there is none: give at least one [[rule]], or no splat texel has a material")?;
     }
-    let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+    let names = material_names(scene);
     for (i, rule) in scene.rules.iter().enumerate() {
         one_rule(&at.index(i), rule, &names)?;
     }
     Ok(())
 }
 
-fn one_rule(at: &At, rule: &Rule, materials: &[&str]) -> Checked {
-    if !materials.contains(&rule.material.as_str()) {
-        let hint = suggestion(&rule.material, materials);
-        at.key("material").fail(format!("no material is called `{}`: {hint}", rule.material))?;
+fn material_names(scene: &Scene) -> Vec<&str> {
+    scene.materials.iter().map(|m| m.name.as_str()).collect()
+}
+
+fn known_material(at: &At, name: &str, materials: &[&str]) -> Checked {
+    if materials.contains(&name) {
+        return Ok(());
     }
+    at.key("material").fail(format!("no material is called `{name}`: {}", suggestion(name, materials)))
+}
+
+fn one_rule(at: &At, rule: &Rule, materials: &[&str]) -> Checked {
+    known_material(at, &rule.material, materials)?;
     at.key("weight").positive(rule.weight, 1.0e6)?;
     at.key("height_m").band(rule.height_m, -FAR_M, FAR_M)?;
     at.key("height_fade_m").within(rule.height_fade_m, 0.0, FAR_M)?;
@@ -148,6 +159,31 @@ fn one_rule(at: &At, rule: &Rule, materials: &[&str]) -> Checked {
     at.key("curvature_fade").within(rule.curvature_fade, 0.0, 1.0e3)?;
     at.key("noise_m").within(rule.noise_m, 0.0, 1.0e5)?;
     at.key("noise_cover").within(rule.noise_cover, 0.0, 1.0)
+}
+
+fn strokes(at: &At, scene: &Scene) -> Checked {
+    let names = material_names(scene);
+    scene.strokes.iter().enumerate().try_for_each(|(i, stroke)| one_stroke(&at.index(i), stroke, &names))
+}
+
+fn one_stroke(at: &At, stroke: &Stroke, materials: &[&str]) -> Checked {
+    known_material(at, &stroke.material, materials)?;
+    let points = at.key("points");
+    match stroke.points.len() {
+        0 => points.fail("there is none: give at least one [x, y], world metres")?,
+        1..=MOST_POINTS => {}
+        count => points.fail(format!("there are {count}, must be at most {MOST_POINTS}: leave some out, or make two strokes of it"))?,
+    }
+    // A place has a name only once it is wrong: there may be many of them.
+    if let Some(i) = stroke.points.iter().position(|point| !point.iter().all(|x| x.abs() <= FAR_M)) {
+        points.index(i).all_within(&stroke.points[i], -FAR_M, FAR_M)?;
+    }
+    at.key("radius_m").positive(stroke.radius_m, FAR_M)?;
+    if !(0.0..=stroke.radius_m).contains(&stroke.fade_m) {
+        let (fade, radius) = (stroke.fade_m, stroke.radius_m);
+        at.key("fade_m").fail(format!("is {fade}, must lie in 0..={radius}: the edge is soft inwards, up to radius_m"))?;
+    }
+    at.key("amount").within(stroke.amount, 0.0, 1.0e6)
 }
 
 fn flavours(at: &At, scene: &Scene) -> Checked {
@@ -223,4 +259,72 @@ fn camera(at: &At, pose: &CameraPose) -> Checked {
     at.key("yaw_deg").within(pose.yaw_deg, -3600.0, 3600.0)?;
     at.key("pitch_deg").within(pose.pitch_deg, -90.0, 90.0)?;
     at.key("fov_deg").within(pose.fov_deg, 1.0, 175.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::{DEFAULT, DEFAULT_TEXT, StrokeKind, parse};
+
+    fn painted() -> Scene {
+        let mut scene = parse(DEFAULT_TEXT, DEFAULT, Path::new("")).expect("built in");
+        scene.strokes = vec![Stroke {
+            kind: StrokeKind::Mask,
+            material: scene.materials[0].name.clone(),
+            points: vec![[1.0, 2.0], [-3.5, 1.0e7]],
+            radius_m: 4.0,
+            fade_m: 4.0,
+            amount: 0.0,
+        }];
+        scene
+    }
+
+    /// What is said of a scene whose only stroke was changed.
+    fn refused(change: impl FnOnce(&mut Stroke)) -> String {
+        let mut scene = painted();
+        change(&mut scene.strokes[0]);
+        let text = validate(&scene).expect_err("refused").to_string();
+        assert_eq!(text.lines().count(), 1, "{text}");
+        text
+    }
+
+    #[test]
+    fn strokes_at_their_limits_are_accepted() {
+        let mut scene = painted();
+        assert!(validate(&scene).is_ok());
+        scene.strokes[0].points = vec![[0.0, 0.0]; MOST_POINTS];
+        (scene.strokes[0].fade_m, scene.strokes[0].amount) = (0.0, 1.0e6);
+        assert!(validate(&scene).is_ok());
+    }
+
+    #[test]
+    fn a_stroke_that_cannot_be_laid_is_refused_with_its_place_and_remedy() {
+        let name = painted().materials[0].name.clone();
+        let text = refused(|stroke| stroke.material.push('x'));
+        assert!(text.contains(&format!("stroke 1, material: no material is called `{name}x`: did you mean `{name}`?")), "{text}");
+        let text = refused(|stroke| stroke.points.clear());
+        assert!(text.contains("stroke 1, points: there is none: give at least one"), "{text}");
+        let text = refused(|stroke| stroke.points = vec![[0.0, 0.0]; MOST_POINTS + 1]);
+        assert!(text.contains("there are 65537, must be at most 65536"), "{text}");
+        for wrong in [f64::NAN, f64::INFINITY, 1.1e7] {
+            for k in [0, 1] {
+                let text = refused(|stroke| stroke.points[1][k] = wrong);
+                assert!(text.contains("stroke 1, points 2: is") && text.contains("must lie in"), "{wrong}: {text}");
+            }
+        }
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let text = refused(|stroke| stroke.radius_m = wrong);
+            assert!(text.contains("stroke 1, radius_m: is") && text.contains("must be above 0"), "{wrong}: {text}");
+        }
+        for wrong in [-0.5, 4.5, f64::NAN] {
+            let text = refused(|stroke| stroke.fade_m = wrong);
+            assert!(text.contains("stroke 1, fade_m: is") && text.contains("must lie in 0..=4: "), "{wrong}: {text}");
+        }
+        for wrong in [-0.5, f64::NAN, f64::INFINITY] {
+            let text = refused(|stroke| stroke.amount = wrong);
+            assert!(text.contains("stroke 1, amount: is") && text.contains("must lie in 0..=1000000"), "{wrong}: {text}");
+        }
+    }
 }

@@ -4,6 +4,7 @@
 //! request a diagnostics target (fetches, choice, tile mask). One WGSL module; 31 variants and the generic kernel differ in override constants.
 //! Source: Moore, GDC 2018, "Cliff Shading", "Terrain Shader Variations", "Terrain G-Buffer Pass"; rulings 1, 7, 15.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 use crate::classification::{ARGUMENT_BYTES, Lists};
@@ -11,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::frame::FRAME_WGSL;
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, Shader, Timer, constants};
+use crate::gpu::{Gpu, Shader, Template, Timer};
 use crate::shared;
 use crate::shared::blue_noise;
 use crate::shared::noise::NoiseKind;
@@ -119,7 +120,7 @@ impl Targets {
 
 /// The pass and its pipelines, built when first wanted and kept.
 pub struct Shading {
-    shader: Shader,
+    template: Template,
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: HashMap<PipelineKey, wgpu::RenderPipeline>,
@@ -163,7 +164,7 @@ impl Shading {
             ],
         );
         Ok(Shading {
-            shader: Shader::new(gpu, "shading", &files())?,
+            template: Shader::new(gpu, "shading", &files())?.template()?,
             pipeline_layout: gpu.pipeline_layout("shading", &[frame_layout, &terrain.layout, &layout]),
             layout,
             pipelines: HashMap::new(),
@@ -209,7 +210,16 @@ impl Shading {
         if key.noise.needs_mask() && !self.pipelines.keys().any(|k| k.noise.needs_mask()) {
             self.noise_ranks = gpu.buffer_with("noise ranks", wgpu::BufferUsages::STORAGE, bytemuck::cast_slice(blue_noise::ranks()));
         }
-        let overrides = key.overrides(self.settings);
+        let fragment = if key.diagnostics { "shading_fragment_counted" } else { "shading_fragment" };
+        let refused = |what: String| Error::Request(format!("shader shading: shading/shading.wgsl: {what}"));
+        let own = self.template.cut(&["shading_vertex", fragment], &key.overrides(self.settings)).map_err(refused)?;
+        let (module, complaint) = gpu.caught(|| {
+            let source = wgpu::ShaderSource::Naga(Cow::Owned(own));
+            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("shading"), source })
+        });
+        if let Some(what) = complaint {
+            return Err(refused(what));
+        }
         let mut targets = vec![Some(FORMAT.into()), Some(FORMAT.into())];
         if key.diagnostics {
             targets.push(Some(wgpu::TextureFormat::R32Uint.into()));
@@ -219,9 +229,9 @@ impl Shading {
             label: Some("shading"),
             layout: Some(&self.pipeline_layout),
             vertex: wgpu::VertexState {
-                module: &self.shader.module,
+                module: &module,
                 entry_point: Some("shading_vertex"),
-                compilation_options: constants(&overrides),
+                compilation_options: Default::default(),
                 buffers: &[],
             },
             primitive: wgpu::PrimitiveState { unclipped_depth: self.settings.one_triangle, ..Default::default() },
@@ -234,9 +244,9 @@ impl Shading {
             }),
             multisample: wgpu::MultisampleState::default(),
             fragment: Some(wgpu::FragmentState {
-                module: &self.shader.module,
-                entry_point: Some(if key.diagnostics { "shading_fragment_counted" } else { "shading_fragment" }),
-                compilation_options: constants(&overrides),
+                module: &module,
+                entry_point: Some(fragment),
+                compilation_options: Default::default(),
                 targets: &targets,
             }),
             multiview_mask: None,
@@ -244,14 +254,15 @@ impl Shading {
         };
         let (pipeline, complaint) = gpu.caught(|| gpu.device.create_render_pipeline(&descriptor));
         if let Some(what) = complaint {
-            return Err(Error::Request(format!("shader shading: shading/shading.wgsl: {what}")));
+            return Err(refused(what));
         }
         self.pipelines.insert(key, pipeline);
         Ok(true)
     }
 
     /// Records the pass: one indirect draw per key. Every key must be warm, and record diagnostics if and only if `diagnostics` says so
-    /// (also a picture without a single terrain tile has its diagnostics cleared).
+    /// (also a picture without a single terrain tile has its diagnostics cleared). `timed`: each key in a pass of its own, `shading: KEY`; else all in
+    /// one, `shading`.
     #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
     pub fn encode(
         &self,
@@ -265,6 +276,7 @@ impl Shading {
         targets: &Targets,
         keys: &[PipelineKey],
         diagnostics: bool,
+        timed: bool,
     ) {
         let page_views = pages.views();
         let texture = wgpu::BindingResource::TextureView;
@@ -283,35 +295,49 @@ impl Shading {
                 self.noise_ranks.as_entire_binding(),
             ],
         );
-        let clear = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };
         let views = [view(&targets.albedo), view(&targets.normal), view(&targets.diagnostics)];
-        let attachments: Vec<_> = views
-            .iter()
-            .take(if diagnostics { 3 } else { 2 })
-            .map(|view| Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops: clear }))
-            .collect();
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("shading"),
-            color_attachments: &attachments,
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &view(&geometry.depth_stencil),
-                depth_ops: None,
-                stencil_ops: None,
-            }),
-            timestamp_writes: timer.render("shading"),
-            ..Default::default()
-        });
-        pass.set_bind_group(0, groups[0], &[]);
-        pass.set_bind_group(1, groups[1], &[]);
-        pass.set_bind_group(2, &group, &[]);
-        pass.set_stencil_reference(1);
-        for key in keys {
-            let list = match key.kernel {
-                Kernel::Variant(variant) => u64::from(variant.mask()),
-                Kernel::Generic => 0,
+        let depth_stencil = view(&geometry.depth_stencil);
+        let mut draw = |name: &str, keys: &[PipelineKey], load: wgpu::LoadOp<wgpu::Color>| {
+            let ops = wgpu::Operations { load, store: wgpu::StoreOp::Store };
+            let attachments: Vec<_> = views
+                .iter()
+                .take(if diagnostics { 3 } else { 2 })
+                .map(|view| Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }))
+                .collect();
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("shading"),
+                color_attachments: &attachments,
+                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                    view: &depth_stencil,
+                    depth_ops: None,
+                    stencil_ops: None,
+                }),
+                timestamp_writes: timer.render(name),
+                ..Default::default()
+            });
+            pass.set_bind_group(0, groups[0], &[]);
+            pass.set_bind_group(1, groups[1], &[]);
+            pass.set_bind_group(2, &group, &[]);
+            pass.set_stencil_reference(1);
+            for key in keys {
+                let list = match key.kernel {
+                    Kernel::Variant(variant) => u64::from(variant.mask()),
+                    Kernel::Generic => 0,
+                };
+                pass.set_pipeline(&self.pipelines[key]);
+                pass.draw_indirect(&lists.arguments, list * ARGUMENT_BYTES);
+            }
+        };
+        let clear = wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT);
+        if !timed || keys.is_empty() {
+            return draw("shading", keys, clear);
+        }
+        for (index, key) in keys.iter().enumerate() {
+            let name = match key.kernel {
+                Kernel::Variant(variant) => format!("shading: {variant}"),
+                Kernel::Generic => "shading: generic".to_owned(),
             };
-            pass.set_pipeline(&self.pipelines[key]);
-            pass.draw_indirect(&lists.arguments, list * ARGUMENT_BYTES);
+            draw(&name, std::slice::from_ref(key), if index == 0 { clear } else { wgpu::LoadOp::Load });
         }
     }
 }

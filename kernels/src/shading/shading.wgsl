@@ -39,6 +39,20 @@ const ESTIMATOR_HEX_MEAN: u32 = 10u;
 // Cosine of the slope from which on the snapped projection is a vertical one: Terrain3D's default.
 const SHADING_SNAPPED_COSINE: f32 = 0.8;
 
+// What the constants above decide, as conditions that are theirs alone: code behind a false one is cut out before a driver sees it.
+override RUNS_VT: bool = (VARIANT == 0u) | ((VARIANT & 1u) != 0u);
+override RUNS_FAR_ATLAS: bool = (VARIANT == 0u) | ((VARIANT & 2u) != 0u);
+override RUNS_NEAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & 4u) != 0u);
+override RUNS_FAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & 8u) != 0u);
+override RUNS_SPLAT: bool = (VARIANT == 0u) | ((VARIANT & 16u) != 0u);
+override PROJECTS: bool = (VARIANT == 0u) | ((VARIANT & 28u) != 0u);
+override IS_BIPLANAR: bool = (ESTIMATOR == ESTIMATOR_BIPLANAR) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN);
+override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATOR == ESTIMATOR_LUNA8);
+// Whether random choices are replaced by their mean.
+override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
+// Whether all of an estimator's flavours are one blend of four (or eight) materials in each of its projections.
+override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
+
 const FLAVOUR_VT: u32 = 0u;
 const FLAVOUR_FAR_ATLAS: u32 = 1u;
 const FLAVOUR_NEAR_CLIFF: u32 = 2u;
@@ -127,10 +141,10 @@ fn shade_noise(pixel: Pixel, salt: u32) -> vec4<f32> {
 
 // Projections that the estimator has.
 fn shade_projections() -> u32 {
-    if ESTIMATOR == ESTIMATOR_BIPLANAR || ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN {
+    if IS_BIPLANAR {
         return frame.taps - 2u;
     }
-    if ESTIMATOR == ESTIMATOR_SNAPPED || ESTIMATOR == ESTIMATOR_LUNA8 {
+    if HAS_ONE_PROJECTION {
         return frame.taps - 3u;
     }
     return frame.taps - 1u;
@@ -139,7 +153,7 @@ fn shade_projections() -> u32 {
 // Which they are, and their weights.
 fn shade_project(pixel: ptr<function, Pixel>) {
     (*pixel).planes = vec3<u32>(0u, 1u, 2u);
-    if ESTIMATOR == ESTIMATOR_BIPLANAR || ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN {
+    if IS_BIPLANAR {
         let b = biplanar_projections((*pixel).normal, frame.triplanar_sharpness);
         (*pixel).planes = vec3<u32>(b.axes, 0u);
         (*pixel).projections = vec3<f32>(b.weights, 0.0);
@@ -152,16 +166,6 @@ fn shade_project(pixel: ptr<function, Pixel>) {
     } else {
         (*pixel).projections = triplanar_weights((*pixel).normal, frame.triplanar_sharpness);
     }
-}
-
-// Whether random choices are replaced by their mean.
-fn shade_takes_means() -> bool {
-    return ESTIMATOR == ESTIMATOR_EXACT || ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN || ESTIMATOR == ESTIMATOR_HEX_MEAN;
-}
-
-// Whether all of an estimator's flavours are one blend of four (or eight) materials in each of its projections.
-fn shade_is_one_blend() -> bool {
-    return ESTIMATOR == ESTIMATOR_LAPLACIAN || ESTIMATOR == ESTIMATOR_LUNA8 || ESTIMATOR == ESTIMATOR_SNAPPED;
 }
 
 // All materials of a splat cell, blended the estimator's way: 16 fetches, hex-tiled 40, in bands 20, in layers 28.
@@ -205,10 +209,10 @@ fn shade_near_cliff(pixel: Pixel) -> Surface {
     if ESTIMATOR == ESTIMATOR_STF {
         return shade_one_tap(pixel, SALT_NEAR_CLIFF, 0u, 0.0);
     }
-    if shade_is_one_blend() {
+    if IS_ONE_BLEND {
         return shade_splat(pixel);
     }
-    if shade_takes_means() {
+    if TAKES_MEANS {
         for (var i = 0u; i < shade_projections(); i++) {
             let mean = terrain_splat_mean(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
             sum = surface_add(sum, pixel.projections[i], mean);
@@ -254,10 +258,10 @@ fn shade_far_cliff(pixel: Pixel) -> Surface {
         }
         return sum;
     }
-    if shade_is_one_blend() {
+    if IS_ONE_BLEND {
         return shade_splat(pixel);
     }
-    if shade_takes_means() {
+    if TAKES_MEANS {
         for (var t = 0u; t < frame.taps - 2u; t++) {
             for (var i = 0u; i < shade_projections(); i++) {
                 let mean = terrain_splat_mean(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), lower + t);
@@ -359,11 +363,15 @@ struct GBuffer {
 // The theoretical variance of a pixel's albedo over seeds: only the stochastic flavours have one, and they draw independently.
 fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> GBuffer {
     var variance = vec3<f32>(0.0);
-    if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
-        variance += weights[FLAVOUR_NEAR_CLIFF] * weights[FLAVOUR_NEAR_CLIFF] * shade_near_cliff(pixel).albedo;
+    if RUNS_NEAR_CLIFF {
+        if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
+            variance += weights[FLAVOUR_NEAR_CLIFF] * weights[FLAVOUR_NEAR_CLIFF] * shade_near_cliff(pixel).albedo;
+        }
     }
-    if (mask & 8u) != 0u && weights[FLAVOUR_FAR_CLIFF] > 0.0 {
-        variance += weights[FLAVOUR_FAR_CLIFF] * weights[FLAVOUR_FAR_CLIFF] * shade_far_cliff(pixel).albedo;
+    if RUNS_FAR_CLIFF {
+        if (mask & 8u) != 0u && weights[FLAVOUR_FAR_CLIFF] > 0.0 {
+            variance += weights[FLAVOUR_FAR_CLIFF] * weights[FLAVOUR_FAR_CLIFF] * shade_far_cliff(pixel).albedo;
+        }
     }
     let modulation = terrain_colour_modulation(pixel.node);
     // In units of 1/1024, so that f16 does not run into its denormals.
@@ -383,7 +391,9 @@ fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {
     pixel.node = terrain_node(pixel.footprint.place);
     pixel.cell = terrain_splat_cell(pixel.node);
     pixel.normal = frame_normal(normals.xy);
-    shade_project(&pixel);
+    if PROJECTS {
+        shade_project(&pixel);
+    }
 
     let distance = length(frame_ray(vec2<f32>(index))) * frame.near_m / depth;
     let all = flavour_weights(distance, pixel.normal.z, frame.flavours);
@@ -398,45 +408,55 @@ fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {
     var normal = vec3<f32>(0.0);
     var smoothness = 0.0;
     var occlusion = 0.0;
-    if (mask & 1u) != 0u && weights[FLAVOUR_VT] > 0.0 {
-        let s = shade_virtual_texture(pixel);
-        let w = weights[FLAVOUR_VT];
-        albedo += w * s.albedo;
-        normal += w * triplanar_perturb(pixel.normal, s.gradient);
-        smoothness += w * s.smoothness;
-        occlusion += w * s.specular_occlusion;
+    if RUNS_VT {
+        if (mask & 1u) != 0u && weights[FLAVOUR_VT] > 0.0 {
+            let s = shade_virtual_texture(pixel);
+            let w = weights[FLAVOUR_VT];
+            albedo += w * s.albedo;
+            normal += w * triplanar_perturb(pixel.normal, s.gradient);
+            smoothness += w * s.smoothness;
+            occlusion += w * s.specular_occlusion;
+        }
     }
     if (mask & 30u) != 0u {
         // All but the virtual texture, whose pages already hold it, share one colour modulation.
         var sum = surface_zero();
         var share = 0.0;
-        if (mask & 2u) != 0u && weights[FLAVOUR_FAR_ATLAS] > 0.0 {
-            let far = shade_far_atlas(pixel);
-            let w = weights[FLAVOUR_FAR_ATLAS];
-            sum = surface_add(sum, w, far.surface);
-            normal += w * far.normal;
-            share += w;
+        if RUNS_FAR_ATLAS {
+            if (mask & 2u) != 0u && weights[FLAVOUR_FAR_ATLAS] > 0.0 {
+                let far = shade_far_atlas(pixel);
+                let w = weights[FLAVOUR_FAR_ATLAS];
+                sum = surface_add(sum, w, far.surface);
+                normal += w * far.normal;
+                share += w;
+            }
         }
-        if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
-            let s = shade_near_cliff(pixel);
-            let w = weights[FLAVOUR_NEAR_CLIFF];
-            sum = surface_add(sum, w, s);
-            normal += w * triplanar_perturb(pixel.normal, s.gradient);
-            share += w;
+        if RUNS_NEAR_CLIFF {
+            if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
+                let s = shade_near_cliff(pixel);
+                let w = weights[FLAVOUR_NEAR_CLIFF];
+                sum = surface_add(sum, w, s);
+                normal += w * triplanar_perturb(pixel.normal, s.gradient);
+                share += w;
+            }
         }
-        if (mask & 8u) != 0u && weights[FLAVOUR_FAR_CLIFF] > 0.0 {
-            let s = shade_far_cliff(pixel);
-            let w = weights[FLAVOUR_FAR_CLIFF];
-            sum = surface_add(sum, w, s);
-            normal += w * triplanar_perturb(pixel.normal, s.gradient);
-            share += w;
+        if RUNS_FAR_CLIFF {
+            if (mask & 8u) != 0u && weights[FLAVOUR_FAR_CLIFF] > 0.0 {
+                let s = shade_far_cliff(pixel);
+                let w = weights[FLAVOUR_FAR_CLIFF];
+                sum = surface_add(sum, w, s);
+                normal += w * triplanar_perturb(pixel.normal, s.gradient);
+                share += w;
+            }
         }
-        if (mask & 16u) != 0u && weights[FLAVOUR_SPLAT] > 0.0 {
-            let s = shade_splat(pixel);
-            let w = weights[FLAVOUR_SPLAT];
-            sum = surface_add(sum, w, s);
-            normal += w * triplanar_perturb(pixel.normal, s.gradient);
-            share += w;
+        if RUNS_SPLAT {
+            if (mask & 16u) != 0u && weights[FLAVOUR_SPLAT] > 0.0 {
+                let s = shade_splat(pixel);
+                let w = weights[FLAVOUR_SPLAT];
+                sum = surface_add(sum, w, s);
+                normal += w * triplanar_perturb(pixel.normal, s.gradient);
+                share += w;
+            }
         }
         if share > 0.0 {
             albedo += sum.albedo * terrain_colour_modulation(pixel.node);

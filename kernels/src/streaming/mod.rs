@@ -7,11 +7,13 @@
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, texture_bytes};
 use crate::quadtree::NodeBounds;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
-use crate::world::{NodeId, NodePayload, PaletteMeans, World};
+use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
 
 /// Nodes that can be resident at once (SYSTEMS A: about 500).
 pub const CAPACITY: u32 = 512;
@@ -45,12 +47,30 @@ pub struct Streaming {
     /// Nodes baked since this frame began.
     loaded: usize,
     layers: u32,
+    /// Whether what nodes were made from is kept, to lay other materials on them.
+    keeps_ground: bool,
+    /// Times that materials were laid anew.
+    revision: u64,
+}
+
+/// What is new about materials.
+pub struct Changes {
+    /// Whether they are laid by other rules.
+    pub relaid: bool,
+    /// By palette index, whether the mean look is another.
+    pub means: Vec<bool>,
+    /// By palette index, whether the texture, or how it lies on the ground, is another.
+    pub looks: Vec<bool>,
 }
 
 struct Resident {
     slot: u32,
     bounds: NodeBounds,
     used: u64,
+    /// Changes with what its materials are and look like.
+    revision: u64,
+    /// What it was made from, if that is kept.
+    source: Option<(Ground, Cover)>,
 }
 
 fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::TextureFormat) -> wgpu::Texture {
@@ -89,7 +109,8 @@ pub fn upload(gpu: &Gpu, texture: &wgpu::Texture, layer: u32, mip_level: u32, by
 
 impl Streaming {
     /// Empty atlases; that of colour modulation only if the scene has one (else a single layer, since something must be bound).
-    pub fn new(gpu: &Gpu, colour_modulation: bool) -> Streaming {
+    /// `keeps_ground`: whether [`Streaming::lay_anew`] will be asked for, which takes some 210 KB of memory a node.
+    pub fn new(gpu: &Gpu, colour_modulation: bool, keeps_ground: bool) -> Streaming {
         use wgpu::TextureFormat as Format;
         let layers = (CAPACITY + 1).min(gpu.device.limits().max_texture_array_layers);
         Streaming {
@@ -109,6 +130,8 @@ impl Streaming {
             frame: 0,
             loaded: 0,
             layers,
+            keeps_ground,
+            revision: 0,
         }
     }
 
@@ -136,11 +159,14 @@ impl Streaming {
                 resident.used = self.frame;
             }
         }
-        for payload in world.bake_many(&absent, palette, on_baked) {
+        for Baked { payload, ground, cover } in world.bake_many(&absent, palette, on_baked) {
             let slot = self.take_slot()?;
             self.write(gpu, slot, &payload);
             let bounds = NodeBounds { height_m: [world.elevation_m(payload.min_height), world.elevation_m(payload.max_height)] };
-            self.resident.insert(payload.id, Resident { slot, bounds, used: self.frame });
+            let source = self.keeps_ground.then_some((ground, cover));
+            // Pages of a node that left and came back may be older than its materials.
+            let resident = Resident { slot, bounds, used: self.frame, revision: self.revision, source };
+            self.resident.insert(payload.id, resident);
             self.loaded += 1;
         }
         Ok(nodes.iter().map(|n| self.resident[n].bounds).collect())
@@ -149,6 +175,43 @@ impl Streaming {
     /// Slot and bounds of a resident node.
     pub fn get(&self, node: NodeId) -> Option<(u32, NodeBounds)> {
         self.resident.get(&node).map(|r| (r.slot, r.bounds))
+    }
+
+    /// What tells two states of a node's materials apart; 0 for one that is not resident.
+    pub fn revision(&self, node: NodeId) -> u64 {
+        self.resident.get(&node).map_or(0, |r| r.revision)
+    }
+
+    /// Lays materials on the resident nodes by what `world` and `palette` are now. A node is made anew if other materials lie on it, or one whose mean
+    /// look changed; its revision changes, too, if only the look of one did. Returns how many were made anew.
+    pub fn lay_anew(&mut self, gpu: &Gpu, world: &World, palette: &PaletteMeans, changes: &Changes) -> usize {
+        let holds = |cover: &Cover, changed: &[bool]| cover.iter().any(|&id| changed.get(usize::from(id)).copied().unwrap_or(true));
+        let anew: Vec<(NodeId, Option<(Cover, NodePayload)>)> = self
+            .resident
+            .par_iter()
+            .filter_map(|(&node, resident)| {
+                let (ground, before) = resident.source.as_ref()?;
+                let cover = if changes.relaid { world.cover(ground) } else { before.clone() };
+                if cover != *before || holds(&cover, &changes.means) {
+                    let payload = world.dress(ground, &cover, palette);
+                    return Some((node, Some((cover, payload))));
+                }
+                holds(&cover, &changes.looks).then_some((node, None))
+            })
+            .collect();
+        self.revision += 1;
+        let mut count = 0;
+        for (node, made) in anew {
+            let Some(resident) = self.resident.get_mut(&node) else { continue };
+            resident.revision = self.revision;
+            if let (Some((cover, payload)), Some(source)) = (made, resident.source.as_mut()) {
+                source.1 = cover;
+                let slot = resident.slot;
+                self.write(gpu, slot, &payload);
+                count += 1;
+            }
+        }
+        count
     }
 
     /// How many nodes are resident.

@@ -23,7 +23,17 @@ pub struct Terrain {
     pub layout: wgpu::BindGroupLayout,
     /// Group 1.
     pub group: wgpu::BindGroup,
+    resources: Resources,
+}
+
+/// What the group binds besides the atlases.
+struct Resources {
     sector_data: wgpu::Buffer,
+    entries: wgpu::Buffer,
+    /// Albedo, normal, height.
+    details: [wgpu::Texture; 3],
+    /// Of detail textures, of atlases.
+    samplers: [wgpu::Sampler; 2],
 }
 
 fn detail_array(gpu: &Gpu, label: &str, chains: &[CompressedChain], format: wgpu::TextureFormat) -> wgpu::Texture {
@@ -40,11 +50,31 @@ fn detail_array(gpu: &Gpu, label: &str, chains: &[CompressedChain], format: wgpu
         view_formats: &[],
     });
     for (layer, chain) in (0..).zip(chains) {
-        for (level, blocks) in (0..).zip(&chain.levels) {
-            upload(gpu, &texture, layer, level, blocks);
-        }
+        upload_chain(gpu, &texture, layer, chain);
     }
     texture
+}
+
+fn upload_chain(gpu: &Gpu, texture: &wgpu::Texture, layer: u32, chain: &CompressedChain) {
+    for (level, blocks) in (0..).zip(&chain.levels) {
+        upload(gpu, texture, layer, level, blocks);
+    }
+}
+
+fn detail_arrays(gpu: &Gpu, palette: &Palette) -> [wgpu::Texture; 3] {
+    use wgpu::TextureFormat as Format;
+    [
+        detail_array(gpu, "detail albedo", &palette.arrays.albedo, Format::Bc1RgbaUnormSrgb),
+        detail_array(gpu, "detail normal", &palette.arrays.normal, Format::Bc3RgbaUnorm),
+        detail_array(gpu, "detail height", &palette.arrays.height, Format::Bc1RgbaUnorm),
+    ]
+}
+
+/// As many entries as a splat texel can name; those without a material are zeros.
+fn table(palette: &Palette) -> Vec<PaletteEntry> {
+    let mut all = palette.entries.clone();
+    all.resize(MAX_MATERIALS, PaletteEntry::zeroed());
+    all
 }
 
 /// The palette's means in the form that baking wants.
@@ -59,7 +89,6 @@ pub fn palette_means(palette: &Palette) -> PaletteMeans {
 impl Terrain {
     /// Uploads palette and detail arrays and binds them with the atlases.
     pub fn new(gpu: &Gpu, streaming: &Streaming, palette: &Palette, anisotropy: u16) -> Terrain {
-        use wgpu::TextureFormat as Format;
         let layout = gpu.layout(
             "terrain",
             wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE,
@@ -80,14 +109,8 @@ impl Terrain {
         );
         let sectors = u64::from(SECTORS) * u64::from(SECTORS);
         let sector_data = gpu.buffer("sector data", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST, sectors * 8);
-        let mut all = palette.entries.clone();
-        all.resize(MAX_MATERIALS, PaletteEntry::zeroed());
-        let entries = gpu.buffer_with("palette", wgpu::BufferUsages::UNIFORM, cast_slice(&all));
-        let details = [
-            detail_array(gpu, "detail albedo", &palette.arrays.albedo, Format::Bc1RgbaUnormSrgb),
-            detail_array(gpu, "detail normal", &palette.arrays.normal, Format::Bc3RgbaUnorm),
-            detail_array(gpu, "detail height", &palette.arrays.height, Format::Bc1RgbaUnorm),
-        ];
+        let entries = gpu.buffer_with("palette", wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST, cast_slice(&table(palette)));
+        let details = detail_arrays(gpu, palette);
         let detail_sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("detail"),
             address_mode_u: wgpu::AddressMode::Repeat,
@@ -104,33 +127,56 @@ impl Terrain {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
+        let resources = Resources { sector_data, entries, details, samplers: [detail_sampler, atlas_sampler] };
+        Terrain { group: resources.bound(gpu, &layout, streaming), layout, resources }
+    }
+
+    /// Shows another palette from the next frame on. `fresh`: the layers that changed, where the arrays are otherwise as they were
+    /// ([`Palette::fresh_layers`]); `None` makes all arrays anew.
+    pub fn replace_palette(&mut self, gpu: &Gpu, streaming: &Streaming, palette: &Palette, fresh: Option<&[usize]>) {
+        gpu.queue.write_buffer(&self.resources.entries, 0, cast_slice(&table(palette)));
+        let Some(fresh) = fresh else {
+            self.resources.details = detail_arrays(gpu, palette);
+            self.group = self.resources.bound(gpu, &self.layout, streaming);
+            return;
+        };
+        let arrays = [&palette.arrays.albedo, &palette.arrays.normal, &palette.arrays.height];
+        for (texture, chains) in self.resources.details.iter().zip(arrays) {
+            for &layer in fresh {
+                upload_chain(gpu, texture, u32::try_from(layer).unwrap_or(0), &chains[layer]);
+            }
+        }
+    }
+
+    /// Tells shaders which nodes this frame may read. Only the frame's own nodes, never what else is still resident: a picture
+    /// must not depend on what was looked at before.
+    pub fn update(&self, gpu: &Gpu, nodes: impl Iterator<Item = (NodeId, u32)>) {
+        gpu.queue.write_buffer(&self.resources.sector_data, 0, cast_slice(&quadtree::sector_data(nodes)));
+    }
+}
+
+impl Resources {
+    fn bound(&self, gpu: &Gpu, layout: &wgpu::BindGroupLayout, streaming: &Streaming) -> wgpu::BindGroup {
         let atlases = [&streaming.height, &streaming.normal, &streaming.albedo, &streaming.colour_modulation, &streaming.splat].map(array);
-        let detail_views = details.each_ref().map(array);
+        let detail_views = self.details.each_ref().map(array);
         let texture = wgpu::BindingResource::TextureView;
-        let group = gpu.group(
+        gpu.group(
             "terrain",
-            &layout,
+            layout,
             &[
                 texture(&atlases[0]),
                 texture(&atlases[1]),
                 texture(&atlases[2]),
                 texture(&atlases[3]),
                 texture(&atlases[4]),
-                sector_data.as_entire_binding(),
-                entries.as_entire_binding(),
+                self.sector_data.as_entire_binding(),
+                self.entries.as_entire_binding(),
                 texture(&detail_views[0]),
                 texture(&detail_views[1]),
                 texture(&detail_views[2]),
-                wgpu::BindingResource::Sampler(&detail_sampler),
-                wgpu::BindingResource::Sampler(&atlas_sampler),
+                wgpu::BindingResource::Sampler(&self.samplers[0]),
+                wgpu::BindingResource::Sampler(&self.samplers[1]),
             ],
-        );
-        Terrain { layout, group, sector_data }
-    }
-
-    /// Tells shaders which nodes this frame may read. Only the frame's own nodes, never what else is still resident: a picture
-    /// must not depend on what was looked at before.
-    pub fn update(&self, gpu: &Gpu, nodes: impl Iterator<Item = (NodeId, u32)>) {
-        gpu.queue.write_buffer(&self.sector_data, 0, cast_slice(&quadtree::sector_data(nodes)));
+        )
     }
 }

@@ -19,7 +19,6 @@ use crate::frame::FRAME_WGSL;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, array, aspect, view};
 use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer, texture_bytes};
-use crate::quadtree::lod_map;
 use crate::shared;
 use crate::terrain::{self, Terrain};
 use crate::world::{Layout, NodeId, SECTORS};
@@ -313,6 +312,12 @@ impl VirtualTexture {
         self.passes.is_some()
     }
 
+    /// The page that served the last frame where it asked for `page`: that one, or the finest there is above it.
+    pub fn serving(&self, page: PageId) -> Option<PageId> {
+        let serves = |page: &PageId| self.cache.get(page).is_some_and(|physical| physical.used == self.frame);
+        std::iter::successors(Some(page), |page| page.parent()).find(serves)
+    }
+
     /// What is kept now.
     pub fn cache_counts(&self) -> CacheCounts {
         let mut by_level = [0; LEVELS as usize];
@@ -360,6 +365,7 @@ impl VirtualTexture {
     }
 
     /// Reads the requests back and renders what is missing; the page table then serves the frame. The request pass must have run.
+    /// `nodes`: those the frame may read, and what tells states of their materials apart.
     ///
     /// # Errors
     /// When the device is lost.
@@ -368,7 +374,7 @@ impl VirtualTexture {
         gpu: &Gpu,
         groups: [&wgpu::BindGroup; 2],
         layout: &Layout,
-        nodes: &[NodeId],
+        nodes: &[(NodeId, u64)],
         camera_sector: IVec2,
     ) -> Result<PageCounts> {
         self.frame += 1;
@@ -392,9 +398,9 @@ impl VirtualTexture {
         }
         // Coarse first, so that the order of slots does not depend on a hash map.
         wanted.sort_unstable_by_key(|p| (std::cmp::Reverse(p.level), p.y, p.x));
-        let finest_lods = lod_map_of_finest(nodes);
+        let finest = finest_nodes(nodes);
         for page in &wanted {
-            let source = source_of(*page, layout, &finest_lods);
+            let source = source_of(*page, layout, &finest);
             match self.cache.get_mut(page) {
                 Some(physical) if physical.source == source => physical.used = self.frame,
                 Some(physical) => physical.used = 0,
@@ -407,7 +413,7 @@ impl VirtualTexture {
                 continue;
             }
             let layer = self.take_layer(page);
-            self.cache.insert(page, Physical { layer, source: source_of(page, layout, &finest_lods), used: self.frame });
+            self.cache.insert(page, Physical { layer, source: source_of(page, layout, &finest), used: self.frame });
             jobs.push((page, layer));
         }
         counts.rendered = jobs.len();
@@ -506,16 +512,25 @@ impl VirtualTexture {
     }
 }
 
-/// Per sector the finest LOD loaded, in one byte; what a page's content depends on.
-fn lod_map_of_finest(nodes: &[NodeId]) -> Vec<u8> {
+/// Per sector the LOD and the state of the finest node loaded: what a page's content depends on.
+fn finest_nodes(nodes: &[(NodeId, u64)]) -> Vec<(u8, u64)> {
     // Coarse before fine, so that the finest is written last.
     let mut sorted = nodes.to_vec();
-    sorted.sort_unstable_by_key(|n| (std::cmp::Reverse(n.lod), n.y, n.x));
-    lod_map(&sorted)
+    sorted.sort_unstable_by_key(|(n, _)| (std::cmp::Reverse(n.lod), n.y, n.x));
+    let side = usize::from(SECTORS);
+    let mut map = vec![(0, 0); side * side];
+    for (node, revision) in sorted {
+        let edge = 1usize << node.lod;
+        let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
+        for row in y..y + edge {
+            map[row * side + x..][..edge].fill((node.lod, revision));
+        }
+    }
+    map
 }
 
 /// Fingerprint of the nodes under a page and its border.
-fn source_of(page: PageId, layout: &Layout, finest: &[u8]) -> u64 {
+fn source_of(page: PageId, layout: &Layout, finest: &[(u8, u64)]) -> u64 {
     let edge = page.edge_m();
     let border = edge / f64::from(PAGE_TEXELS) * f64::from(BORDER_TEXELS);
     let side = i32::from(SECTORS);

@@ -523,6 +523,7 @@ fn write_scene(map: &Heightmap, source: &Path, materials: Option<&Path>, detail_
             colour_modulation: 0.0,
         },
         rules: Vec::new(),
+        strokes: Vec::new(),
         materials,
         detail_size: 1024,
         flavours: Default::default(),

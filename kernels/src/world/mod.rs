@@ -21,7 +21,7 @@ pub mod payload;
 pub mod rules;
 pub mod viewpoints;
 
-pub use payload::{NodePayload, PaletteMeans};
+pub use payload::{Cover, Ground, NodePayload, PaletteMeans};
 
 use generator::Generator;
 use heightmap::Heightmap;
@@ -132,6 +132,16 @@ impl Layout {
 enum Source {
     Generated(Box<Generator>),
     Data { map: Heightmap, detail_m: f64, relief: generator::Relief },
+}
+
+/// A node, and what it was made from.
+pub struct Baked {
+    /// What is loaded.
+    pub payload: NodePayload,
+    /// What lies under its materials.
+    pub ground: Ground,
+    /// Its materials.
+    pub cover: Cover,
 }
 
 /// A world: heights, holes and materials as functions of position. Shared freely between threads.
@@ -369,19 +379,44 @@ impl World {
     /// # Panics
     /// If the palette lacks a material of the scene.
     pub fn bake(&self, node: NodeId, palette: &PaletteMeans) -> NodePayload {
-        payload::bake(self, node, palette)
+        self.make(node, palette).payload
     }
 
-    /// Makes the payloads of many nodes on rayon's worker threads, in the order given; the result does not depend on their number.
+    fn make(&self, node: NodeId, palette: &PaletteMeans) -> Baked {
+        let ground = Ground::of(self, node);
+        let cover = self.cover(&ground);
+        Baked { payload: self.dress(&ground, &cover, palette), ground, cover }
+    }
+
+    /// Which materials lie on a node's ground.
+    pub fn cover(&self, ground: &Ground) -> Cover {
+        payload::cover(self, ground)
+    }
+
+    /// The payload that follows from both.
+    ///
+    /// # Panics
+    /// If the palette lacks a material of the scene.
+    pub fn dress(&self, ground: &Ground, cover: &Cover, palette: &PaletteMeans) -> NodePayload {
+        payload::bake(self, ground, cover, palette)
+    }
+
+    /// Lays materials by the rules and strokes of another scene of this world.
+    pub fn lay_by(&mut self, scene: &Scene) {
+        self.rules = Rules::new(scene);
+        self.material_count = scene.materials.len();
+    }
+
+    /// Makes many nodes on rayon's worker threads, in the order given; the result does not depend on their number.
     /// `on_done` is called once per finished node, in any order.
     ///
     /// # Panics
     /// If the palette lacks a material of the scene.
-    pub fn bake_many(&self, nodes: &[NodeId], palette: &PaletteMeans, on_done: impl Fn() + Sync) -> Vec<NodePayload> {
+    pub fn bake_many(&self, nodes: &[NodeId], palette: &PaletteMeans, on_done: impl Fn() + Sync) -> Vec<Baked> {
         let bake = |&node: &NodeId| {
-            let payload = self.bake(node, palette);
+            let baked = self.make(node, palette);
             on_done();
-            payload
+            baked
         };
         nodes.par_iter().map(bake).collect()
     }

@@ -69,28 +69,50 @@ impl NodePayload {
     }
 }
 
-/// Makes the payload of a node.
-pub(super) fn bake(world: &World, id: NodeId, palette: &PaletteMeans) -> NodePayload {
+/// What is under a node's materials: what rules decide by, and what stays when they change. Some 210 KB.
+pub struct Ground {
+    id: NodeId,
+    grid: Grid,
+    relief: RuleRelief,
+}
+
+impl Ground {
+    pub(super) fn of(world: &World, id: NodeId) -> Ground {
+        let grid = Grid::of(world, id);
+        let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing);
+        Ground { id, grid, relief }
+    }
+
+    /// Which node.
+    pub fn id(&self) -> NodeId {
+        self.id
+    }
+}
+
+/// Palette indices at the splat texels of a node and at those around it, row by row: 67 x 67.
+pub type Cover = Vec<u8>;
+
+/// Makes the payload of a node of whose ground the materials are known.
+pub(super) fn bake(world: &World, ground: &Ground, splat_grid: &Cover, palette: &PaletteMeans) -> NodePayload {
     let materials = world.material_count();
     assert!(
         palette.albedo.len() >= materials && palette.smoothness.len() >= materials && palette.specular_occlusion.len() >= materials,
         "palette means for all {materials} materials of the scene"
     );
-    let grid = Grid::of(world, id);
+    let Ground { id, grid, .. } = ground;
     let height = grid.quantised(world);
-    let splat_grid = splat(world, &grid);
     let mut splat = Vec::with_capacity(SPLAT_SIDE * SPLAT_SIDE);
     for j in 0..SPLAT_SIDE {
         splat.extend_from_slice(&splat_grid[(j + 1) * SPLAT_GRID_SIDE + 1..][..SPLAT_SIDE]);
     }
-    let looks = Looks::of(&splat_grid, palette);
+    let looks = Looks::of(splat_grid, palette);
     NodePayload {
-        id,
+        id: *id,
         min_height: height.iter().copied().min().unwrap_or(0),
         max_height: height.iter().copied().max().unwrap_or(0),
-        normal: normals(&grid, &looks),
-        albedo: albedo(world, &grid, &looks),
-        colour_modulation: colour_modulation(world, &grid),
+        normal: normals(grid, &looks),
+        albedo: albedo(world, grid, &looks),
+        colour_modulation: colour_modulation(world, grid),
         splat,
         cones: cones::encode(&patch_normals(world, &height, grid.spacing)),
         height,
@@ -152,9 +174,8 @@ impl Grid {
 }
 
 /// Materials of splat texels -1..=65.
-fn splat(world: &World, grid: &Grid) -> Vec<u8> {
-    let step = 2.0 * grid.spacing;
-    let relief = RuleRelief::of(world, grid.origin, step);
+pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
+    let Ground { grid, relief, .. } = ground;
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
     for j in 0..SPLAT_GRID_SIDE {
         for i in 0..SPLAT_GRID_SIDE {

@@ -1,14 +1,26 @@
-//! Splat rules: which material lies where, from height, slope, curvature and noise.
+//! Splat rules: which material lies where, from height, slope, curvature and noise, and what a brush did to that.
 //!
-//! The weight of a rule is a product of trapezoid masks (see [`crate::scene::Rule`]); the rule of the largest weight wins.
+//! The weight of a rule is a product of trapezoid masks (see [`crate::scene::Rule`]) and of the masks that were painted for its material; the rule of
+//! the largest weight wins, except where a material was painted itself (see [`crate::scene::Stroke`]).
 
-use crate::scene::{Rule, Scene, World};
+use crate::scene::{Rule, Scene, Stroke, StrokeKind, World};
 use crate::shared::hash;
 
 /// Rules made ready: names resolved to palette indices, noise thresholds from covers.
 #[derive(Clone, Debug)]
 pub struct Rules {
     rules: Vec<Prepared>,
+    /// In the order in which they were painted.
+    strokes: Vec<Painted>,
+}
+
+/// A stroke made ready.
+#[derive(Clone, Debug)]
+struct Painted {
+    material: u8,
+    stroke: Stroke,
+    /// What it cannot reach beyond: south-west and north-east corner, world metres.
+    bounds: [[f64; 2]; 2],
 }
 
 #[derive(Clone, Debug)]
@@ -32,26 +44,46 @@ impl Rules {
             World::Procedural { seed, .. } | World::Heightmap { seed, .. } => seed,
         };
         let quantiles = noise_quantiles();
+        let index_of = |name: &str| {
+            let position = scene.materials.iter().position(|m| m.name == name);
+            let material = position.expect("validation checks that the material of every rule and stroke exists");
+            u8::try_from(material).expect("validation allows at most 256 materials")
+        };
         let rules = scene.rules.iter().zip(0u32..).map(|(rule, index)| {
-            let position = scene.materials.iter().position(|m| m.name == rule.material);
-            let material = position.expect("validation checks that every rule's material exists");
             let at = (1.0 - rule.noise_cover).clamp(0.0, 1.0) * (quantiles.len() - 1) as f64;
             Prepared {
-                material: u8::try_from(material).expect("validation allows at most 256 materials"),
+                material: index_of(&rule.material),
                 rule: rule.clone(),
                 seed: hash::pcg4d([seed, index, 0x51a7, 1])[0],
                 threshold: quantiles[at.round() as usize],
             }
         });
-        Rules { rules: rules.collect() }
+        let strokes = scene.strokes.iter().map(|stroke| Painted::new(index_of(&stroke.material), stroke));
+        Rules { rules: rules.collect(), strokes: strokes.collect() }
+    }
+
+    /// What was painted at a place, the last stroke first.
+    fn painted(&self, kind: StrokeKind, x: f64, y: f64) -> impl Iterator<Item = &Painted> {
+        self.strokes.iter().rev().filter(move |p| p.stroke.kind == kind && p.may_reach(x, y))
+    }
+
+    /// Factor that was painted on the weights of a material's rules.
+    fn mask_of(&self, material: u8, x: f64, y: f64) -> f64 {
+        self.painted(StrokeKind::Mask, x, y).filter(|p| p.material == material).map(|p| p.factor(x, y)).product()
     }
 
     /// Palette index of the material at a place: height in metres, slope in degrees, mean curvature in 1/m (convex positive),
-    /// world position in metres. Where every rule's weight is 0, the first rule's material.
+    /// world position in metres. What was painted last lies above all; where every rule's weight is 0, the first rule's material.
     pub fn material_at(&self, height_m: f64, slope_deg: f64, curvature: f64, x: f64, y: f64) -> u8 {
+        if let Some(painted) = self.painted(StrokeKind::Splat, x, y).find(|p| p.depth_m(x, y) > 0.0) {
+            return painted.material;
+        }
         let mut best = (0.0, self.rules.first().map_or(0, |r| r.material));
         for prepared in &self.rules {
             let mut weight = prepared.geometric_weight(height_m, slope_deg, curvature);
+            if weight > 0.0 {
+                weight *= self.mask_of(prepared.material, x, y);
+            }
             // Noise is the dear factor, and it only ever lowers a weight.
             if weight > 0.0 && weight >= best.0 {
                 weight *= prepared.noise_mask(x, y);
@@ -63,9 +95,10 @@ impl Rules {
         best.1
     }
 
-    /// Weights of all rules at a place, in the scene's order.
+    /// Weights of all rules at a place, in the scene's order; of what was painted, with the masks.
     pub fn weights_at(&self, height_m: f64, slope_deg: f64, curvature: f64, x: f64, y: f64) -> Vec<f64> {
-        let weight = |p: &Prepared| p.geometric_weight(height_m, slope_deg, curvature) * p.noise_mask(x, y);
+        let weight =
+            |p: &Prepared| p.geometric_weight(height_m, slope_deg, curvature) * self.mask_of(p.material, x, y) * p.noise_mask(x, y);
         self.rules.iter().map(weight).collect()
     }
 }
@@ -90,6 +123,42 @@ impl Prepared {
         let noise = value_noise(x / rule.noise_m, y / rule.noise_m, self.seed);
         let t = ((noise - self.threshold) / (2.0 * NOISE_RAMP) + 0.5).clamp(0.0, 1.0);
         t * t * (3.0 - 2.0 * t)
+    }
+}
+
+impl Painted {
+    fn new(material: u8, stroke: &Stroke) -> Painted {
+        let bound = |k: usize, of: fn(f64, f64) -> f64, none: f64| stroke.points.iter().map(|p| p[k]).fold(none, of);
+        let low = [0, 1].map(|k| bound(k, f64::min, f64::INFINITY) - stroke.radius_m);
+        let high = [0, 1].map(|k| bound(k, f64::max, f64::NEG_INFINITY) + stroke.radius_m);
+        Painted { material, stroke: stroke.clone(), bounds: [low, high] }
+    }
+
+    fn may_reach(&self, x: f64, y: f64) -> bool {
+        let [low, high] = self.bounds;
+        (low[0]..=high[0]).contains(&x) && (low[1]..=high[1]).contains(&y)
+    }
+
+    /// How far inside the line's edge a place lies, metres; negative outside.
+    fn depth_m(&self, x: f64, y: f64) -> f64 {
+        let points = &self.stroke.points;
+        let to = |a: [f64; 2], b: [f64; 2]| {
+            let (along, from) = ([b[0] - a[0], b[1] - a[1]], [x - a[0], y - a[1]]);
+            let length_2 = along[0] * along[0] + along[1] * along[1];
+            let t = if length_2 > 0.0 { ((from[0] * along[0] + from[1] * along[1]) / length_2).clamp(0.0, 1.0) } else { 0.0 };
+            let (dx, dy) = (from[0] - t * along[0], from[1] - t * along[1]);
+            dx * dx + dy * dy
+        };
+        let first = points.first().map_or(f64::INFINITY, |&p| to(p, p));
+        let nearest = points.windows(2).map(|pair| to(pair[0], pair[1])).fold(first, f64::min);
+        self.stroke.radius_m - nearest.sqrt()
+    }
+
+    /// Of a mask: 1 outside, the stroke's amount in its middle, smooth in between.
+    fn factor(&self, x: f64, y: f64) -> f64 {
+        let depth = self.depth_m(x, y);
+        let t = if self.stroke.fade_m > 0.0 { (depth / self.stroke.fade_m).clamp(0.0, 1.0) } else { f64::from(u8::from(depth > 0.0)) };
+        1.0 + (self.stroke.amount - 1.0) * (t * t * (3.0 - 2.0 * t))
     }
 }
 

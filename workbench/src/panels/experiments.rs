@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use eframe::egui::{self, Button, DragValue, RichText, TextEdit, Ui};
 
 use crate::app::Workbench;
@@ -148,6 +148,7 @@ fn saving(app: &mut Workbench, ui: &mut Ui) {
 
 fn save(app: &Workbench) -> Result<String> {
     let size = app.shown().context("there is no picture yet: wait for it")?.wish.size;
+    ensure!(app.culled_from.is_none(), "a run draws what its own camera sees, and culling is frozen elsewhere: let go of `Freeze culling`");
     let panel = &app.experiments;
     let extent = Extent { size, frames: panel.frames, seeds: panel.seeds };
     let folder = Path::new(&panel.folder).join(&panel.name);

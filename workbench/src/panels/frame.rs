@@ -1,7 +1,9 @@
 //! What the frame took.
 
 use eframe::egui::{self, Color32, Sense, Ui, vec2};
+use kernels::gpu::PassTime;
 
+use super::variants::PASS;
 use crate::app::Workbench;
 
 pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
@@ -24,10 +26,29 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         row(ui, "Drawn and read back", format!("{:.1} ms", shown.took.as_secs_f64() * 1e3));
         let device: f64 = report.passes.iter().map(|p| p.time_ms).sum();
         row(ui, "Passes, device time", format!("{device:.1} ms"));
-        for pass in &report.passes {
-            row(ui, &format!("    {}", pass.name), format!("{:.2} ms", pass.time_ms));
+        for (name, ms) in passes(&report.passes) {
+            row(ui, &name, format!("{ms:.2} ms"));
         }
     });
+}
+
+/// Passes with their times, milliseconds. Where each variant was shaded in a pass of its own, those stand below their sum.
+fn passes(passes: &[PassTime]) -> Vec<(String, f64)> {
+    let mut rows: Vec<(String, f64)> = Vec::new();
+    let mut sum = None;
+    for PassTime { name, time_ms } in passes {
+        let Some(variant) = name.strip_prefix(PASS) else {
+            rows.push((format!("    {name}"), *time_ms));
+            continue;
+        };
+        let at = *sum.get_or_insert_with(|| {
+            rows.push(("    shading, variant by variant".to_owned(), 0.0));
+            rows.len() - 1
+        });
+        rows[at].1 += time_ms;
+        rows.push((format!("        {variant}"), *time_ms));
+    }
+    rows
 }
 
 /// From picture to picture, a bar each.
@@ -52,5 +73,24 @@ fn times(app: &Workbench, ui: &mut Ui) {
         let bar =
             egui::Rect::from_min_max(egui::pos2(left, rect.bottom() - height), egui::pos2(left + (width - 1.0).max(0.5), rect.bottom()));
         painter.rect_filled(bar, 0.0, if ms > 2.0 * median { Color32::from_rgb(213, 94, 0) } else { Color32::from_rgb(86, 180, 233) });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_by_variant_stand_below_their_sum() {
+        let pass = |(name, time_ms): (&str, f64)| PassTime { name: name.to_owned(), time_ms };
+        let one = [("geometry", 1.0), ("shading", 2.0), ("lighting", 0.5)].map(pass);
+        let names = |passes: &[PassTime]| super::passes(passes).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        assert_eq!(names(&one), ["    geometry", "    shading", "    lighting"]);
+        let many = [("geometry", 1.0), ("shading: vt", 2.0), ("shading: vt+splat", 0.25), ("lighting", 0.5)].map(pass);
+        assert_eq!(
+            super::passes(&many).iter().map(|(name, ms)| (name.trim(), *ms)).collect::<Vec<_>>(),
+            [("geometry", 1.0), ("shading, variant by variant", 2.25), ("vt", 2.0), ("vt+splat", 0.25), ("lighting", 0.5)]
+        );
+        assert_eq!(names(&many)[2], "        vt");
     }
 }

@@ -8,13 +8,15 @@ const TEXT: &str = "A terrain shaded as in Far Cry 5: every 8 x 8 tile of the sc
     Far ground comes from textures baked into the quadtree, near ground from virtual-texture pages, cliffs from a few texture samples \
     chosen at random. Force another variant, estimator or noise on every tile, and see what it costs and what it does to the picture.";
 
-const KEYS: [(&str, &str); 17] = [
+const KEYS: [(&str, &str); 22] = [
     ("drag", "look around"),
     ("click", "take a pixel apart: Inspector"),
     ("W A S D", "move; with Shift four times as fast"),
     ("Q E", "down, up"),
     ("wheel", "speed"),
     ("F", "walk on the ground, or fly"),
+    ("O", "orbit: a drag turns about the pixel that is taken apart or the middle of the picture, the wheel nears"),
+    ("C", "freeze culling: fly off, and see what it leaves out"),
     ("1 - 5", "force a flavour, or take it away"),
     ("0", "automatic"),
     ("G", "generic kernel"),
@@ -22,10 +24,13 @@ const KEYS: [(&str, &str); 17] = [
     (".", "one frame on"),
     ("X", "A or B, where one is shown at a time"),
     ("L", "loupe"),
+    ("B", "paint: a drag or a click lays what the brush says"),
+    ("Shift+drag", "look around while painting"),
     ("Ctrl+wheel", "zoom"),
     ("middle drag", "move what is zoomed"),
     ("Ctrl+drag", "measure a rectangle"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
+    ("drop a file", "open a scene (.toml)"),
 ];
 
 pub(crate) fn show(_: &mut Workbench, ui: &mut Ui) {

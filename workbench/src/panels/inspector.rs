@@ -144,8 +144,8 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
     for (texel, corner) in pixel.splat.iter().zip(CORNERS) {
         row(
             &format!("Material {corner}"),
-            format!("{} (no. {}), {}", texel.material, texel.index, percent(texel.weight)),
-            "Splat texel beside the pixel: material, place in the palette, bilinear weight; blends modify weights by height",
+            format!("{} (no. {}), {}, by height {}", texel.material, texel.index, percent(texel.weight), percent(texel.blended)),
+            "Splat texel beside the pixel: material, place in the palette, bilinear weight, and what the materials' heights make of it in a blend of all four",
         );
     }
     choice(pixel, settings, &mut row);
@@ -226,11 +226,12 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
         format!("{:.3}: level {level}, mip {:.3}", page.lod, page.mip),
         "log2 of what is covered: the whole of it is the level, the rest the mip in the page",
     );
-    row(
-        "Pages missing",
-        page.coarsened.to_string(),
-        "Pages of this frame that gave way to coarser ones since not all fit: with 0 the page asked for is the page used",
-    );
+    let served = match page.served {
+        Some(served) if served == page.id => "the same".to_owned(),
+        Some(kernels::virtual_texture::PageId { level, x, y }) => format!("level {level}, column {x}, row {y}"),
+        None => "none: far atlas".to_owned(),
+    };
+    row("Page sampled", served, "A coarser one than asked for where not all pages of the frame fit");
 }
 
 #[cfg(test)]
@@ -242,7 +243,7 @@ mod tests {
     use crate::inspector::{Draw, Page, Texel, Triangle};
 
     fn pixel() -> Pixel {
-        let texel = |index: u32, weight: f64| Texel { material: format!("rock {index}"), index, weight };
+        let texel = |index: u32, weight: f64| Texel { material: format!("rock {index}"), index, weight, blended: weight };
         Pixel {
             pixel: [12, 30],
             position: [1.5, -2.25, 700.0],
@@ -291,7 +292,7 @@ mod tests {
             ("Flavours needed", "near-cliff (4)"),
             ("Tile variant", "near-cliff+splat (20)"),
             ("Weight of near-cliff", "75.00 %"),
-            ("Material south-east", "rock 1 (no. 1), 20.00 %"),
+            ("Material south-east", "rock 1 (no. 1), 20.00 %, by height 20.00 %"),
             ("Drawn by", "near-cliff, hashed noise"),
             ("Material threshold", "0.150000"),
             ("Choice", "rock 1 (south-east)"),
@@ -315,7 +316,7 @@ mod tests {
             covered: 9.0,
             lod: 3.17,
             mip: 0.17,
-            coarsened: 0,
+            served: Some(PageId { level: 3, x: 25, y: 23 }),
         });
         pixel.triangle = None;
         let table = values(&pixel);
@@ -326,6 +327,7 @@ mod tests {
         has("Page", "level 3, column 25, row 23");
         has("Footprint", "3.00 x 9.00, covered 9.00 texels");
         has("Page LOD", "3.170: level 3, mip 0.170");
+        has("Page sampled", "the same");
         has("Triangle", "not the world's");
         pixel.draw = None;
         pixel.choice = 0;

@@ -294,22 +294,34 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     }
     let world = map.square(DVec2::splat(-layout.world_m() / 2.0), layout.world_m());
     painter.rect_stroke(world, 0.0, Stroke::new(1.0, ink), StrokeKind::Outside);
-    let outline = ground_outline(pose, shown.wish.size, shown.ground_m, *span_m);
-    let outline: Vec<Pos2> = outline.into_iter().map(|place| map.on_screen(place)).collect();
-    let camera = map.rect.center();
-    let look = vec2(pose.yaw.sin() as f32, -pose.yaw.cos() as f32) * ARROW_POINTS;
-    // White on black shows on every level's colour.
-    for stroke in [Stroke::new(4.0, Color32::BLACK), Stroke::new(1.5, Color32::WHITE)] {
-        if outline.len() > 2 {
-            painter.add(egui::Shape::closed_line(outline.clone(), stroke));
-        }
-        painter.circle_filled(camera, 2.0 + stroke.width, stroke.color);
-        painter.arrow(camera, look, stroke);
+    let frozen = shown.wish.culled_from.zip(shown.culled_ground_m);
+    if let Some((from, ground_m)) = frozen {
+        camera(&painter, &map, &from, shown.wish.size, ground_m, Color32::YELLOW);
     }
+    camera(&painter, &map, pose, shown.wish.size, shown.ground_m, Color32::WHITE);
     scale_bar(&map, &painter);
     response.on_hover_text(
         "Nodes drawn, by level, north up; the camera, where it looks, and what its picture holds of level ground at its feet",
     );
+    if frozen.is_some() {
+        ui.label("Nodes are those that the yellow camera sees: culling is frozen there.");
+    }
+}
+
+/// A camera, where it looks, and what its picture holds of level ground at its feet.
+fn camera(painter: &egui::Painter, map: &Map, pose: &Pose, size: [u32; 2], ground_m: f64, colour: Color32) {
+    let outline = ground_outline(pose, size, ground_m, map.span_m);
+    let outline: Vec<Pos2> = outline.into_iter().map(|place| map.on_screen(place)).collect();
+    let at = map.on_screen(pose.position.truncate());
+    let look = vec2(pose.yaw.sin() as f32, -pose.yaw.cos() as f32) * ARROW_POINTS;
+    // White or yellow on black shows on every level's colour.
+    for stroke in [Stroke::new(4.0, Color32::BLACK), Stroke::new(1.5, colour)] {
+        if outline.len() > 2 {
+            painter.add(egui::Shape::closed_line(outline.clone(), stroke));
+        }
+        painter.circle_filled(at, 2.0 + stroke.width, stroke.color);
+        painter.arrow(at, look, stroke);
+    }
 }
 
 /// The scale in a corner of the map.

@@ -42,7 +42,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     let Metrics { on, window, frozen, resets, region } = &mut app.metrics;
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(on, "Measure").on_hover_text("By shaders that record choices: times are not those of the plain ones");
-        ui.checkbox(frozen, "Freeze").on_hover_text("The numbers stay as they are");
+        ui.checkbox(frozen, "Freeze").on_hover_text("The numbers stay as they are; let go, they begin anew");
         if ui.button("Begin anew").clicked() {
             *resets = resets.wrapping_add(1);
         }

@@ -1,18 +1,23 @@
 //! What the window is made of. A panel is a function of the application and a place.
 
+pub(crate) mod brush;
 pub(crate) mod compare;
 pub(crate) mod experiments;
 pub(crate) mod frame;
 pub(crate) mod help;
 pub(crate) mod inspector;
+pub(crate) mod legend;
 pub(crate) mod machine;
+pub(crate) mod materials;
 pub(crate) mod metrics;
 pub(crate) mod parameters;
 pub(crate) mod places;
+pub(crate) mod rules;
+pub(crate) mod scenes;
 pub(crate) mod variants;
 pub(crate) mod viewport;
 
-use eframe::egui::{ComboBox, Response, Ui};
+use eframe::egui::{Button, ComboBox, Response, Role, Slider, SliderClamping, Ui, WidgetInfo};
 
 /// A labelled list of which one is chosen; `items` are values with their names and what is said of them.
 pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, shown: &str, items: Vec<(T, String, &str)>) -> Response {
@@ -26,4 +31,57 @@ pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, sh
         }
     });
     combo.response.labelled_by(text.id)
+}
+
+/// A number that is edited.
+pub(crate) struct Number<'a> {
+    /// What it is called, as nothing else on screen is.
+    pub(crate) name: &'a str,
+    /// Its unit; empty = none.
+    pub(crate) unit: &'a str,
+    /// Smallest and largest value offered.
+    pub(crate) range: [f64; 2],
+    /// Whether the slider is logarithmic.
+    pub(crate) logarithmic: bool,
+    /// What it does.
+    pub(crate) about: &'a str,
+}
+
+/// A row of a grid with three columns: name, slider, and a way back to the usual value; `None` = there is none.
+pub(crate) fn number(ui: &mut Ui, number: &Number<'_>, value: &mut f64, usual: Option<f64>) {
+    let Number { name, unit, range, logarithmic, about } = *number;
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let back = usual.map_or_else(String::new, |usual| format!(", usually {usual}{unit}"));
+    let hint = format!("{about}\nFrom {} to {}{unit}{back}.", range[0], range[1]);
+    let label = ui.label(name).on_hover_text(&hint);
+    let slider = Slider::new(value, range[0]..=range[1]).logarithmic(logarithmic).clamping(SliderClamping::Edits);
+    ui.add(slider.suffix(unit).max_decimals(3)).labelled_by(label.id).on_hover_text(&hint);
+    reset(ui, name, value, usual.as_ref());
+    ui.end_row();
+}
+
+/// A button that takes a value back to the usual one.
+pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T, usual: Option<&T>) {
+    let changed = usual.is_some_and(|usual| *usual != *value);
+    let button = ui.add_enabled(changed, Button::new("Reset").small());
+    button.widget_info(|| WidgetInfo::labeled(Role::Button, changed, format!("Reset {name}")));
+    let hint = if usual.is_some() { "Back to what it usually is" } else { "It was added here, and has nothing to go back to" };
+    if button.on_hover_text(hint).clicked()
+        && let Some(usual) = usual
+    {
+        value.clone_from(usual);
+    }
+}
+
+/// What came of something that was done, or what went wrong.
+pub(crate) fn outcome(ui: &mut Ui, said: Option<&Result<String, String>>) {
+    match said {
+        Some(Ok(done)) => {
+            ui.label(done);
+        }
+        Some(Err(wrong)) => {
+            ui.colored_label(ui.visuals().error_fg_color, wrong);
+        }
+        None => {}
+    }
 }

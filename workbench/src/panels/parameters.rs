@@ -1,7 +1,10 @@
 //! The scene's numbers, each with its unit, range, and a way back.
 
 use eframe::egui::{self, Slider, Ui};
+use kernels::geometry::STRIDES;
+use kernels::quadtree::LOD_BIASES;
 
+use super::{choose, reset};
 use crate::app::Workbench;
 use crate::parameters::{GROUPS, Parameter};
 use crate::settings::SCALES;
@@ -17,6 +20,26 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         ui.add(Slider::new(&mut app.settings.scale, SCALES[0]..=SCALES[1]).logarithmic(true).clamping(egui::SliderClamping::Always))
             .labelled_by(label.id)
             .on_hover_text("Pixels drawn per pixel of the screen, along a side");
+    });
+    ui.horizontal(|ui| {
+        let label = ui.label("Node LOD bias");
+        let [finest, coarsest] = LOD_BIASES;
+        ui.add(
+            Slider::new(&mut app.settings.lod_bias, finest..=coarsest)
+                .clamping(egui::SliderClamping::Always)
+                .suffix(" levels")
+                .max_decimals(2),
+        )
+        .labelled_by(label.id)
+        .on_hover_text("Levels that the terrain's nodes are drawn coarser, below 0 finer: geometry, splat map and baked colours alike");
+        reset(ui, "Node LOD bias", &mut app.settings.lod_bias, Some(&0.0));
+    });
+    ui.horizontal(|ui| {
+        let about =
+            "Of a node's vertices along a side every so many-th is drawn. The ground's textures stay as fine; ridges lose their detail";
+        let shown = app.settings.vertex_stride.to_string();
+        let all = STRIDES.into_iter().map(|stride| (stride, stride.to_string(), "")).collect();
+        choose(ui, "Vertex stride", &mut app.settings.vertex_stride, &shown, all).on_hover_text(about);
     });
     for group in &GROUPS {
         egui::CollapsingHeader::new(group.name).default_open(true).show(ui, |ui| {
@@ -48,10 +71,5 @@ fn row(app: &mut Workbench, ui: &mut Ui, parameter: &Parameter) {
     )
     .labelled_by(label.id)
     .on_hover_text(&hint);
-    let changed = *value != usual;
-    let reset = ui.add_enabled(changed, egui::Button::new("Reset").small());
-    reset.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, changed, format!("Reset {}", parameter.name)));
-    if reset.on_hover_text(format!("Back to {usual}")).clicked() {
-        *(parameter.at)(&mut app.settings.scene) = usual;
-    }
+    reset(ui, parameter.name, value, Some(&usual));
 }

@@ -35,7 +35,7 @@ impl PlacesPanel {
     }
 
     /// Ends the recording and keeps the path.
-    fn stop(&mut self) {
+    pub(crate) fn stop(&mut self) {
         let Some(recording) = self.recording.take() else { return };
         let name = std::mem::take(&mut self.name);
         self.said = Some(recording.finish(&name).map(|path| {

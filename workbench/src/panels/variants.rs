@@ -1,15 +1,54 @@
 //! Which shaders: the 31 sets of flavours, forced at a click, and what stands behind them.
 
 use eframe::egui::{self, Color32, RichText, Ui};
+use kernels::frame::FrameReport;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 
 use super::choose;
 use crate::app::Workbench;
+use crate::settings::Settings;
 
 /// Columns of the 31.
 const COLUMNS: usize = 4;
+
+/// What shading took by one kernel.
+#[derive(Clone, Debug, PartialEq)]
+struct Timed {
+    /// `None` = the generic kernel.
+    variant: Option<Variant>,
+    tiles: u32,
+    ms: f64,
+}
+
+impl Timed {
+    /// Nanoseconds a tile.
+    fn ns_a_tile(&self) -> f64 {
+        1e6 * self.ms / f64::from(self.tiles.max(1))
+    }
+}
+
+/// What shading took by each variant that had a pass of its own, the longest first.
+fn timed(report: &FrameReport) -> Vec<Timed> {
+    let one = |name: &str, ms: f64| {
+        let variant = if name == "generic" { None } else { Some(name.parse::<Variant>().ok()?) };
+        let list = variant.map_or(0, |variant| usize::from(variant.mask()));
+        Some(Timed { variant, tiles: report.tiles.get(list).copied().unwrap_or(0), ms })
+    };
+    let passes = report.passes.iter().filter_map(|pass| one(pass.name.strip_prefix(PASS)?, pass.time_ms));
+    let mut timed: Vec<Timed> = passes.collect();
+    timed.sort_by(|a, b| b.ms.total_cmp(&a.ms));
+    timed
+}
+
+/// What names of passes begin with that shade one variant.
+pub(super) const PASS: &str = "shading: ";
+
+/// Fetches a pixel that are promised of a variant.
+fn promised(settings: &Settings, variant: Variant) -> u32 {
+    variant.flavours().map(|flavour| settings.estimator.promised_fetches(flavour)).sum()
+}
 
 pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
@@ -34,14 +73,21 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     ui.separator();
     let tiles = app.shown().map(|shown| shown.picture.report.tiles.clone()).unwrap_or_default();
     let all = tiles.first().copied().unwrap_or(0).max(1);
+    let times = app.shown().map(|shown| timed(&shown.picture.report)).unwrap_or_default();
     egui::Grid::new("31 variants").num_columns(COLUMNS).spacing([4.0, 4.0]).show(ui, |ui| {
         for (i, variant) in Variant::all().enumerate() {
-            cell(app, ui, variant, tiles.get(usize::from(variant.mask())).copied().unwrap_or(0), all);
+            let own = times.iter().find(|timed| timed.variant == Some(variant));
+            cell(app, ui, variant, [tiles.get(usize::from(variant.mask())).copied().unwrap_or(0), all], own);
             if i % COLUMNS == COLUMNS - 1 {
                 ui.end_row();
             }
         }
     });
+    let hint = "Shades each variant in a pass of its own: how variants compare, but the sum is not what one pass for all takes";
+    ui.checkbox(&mut app.settings.times_variants, "Time variants").on_hover_text(hint);
+    if app.settings.times_variants {
+        table(app, ui, &times, all);
+    }
     ui.separator();
     egui::Grid::new("estimator and noise").num_columns(2).show(ui, |ui| {
         let shown = app.settings.estimator.name();
@@ -62,12 +108,47 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     ui.checkbox(&mut app.settings.counts, "Count fetches").on_hover_text("By a slower shader; its time is not that of the plain one");
 }
 
-/// One of the 31: its number, its flavours as five stripes, its tiles.
-fn cell(app: &mut Workbench, ui: &mut Ui, variant: Variant, tiles: u32, all: u32) {
+/// What each variant took, the longest first; `all`: tiles with terrain.
+fn table(app: &Workbench, ui: &mut Ui, times: &[Timed], all: u32) {
+    let Some(shown) = app.shown().filter(|shown| shown.wish.settings.times_variants && !shown.draft) else { return };
+    if times.is_empty() {
+        ui.label("No times: the picture shows no terrain, or the device tells none.");
+        return;
+    }
+    let settings = &shown.wish.settings;
+    egui::Grid::new("times of variants").num_columns(6).striped(true).show(ui, |ui| {
+        for (name, about) in [
+            ("Variant", "Kernels that had tiles, the one that took longest first"),
+            ("Tiles", "Of 8 x 8 pixels"),
+            ("Share", "Of the tiles with terrain"),
+            ("Fetches", "A pixel, as promised: without colour modulation and the second tiling of splat"),
+            ("ms", "Time of its pass on the device"),
+            ("ns a tile", "That time over its tiles"),
+        ] {
+            ui.label(name).on_hover_text(about);
+        }
+        ui.end_row();
+        for timed in times {
+            ui.label(timed.variant.map_or_else(|| "generic".to_owned(), |variant| variant.to_string()));
+            ui.label(timed.tiles.to_string());
+            ui.label(format!("{:.1} %", 100.0 * f64::from(timed.tiles) / f64::from(all)));
+            // The generic kernel takes what each tile needs, unless all are made to need the same.
+            let fetches = timed.variant.or(settings.forced).map(|variant| promised(settings, variant));
+            ui.label(fetches.map_or_else(|| "-".to_owned(), |fetches| fetches.to_string()));
+            ui.label(format!("{:.3}", timed.ms));
+            ui.label(format!("{:.0}", timed.ns_a_tile()));
+            ui.end_row();
+        }
+    });
+}
+
+/// One of the 31: its number, its flavours as five stripes, its tiles of all, and what it took if that is known.
+fn cell(app: &mut Workbench, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2], timed: Option<&Timed>) {
     let forced = app.settings.forced == Some(variant);
     let [r, g, b] = variant.colour();
     let share = if tiles > 0 { format!("{:.0} %", 100.0 * f64::from(tiles) / f64::from(all)) } else { String::new() };
-    let fetches: u32 = variant.flavours().map(|f| app.settings.estimator.promised_fetches(f)).sum();
+    let fetches = promised(&app.settings, variant);
+    let took = timed.map_or_else(String::new, |timed| format!(", {:.3} ms, {:.0} ns a tile", timed.ms, timed.ns_a_tile()));
     let dark = u32::from(r) * 3 + u32::from(g) * 6 + u32::from(b) < 1100;
     let running = tiles > 0;
     let text = RichText::new(format!("{} {share}", variant.mask())).color(match (running, dark) {
@@ -85,7 +166,7 @@ fn cell(app: &mut Workbench, ui: &mut Ui, variant: Variant, tiles: u32, all: u32
     let response = ui.add(button);
     let name = variant.to_string();
     response.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, forced, format!("Variant {name}")));
-    if response.on_hover_text(format!("{name}: {fetches} fetches a pixel, {tiles} of {all} tiles")).clicked() {
+    if response.on_hover_text(format!("{name}: {fetches} fetches a pixel, {tiles} of {all} tiles{took}")).clicked() {
         app.settings.forced = if forced { None } else { Some(variant) };
     }
 }
@@ -97,5 +178,30 @@ const fn about(flavour: Flavour) -> &'static str {
         Flavour::NearCliff => "three projections, one random material each",
         Flavour::FarCliff => "two tilings, one random projection and material each",
         Flavour::Splat => "three projections of four materials, all blended",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::gpu::PassTime;
+
+    use super::*;
+
+    #[test]
+    fn times_are_those_of_passes_by_variant_and_the_longest_comes_first() {
+        let pass = |name: &str, time_ms: f64| PassTime { name: name.to_owned(), time_ms };
+        let mut report = FrameReport { tiles: vec![0; 32], ..FrameReport::default() };
+        (report.tiles[0], report.tiles[2], report.tiles[17]) = (500, 400, 100);
+        report.passes = vec![pass("geometry", 9.0), pass("shading: far-atlas", 0.5), pass("shading: vt+splat", 2.0), pass("lighting", 1.0)];
+        let [splat, far] = [17, 2].map(|mask| Variant::new(mask).expect("a set"));
+        let expected = [Timed { variant: Some(splat), tiles: 100, ms: 2.0 }, Timed { variant: Some(far), tiles: 400, ms: 0.5 }];
+        assert_eq!(timed(&report), expected);
+        assert!((expected[0].ns_a_tile() - 20_000.0).abs() < 1e-9 && (expected[1].ns_a_tile() - 1250.0).abs() < 1e-9);
+        // The generic kernel runs on all tiles; one pass for all is none of theirs.
+        report.passes = vec![pass("shading: generic", 3.0)];
+        assert_eq!(timed(&report), [Timed { variant: None, tiles: 500, ms: 3.0 }]);
+        report.passes = vec![pass("shading", 3.0), pass("shading: of the past", 1.0)];
+        assert!(timed(&report).is_empty());
+        assert!(Timed { variant: None, tiles: 0, ms: 0.0 }.ns_a_tile().abs() < 1e-9, "no tiles are no division by them");
     }
 }

@@ -1,12 +1,16 @@
 //! The picture, and moving about in it.
 
-use eframe::egui::{self, Color32, Rect, Sense, Ui, pos2, vec2};
+use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
+use glam::DVec3;
+use kernels::camera::Pose;
 
-use super::choose;
+use super::{choose, legend};
 use crate::app::{Looking, Workbench};
+use crate::brush::Ground;
 use crate::compare::{Mode, label};
-use crate::display::Layer;
+use crate::display::{Layer, difference_legend};
 use crate::engine::Viewpoint;
+use crate::flight::{self, Orbit};
 use crate::settings::Settings;
 
 /// Longest step of the camera between two frames of the window, seconds: a stall must not throw it across the map.
@@ -50,7 +54,9 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
             crosshair(&painter.with_clip_rect(part.clip), part.on_screen(pos2(x, y)));
         }
     }
+    let paints = app.brush.paints && ui.input(|i| !i.modifiers.shift && !i.modifiers.command);
     if response.clicked()
+        && !paints
         && let Some(at) = response.interact_pointer_pos()
         && let Some(part) = parts.iter().find(|part| part.clip.contains(at))
     {
@@ -61,6 +67,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     captions(app, ui, rect, &parts);
     loupe(app, ui, &response, &parts);
     let measuring = measure_region(app, ui, &response, &parts);
+    paint(app, ui, &response, &parts, paints && !on_line && !measuring);
     if !on_line && !measuring {
         navigate(app, ui, &response, rect);
     }
@@ -138,12 +145,13 @@ fn wipe(app: &mut Workbench, ui: &Ui, rect: Rect) -> bool {
     response.dragged()
 }
 
-/// Says which picture is which.
+/// Says which picture is which, and what its colours mean.
 fn captions(app: &mut Workbench, ui: &mut Ui, rect: Rect, parts: &[Part]) {
     let Some(shown) = app.shown().cloned() else { return };
     let settings = &shown.wish.settings;
     let stale = if app.is_settled() { "" } else { " ..." };
     let both = |own: &Settings, other: &Settings, side: &str| format!("{side}: {}{stale}", label(own, other));
+    let difference = difference_legend();
     for (i, part) in parts.iter().enumerate() {
         let text = match (&shown.second, part.texture) {
             (None, _) => format!("{} | {} | {}{stale}", settings.choice_name(), settings.estimator.name(), settings.noise.name()),
@@ -151,22 +159,34 @@ fn captions(app: &mut Workbench, ui: &mut Ui, rect: Rect, parts: &[Part]) {
             (Some(second), 1) => both(&second.settings, settings, "B"),
             (Some(second), _) => format!("{}, {}", both(settings, &second.settings, "|A - B|, A"), both(&second.settings, settings, "B")),
         };
-        let layer = match part.texture {
-            2 => Some(Mode::Difference.about().to_owned()),
-            side => Some(if side == 1 { settings.layer.of_second() } else { settings.layer })
-                .filter(|layer| *layer != Layer::Lit)
-                .map(|layer| format!("{}: {}", layer.name(), layer.legend())),
+        let layer = if part.texture == 1 { settings.layer.of_second() } else { settings.layer };
+        // A first look is lit, whatever is wanted.
+        let layer = if shown.draft { Layer::Lit } else { layer };
+        let own = |side: &str| format!("{}{side}", layer.name());
+        let (name, words, legend) = match (&shown.second, part.texture) {
+            (None, _) => (own(""), layer.legend(), Some(&shown.legend)),
+            (Some(_), 0) => (own(" of A"), layer.legend(), Some(&shown.legend)),
+            (Some(second), 1) => (own(" of B"), layer.legend(), Some(&second.legend)),
+            (Some(_), _) => (Mode::Difference.name().to_owned(), Mode::Difference.about(), Some(&difference)),
         };
+        let legend = legend.filter(|_| part.texture == 2 || layer != Layer::Lit);
         let clip = part.clip.intersect(rect);
-        let place = Rect::from_min_size(clip.left_top() + vec2(8.0, 8.0), vec2((clip.width() - 16.0).max(1.0), 60.0));
+        let place = Rect::from_min_size(clip.left_top() + vec2(8.0, 8.0), (clip.size() - vec2(16.0, 16.0)).max(vec2(1.0, 1.0)));
         let over = egui::UiBuilder::new().id_salt(("caption", i)).max_rect(place).layout(egui::Layout::top_down(egui::Align::Min));
         let mut over = ui.new_child(over);
         over.set_clip_rect(clip);
         egui::Frame::new().fill(Color32::from_black_alpha(150)).inner_margin(4.0).corner_radius(3.0).show(&mut over, |ui| {
             ui.visuals_mut().override_text_color = Some(Color32::WHITE);
             ui.label(text);
-            if let Some(layer) = layer {
-                ui.label(layer);
+            if shown.draft {
+                ui.label("first look").on_hover_text("From small textures and by the cheapest shader, until the scene's textures are made");
+            }
+            if shown.wish.culled_from.is_some() {
+                let frozen = ui.label(RichText::new("culling frozen").color(Color32::YELLOW));
+                frozen.on_hover_text("Nodes and patches are those of another view (C)");
+            }
+            if let Some(legend) = legend {
+                legend::show(ui, &name, words, legend);
             }
         });
     }
@@ -207,17 +227,60 @@ fn measure_region(app: &mut Workbench, ui: &Ui, response: &egui::Response, parts
     true
 }
 
+/// What the brush paints, and its ring on the ground. `may_begin`: a drag or a click that begins now is the brush's.
+fn paint(app: &mut Workbench, ui: &Ui, response: &egui::Response, parts: &[Part], may_begin: bool) {
+    let Some(shown) = app.shown().cloned().filter(|_| app.brush.paints) else { return };
+    let primary = egui::PointerButton::Primary;
+    let pointer = response.interact_pointer_pos();
+    let pressed = match (response.clicked(), response.drag_started_by(primary)) {
+        (true, _) => pointer,
+        (false, true) => ui.input(|i| i.pointer.press_origin()),
+        (false, false) => None,
+    };
+    if let Some(from) = pressed.filter(|_| may_begin)
+        && let Some(i) = parts.iter().position(|part| part.clip.contains(from))
+    {
+        // What was changed just before is taken back for itself.
+        app.undo_point(ui.ctx());
+        app.brush.begin(i, parts[i].in_picture(from).into());
+    }
+    let Some(ground) = Ground::of(&shown) else { return };
+    if let (Some(to), Some(part)) = (pointer, app.brush.part().and_then(|i| parts.get(i))) {
+        let to = part.clip.contains(to).then(|| part.in_picture(to).into());
+        app.brush.drag(&mut app.settings.scene, &ground, to);
+    }
+    let hover = response.hover_pos().or(pointer);
+    let Some((at, part)) = hover.and_then(|at| Some((at, parts.iter().find(|part| part.clip.contains(at))?))) else { return };
+    let Some(centre) = ground.at(part.in_picture(at).into()) else { return };
+    let ring: Vec<_> = ground.ring(centre, app.brush.radius_m).into_iter().map(|at| at.map(|[x, y]| part.on_screen(pos2(x, y)))).collect();
+    for (width, colour) in [(3.0, Color32::BLACK), (1.5, Color32::WHITE)] {
+        for pair in ring.windows(2) {
+            if let [Some(from), Some(to)] = *pair {
+                ui.painter_at(part.clip).line_segment([from, to], egui::Stroke::new(width, colour));
+            }
+        }
+    }
+}
+
 fn navigate(app: &mut Workbench, ui: &Ui, response: &egui::Response, rect: Rect) {
     let Some(mut pose) = app.pose() else { return };
+    let target = orbited(app, &pose);
     let drag = |button| if response.dragged_by(button) { response.drag_delta() } else { vec2(0.0, 0.0) };
-    let mut moved = app.flight.turn(&mut pose, drag(egui::PointerButton::Primary), rect.height() * app.looking.zoom);
+    let turn = if app.brush.is_drawing() { vec2(0.0, 0.0) } else { drag(egui::PointerButton::Primary) };
+    let height = rect.height() * app.looking.zoom;
+    let mut moved = match target {
+        Some(target) => flight::swing(&mut pose, target, turn, height),
+        None => app.flight.turn(&mut pose, turn, height),
+    };
     let pan = drag(egui::PointerButton::Middle) / rect.size() / app.looking.zoom;
     app.looking.centre = [app.looking.centre[0] - pan.x, app.looking.centre[1] - pan.y];
     if response.hovered() {
         app.looking.zoom = (app.looking.zoom * ui.input(egui::InputState::zoom_delta)).clamp(1.0, 64.0);
-        let notches = ui.input(|i| i.smooth_scroll_delta().y) / NOTCH_POINTS;
-        if notches != 0.0 {
-            app.flight.hasten(f64::from(notches));
+        let notches = f64::from(ui.input(|i| i.smooth_scroll_delta().y) / NOTCH_POINTS);
+        match target {
+            _ if notches == 0.0 => {}
+            Some(target) => moved |= flight::approach(&mut pose, target, notches),
+            None => app.flight.hasten(notches),
         }
     }
     if !ui.ctx().text_edit_focused() {
@@ -235,6 +298,16 @@ fn navigate(app: &mut Workbench, ui: &Ui, response: &egui::Response, rect: Rect)
     }
 }
 
+/// What is orbited, as long as it is: whoever walks, or goes to another view, does so no more.
+fn orbited(app: &mut Workbench, pose: &Pose) -> Option<DVec3> {
+    let target = app.flight.target()?;
+    if app.flight.walking || !flight::is_centred(pose, target) {
+        app.flight.orbit = Orbit::Off;
+        return None;
+    }
+    Some(target)
+}
+
 /// Cameras and paths of the scene, the layer on show, and how fast the camera is.
 pub(crate) fn viewpoints(app: &mut Workbench, ui: &mut Ui) {
     let name = match &app.viewpoint {
@@ -242,6 +315,7 @@ pub(crate) fn viewpoints(app: &mut Workbench, ui: &mut Ui) {
         Viewpoint::Path(name) => format!("path {name}"),
         Viewpoint::Recorded(path) => format!("replay of {}", path.name),
         Viewpoint::Free { walking: true, .. } => "walking".to_owned(),
+        Viewpoint::Free { walking: false, .. } if app.flight.target().is_some() => "orbiting".to_owned(),
         Viewpoint::Free { walking: false, .. } => "flying".to_owned(),
     };
     let scene = &app.original;
@@ -253,5 +327,27 @@ pub(crate) fn viewpoints(app: &mut Workbench, ui: &mut Ui) {
     let shown = app.settings.layer.name();
     choose(ui, "Layer", &mut app.settings.layer, shown, all);
     ui.checkbox(&mut app.flight.walking, "Walk").on_hover_text("Keep the eye 1.7 m over the ground (F)");
-    ui.label(format!("{:.3} m/s", app.flight.speed_m_s)).on_hover_text("Speed: the wheel over the picture changes it");
+    let mut orbits = app.flight.orbit != Orbit::Off;
+    let hint = "Move about the pixel that is taken apart, or else what is in the middle of the picture (O): a drag turns, the wheel nears, \
+                W A S D take it along";
+    if ui.checkbox(&mut orbits, "Orbit").on_hover_text(hint).changed() {
+        app.orbit(orbits);
+    }
+    match app.flight.target().zip(app.pose()) {
+        Some((target, pose)) => {
+            let distance_m = pose.position.distance(target);
+            ui.label(format!("{distance_m:.2} m away")).on_hover_text("From what is orbited: the wheel over the picture changes it");
+        }
+        None => {
+            ui.label(format!("{:.3} m/s", app.flight.speed_m_s)).on_hover_text("Speed: the wheel over the picture changes it");
+        }
+    }
+    let frozen = app.culled_from.is_some();
+    let able = frozen || app.pose().is_some();
+    let button = ui.add_enabled(able, egui::Button::new("Freeze culling").selected(frozen));
+    button.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, able, frozen, "Freeze culling"));
+    let hint = "Goes on drawing the nodes and patches of this moment, so that what culling leaves out is seen from elsewhere (C)";
+    if button.on_hover_text(hint).clicked() {
+        app.freeze_culling();
+    }
 }

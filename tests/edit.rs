@@ -1,0 +1,236 @@
+//! A scene that is edited while it is drawn: the picture is that of the edited scene loaded anew, bit for bit, and only what an edit touches is made anew.
+
+use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::materials::Palette;
+use kernels::picture::{AovSet, Picture};
+use kernels::scene::{Scene, Stroke, StrokeKind};
+use kernels::variant::{Flavour, Variant};
+
+use crate::frame::{SIZE, gpu, pose, small_scene};
+
+fn editable(scene: &Scene, sketch: Option<u32>) -> Renderer<'static> {
+    let options = RendererOptions { editable: true, sketch, ..RendererOptions::default() };
+    Renderer::with(gpu(), scene, options, &|_| {}).expect("the small scene renders")
+}
+
+/// The ground by pages and, far off, by the atlas.
+fn ground(renderer: &Renderer<'_>) -> RenderRequest {
+    let both = Flavour::VirtualTexture.bit() | Flavour::FarAtlas.bit();
+    RenderRequest {
+        variant: VariantChoice::Forced(Variant::new(both).expect("a set")),
+        aovs: AovSet::from_names(&["albedo", "normal"]).expect("known layers"),
+        ..RenderRequest::new(pose(renderer, "ground"), SIZE)
+    }
+}
+
+fn draw(renderer: &mut Renderer<'_>) -> Picture {
+    let request = ground(renderer);
+    renderer.render(&request).expect("renders")
+}
+
+fn differing(a: &Picture, b: &Picture) -> usize {
+    a.hdr.iter().zip(&b.hdr).filter(|(a, b)| a.map(f32::to_bits) != b.map(f32::to_bits)).count()
+}
+
+/// Twelve metres before the camera, on the ground.
+fn before_the_camera(renderer: &Renderer<'_>) -> [f64; 2] {
+    let pose = pose(renderer, "ground");
+    let ahead = pose.position + pose.axes()[2] * 12.0;
+    [ahead.x, ahead.y]
+}
+
+fn material<'s>(scene: &'s mut Scene, name: &str) -> &'s mut kernels::scene::Material {
+    scene.materials.iter_mut().find(|m| m.name == name).expect("a material of the built-in scene")
+}
+
+#[test]
+fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is_made_anew() {
+    let original = small_scene();
+    let mut renderer = editable(&original, None);
+    let first = draw(&mut renderer);
+    let (resident, wanted) = (first.report.atlas.resident, first.report.pages.wanted);
+    assert!(resident > 20 && wanted > 10, "{:?}", first.report);
+    let at = before_the_camera(&renderer);
+    let (slope, curvature) = renderer.world().relief_at(at[0], at[1]);
+    let lies = renderer.world().rules().material_at(renderer.world().height_m(at[0], at[1]), slope, curvature, at[0], at[1]);
+    let lies = original.materials[usize::from(lies)].name.clone();
+    let other = original.materials.iter().find(|m| m.name != lies).expect("two materials").name.clone();
+
+    let mut scene = original.clone();
+    let mut before = first.clone();
+    // The light touches nothing.
+    scene.sun.elevation_deg = 50.0;
+    assert!(renderer.retune(&scene).expect("valid"));
+    let picture = draw(&mut renderer);
+    assert_eq!((picture.report.edited.nodes, picture.report.edited.textures, picture.report.pages.rendered), (0, 0, 0));
+    assert!(differing(&picture, &before) > 0);
+    before = picture;
+
+    // Of what lies before the camera, another tint: nodes and pages on which it lies.
+    material(&mut scene, &lies).tint = [1.0, 0.4, 0.4];
+    assert!(renderer.retune(&scene).expect("valid"));
+    let picture = draw(&mut renderer);
+    let edited = picture.report.edited;
+    assert!(edited.nodes > 0 && edited.textures == 0 && picture.report.pages.rendered > 0, "{edited:?}");
+    assert!(differing(&picture, &before) > 0);
+    before = picture;
+
+    // The size of its texture: pages alone.
+    material(&mut scene, &lies).tile_m *= 1.5;
+    assert!(renderer.retune(&scene).expect("valid"));
+    let picture = draw(&mut renderer);
+    assert_eq!((picture.report.edited.nodes, picture.report.edited.textures), (0, 0));
+    assert!(picture.report.pages.rendered > 0 && differing(&picture, &before) > 0);
+    before = picture;
+
+    // A stroke of the brush: the nodes and pages under it.
+    let stroke = Stroke {
+        kind: StrokeKind::Splat,
+        material: other.clone(),
+        points: vec![at, [at[0] + 4.0, at[1] + 1.0]],
+        radius_m: 3.0,
+        fade_m: 0.0,
+        amount: 0.0,
+    };
+    scene.strokes.push(stroke.clone());
+    assert!(renderer.retune(&scene).expect("valid"));
+    let picture = draw(&mut renderer);
+    let edited = picture.report.edited;
+    assert!((1..=8).contains(&edited.nodes) && edited.textures == 0, "{edited:?}: a node a LOD, two where it crosses a border");
+    assert!((1..wanted).contains(&picture.report.pages.rendered), "{:?} of {wanted}", picture.report.pages);
+    assert!(differing(&picture, &before) > 0);
+    before = picture;
+
+    // A mask that keeps the material away.
+    scene.strokes.push(Stroke { kind: StrokeKind::Mask, material: lies.clone(), radius_m: 20.0, fade_m: 5.0, ..stroke });
+    assert!(renderer.retune(&scene).expect("valid"));
+    let picture = draw(&mut renderer);
+    assert!(picture.report.edited.nodes > 0 && differing(&picture, &before) > 0);
+    before = picture;
+
+    // Another texture: one layer.
+    material(&mut scene, &other).procedural = Some("moss".to_owned());
+    assert!(renderer.retune(&scene).expect("valid"));
+    let picture = draw(&mut renderer);
+    assert!(picture.report.edited.textures >= 1 && differing(&picture, &before) > 0, "{:?}", picture.report.edited);
+
+    // Rules by other weights, and one material more.
+    scene.rules[0].weight = 3.0;
+    let mut more = scene.materials[0].clone();
+    (more.name, more.procedural, more.tint) = ("more".to_owned(), Some("sand".to_owned()), [0.5, 0.5, 1.0]);
+    scene.materials.push(more);
+    scene.rules.push(kernels::scene::Rule { material: "more".to_owned(), noise_m: 9.0, ..scene.rules[0].clone() });
+    assert!(renderer.retune(&scene).expect("valid"));
+    let edited = draw(&mut renderer);
+
+    let loaded = draw(&mut Renderer::new(gpu(), &scene, &|_| {}).expect("renders"));
+    assert_eq!(differing(&edited, &loaded), 0, "pixels differ from those of the scene loaded anew");
+
+    // What cannot be is refused, and nothing has changed.
+    let mut wrong = scene.clone();
+    material(&mut wrong, &other).procedural = None;
+    material(&mut wrong, &other).folder = Some("/nowhere/at/all".into());
+    assert!(renderer.retune(&wrong).is_err());
+    assert!(*renderer.scene() == scene && differing(&draw(&mut renderer), &edited) == 0);
+
+    // And all the way back.
+    assert!(renderer.retune(&original).expect("valid"));
+    assert_eq!(differing(&draw(&mut renderer), &first), 0, "pixels differ from those before the edits");
+}
+
+#[test]
+fn a_sketch_becomes_the_scene_when_its_textures_come() {
+    let mut scene = small_scene();
+    scene.detail_size = 128;
+    let mut renderer = editable(&scene, Some(64));
+    assert!(renderer.is_sketch());
+    let sketch = draw(&mut renderer);
+    let palette = Palette::build(&scene, renderer.world().layout().sector_m, |_| {}).expect("procedural textures");
+    renderer.take_palette(palette);
+    assert!(!renderer.is_sketch());
+    let full = draw(&mut renderer);
+    assert!(differing(&full, &sketch) > 0, "larger textures show");
+    let loaded = draw(&mut Renderer::new(gpu(), &scene, &|_| {}).expect("renders"));
+    assert_eq!(differing(&full, &loaded), 0);
+}
+
+#[test]
+fn a_renderer_that_is_not_editable_says_so() {
+    let mut renderer = crate::frame::renderer();
+    let mut scene = small_scene();
+    scene.materials[0].tint = [0.5; 3];
+    assert!(!renderer.retune(&scene).expect("valid"));
+    assert!(*renderer.scene() == small_scene());
+}
+
+#[test]
+fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
+    let mut renderer = crate::frame::renderer();
+    let far = Variant::only(Flavour::FarAtlas);
+    let base = RenderRequest { variant: VariantChoice::Forced(far), ..RenderRequest::new(pose(&renderer, "ground"), SIZE) };
+    let plain = renderer.render(&base).expect("renders");
+    // A level coarser: a part of the nodes and patches.
+    let coarse = renderer.render(&RenderRequest { lod_bias: 1.0, ..base.clone() }).expect("renders");
+    assert!(coarse.report.nodes < plain.report.nodes && coarse.report.patches < plain.report.patches, "{:?}", coarse.report);
+    // Every second vertex: the same nodes and patches, another surface, and no crack in it.
+    let sparse = renderer.render(&RenderRequest { vertex_stride: 2, ..base.clone() }).expect("renders");
+    assert_eq!((&sparse.report.drawn, sparse.report.patches), (&plain.report.drawn, plain.report.patches));
+    assert!(differing(&sparse, &plain) > 0);
+    let sky_below_ground = |picture: &Picture| {
+        let on: Vec<bool> = picture.hdr.iter().map(|t| t[3] > 0.0).collect();
+        let width = SIZE[0] as usize;
+        (width..on.len()).filter(|&i| on[i - width] && !on[i]).count()
+    };
+    for stride in [1, 2, 4] {
+        for camera in ["ground", "vista", "cliff"] {
+            let request = RenderRequest { pose: pose(&renderer, camera), vertex_stride: stride, ..base.clone() };
+            let picture = renderer.render(&request).expect("renders");
+            assert_eq!(sky_below_ground(&picture), 0, "{camera}: sky shows through the ground with every {stride}th vertex");
+        }
+    }
+    let error = renderer.render(&RenderRequest { vertex_stride: 3, ..base.clone() }).expect_err("no such stride").to_string();
+    assert!(error.contains("1, 2 or 4"), "{error}");
+    let fine = renderer.render(&RenderRequest { lod_bias: -0.5, ..base.clone() }).expect("renders");
+    assert!(fine.report.nodes > plain.report.nodes, "{} of {}", fine.report.nodes, plain.report.nodes);
+    for bias in [f64::NAN, 5.0, -3.0] {
+        let error = renderer.render(&RenderRequest { lod_bias: bias, ..base.clone() }).expect_err("out of range").to_string();
+        assert!(error.contains("LOD") && error.contains("-2"), "{error}");
+    }
+
+    // Turned away, what was seen before is still what is drawn, and seen from the right place: turned back it is the same picture.
+    let mut away = base.pose;
+    away.yaw += std::f64::consts::PI;
+    away.position.x += 200.0;
+    let turned = renderer.render(&RenderRequest { pose: away, ..base.clone() }).expect("renders");
+    assert_ne!(turned.report.drawn, plain.report.drawn);
+    let frozen = renderer.render(&RenderRequest { pose: away, culled_from: Some(base.pose), ..base.clone() }).expect("renders");
+    assert_eq!((&frozen.report.drawn, frozen.report.patches), (&plain.report.drawn, plain.report.patches));
+    // From beyond the sector that culling was frozen in, the ground that it kept lies where it lay.
+    let mut above = base.pose;
+    (above.position.z, above.pitch) = (above.position.z + 400.0, -0.6);
+    let request = RenderRequest { pose: above, aovs: AovSet::from_names(&["position"]).expect("known"), ..base.clone() };
+    let frozen = renderer.render(&RenderRequest { culled_from: Some(base.pose), ..request }).expect("renders");
+    let positions = frozen.vectors("position").expect("asked for");
+    let on = frozen.hdr.iter().map(|t| t[3] > 0.0);
+    let off =
+        positions.iter().zip(on).filter(|(_, on)| *on).map(|(p, _)| (f64::from(p[2]) - renderer.ground_m(p[0].into(), p[1].into())).abs());
+    let mut off: Vec<f64> = off.collect();
+    off.sort_by(f64::total_cmp);
+    assert!(off.len() > 100 && off[off.len() / 2] < 1.0, "{} pixels, median {:?} m off the ground", off.len(), off.get(off.len() / 2));
+
+    // Each variant in a pass of its own is the same picture.
+    let auto = RenderRequest { variant: VariantChoice::Auto, ..base };
+    let whole = renderer.render(&auto).expect("renders");
+    let timed = renderer.render(&RenderRequest { time_variants: true, ..auto }).expect("renders");
+    assert_eq!(differing(&whole, &timed), 0);
+    let names: Vec<String> = timed.report.passes.iter().map(|pass| pass.name.clone()).collect();
+    if !names.is_empty() {
+        let ran = Variant::all().filter(|v| timed.report.tiles[usize::from(v.mask())] > 0);
+        assert!(ran.count() > 1 && !names.iter().any(|name| name == "shading"), "{names:?}");
+        for variant in Variant::all() {
+            let is_timed = names.contains(&format!("shading: {variant}"));
+            assert_eq!(is_timed, timed.report.tiles[usize::from(variant.mask())] > 0, "{variant}: {names:?}");
+        }
+        assert!(whole.report.passes.iter().any(|pass| pass.name == "shading"));
+    }
+}

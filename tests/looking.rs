@@ -1,0 +1,387 @@
+//! Ways of looking at a scene, and at another one: orbiting, frozen culling, times by variant, legends, and scenes opened in the window.
+
+use std::collections::BTreeSet;
+use std::f64::consts::{PI, TAU};
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use eframe::egui::Key;
+use glam::DVec3;
+use kernels::camera::Pose;
+use kernels::scene::{self, Scene, World};
+use kernels::variant::{Flavour, Variant};
+use workbench::app::Workbench;
+use workbench::display::Layer;
+use workbench::engine::{Engine, Shown, Viewpoint};
+use workbench::kept::{Keeper, Kept};
+use workbench::script::{Stage, Step};
+
+use crate::bad_input::Folder;
+use crate::frame::small_scene;
+use crate::workbench::{cheap_stage, take};
+
+const WINDOW: [u32; 2] = [1100, 1500];
+
+fn shown(stage: &mut Stage) -> Arc<Shown> {
+    stage.app().shown().expect("a picture").clone()
+}
+
+fn pose(stage: &mut Stage) -> Pose {
+    shown(stage).pose
+}
+
+fn says(stage: &Stage, text: &str) -> bool {
+    stage.names().iter().any(|name| name.contains(text))
+}
+
+/// Goes somewhere, and waits for the picture from there.
+fn go(stage: &mut Stage, pose: Pose) {
+    stage.app().viewpoint = Viewpoint::Free { pose, walking: false };
+    stage.settle().expect("a picture");
+}
+
+/// Sine of the angle between the middle of the view and a place, or more if that is behind.
+fn beside(pose: &Pose, place: DVec3) -> f64 {
+    let [_, _, forward] = pose.axes();
+    (place - pose.position).normalize_or_zero().distance(forward)
+}
+
+#[test]
+fn the_camera_orbits_the_middle_or_what_is_probed() {
+    let mut stage = cheap_stage();
+    let start = pose(&mut stage);
+    stage.app().probe = Some([0.5, 0.5]);
+    stage.settle().expect("a picture");
+    let middle = shown(&mut stage).pixel.as_ref().expect("ground in the middle").position;
+    stage.app().probe = Some([0.3, 0.8]);
+    stage.settle().expect("a picture");
+    let probed = shown(&mut stage).pixel.as_ref().expect("ground at the bottom").position;
+
+    // What is probed comes into the middle, and stays there.
+    take(&mut stage, "key O");
+    assert_eq!(stage.app().orbited().map(|place| place.to_array()), Some(probed));
+    let at = pose(&mut stage);
+    assert!(beside(&at, DVec3::from_array(probed)) < 1e-9 && at.position.distance(start.position) < 1e-6, "turned towards it: {at:?}");
+    take(&mut stage, "key O");
+    assert_eq!(stage.app().orbited(), None);
+
+    // With nothing probed it is what is in the middle of the picture, by its depth.
+    stage.app().probe = None;
+    go(&mut stage, start);
+    take(&mut stage, "click Orbit");
+    let target = stage.app().orbited().expect("ground");
+    assert_eq!(target.to_array(), middle);
+    let distance_m = start.position.distance(target);
+    assert!(says(&stage, &format!("{distance_m:.2} m away")), "{:?}", stage.names());
+    let around = pose(&mut stage);
+    stage.drag([80.0, 0.0]).expect("a picture");
+    let turned = pose(&mut stage);
+    let yaw = (turned.yaw - around.yaw).rem_euclid(TAU);
+    assert!(yaw > 0.01 && yaw < PI && (turned.pitch - around.pitch).abs() < 1e-12, "dragged to the right: {yaw}");
+    stage.drag([0.0, 60.0]).expect("a picture");
+    let higher = pose(&mut stage);
+    assert!(higher.pitch < turned.pitch && higher.position.z > turned.position.z, "dragged down: seen from higher up");
+    for at in [around, turned, higher] {
+        assert!(beside(&at, target) < 1e-9 && (at.position.distance(target) / distance_m - 1.0).abs() < 1e-9, "{at:?}");
+    }
+
+    // Two notches of the wheel nearer; the keys take the place along.
+    stage.scroll(100.0).expect("a picture");
+    let near = pose(&mut stage);
+    let share = near.position.distance(target) / distance_m;
+    assert!(share > 0.6 && share < 0.9 && beside(&near, target) < 1e-9, "{share}");
+    stage.hold(Key::W, 4).expect("a picture");
+    let (moved, along) = (pose(&mut stage), stage.app().orbited().expect("still"));
+    assert!(along.distance(target) > 0.1 && (along.z - target.z).abs() < 1e-9, "along the ground: {along}");
+    assert!((moved.position.distance(along) / near.position.distance(target) - 1.0).abs() < 1e-9 && beside(&moved, along) < 1e-9);
+
+    // Another view ends it, and so does walking.
+    take(&mut stage, "click View; click camera ground");
+    stage.settle().expect("a picture");
+    assert_eq!(stage.app().orbited(), None);
+    take(&mut stage, "key O");
+    assert!(stage.app().orbited().is_some());
+    take(&mut stage, "key F");
+    assert_eq!(stage.app().orbited(), None);
+    assert!(says(&stage, "m/s"), "{:?}", stage.names());
+
+    // Where there is only sky, it is a place ahead.
+    take(&mut stage, "key F");
+    let up = Pose { pitch: 1.2, ..start };
+    go(&mut stage, up);
+    take(&mut stage, "key O");
+    let ahead = stage.app().orbited().expect("a place in the sky");
+    assert!(ahead.distance(up.position) > 10.0 && beside(&pose(&mut stage), ahead) < 1e-9, "{ahead}");
+}
+
+#[test]
+fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
+    let folder = Folder::new("looking-frozen");
+    let mut stage = cheap_stage();
+    let drawn = |stage: &mut Stage| {
+        let shown = shown(stage);
+        (shown.picture.report.drawn.clone(), shown.picture.report.patches)
+    };
+    let start = pose(&mut stage);
+    let away = Pose { yaw: (start.yaw + PI).rem_euclid(TAU), ..start };
+    go(&mut stage, away);
+    let other = drawn(&mut stage);
+    go(&mut stage, start);
+    let before = drawn(&mut stage);
+    assert!(other != before, "without it the nodes follow the camera");
+    assert!(!says(&stage, "culling frozen"));
+
+    take(&mut stage, "key C");
+    assert_eq!(stage.app().culled_from, Some(start));
+    assert!(drawn(&mut stage) == before && says(&stage, "culling frozen"), "{:?}", stage.names());
+    go(&mut stage, away);
+    assert!(drawn(&mut stage) == before, "the nodes of the view before, seen from the other side");
+    take(&mut stage, "click Machine");
+    assert!(says(&stage, "yellow camera"), "{:?}", stage.names());
+
+    // B is drawn of the same nodes as A.
+    take(&mut stage, "click Compare; click Keep A as B");
+    let both = shown(&mut stage);
+    assert!(both.second.as_ref().expect("B").texels == both.texels, "B is A");
+
+    // A run would draw something else, which is said.
+    take(&mut stage, &format!("click Experiments; type Folder = {}; click Save as experiment", folder.0.display()));
+    assert!(says(&stage, "let go of `Freeze culling`") && !folder.0.join("seen").exists(), "{:?}", stage.names());
+    take(&mut stage, "click Freeze culling");
+    assert_eq!(stage.app().culled_from, None);
+    assert!(drawn(&mut stage) == other && !says(&stage, "culling frozen"));
+}
+
+/// Names of the passes that shade.
+fn shading(stage: &mut Stage) -> Vec<String> {
+    let shown = shown(stage);
+    let names = shown.picture.report.passes.iter().map(|pass| pass.name.clone());
+    names.filter(|name| name.starts_with("shading")).collect()
+}
+
+#[test]
+fn each_running_variant_has_a_time_of_its_own() {
+    let mut stage = cheap_stage();
+    take(&mut stage, "key 0");
+    let plain = shown(&mut stage);
+    assert_eq!(shading(&mut stage), ["shading"]);
+    take(&mut stage, "click Time variants");
+    let timed = shown(&mut stage);
+    let running: Vec<Variant> = Variant::all().filter(|v| timed.picture.report.tiles[usize::from(v.mask())] > 0).collect();
+    let expected: Vec<String> = running.iter().map(|variant| format!("shading: {variant}")).collect();
+    assert!(running.len() > 1 && shading(&mut stage) == expected, "{expected:?}, {:?}", shading(&mut stage));
+    let passes = timed.picture.report.passes.iter().filter(|pass| expected.contains(&pass.name));
+    assert!(passes.clone().all(|pass| pass.time_ms >= 0.0) && passes.map(|pass| pass.time_ms).sum::<f64>() > 0.0);
+    assert!(timed.texels == plain.texels, "the picture stays as it was");
+    for name in running.iter().map(Variant::to_string).chain(["ns a tile".to_owned()]) {
+        assert!(stage.has(&name), "{name} is not in the table: {:?}", stage.names());
+    }
+    // In the list of passes they stand below their sum.
+    take(&mut stage, "click Frame");
+    let names: Vec<String> = stage.names().iter().map(|name| name.trim().to_owned()).collect();
+    assert!(names.contains(&"shading, variant by variant".to_owned()) && names.contains(&"lighting".to_owned()), "{names:?}");
+    take(&mut stage, "key G");
+    assert_eq!(shading(&mut stage), ["shading: generic"]);
+    take(&mut stage, "key G; click Time variants");
+    assert_eq!(shading(&mut stage), ["shading"]);
+    assert!(!stage.has("ns a tile"));
+}
+
+/// What legends on screen are called, less what they begin with.
+fn legends(stage: &Stage, of: &str) -> BTreeSet<String> {
+    let of = format!("Legend of {of}");
+    stage.names().iter().filter_map(|name| name.strip_prefix(&of)).map(|rest| rest.trim_start_matches(": ").to_owned()).collect()
+}
+
+#[test]
+fn every_layer_has_a_legend_of_what_it_shows() {
+    let mut stage = cheap_stage();
+    assert!(legends(&stage, "").is_empty(), "lit");
+    let named = |masks: &mut dyn Iterator<Item = u8>| -> BTreeSet<String> {
+        masks.filter_map(Variant::new).map(|variant| format!("{variant} ({})", variant.mask())).collect()
+    };
+    for layer in Layer::ALL {
+        take(&mut stage, &format!("click Layer; click {}", layer.name()));
+        let found = legends(&stage, layer.name());
+        let report = shown(&mut stage).picture.report.clone();
+        let count = match layer {
+            Layer::Lit | Layer::Albedo => 0,
+            Layer::Normal => 3,
+            Layer::Depth | Layer::Fetches | Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias => 1,
+            Layer::Choice => 9,
+            Layer::Mask => {
+                let picture = shown(&mut stage);
+                let masks = picture.picture.values("mask").expect("asked for");
+                let expected = named(&mut masks.iter().map(|mask| *mask as u8));
+                assert!(expected.len() > 1 && found == expected, "{found:?}, expected {expected:?}");
+                expected.len()
+            }
+            Layer::Tiles => {
+                let expected = named(&mut (1..32).filter(|mask| report.tiles[usize::from(*mask)] > 0));
+                assert_eq!(found, expected);
+                assert_eq!(found.len(), 1, "one is forced: {found:?}");
+                1
+            }
+        };
+        assert_eq!(found.len(), count, "{}: {found:?}", layer.name());
+        // No other layer's stays behind.
+        assert_eq!(legends(&stage, "").len(), count, "{}: {:?}", layer.name(), legends(&stage, ""));
+    }
+    take(&mut stage, "click Layer; click Depth; click Compare; click Show; click Side by side");
+    let expected = ["Depth of A: distance along the view direction", "Depth of B: distance along the view direction"];
+    assert!(legends(&stage, "").into_iter().eq(expected), "{:?}", legends(&stage, ""));
+    take(&mut stage, "click Show; click Difference");
+    assert!(legends(&stage, "").into_iter().eq(["Difference: |A - B| in luminance"]), "{:?}", legends(&stage, ""));
+}
+
+/// The file of a scene like the small one under another name.
+fn written(folder: &Folder, name: &str, change: impl FnOnce(&mut Scene)) -> String {
+    let mut scene = small_scene();
+    scene.name = name.to_owned();
+    change(&mut scene);
+    folder.write(&format!("{name}.toml"), &toml::to_string(&scene).expect("a scene is a document"))
+}
+
+/// Standing still, seen through the cheapest shader.
+fn stand(app: &mut Workbench) {
+    app.clock.paused = true;
+    app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+    app.settings.scale = 0.2;
+}
+
+/// A window that has a thread of its own, since that loads other scenes.
+fn own_stage(prepare: impl FnOnce(&mut Workbench)) -> Stage {
+    let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
+        prepare(app);
+        stand(app);
+    });
+    stage.settle().expect("a picture");
+    stage
+}
+
+fn open(stage: &mut Stage, file: &str) -> Result<(), String> {
+    let outcome = stage.take(&Step::Open(file.to_owned())).map_err(|error| format!("{error:#}"));
+    stage.settle().expect("a picture, whether it is opened or not");
+    outcome
+}
+
+fn name(stage: &mut Stage) -> String {
+    let shown = shown(stage);
+    assert_eq!(shown.wish.settings.scene, stage.app().settings.scene, "the picture is of another scene");
+    shown.wish.settings.scene.name.clone()
+}
+
+#[test]
+fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
+    let folder = Folder::new("looking-scenes");
+    let other = written(&folder, "other", |scene| scene.sun.azimuth_deg = 250.0);
+    let third = written(&folder, "third", |_| {});
+    let mut stage = own_stage(|_| {});
+    let first = shown(&mut stage).texels.clone();
+    stage.app().clock.frame = 3;
+    stage.app().probe = Some([0.5, 0.5]);
+    stage.app().settings.seed = 7;
+    stage.settle().expect("a picture");
+
+    // The other scene, from where it is first seen, as the old one was looked at; undo does not lead back into that.
+    open(&mut stage, &other).expect("a scene");
+    assert_eq!((name(&mut stage).as_str(), stage.app().given()), ("other", Some(other.as_str())));
+    let app = stage.app();
+    assert_eq!((app.viewpoint.clone(), app.clock.frame, app.probe), (Viewpoint::Path("forwards".to_owned()), 0, None));
+    assert_eq!((app.settings.seed, app.settings.forced), (7, Some(Variant::only(Flavour::FarAtlas))));
+    let lit = shown(&mut stage).texels.clone();
+    assert!(lit != first, "another sun");
+    take(&mut stage, "click Undo");
+    assert_eq!(name(&mut stage), "other");
+
+    // What is no scene is refused in a line, and nothing changes.
+    let broken = folder.write("broken.toml", "name = ");
+    let error = open(&mut stage, &broken).expect_err("no scene");
+    assert!(error.contains("broken.toml") && !error.contains('\n') && says(&stage, &error), "{error}");
+    assert_eq!((name(&mut stage).as_str(), stage.app().given()), ("other", Some(other.as_str())));
+    // What is said of it took some of the window's room.
+    take(&mut stage, "click Dismiss");
+    assert!(shown(&mut stage).texels == lit);
+    assert!(!says(&stage, "broken.toml") && stage.app().notes().is_empty());
+
+    // Nor does it where the scene's file is right, and what it names is none.
+    folder.write("words.png", "plain words");
+    let lacking = written(&folder, "lacking", |scene| {
+        scene.world = World::Heightmap {
+            file: "words.png".into(),
+            metres_per_texel: 1.0,
+            height_range_m: [0.0, 500.0],
+            detail_m: 0.0,
+            seed: 0,
+            holes: Vec::new(),
+            colour_modulation: 0.0,
+        };
+    });
+    let error = open(&mut stage, &lacking).expect_err("no heightmap");
+    assert!(error.contains("lacking.toml cannot be loaded") && error.contains("words.png") && !error.contains('\n'), "{error}");
+    assert_eq!((name(&mut stage).as_str(), stage.app().given()), ("other", Some(other.as_str())));
+    assert!(says(&stage, &error), "{:?}", stage.names());
+    take(&mut stage, "click Dismiss");
+    assert!(shown(&mut stage).texels == lit);
+
+    // An edit of the file is taken up when that is asked for, and undone; without the file the scene goes on.
+    written(&folder, "other", |scene| scene.sun.azimuth_deg = 20.0);
+    take(&mut stage, "click Scene; click Reload scene");
+    assert!((stage.app().settings.scene.sun.azimuth_deg - 20.0).abs() < 1e-9 && shown(&mut stage).texels != lit);
+    take(&mut stage, "click Undo");
+    assert!((stage.app().settings.scene.sun.azimuth_deg - 250.0).abs() < 1e-9 && shown(&mut stage).texels == lit);
+    fs::remove_file(&other).expect("it is there");
+    take(&mut stage, "click Scene; click Reload scene; key Period");
+    assert!(says(&stage, "other.toml is gone") && name(&mut stage) == "other" && shown(&mut stage).wish.frame == 1);
+    take(&mut stage, "click Dismiss");
+
+    // By a drop, and from the list of recent ones.
+    stage.drop_file(Path::new(&third)).expect("a picture");
+    assert_eq!(name(&mut stage), "third");
+    written(&folder, "other", |_| {});
+    take(&mut stage, &format!("click Scene; click {other}"));
+    assert_eq!(name(&mut stage), "other");
+
+    // Edits that are in no file are not lost without a question.
+    stage.app().settings.scene.materials[0].tint[0] *= 0.5;
+    stage.settle().expect("a picture");
+    let error = open(&mut stage, &third).expect_err("edits");
+    assert!(error.contains("in no file") && stage.has("Open without saving") && name(&mut stage) == "other", "{error}");
+    take(&mut stage, "click Keep this scene");
+    assert!(!stage.has("Open without saving") && name(&mut stage) == "other");
+    open(&mut stage, &third).expect_err("edits");
+    take(&mut stage, "click Open without saving");
+    assert!(name(&mut stage) == "third" && !stage.has("Open without saving"));
+}
+
+#[test]
+fn what_is_kept_of_each_scene_comes_back_with_it() {
+    let folder = Folder::new("looking-kept");
+    let [a, b] = ["a", "b"].map(|name| written(&folder, name, |_| {}));
+    let file = folder.0.join("state.toml");
+    let mut stage = own_stage(|app| {
+        let (keeper, line) = Keeper::open(file.clone());
+        assert_eq!(line, None);
+        let own = Workbench::drawn_by(Engine::start(None, || {}), small_scene());
+        *app = own.opened(scene::DEFAULT).keeping(keeper, scene::DEFAULT.to_owned(), Vec::new());
+    });
+    let usual = small_scene().blend.hash_scale;
+    open(&mut stage, &a).expect("a scene");
+    stage.app().settings.scene.blend.hash_scale = usual + 1.0;
+    take(&mut stage, "click Places; click Keep this place");
+
+    // It is in the file as soon as another one is opened, which has nothing of it.
+    open(&mut stage, &b).expect("a scene");
+    let (kept, line) = Kept::load(&file);
+    assert_eq!((kept.places(&a).places().len(), line), (1, None));
+    assert!(!stage.has("Go to place") && (stage.app().settings.scene.blend.hash_scale - usual).abs() < 1e-9);
+    open(&mut stage, &a).expect("a scene");
+    assert!(stage.has("Go to place") && (stage.app().settings.scene.blend.hash_scale - usual - 1.0).abs() < 1e-9);
+    assert_eq!(stage.app().settings.forced, Some(Variant::only(Flavour::FarAtlas)));
+    // What cannot be opened is not what the next start opens.
+    let broken = folder.write("broken.toml", "name = ");
+    open(&mut stage, &broken).expect_err("no scene");
+    let (kept, _) = Kept::load(&file);
+    assert!(kept.recent().contains(&a) && kept.recent().contains(&b) && !kept.recent().contains(&broken), "{:?}", kept.recent());
+}

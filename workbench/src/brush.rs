@@ -1,0 +1,533 @@
+//! The brush: a place in the picture is one on the ground, and where the pointer passed is a stroke of the scene.
+//!
+//! Places come from the depth of the picture that is on screen, by the same arithmetic as the inspector's ([`place_at`]). Between two positions of the
+//! pointer each pixel in between is looked at, so that a stroke lies where the pointer was seen to pass and stops at sky and at the edge of a ridge.
+
+use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
+use kernels::camera::{NEAR_M, View};
+use kernels::scene::{Scene, Stroke, StrokeKind};
+
+use crate::engine::Shown;
+use crate::inspector::{pixel_at, place_at};
+
+/// Smallest and largest radius of a brush, metres.
+pub const RADII_M: [f64; 2] = [0.5, 500.0];
+/// Largest factor that a brush puts on the weights of rules.
+pub const MOST_AMOUNT: f64 = 16.0;
+/// Points of a stroke: baking holds every splat texel near it against each of them.
+pub const MOST_POINTS: usize = 4096;
+/// Strokes of a scene, beyond which a brush adds none.
+pub const MOST_STROKES: usize = 1000;
+/// Points of all strokes of a scene together, beyond which a brush adds none: a scene file may have 4 MiB, and each point takes some 40 bytes of it.
+pub const MOST_IN_ALL: usize = 65_536;
+/// Smallest distance of two points, as a share of the radius.
+const SPACING: f64 = 0.25;
+/// How far beside the line a point may lie that is left out, as a share of the radius.
+const BESIDE: f64 = 1.0 / 16.0;
+/// Points in a row that may be left out, each of which is looked at again for every new one.
+const MOST_LEFT_OUT: usize = 256;
+/// Ratio of the depths of two neighbouring pixels above which they may be of different ground, one behind the other.
+const EDGE: f64 = 1.5;
+/// And how far, as a share of the step, the inverse depth then is from where a plane would have it, which is linear in the picture: ground that runs
+/// towards the horizon has large ratios, too.
+const BEND: f64 = 0.5;
+/// Points of the ring that shows the brush.
+const RING: u32 = 64;
+/// Places of the ground around a ring that its slope is taken from.
+const AROUND: u32 = 8;
+/// Steepest slope of a ring, metres up for a metre along.
+const STEEPEST: f64 = 4.0;
+
+/// The ground as a picture shows it. Places in the picture are shares of its width and height from the top left.
+pub struct Ground<'a> {
+    view: View,
+    /// Metres along the view direction, 0 = sky; row by row from the top.
+    depths: &'a [f32],
+}
+
+impl<'a> Ground<'a> {
+    /// A view, and the depths of its pixels; `None` = those are not of its size.
+    pub fn new(view: View, depths: &'a [f32]) -> Option<Ground<'a>> {
+        let [width, height] = view.size.map(|side| side as usize);
+        (depths.len() == width * height && !depths.is_empty()).then_some(Ground { view, depths })
+    }
+
+    /// Of a picture; `None` = its depth was not asked for.
+    pub fn of(shown: &'a Shown) -> Option<Ground<'a>> {
+        let layout = &shown.layout;
+        let view = View::new(shown.pose, shown.picture.size, [0.0; 2], layout.sector_m, layout.world_m());
+        Ground::new(view, shown.picture.values("depth")?)
+    }
+
+    fn depth_m(&self, at: [f32; 2]) -> f64 {
+        let [x, y] = pixel_at(at, self.view.size);
+        f64::from(self.depths[y as usize * self.view.size[0] as usize + x as usize])
+    }
+
+    /// The place on the ground that is seen there, world metres; `None` = sky, or beside the picture.
+    pub fn at(&self, at: [f32; 2]) -> Option<DVec3> {
+        let is_inside = at.iter().all(|share| (0.0..=1.0).contains(share));
+        let depth_m = self.depth_m(at);
+        (is_inside && depth_m > 0.0).then(|| place_at(&self.view, pixel_at(at, self.view.size), depth_m))
+    }
+
+    /// The places on the ground that a line in the picture passes after its beginning, pixel by pixel. `None` = sky, or an edge with other ground
+    /// behind it.
+    pub fn between(&self, from: [f32; 2], to: [f32; 2]) -> Vec<Option<DVec3>> {
+        let pixels = |k: usize| (to[k] - from[k]).abs() * self.view.size[k] as f32;
+        let steps = pixels(0).max(pixels(1)).ceil().max(1.0);
+        let along = |step: f32| -> [f32; 2] { std::array::from_fn(|k| from[k] + (to[k] - from[k]) * (step / steps)) };
+        let inverse = |at: [f32; 2]| {
+            let depth_m = self.depth_m(at);
+            if depth_m > 0.0 { 1.0 / depth_m } else { 0.0 }
+        };
+        let mut behind = [inverse(along(-1.0)), inverse(from)];
+        let mut places = Vec::new();
+        for step in 1..=steps as u32 {
+            let at = along(step as f32);
+            let [before, last] = behind;
+            let here = inverse(at);
+            let is_edge = here.max(last) > EDGE * here.min(last) && (here - 2.0 * last + before).abs() > BEND * (here - last).abs();
+            if is_edge {
+                places.push(None);
+            }
+            places.push(self.at(at));
+            behind = [last, here];
+        }
+        places
+    }
+
+    /// Where in the picture a place of the world is; `None` = behind the camera. It may lie beside the picture, and behind other ground.
+    pub fn seen(&self, place: DVec3) -> Option<[f32; 2]> {
+        let View { pose, camera, clip_from_local, .. } = self.view;
+        let clip = clip_from_local * (place - pose.position + camera).extend(1.0);
+        (clip.w > NEAR_M).then(|| [(0.5 + clip.x / clip.w * 0.5) as f32, (0.5 - clip.y / clip.w * 0.5) as f32])
+    }
+
+    /// A circle on the ground, closed: seen from above it is one, and it lies in the plane that fits best what is seen around its centre.
+    pub fn ring(&self, centre: DVec3, radius_m: f64) -> Vec<Option<[f32; 2]>> {
+        let around = |count: u32| (0..count).map(move |i| DVec2::from_angle(TAU * f64::from(i) / f64::from(count)) * radius_m);
+        let seen = around(AROUND).filter_map(|offset| self.at(self.seen(centre + offset.extend(0.0))?));
+        // What is far away is other ground, behind or before this one.
+        let slope = slope(seen.map(|place| place - centre).filter(|offset| offset.truncate().length() <= 2.0 * radius_m));
+        let mut ring: Vec<_> = around(RING).map(|offset| self.seen(centre + offset.extend(slope.dot(offset)))).collect();
+        let first = ring.first().copied();
+        ring.extend(first);
+        ring
+    }
+}
+
+/// Metres up for a metre east and north, of the plane through the origin that fits best, by least squares; level where the points do not tell.
+fn slope(offsets: impl Iterator<Item = DVec3>) -> DVec2 {
+    let ([mut xx, mut xy, mut yy], mut rises) = ([0.0_f64; 3], DVec2::ZERO);
+    for offset in offsets {
+        xx += offset.x * offset.x;
+        xy += offset.x * offset.y;
+        yy += offset.y * offset.y;
+        rises += offset.truncate() * offset.z;
+    }
+    let determinant = xx * yy - xy * xy;
+    if determinant <= 1e-3 * (xx + yy).powi(2) {
+        return DVec2::ZERO;
+    }
+    (DVec2::new(rises.x * yy - rises.y * xy, rises.y * xx - rises.x * xy) / determinant).clamp_length_max(STEEPEST)
+}
+
+/// Metres from a point to the nearest one of a line.
+fn distance_m(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
+    let along = to - from;
+    let length_2 = along.length_squared();
+    let share = if length_2 > 0.0 { ((point - from).dot(along) / length_2).clamp(0.0, 1.0) } else { 0.0 };
+    point.distance(from + along * share)
+}
+
+/// Length of the line that a stroke follows, metres.
+pub fn length_m(stroke: &Stroke) -> f64 {
+    // Folded, since the sum of no numbers is -0.
+    stroke.points.windows(2).fold(0.0, |sum, pair| sum + DVec2::from_array(pair[0]).distance(DVec2::from_array(pair[1])))
+}
+
+/// What the next stroke is like, and the one that is being painted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Brush {
+    /// Whether a drag in the picture paints.
+    pub paints: bool,
+    /// What a stroke changes.
+    pub kind: StrokeKind,
+    /// Name of the material that is laid, or whose rules are weighted.
+    pub material: String,
+    /// Metres, within [`RADII_M`].
+    pub radius_m: f64,
+    /// Soft edge of a mask, metres inwards; more than the radius is the radius.
+    pub fade_m: f64,
+    /// Factor of a mask on the weights of the material's rules, 0 to [`MOST_AMOUNT`].
+    pub amount: f64,
+    drawing: Option<Drawing>,
+    full: Option<String>,
+}
+
+/// A drag that is being painted.
+#[derive(Clone, Debug, PartialEq)]
+struct Drawing {
+    /// Which of the pictures in the viewport it is on, from the left.
+    part: usize,
+    /// Where the pointer was last; `None` = beside the picture.
+    pointer: Option<[f32; 2]>,
+    /// Whether that place was painted.
+    began: bool,
+    /// Number of the stroke that grows; `None` = the next place begins one.
+    stroke: Option<usize>,
+    /// Places left out since the last but one point of that stroke.
+    left_out: Vec<DVec2>,
+}
+
+impl Default for Brush {
+    /// Lays a material, some steps wide.
+    fn default() -> Brush {
+        Brush {
+            paints: false,
+            kind: StrokeKind::Splat,
+            material: String::new(),
+            radius_m: 4.0,
+            fade_m: 1.0,
+            amount: 0.0,
+            drawing: None,
+            full: None,
+        }
+    }
+}
+
+impl Brush {
+    /// Takes a material that the scene has, where its own is not one.
+    pub fn fit(&mut self, scene: &Scene) {
+        let known = scene.materials.iter().any(|material| material.name == self.material);
+        if let (false, Some(first)) = (known, scene.materials.first()) {
+            self.material.clone_from(&first.name);
+        }
+    }
+
+    /// Begins a drag at a place of one of the pictures in the viewport.
+    pub fn begin(&mut self, part: usize, from: [f32; 2]) {
+        self.full = None;
+        self.drawing = Some(Drawing { part, pointer: Some(from), began: false, stroke: None, left_out: Vec::new() });
+    }
+
+    /// Whether a drag is under way.
+    pub fn is_drawing(&self) -> bool {
+        self.drawing.is_some()
+    }
+
+    /// The picture that it is on, from the left.
+    pub fn part(&self) -> Option<usize> {
+        self.drawing.as_ref().map(|drawing| drawing.part)
+    }
+
+    /// Ends it.
+    pub fn finish(&mut self) {
+        self.drawing = None;
+    }
+
+    /// Why the last drag was not painted whole; one line.
+    pub fn full(&self) -> Option<&str> {
+        self.full.as_deref()
+    }
+
+    /// Paints where the pointer passed on its way to a place; `None` = it left the picture.
+    pub fn drag(&mut self, scene: &mut Scene, ground: &Ground<'_>, to: Option<[f32; 2]>) {
+        let Some(mut drawing) = self.drawing.take() else { return };
+        self.fit(scene);
+        let mut places = Vec::new();
+        if let (false, Some(from)) = (std::mem::replace(&mut drawing.began, true), drawing.pointer) {
+            places.push(ground.at(from));
+        }
+        match (drawing.pointer, to) {
+            (_, None) => places.push(None),
+            (None, Some(to)) => places.push(ground.at(to)),
+            (Some(from), Some(to)) => places.extend(ground.between(from, to)),
+        }
+        drawing.pointer = to;
+        for place in places {
+            match place {
+                Some(place) => self.pass(&mut drawing, scene, place.truncate()),
+                None => drawing.stroke = None,
+            }
+        }
+        self.drawing = Some(drawing);
+    }
+
+    /// Lets the stroke grow to a place.
+    fn pass(&mut self, drawing: &mut Drawing, scene: &mut Scene, place: DVec2) {
+        // What was undone meanwhile is gone, and the next place begins anew.
+        let index = drawing.stroke.filter(|index| index + 1 == scene.strokes.len());
+        let last = index.and_then(|index| scene.strokes[index].points.last().copied());
+        let (Some(index), Some(last)) = (index, last.map(DVec2::from_array)) else {
+            self.full = crowded(scene);
+            if self.full.is_none() {
+                drawing.stroke = Some(scene.strokes.len());
+                drawing.left_out.clear();
+                scene.strokes.push(self.stroke(place));
+            }
+            return;
+        };
+        let stroke = &mut scene.strokes[index];
+        if last.distance(place) <= SPACING * stroke.radius_m {
+            return;
+        }
+        // Where the line runs straight on, its end moves.
+        drawing.left_out.push(last);
+        let count = stroke.points.len();
+        let corner = count.checked_sub(2).map(|before| DVec2::from_array(stroke.points[before]));
+        let beside_m = BESIDE * stroke.radius_m;
+        let is_close = |corner: DVec2| drawing.left_out.iter().all(|&point| distance_m(point, [corner, place]) <= beside_m);
+        if drawing.left_out.len() <= MOST_LEFT_OUT && corner.is_some_and(is_close) {
+            stroke.points[count - 1] = place.to_array();
+            return;
+        }
+        drawing.left_out.clear();
+        if count >= MOST_POINTS {
+            self.full = Some(format!("the stroke has {MOST_POINTS} points: let go, and begin another one"));
+            return;
+        }
+        if points_in_all(scene) >= MOST_IN_ALL {
+            self.full = crowded(scene);
+            return;
+        }
+        scene.strokes[index].points.push(place.to_array());
+    }
+
+    fn stroke(&self, from: DVec2) -> Stroke {
+        let (fade_m, amount) = match self.kind {
+            // Of no meaning, and then alike in all.
+            StrokeKind::Splat => (0.0, 0.0),
+            StrokeKind::Mask => (self.fade_m.min(self.radius_m).max(0.0), self.amount),
+        };
+        Stroke { kind: self.kind, material: self.material.clone(), points: vec![from.to_array()], radius_m: self.radius_m, fade_m, amount }
+    }
+}
+
+fn points_in_all(scene: &Scene) -> usize {
+    scene.strokes.iter().map(|stroke| stroke.points.len()).sum()
+}
+
+/// Why a scene takes no further stroke; one line.
+fn crowded(scene: &Scene) -> Option<String> {
+    let (strokes, points) = (scene.strokes.len(), points_in_all(scene));
+    let is_full = strokes >= MOST_STROKES || points >= MOST_IN_ALL;
+    is_full.then(|| {
+        format!("the scene has {strokes} of {MOST_STROKES} strokes and {points} of {MOST_IN_ALL} points: remove some strokes, to paint on")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::camera::Pose;
+    use kernels::scene;
+
+    use super::*;
+
+    const SIZE: [u32; 2] = [160, 90];
+
+    fn view() -> View {
+        let pose = Pose { position: DVec3::new(40.0, -70.0, 30.0), yaw: 0.6, pitch: -0.5, fov: 1.0 };
+        View::new(pose, SIZE, [0.0; 2], 64.0, 10_240.0)
+    }
+
+    /// Depths of the plane `z = rise . (x, y)`, metres; sky above it.
+    fn plane(view: &View, rise: DVec2) -> Vec<f32> {
+        let normal = DVec3::new(-rise.x, -rise.y, 1.0);
+        let depth = |x: u32, y: u32| {
+            let t = -normal.dot(view.pose.position) / normal.dot(view.ray(f64::from(x), f64::from(y)));
+            if t.is_finite() && t > 0.0 { t as f32 } else { 0.0 }
+        };
+        (0..view.size[1]).flat_map(|y| (0..view.size[0]).map(move |x| (x, y))).map(|(x, y)| depth(x, y)).collect()
+    }
+
+    fn plain() -> Scene {
+        scene::load(scene::DEFAULT).expect("built in")
+    }
+
+    fn brush(radius_m: f64) -> Brush {
+        Brush { material: "moss".to_owned(), radius_m, ..Brush::default() }
+    }
+
+    /// Metres from a place to a stroke's line.
+    fn beside_m(stroke: &Stroke, place: DVec2) -> f64 {
+        let points: Vec<DVec2> = stroke.points.iter().copied().map(DVec2::from_array).collect();
+        let alone = points[0].distance(place);
+        points.windows(2).map(|pair| distance_m(place, [pair[0], pair[1]])).fold(alone, f64::min)
+    }
+
+    #[test]
+    fn a_place_in_the_picture_is_one_on_the_ground_and_back_again() {
+        let view = view();
+        for rise in [DVec2::ZERO, DVec2::new(0.3, -0.1)] {
+            let depths = plane(&view, rise);
+            let ground = Ground::new(view, &depths).expect("of its size");
+            for pixel in [[0, 89], [80, 45], [159, 60]] {
+                let at = crate::inspector::probe_of(pixel, SIZE);
+                let place = ground.at(at).expect("ground");
+                assert!((place.z - rise.dot(place.truncate())).abs() < 1e-4, "{place}");
+                let back = ground.seen(place).expect("before the camera");
+                assert!((0..2).all(|k| (back[k] - at[k]).abs() < 1e-6), "{back:?} instead of {at:?}");
+            }
+            assert!(ground.at([0.5, 1.01]).is_none() && ground.at([-0.01, 0.5]).is_none(), "beside the picture");
+        }
+        assert!(Ground::new(view, &[1.0]).is_none(), "of another size");
+        let behind = view.pose.position - view.pose.axes()[2];
+        let depths = plane(&view, DVec2::ZERO);
+        assert!(Ground::new(view, &depths).expect("of its size").seen(behind).is_none());
+    }
+
+    #[test]
+    fn a_drag_leaves_a_line_that_is_thin_and_close() {
+        let view = view();
+        let depths = plane(&view, DVec2::ZERO);
+        let ground = Ground::new(view, &depths).expect("of its size");
+        let (mut scene, mut brush) = (plain(), brush(2.0));
+        // Level with the horizon on level ground, the line is straight.
+        brush.begin(0, [0.103, 0.8]);
+        for share in [0.3, 0.31, 0.903] {
+            brush.drag(&mut scene, &ground, Some([share, 0.8]));
+        }
+        brush.finish();
+        assert_eq!((scene.strokes.len(), scene.strokes[0].points.len()), (1, 2), "{:?}", scene.strokes);
+        let stroke = scene.strokes[0].clone();
+        assert_eq!((stroke.kind, stroke.material.as_str(), stroke.radius_m, stroke.fade_m), (StrokeKind::Splat, "moss", 2.0, 0.0));
+        let [from, to] = [0.103, 0.903].map(|share| ground.at([share, 0.8]).expect("ground").truncate());
+        assert!((length_m(&stroke) - from.distance(to)).abs() <= SPACING * 2.0, "{} m", length_m(&stroke));
+        // Around corners every place is near the line, and there are far fewer points than places.
+        let corners = [[0.2, 0.9], [0.8, 0.9], [0.8, 0.6], [0.3, 0.7], [0.31, 0.95]];
+        brush.begin(0, corners[0]);
+        for at in corners {
+            brush.drag(&mut scene, &ground, Some(at));
+        }
+        brush.finish();
+        let stroke = &scene.strokes[1];
+        let passed: Vec<DVec3> = corners.windows(2).flat_map(|pair| ground.between(pair[0], pair[1])).flatten().collect();
+        for place in &passed {
+            let beside = beside_m(stroke, place.truncate());
+            assert!(beside <= (SPACING + BESIDE) * 2.0 + 1e-9, "{beside} m beside the line at {place}");
+        }
+        assert!(passed.len() > 150 && stroke.points.len() < passed.len() / 3, "{} points of {}", stroke.points.len(), passed.len());
+        // Seen to be so: the corner alone would be too little.
+        assert!(passed.iter().any(|place| distance_m(place.truncate(), [from, to]) > 4.0));
+    }
+
+    #[test]
+    fn a_mask_has_an_edge_no_wider_than_itself() {
+        let view = view();
+        let depths = plane(&view, DVec2::ZERO);
+        let ground = Ground::new(view, &depths).expect("of its size");
+        let mut scene = plain();
+        let mut brush = Brush { kind: StrokeKind::Mask, fade_m: 9.0, amount: 0.25, material: "nothing".to_owned(), ..brush(2.0) };
+        brush.begin(0, [0.5, 0.8]);
+        brush.drag(&mut scene, &ground, Some([0.5, 0.8]));
+        let stroke = &scene.strokes[0];
+        assert_eq!((stroke.fade_m, stroke.amount, stroke.points.len()), (2.0, 0.25, 1));
+        // A material that the scene has not, is none to paint with.
+        assert_eq!(stroke.material, scene.materials[0].name);
+        assert!(scene::validate(&scene).is_ok());
+    }
+
+    #[test]
+    fn nothing_is_painted_across_sky_or_behind_an_edge() {
+        let view = view();
+        let plain_depths = plane(&view, DVec2::ZERO);
+        let width = SIZE[0] as usize;
+        let columns = |from: usize, change: fn(f32) -> f32| {
+            let mut depths = plain_depths.clone();
+            for (_, depth) in depths.iter_mut().enumerate().filter(|(i, _)| (from..from + 10).contains(&(i % width))) {
+                *depth = change(*depth);
+            }
+            depths
+        };
+        // A gap of sky leaves two strokes, a pillar before the ground three.
+        for (depths, strokes) in [(columns(70, |_| 0.0), 2), (columns(70, |depth| depth / 2.0), 3), (plain_depths.clone(), 1)] {
+            let ground = Ground::new(view, &depths).expect("of its size");
+            let (mut scene, mut brush) = (plain(), brush(1.0));
+            brush.begin(0, [0.1, 0.8]);
+            brush.drag(&mut scene, &ground, Some([0.9, 0.8]));
+            assert_eq!(scene.strokes.len(), strokes);
+            if strokes == 2 {
+                let across = ground.at([0.43, 0.8]).expect("ground").distance(ground.at([0.51, 0.8]).expect("ground"));
+                let apart = DVec2::from_array(*scene.strokes[0].points.last().expect("some"));
+                let apart = apart.distance(DVec2::from_array(scene.strokes[1].points[0]));
+                assert!(apart > 0.5 * across, "{apart} m of {across} m");
+            }
+            // Off the picture and in again it begins anew, too.
+            brush.drag(&mut scene, &ground, None);
+            brush.drag(&mut scene, &ground, Some([0.5, 0.95]));
+            assert_eq!(scene.strokes.len(), strokes + 1);
+        }
+    }
+
+    #[test]
+    fn a_stroke_has_an_end_and_so_has_their_number() {
+        let (mut scene, mut brush) = (plain(), brush(1.0));
+        brush.begin(0, [0.5, 0.5]);
+        let mut drawing = brush.drawing.take().expect("begun");
+        for i in 0..3 * MOST_POINTS {
+            let angle = i as f64;
+            brush.pass(&mut drawing, &mut scene, DVec2::new(angle.cos(), angle.sin()) * 50.0);
+        }
+        assert_eq!((scene.strokes.len(), scene.strokes[0].points.len()), (1, MOST_POINTS));
+        assert!(brush.full().is_some_and(|text| text.contains("let go")), "{:?}", brush.full());
+        assert!(scene::validate(&scene).is_ok());
+        // All of them together, too: by a stroke that begins, and by one that grows.
+        let long = scene.strokes[0].clone();
+        let one = Stroke { points: vec![[0.0, 0.0]], ..long.clone() };
+        let many = vec![long; MOST_IN_ALL / MOST_POINTS];
+        let mut grown = many.clone();
+        grown.pop();
+        // One point is another stroke's, which would grow.
+        grown.push(Stroke { points: many[0].points[1..].to_vec(), ..one.clone() });
+        grown.push(one.clone());
+        for (strokes, stroke) in [(vec![one; MOST_STROKES], None), (many, None), (grown.clone(), Some(grown.len() - 1))] {
+            scene.strokes.clone_from(&strokes);
+            (drawing.stroke, brush.full) = (stroke, None);
+            for x in [90.0, 190.0] {
+                brush.pass(&mut drawing, &mut scene, DVec2::new(x, 90.0));
+            }
+            assert!(scene.strokes == strokes);
+            assert!(brush.full().is_some_and(|text| text.contains("remove some strokes")), "{:?}", brush.full());
+        }
+    }
+
+    #[test]
+    fn what_is_undone_in_the_middle_of_a_drag_stays_undone() {
+        let view = view();
+        let depths = plane(&view, DVec2::ZERO);
+        let ground = Ground::new(view, &depths).expect("of its size");
+        let (mut scene, mut brush) = (plain(), brush(1.0));
+        brush.begin(0, [0.1, 0.8]);
+        brush.drag(&mut scene, &ground, Some([0.5, 0.8]));
+        scene.strokes.clear();
+        brush.drag(&mut scene, &ground, Some([0.9, 0.8]));
+        assert_eq!(scene.strokes.len(), 1);
+        let half = ground.at([0.49, 0.8]).expect("ground").truncate();
+        assert!(beside_m(&scene.strokes[0], half) > 0.0 && length_m(&scene.strokes[0]) > 1.0);
+    }
+
+    #[test]
+    fn the_ring_lies_on_the_slope() {
+        let view = view();
+        for rise in [DVec2::ZERO, DVec2::new(0.4, 0.2)] {
+            let depths = plane(&view, rise);
+            let ground = Ground::new(view, &depths).expect("of its size");
+            let centre = ground.at([0.5, 0.6]).expect("ground");
+            let ring = ground.ring(centre, 6.0);
+            assert_eq!((ring.len(), ring[0]), (RING as usize + 1, ring[RING as usize]));
+            for at in ring {
+                let place = ground.at(at.expect("before the camera")).expect("ground");
+                // As exact as pixels are.
+                let radius = place.truncate().distance(centre.truncate());
+                assert!((radius - 6.0).abs() < 1.0, "{radius} m on {rise}");
+            }
+        }
+        assert_eq!(slope(std::iter::empty()), DVec2::ZERO);
+        let line = (1..5).map(|i| DVec3::new(f64::from(i), 0.0, f64::from(i)));
+        assert_eq!(slope(line), DVec2::ZERO, "a line tells nothing of the slope beside it");
+    }
+}

@@ -1,0 +1,472 @@
+//! Changes to materials and rules that keep a scene whole, and the scene as a file.
+
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::{self, Path, PathBuf};
+
+use kernels::error::Error;
+use kernels::picture::write_whole;
+use kernels::scene::{self, Material, Rule, Scene};
+
+use crate::experiment::with_absolute_paths;
+
+/// Materials that the index of a splat map tells apart.
+pub const MOST_MATERIALS: usize = 256;
+/// Longest name, characters.
+const LONGEST_NAME: usize = 100;
+/// Images that a folder of textures must hold, and what their names may end in: those that [`kernels::materials::folder::load`] looks for.
+const MAPS: [&str; 4] = ["albedo", "normal", "height", "roughness"];
+const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// Gives a material another name, by which rules and strokes know it from then on.
+///
+/// # Errors
+/// One line: it is no name, or another material's. Nothing was changed.
+pub fn rename_material(scene: &mut Scene, index: usize, name: &str) -> Result<(), String> {
+    if name.trim().is_empty() || name.chars().count() > LONGEST_NAME || name.chars().any(char::is_control) {
+        return Err(format!("`{}` is no name: give 1 to {LONGEST_NAME} characters on one line", name.escape_debug()));
+    }
+    if scene.materials.iter().enumerate().any(|(i, material)| i != index && material.name == name) {
+        return Err(format!("`{name}` is the name of another material: give each its own"));
+    }
+    let Some(material) = scene.materials.get_mut(index) else { return Ok(()) };
+    let before = std::mem::replace(&mut material.name, name.to_owned());
+    let of_rules = scene.rules.iter_mut().map(|rule| &mut rule.material);
+    let of_strokes = scene.strokes.iter_mut().map(|stroke| &mut stroke.material);
+    for user in of_rules.chain(of_strokes).filter(|user| **user == before) {
+        name.clone_into(user);
+    }
+    Ok(())
+}
+
+/// Adds a copy of a material under a name of its own, at the end, so that no other changes its place in the palette. Returns its place.
+///
+/// # Errors
+/// One line: there is none to copy, or no room.
+pub fn add_material(scene: &mut Scene, like: usize) -> Result<usize, String> {
+    if scene.materials.len() >= MOST_MATERIALS {
+        return Err(format!("there are {MOST_MATERIALS} materials, as many as a splat map tells apart: remove one first"));
+    }
+    let Some(mut material) = scene.materials.get(like).cloned() else { return Err("there is no material to copy".to_owned()) };
+    let is_taken = |name: &str| scene.materials.iter().any(|material| material.name == name);
+    let mut number = 2;
+    material.name = loop {
+        let end = format!(" {number}");
+        let room = LONGEST_NAME.saturating_sub(end.chars().count());
+        let name: String = material.name.chars().take(room).chain(end.chars()).collect();
+        if !is_taken(&name) {
+            break name;
+        }
+        number += 1;
+    };
+    scene.materials.push(material);
+    Ok(scene.materials.len() - 1)
+}
+
+/// Takes a material out of the scene.
+///
+/// # Errors
+/// One line: rules or strokes use it, or it is the last one. Nothing was changed.
+pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
+    let Some(material) = scene.materials.get(index) else { return Ok(()) };
+    let name = &material.name;
+    let rules = scene.rules.iter().filter(|rule| rule.material == *name).count();
+    let strokes = scene.strokes.iter().filter(|stroke| stroke.material == *name).count();
+    let counted = |count: usize, what: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {what}")),
+        _ => Some(format!("{count} {what}s")),
+    };
+    let users: Vec<String> = [counted(rules, "rule"), counted(strokes, "stroke")].into_iter().flatten().collect();
+    if !users.is_empty() {
+        return Err(format!("`{name}` is used by {}: give those another material, or remove them first", users.join(" and ")));
+    }
+    if scene.materials.len() == 1 {
+        return Err(format!("`{name}` is the last material, and a scene needs one: add another first"));
+    }
+    scene.materials.remove(index);
+    Ok(())
+}
+
+/// The material of the scene's file that a material is, or was before it was renamed: the one of its name, or else the one in its place if that has
+/// lost its name. `None` = it was added.
+pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'a Material> {
+    let material = scene.materials.get(index)?;
+    let namesake = original.materials.iter().find(|other| other.name == material.name);
+    let has = |name: &str| scene.materials.iter().any(|material| material.name == name);
+    namesake.or_else(|| original.materials.get(index).filter(|other| !has(&other.name)))
+}
+
+/// Makes a material what it is in the scene's file, its name included; one that was added stays.
+pub fn reset_material(scene: &mut Scene, original: &Scene, index: usize) {
+    let Some(origin) = origin(scene, original, index) else { return };
+    // It is in the file, and no other has it: a name that can be given.
+    if rename_material(scene, index, &origin.name).is_ok()
+        && let Some(material) = scene.materials.get_mut(index)
+    {
+        material.clone_from(origin);
+    }
+}
+
+/// The rules of the scene's file, for materials by the names that they have now.
+///
+/// # Errors
+/// One line: a material of theirs was removed.
+pub fn usual_rules(scene: &Scene, original: &Scene) -> Result<Vec<Rule>, String> {
+    let present = |name: &str| {
+        let is_it = |&index: &usize| origin(scene, original, index).is_some_and(|material| material.name == name);
+        (0..scene.materials.len()).find(is_it).map(|index| scene.materials[index].name.clone())
+    };
+    let named = |rule: &Rule| match present(&rule.material) {
+        Some(material) => Ok(Rule { material, ..rule.clone() }),
+        None => Err(format!("`{}` lies by these rules and was removed: add a material of that name first", rule.material)),
+    };
+    original.rules.iter().map(named).collect()
+}
+
+/// Lets a material have its textures from a folder. `folder` is as the scene's file would name it: absolute, or relative to the file's own folder.
+///
+/// # Errors
+/// One line: as [`holds_textures`]. Nothing was changed.
+pub fn take_folder(scene: &mut Scene, index: usize, folder: PathBuf) -> Result<(), String> {
+    holds_textures(&scene.folder.join(&folder))?;
+    if let Some(material) = scene.materials.get_mut(index) {
+        (material.procedural, material.folder) = (None, Some(folder));
+    }
+    Ok(())
+}
+
+/// Looks whether a folder has the images that a material is made of. What is in them is read by the thread that draws, which takes longer.
+///
+/// # Errors
+/// One line with the remedy: there is no such folder, or an image is missing.
+pub fn holds_textures(folder: &Path) -> Result<(), String> {
+    let shown = folder.display();
+    let wanted = format!("{} (.png, .jpg or .jpeg)", MAPS.join(", "));
+    let entries = fs::read_dir(folder).map_err(|error| format!("cannot read the folder {shown}: {error}: give one that holds {wanted}"))?;
+    let files: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+    let is_there = |map: &str| EXTENSIONS.iter().any(|extension| files.contains(&format!("{map}.{extension}")));
+    let missing: Vec<&str> = MAPS.into_iter().filter(|&map| !is_there(map)).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(format!("{shown} holds no {} image: give a folder that holds {wanted}", missing.join(", no ")))
+}
+
+/// The scene as a file in another folder says it: what its own names relative to itself, by absolute paths.
+fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
+    let place = |folder: &Path| fs::canonicalize(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }).ok();
+    let stays = place(&scene.folder).is_some_and(|own| place(folder) == Some(own));
+    let copy = if stays { scene.clone() } else { with_absolute_paths(scene).map_err(|error| format!("{error:#}"))? };
+    Ok(Scene { folder: folder.to_owned(), ..copy })
+}
+
+/// Writes a scene as a file that [`scene::load`] reads back as it is: whole or not at all. `own` are the files that are this scene's, and
+/// `overwrites` whether one of them may be written over; no other is. Returns the file.
+///
+/// # Errors
+/// One line with the remedy: the scene cannot be as it is; the file is none, exists, or cannot be written; it could not be read back.
+pub fn save(scene: &Scene, file: &Path, own: &[PathBuf], overwrites: bool) -> Result<PathBuf, String> {
+    let shown = file.display();
+    if file.extension().is_none_or(|extension| extension != "toml") {
+        return Err(format!("`{shown}` names no scene: give a file name that ends in .toml"));
+    }
+    scene::validate(scene).map_err(|error| format!("{error}; a scene is saved once it can be drawn"))?;
+    let file = path::absolute(file).map_err(|error| format!("{shown} has no absolute path ({error}): give one"))?;
+    let folder = file.parent().unwrap_or(Path::new("/"));
+    if !folder.is_dir() {
+        return Err(format!("there is no folder {}: make it, or choose another", folder.display()));
+    }
+    if file.symlink_metadata().is_ok() {
+        let is_own = |own: &PathBuf| fs::canonicalize(own).is_ok_and(|own| fs::canonicalize(&file).is_ok_and(|file| file == own));
+        if !own.iter().any(is_own) {
+            return Err(format!("{shown} exists and is not this scene's own file, so that it is not written over: choose another name"));
+        }
+        if !overwrites {
+            return Err(format!("{shown} exists: tick `Overwrite` to write over this scene's own file, or choose another name"));
+        }
+    }
+    let copy = from_folder(scene, folder)?;
+    let text = toml::to_string(&copy).map_err(|error| format!("the scene cannot be written as TOML: {error}"))?;
+    let done = write_whole(&file, |temporary| {
+        let written = || -> std::io::Result<()> {
+            let mut file = File::create(temporary)?;
+            file.write_all(text.as_bytes())?;
+            file.sync_all()
+        };
+        written().map_err(|source| Error::File { file: file.clone(), source })?;
+        // As the next start reads it.
+        let read = scene::load(&temporary.to_string_lossy())?;
+        if read == copy { Ok(()) } else { Err(Error::Request("it says something else".to_owned())) }
+    });
+    done.map_err(|error| match error {
+        Error::File { source, .. } => {
+            format!("cannot write {shown}: {source}: make room if the disk is full, or choose a folder that can be written")
+        }
+        Error::Scene { what, .. } | Error::Request(what) => {
+            format!("{shown} is not written, since it could not be read back: {what}; of many or long strokes remove some")
+        }
+        other => format!("cannot write {shown}: {other}"),
+    })?;
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use kernels::materials;
+    use kernels::scene::{Stroke, StrokeKind, World};
+
+    use super::*;
+
+    /// A folder that is removed in the end.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(test: &str) -> Folder {
+            let folder = std::env::temp_dir().join(format!("scree-editing-{test}-{}", std::process::id()));
+            let _ = fs::remove_dir_all(&folder);
+            fs::create_dir_all(&folder).expect("can be made");
+            Folder(folder)
+        }
+
+        fn names(&self) -> Vec<String> {
+            let entries = fs::read_dir(&self.0).expect("is there");
+            let mut names: Vec<String> = entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
+            names.sort();
+            names
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn plain() -> Scene {
+        scene::load(scene::DEFAULT).expect("built in")
+    }
+
+    fn place(scene: &Scene, name: &str) -> usize {
+        scene.materials.iter().position(|material| material.name == name).expect("a material")
+    }
+
+    /// With everything changed that can be.
+    fn edited() -> Scene {
+        let mut scene = plain();
+        let moss = place(&scene, "moss");
+        scene.materials[moss].tint = [0.1 + 0.2, 1.0 / 3.0, 2.5];
+        rename_material(&mut scene, moss, "old \"moss\" = {ü}").expect("a name");
+        let added = add_material(&mut scene, moss).expect("there is room");
+        let strokes = [StrokeKind::Splat, StrokeKind::Mask].map(|kind| Stroke {
+            kind,
+            material: scene.materials[added].name.clone(),
+            points: vec![[1.0, -2.0], [1e-7, 3.0 / 7.0], [-1234.5, 0.0]],
+            radius_m: 2.5,
+            fade_m: 0.5,
+            amount: 0.75,
+        });
+        scene.strokes.extend(strokes);
+        scene.rules[1].height_m = None;
+        scene.rules[2].curvature = Some([-0.5, 1e-3]);
+        scene.rules.swap(0, 3);
+        scene
+    }
+
+    #[test]
+    fn a_new_name_goes_into_rules_and_strokes() {
+        let mut scene = edited();
+        let users = |scene: &Scene, name: &str| {
+            let rules = scene.rules.iter().filter(|rule| rule.material == name).count();
+            [rules, scene.strokes.iter().filter(|stroke| stroke.material == name).count()]
+        };
+        let granite = place(&scene, "granite");
+        let before = users(&scene, "granite");
+        scene.strokes[0].material = "granite".to_owned();
+        rename_material(&mut scene, granite, "basalt").expect("a name");
+        assert_eq!((users(&scene, "basalt"), users(&scene, "granite")), ([before[0], 1], [0, 0]));
+        assert!(before[0] > 0 && scene::validate(&scene).is_ok());
+        // What is none, and what is taken, changes nothing.
+        let was = scene.clone();
+        for (name, says) in [("", "is no name"), (" ", "is no name"), ("a\nb", "is no name"), ("grass", "another material")] {
+            let error = rename_material(&mut scene, granite, name).expect_err(name);
+            assert!(error.contains(says) && error.lines().count() == 1, "{error}");
+            assert!(scene == was, "{name}");
+        }
+        assert!(rename_material(&mut scene, granite, &"x".repeat(101)).is_err() && scene == was);
+        rename_material(&mut scene, granite, "basalt").expect("its own");
+        assert!(scene == was);
+    }
+
+    #[test]
+    fn a_copy_has_a_name_of_its_own() {
+        let mut scene = plain();
+        let long = "x".repeat(LONGEST_NAME);
+        rename_material(&mut scene, 0, &long).expect("a name");
+        for number in ["2", "3"] {
+            let added = add_material(&mut scene, 0).expect("there is room");
+            assert_eq!(scene.materials[added].name, format!("{} {number}", "x".repeat(LONGEST_NAME - 2)));
+            assert_eq!(scene.materials[added].procedural, scene.materials[0].procedural);
+        }
+        assert!(scene::validate(&scene).is_ok());
+        while scene.materials.len() < MOST_MATERIALS {
+            add_material(&mut scene, 1).expect("there is room");
+        }
+        assert!(scene::validate(&scene).is_ok());
+        assert!(add_material(&mut scene, 1).expect_err("full").contains("remove one first"));
+    }
+
+    #[test]
+    fn what_is_used_is_not_removed() {
+        let mut scene = plain();
+        let grass = place(&scene, "grass");
+        let refused = |scene: &mut Scene, says: &str| {
+            let before = scene.clone();
+            let error = remove_material(scene, grass).expect_err(says);
+            assert!(error.contains(says) && *scene == before, "{error}");
+        };
+        refused(&mut scene, "`grass` is used by 1 rule:");
+        let rule = scene.rules.iter().find(|rule| rule.material == "grass").expect("one").clone();
+        scene.rules.push(rule);
+        scene.strokes.push(Stroke { material: "grass".to_owned(), ..edited().strokes[0].clone() });
+        refused(&mut scene, "`grass` is used by 2 rules and 1 stroke:");
+        scene.rules.retain(|rule| rule.material != "grass");
+        refused(&mut scene, "used by 1 stroke:");
+        scene.strokes.clear();
+        let count = scene.materials.len();
+        remove_material(&mut scene, grass).expect("nothing uses it");
+        assert!(scene.materials.len() == count - 1 && scene.materials.iter().all(|material| material.name != "grass"));
+        assert!(scene::validate(&scene).is_ok());
+        scene.materials.truncate(1);
+        scene.rules.clear();
+        assert!(remove_material(&mut scene, 0).expect_err("the last").contains("add another first"));
+    }
+
+    #[test]
+    fn a_material_knows_what_it_was() {
+        let original = plain();
+        let mut scene = original.clone();
+        let (moss, snow) = (place(&scene, "moss"), place(&scene, "snow"));
+        scene.materials[moss].tile_m *= 2.0;
+        rename_material(&mut scene, moss, "old moss").expect("a name");
+        let added = add_material(&mut scene, snow).expect("there is room");
+        assert_eq!(origin(&scene, &original, moss), Some(&original.materials[moss]));
+        assert_eq!(origin(&scene, &original, snow), Some(&original.materials[snow]));
+        assert_eq!(origin(&scene, &original, added), None);
+        // Rules go back, to the names of now.
+        scene.rules.truncate(1);
+        scene.rules = usual_rules(&scene, &original).expect("all are there");
+        assert!(scene::validate(&scene).is_ok() && scene.rules.iter().any(|rule| rule.material == "old moss"));
+        reset_material(&mut scene, &original, added);
+        reset_material(&mut scene, &original, moss);
+        scene.materials.pop();
+        assert!(scene == original);
+        scene.rules.retain(|rule| rule.material != "moss");
+        remove_material(&mut scene, moss).expect("nothing uses it");
+        let error = usual_rules(&scene, &original).expect_err("moss is gone");
+        assert!(error.contains("`moss`") && error.contains("removed"), "{error}");
+    }
+
+    #[test]
+    fn a_folder_without_textures_is_refused_and_the_material_stays() {
+        let folder = Folder::new("textures");
+        let mut scene = plain();
+        scene.folder.clone_from(&folder.0);
+        let before = scene.clone();
+        let error = take_folder(&mut scene, 0, "nowhere".into()).expect_err("there is none");
+        assert!(error.contains("nowhere") && error.contains("albedo, normal, height, roughness"), "{error}");
+        fs::create_dir(folder.0.join("rock")).expect("can be made");
+        // One after the other, in any of the formats; this and the reader agree on what is missing.
+        let files = ["albedo.png", "normal.jpg", "height.jpeg", "roughness.png"];
+        for (i, file) in files.into_iter().enumerate() {
+            let error = take_folder(&mut scene, 0, "rock".into()).expect_err("not all are there");
+            assert!(error.contains(&format!("holds no {}", MAPS[i..].join(", no "))) && error.lines().count() == 1, "{error}");
+            assert!(scene == before);
+            let reader = materials::folder::load("rock", &folder.0.join("rock"), 8).expect_err("not all are there").to_string();
+            assert!(reader.contains(&format!("no {}.png", MAPS[i])), "{reader}");
+            fs::write(folder.0.join("rock").join(file), b"no image").expect("can be written");
+        }
+        take_folder(&mut scene, 0, "rock".into()).expect("all are there");
+        assert_eq!((&scene.materials[0].procedural, &scene.materials[0].folder), (&None, &Some(PathBuf::from("rock"))));
+        assert!(scene::validate(&scene).is_ok());
+        let reader = materials::folder::load("rock", &folder.0.join("rock"), 8).expect_err("no images").to_string();
+        assert!(reader.contains("albedo.png") && reader.contains("not a readable PNG"), "{reader}");
+    }
+
+    #[test]
+    fn a_saved_scene_is_read_back_equal() {
+        let folder = Folder::new("saved");
+        let scene = edited();
+        let file = save(&scene, &folder.0.join("edited.toml"), &[], false).expect("it is saved");
+        let read = scene::load(&file.display().to_string()).expect("it is read");
+        assert_eq!(read.folder, folder.0);
+        assert!(Scene { folder: scene.folder.clone(), ..read } == scene);
+        assert_eq!(folder.names(), ["edited.toml"], "and nothing else is left");
+    }
+
+    #[test]
+    fn folders_are_found_from_the_new_place_too() {
+        let folder = Folder::new("moved");
+        let (from, to) = (folder.0.join("from"), folder.0.join("to"));
+        for name in [&from, &to, &from.join("rock")] {
+            fs::create_dir_all(name).expect("can be made");
+        }
+        fs::write(from.join("height.png"), b"not looked at").expect("can be written");
+        let mut scene = plain();
+        scene.folder.clone_from(&from);
+        (scene.materials[0].procedural, scene.materials[0].folder) = (None, Some("rock".into()));
+        scene.world = World::Heightmap {
+            file: "height.png".into(),
+            metres_per_texel: 2.0,
+            height_range_m: [0.0, 100.0],
+            detail_m: 0.0,
+            seed: 0,
+            holes: Vec::new(),
+            colour_modulation: 0.0,
+        };
+        // Beside the old file, names stay as they are.
+        let file = save(&scene, &from.join("scene.toml"), &[], false).expect("it is saved");
+        assert!(scene::load(&file.display().to_string()).expect("it is read") == scene);
+        let file = save(&scene, &to.join("scene.toml"), &[], false).expect("it is saved");
+        let read = scene::load(&file.display().to_string()).expect("its files are found");
+        assert_eq!(read.materials[0].folder, Some(from.join("rock")));
+        assert!(matches!(&read.world, World::Heightmap { file, .. } if *file == from.join("height.png")));
+    }
+
+    #[test]
+    fn no_file_is_written_over_unasked() {
+        let folder = Folder::new("over");
+        let scene = edited();
+        let file = folder.0.join("scene.toml");
+        let other = folder.0.join("other.toml");
+        fs::write(&other, b"mine").expect("can be written");
+        save(&scene, &file, &[], false).expect("it is saved");
+        let before = fs::read(&file).expect("written");
+        let changed = plain();
+        for (place, own, overwrites, says) in [
+            (&file, vec![file.clone()], false, "tick `Overwrite`"),
+            (&file, Vec::new(), true, "choose another name"),
+            (&other, vec![file.clone()], true, "choose another name"),
+            (&folder.0.join("scene.png"), Vec::new(), true, "ends in .toml"),
+            (&folder.0.join("nowhere").join("scene.toml"), Vec::new(), true, "there is no folder"),
+        ] {
+            let error = save(&changed, place, &own, overwrites).expect_err(says);
+            assert!(error.contains(says) && error.lines().count() == 1, "{error}");
+        }
+        assert_eq!((fs::read(&file).expect("there"), fs::read(&other).expect("there")), (before.clone(), b"mine".to_vec()));
+        // Its own file by another way to it.
+        let own = folder.0.join(".").join("scene.toml");
+        save(&changed, &file, &[own], true).expect("its own, and asked for");
+        assert!(fs::read(&file).expect("there") != before);
+        // What cannot be drawn, or would not be read again, is not saved.
+        let mut wrong = edited();
+        wrong.rules.clear();
+        let error = save(&wrong, &folder.0.join("wrong.toml"), &[], false).expect_err("no rules");
+        assert!(error.contains("rule"), "{error}");
+        let mut large = edited();
+        large.strokes = vec![Stroke { points: vec![[1.0 / 3.0, -2.0 / 3.0]; 60_000], ..large.strokes[0].clone() }; 3];
+        let error = save(&large, &folder.0.join("large.toml"), &[], false).expect_err("too large to be read");
+        assert!(error.contains("could not be read back") && error.contains("remove some"), "{error}");
+        assert_eq!(folder.names(), ["other.toml", "scene.toml"]);
+    }
+}

@@ -1,0 +1,124 @@
+//! The brush: what the next stroke is like, and the strokes there are.
+
+use eframe::egui::{self, Button, Role, Ui, WidgetInfo};
+use kernels::scene::{Stroke, StrokeKind};
+
+use super::{Number, choose, number};
+use crate::app::Workbench;
+use crate::brush::{Brush, Ground, MOST_AMOUNT, RADII_M, length_m};
+
+/// Both kinds, in the order of the menu.
+const KINDS: [StrokeKind; 2] = [StrokeKind::Splat, StrokeKind::Mask];
+
+const fn name(kind: StrokeKind) -> &'static str {
+    match kind {
+        StrokeKind::Splat => "Splat",
+        StrokeKind::Mask => "Mask",
+    }
+}
+
+const fn about(kind: StrokeKind) -> &'static str {
+    match kind {
+        StrokeKind::Splat => "The material lies wherever the brush passed, whatever the rules say",
+        StrokeKind::Mask => "The weights of the rules that lay the material are multiplied by the amount",
+    }
+}
+
+pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+    app.brush.fit(&app.settings.scene);
+    ui.checkbox(&mut app.brush.paints, "Paint")
+        .on_hover_text("A drag or a click in the picture paints on the ground, and Shift and a drag looks around (B)");
+    settings(app, ui);
+    notes(app, ui);
+    ui.separator();
+    strokes(app, ui);
+}
+
+/// What the next stroke is like.
+fn settings(app: &mut Workbench, ui: &mut Ui) {
+    let names: Vec<String> = app.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
+    let (brush, usual) = (&mut app.brush, Brush::default());
+    egui::Grid::new("brush").num_columns(3).show(ui, |ui| {
+        let all = KINDS.into_iter().map(|kind| (kind, name(kind).to_owned(), about(kind))).collect();
+        let shown = name(brush.kind);
+        choose(ui, "Brush kind", &mut brush.kind, shown, all).on_hover_text(about(brush.kind));
+        ui.end_row();
+        let shown = brush.material.clone();
+        let all = names.into_iter().map(|name| (name.clone(), name, "")).collect();
+        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("What is laid, or whose rules are weighted");
+        ui.end_row();
+        let about = "Half the width of a stroke, on the ground seen from above.";
+        let row = Number { name: "Brush radius", unit: "m", range: RADII_M, logarithmic: true, about };
+        number(ui, &row, &mut brush.radius_m, Some(usual.radius_m));
+        if brush.kind == StrokeKind::Mask {
+            let about = "Soft edge of a mask, inwards from its edge: 0 is hard.";
+            let row = Number { name: "Brush fade", unit: "m", range: [0.0, brush.radius_m], logarithmic: false, about };
+            number(ui, &row, &mut brush.fade_m, Some(usual.fade_m));
+            let about = "Factor on the weights of the material's rules: 0 keeps it away, 1 changes nothing, above 1 favours it.";
+            let row = Number { name: "Brush amount", unit: "x", range: [0.0, MOST_AMOUNT], logarithmic: false, about };
+            number(ui, &row, &mut brush.amount, Some(usual.amount));
+        }
+    });
+}
+
+/// Why a drag may not do what is expected.
+fn notes(app: &Workbench, ui: &mut Ui) {
+    let brush = &app.brush;
+    let has_rule = app.settings.scene.rules.iter().any(|rule| rule.material == brush.material);
+    let warn = ui.visuals().warn_fg_color;
+    if brush.kind == StrokeKind::Mask && !has_rule {
+        ui.colored_label(warn, format!("No rule lays `{}`, so that a mask of it changes nothing.", brush.material));
+    }
+    if brush.paints && app.shown().is_none_or(|shown| Ground::of(shown).is_none()) {
+        ui.label("The ground is not known yet: wait for the picture.");
+    }
+    if let Some(full) = brush.full() {
+        ui.colored_label(warn, full);
+    }
+}
+
+/// The strokes there are, in the order in which they lie.
+fn strokes(app: &mut Workbench, ui: &mut Ui) {
+    let strokes = &mut app.settings.scene.strokes;
+    let count = strokes.len();
+    ui.horizontal_wrapped(|ui| {
+        ui.label(format!("{}, a later one over an earlier one", counted(count, "stroke")));
+        let clear = ui.add_enabled(count > 0, Button::new("Clear strokes"));
+        if clear.on_hover_text("Removes all of them, those of the scene's file, too; undo brings them back").clicked() {
+            strokes.clear();
+        }
+    });
+    let mut unwanted = None;
+    egui::Grid::new("strokes").num_columns(2).striped(true).show(ui, |ui| {
+        for (i, stroke) in strokes.iter().enumerate() {
+            let number = i + 1;
+            ui.label(line(number, stroke)).on_hover_text(hint(stroke));
+            let button = ui.add(Button::new("Remove").small());
+            button.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Remove stroke {number}")));
+            if button.clicked() {
+                unwanted = Some(i);
+            }
+            ui.end_row();
+        }
+    });
+    if let Some(i) = unwanted {
+        strokes.remove(i);
+    }
+}
+
+fn line(number: usize, stroke: &Stroke) -> String {
+    let points = counted(stroke.points.len(), "point");
+    format!("Stroke {number}: {}, {}, {points}, {:.1} m", name(stroke.kind), stroke.material, length_m(stroke))
+}
+
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+fn hint(stroke: &Stroke) -> String {
+    let radius = format!("Radius {} m", stroke.radius_m);
+    match stroke.kind {
+        StrokeKind::Splat => radius,
+        StrokeKind::Mask => format!("{radius}, fade {} m, amount {} x", stroke.fade_m, stroke.amount),
+    }
+}

@@ -1,0 +1,339 @@
+//! The scene's materials, and the scene with its changes as a file.
+
+use std::path::{self, Path, PathBuf};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+use eframe::egui::{self, Button, Color32, DragValue, Key, Rgba, Role, Sense, TextEdit, Ui, WidgetInfo, vec2};
+use kernels::materials::procedural::NAMES;
+use kernels::scene::{self, Material, Scene};
+
+use super::{Number, choose, number, outcome, reset};
+use crate::app::Workbench;
+use crate::editing;
+
+/// Width of the text fields, points.
+const FIELD: f32 = 220.0;
+/// Edge of a swatch of colour, points.
+const SWATCH: f32 = 14.0;
+/// Largest tint that a scene file accepts.
+const MOST_TINT: f64 = 16.0;
+
+/// What is selected and typed.
+#[derive(Default)]
+pub(crate) struct MaterialsPanel {
+    selected: usize,
+    /// The name in its field, and the one that it stands for: they differ while a name is typed that cannot be given.
+    name: [String; 2],
+    /// Why it cannot.
+    misnamed: Option<String>,
+    /// The folder in its field.
+    folder: String,
+    /// Whose folder was put there last.
+    foldered: Option<PathBuf>,
+    /// What came of the last click on a material.
+    said: Option<Result<String, String>>,
+    /// The folder that is being chosen.
+    dialog: Option<Dialog>,
+    /// The scene file in its field.
+    file: String,
+    overwrites: bool,
+    /// What came of saving.
+    saved: Option<Result<String, String>>,
+    /// Files that are this scene's: the one that was opened, and those that it was saved into.
+    own: Vec<PathBuf>,
+    /// What was saved last.
+    written: Option<Scene>,
+}
+
+/// A choice of a folder, in a window of the system's on a thread of its own.
+struct Dialog {
+    /// Name of the material that it is for.
+    material: String,
+    chosen: Receiver<Option<PathBuf>>,
+}
+
+impl MaterialsPanel {
+    /// Takes note of what the scene was opened from, as [`scene::load`] takes it; nothing of it is written over unless asked for.
+    pub(crate) fn opened(&mut self, given: &str) {
+        if given == scene::DEFAULT {
+            return;
+        }
+        let given = Path::new(given);
+        let file = if given.is_dir() { given.join("scene.toml") } else { given.to_owned() };
+        // Without an absolute path it is not told from another file, and not written over.
+        self.own.extend(path::absolute(file));
+    }
+
+    /// Whether the materials, rules and strokes of a scene are those that were saved last.
+    pub(crate) fn wrote(&self, scene: &Scene) -> bool {
+        let same =
+            |written: &Scene| (&written.materials, &written.rules, &written.strokes) == (&scene.materials, &scene.rules, &scene.strokes);
+        self.written.as_ref().is_some_and(same)
+    }
+}
+
+/// Where textures come from.
+#[derive(Clone, PartialEq)]
+enum Source {
+    Procedural(String),
+    Folder,
+}
+
+pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+    list(app, ui);
+    ui.separator();
+    let index = app.materials.selected;
+    if index < app.settings.scene.materials.len() {
+        egui::Grid::new("material").num_columns(3).show(ui, |ui| {
+            name(app, ui, index);
+            textures(app, ui, index);
+            numbers(app, ui, index);
+        });
+    }
+    if let Some(why) = &app.materials.misnamed {
+        ui.colored_label(ui.visuals().error_fg_color, why);
+    }
+    outcome(ui, app.materials.said.as_ref());
+    ui.separator();
+    saving(app, ui);
+}
+
+/// Takes over the folder that was chosen in the system's window, as soon as one is: to be called with every drawing of the window.
+pub(crate) fn listen(app: &mut Workbench) {
+    let Some(dialog) = app.materials.dialog.take() else { return };
+    let folder = match dialog.chosen.try_recv() {
+        Err(TryRecvError::Empty) => {
+            app.materials.dialog = Some(dialog);
+            return;
+        }
+        Ok(Some(folder)) => folder,
+        Ok(None) | Err(TryRecvError::Disconnected) => {
+            app.materials.said = Some(Ok("No folder was chosen; one can be typed under `Texture folder`, too.".to_owned()));
+            return;
+        }
+    };
+    match app.settings.scene.materials.iter().position(|material| material.name == dialog.material) {
+        Some(index) => take_folder(app, index, folder),
+        None => app.materials.said = Some(Err(format!("`{}` is not there any more: choose another material", dialog.material))),
+    }
+}
+
+/// A folder was dropped on the window: the selected material takes its textures from there.
+pub(crate) fn dropped(app: &mut Workbench, path: &Path) {
+    take_folder(app, app.materials.selected, path.to_owned());
+}
+
+/// Lets a material take its textures from a folder, and says what came of it.
+fn take_folder(app: &mut Workbench, index: usize, folder: PathBuf) {
+    let Some(name) = app.settings.scene.materials.get(index).map(|material| material.name.clone()) else { return };
+    let done = format!("`{name}` is made of {}.", folder.display());
+    app.materials.said = Some(editing::take_folder(&mut app.settings.scene, index, folder).map(|()| done));
+}
+
+/// Which materials there are, which is selected, and what is done with it.
+fn list(app: &mut Workbench, ui: &mut Ui) {
+    let panel = &mut app.materials;
+    let scene = &mut app.settings.scene;
+    panel.selected = panel.selected.min(scene.materials.len().saturating_sub(1));
+    ui.horizontal_wrapped(|ui| {
+        for (i, material) in scene.materials.iter().enumerate() {
+            ui.horizontal(|ui| {
+                swatch(ui, material);
+                let selected = panel.selected == i;
+                let item = ui.selectable_label(selected, &material.name);
+                item.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, format!("Material {}", material.name)));
+                if item.clicked() {
+                    (panel.selected, panel.said) = (i, None);
+                }
+            });
+        }
+    });
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Add material").on_hover_text("A copy of the selected one, under a name of its own").clicked() {
+            panel.said = match editing::add_material(scene, panel.selected) {
+                Ok(added) => {
+                    panel.selected = added;
+                    Some(Ok(format!("`{}` lies nowhere yet: give it a rule, or paint with it.", scene.materials[added].name)))
+                }
+                Err(why) => Some(Err(why)),
+            };
+        }
+        if ui.button("Remove material").on_hover_text("Only what no rule and no stroke uses").clicked() {
+            panel.said = editing::remove_material(scene, panel.selected).err().map(Err);
+        }
+        let original = &app.original;
+        let origin = editing::origin(scene, original, panel.selected);
+        let changed = origin.is_some() && scene.materials.get(panel.selected) != origin;
+        let reset = ui.add_enabled(changed, Button::new("Reset material"));
+        if reset.on_hover_text("Back to what it is in the scene's file").clicked() {
+            editing::reset_material(scene, original, panel.selected);
+            panel.said = None;
+        }
+    });
+}
+
+/// The tint, of which as much is seen as a screen can show.
+fn swatch(ui: &mut Ui, material: &Material) {
+    let (rect, response) = ui.allocate_exact_size(vec2(SWATCH, SWATCH), Sense::hover());
+    let [r, g, b] = material.tint.map(|c| c.clamp(0.0, 1.0) as f32);
+    ui.painter().rect_filled(rect, 2.0, Color32::from(Rgba::from_rgb(r, g, b)));
+    response.on_hover_text(format!("Tint of {}", material.name));
+}
+
+/// The name, which rules and strokes follow.
+fn name(app: &mut Workbench, ui: &mut Ui, index: usize) {
+    let panel = &mut app.materials;
+    let present = app.settings.scene.materials[index].name.clone();
+    if panel.name[1] != present {
+        panel.name = [present.clone(), present.clone()];
+        panel.misnamed = None;
+    }
+    let label = ui.label("Material name");
+    let field = ui.add(TextEdit::singleline(&mut panel.name[0]).desired_width(FIELD)).labelled_by(label.id);
+    if field.on_hover_text("1 to 100 characters; rules and strokes follow").changed() {
+        let wanted = panel.name[0].clone();
+        panel.misnamed = editing::rename_material(&mut app.settings.scene, index, &wanted).err();
+        if panel.misnamed.is_none() {
+            if app.brush.material == present {
+                app.brush.material.clone_from(&wanted);
+            }
+            panel.name[1] = wanted;
+        }
+    }
+    ui.end_row();
+}
+
+/// Where its textures come from.
+fn textures(app: &mut Workbench, ui: &mut Ui, index: usize) {
+    let material = &app.settings.scene.materials[index];
+    if app.materials.foldered != material.folder {
+        app.materials.foldered.clone_from(&material.folder);
+        if let Some(folder) = &material.folder {
+            app.materials.folder = folder.display().to_string();
+        }
+    }
+    let before = material.procedural.clone().map_or(Source::Folder, Source::Procedural);
+    let mut source = before.clone();
+    let shown = match &before {
+        Source::Procedural(name) => name.clone(),
+        Source::Folder => "folder".to_owned(),
+    };
+    let built_in = NAMES.into_iter().map(|name| (Source::Procedural(name.to_owned()), name.to_owned(), "made by the program"));
+    let all = built_in.chain([(Source::Folder, "folder".to_owned(), "images in the folder under `Texture folder`")]).collect();
+    choose(ui, "Texture source", &mut source, &shown, all).on_hover_text("Textures that the program makes, or images in a folder");
+    if source != before {
+        match source {
+            Source::Procedural(name) => {
+                let material = &mut app.settings.scene.materials[index];
+                (material.procedural, material.folder) = (Some(name), None);
+                app.materials.said = None;
+            }
+            Source::Folder => take_typed_folder(app, index),
+        }
+    }
+    ui.end_row();
+
+    let label = ui.label("Texture folder");
+    let field = ui.add(TextEdit::singleline(&mut app.materials.folder).desired_width(FIELD)).labelled_by(label.id);
+    let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+    field.on_hover_text("Holds albedo, normal, height and roughness (.png, .jpg or .jpeg); relative to the scene's folder, or absolute");
+    if ui.button("Use texture folder").on_hover_text("Takes the textures from the folder that is typed").clicked() || entered {
+        take_typed_folder(app, index);
+    }
+    ui.end_row();
+
+    ui.label("");
+    let idle = app.materials.dialog.is_none();
+    let load = ui.add_enabled(idle, Button::new("Load texture folder..."));
+    if load.on_hover_text("Chooses a folder, which can be dropped on the window, too").clicked() {
+        app.materials.dialog = Some(choose_folder(app.settings.scene.materials[index].name.clone(), ui.ctx().clone()));
+    }
+    ui.end_row();
+}
+
+/// Takes the folder in the field for a material.
+fn take_typed_folder(app: &mut Workbench, index: usize) {
+    let typed = app.materials.folder.trim().to_owned();
+    if typed.is_empty() {
+        app.materials.said = Some(Err("type the name of a folder under `Texture folder` first, or load one".to_owned()));
+    } else {
+        take_folder(app, index, PathBuf::from(typed));
+    }
+}
+
+/// Opens the system's window for folders, and does not wait for it.
+fn choose_folder(material: String, ctx: egui::Context) -> Dialog {
+    let (sender, chosen) = channel();
+    let title = format!("Textures of {material}");
+    std::thread::spawn(move || {
+        let folder = rfd::FileDialog::new().set_title(title).pick_folder();
+        // Nobody waits for it any more where the program has ended.
+        let _ = sender.send(folder);
+        ctx.request_repaint();
+    });
+    Dialog { material, chosen }
+}
+
+/// How its textures lie on the ground.
+fn numbers(app: &mut Workbench, ui: &mut Ui, index: usize) {
+    let usual = editing::origin(&app.settings.scene, &app.original, index).cloned();
+    let usual = usual.as_ref();
+    let material = &mut app.settings.scene.materials[index];
+    let about = "Edge of one repeat of the texture on the ground.";
+    let row = Number { name: "Texture tile", unit: "m", range: [0.1, 1000.0], logarithmic: true, about };
+    number(ui, &row, &mut material.tile_m, usual.map(|usual| usual.tile_m));
+    let about = "Turns the texture on the ground.";
+    let row = Number { name: "Texture turn", unit: "deg", range: [-360.0, 360.0], logarithmic: false, about };
+    number(ui, &row, &mut material.orientation_deg, usual.map(|usual| usual.orientation_deg));
+    let about = "Strength of the normal map: 0 is flat, 1 as it was made.";
+    let row = Number { name: "Normal strength", unit: "x", range: [0.0, 16.0], logarithmic: false, about };
+    number(ui, &row, &mut material.normal_strength, usual.map(|usual| usual.normal_strength));
+    tint(ui, &mut material.tint, usual.map(|usual| &usual.tint));
+}
+
+/// The tint: by the colour picker up to 1, by numbers further.
+fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
+    let hint = "Factor on the colour of the texture where its colour mask is 1, linear RGB, 0 to 16";
+    ui.label("Tint").on_hover_text(hint);
+    ui.horizontal(|ui| {
+        let mut colour = tint.map(|c| c.clamp(0.0, 1.0) as f32);
+        let well = ui.color_edit_button_rgb(&mut colour);
+        well.widget_info(|| WidgetInfo::labeled(Role::ColorWell, true, "Tint"));
+        if well.on_hover_text("Picks a colour, linear RGB up to 1").changed() {
+            *tint = colour.map(f64::from);
+        }
+        for (channel, name) in tint.iter_mut().zip(["Tint red", "Tint green", "Tint blue"]) {
+            let drag = DragValue::new(channel).range(0.0..=MOST_TINT).clamp_existing_to_range(false).speed(0.005).max_decimals(3);
+            let field = ui.add(drag);
+            field.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, name));
+            field.on_hover_text(format!("{name}. {hint}"));
+        }
+    });
+    reset(ui, "Tint", tint, usual);
+    ui.end_row();
+}
+
+/// The scene as a file.
+fn saving(app: &mut Workbench, ui: &mut Ui) {
+    let panel = &mut app.materials;
+    ui.horizontal_wrapped(|ui| {
+        let label = ui.label("Scene file");
+        let field = TextEdit::singleline(&mut panel.file).desired_width(FIELD).hint_text("scene.toml");
+        ui.add(field).labelled_by(label.id).on_hover_text("A .toml file that does not exist yet, or the scene's own");
+        ui.checkbox(&mut panel.overwrites, "Overwrite")
+            .on_hover_text("Writes over the file that this scene was opened from or saved into; over no other");
+    });
+    let hint = "Writes the scene with its materials, rules, strokes and numbers as a file, which this program and `experiments` read";
+    if ui.button("Save scene as...").on_hover_text(hint).clicked() {
+        panel.saved = Some(match panel.file.trim() {
+            "" => Err("type the name of a .toml file under `Scene file` first".to_owned()),
+            file => editing::save(&app.settings.scene, Path::new(file), &panel.own, panel.overwrites).map(|file| {
+                let said = format!("Saved {}", file.display());
+                panel.own.push(file);
+                panel.written = Some(app.settings.scene.clone());
+                said
+            }),
+        });
+    }
+    outcome(ui, panel.saved.as_ref());
+}

@@ -1,0 +1,192 @@
+//! The splat rules: which material lies where, before anything is painted.
+
+use eframe::egui::{self, Button, CollapsingHeader, DragValue, Role, Ui, WidgetInfo};
+use kernels::scene::Rule;
+
+use super::{choose, outcome};
+use crate::app::Workbench;
+use crate::editing::usual_rules;
+
+/// What came of the last click that could fail.
+#[derive(Default)]
+pub(crate) struct RulesPanel {
+    said: Option<Result<String, String>>,
+}
+
+/// A band of a rule: what it is of, and what a scene file accepts.
+struct Band {
+    name: &'static str,
+    unit: &'static str,
+    /// Smallest and largest value accepted.
+    limits: [f64; 2],
+    /// What it is when it is switched on: everything there is to see.
+    whole: [f64; 2],
+    /// Largest fade accepted.
+    most_fade: f64,
+    /// A point of a drag.
+    speed: f64,
+    about: &'static str,
+}
+
+const HEIGHT: Band = Band {
+    name: "height",
+    unit: " m",
+    limits: [-1.0e7, 1.0e7],
+    whole: [-1000.0, 9000.0],
+    most_fade: 1.0e7,
+    speed: 5.0,
+    about: "Elevation",
+};
+const SLOPE: Band = Band {
+    name: "slope",
+    unit: " deg",
+    limits: [0.0, 90.0],
+    whole: [0.0, 90.0],
+    most_fade: 90.0,
+    speed: 0.2,
+    about: "Slope, from level ground (0) to a wall (90)",
+};
+const CURVATURE: Band = Band {
+    name: "curvature",
+    unit: " 1/m",
+    limits: [-1.0e3, 1.0e3],
+    whole: [-10.0, 10.0],
+    most_fade: 1.0e3,
+    speed: 1e-3,
+    about: "Mean curvature, below 0 in gullies and above 0 on ridges",
+};
+
+/// What is to be done with a rule, once all are drawn.
+enum Wanted {
+    Up,
+    Down,
+    Gone,
+}
+
+pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+    ui.label("Of these, the rule of the largest weight lays its material; of two alike, the later one.");
+    buttons(app, ui);
+    ui.separator();
+    let names: Vec<String> = app.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
+    let rules = &mut app.settings.scene.rules;
+    let count = rules.len();
+    let mut wanted = None;
+    for (i, rule) in rules.iter_mut().enumerate() {
+        let number = i + 1;
+        CollapsingHeader::new(format!("Rule {number}: {}", rule.material)).id_salt(("rule", i)).show(ui, |ui| {
+            ui.horizontal_wrapped(|ui| {
+                for (able, text, name, what) in [
+                    (i > 0, "Move up", format!("Move rule {number} up"), Wanted::Up),
+                    (number < count, "Move down", format!("Move rule {number} down"), Wanted::Down),
+                    (count > 1, "Remove", format!("Remove rule {number}"), Wanted::Gone),
+                ] {
+                    let button = ui.add_enabled(able, Button::new(text));
+                    button.widget_info(|| WidgetInfo::labeled(Role::Button, able, &name));
+                    if button.clicked() {
+                        wanted = Some((i, what));
+                    }
+                }
+            });
+            egui::Grid::new(("rule", i)).num_columns(2).show(ui, |ui| one(ui, number, rule, &names));
+        });
+    }
+    match wanted {
+        Some((i, Wanted::Up)) => rules.swap(i - 1, i),
+        Some((i, Wanted::Down)) => rules.swap(i, i + 1),
+        Some((i, Wanted::Gone)) => drop(rules.remove(i)),
+        None => {}
+    }
+}
+
+/// What is done with all of them.
+fn buttons(app: &mut Workbench, ui: &mut Ui) {
+    ui.horizontal_wrapped(|ui| {
+        let rules = &mut app.settings.scene.rules;
+        let add = ui.add_enabled(!rules.is_empty(), Button::new("Add rule"));
+        if add.on_hover_text("A copy of the last one, which changes nothing until it is edited").clicked() {
+            let last = rules.last().cloned();
+            rules.extend(last);
+        }
+        let changed = *rules != app.original.rules;
+        let reset = ui.add_enabled(changed, Button::new("Reset rules"));
+        if reset.on_hover_text("Back to those of the scene's file").clicked() {
+            app.rules.said = match usual_rules(&app.settings.scene, &app.original) {
+                Ok(rules) => {
+                    app.settings.scene.rules = rules;
+                    None
+                }
+                Err(why) => Some(Err(why)),
+            };
+        }
+    });
+    outcome(ui, app.rules.said.as_ref());
+}
+
+/// The controls of a rule, in a grid of two columns.
+fn one(ui: &mut Ui, number: usize, rule: &mut Rule, names: &[String]) {
+    let shown = rule.material.clone();
+    let all = names.iter().map(|name| (name.clone(), name.clone(), "")).collect();
+    choose(ui, &format!("Rule {number} material"), &mut rule.material, &shown, all).on_hover_text("What it lays");
+    ui.end_row();
+    let hint = "Factor on the product of what is below, 0.000001 to 1000000; 1 where a scene file gives none";
+    let label = ui.label(format!("Rule {number} weight"));
+    value(ui, &mut rule.weight, [1.0e-6, 1.0e6], 0.01, "").labelled_by(label.id).on_hover_text(hint);
+    ui.end_row();
+    band(ui, number, &HEIGHT, &mut rule.height_m, &mut rule.height_fade_m);
+    band(ui, number, &SLOPE, &mut rule.slope_deg, &mut rule.slope_fade_deg);
+    band(ui, number, &CURVATURE, &mut rule.curvature, &mut rule.curvature_fade);
+    let hint = "Size of the patches in which noise lets the rule lie, 0 to 100000 m; 0 = everywhere";
+    let label = ui.label(format!("Rule {number} noise"));
+    value(ui, &mut rule.noise_m, [0.0, 1.0e5], 1.0, " m").labelled_by(label.id).on_hover_text(hint);
+    ui.end_row();
+    if rule.noise_m > 0.0 {
+        let hint = "Share of the ground that noise lets through, 0 to 1; 0.5 where a scene file gives none";
+        let label = ui.label(format!("Rule {number} cover"));
+        value(ui, &mut rule.noise_cover, [0.0, 1.0], 0.01, "").labelled_by(label.id).on_hover_text(hint);
+        ui.end_row();
+    }
+}
+
+/// A number that stays what it is until it is edited, and then within its range.
+fn value(ui: &mut Ui, value: &mut f64, [low, high]: [f64; 2], speed: f64, unit: &str) -> egui::Response {
+    let drag = DragValue::new(&mut *value).range(low..=high).clamp_existing_to_range(false).speed(speed).suffix(unit).max_decimals(4);
+    let response = ui.add(drag);
+    if response.changed() {
+        *value = value.max(low).min(high);
+    }
+    response
+}
+
+/// Whether there is a band, its ends and its fade.
+fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fade: &mut f64) {
+    let Band { name, unit, limits: [lowest, highest], whole, most_fade, speed, about } = *kind;
+    let mut has = band.is_some();
+    if ui.checkbox(&mut has, format!("Rule {number} {name} band")).on_hover_text(format!("{about} between two values")).changed() {
+        *band = has.then_some(whole);
+    }
+    let Some([from, to]) = band else {
+        ui.label("everywhere");
+        ui.end_row();
+        return;
+    };
+    ui.horizontal(|ui| {
+        let hint = format!("{about} from which the rule has its whole weight, from {lowest}{unit} up to the other end");
+        let label = ui.label(format!("Rule {number} {name} from"));
+        value(ui, from, [lowest, *to], speed, unit).labelled_by(label.id).on_hover_text(hint);
+    });
+    ui.end_row();
+    ui.label("");
+    ui.horizontal(|ui| {
+        let hint = format!("{about} up to which it has that, from the other end up to {highest}{unit}");
+        let label = ui.label(format!("Rule {number} {name} to"));
+        value(ui, to, [*from, highest], speed, unit).labelled_by(label.id).on_hover_text(hint);
+    });
+    ui.end_row();
+    ui.label("");
+    ui.horizontal(|ui| {
+        let hint = format!("How far outside of the band the weight falls to 0, 0 to {most_fade}{unit}; 0 = at once");
+        let label = ui.label(format!("Rule {number} {name} fade"));
+        value(ui, fade, [0.0, most_fade], speed, unit).labelled_by(label.id).on_hover_text(hint);
+    });
+    ui.end_row();
+}

@@ -1,0 +1,139 @@
+//! Which scene is open, and opening others.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+use eframe::egui::{self, Button, Ui};
+use kernels::scene;
+
+use crate::app::Workbench;
+use crate::kept::MOST_RECENT;
+
+/// Scenes to choose from, and what is being chosen.
+#[derive(Default)]
+pub(crate) struct ScenesPanel {
+    /// Scenes that were open, the newest first, as [`scene::load`] takes them.
+    pub(crate) recent: Vec<String>,
+    /// A scene that is opened if somebody says that edits may be lost.
+    pub(crate) waits: Option<String>,
+    /// The file that is being chosen in a window of the system's.
+    dialog: Option<Receiver<Option<PathBuf>>>,
+}
+
+impl ScenesPanel {
+    /// Takes note of the scene that is open.
+    pub(crate) fn opened(&mut self, name: &str) {
+        self.recent.retain(|other| other != name);
+        self.recent.insert(0, name.to_owned());
+        self.recent.truncate(MOST_RECENT);
+    }
+}
+
+/// The menu of scenes.
+pub(crate) fn menu(app: &mut Workbench, ui: &mut Ui) {
+    let given = app.given().map(str::to_owned);
+    let about = match &given {
+        Some(name) => format!("On show: {name}"),
+        None => format!("On show: {}, of no file", app.settings.scene.name),
+    };
+    let mut wanted = None;
+    let menu = ui.menu_button("Scene", |ui| {
+        let idle = app.scenes.dialog.is_none();
+        let open = ui.add_enabled(idle, Button::new("Open..."));
+        if open.on_hover_text("Chooses a scene's .toml file, which can be dropped on the window, too").clicked() {
+            let folder = given.as_deref().and_then(|name| Path::new(name).parent()).map(Path::to_owned);
+            app.scenes.dialog = Some(choose_file(folder, ui.ctx().clone()));
+            ui.close();
+        }
+        if ui.button("Default scene").on_hover_text("The built-in one").clicked() {
+            wanted = Some(scene::DEFAULT.to_owned());
+            ui.close();
+        }
+        let reload = ui.add_enabled(given.is_some(), Button::new("Reload scene"));
+        let hint = "Reads its file and all that it names again: the scene is what they say, and undo brings back edits";
+        if reload.on_hover_text(hint).clicked() {
+            // What is wrong is in a note.
+            let _ = app.reload(ui.ctx());
+            ui.close();
+        }
+        let others = app.scenes.recent.iter().filter(|name| **name != scene::DEFAULT && Some(*name) != given.as_ref());
+        let others: Vec<String> = others.cloned().collect();
+        if others.is_empty() {
+            return;
+        }
+        ui.separator();
+        ui.label("Recent scenes");
+        for name in others {
+            if ui.button(&name).clicked() {
+                wanted = Some(name);
+                ui.close();
+            }
+        }
+    });
+    menu.response.on_hover_text(about);
+    if let Some(name) = wanted {
+        open(app, &name);
+    }
+}
+
+/// Opens a scene; what is wrong, or may be lost, is said in the window.
+fn open(app: &mut Workbench, name: &str) {
+    let _ = app.open(name);
+}
+
+/// Opens the scene of a file that was chosen or dropped.
+pub(crate) fn open_file(app: &mut Workbench, file: &Path) {
+    match file.to_str() {
+        Some(name) => open(app, name),
+        None => app.say(format!("{} cannot be opened: its name is no Unicode; give it another", file.display())),
+    }
+}
+
+/// Opens what was chosen in the system's window, as soon as something is: to be called with every drawing of the window.
+pub(crate) fn listen(app: &mut Workbench) {
+    let Some(dialog) = app.scenes.dialog.take() else { return };
+    match dialog.try_recv() {
+        Err(TryRecvError::Empty) => app.scenes.dialog = Some(dialog),
+        Ok(Some(file)) => open_file(app, &file),
+        Ok(None) | Err(TryRecvError::Disconnected) => {
+            app.say("No scene was chosen; a file can be dropped on the window, or named where the program is started, too.".to_owned());
+        }
+    }
+}
+
+/// Opens the system's window for files, and does not wait for it.
+fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<PathBuf>> {
+    let (sender, chosen) = channel();
+    std::thread::spawn(move || {
+        let dialog = rfd::FileDialog::new().set_title("Open a scene").add_filter("Scene", &["toml"]);
+        let dialog = match folder.filter(|folder| folder.is_dir()) {
+            Some(folder) => dialog.set_directory(folder),
+            None => dialog,
+        };
+        // Nobody waits for it any more where the program has ended.
+        let _ = sender.send(dialog.pick_file());
+        ctx.request_repaint();
+    });
+    chosen
+}
+
+/// Asks whether edits may be lost, where a scene waits to be opened.
+pub(crate) fn ask(app: &mut Workbench, ui: &mut Ui) {
+    let Some(name) = app.scenes.waits.clone() else { return };
+    egui::Panel::top("unsaved").show(ui, |ui| {
+        let open = &app.original.name;
+        let text = format!(
+            "`{open}` has materials, rules or strokes that are in no file: with {name} in its place they are lost, and undo does not help."
+        );
+        ui.colored_label(ui.visuals().warn_fg_color, text);
+        ui.horizontal_wrapped(|ui| {
+            if ui.button("Open without saving").on_hover_text("The edits are lost").clicked() {
+                // What is wrong is in a note.
+                let _ = app.open_anyway(&name);
+            }
+            if ui.button("Keep this scene").on_hover_text("`Save scene as...` under Materials writes it").clicked() {
+                app.scenes.waits = None;
+            }
+        });
+    });
+}
