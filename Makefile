@@ -38,7 +38,8 @@ test: setup ## format, lints, documentation, every test, the notebook
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --release --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps --workspace
-	$(CARGO) build --release --locked -p experiments
+# The whole workspace, as the tests are built: one program alone would be built with other features of its libraries, and all of them twice.
+	$(CARGO) build --release --locked --workspace
 	$(CARGO) test --release --locked --workspace
 	@scripts/notebook.sh
 	@if [ -z "$${SCREE_DATA:-}" ]; then echo "Left out, since SCREE_DATA is not set: the tests on real elevation and real materials."; fi

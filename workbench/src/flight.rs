@@ -196,7 +196,7 @@ mod tests {
             assert!(beside(&at, target) < 1e-9 && is_centred(&at, target), "{start:?}");
             for step in 0..1000_u16 {
                 let drag = Vec2::new(f32::from(step % 37) - 11.0, f32::from(step % 23) - 13.0);
-                assert!(swing(&mut at, target, drag, 400.0));
+                assert_eq!(swing(&mut at, target, drag, 400.0), drag != Vec2::ZERO, "step {step}");
                 assert!(beside(&at, target) < 1e-9, "step {step} of {start:?}: {at:?}");
                 assert!((at.position.distance(target) / distance_m - 1.0).abs() < 1e-9, "step {step} of {start:?}: {at:?}");
                 assert!(at.pitch.abs() <= STEEPEST && (0.0..TAU).contains(&at.yaw), "{at:?}");
