@@ -141,8 +141,8 @@ pub struct RenderRequest {
     pub count_fetches: bool,
     /// Whether the picture is lit; without, only the G-buffer is made.
     pub lit: bool,
-    /// Shades the geometry of the last frame again instead of drawing it: for many seeds or variants of one view. The pose, size and
-    /// jitter must be those of the last frame, else it is drawn all the same.
+    /// Shades the geometry of the last frame again instead of drawing it: for many seeds or variants of one view. Pose, size, jitter,
+    /// bias of the LOD, stride of the vertices and the pose culled from must be those of the last frame, else it is drawn all the same.
     pub keep_geometry: bool,
     /// Bias of the terrain's LOD: each whole one halves the distance at which nodes are split.
     pub lod_bias: f64,
@@ -240,7 +240,7 @@ pub struct RendererOptions {
     /// Edge of a tile, pixels: 4, 8 or 16.
     pub tile: u32,
     /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]): keeps what textures and nodes were made
-    /// from, some 100 MB at most.
+    /// from: 110 MB for nodes at most, and twice what the compressed textures take.
     pub editable: bool,
     /// Edge of detail textures, texels, in place of the scene's: for a first look, until [`Renderer::take_palette`] brings the scene's own. For
     /// editable renderers.
@@ -263,6 +263,8 @@ pub struct Renderer<'a> {
     means: PaletteMeans,
     /// What the textures hold, if it can be edited.
     palette: Option<Palette>,
+    /// The one before: where two scenes are compared, the other's.
+    former: Option<Palette>,
     /// What edits had made anew since the last frame.
     edited: EditCounts,
     streaming: Streaming,
@@ -340,6 +342,7 @@ impl<'a> Renderer<'a> {
             keys: Vec::new(),
             means: palette_means(&palette),
             palette: options.editable.then_some(palette),
+            former: None,
             edited: EditCounts::default(),
             scene: scene.clone(),
             options,

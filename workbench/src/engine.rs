@@ -623,7 +623,7 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::e
 /// Draws B of the view that A was drawn of.
 fn draw_second(renderer: &mut Renderer<'_>, settings: &Settings, a: &RenderRequest, measured: bool) -> kernels::error::Result<Picture> {
     if !renderer.retune(&settings.scene)? {
-        let text = "B is not drawn: it needs other flavours or textures than A (a distance, slope or band that takes a flavour out or in); \
+        let text = "B is not drawn: it needs another set of flavours than A (a distance, slope or band takes one out or in), or textures of another size; \
                     keep B anew, or undo that";
         return Err(kernels::error::Error::Request(text.to_owned()));
     }

@@ -5,12 +5,22 @@ use std::collections::HashMap;
 use kernels::frame::Renderer;
 use kernels::quadtree;
 use kernels::shading::Estimator;
-use kernels::variant::Variant;
+use kernels::variant::{Flavour, Variant};
 use kernels::world::NodeId;
 
-/// What a pixel takes that needs all flavours of a variant, in scenes without colour modulation.
-pub(super) fn promised(estimator: Estimator, variant: Variant) -> u32 {
-    variant.flavours().map(|flavour| estimator.promised_fetches(flavour)).sum()
+/// What decides how many fetches a flavour takes.
+#[derive(Clone, Copy)]
+pub(super) struct Prices {
+    pub(super) estimator: Estimator,
+    pub(super) two_tilings: bool,
+}
+
+impl Prices {
+    /// What a pixel takes that needs all flavours of a variant, in scenes without colour modulation.
+    pub(super) fn of(self, variant: Variant) -> u32 {
+        let twice = |flavour| self.two_tilings && flavour == Flavour::Splat && self.estimator.has_two_tilings();
+        variant.flavours().map(|flavour| self.estimator.promised_fetches(flavour) * if twice(flavour) { 2 } else { 1 }).sum()
+    }
 }
 
 /// Number of a pixel's tile; `tile` = edge, pixels.
@@ -20,8 +30,8 @@ fn tile_of(at: usize, size: [u32; 2], tile: u32) -> usize {
 }
 
 /// Mean over terrain pixels of what the flavours of a pixel's tile cost.
-pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, estimator: Estimator) -> Option<f64> {
-    grouped(masks, estimator, |at| tile_of(at, size, tile))
+pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, prices: Prices) -> Option<f64> {
+    grouped(masks, prices, |at| tile_of(at, size, tile))
 }
 
 /// For each pixel the flavours of its tile; 0 where it shows no terrain.
@@ -34,16 +44,10 @@ pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
 }
 
 /// The same with patches of 16 x 16 quads in place of tiles: of a patch that is partly seen, only what is seen counts.
-pub(super) fn per_patch(
-    masks: &[u8],
-    positions: &[[f32; 3]],
-    renderer: &Renderer<'_>,
-    drawn: &[NodeId],
-    estimator: Estimator,
-) -> Option<f64> {
+pub(super) fn per_patch(masks: &[u8], positions: &[[f32; 3]], renderer: &Renderer<'_>, drawn: &[NodeId], prices: Prices) -> Option<f64> {
     let layout = renderer.world().layout();
     let lods = quadtree::lod_map(drawn);
-    grouped(masks, estimator, |at| {
+    grouped(masks, prices, |at| {
         let [x, y, _] = positions[at].map(f64::from);
         let place = [x, y].map(|v| (v + layout.world_m() / 2.0) / layout.sector_m);
         let lod = quadtree::lod_at(&lods, place).unwrap_or(0);
@@ -53,14 +57,14 @@ pub(super) fn per_patch(
     })
 }
 
-fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], estimator: Estimator, group: impl Fn(usize) -> K) -> Option<f64> {
+fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], prices: Prices, group: impl Fn(usize) -> K) -> Option<f64> {
     let mut groups: HashMap<K, (u8, u64)> = HashMap::new();
     for (at, &mask) in masks.iter().enumerate().filter(|(_, mask)| **mask != 0) {
         let entry = groups.entry(group(at)).or_default();
         entry.0 |= mask;
         entry.1 += 1;
     }
-    let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| promised(estimator, variant));
+    let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| prices.of(variant));
     // Whole numbers: the order of a hash map does not matter.
     let (sum, pixels) = groups.values().fold((0, 0), |(sum, pixels), &(mask, n)| (sum + u64::from(cost(mask)) * n, pixels + n));
     (pixels > 0).then(|| sum as f64 / pixels as f64)
@@ -70,20 +74,31 @@ fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], estimator: Estimator, group: i
 mod tests {
     use super::*;
 
+    const FC5: Prices = Prices { estimator: Estimator::Fc5, two_tilings: false };
+
     #[test]
     fn a_tile_pays_for_what_any_of_its_pixels_needs() {
         // 8 x 4 pixels: the left half needs far atlas (2), the right half virtual texture (4), one pixel in the middle near cliff (12), one is sky.
         let mut masks: Vec<u8> = (0..32).map(|i| if i % 8 < 4 { 2 } else { 1 }).collect();
         masks[3] = 4;
         masks[31] = 0;
-        let of = |tile| per_tile(&masks, [8, 4], tile, Estimator::Fc5);
+        let of = |tile| per_tile(&masks, [8, 4], tile, FC5);
         // Tiles of 4: left 14 x 16 pixels, right 4 x 15.
         assert_eq!(of(4), Some((14.0 * 16.0 + 4.0 * 15.0) / 31.0));
         assert_eq!(of(8), Some(18.0));
         // Single pixels: each its own.
         assert_eq!(of(1), Some((2.0 * 15.0 + 12.0 + 4.0 * 15.0) / 31.0));
-        assert_eq!(per_tile(&[0; 4], [2, 2], 8, Estimator::Fc5), None);
+        assert_eq!(per_tile(&[0; 4], [2, 2], 8, FC5), None);
         let sets = tile_sets(&masks, [8, 4], 4);
         assert_eq!([sets[0], sets[3], sets[4], sets[31]], [6, 6, 1, 0]);
+    }
+
+    #[test]
+    fn two_tilings_cost_splat_twice_where_the_estimator_has_them() {
+        let price = |estimator, two_tilings, variant| Prices { estimator, two_tilings }.of(variant);
+        let both = Variant::new(17).expect("vt and splat");
+        assert_eq!([false, true].map(|two| price(Estimator::Fc5, two, both)), [52, 100]);
+        let hex = [false, true].map(|two| price(Estimator::Hex, two, both));
+        assert_eq!(hex[0], hex[1], "hex-tiled splat has one tiling");
     }
 }

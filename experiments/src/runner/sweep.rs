@@ -231,11 +231,11 @@ impl Runner<'_> {
     ) -> Result<()> {
         let stage = self.stage.as_mut().context("prepared")?;
         let mark = Mark::frame(self.definition.frames - 1);
-        let estimator = judged.estimator;
+        let prices = costs::Prices { estimator: judged.estimator, two_tilings: judged.two_tilings };
         let mut mapped = !labels.is_first_noise();
         for (stream, (name, choice)) in choices.iter().enumerate() {
             let cost = match composed(*choice) {
-                Some(variant) => Some(f64::from(costs::promised(estimator, variant))),
+                Some(variant) => Some(f64::from(prices.of(variant))),
                 None => {
                     let aovs = AovSet::from_names(if by_patch(&stage.choices) { &["mask", "position"][..] } else { &["mask"][..] })?;
                     // The cheapest shading there is: what is asked for are masks.
@@ -244,7 +244,7 @@ impl Runner<'_> {
                     let picture = stage.renderer.render(&request)?;
                     let masks: Vec<u8> = picture.values("mask").context("asked for")?.iter().map(|&m| m as u8).collect();
                     match picture.vectors("position") {
-                        Some(positions) => costs::per_patch(&masks, positions, &stage.renderer, &picture.report.drawn, estimator),
+                        Some(positions) => costs::per_patch(&masks, positions, &stage.renderer, &picture.report.drawn, prices),
                         None => {
                             // One map: `generic` has the same tiles as `auto`.
                             if !mapped {
@@ -256,7 +256,7 @@ impl Runner<'_> {
                                 sheet.of(labels, name).keep(kind, "tiles", "Tiles of automatic choice", legend, judged.size, &map)?;
                                 mapped = true;
                             }
-                            costs::per_tile(&masks, judged.size, stage.choices.tile, estimator)
+                            costs::per_tile(&masks, judged.size, stage.choices.tile, prices)
                         }
                     }
                 }

@@ -77,13 +77,16 @@ pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout
             for column in 0..PATCHES {
                 let corner = low + DVec3::new(f64::from(column), f64::from(row), 0.0) * patch_m;
                 let opposite = (corner.truncate() + patch_m).extend(high.z);
-                if eye.sees(corner, opposite) {
+                let deltas = pack_deltas(node, [column, row], lod_map, stride);
+                // Welds of more than a patch's edge draw triangles beyond the patch: it is seen with its node.
+                let reaches_out = (0..4).any(|side| (deltas >> (4 * side)) & 15 > PATCH_QUADS.ilog2());
+                if reaches_out || eye.sees(corner, opposite) {
                     patches.push(Patch {
                         node_origin: [origin.x as f32, origin.y as f32],
                         spacing: (patch_m / f64::from(PATCH_QUADS)) as f32,
                         slot,
                         patch: [column, row],
-                        deltas: pack_deltas(node, [column, row], lod_map, stride),
+                        deltas,
                         lod: u32::from(node.lod),
                     });
                 }

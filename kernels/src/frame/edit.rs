@@ -44,7 +44,7 @@ impl Renderer<'_> {
         let textured = |s: &Scene| (s.materials.clone(), s.blend.material_contrast.to_bits(), s.folder.clone());
         let palette = match &self.palette {
             Some(before) if textured(scene) != textured(&self.scene) => {
-                Some(before.rebuilt(scene, self.world.layout().sector_m, on_texture(self.progress))?)
+                Some(before.rebuilt(scene, self.former.as_ref(), self.world.layout().sector_m, on_texture(self.progress))?)
             }
             _ => None,
         };
@@ -122,7 +122,7 @@ impl Renderer<'_> {
             self.terrain.replace_palette(self.gpu, &self.streaming, &palette, fresh.as_deref());
             self.edited.textures += fresh.map_or(palette.arrays.albedo.len(), |fresh| fresh.len());
             self.means = palette_means(&palette);
-            self.palette = Some(palette);
+            self.former = self.palette.replace(palette);
         } else {
             means.resize(self.means.albedo.len(), false);
             looks.clone_from(&means);

@@ -200,7 +200,7 @@ impl Palette {
     /// in 64..=2048; an unknown procedural name; a `tile_m` so small that a sector holds [`MAX_REPEATS_PER_SECTOR`] repeats or more; and
     /// whatever [`folder::load`] reports.
     pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
-        Palette::made(scene, scene.detail_size, sector_m, None, &progress)
+        Palette::made(scene, scene.detail_size, sector_m, [None, None], &progress)
     }
 
     /// As [`Palette::build`], with textures of `size` texels along an edge in place of the scene's `detail_size`: for a first look, in a small part
@@ -209,15 +209,15 @@ impl Palette {
     /// # Errors
     /// As [`Palette::build`].
     pub fn sketch(scene: &Scene, size: u32, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
-        Palette::made(scene, size, sector_m, None, &progress)
+        Palette::made(scene, size, sector_m, [None, None], &progress)
     }
 
-    /// As [`Palette::build`], taking over every texture that this palette holds already.
+    /// As [`Palette::build`], taking over every texture that this palette, or a `former` one, holds already.
     ///
     /// # Errors
     /// As [`Palette::build`].
-    pub fn rebuilt(&self, scene: &Scene, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
-        Palette::made(scene, scene.detail_size, sector_m, Some(self), &progress)
+    pub fn rebuilt(&self, scene: &Scene, former: Option<&Palette>, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
+        Palette::made(scene, scene.detail_size, sector_m, [Some(self), former], &progress)
     }
 
     /// The layers that were made of something else in `before`; `None` if both differ in the number or size of their layers.
@@ -226,7 +226,7 @@ impl Palette {
         alike.then(|| (0..self.layers.len()).filter(|&layer| self.layers[layer] != before.layers[layer]).collect())
     }
 
-    fn made(scene: &Scene, size: u32, sector_m: f64, before: Option<&Palette>, progress: &(dyn Fn(&str) + Sync)) -> Result<Palette> {
+    fn made(scene: &Scene, size: u32, sector_m: f64, before: [Option<&Palette>; 2], progress: &(dyn Fn(&str) + Sync)) -> Result<Palette> {
         let of_scene = |what: String| Error::Scene { where_: scene.name.clone(), what };
         let count = scene.materials.len();
         if count == 0 || count > MAX_MATERIALS {
@@ -258,9 +258,11 @@ impl Palette {
         let total = sources.len();
         let contrast = scene.blend.material_contrast;
         let known = |source: &Source| {
-            let palette = before.filter(|palette| palette.arrays.size == size)?;
-            let layer = palette.layers.iter().position(|t| t.source == *source && t.contrast.to_bits() == contrast.to_bits())?;
-            Some((palette.arrays.layer(layer), palette.layers[layer].clone()))
+            before.into_iter().flatten().filter(|palette| palette.arrays.size == size).find_map(|palette| {
+                let is_it = |t: &Texture| t.source == *source && t.contrast.to_bits() == contrast.to_bits();
+                let layer = palette.layers.iter().position(is_it)?;
+                Some((palette.arrays.layer(layer), palette.layers[layer].clone()))
+            })
         };
         let numbered: Vec<_> = sources.iter().enumerate().collect();
         let mut arrays = DetailArrays { size, albedo: Vec::new(), normal: Vec::new(), height: Vec::new() };

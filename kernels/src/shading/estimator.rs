@@ -136,7 +136,7 @@ impl Estimator {
     }
 
     /// Whether splat can take two tiling scales; what others do is defined with one.
-    pub(super) const fn has_two_tilings(self) -> bool {
+    pub const fn has_two_tilings(self) -> bool {
         matches!(self, Estimator::Fc5 | Estimator::Exact | Estimator::Biplanar | Estimator::BiplanarMean)
     }
 

@@ -518,7 +518,8 @@ fn finest_nodes(nodes: &[(NodeId, u64)]) -> Vec<(u8, u64)> {
     let mut sorted = nodes.to_vec();
     sorted.sort_unstable_by_key(|(n, _)| (std::cmp::Reverse(n.lod), n.y, n.x));
     let side = usize::from(SECTORS);
-    let mut map = vec![(0, 0); side * side];
+    // Where no node is loaded there is no LOD either.
+    let mut map = vec![(u8::MAX, 0); side * side];
     for (node, revision) in sorted {
         let edge = 1usize << node.lod;
         let (x, y) = (usize::from(node.x) * edge, usize::from(node.y) * edge);
