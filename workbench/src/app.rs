@@ -172,13 +172,17 @@ pub struct Workbench {
     /// The last scene that could be: it goes on being drawn when files that it names are removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
+    /// How long the window took for each of its own drawings, which is how long a click waits at most.
+    pub(crate) answers: VecDeque<Duration>,
     last_shown: Option<Instant>,
-    /// Whether somebody chose the scale at an earlier start.
-    scaled: bool,
+    /// Whether somebody chose the scale, and the vertex stride, at an earlier start.
+    chosen: [bool; 2],
     /// Whether what suits the adapter was chosen.
     adapted: bool,
     /// The scale that nobody chose.
-    automatic_scale: f64,
+    pub(crate) usual_scale: f64,
+    /// The vertex stride that nobody chose.
+    pub(crate) usual_stride: u32,
     pub(crate) places: panels::places::PlacesPanel,
     pub(crate) machine: panels::machine::MachinePanel,
     pub(crate) materials: panels::materials::MaterialsPanel,
@@ -232,10 +236,12 @@ impl Workbench {
             impossible: None,
             checked: None,
             times: VecDeque::new(),
+            answers: VecDeque::new(),
             last_shown: None,
-            scaled: false,
+            chosen: [false; 2],
             adapted: false,
-            automatic_scale: 1.0,
+            usual_scale: 1.0,
+            usual_stride: 1,
             places: panels::places::PlacesPanel::default(),
             machine: panels::machine::MachinePanel::default(),
             materials: panels::materials::MaterialsPanel::default(),
@@ -277,7 +283,7 @@ impl Workbench {
             self.tree = tree;
         }
         // Who chose a scale keeps it on a software adapter, too.
-        self.scaled = kept.has_scale();
+        self.chosen = kept.has_scale_and_stride();
         (self.keeping, self.given) = (Some(keeper), Some(scene_name));
         notes.extend(self.take_up());
         self.notes = notes;
@@ -286,8 +292,8 @@ impl Workbench {
 
     /// What there is to keep.
     fn present(&self, before: &Kept, scene_name: &str) -> Kept {
-        let kept = Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree);
-        if self.settings.scale == self.automatic_scale { kept.without_scale() } else { kept }
+        Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree)
+            .without_usual(self.usual_scale, self.usual_stride)
     }
 
     /// Keeps what has changed, now and then.
@@ -367,15 +373,14 @@ impl Workbench {
         self.news = self.engine.news();
         self.settle_opening();
         if let Some(adapter) = &self.news.adapter {
-            let is_untouched = self.settings.scale == self.automatic_scale;
-            let (scale, stride) = if adapter.software { (SOFTWARE_SCALE, SOFTWARE_STRIDE) } else { (1.0, 1) };
-            self.automatic_scale = scale;
+            let untouched = [self.settings.scale == self.usual_scale, self.settings.vertex_stride == self.usual_stride];
+            (self.usual_scale, self.usual_stride) = if adapter.software { (SOFTWARE_SCALE, SOFTWARE_STRIDE) } else { (1.0, 1) };
             if !std::mem::replace(&mut self.adapted, true) {
-                if self.settings.vertex_stride == 1 {
-                    self.settings.vertex_stride = stride;
+                if !self.chosen[0] && untouched[0] {
+                    self.settings.scale = self.usual_scale;
                 }
-                if !self.scaled && is_untouched {
-                    self.settings.scale = scale;
+                if !self.chosen[1] && untouched[1] {
+                    self.settings.vertex_stride = self.usual_stride;
                 }
                 // Nobody did this, so nobody takes it back.
                 self.undoer = Undoer::default();
@@ -401,10 +406,7 @@ impl Workbench {
         }
         let now = Instant::now();
         if let Some(last) = self.last_shown.replace(now) {
-            self.times.push_back(now - last);
-            if self.times.len() > TIMES {
-                self.times.pop_front();
-            }
+            remember(&mut self.times, now - last);
         }
     }
 
@@ -732,9 +734,20 @@ impl Behavior<Pane> for Panes<'_> {
     }
 }
 
+/// Adds a time to the last [`TIMES`].
+fn remember(times: &mut VecDeque<Duration>, time: Duration) {
+    times.push_back(time);
+    if times.len() > TIMES {
+        times.pop_front();
+    }
+}
+
 impl eframe::App for Workbench {
-    fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
+    fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
+        if let Some(seconds) = frame.info().cpu_usage {
+            remember(&mut self.answers, Duration::from_secs_f32(seconds.max(0.0)));
+        }
         self.listen(&ctx);
         panels::materials::listen(self);
         panels::scenes::listen(self);

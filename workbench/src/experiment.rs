@@ -472,28 +472,9 @@ mod tests {
     use kernels::variant::{Flavour, Variant};
 
     use super::*;
+    use crate::test_folder::Folder;
 
     const EXTENT: Extent = Extent { size: [80, 72], frames: 3, seeds: 2 };
-
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(name: &str) -> Folder {
-            let folder = std::env::temp_dir().join(format!("scree-workbench-{name}-{}", std::process::id()));
-            fs::create_dir_all(&folder).expect("a temporary folder");
-            Folder(folder)
-        }
-
-        fn entries(&self) -> usize {
-            fs::read_dir(&self.0).expect("it is there").count()
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
 
     fn settings() -> Settings {
         Settings::new(scene::load(scene::DEFAULT).expect("built in"))
@@ -643,7 +624,7 @@ mod tests {
             let mut settings = settings();
             change(&mut settings);
             let error = save(&folder.0.join("seen"), name, &settings, viewpoint, extent).expect_err("refused");
-            assert_eq!(folder.entries(), 0, "{error:#}");
+            assert_eq!(folder.names().len(), 0, "{error:#}");
             let text = format!("{error:#}");
             assert_eq!(text.lines().count(), 1, "{text}");
             text
@@ -671,7 +652,7 @@ mod tests {
         let before = fs::read(&file).expect("written");
         let error = save(&seen, "seen", &settings(), &camera("ground"), EXTENT).expect_err("it is there").to_string();
         assert!(error.contains("seen exists") && error.contains("choose another name"), "{error}");
-        assert_eq!((fs::read(&file).expect("still there"), folder.entries()), (before, 1));
+        assert_eq!((fs::read(&file).expect("still there"), folder.names().len()), (before, 1));
         // Neither is a file, or an empty folder.
         fs::write(folder.0.join("file"), b"x").expect("a temporary file");
         fs::create_dir(folder.0.join("empty")).expect("a temporary folder");

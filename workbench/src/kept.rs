@@ -16,7 +16,9 @@ use eframe::egui;
 use egui_tiles::Tree;
 use kernels::document::{self, suggestion};
 use kernels::error::Error;
+use kernels::geometry::STRIDES;
 use kernels::picture::write_whole;
+use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene};
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
@@ -69,7 +71,10 @@ struct Look {
     two_tilings: Option<bool>,
     scale: Option<f64>,
     layer: Option<String>,
+    lod_bias: Option<f64>,
+    vertex_stride: Option<u32>,
     counts: Option<bool>,
+    times_variants: Option<bool>,
 }
 
 /// What belongs to one scene.
@@ -103,7 +108,10 @@ impl Look {
             two_tilings: Some(settings.two_tilings),
             scale: Some(settings.scale),
             layer: Some(settings.layer.name().to_owned()),
+            lod_bias: Some(settings.lod_bias),
+            vertex_stride: Some(settings.vertex_stride),
             counts: Some(settings.counts),
+            times_variants: Some(settings.times_variants),
         }
     }
 
@@ -128,24 +136,25 @@ impl Look {
         .into_iter()
         .flatten()
         .collect();
-        match self.scale {
-            Some(scale) if (SCALES[0]..=SCALES[1]).contains(&scale) => settings.scale = scale,
-            Some(scale) => {
-                said.push(format!("the kept scale is left out: it is {scale}, must lie in {}..={}", SCALES[0], SCALES[1]));
-            }
-            None => {}
-        }
+        let within = |[low, high]: [f64; 2]| {
+            move |x: f64| if (low..=high).contains(&x) { Ok(x) } else { Err(format!("it is {x}, must lie in {low}..={high}")) }
+        };
+        let stride = |n: u32| if STRIDES.contains(&n) { Ok(n) } else { Err(format!("it is {n}, must be one of {STRIDES:?}")) };
+        said.extend(take("scale", self.scale, within(SCALES), &mut settings.scale));
+        said.extend(take("LOD bias", self.lod_bias, within(LOD_BIASES), &mut settings.lod_bias));
+        said.extend(take("vertex stride", self.vertex_stride, stride, &mut settings.vertex_stride));
         settings.generic = self.generic.unwrap_or(settings.generic);
         settings.seed = self.seed.unwrap_or(settings.seed);
         settings.reseeds = self.reseeds.unwrap_or(settings.reseeds);
         settings.two_tilings = self.two_tilings.unwrap_or(settings.two_tilings);
         settings.counts = self.counts.unwrap_or(settings.counts);
+        settings.times_variants = self.times_variants.unwrap_or(settings.times_variants);
         said
     }
 }
 
-/// Puts what a kept name stands for into its place, or says why that stays as it is.
-fn take<T>(what: &str, kept: Option<&str>, read: impl FnOnce(&str) -> Result<T, String>, place: &mut T) -> Option<String> {
+/// Puts what was kept, as a name or as it is, into its place, or says why that stays as it is.
+fn take<K, T>(what: &str, kept: Option<K>, read: impl FnOnce(K) -> Result<T, String>, place: &mut T) -> Option<String> {
     match read(kept?) {
         Ok(value) => {
             *place = value;
@@ -213,10 +222,11 @@ impl Kept {
         said
     }
 
-    /// The same, but for the scale of the picture: where nobody chose it, the adapter of the next start does.
+    /// The same, but for the scale of the picture and the vertex stride where they are these: where nobody chose them, the adapter of the next start does.
     #[must_use]
-    pub fn without_scale(mut self) -> Kept {
-        self.look.scale = None;
+    pub fn without_usual(mut self, scale: f64, stride: u32) -> Kept {
+        self.look.scale.take_if(|kept| *kept == scale);
+        self.look.vertex_stride.take_if(|kept| *kept == stride);
         self
     }
 
@@ -235,9 +245,9 @@ impl Kept {
         &self.recent
     }
 
-    /// Whether a scale of the picture is kept, which no adapter should change then.
-    pub fn has_scale(&self) -> bool {
-        self.look.scale.is_some()
+    /// Whether a scale of the picture and a vertex stride are kept, which no adapter should change then.
+    pub fn has_scale_and_stride(&self) -> [bool; 2] {
+        [self.look.scale.is_some(), self.look.vertex_stride.is_some()]
     }
 
     /// Reads what is kept, and a line where somebody should know of it. Without a file: nothing kept, and no line. A file that is not of this
@@ -496,36 +506,12 @@ mod tests {
     use kernels::variant::Flavour;
 
     use super::*;
+    use crate::test_folder::Folder;
 
     const ELSEWHERE: &str = "/elsewhere/scene.toml";
 
-    /// A folder that is removed in the end.
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(test: &str) -> Folder {
-            let folder = std::env::temp_dir().join(format!("scree-kept-{test}-{}", std::process::id()));
-            let _ = fs::remove_dir_all(&folder);
-            fs::create_dir_all(&folder).expect("can be made");
-            Folder(folder)
-        }
-
-        fn file(&self) -> PathBuf {
-            self.0.join("workbench.toml")
-        }
-
-        fn names(&self) -> Vec<String> {
-            let names = fs::read_dir(&self.0).expect("is there").map(|entry| entry.expect("an entry").file_name());
-            let mut names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
-            names.sort();
-            names
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
+    fn file_of(folder: &Folder) -> PathBuf {
+        folder.0.join("workbench.toml")
     }
 
     fn plain() -> Scene {
@@ -560,7 +546,10 @@ mod tests {
             two_tilings: true,
             scale: 0.7,
             layer: Layer::Tiles,
+            lod_bias: -1.5,
+            vertex_stride: 4,
             counts: true,
+            times_variants: true,
             ..settings
         }
     }
@@ -583,7 +572,9 @@ mod tests {
         assert_eq!((again.places()[0].name.as_str(), again.paths()), ("ridge", places().paths()));
         let pose = again.places()[0].pose;
         assert!(pose.position == places().places()[0].pose.position && (pose.yaw - 1.0).abs() < 1e-15);
-        assert!(read.has_scale() && read.tree(egui::Id::unique("again")).as_ref().and_then(Layout::of) == kept().layout);
+        assert!(
+            read.has_scale_and_stride() == [true; 2] && read.tree(egui::Id::unique("again")).as_ref().and_then(Layout::of) == kept().layout
+        );
         // What was read is what is written: nothing creeps from start to start.
         let mut original = plain();
         original.blend.mip_bias = 0.5;
@@ -628,47 +619,47 @@ mod tests {
         texts.push(b"version = 1\n[look]\nnoises = 3\n".to_vec());
         texts.push(b"version = 1\n[look]\nnoise = ".to_vec());
         for (text, number) in texts.iter().zip(1..) {
-            fs::write(folder.file(), text).expect("written");
-            let refusal = kept().save(&folder.file()).expect_err("not ours");
-            assert!(refusal.contains("not written over") && fs::read(folder.file()).expect("still there") == *text, "{refusal}");
-            let (kept, line) = Kept::load(&folder.file());
+            fs::write(file_of(&folder), text).expect("written");
+            let refusal = kept().save(&file_of(&folder)).expect_err("not ours");
+            assert!(refusal.contains("not written over") && fs::read(file_of(&folder)).expect("still there") == *text, "{refusal}");
+            let (kept, line) = Kept::load(&file_of(&folder));
             let line = line.expect("somebody should know");
             let aside = if number == 1 { "workbench.toml.damaged".to_owned() } else { format!("workbench.toml.damaged-{number}") };
             assert!(kept == Kept::default() && line.contains(&aside) && !line.contains('\n'), "{line}");
             assert_eq!(fs::read(folder.0.join(aside)).expect("set aside"), *text);
-            assert!(!folder.file().exists());
+            assert!(!file_of(&folder).exists());
         }
-        fs::write(folder.file(), "version = 1\n[look]\nnoises = 3\n").expect("written");
-        let line = Kept::load(&folder.file()).1.expect("a key of no meaning");
+        fs::write(file_of(&folder), "version = 1\n[look]\nnoises = 3\n").expect("written");
+        let line = Kept::load(&file_of(&folder)).1.expect("a key of no meaning");
         assert!(line.contains("workbench.toml:3") && line.contains("did you mean `noise`"), "{line}");
         // In place of a file something that is none.
-        fs::create_dir(folder.file()).expect("made");
-        let line = Kept::load(&folder.file()).1.expect("a folder");
-        assert!(line.contains("no plain file") && folder.file().is_dir() && kept().save(&folder.file()).is_err(), "{line}");
+        fs::create_dir(file_of(&folder)).expect("made");
+        let line = Kept::load(&file_of(&folder)).1.expect("a folder");
+        assert!(line.contains("no plain file") && file_of(&folder).is_dir() && kept().save(&file_of(&folder)).is_err(), "{line}");
     }
 
     #[test]
     fn a_newer_version_is_left_alone() {
         let folder = Folder::new("newer");
         let text = "version = 2\nlook = \"of another kind\"\n";
-        fs::write(folder.file(), text).expect("written");
-        let (kept, line) = Kept::load(&folder.file());
+        fs::write(file_of(&folder), text).expect("written");
+        let (kept, line) = Kept::load(&file_of(&folder));
         assert!(kept == Kept::default() && line.as_ref().is_some_and(|line| line.contains("version 2")), "{line:?}");
-        assert!(kept.save(&folder.file()).expect_err("not written over").contains("SCREE_STATE"));
-        assert_eq!((fs::read_to_string(folder.file()).expect("still there").as_str(), folder.names().len()), (text, 1));
+        assert!(kept.save(&file_of(&folder)).expect_err("not written over").contains("SCREE_STATE"));
+        assert_eq!((fs::read_to_string(file_of(&folder)).expect("still there").as_str(), folder.names().len()), (text, 1));
     }
 
     #[test]
     fn names_that_are_gone_are_said_and_the_rest_is_taken() {
         let folder = Folder::new("names");
-        let text = "version = 1\n[look]\nvariant = \"vt+lava\"\nestimator = \"stf\"\nnoise = \"pink\"\nlayer = \"Tile\"\nscale = 9.0\nseed = 5\n\
+        let text = "version = 1\n[look]\nvariant = \"vt+lava\"\nestimator = \"stf\"\nnoise = \"pink\"\nlayer = \"Tile\"\nscale = 9.0\nlod_bias = nan\nvertex_stride = 3\nseed = 5\n\
             [scene.default.numbers]\n\"blend.hash_scale\" = 3.0\n\"blend.gone\" = 1.0\n\"sun.azimuth_deg\" = nan\n";
-        fs::write(folder.file(), text).expect("written");
-        let (kept, line) = Kept::load(&folder.file());
+        fs::write(file_of(&folder), text).expect("written");
+        let (kept, line) = Kept::load(&file_of(&folder));
         assert_eq!(line, None);
         let mut settings = Settings::new(plain());
         let said = kept.apply(scene::DEFAULT, &mut settings);
-        let parts = ["vt+lava", "pink", "Tile", "scale", "blend.gone", "sun.azimuth_deg"];
+        let parts = ["vt+lava", "pink", "Tile", "scale", "LOD bias", "vertex stride", "blend.gone", "sun.azimuth_deg"];
         assert_eq!(said.len(), parts.len(), "{said:?}");
         for (line, part) in said.iter().zip(parts) {
             assert!(line.contains(part) && line.contains("left out") && !line.contains('\n'), "{line}");
@@ -692,33 +683,33 @@ mod tests {
     #[test]
     fn a_writing_that_fails_leaves_the_old_file_whole() {
         let folder = Folder::new("whole");
-        kept().save(&folder.file()).expect("written");
-        let before = fs::read(folder.file()).expect("there");
+        kept().save(&file_of(&folder)).expect("written");
+        let before = fs::read(file_of(&folder)).expect("there");
         // What the temporary file would be called is taken.
         fs::create_dir(folder.0.join(format!("workbench.toml.{}.tmp", std::process::id()))).expect("made");
-        let error = Kept::default().save(&folder.file()).expect_err("cannot be written");
+        let error = Kept::default().save(&file_of(&folder)).expect_err("cannot be written");
         assert!(error.contains("workbench.toml") && error.contains("make room"), "{error}");
-        assert_eq!(fs::read(folder.file()).expect("there"), before);
+        assert_eq!(fs::read(file_of(&folder)).expect("there"), before);
     }
 
     #[test]
     fn a_keeper_writes_changes_now_and_then_and_in_the_end() {
         let folder = Folder::new("keeper");
-        let (mut keeper, line) = Keeper::open(folder.file());
+        let (mut keeper, line) = Keeper::open(file_of(&folder));
         assert!(line.is_none() && *keeper.kept() == Kept::default());
         let begun = Instant::now();
         keeper.tend(begun, |_| panic!("not so soon"));
         keeper.tend(begun + 2 * EVERY, |before| Kept { look: Look::of(&changed()), ..before.clone() });
         keeper.finish(Kept::clone).expect("written");
-        assert_eq!(Kept::load(&folder.file()).0.look, Look::of(&changed()));
+        assert_eq!(Kept::load(&file_of(&folder)).0.look, Look::of(&changed()));
         // Nothing new, nothing written.
-        fs::remove_file(folder.file()).expect("was there");
+        fs::remove_file(file_of(&folder)).expect("was there");
         keeper.finish(Kept::clone).expect("nothing to do");
         assert!(folder.names().is_empty());
         // A failure stays until it is mended.
-        fs::create_dir(folder.file()).expect("made");
+        fs::create_dir(file_of(&folder)).expect("made");
         assert!(keeper.finish(|_| kept()).is_err() && keeper.failure().is_some_and(|line| line.contains("no plain file")));
-        fs::remove_dir(folder.file()).expect("was there");
+        fs::remove_dir(file_of(&folder)).expect("was there");
         keeper.finish(Kept::clone).expect("mended");
         assert!(keeper.failure().is_none() && folder.names() == ["workbench.toml"]);
     }

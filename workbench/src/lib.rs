@@ -23,3 +23,5 @@ pub mod settings;
 pub mod sketch;
 
 mod panels;
+#[cfg(test)]
+mod test_folder;

@@ -129,71 +129,61 @@ impl Reload {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_folder::Folder;
 
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(test: &str) -> Folder {
-            let path = std::env::temp_dir().join(format!("scree-reload-{test}-{}", std::process::id()));
-            std::fs::create_dir_all(path.join("b")).expect("a folder");
-            let folder = Folder(path);
-            folder.write("a.wgsl", "1");
-            folder.write("b/c.wgsl", "1");
-            folder
-        }
-
-        fn write(&self, name: &str, text: &str) {
-            std::fs::write(self.0.join(name), text).expect("written");
-        }
-
-        fn watcher(&self) -> Watcher {
-            Watcher::new(self.0.clone(), ["a.wgsl", "b/c.wgsl"].map(str::to_owned))
-        }
+    /// A folder with two files to be watched.
+    fn watched(test: &str) -> Folder {
+        let folder = Folder::new(test);
+        std::fs::create_dir(folder.0.join("b")).expect("a folder");
+        write(&folder, "a.wgsl", "1");
+        write(&folder, "b/c.wgsl", "1");
+        folder
     }
 
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            // What is left lies in the folder of temporary files.
-            let _ = std::fs::remove_dir_all(&self.0);
-        }
+    fn write(folder: &Folder, name: &str, text: &str) {
+        std::fs::write(folder.0.join(name), text).expect("written");
+    }
+
+    fn watcher(folder: &Folder) -> Watcher {
+        Watcher::new(folder.0.clone(), ["a.wgsl", "b/c.wgsl"].map(str::to_owned))
     }
 
     #[test]
     fn changes_are_named_twice_and_then_no_more() {
-        let folder = Folder::new("changes");
-        let mut watcher = folder.watcher();
+        let folder = watched("changes");
+        let mut watcher = watcher(&folder);
         assert_eq!(watcher.look(), ["a.wgsl", "b/c.wgsl"]);
         assert_eq!(watcher.look(), ["a.wgsl", "b/c.wgsl"]);
         assert!(watcher.look().is_empty());
-        folder.write("b/c.wgsl", "22");
+        write(&folder, "b/c.wgsl", "22");
         assert_eq!(watcher.look(), ["b/c.wgsl"]);
         assert_eq!(watcher.look(), ["b/c.wgsl"]);
         assert!(watcher.look().is_empty());
         // Files that nobody asked for are nobody's business.
-        folder.write("d.wgsl", "1");
+        write(&folder, "d.wgsl", "1");
         assert!(watcher.look().is_empty());
     }
 
     #[test]
     fn files_replaced_truncated_and_removed_are_changes() {
-        let folder = Folder::new("replaced");
-        let mut watcher = folder.watcher();
+        let folder = watched("replaced");
+        let mut watcher = watcher(&folder);
         watcher.rest();
         assert!(watcher.look().is_empty());
         // As editors save: into a new file that takes the place of the old.
-        folder.write("a.wgsl~", "333");
+        write(&folder, "a.wgsl~", "333");
         std::fs::rename(folder.0.join("a.wgsl~"), folder.0.join("a.wgsl")).expect("renamed");
         assert_eq!(watcher.look(), ["a.wgsl"]);
         // Or emptied first; the text that follows is a change of its own.
-        folder.write("a.wgsl", "");
+        write(&folder, "a.wgsl", "");
         assert_eq!(watcher.look(), ["a.wgsl"]);
-        folder.write("a.wgsl", "4444");
+        write(&folder, "a.wgsl", "4444");
         assert_eq!(watcher.look(), ["a.wgsl"]);
         std::fs::remove_file(folder.0.join("a.wgsl")).expect("removed");
         assert_eq!(watcher.look(), ["a.wgsl"]);
         assert_eq!(watcher.look(), ["a.wgsl"]);
         assert!(watcher.look().is_empty());
-        folder.write("a.wgsl", "4444");
+        write(&folder, "a.wgsl", "4444");
         assert_eq!(watcher.look(), ["a.wgsl"]);
     }
 
@@ -206,10 +196,10 @@ mod tests {
 
     #[test]
     fn looks_are_a_pause_apart() {
-        let folder = Folder::new("pause");
-        let mut watcher = folder.watcher();
+        let folder = watched("pause");
+        let mut watcher = watcher(&folder);
         assert!(watcher.changed().is_some());
-        folder.write("a.wgsl", "22");
+        write(&folder, "a.wgsl", "22");
         assert_eq!(watcher.changed(), None);
         watcher.looked = Instant::now().checked_sub(INTERVAL);
         assert_eq!(watcher.changed().expect("the pause is over").first().map(String::as_str), Some("a.wgsl"));

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use kernels::variant::Variant;
+use kernels::frame::VariantChoice;
+use kernels::variant::{Flavour, Variant};
 
 use super::RunData;
 use super::checks::{self, GoldenRow};
@@ -11,7 +12,7 @@ use super::summary::{
     BIAS, CLUMPING, FETCHES, FLICKER, FLICKER_P95, FLIP, FLIPS, Frames, KeyOf, Metric, PSNR, REJECTIONS, RMSE, SHADING, SSIM, Summary,
     THEORY, TILE_FETCHES, Table, VARIANCE,
 };
-use crate::definition::Times;
+use crate::definition::{Times, Vary, setting_text, variant_choice};
 use crate::report::Verdict;
 
 /// Where a column's numbers come from.
@@ -100,10 +101,14 @@ pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -
             };
             Cell::Value { value: found.value, shown, hint }
         }
-        Source::Promised => match summary.key.variant.parse::<Variant>() {
-            Ok(_) if !is_fc5(summary) => Cell::Missing("fetches are promised for fc5 only".to_owned()),
-            Ok(variant) => plain(f64::from(variant.promised_fetches())),
-            Err(_) => Cell::Missing("each tile chooses: nothing is promised".to_owned()),
+        Source::Promised => match variant_choice(&summary.key.variant) {
+            Ok(VariantChoice::Forced(_) | VariantChoice::GenericForced(_)) if !is_fc5(summary) => {
+                Cell::Missing("fetches are promised for fc5 only".to_owned())
+            }
+            Ok(VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant)) => {
+                plain(f64::from(variant.flavours().map(|flavour| promise(run, summary, flavour)).sum::<u32>()))
+            }
+            _ => Cell::Missing("each tile chooses: nothing is promised".to_owned()),
         },
         Source::ShadingRatio => {
             let ms = summary.value(SHADING);
@@ -125,6 +130,15 @@ fn unit(unit: &str) -> String {
 /// The first timed row of a view: what times are ratios to.
 pub(super) fn shading_base(table: &Table, view: &str) -> Option<usize> {
     table.of_view(view).into_iter().find(|&i| table.summaries[i].value(SHADING) > 0.0)
+}
+
+/// What a flavour takes by fc5 in this row: splat twice as much where it has two tilings.
+fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
+    let definition = &run.definition;
+    let value = |vary: &Vary| vary.values.iter().find(|value| setting_text(value) == summary.key.setting).cloned();
+    let choices = definition.frame_choices(&definition.vary.as_ref().and_then(value));
+    let twice = flavour == Flavour::Splat && choices.is_ok_and(|choices| choices.two_tilings);
+    flavour.promised_fetches() * if twice { 2 } else { 1 }
 }
 
 /// Whether the stochastic flavours were those whose fetches are promised. Rows without an estimator are, too.
@@ -204,24 +218,25 @@ pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
 }
 
 /// Counted fetches of single flavours against their promises, a row for each view and flavour: of all its choices the one that is furthest off.
-pub(super) fn golden(table: &Table) -> Vec<GoldenRow> {
+pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     let counted = |s: &Summary| s.value(FETCHES);
-    let flavours: Vec<(&Summary, kernels::variant::Flavour)> = table
+    let flavours: Vec<(&Summary, Flavour, u32)> = table
         .summaries
         .iter()
         .filter(|s| s.key.is_flavour() && is_fc5(s) && counted(s).is_finite())
         .filter_map(|s| Some((s, s.key.variant.parse::<Variant>().ok()?.flavours().next()?)))
+        .map(|(s, flavour)| (s, flavour, promise(run, s, flavour)))
         .collect();
     // Colour modulation shows by one sample more in a flavour of a fixed count; then all must take it.
-    let is_one_more = |(s, flavour): &&(&Summary, kernels::variant::Flavour)| {
-        *flavour != kernels::variant::Flavour::VirtualTexture && (counted(s) - f64::from(flavour.promised_fetches()) - 1.0).abs() < 0.01
+    let is_one_more = |(s, flavour, promise): &&(&Summary, Flavour, u32)| {
+        *flavour != Flavour::VirtualTexture && (counted(s) - f64::from(*promise) - 1.0).abs() < 0.01
     };
     let modulated = flavours.iter().any(|f| is_one_more(&f));
     let mut rows: Vec<GoldenRow> = Vec::new();
-    for (summary, flavour) in flavours {
+    for (summary, flavour, promise) in flavours {
         let name = if table.views.len() > 1 { format!("{}, {}", flavour.name(), summary.key.view) } else { flavour.name().to_owned() };
-        let row = GoldenRow::of(name, flavour, counted(summary), modulated);
-        let distance = |r: &GoldenRow| (!r.agrees, (r.counted - f64::from(flavour.promised_fetches())).abs());
+        let row = GoldenRow::of(name, flavour, promise, counted(summary), modulated);
+        let distance = |r: &GoldenRow| (!r.agrees, (r.counted - f64::from(promise)).abs());
         match rows.iter_mut().find(|r| r.flavour == row.flavour) {
             Some(known) if distance(&row) > distance(known) => *known = row,
             Some(_) => {}
@@ -250,7 +265,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
         (good == judged.len(), format!("{good} of {} {words}", judged.len()))
     });
     let doubles = (table.doubles > 0).then(|| (false, format!("{} numbers have more than one row; the first counts", table.doubles)));
-    [expected, references, checks::promises(&golden(table)), checks::bias(biases, seeds), checks::variance(variances, seeds), doubles]
+    [expected, references, checks::promises(&golden(run, table)), checks::bias(biases, seeds), checks::variance(variances, seeds), doubles]
         .into_iter()
         .flatten()
         .collect()

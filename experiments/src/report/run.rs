@@ -30,7 +30,7 @@ pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
         lags(table)?,
         spectra(table)?,
         passes(run, table)?,
-        promises(table),
+        promises(run, table),
         choices(run, table),
         references(table),
         provenance(table),
@@ -610,8 +610,8 @@ fn passes(run: &RunData, table: &Table) -> Result<String> {
     })
 }
 
-fn promises(table: &Table) -> String {
-    let golden = columns::golden(table);
+fn promises(run: &RunData, table: &Table) -> String {
+    let golden = columns::golden(run, table);
     if golden.is_empty() { String::new() } else { html::promises(&golden) }
 }
 

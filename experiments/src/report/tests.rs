@@ -219,6 +219,22 @@ fn the_text_is_cut_to_fronts_and_single_variants() {
 }
 
 #[test]
+fn splat_promises_twice_as_much_where_it_has_two_tilings() {
+    let folder = Folder::new("tilings");
+    let mut run = fake::variants(folder.path(), &["cliff"], &NOISES[..1]);
+    for row in run.rows.iter_mut().filter(|row| row.metric == "fetches_per_px" && row.variant == "splat") {
+        row.value = 96.0;
+    }
+    let splat = |run: &RunData| columns::golden(run, &Table::of(run)).into_iter().find(|row| row.flavour == "splat").expect("it is there");
+    assert!(!splat(&run).agrees);
+    run.definition.settings.insert("frame.two_tilings".to_owned(), toml::Value::Boolean(true));
+    let row = splat(&run);
+    assert!(row.agrees && row.promised == "96", "{row:?}");
+    let others = columns::golden(&run, &Table::of(&run));
+    assert!(others.len() == 5 && others.iter().all(|row| row.agrees), "{others:?}");
+}
+
+#[test]
 fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     let frames = |values: &[f64], whole: Option<f64>| {
         let mut rows = Rows::new();

@@ -1,6 +1,6 @@
-//! Inspection: the world position, derivatives and splat texels that shading derives from a pixel, as numbers.
+//! Inspection: the world position, derivatives, splat texels and their weights that shading derives from a pixel, as numbers.
 //!
-//! Reads depth and normals. Writes one [`Inspected`] a pixel. Dispatched only when such a layer is asked for.
+//! Reads depth, normals, splat map and detail textures. Writes one [`Inspected`] a pixel. Dispatched only when such a layer is asked for.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -1,5 +1,8 @@
 //! What the frame took.
 
+use std::collections::VecDeque;
+use std::time::Duration;
+
 use eframe::egui::{self, Color32, Sense, Ui, vec2};
 use kernels::gpu::PassTime;
 
@@ -51,15 +54,25 @@ fn passes(passes: &[PassTime]) -> Vec<(String, f64)> {
     rows
 }
 
+/// Median and longest of some times, milliseconds.
+fn median_and_longest(times: &VecDeque<Duration>) -> Option<[f64; 2]> {
+    let mut sorted: Vec<f64> = times.iter().map(|t| t.as_secs_f64() * 1e3).collect();
+    sorted.sort_by(f64::total_cmp);
+    Some([*sorted.get(sorted.len() / 2)?, *sorted.last()?])
+}
+
 /// From picture to picture, a bar each.
 fn times(app: &Workbench, ui: &mut Ui) {
-    let mut sorted: Vec<f64> = app.times.iter().map(|t| t.as_secs_f64() * 1e3).collect();
-    if sorted.is_empty() {
-        return;
+    let Some([median, worst]) = median_and_longest(&app.times) else { return };
+    ui.label(format!(
+        "{:.1} pictures a second; median {median:.0} ms, longest {worst:.0} ms of the last {}",
+        1e3 / median,
+        app.times.len()
+    ));
+    if let Some([median, worst]) = median_and_longest(&app.answers) {
+        let hint = "What the window itself took to draw, apart from the pictures: as long as a click waits at most";
+        ui.label(format!("Window: median {median:.0} ms, longest {worst:.0} ms of the last {}", app.answers.len())).on_hover_text(hint);
     }
-    sorted.sort_by(f64::total_cmp);
-    let (median, worst) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
-    ui.label(format!("{:.1} pictures a second; median {median:.0} ms, longest {worst:.0} ms of the last {}", 1e3 / median, sorted.len()));
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 48.0), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Frame times"));
     let painter = ui.painter_at(rect);
@@ -79,6 +92,13 @@ fn times(app: &Workbench, ui: &mut Ui) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_median_and_the_longest_of_times() {
+        let times = |ms: &[u64]| ms.iter().map(|&ms| Duration::from_millis(ms)).collect::<VecDeque<_>>();
+        assert_eq!(median_and_longest(&times(&[])), None);
+        assert_eq!(median_and_longest(&times(&[30, 10, 200, 20, 15])), Some([20.0, 200.0]));
+    }
 
     #[test]
     fn passes_by_variant_stand_below_their_sum() {

@@ -20,6 +20,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         ui.add(Slider::new(&mut app.settings.scale, SCALES[0]..=SCALES[1]).logarithmic(true).clamping(egui::SliderClamping::Always))
             .labelled_by(label.id)
             .on_hover_text("Pixels drawn per pixel of the screen, along a side");
+        reset(ui, "Render scale", &mut app.settings.scale, Some(&app.usual_scale));
     });
     ui.horizontal(|ui| {
         let label = ui.label("Node LOD bias");
@@ -40,6 +41,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         let shown = app.settings.vertex_stride.to_string();
         let all = STRIDES.into_iter().map(|stride| (stride, stride.to_string(), "")).collect();
         choose(ui, "Vertex stride", &mut app.settings.vertex_stride, &shown, all).on_hover_text(about);
+        reset(ui, "Vertex stride", &mut app.settings.vertex_stride, Some(&app.usual_stride));
     });
     for group in &GROUPS {
         egui::CollapsingHeader::new(group.name).default_open(true).show(ui, |ui| {
