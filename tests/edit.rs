@@ -167,7 +167,7 @@ fn a_sketch_becomes_the_scene_when_its_textures_come() {
     let mut renderer = editable(&scene, Some(64));
     assert!(renderer.is_sketch());
     let sketch = draw(&mut renderer);
-    let palette = Palette::build(&scene, renderer.world().layout().sector_m, |_| {}).expect("procedural textures");
+    let palette = Palette::build(&scene, renderer.world().layout().sector_m, |_| Ok(())).expect("procedural textures");
     renderer.take_palette(palette);
     assert!(!renderer.is_sketch());
     let full = draw(&mut renderer);

@@ -584,7 +584,7 @@ fn layers_weigh_what_their_texels_weigh() {
 fn materials_beyond_the_eighth_are_shown_by_the_nearest_layer() {
     let scene = small_scene();
     assert!(scene.materials.len() > layers::LAYERS, "the test needs materials without a layer");
-    let palette = Palette::build(&scene, SECTOR_M, |_| {}).expect("the palette builds");
+    let palette = Palette::build(&scene, SECTOR_M, |_| Ok(())).expect("the palette builds");
     let layer = |m: usize| (palette.entries[m].flags >> LAYER_SHIFT & 7) as usize;
     for m in 0..palette.entries.len() {
         let distance = |l: usize| (0..3).map(|c| (palette.means[l].albedo[c] - palette.means[m].albedo[c]).powi(2)).sum::<f32>();

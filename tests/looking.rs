@@ -356,6 +356,55 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
 }
 
 #[test]
+fn until_another_scene_is_loaded_nothing_is_done_in_the_picture_of_the_old_one() {
+    let folder = Folder::new("looking-old-picture");
+    let other = written(&folder, "other", |_| {});
+    let mut stage = own_stage(|app| app.brush.paints = true);
+    let before = stage.app().pose().expect("a picture");
+    stage.app().open(&other).expect("a scene");
+    assert!(stage.app().shown().is_some() && stage.app().shown_here().is_none(), "the old picture stays up, and is not the new one's");
+    assert!(stage.app().pose().is_none());
+    stage.drag([60.0, 20.0]).expect("a picture");
+    assert!(name(&mut stage) == "other" && stage.app().settings.scene.strokes.is_empty(), "painted by another scene's ground");
+    assert_eq!(stage.app().viewpoint, Viewpoint::Path("forwards".to_owned()), "flown from another scene's camera, {before:?}");
+}
+
+#[test]
+fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
+    let folder = Folder::new("looking-saved");
+    let [own, other] = ["own", "other"].map(|name| written(&folder, name, |_| {}));
+    let copy = folder.path("copy.toml");
+    let mut stage = own_stage(|_| {});
+    open(&mut stage, &own).expect("a scene");
+    take(&mut stage, &format!("click Materials; set Texture tile = 5; type Scene file = {own}; click Overwrite; click Save scene as..."));
+    assert!(stage.close(), "nothing is lost: {:?}", stage.names());
+    take(&mut stage, "click Undo");
+    assert!((stage.app().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1, "undone");
+    let error = open(&mut stage, &other).expect_err("what undo brought back is in no file any more");
+    assert!(error.contains("in no file"), "{error}");
+    take(&mut stage, "click Keep this scene");
+    // Nor is the window closed with it.
+    assert!(!stage.close() && stage.has("Close without saving"));
+    take(&mut stage, "click Keep this scene");
+    // Under another name it is that file's scene from then on.
+    take(&mut stage, &format!("type Scene file = {copy}; click Save scene as..."));
+    assert_eq!(stage.app().given(), Some(copy.as_str()));
+    assert!(stage.app().shown_here().is_some() && stage.close());
+    take(&mut stage, "click Scene");
+    assert!(stage.has(&own), "the file before is a recent one: {:?}", stage.names());
+    take(&mut stage, "key Escape; set Texture tile = 7; click Scene; click Reload scene");
+    assert!(
+        (stage.app().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1
+            && (stage.app().settings.scene.materials[0].tile_m - 7.0).abs() > 0.1
+    );
+    // Whoever says so closes it.
+    take(&mut stage, "set Texture tile = 6");
+    assert!(!stage.close());
+    take(&mut stage, "click Close without saving");
+    assert!(stage.close() && !stage.has("Close without saving"));
+}
+
+#[test]
 fn what_is_kept_of_each_scene_comes_back_with_it() {
     let folder = Folder::new("looking-kept");
     let [a, b] = ["a", "b"].map(|name| written(&folder, name, |_| {}));

@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use kernels::error::Error;
 use kernels::materials::arrays::{self, CompressedChain};
 use kernels::materials::{FLAG_TINTED, MAX_LAYERS, MaterialMaps, MaterialMeans, Palette, PaletteEntry, folder, procedural};
 use kernels::scene::Scene;
@@ -26,7 +27,7 @@ fn procedural_material(name: &str, kind: &str, more: &str) -> String {
 }
 
 fn build(scene: &Scene) -> Result<Palette, String> {
-    Palette::build(scene, SECTOR_M, |_| {}).map_err(|error| {
+    Palette::build(scene, SECTOR_M, |_| Ok(())).map_err(|error| {
         let text = error.to_string();
         assert!(!text.contains('\n'), "an error is one line: {text}");
         text
@@ -55,6 +56,20 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
         bb += (y - mb).powi(2);
     }
     ab / (aa * bb).sqrt()
+}
+
+#[test]
+fn nobody_waits_for_textures_that_are_given_up() {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    let materials: Vec<String> = procedural::NAMES.iter().map(|kind| procedural_material(kind, kind, "")).collect();
+    let scene = scene(64, &materials);
+    let begun = AtomicUsize::new(0);
+    let give_up = |_: &str| {
+        begun.fetch_add(1, Ordering::Relaxed);
+        Err(Error::Request("enough".to_owned()))
+    };
+    let error = Palette::build(&scene, SECTOR_M, give_up).err().map(|error| error.to_string());
+    assert!(error.is_some_and(|text| text == "enough") && begun.load(Ordering::Relaxed) < materials.len());
 }
 
 // ------------------------------------------------------------------------------------------------------------------ procedural maps

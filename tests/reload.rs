@@ -14,6 +14,7 @@ use workbench::engine::Viewpoint;
 use workbench::script::Stage;
 
 use crate::frame::{request, small_scene, terrain};
+use crate::workbench::take;
 
 const LIGHTING: &str = "lighting/lighting.wgsl";
 const LIT: &str = "return vec4<f32>(sun + sky_diffuse + sky_specular, 1.0);";
@@ -265,6 +266,11 @@ fn the_workbench_starts_with_a_broken_shader_and_follows_the_folder() {
     stage.until("the edited shader", |app| texels(app) != first).expect("a picture");
     assert_eq!(stage.app().shader_error(), None);
     let dim = texels(stage.app()).to_vec();
+    // No run would draw that.
+    let place = folder.0.display();
+    take(&mut stage, &format!("click Experiments; type Folder = {place}; type Experiment name = dim; click Save as experiment"));
+    assert!(stage.names().iter().any(|name| name.contains("the program's own shaders")), "{:?}", stage.names());
+    assert!(!folder.0.join("dim").exists());
     let line = folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
     stage.until("the complaint", |app| app.shader_error().is_some()).expect("told");
     let error = stage.app().shader_error().expect("just seen").to_owned();

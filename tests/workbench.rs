@@ -204,12 +204,36 @@ fn a_lost_device_is_made_anew_and_nothing_is_lost_with_it() {
     stage.settle().expect("a picture");
     take(&mut stage, "set Sun above = 20");
     let before = stage.app().shown().expect("a picture").clone();
-    stage.app().engine().lose_device();
+    stage.app().engine().lose_devices(1);
     stage.app().clock.frame += 1;
     stage.settle().expect("a picture by another device");
     let after = stage.app().shown().expect("a picture").clone();
     assert!(!std::sync::Arc::ptr_eq(&before, &after) && after.wish.frame == before.wish.frame + 1);
     assert!(after.wish.settings == before.wish.settings && after.texels == before.texels, "the same picture with the same numbers");
+}
+
+#[test]
+fn a_device_that_is_lost_again_and_again_is_given_up_until_another_picture_is_wanted() {
+    let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
+        app.clock.paused = true;
+        app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.settings.scale = 0.2;
+        app.viewpoint = Viewpoint::Camera("ground".to_owned());
+    });
+    stage.settle().expect("a picture");
+    let first = stage.app().shown().expect("a picture").clone();
+    // First looks in between succeed, each with the next device.
+    stage.app().engine().lose_devices(4);
+    stage.app().clock.frame += 1;
+    let error = stage.settle().expect_err("no device draws it").to_string();
+    assert!(error.contains("lost several times") && error.contains("smaller picture") && !error.contains('\n'), "{error}");
+    assert!(stage.app().notes().is_empty(), "{:?}", stage.app().notes());
+    // What is wanted next is drawn. That nothing was may be said until then.
+    stage.app().clock.frame -= 1;
+    let began = Instant::now();
+    while stage.settle().is_err() && began.elapsed() < Duration::from_secs(60) {}
+    stage.settle().expect("a picture by another device");
+    assert!(stage.app().shown().expect("a picture").texels == first.texels);
 }
 
 #[test]

@@ -163,6 +163,8 @@ pub struct Workbench {
     pub clock: Clock,
     /// Size of the picture that the viewport has room for, pixels.
     pub(crate) room: [u32; 2],
+    /// Longest side of a picture that the window can show, pixels.
+    most_side: u32,
     pub(crate) textures: [Option<TextureHandle>; 3],
     /// How the pictures are looked at.
     pub(crate) looking: Looking,
@@ -177,6 +179,8 @@ pub struct Workbench {
     last_shown: Option<Instant>,
     /// Whether somebody chose the scale, and the vertex stride, at an earlier start.
     chosen: [bool; 2],
+    /// Whether the window is closed even if edits are lost.
+    leaves: bool,
     /// Whether what suits the adapter was chosen.
     adapted: bool,
     /// The scale that nobody chose.
@@ -230,6 +234,7 @@ impl Workbench {
             brush: Brush::default(),
             clock: Clock::default(),
             room: [0; 2],
+            most_side: u32::MAX,
             textures: [None, None, None],
             looking: Looking::default(),
             asked: None,
@@ -239,6 +244,7 @@ impl Workbench {
             answers: VecDeque::new(),
             last_shown: None,
             chosen: [false; 2],
+            leaves: false,
             adapted: false,
             usual_scale: 1.0,
             usual_stride: 1,
@@ -292,8 +298,9 @@ impl Workbench {
 
     /// What there is to keep.
     fn present(&self, before: &Kept, scene_name: &str) -> Kept {
-        Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree)
-            .without_usual(self.usual_scale, self.usual_stride)
+        let kept = Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree);
+        // What is usual is not known before the adapter is.
+        if self.adapted { kept.without_usual(self.usual_scale, self.usual_stride) } else { kept.with_scale_and_stride_of(before) }
     }
 
     /// Keeps what has changed, now and then.
@@ -333,6 +340,11 @@ impl Workbench {
         self.news.shown.as_ref()
     }
 
+    /// The last picture, if it is of the scene that is open: until another one is loaded, the old one's picture stays.
+    pub fn shown_here(&self) -> Option<&Arc<Shown>> {
+        self.shown().filter(|shown| shown.wish.opened == self.opened)
+    }
+
     /// Whether the picture is the one that the controls ask for.
     pub fn is_settled(&self) -> bool {
         let Some(shown) = self.shown().filter(|shown| !shown.draft) else { return false };
@@ -364,11 +376,12 @@ impl Workbench {
 
     /// Size of the picture to draw, pixels.
     fn size(&self) -> [u32; 2] {
-        self.room.map(|side| if side == 0 { 0 } else { ((f64::from(side) * self.settings.scale).round() as u32).max(1) })
+        scaled(self.room, self.settings.scale, self.most_side)
     }
 
     /// Takes the engine's news over.
     fn listen(&mut self, ctx: &egui::Context) {
+        self.most_side = ctx.input(|i| u32::try_from(i.max_texture_side).unwrap_or(u32::MAX));
         let before = self.news.shown.take();
         self.news = self.engine.news();
         self.settle_opening();
@@ -413,7 +426,7 @@ impl Workbench {
     /// Goes on to the next frame if this one was shown, so that none is left out.
     fn tick(&mut self) {
         let frame = self.clock.frame;
-        if !self.clock.paused && self.shown().is_some_and(|shown| shown.wish.frame == frame) {
+        if !self.clock.paused && self.shown_here().is_some_and(|shown| shown.wish.frame == frame) {
             self.clock.frame = frame.wrapping_add(1);
         }
     }
@@ -452,15 +465,15 @@ impl Workbench {
     }
 
     /// The pose of the last picture, to go on from.
-    pub(crate) fn pose(&self) -> Option<Pose> {
+    pub fn pose(&self) -> Option<Pose> {
         match &self.viewpoint {
             // A walker's height is known by the thread that draws; the place may be ahead of the picture.
             Viewpoint::Free { pose, walking: true } => {
-                let z = self.shown().map_or(pose.position.z, |shown| shown.pose.position.z);
+                let z = self.shown_here().map_or(pose.position.z, |shown| shown.pose.position.z);
                 Some(Pose { position: pose.position.with_z(z), ..*pose })
             }
             Viewpoint::Free { pose, walking: false } => Some(*pose),
-            Viewpoint::Camera(_) | Viewpoint::Path(_) | Viewpoint::Recorded(_) => self.shown().map(|shown| shown.pose),
+            Viewpoint::Camera(_) | Viewpoint::Path(_) | Viewpoint::Recorded(_) => self.shown_here().map(|shown| shown.pose),
         }
     }
 
@@ -485,7 +498,7 @@ impl Workbench {
         if self.flight.orbit != Orbit::Sought {
             return;
         }
-        let Some(shown) = self.shown().cloned().filter(|shown| shown.wish.probe == self.probe) else { return };
+        let Some(shown) = self.shown_here().cloned().filter(|shown| shown.wish.probe == self.probe) else { return };
         let middle = || Some(Ground::of(&shown)?.at([0.5; 2]).unwrap_or_else(|| flight::ahead(&shown.pose, shown.ground_m)));
         let probed = shown.pixel.as_ref().map(|pixel| DVec3::from_array(pixel.position));
         if let (Some(target), Some(pose)) = (probed.or_else(middle), self.pose()) {
@@ -533,12 +546,14 @@ impl Workbench {
     pub(crate) fn undo(&mut self) {
         if let Some(before) = self.undoer.undo(&self.undoable()) {
             (self.settings, self.compare) = before.clone();
+            self.keep_viewpoint();
         }
     }
 
     pub(crate) fn redo(&mut self) {
         if let Some(after) = self.undoer.redo(&self.undoable()) {
             (self.settings, self.compare) = after.clone();
+            self.keep_viewpoint();
         }
     }
 
@@ -605,7 +620,8 @@ impl Workbench {
     fn dropped(&mut self, ctx: &egui::Context) {
         let paths: Vec<PathBuf> = ctx.input(|i| i.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
         for path in paths {
-            if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
+            let is_scene = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+            if is_scene || path.join(scene::FILE).is_file() {
                 panels::scenes::open_file(self, &path);
             } else {
                 panels::materials::dropped(self, &path);
@@ -734,6 +750,13 @@ impl Behavior<Pane> for Panes<'_> {
     }
 }
 
+/// A size in the shape of `room`, `scale` times as large, but with no side longer than `most`; a side of 0 stays that.
+fn scaled(room: [u32; 2], scale: f64, most: u32) -> [u32; 2] {
+    let longest = f64::from(room[0].max(room[1]).max(1));
+    let scale = scale.min(f64::from(most) / longest);
+    room.map(|side| if side == 0 { 0 } else { ((f64::from(side) * scale).round() as u32).max(1) })
+}
+
 /// Adds a time to the last [`TIMES`].
 fn remember(times: &mut VecDeque<Duration>, time: Duration) {
     times.push_back(time);
@@ -752,8 +775,9 @@ impl eframe::App for Workbench {
         panels::materials::listen(self);
         panels::scenes::listen(self);
         self.dropped(&ctx);
+        self.watch_closing(&ctx);
         self.seek();
-        if let Some(shown) = self.shown().cloned() {
+        if let Some(shown) = self.shown_here().cloned() {
             self.places.watch(&shown);
         }
         self.keys(&ctx);
@@ -794,5 +818,18 @@ impl eframe::App for Workbench {
             // The window is gone.
             eprintln!("error: {error}");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::scaled;
+
+    #[test]
+    fn no_picture_is_larger_than_the_window_can_show() {
+        assert_eq!(scaled([640, 360], 0.5, 8192), [320, 180]);
+        assert_eq!(scaled([5120, 1440], 2.0, 8192), [8192, 2304]);
+        assert_eq!(scaled([3, 5000], 2.0, 8192), [5, 8192]);
+        assert_eq!((scaled([0, 100], 1.0, 8192), scaled([1, 100], 0.1, 8192)), ([0, 100], [1, 10]));
     }
 }

@@ -89,12 +89,13 @@ pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
 }
 
 /// The material of the scene's file that a material is, or was before it was renamed: the one of its name, or else the one in its place if that has
-/// lost its name. `None` = it was added.
+/// lost its name, unless some were removed, so that places are others'. `None` = it was added.
 pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'a Material> {
     let material = scene.materials.get(index)?;
     let namesake = original.materials.iter().find(|other| other.name == material.name);
     let has = |name: &str| scene.materials.iter().any(|material| material.name == name);
-    namesake.or_else(|| original.materials.get(index).filter(|other| !has(&other.name)))
+    let in_place = || original.materials.get(index).filter(|_| scene.materials.len() >= original.materials.len());
+    namesake.or_else(|| in_place().filter(|other| !has(&other.name)))
 }
 
 /// Makes a material what it is in the scene's file, its name included; one that was added stays.

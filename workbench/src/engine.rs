@@ -180,6 +180,8 @@ pub struct News {
     pub unloaded: Option<u32>,
     /// Why the shaders of the folder are not those that draw; one line with file, line and message. The last that compiled draw.
     pub shader_error: Option<String>,
+    /// Whether other shaders draw than the program's own.
+    pub shaders_edited: bool,
 }
 
 #[derive(Default)]
@@ -189,8 +191,8 @@ struct Mail {
     warming: bool,
     /// Whether what was drawn is to be forgotten: nobody looks at it any more.
     rest: bool,
-    /// Whether the device is to be lost.
-    lose: bool,
+    /// Devices that are to be lost, each as it draws a picture.
+    lose: u32,
     stop: bool,
     /// Whether the thread has ended, for whatever reason.
     ended: bool,
@@ -234,6 +236,14 @@ impl Boxes {
     /// Shaders that are ready, of all; none of none where nobody makes them ready.
     fn warmth(&self, warmed: &Warmed) -> [usize; 2] {
         if self.is_warming() { warmed.count() } else { [0; 2] }
+    }
+
+    /// Whether the device is to be lost now, for a test.
+    fn is_to_lose(&self) -> bool {
+        let mut mail = lock(&self.mail);
+        let lose = mail.lose > 0;
+        mail.lose = mail.lose.saturating_sub(1);
+        lose
     }
 
     fn is_warming(&self) -> bool {
@@ -309,9 +319,9 @@ impl Engine {
         self.boxes.arrived.notify_one();
     }
 
-    /// Loses the device before the next picture, as a driver may at any time: for tests of what follows.
-    pub fn lose_device(&self) {
-        lock(&self.boxes.mail).lose = true;
+    /// Loses so many devices, each before a picture that is no first look, as a driver may at any time: for tests of what follows.
+    pub fn lose_devices(&self, count: u32) {
+        lock(&self.boxes.mail).lose = count;
     }
 
     /// Makes shaders ready that a click may ask for, whenever there is no picture to draw.
@@ -369,10 +379,27 @@ fn draw_on_devices(boxes: &Arc<Boxes>, mut reload: Option<Reload>) {
         }
         losses += 1;
         if losses > DEVICES {
-            return boxes.tell(|news| {
-                news.failure =
-                    Some("the graphics device was lost several times in a row: save what you want to keep, and restart".to_owned());
+            let why = "the graphics device was lost several times in a row: draw a smaller picture, or another scene";
+            boxes.tell(|news| {
+                (news.progress, news.failure) = (None, Some(why.to_owned()));
+                news.unloaded = pending.take().map(|wish| wish.opened);
             });
+            // What is wished for next may be less than the device failed at.
+            let Some(wish) = awaited(boxes) else { return };
+            boxes.tell(|news| news.failure = None);
+            (pending, losses) = (Some(wish), 0);
+        }
+    }
+}
+
+/// The next wish, however long it takes; `None` = there will be none.
+fn awaited(boxes: &Boxes) -> Option<Box<Wish>> {
+    loop {
+        match boxes.next(false, None) {
+            Next::Wish(wish) => return Some(wish),
+            Next::Idle => {}
+            Next::Rest => boxes.rested(),
+            Next::Stop => return None,
         }
     }
 }
@@ -383,14 +410,9 @@ fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, lo
     loop {
         let wish = match pending.take() {
             Some(wish) => wish,
-            None => match boxes.next(false, None) {
-                Next::Wish(wish) => wish,
-                Next::Idle => continue,
-                Next::Rest => {
-                    boxes.rested();
-                    continue;
-                }
-                Next::Stop => return End::Stop,
+            None => match awaited(boxes) {
+                Some(wish) => wish,
+                None => return End::Stop,
             },
         };
         // Why the scene before could not be drawn is not said of this one.
@@ -425,10 +447,6 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
     let own = boxes.clone();
     let tell: sketch::Tell = Arc::new(move |progress| own.tell(|news| news.progress = Some(progress)));
     let mut sketch = Sketch::of(&renderer);
-    let loaded = || boxes.tell(|news| (news.loaded, news.unloaded) = (Some(opened), None));
-    if sketch.is_none() {
-        loaded();
-    }
     loop {
         // A folder is looked at, and textures are waited for, also while nothing is wished for.
         let patience = if sketch.is_some() { Some(sketch::INTERVAL) } else { reload.is_some().then_some(INTERVAL) };
@@ -436,7 +454,6 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
             None => {}
             Some(Ok(())) => {
                 sketch = None;
-                loaded();
                 next = again(next, last.take());
             }
             Some(Err(why)) => {
@@ -450,7 +467,10 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
             }
         }
         if let Some(outcome) = reload.as_mut().and_then(|reload| reload.step(&mut renderer)) {
-            boxes.tell(|news| news.shader_error = outcome.as_ref().err().cloned());
+            boxes.tell(|news| {
+                news.shader_error = outcome.as_ref().err().cloned();
+                news.shaders_edited = !renderer.gpu().sources().is_empty();
+            });
             if outcome.is_ok_and(|report| !report.stages.is_empty()) {
                 // What was measured, and what is ready, was so with other shaders.
                 (live, warmed) = (Live::default(), Warmed::default());
@@ -483,24 +503,31 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
         if wish.opened != opened {
             return End::Scene(wish);
         }
+        // Its own textures are in the making, most of which others leave as they are.
+        if sketch.is_some() && renderer.needs_textures(&wish.settings.scene) {
+            last = Some(wish);
+            next = boxes.next(false, patience);
+            continue;
+        }
         match renderer.retune(&wish.settings.scene) {
             Ok(true) => {}
             Ok(false) => return End::Scene(wish),
             Err(error) => {
                 boxes.tell(|news| news.failure = Some(error.to_string()));
+                last = Some(wish);
                 next = boxes.next(warmed.is_open(), patience);
                 continue;
             }
         }
         last = Some(wish.clone());
-        if std::mem::take(&mut lock(&boxes.mail).lose) {
+        let is_draft = sketch.is_some();
+        if !is_draft && boxes.is_to_lose() {
             renderer.gpu().device.destroy();
         }
-        let is_draft = sketch.is_some() && renderer.is_sketch();
         match if is_draft { draw_draft(&mut renderer, &wish) } else { draw(&mut renderer, &mut live, &wish) } {
             Ok((request, shown)) => {
-                *losses = 0;
                 if !is_draft {
+                    *losses = 0;
                     warmed.drew(&request, &shown.picture);
                 }
                 if let Some(sketch) = &mut sketch {
@@ -510,6 +537,9 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                     news.shown = Some(Arc::new(shown));
                     news.warm = boxes.warmth(&warmed);
                     (news.progress, news.failure) = (None, None);
+                    if !is_draft {
+                        (news.loaded, news.unloaded) = (Some(opened), None);
+                    }
                 });
             }
             Err(kernels::error::Error::Gpu(_)) => return End::Device(wish),
@@ -518,8 +548,11 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                     sketch.begin(&tell);
                 }
                 boxes.tell(|news| {
-                    news.progress = None;
-                    news.failure = Some(error.to_string());
+                    (news.progress, news.failure) = (None, Some(error.to_string()));
+                    if !is_draft {
+                        // The scene is there; what was asked of it is refused.
+                        (news.loaded, news.unloaded) = (Some(opened), None);
+                    }
                 });
             }
         }

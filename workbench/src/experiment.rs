@@ -20,8 +20,6 @@ use crate::settings::Settings;
 
 /// Name of the camera that stands for a place that no camera of the scene has.
 const CAMERA: &str = "workbench";
-/// Name of the scene's file beside a definition.
-const SCENE: &str = "scene.toml";
 /// Lines of a report that are shown: the answer, what was checked, and most of the table.
 const EXCERPT: usize = 40;
 /// How often a process is asked whether it has ended.
@@ -46,8 +44,8 @@ pub struct Extent {
 /// Files that the scene names are named by absolute paths. A run has frames from 0 on; what is on screen is its frame of the same number.
 ///
 /// # Errors
-/// One line with the remedy: the name is none for a file, the folder exists or cannot be written, a definition cannot say what is on screen (a seed
-/// other than 0 or one a frame, two tilings, the generic kernel with flavours forced), or `experiments` would refuse it.
+/// One line with the remedy: the name is none for a file, the folder exists or cannot be written, a definition cannot say what is on screen (a path
+/// that was recorded), or `experiments` would refuse it.
 pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoint, extent: Extent) -> Result<PathBuf> {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     ensure!(!name.is_empty() && name.chars().all(plain), "`{name}` names no experiment: use letters a to z, digits, - and _");
@@ -62,8 +60,8 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     } else {
         let mut copy = with_absolute_paths(&settings.scene)?;
         copy.cameras.extend(camera);
-        staging.write(SCENE, &toml::to_string(&copy).context("the scene cannot be written as TOML")?)?;
-        SCENE
+        staging.write(scene::FILE, &toml::to_string(&copy).context("the scene cannot be written as TOML")?)?;
+        scene::FILE
     };
     let choice = variant_name(settings.choice());
     let definition = Definition {
@@ -231,7 +229,8 @@ fn definition_at(path: PathBuf) -> Option<PathBuf> {
         let own = path.join(format!("{}.toml", path.file_name()?.to_str()?));
         return own.is_file().then_some(own);
     }
-    let is_definition = path.extension().is_some_and(|extension| extension == "toml") && path.file_name().is_some_and(|name| name != SCENE);
+    let is_definition =
+        path.extension().is_some_and(|extension| extension == "toml") && path.file_name().is_some_and(|name| name != scene::FILE);
     is_definition.then_some(path)
 }
 
@@ -399,8 +398,11 @@ impl Shared {
                 Err(error) => break Err(error),
             }
         };
+        // The window looks at what is said, and does not wait for a disk.
+        let page = lock(&self.said).page.clone();
+        let report = page.map(|page| Report { excerpt: excerpt(&page), page });
         let mut said = lock(&self.said);
-        let outcome = said.conclude(status);
+        let outcome = said.conclude(status, report);
         said.outcome = Some(outcome);
         drop(said);
         wake();
@@ -446,10 +448,10 @@ impl Said {
         line.clone_into(&mut self.last);
     }
 
-    fn conclude(&self, status: io::Result<ExitStatus>) -> Result<Report, String> {
+    fn conclude(&self, status: io::Result<ExitStatus>, report: Option<Report>) -> Result<Report, String> {
         let status = status.map_err(|error| format!("nobody knows how the run ended: {error}"))?;
-        match &self.page {
-            Some(page) if status.success() => Ok(Report { page: page.clone(), excerpt: excerpt(page) }),
+        match report {
+            Some(report) if status.success() => Ok(report),
             _ if self.cancelled > 0 => Err("stopped; what was finished is kept, and running it again goes on from there".to_owned()),
             _ => Err(self.error.clone().unwrap_or_else(|| format!("the run ended without a report ({status}): {}", self.last))),
         }
@@ -514,7 +516,7 @@ mod tests {
         settings.scene.materials[0].tile_m *= 2.0;
         let file = save(&folder.0.join("other"), "other", &settings, &camera("cliff"), EXTENT).expect("it is saved");
         let definition = definition::load(&file).expect("it is read");
-        assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(SCENE), 0));
+        assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(scene::FILE), 0));
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
         // So is what was edited and painted.
         let stroke = Stroke {

@@ -33,7 +33,7 @@ use crate::places::{Place, Places, Recorded};
 use crate::settings::{SCALES, Settings};
 
 /// Version of the file. Raised when a key is added or changes its meaning: an older program then leaves the file alone.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Scenes that are remembered.
 pub const MOST_RECENT: usize = 10;
 /// How often changes are looked for.
@@ -191,20 +191,12 @@ impl Kept {
         Kept { version: VERSION, recent, look: Look::of(settings), layout: Layout::of(tree), scenes }
     }
 
-    /// Makes the choices again, and changes the numbers of this scene that were changed; returns a line for everything that is not possible any more,
-    /// which stays as it is.
-    pub fn apply(&self, scene_name: &str, settings: &mut Settings) -> Vec<String> {
-        let mut said = self.apply_look(settings);
-        said.extend(self.apply_numbers(scene_name, &mut settings.scene));
-        said
-    }
-
-    /// Makes the choices again, and changes no number; returns lines as [`Kept::apply`] does.
+    /// Makes the choices again, and changes no number; returns a line for everything that is not possible any more, which stays as it is.
     pub fn apply_look(&self, settings: &mut Settings) -> Vec<String> {
         self.look.apply(settings)
     }
 
-    /// Changes the numbers of this scene that were changed, and no choice; returns lines as [`Kept::apply`] does.
+    /// Changes the numbers of this scene that were changed, and no choice; returns lines as [`Kept::apply_look`] does.
     pub fn apply_numbers(&self, scene_name: &str, scene: &mut Scene) -> Vec<String> {
         let mut said = Vec::new();
         let mut changed = scene.clone();
@@ -220,6 +212,13 @@ impl Kept {
             Err(error) => said.push(format!("the kept numbers are left out, since they do not fit the scene: {error}")),
         }
         said
+    }
+
+    /// The same, with the scale of the picture and the vertex stride that were kept before.
+    #[must_use]
+    pub fn with_scale_and_stride_of(mut self, before: &Kept) -> Kept {
+        (self.look.scale, self.look.vertex_stride) = (before.look.scale, before.look.vertex_stride);
+        self
     }
 
     /// The same, but for the scale of the picture and the vertex stride where they are these: where nobody chose them, the adapter of the next start does.
@@ -518,6 +517,12 @@ mod tests {
         scene::load(scene::DEFAULT).expect("built in")
     }
 
+    fn apply(kept: &Kept, scene_name: &str, settings: &mut Settings) -> Vec<String> {
+        let mut said = kept.apply_look(settings);
+        said.extend(kept.apply_numbers(scene_name, &mut settings.scene));
+        said
+    }
+
     fn tree() -> Tree<Pane> {
         let panes = Pane::ALL.iter().map(|pane| Layout::Pane { name: pane.name().to_owned() }).collect();
         Layout::Tabs { open: 2, children: panes }.tree(egui::Id::unique("kept in a test")).expect("panes")
@@ -566,7 +571,7 @@ mod tests {
         let (read, line) = Kept::load(&file);
         assert_eq!((&read.look, &read.layout, &read.recent, line), (&kept().look, &kept().layout, &kept().recent, None));
         let mut settings = Settings::new(plain());
-        assert_eq!(read.apply(scene::DEFAULT, &mut settings), Vec::<String>::new());
+        assert_eq!(apply(&read, scene::DEFAULT, &mut settings), Vec::<String>::new());
         assert_eq!(settings, changed());
         let again = read.places(scene::DEFAULT);
         assert_eq!((again.places()[0].name.as_str(), again.paths()), ("ridge", places().paths()));
@@ -579,7 +584,7 @@ mod tests {
         let mut original = plain();
         original.blend.mip_bias = 0.5;
         let mut settings = Settings::new(original.clone());
-        read.apply(scene::DEFAULT, &mut settings);
+        apply(&read, scene::DEFAULT, &mut settings);
         assert!((settings.scene.blend.mip_bias - 0.5).abs() < 1e-12, "an edit of the scene's file");
         assert_eq!(Kept::of(&read, scene::DEFAULT, &settings, &original, &again, &tree()), read);
         let none = folder.0.join("nothing.toml");
@@ -593,12 +598,12 @@ mod tests {
         assert_eq!(elsewhere.recent(), [ELSEWHERE, scene::DEFAULT]);
         assert!(elsewhere.places(ELSEWHERE).is_empty() && elsewhere.places(scene::DEFAULT) == places());
         let mut settings = usual.clone();
-        elsewhere.apply(ELSEWHERE, &mut settings);
+        apply(&elsewhere, ELSEWHERE, &mut settings);
         assert_eq!(settings, usual);
         // Another scene has its own numbers, and is looked at as the one before.
         assert_eq!(elsewhere.apply_numbers(scene::DEFAULT, &mut settings.scene), Vec::<String>::new());
         assert_eq!(settings, Settings { scene: changed().scene, ..usual });
-        elsewhere.apply(scene::DEFAULT, &mut settings);
+        apply(&elsewhere, scene::DEFAULT, &mut settings);
         assert_eq!(settings.scene, changed().scene);
     }
 
@@ -641,10 +646,10 @@ mod tests {
     #[test]
     fn a_newer_version_is_left_alone() {
         let folder = Folder::new("newer");
-        let text = "version = 2\nlook = \"of another kind\"\n";
+        let text = "version = 3\nlook = \"of another kind\"\n";
         fs::write(file_of(&folder), text).expect("written");
         let (kept, line) = Kept::load(&file_of(&folder));
-        assert!(kept == Kept::default() && line.as_ref().is_some_and(|line| line.contains("version 2")), "{line:?}");
+        assert!(kept == Kept::default() && line.as_ref().is_some_and(|line| line.contains("version 3")), "{line:?}");
         assert!(kept.save(&file_of(&folder)).expect_err("not written over").contains("SCREE_STATE"));
         assert_eq!((fs::read_to_string(file_of(&folder)).expect("still there").as_str(), folder.names().len()), (text, 1));
     }
@@ -658,7 +663,7 @@ mod tests {
         let (kept, line) = Kept::load(&file_of(&folder));
         assert_eq!(line, None);
         let mut settings = Settings::new(plain());
-        let said = kept.apply(scene::DEFAULT, &mut settings);
+        let said = apply(&kept, scene::DEFAULT, &mut settings);
         let parts = ["vt+lava", "pink", "Tile", "scale", "LOD bias", "vertex stride", "blend.gone", "sun.azimuth_deg"];
         assert_eq!(said.len(), parts.len(), "{said:?}");
         for (line, part) in said.iter().zip(parts) {
@@ -671,7 +676,7 @@ mod tests {
         let mut impossible = Kept { look: Look::default(), ..kept.clone() };
         impossible.scenes.entry(scene::DEFAULT.to_owned()).or_default().numbers =
             BTreeMap::from([("flavours.cliff_near_m".to_owned(), 9000.0)]);
-        let said = impossible.apply(scene::DEFAULT, &mut settings);
+        let said = apply(&impossible, scene::DEFAULT, &mut settings);
         assert!(said.len() == 1 && said[0].contains("cliff_near_m") && settings.scene == expected.scene, "{said:?}");
         // They are not kept in the first place: what was kept before stays.
         let mut numbers = changed();

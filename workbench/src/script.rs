@@ -81,6 +81,9 @@ pub fn steps(text: &str) -> Result<Vec<Step>> {
     text.split([';', '\n']).map(str::trim).filter(|step| !step.is_empty()).map(str::parse).collect()
 }
 
+/// Longest side of a picture in it: what eframe's windows have, too.
+const MOST_SIDE: usize = 8192;
+
 /// The application without a window.
 pub struct Stage {
     harness: Harness<'static, Workbench>,
@@ -127,12 +130,23 @@ impl Stage {
                 });
                 app(&cc.egui_ctx)
             });
-        Stage { harness }
+        let mut stage = Stage { harness };
+        stage.harness.input_mut().max_texture_side = Some(MOST_SIDE);
+        stage
     }
 
     /// The application.
     pub fn app(&mut self) -> &mut Workbench {
         self.harness.state_mut()
+    }
+
+    /// Has the window asked to close, as its frame's button does; says whether it does.
+    pub fn close(&mut self) -> bool {
+        let root = self.harness.input_mut().viewports.entry(egui::ViewportId::ROOT).or_default();
+        root.events.push(egui::ViewportEvent::Close);
+        self.harness.step();
+        let output = &self.harness.output().viewport_output;
+        !output.values().any(|output| output.commands.contains(&egui::ViewportCommand::CancelClose))
     }
 
     /// Draws the window until something holds.

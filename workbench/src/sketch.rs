@@ -1,9 +1,11 @@
 //! The first look at a scene: drawn from small textures on coarse terrain by the cheapest shader, while the scene's own textures are being made.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Duration;
 
+use kernels::error::{Error, Result};
 use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
 use kernels::materials::Palette;
 use kernels::picture::AovSet;
@@ -26,30 +28,38 @@ pub struct Sketch {
     scene: Scene,
     sector_m: f64,
     /// Where they come from, once they are being made.
-    finished: Option<Receiver<kernels::error::Result<Palette>>>,
+    finished: Option<Receiver<Result<Palette>>>,
+    /// Whether nobody waits for them any more.
+    abandoned: Arc<AtomicBool>,
 }
 
 impl Sketch {
     /// Of the scene that a renderer draws, if it has only small textures for it.
     pub fn of(renderer: &Renderer<'_>) -> Option<Sketch> {
         let sector_m = renderer.world().layout().sector_m;
-        renderer.is_sketch().then(|| Sketch { scene: renderer.scene().clone(), sector_m, finished: None })
+        renderer.is_sketch().then(|| Sketch { scene: renderer.scene().clone(), sector_m, finished: None, abandoned: Arc::default() })
     }
 
     /// Begins with the textures, unless that was done. They take every core, so that it is called once there is a picture; and workers of their own,
     /// since pictures that are drawn meanwhile have theirs.
     pub fn begin(&mut self, tell: &Tell) {
-        let (scene, sector_m, tell) = (self.scene.clone(), self.sector_m, tell.clone());
+        let (scene, sector_m, tell, abandoned) = (self.scene.clone(), self.sector_m, tell.clone(), self.abandoned.clone());
         self.finished.get_or_insert_with(|| {
             let (sender, finished) = channel();
             std::thread::spawn(move || {
-                let build =
-                    || Palette::build(&scene, sector_m, |name| tell(Progress { stage: format!("texture {name}"), done: 0, total: 0 }));
+                let progress = |name: &str| {
+                    if abandoned.load(Ordering::Relaxed) {
+                        return Err(Error::Request("nobody waits for these textures any more".to_owned()));
+                    }
+                    tell(Progress { stage: format!("texture {name}"), done: 0, total: 0 });
+                    Ok(())
+                };
+                let build = || Palette::build(&scene, sector_m, progress);
                 let palette = match rayon::ThreadPoolBuilder::new().build() {
                     Ok(workers) => workers.install(build),
                     Err(_) => build(),
                 };
-                // Nobody waits for them any more where another scene was opened.
+                // Where another scene was opened, nobody does.
                 let _ = sender.send(palette);
             });
             finished
@@ -58,11 +68,7 @@ impl Sketch {
 
     /// Takes the textures over once they are there. `None` = not yet; else whether the renderer draws with its scene's own textures now, or why there
     /// are none.
-    pub fn step(&mut self, renderer: &mut Renderer<'_>) -> Option<Result<(), String>> {
-        if !renderer.is_sketch() {
-            // An edit of materials brought them.
-            return Some(Ok(()));
-        }
+    pub fn step(&mut self, renderer: &mut Renderer<'_>) -> Option<std::result::Result<(), String>> {
         match self.finished.as_ref()?.try_recv() {
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => Some(Err("making textures stopped by an internal error; please report it".to_owned())),
@@ -73,6 +79,12 @@ impl Sketch {
                 Some(Ok(()))
             }
         }
+    }
+}
+
+impl Drop for Sketch {
+    fn drop(&mut self) {
+        self.abandoned.store(true, Ordering::Relaxed);
     }
 }
 

@@ -21,6 +21,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use kernels::scene;
 use kernels::world::heightmap;
 
 use crate::definition::{self, Definition, setting_text};
@@ -182,7 +183,7 @@ impl Run {
 
     fn import(&self) -> Result<()> {
         let (Some(import), Some(scene)) = (&self.definition.import, self.imported()) else { return Ok(()) };
-        if !scene.join("scene.toml").exists() {
+        if !scene.join(scene::FILE).exists() {
             let job = import.job(&self.definition.folder).map_err(|what| anyhow::anyhow!("import: {what}"))?;
             heightmap::import(&job.heightmap, &job.options, job.materials.as_deref(), job.detail_m, &scene)?;
         }

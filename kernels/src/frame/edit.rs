@@ -18,8 +18,11 @@ pub struct EditCounts {
 }
 
 /// Tells which texture is being made.
-pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) + Sync {
-    move |name| progress(Progress { stage: format!("texture {name}"), done: 0, total: 0 })
+pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) -> Result<()> + Sync {
+    move |name| {
+        progress(Progress { stage: format!("texture {name}"), done: 0, total: 0 });
+        Ok(())
+    }
 }
 
 impl Renderer<'_> {
@@ -41,9 +44,8 @@ impl Renderer<'_> {
         }
         scene::validate(scene)?;
         scene::validate_against_world(scene, self.world.max_slope_deg())?;
-        let textured = |s: &Scene| (s.materials.clone(), s.blend.material_contrast.to_bits(), s.folder.clone());
         let palette = match &self.palette {
-            Some(before) if textured(scene) != textured(&self.scene) => {
+            Some(before) if self.needs_textures(scene) => {
                 Some(before.rebuilt(scene, self.former.as_ref(), self.world.layout().sector_m, on_texture(self.progress))?)
             }
             _ => None,
@@ -71,6 +73,12 @@ impl Renderer<'_> {
         self.scene = scene.clone();
         self.requirements = requirements;
         Ok(true)
+    }
+
+    /// Whether [`Renderer::retune`] to this scene makes a palette anew, which may take as long as its textures take to make.
+    pub fn needs_textures(&self, scene: &Scene) -> bool {
+        let textured = |s: &Scene| (s.materials.clone(), s.blend.material_contrast.to_bits(), s.folder.clone());
+        textured(scene) != textured(&self.scene)
     }
 
     /// Draws with the scene's own textures from now on, after a [`sketch`](crate::frame::RendererOptions::sketch).

@@ -193,13 +193,13 @@ impl Palette {
     /// Makes or reads every distinct texture of the scene once, compresses it, and lists the materials.
     ///
     /// `sector_m` is the edge of a sector in metres, the unit in which exact texture coordinates count; `progress` gets a line when a
-    /// texture is begun, from worker threads. The result depends on the scene alone.
+    /// texture is begun, from worker threads, and ends it all by an error. The result depends on the scene alone.
     ///
     /// # Errors
-    /// No material or more than [`MAX_MATERIALS`]; more than [`MAX_LAYERS`] distinct textures; a `detail_size` that is not a power of two
+    /// That of `progress`. No material or more than [`MAX_MATERIALS`]; more than [`MAX_LAYERS`] distinct textures; a `detail_size` that is not a power of two
     /// in 64..=2048; an unknown procedural name; a `tile_m` so small that a sector holds [`MAX_REPEATS_PER_SECTOR`] repeats or more; and
     /// whatever [`folder::load`] reports.
-    pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
+    pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) -> Result<()> + Sync) -> Result<Palette> {
         Palette::made(scene, scene.detail_size, sector_m, [None, None], &progress)
     }
 
@@ -208,7 +208,7 @@ impl Palette {
     ///
     /// # Errors
     /// As [`Palette::build`].
-    pub fn sketch(scene: &Scene, size: u32, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
+    pub fn sketch(scene: &Scene, size: u32, sector_m: f64, progress: impl Fn(&str) -> Result<()> + Sync) -> Result<Palette> {
         Palette::made(scene, size, sector_m, [None, None], &progress)
     }
 
@@ -216,7 +216,13 @@ impl Palette {
     ///
     /// # Errors
     /// As [`Palette::build`].
-    pub fn rebuilt(&self, scene: &Scene, former: Option<&Palette>, sector_m: f64, progress: impl Fn(&str) + Sync) -> Result<Palette> {
+    pub fn rebuilt(
+        &self,
+        scene: &Scene,
+        former: Option<&Palette>,
+        sector_m: f64,
+        progress: impl Fn(&str) -> Result<()> + Sync,
+    ) -> Result<Palette> {
         Palette::made(scene, scene.detail_size, sector_m, [Some(self), former], &progress)
     }
 
@@ -226,7 +232,13 @@ impl Palette {
         alike.then(|| (0..self.layers.len()).filter(|&layer| self.layers[layer] != before.layers[layer]).collect())
     }
 
-    fn made(scene: &Scene, size: u32, sector_m: f64, before: [Option<&Palette>; 2], progress: &(dyn Fn(&str) + Sync)) -> Result<Palette> {
+    fn made(
+        scene: &Scene,
+        size: u32,
+        sector_m: f64,
+        before: [Option<&Palette>; 2],
+        progress: &(dyn Fn(&str) -> Result<()> + Sync),
+    ) -> Result<Palette> {
         let of_scene = |what: String| Error::Scene { where_: scene.name.clone(), what };
         let count = scene.materials.len();
         if count == 0 || count > MAX_MATERIALS {
@@ -274,7 +286,7 @@ impl Palette {
                     if let Some(known) = known(source) {
                         return Ok(known);
                     }
-                    progress(&format!("detail textures {}/{total}: {name}", layer + 1));
+                    progress(&format!("detail textures {}/{total}: {name}", layer + 1))?;
                     let mut maps = match source {
                         Source::Procedural(kind) => procedural::make(kind, size, TEXTURE_SEED)?,
                         Source::Folder(path) => folder::load(name, path, size)?,

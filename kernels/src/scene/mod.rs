@@ -12,7 +12,7 @@ mod requirements;
 mod validate;
 
 pub use crate::document::nearest;
-pub use parse::{DEFAULT, DEFAULT_TEXT, SceneText, load, parse, text};
+pub use parse::{DEFAULT, DEFAULT_TEXT, FILE, SceneText, load, parse, text};
 pub use requirements::{FlavourUse, PassUse, Requirements, TargetUse, TextureUse};
 pub use validate::{validate, validate_against_world};
 

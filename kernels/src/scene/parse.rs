@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 /// Name of the built-in scene.
 pub const DEFAULT: &str = "default";
 
+/// Name of the scene's file in a folder that is a scene.
+pub const FILE: &str = "scene.toml";
+
 /// Text of the built-in scene, an example of everything a scene file may say.
 pub const DEFAULT_TEXT: &str = include_str!("default.toml");
 
@@ -43,7 +46,7 @@ pub fn text(path_or_name: &str) -> Result<SceneText> {
     }
     let given = Path::new(path_or_name);
     let scene_error = |what: String| Error::Scene { where_: given.display().to_string(), what };
-    let file: PathBuf = if given.is_dir() { given.join("scene.toml") } else { given.to_owned() };
+    let file: PathBuf = if given.is_dir() { given.join(FILE) } else { given.to_owned() };
     if !file.exists() {
         return Err(scene_error(if given.is_dir() {
             "the folder holds no scene.toml: give the path of the scene's .toml file".to_owned()

@@ -17,6 +17,7 @@ use crate::kept;
 use crate::panels::materials::MaterialsPanel;
 use crate::panels::places::PlacesPanel;
 use crate::panels::rules::RulesPanel;
+use crate::panels::scenes::Waiting;
 use crate::settings::Settings;
 
 /// The number of the next opening, of all windows; every window begins with 0.
@@ -64,7 +65,7 @@ impl Workbench {
         if !self.has_unsaved_edits() {
             return self.open_anyway(given);
         }
-        self.scenes.waits = Some(kept::scene_name(given));
+        self.scenes.waits = Some(Waiting::Open(kept::scene_name(given)));
         Err(format!("`{}` has edits that are in no file: save it, or choose `Open without saving`", self.original.name))
     }
 
@@ -82,6 +83,21 @@ impl Workbench {
                 Err(why)
             }
         }
+    }
+
+    /// Keeps the window open and asks, if it is about to be closed and edits would be lost.
+    pub(super) fn watch_closing(&mut self, ctx: &egui::Context) {
+        if ctx.input(|i| i.viewport().close_requested()) && !self.leaves && self.has_unsaved_edits() {
+            ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
+            self.scenes.waits = Some(Waiting::Close);
+        }
+    }
+
+    /// Closes the window, whatever is lost.
+    pub(crate) fn close_anyway(&mut self, ctx: &egui::Context) {
+        self.scenes.waits = None;
+        self.leaves = true;
+        ctx.send_viewport_cmd(egui::ViewportCommand::Close);
     }
 
     /// Reads the scene's file again: the scene is what that says, and undo brings back what it was.
@@ -102,16 +118,33 @@ impl Workbench {
         self.remember();
         self.settings.scene = scene.clone();
         self.original = scene;
+        self.keep_viewpoint();
+        self.opened = NEXT.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Goes to the usual view if the scene has no such camera or path any more.
+    pub(crate) fn keep_viewpoint(&mut self) {
+        let scene = &self.settings.scene;
         let is_there = match &self.viewpoint {
-            Viewpoint::Camera(name) => self.original.cameras.iter().any(|camera| camera.name == *name),
-            Viewpoint::Path(name) => self.original.paths.iter().any(|path| path.name == *name),
+            Viewpoint::Camera(name) => scene.cameras.iter().any(|camera| camera.name == *name),
+            Viewpoint::Path(name) => scene.paths.iter().any(|path| path.name == *name),
             Viewpoint::Recorded(_) | Viewpoint::Free { .. } => true,
         };
         if !is_there {
-            self.viewpoint = usual_viewpoint(&self.original);
+            self.viewpoint = usual_viewpoint(scene);
         }
-        self.opened = NEXT.fetch_add(1, Ordering::Relaxed);
-        Ok(())
+    }
+
+    /// Takes note that the scene was saved into a file, as it is: that is its file from now on.
+    pub(crate) fn saved_as(&mut self, file: &Path) {
+        self.original = self.settings.scene.clone();
+        // A file whose name is no text cannot be opened by it, or kept.
+        let Some(name) = file.to_str().map(kept::scene_name).filter(|name| self.given.as_ref() != Some(name)) else { return };
+        self.materials.opened(&name);
+        self.scenes.opened(&name);
+        self.given = Some(name);
+        self.keep_now();
     }
 
     /// What the scene was opened from, as [`scene::load`] takes it; `None` = from no file.
@@ -132,8 +165,7 @@ impl Workbench {
     /// Whether materials, rules or strokes would be lost with another scene: numbers are kept.
     fn has_unsaved_edits(&self) -> bool {
         let (now, file) = (&self.settings.scene, &self.original);
-        let edited = now.materials != file.materials || now.rules != file.rules || now.strokes != file.strokes;
-        edited && !self.materials.wrote(now)
+        now.materials != file.materials || now.rules != file.rules || now.strokes != file.strokes
     }
 
     /// Takes up what is kept of the scene that is open; returns a line for everything that is not possible any more.

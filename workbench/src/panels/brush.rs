@@ -69,7 +69,7 @@ fn notes(app: &Workbench, ui: &mut Ui) {
     if brush.kind == StrokeKind::Mask && !has_rule {
         ui.colored_label(warn, format!("No rule lays `{}`, so that a mask of it changes nothing.", brush.material));
     }
-    if brush.paints && app.shown().is_none_or(|shown| Ground::of(shown).is_none()) {
+    if brush.paints && app.shown_here().is_none_or(|shown| Ground::of(shown).is_none()) {
         ui.label("The ground is not known yet: wait for the picture.");
     }
     if let Some(full) = brush.full() {

@@ -33,6 +33,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         let drawn = app.compare.mode != Mode::Off;
         if ui.add_enabled(drawn, egui::Button::new("Swap A and B")).on_hover_text("To edit B").clicked() {
             app.compare.swap(&mut app.settings);
+            app.keep_viewpoint();
         }
         if ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text("A or B, one at a time (X)").clicked() {
             flick(app);

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use eframe::egui::{self, Button, DragValue, RichText, TextEdit, Ui};
 
+use super::outcome;
 use crate::app::Workbench;
 use crate::experiment::{self, Extent, Run};
 
@@ -130,25 +131,21 @@ fn saving(app: &mut Workbench, ui: &mut Ui) {
     });
     let hint = "Scene with its numbers, view, size, variant, estimator and noise, as `experiments run` and `check` read them";
     if ui.button("Save as experiment").on_hover_text(hint).clicked() {
-        let outcome = save(app);
+        let saved = save(app);
         // A folder may have appeared.
         app.experiments.listed.places = None;
-        app.experiments.note(outcome);
+        app.experiments.note(saved);
     }
-    match &app.experiments.said {
-        Some(Ok(done)) => {
-            ui.label(done);
-        }
-        Some(Err(error)) => {
-            ui.colored_label(ui.visuals().error_fg_color, error);
-        }
-        None => {}
-    }
+    outcome(ui, app.experiments.said.as_ref());
 }
 
 fn save(app: &Workbench) -> Result<String> {
     let size = app.shown().context("there is no picture yet: wait for it")?.wish.size;
     ensure!(app.culled_from.is_none(), "a run draws what its own camera sees, and culling is frozen elsewhere: let go of `Freeze culling`");
+    ensure!(
+        !app.news.shaders_edited,
+        "a run draws with the program's own shaders, and edited ones are on screen: take the edits back, or build with them"
+    );
     let panel = &app.experiments;
     let extent = Extent { size, frames: panel.frames, seeds: panel.seeds };
     let folder = Path::new(&panel.folder).join(&panel.name);

@@ -30,7 +30,7 @@ const KEYS: [(&str, &str); 22] = [
     ("middle drag", "move what is zoomed"),
     ("Ctrl+drag", "measure a rectangle"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
-    ("drop a file", "open a scene (.toml)"),
+    ("drop a file or folder", "open a scene, or take a folder of textures"),
 ];
 
 pub(crate) fn show(_: &mut Workbench, ui: &mut Ui) {

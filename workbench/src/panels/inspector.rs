@@ -30,6 +30,8 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         ui.label("Click a place in the picture, or give a pixel's column and row.");
     } else if shown.wish.probe != app.probe {
         ui.label("...").on_hover_text("The table is of the pixel before");
+    } else if shown.draft {
+        ui.label("A first look is not taken apart: wait for the scene's textures.");
     } else if shown.pixel.is_none() {
         ui.label("Sky: no terrain is seen there.");
     }

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use eframe::egui::{self, Button, Color32, DragValue, Key, Rgba, Role, Sense, TextEdit, Ui, WidgetInfo, vec2};
 use kernels::materials::procedural::NAMES;
-use kernels::scene::{self, Material, Scene};
+use kernels::scene::{self, Material};
 
 use super::{Number, choose, number, outcome, reset};
 use crate::app::Workbench;
@@ -41,8 +41,6 @@ pub(crate) struct MaterialsPanel {
     saved: Option<Result<String, String>>,
     /// Files that are this scene's: the one that was opened, and those that it was saved into.
     own: Vec<PathBuf>,
-    /// What was saved last.
-    written: Option<Scene>,
 }
 
 /// A choice of a folder, in a window of the system's on a thread of its own.
@@ -59,16 +57,9 @@ impl MaterialsPanel {
             return;
         }
         let given = Path::new(given);
-        let file = if given.is_dir() { given.join("scene.toml") } else { given.to_owned() };
+        let file = if given.is_dir() { given.join(scene::FILE) } else { given.to_owned() };
         // Without an absolute path it is not told from another file, and not written over.
-        self.own.extend(path::absolute(file));
-    }
-
-    /// Whether the materials, rules and strokes of a scene are those that were saved last.
-    pub(crate) fn wrote(&self, scene: &Scene) -> bool {
-        let same =
-            |written: &Scene| (&written.materials, &written.rules, &written.strokes) == (&scene.materials, &scene.rules, &scene.strokes);
-        self.written.as_ref().is_some_and(same)
+        self.own.extend(path::absolute(file).ok().filter(|file| !self.own.contains(file)));
     }
 }
 
@@ -315,8 +306,8 @@ fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
 
 /// The scene as a file.
 fn saving(app: &mut Workbench, ui: &mut Ui) {
-    let panel = &mut app.materials;
     ui.horizontal_wrapped(|ui| {
+        let panel = &mut app.materials;
         let label = ui.label("Scene file");
         let field = TextEdit::singleline(&mut panel.file).desired_width(FIELD).hint_text("scene.toml");
         ui.add(field).labelled_by(label.id).on_hover_text("A .toml file that does not exist yet, or the scene's own");
@@ -325,15 +316,15 @@ fn saving(app: &mut Workbench, ui: &mut Ui) {
     });
     let hint = "Writes the scene with its materials, rules, strokes and numbers as a file, which this program and `experiments` read";
     if ui.button("Save scene as...").on_hover_text(hint).clicked() {
-        panel.saved = Some(match panel.file.trim() {
+        let panel = &app.materials;
+        let saved = match panel.file.trim() {
             "" => Err("type the name of a .toml file under `Scene file` first".to_owned()),
-            file => editing::save(&app.settings.scene, Path::new(file), &panel.own, panel.overwrites).map(|file| {
-                let said = format!("Saved {}", file.display());
-                panel.own.push(file);
-                panel.written = Some(app.settings.scene.clone());
-                said
-            }),
-        });
+            file => editing::save(&app.settings.scene, Path::new(file), &panel.own, panel.overwrites),
+        };
+        app.materials.saved = Some(saved.map(|file| {
+            app.saved_as(&file);
+            format!("Saved {}", file.display())
+        }));
     }
-    outcome(ui, panel.saved.as_ref());
+    outcome(ui, app.materials.saved.as_ref());
 }

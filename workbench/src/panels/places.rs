@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use eframe::egui::{Button, TextEdit, Ui};
 
+use super::outcome;
 use crate::app::{Clock, Workbench};
 use crate::engine::{Shown, Viewpoint};
 use crate::places::{Place, Places, Recorded, Recording};
@@ -94,15 +95,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
             app.places.said = Some(app.places.read());
         }
     });
-    match &app.places.said {
-        Some(Ok(done)) => {
-            ui.label(done);
-        }
-        Some(Err(wrong)) => {
-            ui.colored_label(ui.visuals().error_fg_color, wrong);
-        }
-        None => {}
-    }
+    outcome(ui, app.places.said.as_ref());
 }
 
 fn bookmark(app: &mut Workbench, ui: &mut Ui, place: &Place) {

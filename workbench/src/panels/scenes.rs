@@ -14,10 +14,19 @@ use crate::kept::MOST_RECENT;
 pub(crate) struct ScenesPanel {
     /// Scenes that were open, the newest first, as [`scene::load`] takes them.
     pub(crate) recent: Vec<String>,
-    /// A scene that is opened if somebody says that edits may be lost.
-    pub(crate) waits: Option<String>,
+    /// What is done if somebody says that edits may be lost.
+    pub(crate) waits: Option<Waiting>,
     /// The file that is being chosen in a window of the system's.
     dialog: Option<Receiver<Option<PathBuf>>>,
+}
+
+/// What would lose edits.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Waiting {
+    /// Opening the scene of this name.
+    Open(String),
+    /// Closing the window.
+    Close,
 }
 
 impl ScenesPanel {
@@ -117,19 +126,23 @@ fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<P
     chosen
 }
 
-/// Asks whether edits may be lost, where a scene waits to be opened.
+/// Asks whether edits may be lost, where something waits for it.
 pub(crate) fn ask(app: &mut Workbench, ui: &mut Ui) {
-    let Some(name) = app.scenes.waits.clone() else { return };
+    let Some(waiting) = app.scenes.waits.clone() else { return };
+    let (then, yes) = match &waiting {
+        Waiting::Open(name) => (format!("with {name} in its place they are lost, and undo does not help"), "Open without saving"),
+        Waiting::Close => ("once the window is closed they are lost".to_owned(), "Close without saving"),
+    };
     egui::Panel::top("unsaved").show(ui, |ui| {
-        let open = &app.original.name;
-        let text = format!(
-            "`{open}` has materials, rules or strokes that are in no file: with {name} in its place they are lost, and undo does not help."
-        );
+        let text = format!("`{}` has materials, rules or strokes that are in no file: {then}.", app.original.name);
         ui.colored_label(ui.visuals().warn_fg_color, text);
         ui.horizontal_wrapped(|ui| {
-            if ui.button("Open without saving").on_hover_text("The edits are lost").clicked() {
-                // What is wrong is in a note.
-                let _ = app.open_anyway(&name);
+            if ui.button(yes).on_hover_text("The edits are lost").clicked() {
+                match &waiting {
+                    // What is wrong is in a note.
+                    Waiting::Open(name) => drop(app.open_anyway(name)),
+                    Waiting::Close => app.close_anyway(ui.ctx()),
+                }
             }
             if ui.button("Keep this scene").on_hover_text("`Save scene as...` under Materials writes it").clicked() {
                 app.scenes.waits = None;

@@ -229,7 +229,7 @@ fn measure_region(app: &mut Workbench, ui: &Ui, response: &egui::Response, parts
 
 /// What the brush paints, and its ring on the ground. `may_begin`: a drag or a click that begins now is the brush's.
 fn paint(app: &mut Workbench, ui: &Ui, response: &egui::Response, parts: &[Part], may_begin: bool) {
-    let Some(shown) = app.shown().cloned().filter(|_| app.brush.paints) else { return };
+    let Some(shown) = app.shown_here().cloned().filter(|_| app.brush.paints) else { return };
     let primary = egui::PointerButton::Primary;
     let pointer = response.interact_pointer_pos();
     let pressed = match (response.clicked(), response.drag_started_by(primary)) {
@@ -318,7 +318,7 @@ pub(crate) fn viewpoints(app: &mut Workbench, ui: &mut Ui) {
         Viewpoint::Free { walking: false, .. } if app.flight.target().is_some() => "orbiting".to_owned(),
         Viewpoint::Free { walking: false, .. } => "flying".to_owned(),
     };
-    let scene = &app.original;
+    let scene = &app.settings.scene;
     let cameras = scene.cameras.iter().map(|c| (Viewpoint::Camera(c.name.clone()), format!("camera {}", c.name), ""));
     let paths = scene.paths.iter().map(|p| (Viewpoint::Path(p.name.clone()), format!("path {}", p.name), ""));
     let all = cameras.chain(paths).collect();
