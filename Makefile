@@ -10,6 +10,9 @@ SHELL := /bin/bash
 CARGO ?= cargo
 # Folder of the demo's results: `make demo OUT=somewhere/else`.
 OUT ?= out/demo
+# Seconds that `make fuzz` gives each target.
+FUZZ_SECONDS ?= 60
+FUZZ_TARGETS := scene definition heightmap texture cache
 
 # Mesa's drivers complain on standard error when there is no runtime folder; give them a private one.
 ifeq ($(strip $(XDG_RUNTIME_DIR)),)
@@ -17,7 +20,7 @@ export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"
     if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
 endif
 
-.PHONY: help setup demo app test bench audit clean
+.PHONY: help setup demo app test bench fuzz audit clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -47,10 +50,18 @@ test: setup ## format, lints, documentation, every test, the notebook
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench
 
+# Dependencies have the workspace's versions. What is found goes to out/, beside the corpus that is kept; a crash to fuzz/artifacts.
+fuzz: ## gives every reader of files arbitrary bytes, FUZZ_SECONDS each; needs cargo-fuzz and a nightly compiler
+	cp Cargo.lock fuzz/Cargo.lock
+	for target in $(FUZZ_TARGETS); do \
+	    mkdir -p out/fuzz/$$target; \
+	    $(CARGO) +nightly fuzz run $$target out/fuzz/$$target fuzz/corpus/$$target -- -max_total_time=$(FUZZ_SECONDS) -timeout=20 -rss_limit_mb=4096; \
+	done
+
 audit: ## licences, advisories, spelling; needs cargo-deny and typos
 	$(CARGO) deny check
 	typos
 
 clean: ## removes what was built and what the demo wrote
 	$(CARGO) clean
-	rm -rf out
+	rm -rf out fuzz/target

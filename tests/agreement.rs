@@ -1,10 +1,7 @@
-//! The GPU against the references: every probe's function, the hashes, and both paths of classification.
+//! The GPU against the references: every probe's function, and both paths of classification.
 //!
-//! Truth is the reference in f64; values given are f32, so that all see the same input. The tolerance of each probe follows from the
-//! accuracy that WGSL demands (W3C, *WebGPU Shading Language*, "Floating Point Accuracy"): sums, differences and products rounded once;
-//! `x / y` 2.5 ULP; `inverseSqrt` 2 ULP and `sqrt` = 1 / `inverseSqrt`; `log2` 2^-21 absolute in [0.5, 2], 3 ULP elsewhere;
-//! `exp2(x)` 3 + 2 |x| ULP; `pow` through those two; products may be contracted into sums, denormals may be flushed to zero. Bounds grow
-//! with the conditioning of the row, computed in f64. NaN and infinity are not given: WGSL lets a shader assume that there are none.
+//! What is compared, and how far a result may be off, stands beside each probe (`kernels::probe`). NaN and infinity are not given here: WGSL lets a
+//! shader assume that there are none.
 //!
 //! Where a result jumps (an index, a code, a cell), a row within the tolerance of its threshold may fall on either side: such rows are
 //! counted, and may be few. Beside every comparison stand mutants of the shader that the same comparison must reject; the reference in
@@ -19,13 +16,8 @@ use kernels::frame::FrameUniforms;
 use kernels::geometry;
 use kernels::gpu::bindings::{Binding, aspect, view};
 use kernels::gpu::{self, Gpu, GpuOptions, Timer};
-use kernels::probe::{PROBES, Probe};
-use kernels::shared::flavour_weights::FlavourParams;
-use kernels::shared::real::{dot, length, sub};
-use kernels::shared::{brdf, flavour_weights, hash, hex_tiling, octahedral, snapped_projection, splat_blend, tiling, triplanar};
-
-/// A unit in the last place at 1: twice the rounding error of one operation.
-const EPS: f64 = f32::EPSILON as f64;
+use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
+use kernels::shared::splat_blend;
 
 /// Random rows of a probe.
 const ROWS: u32 = 4096;
@@ -37,77 +29,13 @@ fn gpu() -> &'static Gpu {
         .unwrap_or_else(|e| panic!("these tests need a GPU or a software one, and there is none: {e}"))
 }
 
-/// Numbers of a row, from its index: independent of order.
-struct Draw {
-    row: u32,
-    column: u32,
-    table: u32,
-}
-
-impl Draw {
-    fn word(&mut self) -> u32 {
-        self.column += 1;
-        hash::pcg4d([self.row, self.column, self.table, 2018])[0]
-    }
-    fn unit(&mut self) -> f64 {
-        f64::from(self.word()) / 4_294_967_296.0
-    }
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-    fn direction(&mut self) -> [f64; 3] {
-        let z = self.between(-1.0, 1.0);
-        let (sin, cos) = self.between(0.0, std::f64::consts::TAU).sin_cos();
-        let r = (1.0 - z * z).sqrt();
-        [r * cos, r * sin, z]
-    }
-    /// A vector of any direction, 2^`low`..2^`high` long.
-    fn vector(&mut self, low: f64, high: f64) -> [f64; 3] {
-        let length = self.between(low, high).exp2();
-        self.direction().map(|x| x * length)
-    }
-    fn whole(&mut self, below: u32) -> f64 {
-        f64::from(self.word() % below)
-    }
-}
-
 // ---------------------------------------------------------------- the comparator
-
-/// What one row's comparison says.
-#[derive(Debug, PartialEq)]
-enum Verdict {
-    /// Within the tolerance: the largest share of it that is used.
-    Agrees(f64),
-    /// On the other side of a threshold that lies within the tolerance.
-    OtherSide,
-    Differs,
-}
-
-/// Largest |got - want| / tolerance.
-fn close(got: &[f64], want: &[f64], tolerance: f64) -> Verdict {
-    let share = got.iter().zip(want).map(|(g, w)| (g - w).abs() / tolerance).fold(0.0, f64::max);
-    if share <= 1.0 { Verdict::Agrees(share) } else { Verdict::Differs }
-}
-
-/// Both: the worse one.
-fn both(a: Verdict, b: Verdict) -> Verdict {
-    use Verdict::{Agrees, Differs, OtherSide};
-    match (a, b) {
-        (Differs, _) | (_, Differs) => Differs,
-        (OtherSide, _) | (_, OtherSide) => OtherSide,
-        (Agrees(a), Agrees(b)) => Agrees(a.max(b)),
-    }
-}
 
 /// How a probe is compared.
 struct Case {
     probe: &'static str,
-    /// A random row.
-    random: fn(&mut Draw) -> Vec<f64>,
     /// Rows at the ends of the ranges.
     extremes: fn() -> Vec<Vec<f64>>,
-    /// Given row, result, truth.
-    judge: fn(&[f64], &[f64], &[f64]) -> Verdict,
     /// Rows that may lie on the other side of a threshold.
     other_side_at_most: usize,
     /// Mutants: (shared file or "" for the probe's own text, what stands there once, what to put there).
@@ -121,7 +49,7 @@ impl Case {
 
     #[allow(clippy::cast_possible_truncation, reason = "rows are rounded to f32, and that is what everyone is given")]
     fn rows(&self, table: u32) -> Vec<f32> {
-        let random = (0..ROWS).map(|row| (self.random)(&mut Draw { row, column: 0, table }));
+        let random = (0..ROWS).map(|row| (self.probe().random)(&mut Draw { row, column: 0, table }));
         let rows: Vec<f32> = (self.extremes)().into_iter().chain(random).flatten().map(|x| x as f32).collect();
         let probe = self.probe();
         for row in rows.chunks(probe.inputs.len()) {
@@ -144,7 +72,7 @@ impl Case {
         }
         let (mut share, mut other_side, mut differing, mut first) = (0.0_f64, 0, 0, String::new());
         for ((row, got), want) in rows.chunks(columns).zip(got.chunks(results)).zip(truth.chunks(results)) {
-            let verdict = if got.iter().all(|x| x.is_finite()) { (self.judge)(row, got, want) } else { Verdict::Differs };
+            let verdict = if got.iter().all(|x| x.is_finite()) { (probe.judge)(row, got, want) } else { Verdict::Differs };
             match verdict {
                 Verdict::Agrees(s) => share = share.max(s),
                 Verdict::OtherSide => other_side += 1,
@@ -169,14 +97,6 @@ impl Case {
 
 // ---------------------------------------------------------------- the probes
 
-/// Unit vector: division by the largest (2.5 ULP), dot (3 roundings), sqrt (2 + 2.5 ULP), division (2.5 ULP): 11 ULP of at most 1, and
-/// 5 more for the code's own division and sums.
-const UNIT_TOLERANCE: f64 = 16.0 * EPS;
-
-fn three(row: &[f64], at: usize) -> [f64; 3] {
-    [row[at], row[at + 1], row[at + 2]]
-}
-
 /// A vector along an axis is exact in any precision; one step of f32 off it is the least that is not.
 fn directions() -> Vec<[f64; 3]> {
     let mut all = vec![[0.0; 3], [2e-30, 0.0, 0.0], [1e-31, -1e-31, 1e-31], [9e29, -5e29, 1e29], [3e-30, 4e-30, -5e-30]];
@@ -196,237 +116,10 @@ fn directions() -> Vec<[f64; 3]> {
     all
 }
 
-fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let n = octahedral::unit(three(row, 0));
-    let mut encoded = close(&got[..2], &want[..2], UNIT_TOLERANCE);
-    // Below the equator a code jumps from edge to edge of the square where x or y changes sign, to the same direction.
-    if encoded == Verdict::Differs && close(&octahedral::decode([got[0], got[1]]), &n, 4.0 * UNIT_TOLERANCE) != Verdict::Differs {
-        encoded = Verdict::OtherSide;
-    }
-    let code = |v: &[f64]| -> Option<[u32; 2]> {
-        let whole = |x: f64| (x.fract().abs() < EPS && (0.0..=254.0).contains(&x)).then_some(x as u32);
-        Some([whole(v[2])?, whole(v[3])?])
-    };
-    let (Some(code), Some(best)) = (code(got), code(want)) else { return Verdict::Differs };
-    let decoded = |code: [u32; 2]| octahedral::decode::<f64>(octahedral::dequantise(code, 8));
-    let error = |code| length(sub(decoded(code), n));
-    // Two codes may be equally near: then either will do.
-    let chosen = if code == best {
-        Verdict::Agrees(0.0)
-    } else if error(code) - error(best) <= UNIT_TOLERANCE {
-        Verdict::OtherSide
-    } else {
-        Verdict::Differs
-    };
-    both(both(encoded, chosen), close(&got[4..], &decoded(code), UNIT_TOLERANCE))
-}
-
-/// Level of a footprint, log2 of cells per metre, as wide as the noise sees it.
-fn noise_level(footprint: f64) -> f64 {
-    (-footprint.clamp(1e-6, 1e6).log2()).clamp(-5.0, 16.0)
-}
-
-/// Error of a level: `log2`'s own, and that of its argument, of relative error `ulps`, divided by ln 2.
-fn level_error(level: f64, ulps: f64) -> f64 {
-    2.0_f64.powi(-21) + EPS * (3.0 * level.abs() + 1.443 * ulps)
-}
-
-fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let (ddx, ddy) = (three(row, 7), three(row, 10));
-    let (levels, ulps): (Vec<f64>, f64) = if row[0] < 1.0 {
-        // A length: dot 3 roundings, sqrt 4.5 ULP, and the product with the cell size.
-        (vec![noise_level(row[13] * length(ddx).max(length(ddy)))], 8.0)
-    } else {
-        let widen = std::f64::consts::SQRT_2 * row[13];
-        ((0..3).map(|i| noise_level(widen * ddx[i].abs().max(ddy[i].abs()))).collect(), 3.0)
-    };
-    let error = levels.iter().map(|&l| level_error(l, ulps)).fold(0.0, f64::max);
-    // Cells are products with powers of two, floored: exact. What is left is the blend, whose factor has the level's error; blend and
-    // correction together change by at most 2.5 times that. 12 ULP for their own operations.
-    let verdict = close(got, want, 3.0 * error + 12.0 * EPS);
-    // With a scale per axis, another cell is looked up where one axis' level passes a whole number and the others' do not. (With one
-    // scale for all, the blend is continuous there. At the ends of the range the scale stays what it is.)
-    let at_threshold = |&l: &f64| (l - l.round()).abs() <= error && l.round() > -5.0 && l.round() < 16.0;
-    if verdict == Verdict::Differs && row[0] >= 1.0 && levels.iter().any(at_threshold) { Verdict::OtherSide } else { verdict }
-}
-
-/// Integers throughout, and one exact conversion.
-fn equal_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs }
-}
-
-fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let (ray, step, t, n) = (three(row, 0), three(row, 3), row[6], octahedral::unit(three(row, 7)));
-    let neighbour = [0, 1, 2].map(|i| ray[i] + step[i]);
-    let (s, r, facing) = (length(step), length(neighbour), dot(n, neighbour).abs().max(0.01 * length(neighbour)));
-    let seen = dot(n, step).abs();
-    // t (s - r' (n.s / n.r')): n is off by 11 ULP, so each dot by some 16 ULP of its vector's length, and the quotient, of which r'
-    // takes r / facing times as much, by that of both.
-    let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
-    let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
-    // Which side of the plane is seen: undecided where the ray lies in it.
-    if verdict == Verdict::Differs && dot(n, ray).abs() <= 20.0 * EPS * length(ray) { Verdict::OtherSide } else { verdict }
-}
-
-fn splat_blend_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let used: Vec<f64> =
-        splat_blend::bilinear([row[0], row[1]]).into_iter().filter(|&w| w > splat_blend::MIN_WEIGHT).map(f64::log2).collect();
-    let spread = used.iter().fold(f64::MIN, |m, &x| m.max(x)) - used.iter().fold(f64::MAX, |m, &x| m.min(x));
-    // A term is (w_i / w_best) 2^x, at most 1, so x is at most the spread of log2 w, and |x| 2^x at most 0.54 below zero. exp2 errs by
-    // 3 + 2 |x| ULP, x by 0.7 |x| more; two divisions, products and the sum make 16 ULP.
-    close(got, want, EPS * (16.0 + 4.0 * spread))
-}
-
-fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let (n, k) = (three(row, 0), row[3].clamp(0.0, 1e4));
-    let weights = triplanar::weights(n, row[3]);
-    // 2^(k log2 r): log2 errs by 2^-21 = 4 ULP at 1, r by 12 ULP, which k magnifies and ln 2 and 1 undo in part: 16 k. A weight that is
-    // nearly 0 or 1 cannot move: its derivative is w (1 - w).
-    let sensitivity = weights.iter().map(|w| 4.0 * w * (1.0 - w)).fold(0.0, f64::max);
-    let of_weights = EPS * (16.0 + 16.0 * k * sensitivity);
-    let gradients: [[f64; 3]; 3] = [
-        triplanar::from_gradient([row[4], row[5]], 0),
-        triplanar::from_gradient([row[6], row[7]], 1),
-        triplanar::from_gradient([row[8], row[9]], 2),
-    ];
-    let gradient: [f64; 3] = std::array::from_fn(|c| (0..3).map(|i| weights[i] * gradients[i][c]).sum());
-    let unit = octahedral::unit(n);
-    let bent = sub(unit, sub(gradient, unit.map(|x| x * dot(unit, gradient))));
-    // The gradient inherits the weights' error. Its part along the normal cancels, so errors are those of the whole gradient, over the
-    // length that is divided by, at least 1.
-    let of_gradient = of_weights * gradients.iter().map(|&g| length(g)).sum::<f64>() + 24.0 * EPS * (1.0 + length(gradient));
-    both(close(&got[..3], &want[..3], of_weights), close(&got[3..], &want[3..], of_gradient / length(bent).max(1.0) + UNIT_TOLERANCE))
-}
-
-fn select_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let mut verdict = Verdict::Agrees(0.0);
-    for (count, index, best) in [(4, got[0], want[0]), (3, got[1], want[1])] {
-        if (index - best).abs() < 0.5 && index.fract().abs() < EPS {
-            continue;
-        }
-        if index.fract() != 0.0 || !(0.0..count as f64).contains(&index) {
-            return Verdict::Differs;
-        }
-        // Three sums and a product, rounded once each: 4 half ULPs of the total.
-        let (weights, chosen) = (row[..count].iter().map(|w| w.max(0.0)).collect::<Vec<_>>(), index as usize);
-        let total: f64 = weights.iter().sum();
-        let below: f64 = weights[..chosen].iter().sum();
-        let (target, slack) = (row[4].clamp(0.0, 1.0) * total, 2.0 * EPS * total);
-        if weights[chosen] <= 0.0 || target < below - slack || target > below + weights[chosen] + slack {
-            return Verdict::Differs;
-        }
-        verdict = Verdict::OtherSide;
-    }
-    verdict
-}
-
-/// Compares weights by the key each belongs to; what one side does not name has weight 0. Another set of keys is the other side of a
-/// threshold, if the weights agree.
-fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> Verdict {
-    let weight = |of: &[(u64, f64)], key: u64| of.iter().filter(|(k, _)| *k == key).map(|(_, w)| w).sum::<f64>();
-    let keys: BTreeSet<u64> = got.iter().chain(want).map(|(key, _)| *key).collect();
-    let side = |of: &[(u64, f64)]| keys.iter().map(|&key| weight(of, key)).collect::<Vec<_>>();
-    let verdict = close(&side(got), &side(want), tolerance);
-    let same = |of: &[(u64, f64)]| of.iter().map(|(key, _)| *key).collect::<BTreeSet<_>>();
-    if verdict != Verdict::Differs && same(got) != same(want) { Verdict::OtherSide } else { verdict }
-}
-
-fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let n = octahedral::unit(three(row, 0)).map(f64::abs);
-    let k = row[3].clamp(0.0, 1e4) / 8.0;
-    let above = [want[0], want[1]].map(|axis| (n[axis as usize] - 1.0 / 3.0_f64.sqrt()).max(0.0));
-    let top = above[0].max(above[1]);
-    if (got[2] + got[3] - 1.0).abs() > 4.0 * EPS || got[2].min(got[3]) < 0.0 {
-        return Verdict::Differs;
-    }
-    // On a diagonal the blend jumps, and next to it rounding decides.
-    if top <= 2.0 * UNIT_TOLERANCE {
-        return Verdict::OtherSide;
-    }
-    // Error of the ratio of what is above, and of its k-th power: of slope k r^(k-1) where r is well above its error, at most error^k
-    // where it is not and k is below 1. log2 errs by 2^-21 = 4 ULP at 1, which k magnifies; w 2^-w undoes that in part.
-    let (r, e) = (above[0].min(above[1]) / top, 2.0 * UNIT_TOLERANCE / top);
-    let slope = if k >= 1.0 { k } else { k * (r - e).max(1e-300).powf(k - 1.0) };
-    let power = if r > 2.0 * e || k >= 1.0 { slope * e } else { (3.0 * e).powf(k) };
-    let pairs = |v: &[f64]| [(v[0] as u64, v[2]), (v[1] as u64, v[3])];
-    keyed(&pairs(got), &pairs(want), power + EPS * (16.0 + 4.0 * k))
-}
-
-fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    if (got[0] - want[0]).abs() > 0.5 {
-        // Half-way between two powers of two.
-        let spacings = (row[5] * 12.0_f64.sqrt()).log2();
-        let near = (spacings - spacings.floor() - 0.5).abs() <= level_error(spacings, 2.0);
-        return if near && (got[0] - want[0]).abs() < 1.5 { Verdict::OtherSide } else { Verdict::Differs };
-    }
-    let id = |v: &[f64], i: usize| v[1 + 2 * i] as u64 * 65_536 + v[2 + 2 * i] as u64;
-    let first = [got[1] as u32, got[2] as u32];
-    if close(&got[10..], &hex_tiling::offset::<f64>(first, row[6] as u32), 0.5 * f64::from(f32::MIN_POSITIVE)) == Verdict::Differs {
-        return Verdict::Differs;
-    }
-    // Products with powers of two are exact; a coordinate in spacings has three more roundings. A barycentric one sums two, and is
-    // divided by at least 1/3: 6 times their error; the 7th power magnifies by 7, and normalising at most doubles.
-    let reach = row[2].abs().max(row[3].abs()) / row[4] * got[0].exp2();
-    let coordinate = 1.5 * EPS * (1.2 * reach + 1.0);
-    let pairs = |v: &[f64]| [0, 1, 2].map(|i| (id(v, i), v[7 + i]));
-    keyed(&pairs(got), &pairs(want), 2.0 * 7.0 * 6.0 * coordinate + 24.0 * EPS)
-}
-
-fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    if got.iter().zip(want).all(|(g, w)| (g - w).abs() < 0.5) {
-        return Verdict::Agrees(0.0);
-    }
-    // A level and a coordinate in texels have an ULP of their size; what u is compared with is their fraction.
-    let lod = row[0].clamp(0.0, row[1] - 1.0);
-    let texels = (row[3] - row[3].floor()) * row[4] - 0.5;
-    let may = |x: f64, u: f64, error: f64| {
-        let part = x - x.floor();
-        (u - part).abs() <= error || part <= error || part >= 1.0 - error
-    };
-    let level = (got[0] - want[0]).abs() < 0.5 || ((got[0] - want[0]).abs() < 1.5 && may(lod, row[2], EPS * (lod + 1.0)));
-    let steps = (got[1] - want[1]).abs().min(row[4] - (got[1] - want[1]).abs());
-    let texel = steps < 0.5 || (steps < 1.5 && may(texels, row[5], EPS * (row[4] + 1.0)));
-    if level && texel { Verdict::OtherSide } else { Verdict::Differs }
-}
-
-fn layers_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // A quotient (2.5 ULP and a sum) and a mixture (4 roundings) a layer, each of numbers up to 1.
-    close(got, want, 8.0 * 8.0 * EPS)
-}
-
-fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    let n = octahedral::unit(three(row, 0));
-    let plane = got[0] as u32;
-    let step = (std::f64::consts::PI / 8.0).tan();
-    // Thresholds: the slope, 22.5 degrees either side of the axes, and the sign of a component that is zero.
-    let [x, y] = [n[0].abs(), n[1].abs()];
-    let margins = [n[2].abs() - row[3], y - step * x, x - step * y];
-    let near = margins.iter().any(|m| m.abs() <= 2.0 * UNIT_TOLERANCE);
-    let verdict = if plane == want[0] as u32 {
-        Verdict::Agrees(0.0)
-    } else if near {
-        Verdict::OtherSide
-    } else {
-        return Verdict::Differs;
-    };
-    let sectors = snapped_projection::sectors([row[7] as i32, row[8] as i32, row[9] as i32], plane).map(f64::from);
-    let rate = f64::from(snapped_projection::fixed(row[10] as i32, plane));
-    let position = three(row, 4);
-    let gradient = [row[11], row[12]];
-    let sizes = (length(position), gradient[0].abs() + gradient[1].abs());
-    let whole = close(&got[1..4], &[sectors[0], sectors[1], rate], 0.25);
-    // A sum and a product: two roundings.
-    let coordinates = close(&got[4..6], &snapped_projection::coordinates(position, plane), 2.0 * EPS * sizes.0 + 1e-30);
-    let volume = close(&got[6..], &snapped_projection::from_gradient(gradient, plane), 2.0 * EPS * sizes.1 + 1e-30);
-    both(both(verdict, whole), both(coordinates, volume))
-}
-
 const CASES: &[Case] = &[
     Case {
         probe: "octahedral",
-        random: |d| d.vector(-20.0, 20.0).to_vec(),
         extremes: || directions().into_iter().map(|n| n.to_vec()).collect(),
-        judge: octahedral_judge,
         // Equally near codes: a part of some 16 ULP / 2^-7 = 2^-12 of the random rows, so 1 is expected; and the symmetric extremes, which
         // lie between codes: 8 diagonals, 12 a step off an axis.
         other_side_at_most: 4 + 20,
@@ -439,19 +132,36 @@ const CASES: &[Case] = &[
         ],
     },
     Case {
-        probe: "hashed-alpha",
-        random: |d| {
-            let sector_m = d.between(5.0, 15.0).floor().exp2();
-            let kind = d.whole(2);
-            let reach = if d.whole(2) < 0.5 { 160 } else { 1 << 24 };
-            let sector = [0; 2].map(|_: i32| d.whole(2 * reach) - f64::from(reach));
-            let position = [d.unit() * sector_m * 0.999_999, d.unit() * sector_m * 0.999_999, d.between(-500.0, 3000.0)];
-            let size = d.between(-18.0, 7.0);
-            let (ddx, ddy) = (d.vector(size - 3.0, size), d.vector(size - 3.0, size));
-            let scale = d.between(-2.0, 2.0).exp2();
-            let seeds = [d.whole(1 << 24), d.whole(1 << 24)];
-            [&[kind][..], &sector, &position, &[sector_m], &ddx, &ddy, &[scale], &seeds].concat()
+        probe: "normal-pair",
+        extremes: || {
+            let mut rows = Vec::new();
+            for n in directions() {
+                for ray in [[0.0; 3], [0.0, 1.0, 0.0], [-3e3, 0.0, 0.0], [0.1, 0.2, -0.3], n] {
+                    for shading in [n, [0.0, 0.0, 1.0], [0.0, -1.0, -1.0]] {
+                        rows.push([n, ray, shading].concat());
+                    }
+                }
+            }
+            rows
         },
+        // Equally near points of the finer lattice: a part of some 16 ULP / 2^-10 = 2^-9 of the random rows, so 8 are expected; and of the extremes
+        // those of a diagonal, which lies between codes, and a step off an axis: 20 of 25 planes, 15 rows each.
+        other_side_at_most: 24 + 300,
+        mutants: &[
+            // A window that is lopsided, of the encoder and of the decoder; points that share a number; a plain plane counted as a fine one; a plane seen
+            // from behind; the lower normal; any point around.
+            ("normal_pair", "(p + NORMAL_PAIR_FINE + 4) >>", "(p + NORMAL_PAIR_FINE) >>"),
+            ("normal_pair", "(low - predicted + 16)", "(low - predicted)"),
+            ("normal_pair", "* (2 * half + 1) + (p.x", "* (2 * half) + (p.x"),
+            ("normal_pair", "normal_pair_nearest(upper, seen, NORMAL_PAIR_PLAIN)", "normal_pair_nearest(upper, seen, NORMAL_PAIR_FINE)"),
+            ("normal_pair", "dot(decoded, ray) * along <= 0.0", "false"),
+            ("normal_pair", "select(n, -n, n.z < 0.0)", "n"),
+            ("normal_pair", "if error < best_error", "if i == 0"),
+            ("normal_pair", "return v / sqrt(dot(v, v));", "return v;"),
+        ],
+    },
+    Case {
+        probe: "hashed-alpha",
         extremes: || {
             let mut rows = Vec::new();
             for kind in [0.0, 1.0] {
@@ -469,7 +179,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: hashed_alpha_judge,
         // Three levels within 1e-5 of a whole number in half of the rows: 0.1 of 4096 expected.
         other_side_at_most: 4,
         mutants: &[
@@ -482,18 +191,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "noise",
-        random: |d| {
-            let sector_m = d.between(5.0, 15.0).floor().exp2();
-            let reach = if d.whole(2) < 0.5 { 160 } else { 1 << 24 };
-            let kind = 2.0 + d.whole(5);
-            let sector = [0; 2].map(|_: i32| d.whole(2 * reach) - f64::from(reach));
-            let position = [d.unit() * sector_m * 0.999_999, d.unit() * sector_m * 0.999_999, d.between(-500.0, 3000.0)];
-            let level = d.whole(24) - 6.0;
-            let pixel = [d.whole(4096), d.whole(4096)];
-            let times = [d.whole(2000), d.whole(1 << 24), d.whole(1 << 24)];
-            let ranks = [0; 4].map(|_: i32| d.whole(4096));
-            [&[kind][..], &sector, &position, &[sector_m, level], &pixel, &times, &ranks].concat()
-        },
         extremes: || {
             let mut rows = Vec::new();
             for kind in [2.0, 3.0, 4.0, 5.0, 6.0] {
@@ -510,7 +207,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: equal_judge,
         other_side_at_most: 0,
         mutants: &[
             // A word of the product forgotten; one symmetry for two decisions; no rotation; a frame that does not move the lattice.
@@ -535,12 +231,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "derivatives",
-        random: |d| {
-            let ray = d.vector(-1.0, 1.0);
-            let step = d.vector(-14.0, -7.0);
-            let t = d.between(-4.0, 14.0).exp2();
-            [&ray[..], &step, &[t], &d.vector(-10.0, 10.0)].concat()
-        },
         extremes: || {
             let mut rows = Vec::new();
             for n in directions() {
@@ -554,7 +244,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: derivatives_judge,
         // The ray lies in the plane in 2^-19 of the random rows and some of the extremes made of axes.
         other_side_at_most: 16,
         mutants: &[
@@ -568,10 +257,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "splat-blend",
-        random: |d| {
-            let sharpness = if d.whole(8) < 0.5 { 0.0 } else { d.between(-2.0, 7.0).exp2() };
-            vec![d.unit(), d.unit(), d.unit(), d.unit(), d.unit(), d.unit(), sharpness]
-        },
         extremes: || {
             let mut rows = Vec::new();
             let ends = [0.0, 1e-20, 1e-6, 0.5, 1.0 - 0.5 * EPS, 1.0, -3.0, 7.0];
@@ -585,7 +270,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: splat_blend_judge,
         other_side_at_most: 0,
         mutants: &[
             ("splat_blend", "return bent / (bent.x + bent.y + bent.z + bent.w);", "return bent;"),
@@ -599,13 +283,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "tri-planar",
-        random: |d| {
-            let n = d.vector(-10.0, 10.0);
-            let k = if d.whole(8) < 0.5 { 0.0 } else { d.between(-2.0, 5.0).exp2() };
-            let slope = d.between(-6.0, 3.0).exp2();
-            let gradients = [0; 6].map(|_| d.between(-slope, slope));
-            [&n[..], &[k], &gradients].concat()
-        },
         extremes: || {
             let mut rows = Vec::new();
             for n in directions() {
@@ -617,7 +294,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: tri_planar_judge,
         other_side_at_most: 0,
         mutants: &[
             // Weights not normalised; a power of 0 that is 0 always; a gradient along the wrong axis; a normal that bends the wrong way, and one
@@ -631,11 +307,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "select",
-        random: |d| {
-            let mut row: Vec<f64> = (0..4).map(|_| if d.whole(5) < 0.5 { 0.0 } else { d.between(-10.0, 3.0).exp2() }).collect();
-            row.push(d.unit());
-            row
-        },
         extremes: || {
             let mut rows = Vec::new();
             for bits in 0..16 {
@@ -649,7 +320,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: select_judge,
         // Random rows hit a threshold with 4096 * 6 * 2^-23; extremes where a sum of three rounded weights meets u = 3/4 of four.
         other_side_at_most: 8,
         mutants: &[
@@ -662,10 +332,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "biplanar",
-        random: |d| {
-            let k = if d.whole(8) < 0.5 { 0.0 } else { d.between(-2.0, 6.0).exp2() };
-            [&d.vector(-10.0, 10.0)[..], &[k]].concat()
-        },
         extremes: || {
             let mut rows = Vec::new();
             for n in directions() {
@@ -681,7 +347,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: biplanar_judge,
         // Extremes: 8 diagonals with 6 powers, 6 rows a step off a diagonal, and a few where two components that count for nothing are alike.
         other_side_at_most: 80,
         mutants: &[
@@ -694,13 +359,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "hex-tiling",
-        random: |d| {
-            let sector_m = d.between(5.0, 15.0).floor().exp2();
-            let reach = if d.whole(2) < 0.5 { 160 } else { 1 << 24 };
-            let sector = [0; 2].map(|_: i32| d.whole(2 * reach) - f64::from(reach));
-            let position = [0; 2].map(|_: i32| d.between(-1.0, 1.0) * sector_m);
-            [&sector[..], &position, &[sector_m, d.between(-10.0, 7.0).exp2(), d.whole(1 << 24)]].concat()
-        },
         extremes: || {
             let mut rows = Vec::new();
             for sector in [[0.0, 0.0], [16_777_216.0, -16_777_216.0], [-1.0, 1.0]] {
@@ -712,7 +370,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: hex_tiling_judge,
         // Within an error of a cell's border, where the hexagon that goes has weight 0, or of half-way between two levels: a few random rows,
         // and the extremes at and a step off a corner.
         other_side_at_most: 32,
@@ -727,11 +384,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "texel-choice",
-        random: |d| {
-            let levels = 1.0 + d.whole(12);
-            let size = d.whole(13).exp2();
-            vec![d.between(-2.0, 14.0), levels, d.unit(), d.between(-200.0, 200.0), size, d.unit()]
-        },
         extremes: || {
             let mut rows = Vec::new();
             for u in [0.0, 0.5, 1.0 - 0.5 * EPS] {
@@ -745,7 +397,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: texel_choice_judge,
         // u is within 2^-23 times some hundred texels of a threshold: 0.1 of 4096 expected; extremes with a size of 3 and a centre at 1 - 5e-7.
         other_side_at_most: 24,
         mutants: &[
@@ -759,10 +410,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "layers",
-        random: |d| {
-            let weights = splat_blend::bilinear([d.unit(), d.unit()]);
-            [&weights[..], &[0; 4].map(|_| d.whole(8))].concat()
-        },
         extremes: || {
             let mut rows = Vec::new();
             for fraction in [[0.0, 0.0], [1.0, 0.0], [0.5, 1.0], [1e-20, 1.0 - EPS], [0.5, 0.5]] {
@@ -772,7 +419,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: layers_judge,
         other_side_at_most: 0,
         mutants: &[
             // A share for an opacity; layer 0 transparent; a layer that counts those above it; a weight forgotten.
@@ -784,12 +430,6 @@ const CASES: &[Case] = &[
     },
     Case {
         probe: "snapped-projection",
-        random: |d| {
-            let sectors = [0; 3].map(|_| d.whole(1 << 21) - f64::from(1 << 20));
-            let fixed = d.whole(1 << 25) - f64::from(1 << 24);
-            let (n, p) = (d.vector(-10.0, 10.0), d.vector(-3.0, 12.0));
-            [&n[..], &[0.8], &p, &sectors, &[fixed, d.between(-2.0, 2.0), d.between(-2.0, 2.0)]].concat()
-        },
         extremes: || {
             let mut rows = Vec::new();
             for n in directions() {
@@ -801,7 +441,6 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        judge: snapped_projection_judge,
         // Directions without x and y, or with z at the threshold.
         other_side_at_most: 100,
         mutants: &[
@@ -812,6 +451,172 @@ const CASES: &[Case] = &[
             ("snapped_projection", "a.z >= cosine", "a.z < cosine"),
             ("snapped_projection", "a.y <= SNAPPED_HALF_STEP * a.x", "a.y <= a.x"),
             ("snapped_projection", "vec3<f32>(-along, along, g.y)", "vec3<f32>(along, along, g.y)"),
+        ],
+    },
+    Case {
+        probe: "hash",
+        extremes: || {
+            let ends = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff_u32, 0x7fc0_0001];
+            let words = (0..6 * 6 * 6 * 6).map(|k: usize| [0, 1, 2, 3].map(|i| ends[k / 6_usize.pow(i) % 6]));
+            words.map(|v| v.into_iter().flat_map(|w| [w & 0xffff, w >> 16]).map(f64::from).collect()).collect()
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            // OR for XOR, twice; a constant one off; a hash added where it is chained; a rounding unit.
+            ("hash", "h ^= h >>", "h |= h >>"),
+            ("hash", "(word >> 22u) ^ word", "(word >> 22u) | word"),
+            ("hash", "2891336453u", "2891336454u"),
+            ("hash", "hash_pcg(level + hash_pcg(salt + hash_pcg(seed)))", "hash_pcg(level + salt + seed)"),
+            ("hash", "h >> 8u) * 5.96", "h) * 2.3283064365386963e-10 + 0.0 * 5.96"),
+        ],
+    },
+    Case {
+        probe: "flavour-weights",
+        extremes: || {
+            let mut rows = Vec::new();
+            for distance in [0.0, 30.0, 300.0, 1500.0, 1e9] {
+                for normal_z in [-1.0, 0.0, 0.682, 0.731, 0.777, 0.819, 1.0] {
+                    for given in [0.0, 1.0] {
+                        rows.push(vec![distance, normal_z, given, 0.0, given, 1.0, given, 21.0, given]);
+                    }
+                }
+            }
+            rows
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            ("flavour_weights", "t * t * (3.0 - 2.0 * t)", "t"),
+            ("flavour_weights", "flavour_behind(d, params.cliff_near_m,", "flavour_behind(d, params.cliff_far_atlas_m,"),
+            ("flavour_weights", "mask |= select(0u, 16u, weights[4] > FLAVOUR_MIN_WEIGHT);", ""),
+            ("flavour_weights", "w[i] /= sum;", "w[i] /= max(sum, 1.0);"),
+        ],
+    },
+    Case {
+        probe: "tiling",
+        extremes: || {
+            let mut rows = Vec::new();
+            for distance in [0.0, 30.0, 30.0 * (1.0 + EPS), 60.0, 1e9] {
+                for sector in [0.0, -16_777_216.0, 16_777_216.0] {
+                    for fixed in [0.0, 1.0, 65_535.0] {
+                        rows.push(vec![distance, 30.0, 1.0, sector, fixed, fixed, 8.0]);
+                        rows.push(vec![distance, 1e-3, 0.0, sector, fixed, fixed, 0.0]);
+                    }
+                }
+            }
+            rows
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            ("tiling", "log2(ratio)", "log(ratio)"),
+            ("tiling", "f32(repeat >> s)", "f32((repeat >> s) | 1u)"),
+            ("tiling", "(0xffffffffu >> (8u - s))", "0x00ffffffu"),
+        ],
+    },
+    Case {
+        probe: "reflection",
+        extremes: || {
+            let mut rows = Vec::new();
+            for cosine in [0.0, 0.5, 1.0 - 0.5 * EPS, 1.0] {
+                for rough in [0.0, 0.002, 1.0] {
+                    rows.push(vec![cosine, rough, cosine, 1.0, 0.04, rough]);
+                    rows.push(vec![cosine, rough, 1.0, cosine, 1.0, rough]);
+                }
+            }
+            rows
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            ("brdf", "(1.0 - c) * (1.0 + c) + c * c * a * a", "1.0 - c * c * (1.0 - a * a)"),
+            ("brdf", "let lambda_l = v * sqrt(l * l", "let lambda_l = v * sqrt(v * v"),
+            ("brdf", "(m2 * m2 * m)", "(m2 * m2)"),
+            ("brdf", "-9.28", "-9.27"),
+        ],
+    },
+    Case {
+        probe: "depth-position",
+        extremes: || {
+            let mut rows = Vec::new();
+            for width in [1.0, 8192.0] {
+                // 1 degree, 55, and 175.
+                for half in [0.008_727, 0.5206, 22.9] {
+                    for distance in [1e-3, 1.0, 1e6] {
+                        rows.push(vec![0.0, 0.0, 1e-3 / distance, 1e-3, half, width]);
+                        rows.push(vec![width - 1.0, 0.5 * width, 1e-3 / distance, 1e-3, half, width]);
+                    }
+                }
+            }
+            // Where nothing was drawn.
+            rows.push(vec![3.0, 4.0, 0.0, 0.1, 0.5, 64.0]);
+            rows
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            // A step forgotten; rows for columns; depth for its reciprocal; infinity where nothing was drawn.
+            ("view", "ray_00 + ray_dx * pixel.x + ray_dy * pixel.y", "ray_00 + ray_dx * pixel.x"),
+            ("view", "ray_dx * pixel.x + ray_dy * pixel.y", "ray_dx * pixel.y + ray_dy * pixel.x"),
+            ("view", "near_m / depth,", "near_m * depth,"),
+            ("view", "depth > VIEW_MIN_DEPTH", "true"),
+        ],
+    },
+    Case {
+        probe: "weld",
+        extremes: || {
+            let deltas = [0.0, 1.0, 2.0, 7.0, 15.0];
+            let edge = |i: u32| [[f64::from(i), 0.0], [f64::from(i), 128.0], [0.0, f64::from(i)], [128.0, f64::from(i)]];
+            let places = (0..=128).flat_map(edge);
+            places.flat_map(|[x, y]| deltas.map(|d| vec![x, y, d, d, d, d])).collect()
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            // Of two equally near the upper; a border that does not move; one by another's neighbour.
+            ("geometry/stitch.wgsl", "(step - 1u) / 2u", "step / 2u"),
+            ("geometry/stitch.wgsl", "if index.x == 0u { kept.y = geometry_weld(index.y, deltas & 15u); }", ""),
+            ("geometry/stitch.wgsl", "(deltas >> 4u) & 15u", "deltas & 15u"),
+        ],
+    },
+    Case {
+        probe: "moments",
+        extremes: || {
+            let mut rows = Vec::new();
+            for [mean, spread] in [[0.0, 0.0], [1e6, 1e-3], [1e6, 0.0], [-1e6, 1.0], [1e-3, 1e3]] {
+                for count in [1.0, 2.0, 3.0, 4096.0] {
+                    rows.push(vec![mean, spread, count]);
+                }
+            }
+            rows
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            // Sums not compensated; the squares of all samples; a variance that is biased; the lower part of a sample forgotten.
+            ("moments", "(a.x - rest) + (b - part)", "0.0"),
+            ("moments", "delta * (delta * ((n - 1.0) / n))", "delta * delta"),
+            ("moments", "max(count - 1.0, 1.0)", "max(count, 1.0)"),
+            ("moments", "moments_rounded(sample.y - state.y, zero)", "0.0"),
+        ],
+    },
+    Case {
+        probe: "reprojection",
+        extremes: || {
+            let mut rows = Vec::new();
+            for y in [-5.0, 0.0, 1e-4, 1.0, 1e6, 1e9] {
+                for normal in [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]] {
+                    for [half, width] in [[0.008_727, 8192.0], [0.5, 1.0], [22.9, 640.0]] {
+                        rows.push([&[0.1 * y, y, -0.05 * y, 0.0, 0.0, 0.0, half, width][..], &normal].concat());
+                        rows.push([&[0.0, y, 0.0, 0.5, -0.25, 0.125, half, width][..], &normal].concat());
+                    }
+                }
+            }
+            rows
+        },
+        // The least distance and the largest that is told; planes that the eye lies in.
+        other_side_at_most: 64,
+        mutants: &[
+            // The other eye; a shift added; a distance by the wrong row; the plane through another point.
+            ("motion", "let q = point + past.offset;", "let q = point - past.offset;"),
+            ("motion", "/ distance - vec2<f32>(past.x_shift, past.y_shift)", "/ distance + vec2<f32>(past.x_shift, past.y_shift)"),
+            ("motion", "dot(q, past.forward)", "dot(q, past.x_row)"),
+            ("motion", "dot(normal, point + past.offset)", "dot(normal, point)"),
+            ("motion", "past.forward + past.x_row * x", "past.forward - past.x_row * x"),
         ],
     },
 ];
@@ -840,7 +645,7 @@ fn mutant(body: &str, file: &str, from: &str, to: &str) -> String {
         assert_eq!(body.matches(from).count(), 1, "`{from}` is not there once");
         return body.replace(from, to);
     }
-    let text = kernels::shared::WGSL.iter().find(|(name, _)| *name == file).expect("a shared file").1;
+    let text = kernels::shared::WGSL.iter().chain([&geometry::STITCH_WGSL]).find(|(name, _)| *name == file).expect("a file of a probe").1;
     // The function of three calls that of four; a mutation of a text that stands twice would be two.
     let count = text.matches(from).count();
     assert!(count >= 1, "{file}.wgsl: `{from}` is not there");
@@ -906,6 +711,11 @@ fn octahedral_agrees() {
 }
 
 #[test]
+fn normal_pair_agrees() {
+    check("normal-pair");
+}
+
+#[test]
 fn hashed_alpha_agrees() {
     check("hashed-alpha");
 }
@@ -960,59 +770,44 @@ fn snapped_projection_agrees() {
     check("snapped-projection");
 }
 
-// ---------------------------------------------------------------- hashes
-
-/// Words travel in halves, which f32 holds exactly: as bits of f32 they would be NaN or denormal at times, and need not survive.
-const HASHES: &str = "\
-fn word(low: f32, high: f32) -> u32 { return u32(low) | (u32(high) << 16u); }
-fn probe(row: array<f32, 8>) -> array<f32, 13> {
-    let v = vec4<u32>(word(row[0], row[1]), word(row[2], row[3]), word(row[4], row[5]), word(row[6], row[7]));
-    let four = hash_pcg4d(v);
-    var words = array<u32, 6>(hash_pcg(v.x), four.x, four.y, four.z, four.w, hash_mix(v.x, v.y, v.z));
-    var out: array<f32, 13>;
-    for (var i = 0u; i < 6u; i++) {
-        out[2u * i] = f32(words[i] & 0xffffu);
-        out[2u * i + 1u] = f32(words[i] >> 16u);
-    }
-    out[12] = hash_to_unit(v.w);
-    return out;
-}";
-
 #[test]
 fn hashes_are_bit_equal() {
-    let ends = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fc0_0001];
-    let mut inputs: Vec<[u32; 4]> = (0..6 * 6 * 6 * 6).map(|k: usize| [0, 1, 2, 3].map(|i| ends[k / 6_usize.pow(i) % 6])).collect();
-    // Neither of the two words of a row depends on the function under test alone: SplitMix64 (Steele et al. 2014).
-    let mut state = 7_u64;
-    let mut word = || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        u32::try_from((z ^ (z >> 27)) >> 32).expect("32 bits")
-    };
-    inputs.extend((0..ROWS).map(|_| [word(), word(), word(), word()]));
-    let halves = |w: u32| [w & 0xffff, w >> 16].map(|h| h as f32);
-    let rows: Vec<f32> = inputs.iter().flat_map(|v| v.map(halves)).flatten().collect();
-    let expected: Vec<f32> = inputs
-        .iter()
-        .flat_map(|&[a, b, c, d]| {
-            let four = hash::pcg4d([a, b, c, d]);
-            let words = [hash::pcg(a), four[0], four[1], four[2], four[3], hash::mix(a, b, c)];
-            words.into_iter().flat_map(halves).chain([hash::to_unit::<f32>(d)]).collect::<Vec<_>>()
-        })
-        .collect();
-    let run = |body: &str| gpu::probe::run(gpu(), body, &rows, 8, 13).unwrap_or_else(|e| panic!("{e}"));
-    let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-    assert!(bits(&run(HASHES)) == bits(&expected), "a hash of the GPU differs");
-    // Negative controls: OR for XOR, twice; a constant one off; a hash added where it is chained; a rounding unit.
-    for (from, to) in [
-        ("h ^= h >>", "h |= h >>"),
-        ("(word >> 22u) ^ word", "(word >> 22u) | word"),
-        ("2891336453u", "2891336454u"),
-        ("hash_pcg(level + hash_pcg(salt + hash_pcg(seed)))", "hash_pcg(level + salt + seed)"),
-        ("h >> 8u) * 5.96", "h) * 2.3283064365386963e-10 + 0.0 * 5.96"),
-    ] {
-        assert!(bits(&run(&mutant(HASHES, "hash", from, to))) != bits(&expected), "`{to}` for `{from}` was not noticed");
-    }
+    check("hash");
+}
+
+#[test]
+fn flavour_weights_agree() {
+    check("flavour-weights");
+}
+
+#[test]
+fn tiling_agrees() {
+    check("tiling");
+}
+
+#[test]
+fn reflection_agrees() {
+    check("reflection");
+}
+
+#[test]
+fn depth_position_agrees() {
+    check("depth-position");
+}
+
+#[test]
+fn weld_is_equal() {
+    check("weld");
+}
+
+#[test]
+fn moments_agree() {
+    check("moments");
+}
+
+#[test]
+fn reprojection_agrees() {
+    check("reprojection");
 }
 
 // ---------------------------------------------------------------- classification
@@ -1249,172 +1044,4 @@ fn classification_comparison_notices_differences() {
     let others = tile_masks(scenery.size, &scenery.mask, &narrower, None);
     assert_ne!(others, masks, "the last column must matter");
     assert!(scenery.compare(&lists, &others).is_err());
-}
-
-// ---------------------------------------------------------------- shared functions that have no probe
-
-/// A table of a shared function, compared as the probes are, with one tolerance a result.
-struct Table {
-    name: &'static str,
-    columns: usize,
-    wgsl: String,
-    random: fn(&mut Draw) -> Vec<f64>,
-    /// Truth and tolerance of each result.
-    truth: fn(&[f64]) -> Vec<(f64, f64)>,
-    mutants: &'static [(&'static str, &'static str, &'static str)],
-}
-
-const RULES: FlavourParams = FlavourParams {
-    far_atlas_m: 300.0,
-    cliff_far_atlas_m: 1500.0,
-    cliff_near_m: 30.0,
-    distance_blend: 0.15,
-    cliff_cos: [0.682, 0.731],
-    splat_cos: [0.777, 0.819],
-    splat_enabled: 1,
-    vt_enabled: 1,
-    padding: [0; 2],
-};
-
-/// Every result takes at most 8 operations whose errors do not cancel: 16 ULP.
-const FEW: f64 = 16.0 * EPS;
-
-fn tables() -> Vec<Table> {
-    vec![
-        Table {
-            name: "flavour weights",
-            columns: 9,
-            wgsl: format!(
-                "fn probe(row: array<f32, 9>) -> array<f32, 11> {{
-    let rules = FlavourParams({:?}, {:?}, {:?}, {:?}, vec2<f32>({:?}, {:?}), vec2<f32>({:?}, {:?}), 1u, 1u, vec2<u32>(0u));
-    let w = flavour_weights(row[0], row[1], rules);
-    let given = array<f32, 5>(row[2], row[3], row[4], row[5], row[6]);
-    let held = flavour_weights_for(given, u32(row[7]), u32(row[8]));
-    return array<f32, 11>(w[0], w[1], w[2], w[3], w[4], f32(flavour_mask(given)), held[0], held[1], held[2], held[3], held[4]);
-}}",
-                RULES.far_atlas_m,
-                RULES.cliff_far_atlas_m,
-                RULES.cliff_near_m,
-                RULES.distance_blend,
-                RULES.cliff_cos[0],
-                RULES.cliff_cos[1],
-                RULES.splat_cos[0],
-                RULES.splat_cos[1],
-            ),
-            random: |d| {
-                let weights = [0; 5].map(|_| if d.whole(3) < 0.5 { 0.0 } else { d.between(-12.0, 0.0).exp2() });
-                [&[d.between(-1.0, 12.0).exp2(), d.between(0.4, 1.0)][..], &weights, &[d.whole(32), d.whole(2)]].concat()
-            },
-            truth: |row| {
-                // A ramp is at least a 20th as wide as its place, and at most 1.5 steep: it magnifies 8 roundings by 30.
-                let weights = flavour_weights::weights(row[0], row[1], &RULES).map(|w| (w, 256.0 * EPS));
-                let given: [f64; 5] = std::array::from_fn(|i| row[2 + i]);
-                let held = flavour_weights::weights_for(given, row[7] as u32, row[8] > 0.5).map(|w| (w, FEW));
-                [&weights[..], &[(f64::from(flavour_weights::mask(given)), 0.25)], &held].concat()
-            },
-            mutants: &[
-                ("flavour_weights", "t * t * (3.0 - 2.0 * t)", "t"),
-                ("flavour_weights", "flavour_behind(d, params.cliff_near_m,", "flavour_behind(d, params.cliff_far_atlas_m,"),
-                ("flavour_weights", "mask |= select(0u, 16u, weights[4] > FLAVOUR_MIN_WEIGHT);", ""),
-                ("flavour_weights", "w[i] /= sum;", "w[i] /= max(sum, 1.0);"),
-            ],
-        },
-        Table {
-            name: "tiling",
-            columns: 7,
-            wgsl: "fn probe(row: array<f32, 7>) -> array<f32, 2> {
-    let scales = tiling_scales(row[0], row[1], row[2]);
-    let per_sector = bitcast<i32>((u32(row[4]) << 16u) | u32(row[5]));
-    return array<f32, 2>(scales.x + scales.y, tiling_fixed(i32(row[3]), per_sector, u32(row[6])));
-}"
-            .to_owned(),
-            random: |d| {
-                let far = d.between(-3.0, 14.0).exp2();
-                vec![far, 30.0, d.between(-0.1, 1.1), d.whole(320) - 160.0, d.whole(1 << 16), d.whole(1 << 16), d.whole(9)]
-            },
-            truth: |row| {
-                let (scale, part) = tiling::scales(row[0], row[1], row[2]);
-                let per_sector = ((row[4] as u32) << 16 | row[5] as u32).cast_signed();
-                let fixed = tiling::fixed(row[3] as i32, per_sector, row[6] as u32);
-                // Scale and blend as one number, which is continuous where the scale steps. The fixed-point coordinate is exact.
-                vec![(f64::from(scale) + part, level_error(7.0, 4.0)), (fixed, 1e-9)]
-            },
-            mutants: &[
-                ("tiling", "log2(ratio)", "log(ratio)"),
-                ("tiling", "f32(repeat >> s)", "f32((repeat >> s) | 1u)"),
-                ("tiling", "(0xffffffffu >> (8u - s))", "0x00ffffffu"),
-            ],
-        },
-        Table {
-            name: "reflection",
-            columns: 6,
-            wgsl: "fn probe(row: array<f32, 6>) -> array<f32, 5> {
-    let alpha = brdf_alpha(row[1]);
-    let f0 = vec3<f32>(row[4]);
-    return array<f32, 5>(
-        alpha,
-        brdf_d_ggx(row[0], row[5]),
-        brdf_v_smith_ggx_correlated(row[2], row[3], row[5]),
-        brdf_f_schlick(f0, row[2]).x,
-        brdf_env_approx(f0, row[1], row[2]).x,
-    );
-}"
-            .to_owned(),
-            random: |d| {
-                let near_one = 1.0 - d.between(-20.0, 0.0).exp2();
-                vec![near_one, d.unit(), d.between(-0.1, 1.0), d.unit(), d.unit(), d.between(-8.0, 0.0).exp2()]
-            },
-            truth: |row| {
-                let f0 = [row[4]; 3];
-                let (d, v) = (brdf::d_ggx(row[0], row[5]), brdf::v_smith_ggx_correlated(row[2], row[3], row[5]));
-                vec![
-                    (brdf::alpha(row[1]), FEW),
-                    // Sums of positive terms and quotients: relative errors. The quotient is squared, the root takes 4.5 ULP twice.
-                    (d, 2.0 * FEW * d),
-                    (v, 2.0 * FEW * v),
-                    (brdf::f_schlick(f0, row[2])[0], FEW),
-                    // exp2 of -9.28 at most: 22 ULP.
-                    (brdf::env_approx(f0, row[1], row[2])[0], 3.0 * FEW),
-                ]
-            },
-            mutants: &[
-                ("brdf", "(1.0 - c) * (1.0 + c) + c * c * a * a", "1.0 - c * c * (1.0 - a * a)"),
-                ("brdf", "let lambda_l = v * sqrt(l * l", "let lambda_l = v * sqrt(v * v"),
-                ("brdf", "(m2 * m2 * m)", "(m2 * m2)"),
-                ("brdf", "-9.28", "-9.27"),
-            ],
-        },
-    ]
-}
-
-#[test]
-fn functions_without_probe_agree() {
-    for (number, table) in (100..).zip(tables()) {
-        let rows: Vec<f32> =
-            (0..ROWS).flat_map(|row| (table.random)(&mut Draw { row, column: 0, table: number })).map(|x| x as f32).collect();
-        let wide: Vec<f64> = rows.iter().copied().map(f64::from).collect();
-        let truth: Vec<Vec<(f64, f64)>> = wide.chunks(table.columns).map(table.truth).collect();
-        let results = truth[0].len();
-        // The largest share of a tolerance that is used.
-        let used = |body: &str| {
-            let got = gpu::probe::run(gpu(), body, &rows, table.columns, results).unwrap_or_else(|e| panic!("{}: {e}", table.name));
-            let shares = got.iter().zip(truth.iter().flatten()).map(|(&g, &(want, tolerance))| (f64::from(g) - want).abs() / tolerance);
-            // NaN counts as infinitely far.
-            shares.fold(0.0_f64, |most, share| {
-                if share <= most {
-                    most
-                } else if share.is_nan() {
-                    f64::INFINITY
-                } else {
-                    share
-                }
-            })
-        };
-        let share = used(&table.wgsl);
-        println!("{}: {share:.4} of the tolerance used", table.name);
-        assert!(share <= 1.0, "{}: {share} times the tolerance", table.name);
-        for &(file, from, to) in table.mutants {
-            assert!(used(&mutant(&table.wgsl, file, from, to)) > 1.0, "{}: `{to}` for `{from}` was not noticed", table.name);
-        }
-    }
 }

@@ -2,6 +2,7 @@
 
 use kernels::composition::{Destination, Layers};
 use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::geometry::NormalEncoding;
 use kernels::metrics::{LAGS, NO_LINK, read_signal};
 use kernels::picture::AovSet;
 use kernels::shared::motion::{Past, expected_distance, in_quarter, past_ray, reproject};
@@ -204,24 +205,25 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
 fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     let scene = small_scene();
     let with = |options: RendererOptions| Renderer::with(gpu(), &scene, options, &|_| {}).expect("the small scene renders");
-    let albedo = |renderer: &mut Renderer<'_>, variant: VariantChoice, noise: NoiseKind| {
+    let albedo = |renderer: &mut Renderer<'_>, variant: VariantChoice, noise: NoiseKind, normals: NormalEncoding| {
         // Counted, as the test of all variants has it, which shares a renderer with this one: its shaders are compiled once.
         let aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
-        let request = RenderRequest { aovs, variant, noise, ..request(renderer, "cliff") };
+        let request = RenderRequest { aovs, variant, noise, normals, ..request(renderer, "cliff") };
         let picture = renderer.render(&request).expect("renders");
         let tiles = picture.report.tiles.clone();
         (picture.vectors("albedo").expect("asked for").to_vec(), tiles, terrain(&picture))
     };
-    let automatic = (VariantChoice::Auto, NoiseKind::HashedIsotropic);
+    let automatic =
+        |renderer: &mut Renderer<'_>| albedo(renderer, VariantChoice::Auto, NoiseKind::HashedIsotropic, NormalEncoding::Octahedral);
     // Noise that does not follow the derivatives, which are what normals enter; of one shader, since that is not what differs.
-    let generic = (VariantChoice::GenericAuto, NoiseKind::WhiteScreen);
-    let tiled = |tile: u32| albedo(&mut with(RendererOptions { tile, ..RendererOptions::default() }), automatic.0, automatic.1);
+    let generic = |renderer: &mut Renderer<'_>, normals| albedo(renderer, VariantChoice::GenericAuto, NoiseKind::WhiteScreen, normals);
+    let tiled = |tile: u32| automatic(&mut with(RendererOptions { tile, ..RendererOptions::default() }));
     let others = [4, 16].map(|tile| (tile, tiled(tile)));
-    let exact = albedo(&mut with(RendererOptions { exact_normals: true, ..RendererOptions::default() }), generic.0, generic.1);
     // The renderer that other tests share comes last: it may be in use.
     let mut usual = renderer();
-    let (eight, tiles, _) = albedo(&mut usual, automatic.0, automatic.1);
-    let (codes, _, on) = albedo(&mut usual, generic.0, generic.1);
+    let (eight, tiles, _) = automatic(&mut usual);
+    let (codes, _, on) = generic(&mut usual, NormalEncoding::Octahedral);
+    let exact = generic(&mut usual, NormalEncoding::Exact);
     drop(usual);
     for (tile, (other, counts, _)) in others {
         // The same arithmetic in another variant's pipeline: within two ulp of f16, see the test of the variants.

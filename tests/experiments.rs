@@ -9,12 +9,14 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
-use ::experiments::definition::{self, Definition};
+use ::experiments::definition::{self, Definition, FrameChoices};
 use ::experiments::expectations;
 use ::experiments::row::{COLUMNS, Row};
 use ::experiments::store::table::{read_parquet, write_csv, write_parquet};
 use ::experiments::store::{Existing, Place, Provenance, Run, RunData, read_run};
 use ::experiments::unit::{Measure, Outcome, Shard, Unit, Work, plan, share};
+use kernels::camera::Pose;
+use kernels::geometry::NormalEncoding;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
@@ -113,11 +115,17 @@ fn choices_of_the_frame_are_set_and_varied() {
     let text = text.replace("variant = \"auto\", variant = \"auto\"", "variant = \"auto\"");
     let definition = parse(&text).unwrap();
     let choices = definition.frame_choices(&Some(toml::Value::Integer(16))).unwrap();
-    assert_eq!((choices.tile, choices.normals), (16, definition::Normals::Exact));
+    assert_eq!((choices.tile, choices.normals), (16, NormalEncoding::Exact));
     let wrong = text.replace("[4, 16]", "[4, 5]");
     assert!(parse(&wrong).unwrap_err().contains("4, 8 or 16"));
     assert!(parse(&text.replace("frame.tile", "frame.tiles")).unwrap_err().contains("did you mean `frame.tile`"));
-    assert!(parse(&text.replace("\"exact\"\n", "\"best\"\n")).unwrap_err().contains("\"octahedral\" or \"exact\""));
+    let of_normals = |name: &str| parse(&text.replace("\"exact\"\n", &format!("{name}\n")));
+    let choices = of_normals("\"plane-first\"").unwrap().frame_choices(&None).unwrap();
+    assert_eq!((choices.normals, FrameChoices::default().normals), (NormalEncoding::PlaneFirst, NormalEncoding::Octahedral));
+    let pose = Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: 0.0, fov: 1.0 };
+    assert_eq!(choices.request(pose, [8, 8], 0).normals, NormalEncoding::PlaneFirst);
+    assert!(of_normals("\"planefirst\"").unwrap_err().contains("did you mean `plane-first`?"));
+    assert!(of_normals("true").unwrap_err().contains("there are octahedral, plane-first, exact"));
 }
 
 /// What is changed, and what the refusal must name; the line is that of the change.

@@ -7,6 +7,7 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use kernels::camera::Pose;
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
+use kernels::geometry::NormalEncoding;
 use kernels::gpu::Gpu;
 use kernels::picture::{AovSet, Picture};
 use kernels::scene;
@@ -282,6 +283,53 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
     assert!(good < 0.06, "median relative error of ddx is {good}");
     assert!(down < 0.1, "median relative error of ddy is {down}");
     assert!(bad > 0.5, "ddy passes for ddx: {bad}");
+}
+
+#[test]
+fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
+    let mut renderer = renderer();
+    for camera in ["cliff", "ground", "vista", "grazing"] {
+        // Where variances are shaded, the layer holds the stored normal.
+        let base = RenderRequest {
+            variant: VariantChoice::Forced(Variant::only(Flavour::FarAtlas)),
+            estimator: Estimator::Variance,
+            aovs: AovSet::from_names(&["ddx", "ddy", "normal", "mask"]).expect("known layers"),
+            ..request(&renderer, camera)
+        };
+        let [octahedral, plane_first, exact] =
+            NormalEncoding::ALL.map(|normals| renderer.render(&RenderRequest { normals, ..base.clone() }).expect("renders"));
+        for layer in ["normal", "mask"] {
+            let [codes, pair] = [&octahedral, &plane_first].map(|picture| picture.layer(layer).expect("asked for"));
+            assert!(codes == pair, "{camera}: {layer}");
+        }
+        // Negative control: a code does show.
+        assert!(octahedral.layer("normal") != exact.layer("normal"), "{camera}: codes of 8 + 8 bits do not show");
+        let on = terrain(&exact);
+        // Relative errors of both derivatives of all pixels, sorted.
+        let errors = |picture: &Picture| -> Vec<f64> {
+            let mut errors = Vec::new();
+            for layer in ["ddx", "ddy"] {
+                let (got, want) = (picture.vectors(layer).expect("asked for"), exact.vectors(layer).expect("asked for"));
+                for ((got, want), _) in got.iter().zip(want).zip(&on).filter(|(_, on)| **on) {
+                    let squares = |v: [f32; 3]| v.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
+                    errors.push((squares([0, 1, 2].map(|k| got[k] - want[k])) / squares(*want)).sqrt());
+                }
+            }
+            errors.sort_by(f64::total_cmp);
+            errors
+        };
+        let (two, one) = (errors(&octahedral), errors(&plane_first));
+        for part in [0.5, 0.95] {
+            let at = (part * (two.len() - 1) as f64) as usize;
+            println!(
+                "{camera}: {} of derivatives within {:.3} % of two codes, {:.3} % of the pair",
+                part,
+                100.0 * two[at],
+                100.0 * one[at]
+            );
+            assert!(one[at] > 0.0 && two[at] >= 3.0 * one[at], "{camera}, share {part}: {} of two codes, {} of the pair", two[at], one[at]);
+        }
+    }
 }
 
 #[test]

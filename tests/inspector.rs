@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use glam::DVec3;
 use kernels::camera::Pose;
 use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::geometry::NormalEncoding;
 use kernels::picture::AovSet;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
@@ -72,6 +73,29 @@ fn a_pixel_says_what_the_layers_say() {
     assert!(errors.len() > 20 && median < 0.03 && worst < 0.15, "median {median}, worst {worst} of {}", errors.len());
     // The codes are not exact, and that is seen.
     assert!(median > 1e-5, "{median}");
+}
+
+#[test]
+fn normals_are_decoded_however_they_are_stored() {
+    let mut renderer = renderer();
+    let variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+    let base = RenderRequest { variant, ..request(&renderer, "cliff") };
+    let pixels = NormalEncoding::ALL.map(|normals| -> Vec<Pixel> {
+        let request = RenderRequest { normals, ..base.clone() };
+        let places = (0..(base.size[0] * base.size[1]) as usize).step_by(149).map(|i| place(i, base.size));
+        places.filter_map(|at| inspect(&mut renderer, &request, at).expect("inspects")).collect()
+    });
+    let [codes, pair, exact] = &pixels;
+    assert!(codes.len() > 10 && codes.len() == pair.len() && codes.len() == exact.len());
+    assert!(codes.iter().zip(pair).all(|(codes, pair)| codes.shading_normal == pair.shading_normal));
+    assert!(codes.iter().zip(exact).any(|(codes, exact)| codes.shading_normal != exact.shading_normal));
+    // A code of 8 + 8 bits is off by a third of a degree, the finer plane by an eighth of that, and f32 by thousandths of a degree.
+    let medians = [codes, pair, exact].map(|pixels| {
+        let mut errors: Vec<f64> = pixels.iter().filter_map(Pixel::normal_error).collect();
+        errors.sort_by(f64::total_cmp);
+        errors[errors.len() / 2]
+    });
+    assert!(medians[0] > 3.0 * medians[1] && medians[1] > 3.0 * medians[2], "{medians:?} rad");
 }
 
 #[test]

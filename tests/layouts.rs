@@ -131,7 +131,7 @@ fn pairs() -> Vec<(&'static str, Layout)> {
                 sky_zenith,
                 sample_pattern,
                 sky_horizon,
-                exact_normals,
+                normals,
             }),
         ),
         (

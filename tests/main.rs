@@ -35,6 +35,11 @@ mod metrics;
 #[cfg(test)]
 mod noise;
 #[cfg(test)]
+mod noise_stability;
+mod parsers;
+#[cfg(test)]
+mod properties;
+#[cfg(test)]
 mod reload;
 #[cfg(test)]
 mod runs;
@@ -44,6 +49,8 @@ mod scene;
 mod shaders;
 #[cfg(test)]
 mod shared;
+#[cfg(test)]
+mod stability;
 #[cfg(test)]
 mod workbench;
 #[cfg(test)]

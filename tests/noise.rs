@@ -1,19 +1,19 @@
-//! The seven kinds of noise: uniform, independent where independence is claimed, and each with the arrangement it is named for.
+//! The seven kinds of noise: each with the arrangement it is named for, and chosen by in the frame.
 //!
 //! Statistics have fixed seeds; each family of N tests is held to 0.1 % in all (each to 1 - 0.999^(1/N), Sidak), and beside each
-//! stands a mutant that it must reject. How hashed cells follow scale and place is tested in `shared`, bits of the shader in `agreement`.
+//! stands a mutant that it must reject. That they are uniform and independent is tested in `noise_stability`, how hashed cells follow
+//! scale and place in `shared`, bits of the shader in `agreement`.
 
+use experiments::stability::statistics::{Random, coverage_p, independent_p, sidak, uncorrelated_p};
 use kernels::frame::{RenderRequest, VariantChoice};
 use kernels::picture::AovSet;
 use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};
 use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
 use kernels::shared::{hash, select};
 use kernels::variant::{Flavour, Variant};
-use statrs::distribution::{Binomial, DiscreteCDF};
 
 use crate::frame::{renderer, request};
 use crate::layouts::constants;
-use crate::shared::{Random, independent_p, sidak, uncorrelated_p, uniform_bins_p, uniform_ks_p};
 
 /// Samples of a statistic: all pixels of five masks' area.
 const SAMPLES: u32 = 5 * RANKS;
@@ -41,27 +41,10 @@ fn somewhere(i: u32) -> ([u32; 2], u32) {
     ([below(1920.0), below(1080.0)], below(1000.0))
 }
 
-/// One pixel of one frame after another, each with a seed of its own.
-fn over_seeds(kind: NoiseKind) -> Vec<[f64; 4]> {
-    let sample = |i: u32| {
-        let (pixel, frame) = somewhere(i);
-        thresholds(kind, pixel, frame, i, 3)
-    };
-    (0..SAMPLES).map(sample).collect()
-}
-
 /// A mask's area, pixel by pixel, in a frame, by a seed.
 fn picture(kind: NoiseKind, frame: u32, seed: u32) -> Vec<[f64; 4]> {
     (0..RANKS).map(|i| thresholds(kind, [i % EDGE, i / EDGE], frame, seed, 3)).collect()
 }
-
-/// All pixels of a few pictures.
-fn over_pixels(kind: NoiseKind) -> Vec<[f64; 4]> {
-    (0..SAMPLES / RANKS).flat_map(|i| picture(kind, 7 * i, 100 + i)).collect()
-}
-
-type Sampler = fn(NoiseKind) -> Vec<[f64; 4]>;
-const SAMPLERS: [(&str, Sampler); 2] = [("seeds", over_seeds), ("pixels", over_pixels)];
 
 fn column(samples: &[[f64; 4]], i: usize) -> Vec<f64> {
     samples.iter().map(|s| s[i]).collect()
@@ -71,50 +54,14 @@ fn pairs(samples: &[[f64; 4]], i: usize, j: usize) -> Vec<(f64, f64)> {
     samples.iter().map(|s| (s[i], s[j])).collect()
 }
 
-#[test]
-fn thresholds_of_every_kind_are_uniform() {
-    // 7 kinds x 2 samples x 4 thresholds x 2 tests.
-    let level = sidak(112);
-    for kind in NoiseKind::ALL {
-        for (over, sampler) in SAMPLERS {
-            let samples = sampler(kind);
-            assert!(samples.iter().flatten().all(|u| (0.0..1.0).contains(u)));
-            for i in 0..4 {
-                let u = column(&samples, i);
-                let (bins, ks) = (uniform_bins_p(&u), uniform_ks_p(&u));
-                assert!(bins > level && ks > level, "{kind} over {over}, threshold {i}: p = {bins:e}, {ks:e}");
-            }
-            // Negative control: the last thirtieth missing.
-            let short: Vec<f64> = column(&samples, 0).iter().map(|u| u * (29.0 / 30.0)).collect();
-            assert!(uniform_bins_p(&short) < level && uniform_ks_p(&short) < level, "{kind} over {over}: mutant passed");
-        }
-    }
-}
-
-/// H0: the events have this probability. Two-sided exact binomial test.
-fn coverage_p(covered: u64, of: u64, alpha: f64) -> f64 {
-    let binomial = Binomial::new(alpha, of).expect("a probability");
-    let above = if covered == 0 { 1.0 } else { 1.0 - binomial.cdf(covered - 1) };
-    (2.0 * binomial.cdf(covered).min(above)).min(1.0)
-}
+/// The kinds whose pixels are no independent draws.
+const ARRANGED: [NoiseKind; 3] = [NoiseKind::InterleavedGradient, NoiseKind::Blue, NoiseKind::SpatioTemporalBlue];
 
 #[test]
-fn coverage_is_alpha() {
-    // 7 kinds x 2 samples x 3 alphas.
-    let level = sidak(42);
+fn a_picture_covers_alpha_as_evenly_as_its_kind_promises() {
     let covered = |samples: &[[f64; 4]], alpha: f64| samples.iter().filter(|s| s[2] < alpha).count() as u64;
     for kind in NoiseKind::ALL {
-        for (over, sampler) in SAMPLERS {
-            let samples = sampler(kind);
-            for alpha in [0.1, 0.5, 0.9] {
-                let n = covered(&samples, alpha);
-                let p = coverage_p(n, u64::from(SAMPLES), alpha);
-                assert!(p > level, "{kind} over {over}: {n} of {SAMPLES} at alpha {alpha}, p = {p:e}");
-                // Negative control: alpha off by 2 %.
-                assert!(coverage_p(covered(&samples, alpha + 0.02), u64::from(SAMPLES), alpha) < level);
-            }
-        }
-        // What a single picture covers. Chance has a standard deviation of sqrt(alpha (1 - alpha) / pixels), known here to 1 in 11.
+        // Chance has a standard deviation of sqrt(alpha (1 - alpha) / pixels), known here to 1 in 11.
         // A mask holds each rank once, so that only one rank's jitter is left to chance; a lattice is nearly as even.
         let pictures: Vec<_> = (0..64).map(|i| picture(kind, i, i)).collect();
         for alpha in [0.1, 0.5, 0.9] {
@@ -134,20 +81,16 @@ fn coverage_is_alpha() {
 }
 
 #[test]
-fn the_four_thresholds_of_a_call_are_independent() {
-    // 7 kinds x 2 samples x 6 pairs x 2 tests.
-    let level = sidak(168);
-    for kind in NoiseKind::ALL {
-        for (over, sampler) in SAMPLERS {
-            let samples = sampler(kind);
-            for i in 0..4 {
-                for j in 0..i {
-                    let (table, line) = (independent_p(&pairs(&samples, i, j)), uncorrelated_p(&pairs(&samples, i, j)));
-                    assert!(table > level && line > level, "{kind} over {over}, {i} and {j}: p = {table:e}, {line:e}");
-                }
+fn decisions_are_independent_within_pictures_that_are_arranged() {
+    // 3 kinds x 6 pairs x 2 tests. What is drawn anew in each pixel is tested in `noise_stability`.
+    let level = sidak(36);
+    for kind in ARRANGED {
+        let samples: Vec<[f64; 4]> = (0..SAMPLES / RANKS).flat_map(|i| picture(kind, 7 * i, 100 + i)).collect();
+        for i in 0..4 {
+            for j in 0..i {
+                let (table, line) = (independent_p(&pairs(&samples, i, j)), uncorrelated_p(&pairs(&samples, i, j)));
+                assert!(table > level && line > level, "{kind}, {i} and {j}: p = {table:e}, {line:e}");
             }
-            // Negative control: one number for two decisions.
-            assert!(independent_p(&pairs(&samples, 1, 1)) < level && uncorrelated_p(&pairs(&samples, 1, 1)) < level);
         }
     }
     // Negative controls: all decisions take the rank of the first; two shifts of one gradient lattice, which no symmetry sets apart.
@@ -164,66 +107,20 @@ fn the_four_thresholds_of_a_call_are_independent() {
 }
 
 #[test]
-fn seeds_and_salts_are_independent() {
-    // 7 kinds x 3 changes x 2 tests.
-    let level = sidak(42);
-    for kind in NoiseKind::ALL {
-        let against = |other: &dyn Fn(u32) -> (u32, u32)| -> Vec<(f64, f64)> {
-            let pair = |i: u32| {
-                let (pixel, frame) = somewhere(i);
-                let (seed, salt) = other(i);
-                (thresholds(kind, pixel, frame, i, 3)[1], thresholds(kind, pixel, frame, seed, salt)[1])
-            };
-            (0..SAMPLES).map(pair).collect()
-        };
-        let families = [("seed", against(&|i| (i + 1, 3))), ("salt", against(&|i| (i, 4))), ("swapped", against(&|i| (3, i)))];
-        for (name, pairs) in &families {
-            let (table, line) = (independent_p(pairs), uncorrelated_p(pairs));
-            assert!(table > level && line > level, "{kind}, {name}: p = {table:e}, {line:e}");
-        }
-        // Negative control: the same seed and salt.
-        let same = against(&|i| (i, 3));
-        assert!(independent_p(&same) < level && uncorrelated_p(&same) < level, "{kind}: mutant passed");
-    }
-}
-
-#[test]
-fn neighbouring_pixels_are_independent_where_noise_is_white() {
-    // 4 white kinds (on cells of at most a pixel) x 2 directions x 2 tests.
-    let level = sidak(16);
-    for kind in NoiseKind::ALL {
-        let neighbours = |[dx, dy]: [u32; 2]| -> Vec<(f64, f64)> {
+fn neighbours_differ_on_purpose_where_noise_is_arranged() {
+    // 3 kinds and a control x 2 directions.
+    let level = sidak(8);
+    for kind in ARRANGED.into_iter().chain([NoiseKind::WhiteScreen]) {
+        for [dx, dy] in [[1, 0], [0, 1]] {
             let pair = |i: u32| {
                 let [x, y] = [i % 160, i / 160];
                 (thresholds(kind, [x, y], 5, 8, 3)[0], thresholds(kind, [x + dx, y + dy], 5, 8, 3)[0])
             };
-            (0..SAMPLES).map(pair).collect()
-        };
-        for step in [[1, 0], [0, 1]] {
-            let pairs = neighbours(step);
-            let white = independent_p(&pairs) > level && uncorrelated_p(&pairs) > level;
-            // Negative controls: lattice and masks, whose neighbours differ on purpose.
-            let arranged = kind.needs_mask() || kind == NoiseKind::InterleavedGradient;
-            assert_eq!(white, !arranged, "{kind}, neighbours at {step:?}");
+            let pairs: Vec<_> = (0..SAMPLES).map(pair).collect();
+            let independent = independent_p(&pairs) > level;
+            assert_eq!(independent, kind == NoiseKind::WhiteScreen, "{kind}, neighbours at {dx}, {dy}");
         }
     }
-}
-
-#[test]
-fn hashed_cells_follow_the_longer_derivative() {
-    // A grazing view: a pixel is eight times as high as it is wide on the ground, and neighbours in a row share cells as wide as pixels
-    // are high. Negative control: the derivative along x taken twice makes cells as small as pixels are wide.
-    let row = |ddy_m: f64| -> Vec<(f64, f64)> {
-        let at = |x: u32, y: u32| {
-            let position = [f64::from(x) * 0.05, f64::from(y) * 0.4, 1234.5];
-            let point = HashedPoint { position, ddy: [0.0, ddy_m, 0.0], ..ground([0, 0]) };
-            noise::hashed_isotropic(&point, 8, 3)[0]
-        };
-        (0..SAMPLES).map(|i| (at(2 * (i % 160), i / 160), at(2 * (i % 160) + 1, i / 160))).collect()
-    };
-    let correlation = |pairs: &[(f64, f64)]| 12.0 * pairs.iter().map(|(a, b)| (a - 0.5) * (b - 0.5)).sum::<f64>() / f64::from(SAMPLES);
-    let (right, twice) = (correlation(&row(0.4)), correlation(&row(0.05)));
-    assert!(right > 0.7 && twice < 0.4, "correlation {right} and, dpdx twice, {twice}");
 }
 
 // ---------------------------------------------------------------- time

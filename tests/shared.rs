@@ -1,95 +1,18 @@
-//! `kernels::shared` on the CPU: statistics of the noise, properties of every pair's reference, and that its WGSL is valid.
+//! `kernels::shared` on the CPU: every pair's reference held to its formula, and that its WGSL is valid. Symmetries, orders and arguments of any bits are
+//! in `properties.rs`, statistics of the noise in `noise.rs` and `noise_stability.rs`.
 //!
 //! Statistical tests have fixed seeds. Each states its null hypothesis; its family of N tests is held to a level of 0.1 % in all
 //! (each to 1 - 0.999^(1/N), Sidak). Where a comparator decides, a mutant that it must reject stands beside it.
 
+use experiments::stability::noise::{ORIGINS, SECTOR_M, scattered};
+use experiments::stability::statistics::{Random, goodness_p, independent_p, sidak, uniform_bins_p, uniform_ks_p};
 use kernels::scene::FlavourRules;
 use kernels::shared::flavour_weights::FlavourParams;
 use kernels::shared::noise::{HashedPoint, NoiseKind, TwoScales};
 use kernels::shared::real::{Real, add, dot, length, normalize, scale, sub};
 use kernels::shared::{brdf, derivatives, flavour_weights, hash, noise, octahedral, select, splat_blend, tiling, triplanar};
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 // ---------------------------------------------------------------- tools
-
-/// SplitMix64 (Steele et al. 2014): not the generator under test.
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn word(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-    pub(crate) fn unit(&mut self) -> f64 {
-        (self.word() >> 11) as f64 / 9_007_199_254_740_992.0
-    }
-    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-    fn below(&mut self, n: usize) -> usize {
-        (self.word() % n as u64) as usize
-    }
-    fn direction(&mut self) -> [f64; 3] {
-        let z = self.between(-1.0, 1.0);
-        let phi = self.between(0.0, std::f64::consts::TAU);
-        let r = (1.0 - z * z).sqrt();
-        [r * phi.cos(), r * phi.sin(), z]
-    }
-}
-
-/// Level of each of `tests` so that the family is at 0.1 %.
-pub(crate) fn sidak(tests: usize) -> f64 {
-    1.0 - 0.999_f64.powf(1.0 / tests as f64)
-}
-
-fn chi_square_p(statistic: f64, freedom: usize) -> f64 {
-    ChiSquared::new(freedom as f64).expect("freedom > 0").sf(statistic)
-}
-
-/// H0: counts follow the expected ones. p-value, `fixed` linear constraints taken off the freedom.
-fn goodness_p(counts: &[f64], expected: &[f64], fixed: usize) -> f64 {
-    let statistic = counts.iter().zip(expected).map(|(c, e)| (c - e) * (c - e) / e).sum();
-    chi_square_p(statistic, counts.len() - fixed)
-}
-
-/// H0: the samples are uniform in [0, 1). Chi-square over 64 bins.
-pub(crate) fn uniform_bins_p(samples: &[f64]) -> f64 {
-    let mut counts = [0.0; 64];
-    for x in samples {
-        counts[(x * 64.0) as usize] += 1.0;
-    }
-    goodness_p(&counts, &[samples.len() as f64 / 64.0; 64], 1)
-}
-
-/// H0: the samples are uniform in [0, 1). Kolmogorov-Smirnov, asymptotic with Stephens' correction.
-pub(crate) fn uniform_ks_p(samples: &[f64]) -> f64 {
-    let mut sorted = samples.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let n = sorted.len() as f64;
-    let distance = sorted.iter().enumerate().map(|(i, x)| (x - i as f64 / n).max((i + 1) as f64 / n - x)).fold(0.0, f64::max);
-    let lambda = (n.sqrt() + 0.12 + 0.11 / n.sqrt()) * distance;
-    let term = |j: i32| f64::from(1 - 2 * ((j + 1) % 2)) * (-2.0 * f64::from(j * j) * lambda * lambda).exp();
-    if lambda < 0.2 { 1.0 } else { (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0) }
-}
-
-/// H0: the two are independent. Chi-square over an 8 x 8 table of equal cells.
-pub(crate) fn independent_p(pairs: &[(f64, f64)]) -> f64 {
-    let mut counts = [0.0; 64];
-    for (a, b) in pairs {
-        counts[(a * 8.0) as usize * 8 + (b * 8.0) as usize] += 1.0;
-    }
-    // Uniform margins are part of the null hypothesis, so only the total is fixed.
-    goodness_p(&counts, &[pairs.len() as f64 / 64.0; 64], 1)
-}
-
-/// H0: the two uniform variables do not correlate. Two-sided normal test.
-pub(crate) fn uncorrelated_p(pairs: &[(f64, f64)]) -> f64 {
-    let sum: f64 = pairs.iter().map(|(a, b)| (a - 0.5) * (b - 0.5)).sum();
-    let z = sum * 12.0 / (pairs.len() as f64).sqrt();
-    2.0 * Normal::standard().cdf(-z.abs())
-}
 
 fn sum<const N: usize>(w: [f64; N]) -> f64 {
     w.iter().sum()
@@ -166,27 +89,6 @@ fn lattice_values_are_uniform_and_uncorrelated() {
 
 // ---------------------------------------------------------------- noise
 
-const SECTOR_M: f64 = 64.0;
-/// 0, 10 km and 1000 km from the origin.
-const ORIGINS: [i32; 3] = [0, 156, 15_625];
-
-/// A random point some 260 km around a sector, so that even the largest cells hardly ever meet, at a random scale.
-fn random_point(random: &mut Random, origin: i32) -> HashedPoint<f64> {
-    let mut place = |around: i32| around + random.below(8192) as i32 - 4096;
-    let sector = [place(origin), place(-origin)];
-    // Beyond both ends of the scales, too.
-    let footprint = random.between(-17.0, 6.0).exp2();
-    let (a, b) = (random.direction(), random.direction());
-    HashedPoint {
-        sector,
-        position: [random.between(0.0, SECTOR_M), random.between(0.0, SECTOR_M), random.between(0.0, 3000.0)],
-        sector_m: SECTOR_M,
-        ddx: scale(a, footprint),
-        ddy: scale(b, footprint * random.unit()),
-        hash_scale: 1.0,
-    }
-}
-
 fn as_f32(p: &HashedPoint<f64>) -> HashedPoint<f32> {
     HashedPoint {
         sector: p.sector,
@@ -201,121 +103,14 @@ fn as_f32(p: &HashedPoint<f64>) -> HashedPoint<f32> {
 type Scales = fn(&HashedPoint<f64>, u32, u32) -> TwoScales<f64>;
 const HASHED: [(&str, Scales); 2] = [("isotropic", noise::isotropic_scales::<f64>), ("anisotropic", noise::anisotropic_scales::<f64>)];
 
-fn sample(scales: Scales, origin: i32, count: usize, of: fn(&TwoScales<f64>) -> [f64; 4]) -> Vec<[f64; 4]> {
-    let mut random = Random(0x5eed + origin as u64);
-    (0..count).map(|_| of(&scales(&random_point(&mut random, origin), 11, 5))).collect()
-}
-
-fn column(samples: &[[f64; 4]], i: usize) -> Vec<f64> {
-    samples.iter().map(|s| s[i]).collect()
-}
-
-#[test]
-fn hashed_thresholds_are_uniform() {
-    // 2 kinds x 3 origins x 4 thresholds x 2 tests.
-    let level = sidak(48);
-    for (name, scales) in HASHED {
-        for origin in ORIGINS {
-            let samples = sample(scales, origin, 20_000, TwoScales::thresholds);
-            for i in 0..4 {
-                let x = column(&samples, i);
-                let (bins, ks) = (uniform_bins_p(&x), uniform_ks_p(&x));
-                assert!(bins > level && ks > level, "{name}, sector {origin}, threshold {i}: p = {bins}, {ks}");
-            }
-            // Negative control: the blend without its correction crowds around one half.
-            let blended = column(&sample(scales, origin, 20_000, TwoScales::blended), 0);
-            assert!(uniform_bins_p(&blended) < level && uniform_ks_p(&blended) < level, "{name}: mutant passed");
-        }
-    }
-}
-
 #[test]
 fn hashed_thresholds_are_uniform_in_f32() {
-    let mut random = Random(99);
-    let mut samples: Vec<[f64; 4]> = Vec::new();
-    for _ in 0..20_000 {
-        let point = as_f32(&random_point(&mut random, ORIGINS[2]));
-        samples.push(noise::hashed_isotropic(&point, 1, 2).map(f64::from));
-    }
+    let threshold = |i: u32| noise::hashed_isotropic(&as_f32(&scattered(ORIGINS[2].1, i).point), 1, 2).map(f64::from);
+    let samples: Vec<[f64; 4]> = (0..20_000).map(threshold).collect();
     for i in 0..4 {
-        let x = column(&samples, i);
+        let x: Vec<f64> = samples.iter().map(|s| s[i]).collect();
         assert!(uniform_bins_p(&x) > sidak(8) && uniform_ks_p(&x) > sidak(8), "threshold {i}");
     }
-}
-
-#[test]
-fn thresholds_of_one_call_are_independent() {
-    // 3 kinds x 6 pairs x 2 tests.
-    let level = sidak(36);
-    let mut kinds: Vec<(&str, Vec<[f64; 4]>)> =
-        HASHED.iter().map(|&(name, scales)| (name, sample(scales, 156, 20_000, TwoScales::thresholds))).collect();
-    kinds.push(("white", (0..20_000).map(|i| noise::white_screen([i % 160, i / 160], 3, 1, 2)).collect()));
-    for (name, samples) in &kinds {
-        for i in 0..4 {
-            for j in 0..i {
-                let pairs: Vec<_> = samples.iter().map(|s| (s[i], s[j])).collect();
-                let (table, line) = (independent_p(&pairs), uncorrelated_p(&pairs));
-                assert!(table > level && line > level, "{name}, thresholds {i} and {j}: p = {table}, {line}");
-            }
-        }
-        // Negative control: one number for two decisions, as it is and as its own blend with another.
-        let same: Vec<_> = samples.iter().map(|s| (s[0], s[0])).collect();
-        let leaning: Vec<_> = samples.iter().map(|s| (s[0], noise::correct(0.9 * s[1] + 0.1 * s[0], 0.1))).collect();
-        assert!(independent_p(&same) < level && uncorrelated_p(&leaning) < level, "{name}: mutant passed");
-    }
-}
-
-#[test]
-fn neighbours_seeds_salts_frames_are_independent() {
-    let k = 3.0_f64;
-    // Exactly at a scale: the threshold is that of one cell, 2^-k wide.
-    let at = |x: f64, y: f64, z: f64| HashedPoint {
-        sector: [15_625, -15_625],
-        position: [x, y, z],
-        sector_m: SECTOR_M,
-        ddx: [(-k).exp2(), 0.0, 0.0],
-        ddy: [0.0; 3],
-        hash_scale: 1.0,
-    };
-    let cell = (-k).exp2();
-    let points: Vec<[f64; 3]> =
-        (0..20_000).map(|i| [f64::from(i % 200) * cell, f64::from(i / 200) * cell, 100.0 + f64::from(i % 7)]).collect();
-    let value = |[x, y, z]: [f64; 3], seed: u32, salt: u32| noise::hashed_isotropic(&at(x, y, z), seed, salt)[0];
-    let pairs = |other: &dyn Fn([f64; 3]) -> f64| -> Vec<(f64, f64)> { points.iter().map(|&p| (value(p, 4, 9), other(p))).collect() };
-    let doubled = |[x, y, z]: [f64; 3]| {
-        // The same cell numbers at the next scale.
-        let mut point = at(x / 2.0, y / 2.0, z / 2.0);
-        point.sector = [0; 2];
-        point.ddx = scale(point.ddx, 0.5);
-        noise::hashed_isotropic(&point, 4, 9)[0]
-    };
-    let near: Vec<(f64, f64)> = points
-        .iter()
-        .map(|&[x, y, z]| {
-            let mut here = at(x, y, z);
-            here.sector = [0; 2];
-            (noise::hashed_isotropic(&here, 4, 9)[0], doubled([x, y, z]))
-        })
-        .collect();
-    let pixels = |frame: u32| (0..20_000).map(move |i| noise::white_screen::<f64>([i % 200, i / 200], frame, 4, 9)[0]);
-    let families: [(&str, Vec<(f64, f64)>); 8] = [
-        ("x", pairs(&|[x, y, z]| value([x + cell, y, z], 4, 9))),
-        ("y", pairs(&|[x, y, z]| value([x, y + cell, z], 4, 9))),
-        ("z", pairs(&|[x, y, z]| value([x, y, z + cell], 4, 9))),
-        ("seed", pairs(&|p| value(p, 5, 9))),
-        ("salt", pairs(&|p| value(p, 4, 10))),
-        ("seed and salt swapped", pairs(&|p| value(p, 9, 4))),
-        ("scale", near),
-        ("frame", pixels(0).zip(pixels(1)).collect()),
-    ];
-    let level = sidak(2 * families.len());
-    for (name, pairs) in &families {
-        let (table, line) = (independent_p(pairs), uncorrelated_p(pairs));
-        assert!(table > level && line > level, "neighbours in {name}: p = {table}, {line}");
-    }
-    // Negative control: half a cell further is mostly the same cell.
-    let same = pairs(&|[x, y, z]| value([x + 0.5 * cell, y, z], 4, 9));
-    assert!(independent_p(&same) < level && uncorrelated_p(&same) < level);
 }
 
 #[test]
@@ -353,9 +148,8 @@ fn cells_are_the_same_near_and_far() {
         }
     }
     // f32 sees the same cells as f64: a million metres away coordinates still have their digits.
-    let mut random = Random(5);
-    for _ in 0..5000 {
-        let small = as_f32(&random_point(&mut random, 15_625));
+    for i in 0..5000 {
+        let small = as_f32(&scattered(ORIGINS[2].1, i).point);
         let exact = HashedPoint {
             sector: small.sector,
             position: small.position.map(f64::from),
@@ -440,7 +234,7 @@ fn noise_kinds_have_names_and_codes() {
     }
     let error = "pink".parse::<NoiseKind>().expect_err("not a kind").to_string();
     assert!(error.contains("pink") && NoiseKind::ALL.iter().all(|k| error.contains(k.name())), "{error}");
-    let point = random_point(&mut Random(3), 0);
+    let point = scattered(0, 3).point;
     assert_eq!(noise::thresholds(NoiseKind::HashedIsotropic, &point, 4, [1, 2], 3, 4, 5), noise::hashed_isotropic(&point, 4, 5));
     assert_eq!(noise::thresholds(NoiseKind::HashedAnisotropic, &point, 4, [1, 2], 3, 4, 5), noise::hashed_anisotropic(&point, 4, 5));
     assert_eq!(noise::thresholds::<f64>(NoiseKind::WhiteScreen, &point, 4, [1, 2], 3, 4, 5), noise::white_screen::<f64>([1, 2], 3, 4, 5));
@@ -707,18 +501,6 @@ fn triplanar_weights_are_powers() {
     };
     let jump = (1..63_000).map(|i| largest_difference(at(i), at(i - 1))).fold(0.0, f64::max);
     assert!(jump < 1e-3, "{jump}");
-}
-
-#[test]
-fn gradients_go_where_coordinates_come_from() {
-    // A height a u + b v in a projection's plane changes along p by its volume gradient times p.
-    let (a, b, p): (f64, f64, _) = (0.3, -1.7, [2.0, 5.0, 11.0]);
-    for axis in 0..3 {
-        let [u, v] = triplanar::coordinates(p, axis);
-        let g = triplanar::from_gradient([a, b], axis);
-        assert!((dot(g, p) - (a * u + b * v)).abs() < 1e-12, "axis {axis}");
-        assert!(g[axis as usize].abs() < f64::MIN_POSITIVE);
-    }
 }
 
 #[test]
@@ -1091,109 +873,6 @@ fn fresnel_and_environment_are_in_bounds() {
         );
         assert!(worst(f0, &|r, v| brdf::env_approx([f0; 3], r, 1.0 - v)[0]) > bound || f0 > 0.5, "the mutant with the angle turned passed");
     }
-}
-
-// ---------------------------------------------------------------- extremes
-
-fn extremes<T: Real>() {
-    let values: Vec<T> = [
-        0.0,
-        -0.0,
-        1.0,
-        -1.0,
-        0.5,
-        1.0 - 1e-7,
-        64.0,
-        1e-5,
-        1e-20,
-        1e-38,
-        1e-45,
-        -1e-45,
-        1e-310,
-        1e9,
-        1e19,
-        -1e19,
-        1e30,
-        3.4e38,
-        -3.4e38,
-        1e308,
-        f64::INFINITY,
-        f64::NEG_INFINITY,
-        f64::NAN,
-    ]
-    .map(T::of)
-    .to_vec();
-    let integers = [0, 1, -1, i32::MAX, i32::MIN, 15_625];
-    let mut random = Random(67);
-    let finite = |what: &str, x: &[T]| assert!(x.iter().all(|x| x.is_finite()), "{what}: {x:?}");
-    let within = |what: &str, x: &[T], low: f64, high: f64| {
-        assert!(x.iter().all(|&x| x.to_f64() >= low && x.to_f64() <= high), "{what}: {x:?}");
-    };
-    let one = |what: &str, x: &[T]| {
-        within(what, x, 0.0, 1.0);
-        let sum: f64 = x.iter().map(|&x| x.to_f64()).sum();
-        assert!((sum - 1.0).abs() < 1e-6, "{what}: {x:?}");
-    };
-    for _ in 0..30_000 {
-        // Extreme values among ordinary ones: all extremes at once would meet the same few guards.
-        let mut any = || {
-            if random.below(2) == 0 { values[random.below(values.len())] } else { T::of(random.between(-2.0, 2.0)) }
-        };
-        let (a, b, c, d) = (any(), any(), any(), any());
-        let (v3, w3) = ([any(), any(), any()], [any(), any(), any()]);
-        let v4 = [any(), any(), any(), any()];
-        let params: [f32; 8] = std::array::from_fn(|_| any().to_f64() as f32);
-        let mut integer = || integers[random.below(integers.len())];
-        let (m, n) = (integer(), integer());
-        let word = random.word() as u32;
-
-        let point = HashedPoint { sector: [m, n], position: v3, sector_m: a, ddx: w3, ddy: [b, c, d], hash_scale: v4[0] };
-        for kind in NoiseKind::ALL {
-            within("noise", &noise::thresholds(kind, &point, m, [word, word], word, word, word), 0.0, noise::BELOW_ONE);
-        }
-        within("correct", &[noise::correct(a, b)], 0.0, noise::BELOW_ONE);
-        within("encode", &octahedral::encode(v3), -1.0, 1.0);
-        within("quantise8", &octahedral::quantise8([a, b]), 0.0, 1.0);
-        within("precise8", &octahedral::encode8_precise(v3), 0.0, 1.0);
-        within("dequantise8", &octahedral::dequantise8([a, b]), -1.0, 1.0);
-        for unit in [octahedral::decode([a, b]), octahedral::unit(v3), triplanar::perturb(v3, w3)] {
-            assert!((length(unit).to_f64() - 1.0).abs() < 1e-6, "{unit:?}");
-        }
-        finite("derivatives", &derivatives::on_plane(v3, w3, a, [b, c, d]));
-        one("bilinear", &splat_blend::bilinear([a, b]));
-        one("splat", &splat_blend::weights([a, b], v4, c));
-        one("triplanar", &triplanar::weights(v3, a));
-        assert!(select::of_4(v4, a) < 4 && select::of_3(v3, a) < 3);
-        let (s, f) = tiling::scales(a, b, c);
-        assert!(s <= 7);
-        within("tiling", &[f, tiling::fixed(m, n, word % 40)], 0.0, 1.0);
-        let params = FlavourParams {
-            far_atlas_m: params[0],
-            cliff_far_atlas_m: params[1],
-            cliff_near_m: params[2],
-            distance_blend: params[3],
-            cliff_cos: [params[4], params[5]],
-            splat_cos: [params[6], params[7]],
-            splat_enabled: word & 1,
-            vt_enabled: word >> 1 & 1,
-            padding: [0; 2],
-        };
-        let weights = flavour_weights::weights(a, b, &params);
-        one("flavours", &weights);
-        one("flavours of a mask", &flavour_weights::weights_for(weights, word, word & 4 != 0));
-        one("flavours from nothing", &flavour_weights::weights_for([a, b, c, d, v3[0]], word >> 3, word & 4 != 0));
-        assert!((1..32).contains(&flavour_weights::mask([a, b, c, d, v3[0]])));
-        finite("brdf", &[brdf::d_ggx(a, b), brdf::v_smith_ggx_correlated(a, b, c)]);
-        within("brdf", &[brdf::alpha(a)], brdf::MIN_ALPHA * 0.999, 1.0);
-        within("fresnel", &brdf::f_schlick(v3, a), 0.0, 1.0);
-        within("environment", &brdf::env_approx(v3, a, b), 0.0, 1.0);
-    }
-}
-
-#[test]
-fn extremes_give_finite_results() {
-    extremes::<f32>();
-    extremes::<f64>();
 }
 
 // ---------------------------------------------------------------- shaders

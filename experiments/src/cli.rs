@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use crate::judge::{Metric, flip};
 use clap::error::ErrorKind;
 use clap::{ArgGroup, Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use kernels::error::one_line;
 use kernels::frame::{MAX_PIXELS, MAX_SIDE};
 use kernels::picture::AOV_NAMES;
 use kernels::shading::Estimator;
@@ -47,6 +48,8 @@ pub(crate) enum Command {
     Import(ImportArgs),
     /// Apply one shared function to the rows of a table, on the GPU or with its references
     Probe(ProbeArgs),
+    /// Hold every shared function, at its extremes, to its reference in f64; write a table and a report
+    Stability(StabilityArgs),
     /// Judge a picture against a reference: FLIP, MSE, MRSE, PSNR, SSIM
     Compare(CompareArgs),
     /// Say what a scene requires, and what it does not: flavours, variants, textures, passes, bytes
@@ -292,6 +295,23 @@ pub(crate) struct ProbeArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
+Fails where a result is not finite, or farther from the reference than is derived. The table of extremes is TOML: copy
+experiments/src/stability/extremes.toml.
+
+Examples:
+  experiments stability
+  experiments stability --extremes mine.toml --out out/mine")]
+pub(crate) struct StabilityArgs {
+    /// Table of extremes [default: built in]
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) extremes: Option<PathBuf>,
+    /// Folder for results.csv, report.md and report.html
+    #[arg(long, value_name = "DIR", default_value = "out/stability")]
+    pub(crate) out: PathBuf,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "\
 With t the test and r the reference, linear colour (PNG and JPEG are decoded from sRGB):
   flip  what a viewer sees who flips between the two, 0 (nothing) to 1: LDR-FLIP of their sRGB encodings in 8 bits; mean over
         pixels, quartiles of the sum of errors, and maximum
@@ -427,7 +447,7 @@ fn refuse(error: &clap::Error) -> ! {
     let text = error.to_string();
     // What follows the first of these is about calls in general; `--help` says it better.
     let end = ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| text.find(mark)).min().unwrap_or(text.len());
-    eprintln!("{} (`--help` explains)", crate::commands::one_line(&text[..end]));
+    eprintln!("{} (`--help` explains)", one_line(&text[..end]));
     std::process::exit(2)
 }
 

@@ -8,6 +8,7 @@ pub mod judge;
 pub mod metrics;
 pub mod row;
 pub mod runner;
+pub mod stability;
 pub mod store;
 pub mod unit;
 
@@ -18,6 +19,8 @@ mod report;
 use std::cell::Cell;
 use std::panic;
 use std::process::ExitCode;
+
+use kernels::error::one_line;
 
 use crate::cli::Cli;
 
@@ -43,7 +46,7 @@ pub fn main() -> ExitCode {
         let text = info.payload().downcast_ref::<&str>().map(|s| (*s).to_owned());
         let text = text.or_else(|| info.payload().downcast_ref::<String>().cloned()).unwrap_or_else(|| "no text".to_owned());
         let place = info.location().map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
-        eprintln!("internal error: {}{place}; please report it, with the command that was run", commands::one_line(&text));
+        eprintln!("internal error: {}{place}; please report it, with the command that was run", one_line(&text));
     }));
     let outcome = panic::catch_unwind(|| {
         let cli = Cli::read();

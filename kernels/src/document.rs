@@ -12,6 +12,8 @@ use serde::de::DeserializeOwned;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::error::one_line;
+
 /// Documents are small; anything larger was given by mistake.
 const MAX_BYTES: u64 = 4 << 20;
 
@@ -32,7 +34,14 @@ pub fn text_of(file: &Path, kind: &str) -> Result<String, String> {
             metadata.len()
         ));
     }
-    let bytes = fs::read(file).map_err(unreadable)?;
+    text(fs::read(file).map_err(unreadable)?, kind)
+}
+
+/// The text that the bytes of a document file are. `kind` as for [`text_of`].
+///
+/// # Errors
+/// One line: they are not UTF-8.
+pub fn text(bytes: Vec<u8>, kind: &str) -> Result<String, String> {
     String::from_utf8(bytes).map_err(|_| format!("is not UTF-8 text: a {kind} is a TOML file"))
 }
 
@@ -62,7 +71,7 @@ pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&
         Wrong { line, what }
     })?;
     // Of a list that is too long the reader takes what it needs and drops the rest without a word.
-    let whole = |what: String| Wrong { line: None, what };
+    let whole = |what: String| Wrong { line: None, what: one_line(&what) };
     let given = text.parse::<toml::Table>().map_err(|error| whole(error.to_string()))?;
     let taken = toml::Table::try_from(&read).map_err(|error| whole(error.to_string()))?;
     let problem = surplus(&toml::Value::Table(given), &toml::Value::Table(taken), &mut Vec::new());
@@ -97,13 +106,13 @@ pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace('_', "-");
     let wanted = plain(word);
     let length = wanted.chars().count();
+    let most = |candidate: &str| (length.max(candidate.chars().count()) / 3).max(1);
     known
         .iter()
+        // Words are at least as far apart as their lengths: a word of megabytes is compared with none.
+        .filter(|candidate| length.abs_diff(candidate.chars().count()) <= most(candidate))
         .map(|&candidate| (strsim::osa_distance(&wanted, &plain(candidate)), candidate))
-        .filter(|&(distance, candidate)| {
-            let longer = length.max(candidate.chars().count());
-            distance <= (longer / 3).max(1) && distance < length.max(1)
-        })
+        .filter(|&(distance, candidate)| distance <= most(candidate) && distance < length.max(1))
         .min_by_key(|&(distance, _)| distance)
         .map(|(_, candidate)| candidate)
 }
@@ -132,19 +141,20 @@ pub struct Problem {
 }
 
 impl fmt::Display for Problem {
-    /// `material 3, tile_m: ...`, counting from 1 as people do.
+    /// `material 3, tile_m: ...`, counting from 1 as people do, on one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, step) in self.path.iter().enumerate() {
+        let mut text = String::new();
+        for step in &self.path {
             match step {
-                Step::Key(key) if i == 0 => write!(f, "{key}")?,
-                Step::Key(key) => write!(f, ", {key}")?,
-                Step::Index(index) => write!(f, " {}", index + 1)?,
+                Step::Key(key) if text.is_empty() => text.push_str(key),
+                Step::Key(key) => text.extend([", ", key]),
+                Step::Index(index) => text.push_str(&format!(" {}", index + 1)),
             }
         }
-        if !self.path.is_empty() {
-            f.write_str(": ")?;
+        if !text.is_empty() {
+            text.push_str(": ");
         }
-        f.write_str(&self.what)
+        f.write_str(&one_line(&(text + &self.what)))
     }
 }
 
@@ -385,8 +395,4 @@ fn line_of_problem(text: &str, problem: &Problem) -> Option<usize> {
 
 fn line_at(text: &str, byte: usize) -> usize {
     text.as_bytes()[..byte.min(text.len())].iter().filter(|&&b| b == b'\n').count() + 1
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -56,5 +56,11 @@ pub enum Error {
     },
 }
 
+/// The text on one line: each run of white space and control characters, breaks of a line and escapes of a terminal included, made one blank. What files
+/// say of themselves goes through it into errors.
+pub fn one_line(text: &str) -> String {
+    text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
 /// Result with the library's error.
 pub type Result<T> = std::result::Result<T, Error>;

@@ -11,7 +11,7 @@ use crate::classification::{self, Classification, Lists};
 use crate::composition::{Composition, Destination, Layers};
 use crate::culling::{self, Patch};
 use crate::error::{Error, Result};
-use crate::geometry::{self, Geometry};
+use crate::geometry::{self, Geometry, NormalEncoding};
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, PassTime, Sources, Timer};
 use crate::inspect::Inspect;
@@ -75,7 +75,7 @@ pub struct FrameUniforms {
     pub sky_zenith: [f32; 3],
     pub sample_pattern: u32,
     pub sky_horizon: [f32; 3],
-    pub exact_normals: u32,
+    pub normals: u32,
 }
 
 /// Something that takes a while and how far it is.
@@ -142,7 +142,7 @@ pub struct RenderRequest {
     /// Whether the picture is lit; without, only the G-buffer is made.
     pub lit: bool,
     /// Shades the geometry of the last frame again instead of drawing it: for many seeds or variants of one view. Pose, size, jitter,
-    /// bias of the LOD, stride of the vertices and the pose culled from must be those of the last frame, else it is drawn all the same.
+    /// bias of the LOD, stride of the vertices, the pose culled from and the normals must be those of the last frame, else it is drawn all the same.
     pub keep_geometry: bool,
     /// Bias of the terrain's LOD: each whole one halves the distance at which nodes are split.
     pub lod_bias: f64,
@@ -150,6 +150,8 @@ pub struct RenderRequest {
     pub vertex_stride: u32,
     /// Selects nodes and patches as seen from there instead of from the camera: to look at what culling leaves.
     pub culled_from: Option<Pose>,
+    /// How the geometry pass stores its two normals.
+    pub normals: NormalEncoding,
     /// Whether each variant is shaded, and timed, in a pass of its own; never so where the whole is timed.
     pub time_variants: bool,
 }
@@ -175,6 +177,7 @@ impl RenderRequest {
             lod_bias: 0.0,
             vertex_stride: 1,
             culled_from: None,
+            normals: NormalEncoding::default(),
             time_variants: false,
         }
     }
@@ -235,8 +238,6 @@ pub struct Targets {
 /// Choices of a renderer that no scene makes: what an experiment varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RendererOptions {
-    /// Normals in f32 instead of octahedral codes of 2 x 8 bits, to tell what the codes cost.
-    pub exact_normals: bool,
     /// Edge of a tile, pixels: 4, 8 or 16.
     pub tile: u32,
     /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]): keeps what textures and nodes were made
@@ -249,7 +250,7 @@ pub struct RendererOptions {
 
 impl Default for RendererOptions {
     fn default() -> Self {
-        RendererOptions { exact_normals: false, tile: classification::TILE, editable: false, sketch: None }
+        RendererOptions { tile: classification::TILE, editable: false, sketch: None }
     }
 }
 
@@ -282,14 +283,16 @@ pub struct Renderer<'a> {
     keys: Vec<PipelineKey>,
     frame_layout: wgpu::BindGroupLayout,
     targets: Option<Targets>,
+    /// How the normals in the targets are stored: passes over the last frame read them so, whatever their request.
+    normals: NormalEncoding,
     last: Option<Drawn>,
     progress: &'a (dyn Fn(Progress) + Sync),
 }
 
 /// What the geometry targets hold.
 struct Drawn {
-    /// Pose, size, jitter, bias of the LOD, stride of the vertices and the pose culled from.
-    seen: (Pose, [u32; 2], [f64; 2], f64, u32, Option<Pose>),
+    /// Pose, size, jitter, bias of the LOD, stride of the vertices, the pose culled from and how normals are stored.
+    seen: (Pose, [u32; 2], [f64; 2], f64, u32, Option<Pose>, NormalEncoding),
     visited: Vec<NodeId>,
     nodes: Vec<NodeId>,
     patches: usize,
@@ -331,7 +334,7 @@ impl<'a> Renderer<'a> {
             tile: options.tile,
         };
         let renderer = Renderer {
-            geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes, options.exact_normals)?,
+            geometry: Geometry::new(gpu, &frame_layout, &terrain, requirements.holes)?,
             virtual_texture: VirtualTexture::new(gpu, &frame_layout, &terrain, modulated, scene.blend.anisotropy, capacity)?,
             classification: Classification::new(gpu, &frame_layout, options.tile)?,
             shading: Shading::new(gpu, &frame_layout, &terrain, settings)?,
@@ -353,6 +356,7 @@ impl<'a> Renderer<'a> {
             gpu,
             frame_layout,
             targets: None,
+            normals: NormalEncoding::default(),
             last: None,
             progress,
         };
@@ -426,10 +430,12 @@ impl<'a> Renderer<'a> {
             return Err(Error::Request(format!("every {}th vertex cannot be drawn: give 1, 2 or 4", request.vertex_stride)));
         }
         let gpu = self.gpu;
-        if self.targets.as_ref().is_none_or(|t| t.size != request.size) {
+        let fits = |t: &Targets| t.size == request.size && t.geometry.normals.format() == request.normals.format();
+        if !self.targets.as_ref().is_some_and(fits) {
             self.last = None;
-            self.targets = Some(Targets::new(gpu, request.size, self.options));
+            self.targets = Some(Targets::new(gpu, request.size, request.normals, self.options.tile));
         }
+        self.normals = request.normals;
         let targets = self.targets.take().expect("made just above");
         let report = self.draw_into(request, &targets);
         self.targets = Some(targets);
@@ -458,18 +464,19 @@ impl<'a> Renderer<'a> {
         let mut timer = Timer::new(gpu);
         let mut encoder = gpu.encoder("geometry");
 
-        let seen = (request.pose, request.size, request.jitter, request.lod_bias, request.vertex_stride, request.culled_from);
+        let &RenderRequest { pose, size, jitter, lod_bias, vertex_stride, culled_from, normals, .. } = request;
+        let seen = (pose, size, jitter, lod_bias, vertex_stride, culled_from, normals);
         // Where the geometry is kept, nothing is loaded.
         let mut loaded = 0;
         let drawn = match self.last.take().filter(|d| request.keep_geometry && d.seen == seen) {
             Some(drawn) => drawn,
             None => {
                 // streaming, quadtree: which nodes, and their payloads; culling: patches
-                let eye = request.culled_from.map_or(view, |pose| self.view(&RenderRequest { pose, ..request.clone() }));
+                let eye = culled_from.map_or(view, |pose| self.view(&RenderRequest { pose, ..request.clone() }));
                 let (visited, drawn, patches) = self.visible_patches(request, &view, &eye)?;
                 loaded = self.streaming.loaded();
                 // geometry: depth, stencil, mask, normals
-                self.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, request.vertex_stride, &targets.geometry);
+                self.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, vertex_stride, &targets.geometry);
                 Drawn { seen, visited, nodes: drawn, patches: patches.len() }
             }
         };
@@ -740,16 +747,16 @@ impl<'a> Renderer<'a> {
             sky_zenith: sky.zenith.map(|v| v as f32),
             sample_pattern: request.sample_pattern.code(),
             sky_horizon: sky.horizon.map(|v| v as f32),
-            exact_normals: u32::from(self.options.exact_normals),
+            normals: self.normals.code(),
         }
     }
 }
 
 impl Targets {
-    fn new(gpu: &Gpu, size: [u32; 2], options: RendererOptions) -> Targets {
+    fn new(gpu: &Gpu, size: [u32; 2], normals: NormalEncoding, tile: u32) -> Targets {
         Targets {
-            geometry: geometry::Targets::new(gpu, size, options.exact_normals),
-            lists: Lists::new(gpu, size, options.tile),
+            geometry: geometry::Targets::new(gpu, size, normals),
+            lists: Lists::new(gpu, size, tile),
             shading: shading::Targets::new(gpu, size),
             image: gpu.target("image", size, lighting::FORMAT),
             size,

@@ -32,19 +32,51 @@ struct Frame {
     sky_zenith: vec3<f32>,      // radiance
     sample_pattern: u32,        // where in its pixel a frame is sampled: 0 = centre, 1 = left edge, 2 = top edge, see footprint.wgsl
     sky_horizon: vec3<f32>,     // radiance
-    exact_normals: u32,         // not 0 = the geometry pass stores normals in f32 instead of 2 x 8 bits
+    normals: u32,               // how the geometry pass stores its two normals: NORMALS_...
 }
+
+// Two octahedral codes of 8 + 8 bits; the plane and what the shading normal adds to it, see normal_pair.wgsl; two octahedral points in f32.
+const NORMALS_OCTAHEDRAL: u32 = 0u;
+const NORMALS_PLANE_FIRST: u32 = 1u;
+const NORMALS_EXACT: u32 = 2u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 
-// Unit vector of two channels of the geometry pass's normals.
-fn frame_normal(stored: vec2<f32>) -> vec3<f32> {
-    if frame.exact_normals != 0u {
-        return octahedral_decode(stored);
+// The texel of the geometry pass's normals. `ray` leads from the eye to the plane.
+fn frame_normals(shading: vec3<f32>, plane: vec3<f32>, ray: vec3<f32>) -> vec4<f32> {
+    if frame.normals == NORMALS_EXACT {
+        return vec4<f32>(octahedral_encode(shading), octahedral_encode(plane));
     }
-    return octahedral_decode(octahedral_dequantise8(stored));
+    let code = octahedral_encode8_precise(shading);
+    if frame.normals == NORMALS_PLANE_FIRST {
+        return unpack4x8unorm(normal_pair_encode(plane, ray, vec2<i32>(round(code * 255.0))));
+    }
+    return vec4<f32>(code, octahedral_encode8_precise(plane));
+}
+
+// The shading normal in a texel: to the bit the same from either form of 32 bits.
+fn frame_shading_normal(texel: vec4<f32>) -> vec3<f32> {
+    if frame.normals == NORMALS_EXACT {
+        return octahedral_decode(texel.xy);
+    }
+    var code = texel.xy;
+    if frame.normals == NORMALS_PLANE_FIRST {
+        code = vec2<f32>(normal_pair_decode(pack4x8unorm(texel)).shading) / 255.0;
+    }
+    return octahedral_decode(octahedral_dequantise8(code));
+}
+
+// The normal of the triangle's plane in a texel, or its opposite: a plane has no side.
+fn frame_plane(texel: vec4<f32>) -> vec3<f32> {
+    if frame.normals == NORMALS_EXACT {
+        return octahedral_decode(texel.zw);
+    }
+    if frame.normals == NORMALS_PLANE_FIRST {
+        return normal_pair_decode(pack4x8unorm(texel)).plane;
+    }
+    return octahedral_decode(octahedral_dequantise8(texel.zw));
 }
 
 fn frame_ray(pixel: vec2<f32>) -> vec3<f32> {
-    return frame.ray_00 + frame.ray_dx * pixel.x + frame.ray_dy * pixel.y;
+    return view_ray(frame.ray_00, frame.ray_dx, frame.ray_dy, pixel);
 }

@@ -135,6 +135,9 @@ pub fn label(own: &Settings, other: &Settings) -> String {
     if own.two_tilings != other.two_tilings {
         parts.push(if own.two_tilings { "two tilings" } else { "one tiling" }.to_owned());
     }
+    if own.normals != other.normals {
+        parts.push(format!("{} normals", own.normals));
+    }
     for (parameter, [mine, _]) in differences(&own.scene, &other.scene) {
         let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
         parts.push(format!("{} {}{unit}", parameter.name, (mine * 1000.0).round() / 1000.0));

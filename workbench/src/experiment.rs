@@ -109,6 +109,7 @@ fn frame_choices(settings: &Settings) -> BTreeMap<String, Value> {
         ("frame.seed", settings.seed != usual.seed, Value::Integer(settings.seed.into())),
         ("frame.reseeds", settings.reseeds, Value::Boolean(true)),
         ("frame.two_tilings", settings.two_tilings, Value::Boolean(true)),
+        ("frame.normals", settings.normals != usual.normals, Value::String(settings.normals.to_string())),
         ("frame.lod_bias", settings.lod_bias != usual.lod_bias, Value::Float(settings.lod_bias)),
         ("frame.vertex_stride", settings.vertex_stride != usual.vertex_stride, Value::Integer(settings.vertex_stride.into())),
     ];
@@ -468,6 +469,7 @@ fn excerpt(page: &Path) -> String {
 mod tests {
     use glam::DVec3;
     use kernels::camera::Pose;
+    use kernels::geometry::NormalEncoding;
     use kernels::scene::{Stroke, StrokeKind};
     use kernels::shading::Estimator;
     use kernels::shared::noise::NoiseKind;
@@ -606,7 +608,7 @@ mod tests {
         let mut settings = settings();
         settings.forced = Some(Variant::only(Flavour::Splat));
         (settings.generic, settings.seed, settings.reseeds, settings.two_tilings) = (true, u32::MAX, true, true);
-        (settings.lod_bias, settings.vertex_stride) = (0.75, 4);
+        (settings.lod_bias, settings.vertex_stride, settings.normals) = (0.75, 4, NormalEncoding::PlaneFirst);
         let file = save(&folder.0.join("seen"), "seen", &settings, &camera("cliff"), EXTENT).expect("it is saved");
         let definition = definition::load(&file).expect("it is read");
         assert_eq!(definition.variant_choices().expect("a variant"), [("generic-splat".to_owned(), settings.choice())]);
@@ -614,7 +616,7 @@ mod tests {
         let pose = Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: 0.0, fov: 1.0 };
         for frame in [0, 3] {
             let (run, seen) = (choices.request(pose, EXTENT.size, frame), settings.request(pose, EXTENT.size, frame, &[]));
-            let of = |r: &kernels::frame::RenderRequest| (r.frame, r.seed, r.two_tilings, r.lod_bias, r.vertex_stride);
+            let of = |r: &kernels::frame::RenderRequest| (r.frame, r.seed, r.two_tilings, r.lod_bias, r.vertex_stride, r.normals);
             assert_eq!(of(&run), of(&seen));
         }
     }

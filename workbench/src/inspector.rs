@@ -3,7 +3,7 @@
 //! The stages' own numbers are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
 //! Beside them stands what the references say in f64 of the same inputs: thresholds of the noise and the choice that follows, page and
 //! level of the virtual texture, and the derivatives on the triangle that was really drawn. That triangle is the world's: of the node drawn
-//! there, at that node's LOD, with quantised heights and welded borders, its normal not rounded to 2 x 8 bits. (Not guessed from neighbouring
+//! there, at that node's LOD, with quantised heights and welded borders, its normal not rounded to any code. (Not guessed from neighbouring
 //! pixels: at a few pixels a triangle, most of them lie on others.)
 //!
 //! Weights modified by height come from the device, which alone has the heights of detail textures: in the projection with the largest weight.
@@ -14,6 +14,7 @@ use kernels::camera::View;
 use kernels::culling::{PATCH_QUADS, pack_deltas};
 use kernels::error::{Error, Result};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
+use kernels::geometry::NormalEncoding;
 use kernels::geometry::reference::stitch;
 use kernels::gpu::read_texture;
 use kernels::picture::AovSet;
@@ -22,7 +23,7 @@ use kernels::scene::{Blend, Scene};
 use kernels::shading::Estimator;
 use kernels::shared::flavour_weights::{self, FlavourParams};
 use kernels::shared::noise::{self, HashedPoint};
-use kernels::shared::{biplanar, octahedral, select, triplanar};
+use kernels::shared::{biplanar, select, triplanar};
 use kernels::variant::{Flavour, Variant};
 use kernels::virtual_texture::{LEVELS, PAGE_TEXELS, PageId, TEXELS_PER_M, anisotropy};
 use kernels::world::payload::diagonal_rises;
@@ -48,9 +49,9 @@ pub struct Pixel {
     pub depth_m: f64,
     /// Metres along the pixel's ray.
     pub distance_m: f64,
-    /// Unit normal that shading, weights and projections follow, as stored: 2 x 8 bits.
+    /// Unit normal that shading, weights and projections follow, as stored.
     pub shading_normal: [f64; 3],
-    /// Unit normal of the triangle, as stored: 2 x 8 bits.
+    /// Unit normal of the triangle, on the side that is seen, as stored.
     pub triangle_normal: [f64; 3],
     /// The triangle itself; `None` where none of the world's lies there: the shader that places vertices was edited.
     pub triangle: Option<Triangle>,
@@ -191,7 +192,7 @@ pub fn place_at(view: &View, [x, y]: [u32; 2], depth_m: f64) -> DVec3 {
     view.pose.position + view.ray(f64::from(x), f64::from(y)) * depth_m
 }
 
-/// Takes a pixel of the last picture apart, which `request` made: shaded at the centres of pixels, normals stored in 2 x 8 bits. `None` = sky.
+/// Takes a pixel of the last picture apart, which `request` made: shaded at the centres of pixels. `None` = sky.
 ///
 /// The geometry is shaded once more, by shaders that record choices: the first time they are compiled.
 ///
@@ -210,11 +211,13 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
         return Ok(None);
     }
     let inspected = renderer.inspect(&again)?[index];
-    let [shading_normal, triangle_normal] = stored_normals(renderer, index)?;
+    let [shading_normal, plane] = stored_normals(renderer, request.normals, index)?;
     let (scene, world, view) = (renderer.scene(), renderer.world(), renderer.view(&again));
 
     let depth_m = f64::from(depth_m);
     let ray = view.ray(f64::from(x), f64::from(y));
+    let plane = DVec3::from_array(plane);
+    let seen = if plane.dot(ray) > 0.0 { -plane } else { plane };
     let position = place_at(&view, pixel, depth_m);
     let distance_m = ray.length() * depth_m;
     let [ddx, ddy] = [inspected.ddx, inspected.ddy].map(|step| step.map(f64::from));
@@ -222,7 +225,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
     let longest = [ddx, ddy].map(|step| DVec3::from_array(step).length()).into_iter().fold(0.0, f64::max);
     let spot = Spot {
         position,
-        normal: DVec3::from_array(triangle_normal),
+        normal: seen,
         beside_m: BESIDE[0] + BESIDE[1] * longest,
         off_plane_m: OFF_PLANE[0] + OFF_PLANE[1] * depth_m * view.ray_dy.length(),
     };
@@ -260,7 +263,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
         depth_m,
         distance_m,
         shading_normal,
-        triangle_normal,
+        triangle_normal: seen.to_array(),
         triangle,
         steps,
         mask,
@@ -273,12 +276,12 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
     }))
 }
 
-/// Shading and triangle normal of a pixel of the last frame.
-fn stored_normals(renderer: &Renderer<'_>, index: usize) -> Result<[[f64; 3]; 2]> {
+/// Shading normal and triangle's plane of a pixel of the last frame.
+fn stored_normals(renderer: &Renderer<'_>, encoding: NormalEncoding, index: usize) -> Result<[[f64; 3]; 2]> {
     let targets = renderer.targets().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
-    let texels = read_texture(renderer.gpu(), &targets.geometry.normals, wgpu::TextureAspect::All, 4)?;
-    let stored = |channel: usize| f64::from(texels[4 * index + channel]) / 255.0;
-    Ok([0, 2].map(|first| octahedral::decode(octahedral::dequantise8([stored(first), stored(first + 1)]))))
+    let texels = read_texture(renderer.gpu(), &targets.geometry.normals, wgpu::TextureAspect::All, encoding.bytes())?;
+    let bytes = encoding.bytes() as usize;
+    Ok(encoding.decode(&texels[bytes * index..bytes * (index + 1)]))
 }
 
 /// Place of a flavour in tables of five.

@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 use eframe::egui;
 use egui_tiles::Tree;
 use kernels::document::{self, suggestion};
-use kernels::error::Error;
-use kernels::geometry::STRIDES;
+use kernels::error::{Error, one_line};
+use kernels::geometry::{NormalEncoding, STRIDES};
 use kernels::picture::write_whole;
 use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene};
@@ -69,6 +69,7 @@ struct Look {
     seed: Option<u32>,
     reseeds: Option<bool>,
     two_tilings: Option<bool>,
+    normals: Option<String>,
     scale: Option<f64>,
     layer: Option<String>,
     lod_bias: Option<f64>,
@@ -106,6 +107,7 @@ impl Look {
             seed: Some(settings.seed),
             reseeds: Some(settings.reseeds),
             two_tilings: Some(settings.two_tilings),
+            normals: Some(settings.normals.to_string()),
             scale: Some(settings.scale),
             layer: Some(settings.layer.name().to_owned()),
             lod_bias: Some(settings.lod_bias),
@@ -123,6 +125,7 @@ impl Look {
         };
         let estimator = |text: &str| text.parse::<Estimator>().map_err(|error| error.to_string());
         let noise = |text: &str| text.parse::<NoiseKind>().map_err(|error| error.to_string());
+        let normals = |text: &str| text.parse::<NormalEncoding>().map_err(|error| error.to_string());
         let layer = |text: &str| {
             let known = Layer::ALL.into_iter().find(|layer| layer.name() == text);
             known.ok_or_else(|| format!("`{text}` is no layer: {}", suggestion(text, &Layer::ALL.map(Layer::name))))
@@ -131,6 +134,7 @@ impl Look {
             take("variant", self.variant.as_deref(), variant, &mut settings.forced),
             take("estimator", self.estimator.as_deref(), estimator, &mut settings.estimator),
             take("noise", self.noise.as_deref(), noise, &mut settings.noise),
+            take("normal encoding", self.normals.as_deref(), normals, &mut settings.normals),
             take("layer", self.layer.as_deref(), layer, &mut settings.layer),
         ]
         .into_iter()
@@ -160,7 +164,7 @@ fn take<K, T>(what: &str, kept: Option<K>, read: impl FnOnce(K) -> Result<T, Str
             *place = value;
             None
         }
-        Err(why) => Some(format!("the kept {what} is left out: {why}")),
+        Err(why) => Some(format!("the kept {what} is left out: {}", one_line(&why))),
     }
 }
 
@@ -204,7 +208,7 @@ impl Kept {
             match parameters().find(|parameter| parameter.key == key) {
                 Some(parameter) if number.is_finite() => *(parameter.at)(&mut changed) = number,
                 Some(_) => said.push(format!("the kept {key} is left out: {number} is no finite number")),
-                None => said.push(format!("the kept {key} is left out: no number of a scene is called so")),
+                None => said.push(format!("the kept {} is left out: no number of a scene is called so", one_line(key))),
             }
         }
         match scene::validate(&changed) {
@@ -256,17 +260,36 @@ impl Kept {
         let line = match Found::at(path) {
             Found::Nothing => return (Kept::default(), None),
             Found::Kept(kept) => return (*kept, None),
-            Found::Foreign(what) => match set_aside(path) {
+            Found::Refused(Refused::Foreign(what)) => match set_aside(path) {
                 Ok(aside) => format!(
                     "{what}; it is set aside as {}, and everything is as usual: mend it and give it its name back to have it again",
                     aside.display()
                 ),
                 Err(error) => format!("{what}; it cannot be set aside ({error}), so that nothing is kept: move it away"),
             },
-            Found::Newer(version) => newer(path, version),
+            Found::Refused(Refused::Newer(version)) => newer(path, version),
             Found::Unreadable(why) => unreadable(path, &why),
         };
         (Kept::default(), Some(line))
+    }
+
+    /// Reads the contents of a file of what is kept, which `name` names in errors.
+    ///
+    /// # Errors
+    /// What else it is.
+    pub fn parse(bytes: Vec<u8>, name: &str) -> Result<Kept, Refused> {
+        let Ok(text) = String::from_utf8(bytes) else { return Err(Refused::Foreign(format!("{name} is not UTF-8 text"))) };
+        // Before anything else is asked of it: a newer version may mean something else by every other key.
+        if let Ok(Versioned { version }) = toml::from_str(&text)
+            && version > i64::from(VERSION)
+        {
+            return Err(Refused::Newer(version));
+        }
+        match document::read::<Kept>(&text, |_| "") {
+            Ok(kept) if (1..=VERSION).contains(&kept.version) => Ok(kept),
+            Ok(kept) => Err(Refused::Foreign(format!("{name}: there is no version {}", kept.version))),
+            Err(wrong) => Err(Refused::Foreign(format!("{}: {}", wrong.place(name), wrong.what))),
+        }
     }
 
     /// Writes what is kept: whole or not at all, and only where there is no file, or one of this kind.
@@ -277,8 +300,10 @@ impl Kept {
         match Found::at(path) {
             Found::Nothing => {}
             Found::Kept(there) => return self.beside(*there).write(path),
-            Found::Newer(version) => return Err(newer(path, version)),
-            Found::Foreign(what) => return Err(format!("{what}; it is not written over, so that nothing is kept: move it away")),
+            Found::Refused(Refused::Newer(version)) => return Err(newer(path, version)),
+            Found::Refused(Refused::Foreign(what)) => {
+                return Err(format!("{what}; it is not written over, so that nothing is kept: move it away"));
+            }
             Found::Unreadable(why) => return Err(unreadable(path, &why)),
         }
         self.write(path)
@@ -309,13 +334,20 @@ impl Kept {
     }
 }
 
+/// What a file is that is not read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// Of another kind, or damaged: one line that says what is wrong, and where.
+    Foreign(String),
+    /// Of this version, which is newer than [`VERSION`].
+    Newer(i64),
+}
+
 /// What stands in a place.
 enum Found {
     Nothing,
     Kept(Box<Kept>),
-    /// What is wrong, and where.
-    Foreign(String),
-    Newer(i64),
+    Refused(Refused),
     /// Why.
     Unreadable(String),
 }
@@ -339,18 +371,9 @@ impl Found {
             Err(error) if error.kind() == ErrorKind::NotFound => return Found::Nothing,
             Err(error) => return Found::Unreadable(error.to_string()),
         };
-        let name = path.display().to_string();
-        let Ok(text) = String::from_utf8(bytes) else { return Found::Foreign(format!("{name} is not UTF-8 text")) };
-        // Before anything else is asked of it: a newer version may mean something else by every other key.
-        if let Ok(Versioned { version }) = toml::from_str(&text)
-            && version > i64::from(VERSION)
-        {
-            return Found::Newer(version);
-        }
-        match document::read::<Kept>(&text, |_| "") {
-            Ok(kept) if (1..=VERSION).contains(&kept.version) => Found::Kept(Box::new(kept)),
-            Ok(kept) => Found::Foreign(format!("{name}: there is no version {}", kept.version)),
-            Err(wrong) => Found::Foreign(format!("{}: {}", wrong.place(&name), wrong.what)),
+        match Kept::parse(bytes, &path.display().to_string()) {
+            Ok(kept) => Found::Kept(Box::new(kept)),
+            Err(refused) => Found::Refused(refused),
         }
     }
 }
@@ -549,6 +572,7 @@ mod tests {
             seed: u32::MAX,
             reseeds: true,
             two_tilings: true,
+            normals: NormalEncoding::PlaneFirst,
             scale: 0.7,
             layer: Layer::Tiles,
             lod_bias: -1.5,

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use kernels::camera::Pose;
+use kernels::error::one_line;
 use kernels::scene::CameraPose;
 use serde::{Deserialize, Serialize};
 
@@ -180,16 +181,16 @@ impl Recorded {
     /// have, no row, or too many.
     pub fn from_csv(name: &str, table: impl Read, place: &str) -> Result<Recorded, String> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table);
-        let header = reader.headers().map_err(|error| format!("{place}: {error}"))?;
+        let header = reader.headers().map_err(|error| format!("{place}: {}", one_line(&error.to_string())))?;
         if !header.iter().eq(COLUMNS) {
-            let given = header.iter().collect::<Vec<_>>().join(",");
+            let given = one_line(&header.iter().collect::<Vec<_>>().join(","));
             return Err(format!("{place}, line 1: the columns are `{given}`, must be `{}`", COLUMNS.join(",")));
         }
         let mut poses = Vec::new();
         for record in reader.records() {
-            let record = record.map_err(|error| format!("{place}: {}", explain(&error)))?;
+            let record = record.map_err(|error| format!("{place}: {}", one_line(&explain(&error))))?;
             let line = record.position().map_or(0, csv::Position::line);
-            let wrong = |what: String| format!("{place}, line {line}: {what}");
+            let wrong = |what: String| format!("{place}, line {line}: {}", one_line(&what));
             let frame = record.get(0).unwrap_or_default();
             if frame.parse::<usize>() != Ok(poses.len()) {
                 return Err(wrong(format!("the frame is `{frame}`, must be {}: frames count from 0, none is left out", poses.len())));

@@ -2,6 +2,7 @@
 
 use kernels::camera::Pose;
 use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::geometry::NormalEncoding;
 use kernels::picture::AovSet;
 use kernels::scene::Scene;
 use kernels::shading::Estimator;
@@ -32,6 +33,8 @@ pub struct Settings {
     pub reseeds: bool,
     /// Full splat with two tiling scales.
     pub two_tilings: bool,
+    /// How the geometry pass stores normals.
+    pub normals: NormalEncoding,
     /// Pixels drawn per pixel of the screen, along a side.
     pub scale: f64,
     /// What the viewport shows.
@@ -58,6 +61,7 @@ impl Settings {
             seed: 0,
             reseeds: false,
             two_tilings: false,
+            normals: NormalEncoding::default(),
             scale: 1.0,
             layer: Layer::Lit,
             lod_bias: 0.0,
@@ -105,6 +109,7 @@ impl Settings {
             seed: if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed },
             frame,
             two_tilings: self.two_tilings,
+            normals: self.normals,
             aovs: AovSet::from_names(&layers).unwrap_or_default(),
             count_fetches: self.counts,
             time_variants: self.times_variants,

@@ -11,6 +11,7 @@ mod probe;
 mod render;
 mod report;
 mod run;
+mod stability;
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, IsTerminal, Write};
@@ -21,6 +22,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+use kernels::error::one_line;
 use serde::Serialize;
 
 use crate::cli::{Cli, Command};
@@ -35,16 +37,12 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Import(args) => import::run(args),
         Command::Probe(args) => probe::run(args),
+        Command::Stability(args) => stability::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Explain(args) => explain::run(args),
         Command::Report(args) => report::run(args),
         Command::Adapters(args) => adapters::run(args),
     }
-}
-
-/// The text with every run of white space, line breaks included, made one blank.
-pub(crate) fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// The whole chain of an error on one line.

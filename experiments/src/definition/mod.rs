@@ -16,7 +16,7 @@ mod parse;
 mod validate;
 
 pub(crate) use parameters::hash;
-pub use parameters::{ClassifyBy, FrameChoices, Normals};
+pub use parameters::{ClassifyBy, FrameChoices};
 pub use parse::{load, parse, stored};
 
 /// Everything a definition file says.
@@ -155,8 +155,8 @@ pub enum Motion {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vary {
-    /// A number of the scene file, as `blend.hash_scale`, or a choice of the frame: `frame.normals` (`octahedral`, `exact`),
-    /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride`
+    /// A number of the scene file, as `blend.hash_scale`, or a choice of the frame: `frame.normals` (`octahedral`,
+    /// `plane-first`, `exact`), `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride`
     /// (1, 2, 4), `frame.seed`, `frame.reseeds`, `frame.two_tilings`.
     pub parameter: String,
     /// Its values, in order.

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, anyhow};
 use kernels::camera::Pose;
 use kernels::document::suggestion;
 use kernels::frame::RenderRequest;
-use kernels::geometry::STRIDES;
+use kernels::geometry::{NormalEncoding, STRIDES};
 use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene, SceneText};
 use kernels::world::heightmap::ReadOptions;
@@ -21,16 +21,6 @@ use crate::unit::Setting;
 
 /// Parameters that begin with this are choices of the frame; all others are keys of the scene.
 pub(super) const FRAME: &str = "frame.";
-
-/// Normals that derivatives are taken with (`frame.normals`).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Normals {
-    /// As they come out of the geometry pass: octahedral, 2 x 8 bits.
-    #[default]
-    Octahedral,
-    /// In full precision.
-    Exact,
-}
 
 /// What has a variant of its own (`frame.classification`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,8 +35,8 @@ pub enum ClassifyBy {
 /// Choices of the frame, which no scene makes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameChoices {
-    /// Normals for derivatives.
-    pub normals: Normals,
+    /// How the geometry pass stores normals (`frame.normals`).
+    pub normals: NormalEncoding,
     /// Edge of a tile, pixels: 4, 8 or 16 (`frame.tile`).
     pub tile: u32,
     /// What is classified.
@@ -66,7 +56,7 @@ pub struct FrameChoices {
 impl Default for FrameChoices {
     fn default() -> Self {
         FrameChoices {
-            normals: Normals::default(),
+            normals: NormalEncoding::default(),
             tile: 8,
             classification: ClassifyBy::default(),
             lod_bias: 0.0,
@@ -99,6 +89,7 @@ impl FrameChoices {
             vertex_stride: self.vertex_stride,
             seed: if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed },
             two_tilings: self.two_tilings,
+            normals: self.normals,
             ..RenderRequest::new(pose, size)
         }
     }
@@ -119,10 +110,12 @@ impl FrameChoices {
         let text = value.as_str().unwrap_or_default();
         let wrong = |kinds: &str| Err(format!("`{parameter}` cannot be {value}: give {kinds}"));
         match parameter.strip_prefix(FRAME).unwrap_or_default() {
-            "normals" => match text {
-                "octahedral" => self.normals = Normals::Octahedral,
-                "exact" => self.normals = Normals::Exact,
-                _ => return wrong("\"octahedral\" or \"exact\""),
+            "normals" => match text.parse() {
+                Ok(normals) => self.normals = normals,
+                Err(_) => {
+                    let names = NormalEncoding::ALL.map(NormalEncoding::name);
+                    return Err(format!("`{parameter}` cannot be {value}: {}", suggestion(text, &names)));
+                }
             },
             "tile" => match value.as_integer().and_then(|edge| u32::try_from(edge).ok()) {
                 Some(edge @ (4 | 8 | 16)) => self.tile = edge,
@@ -162,6 +155,9 @@ impl FrameChoices {
         Ok(())
     }
 }
+
+/// Most steps from a scene to a number of it: `material.grass.tint.2` has four. Tables within tables would overflow the stack some thousand deep.
+const MOST_STEPS: usize = 8;
 
 /// Sets what `path` names in a document; a table is merged into the one that is there. In a list of tables a step of the path is a name or a number
 /// from 1.
@@ -275,6 +271,10 @@ impl Definition {
             text.text.parse::<Table>().map(Value::Table).map_err(|error| Refused { unknown_key: false, what: error.to_string() })?;
         for (parameter, value) in changes {
             let path: Vec<&str> = parameter.split('.').collect();
+            if path.len() > MOST_STEPS {
+                let what = format!("a parameter of {} steps is nothing of the scene, where none has more than {MOST_STEPS}", path.len());
+                return Err(Refused { unknown_key: true, what });
+            }
             set(&mut document, &path, value)
                 .map_err(|what| Refused { unknown_key: true, what: format!("`{parameter}` is nothing of the scene: {what}") })?;
         }

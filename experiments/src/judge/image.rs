@@ -1,12 +1,12 @@
 //! Pictures read for comparison: OpenEXR with layers, PNG, JPEG.
 
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{BufRead, BufReader, Read as _, Seek};
 use std::path::Path;
 
 use exr::prelude as e;
-use image::ImageReader;
-use kernels::error::{Error, Result};
+use image::{DynamicImage, ImageDecoder, ImageReader};
+use kernels::error::{Error, Result, one_line};
 use kernels::frame::MAX_PIXELS;
 use kernels::picture::linear_from_srgb;
 use kernels::scene::nearest;
@@ -57,17 +57,26 @@ impl Image {
     /// When the file is missing or no picture, has no such layer (the error names those there are), more than 2^26 pixels, or a value that
     /// is NaN or infinite (the error tells how many and where the first is).
     pub fn read(path: &Path, layer: Option<&str>) -> Result<Image> {
-        let wrong = |what: String| Error::Image { file: path.to_owned(), what };
+        let wrong = |what: &str| Error::Image { file: path.to_owned(), what: what.to_owned() };
         if path.is_dir() {
-            return Err(wrong("is a folder: give a picture".to_owned()));
+            return Err(wrong("is a folder: give a picture"));
         }
         let open = |error: std::io::Error| match error.kind() {
-            std::io::ErrorKind::NotFound => wrong("there is no such file: correct the path".to_owned()),
+            std::io::ErrorKind::NotFound => wrong("there is no such file: correct the path"),
             _ => Error::File { file: path.to_owned(), source: error },
         };
-        let mut input = BufReader::new(File::open(path).map_err(open)?);
+        Image::decode(BufReader::new(File::open(path).map_err(open)?), path, layer)
+    }
+
+    /// Reads a picture from the contents of a file, which `path` names in errors; else as [`Image::read`].
+    ///
+    /// # Errors
+    /// As [`Image::read`].
+    pub fn decode(mut input: impl BufRead + Seek, path: &Path, layer: Option<&str>) -> Result<Image> {
+        let wrong = |what: String| Error::Image { file: path.to_owned(), what: one_line(&what) };
         let mut magic = Vec::new();
-        input.by_ref().take(4).read_to_end(&mut magic).and_then(|_| input.rewind()).map_err(open)?;
+        let begun = input.by_ref().take(4).read_to_end(&mut magic).and_then(|_| input.rewind());
+        begun.map_err(|source| Error::File { file: path.to_owned(), source })?;
         // OpenEXR file layout, "Magic number": 20000630, little-endian.
         let read = if magic == 20_000_630_u32.to_le_bytes() { exr(input, layer) } else { coded(input, layer) };
         let image = read.map_err(wrong)?;
@@ -92,7 +101,7 @@ fn check_size(width: u64, height: u64) -> std::result::Result<[u32; 2], String> 
     }
 }
 
-fn coded(input: BufReader<File>, layer: Option<&str>) -> std::result::Result<Image, String> {
+fn coded(input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Result<Image, String> {
     let reader = ImageReader::new(input).with_guessed_format().map_err(|error| format!("cannot be read: {error}"))?;
     if reader.format().is_none() {
         return Err("is no picture: give an OpenEXR, PNG or JPEG file".to_owned());
@@ -100,8 +109,11 @@ fn coded(input: BufReader<File>, layer: Option<&str>) -> std::result::Result<Ima
     if let Some(layer) = layer {
         return Err(format!("has no layer `{layer}`: only OpenEXR files have layers"));
     }
-    let decoded = reader.decode().map_err(|error| format!("cannot be decoded: {error}; give an OpenEXR, PNG or JPEG file"))?;
-    let size = check_size(decoded.width().into(), decoded.height().into())?;
+    let undecodable = |error: image::ImageError| format!("cannot be decoded: {error}; give an OpenEXR, PNG or JPEG file");
+    let decoder = reader.into_decoder().map_err(undecodable)?;
+    let (width, height) = decoder.dimensions();
+    let size = check_size(width.into(), height.into())?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     let has_alpha = decoded.color().has_alpha();
     let texels = decoded.into_rgba32f();
     Ok(Image {
@@ -112,7 +124,7 @@ fn coded(input: BufReader<File>, layer: Option<&str>) -> std::result::Result<Ima
     })
 }
 
-fn exr(mut input: BufReader<File>, layer: Option<&str>) -> std::result::Result<Image, String> {
+fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Result<Image, String> {
     use e::{ReadChannels as _, ReadLayers as _};
     let undecodable = |error: e::Error| format!("cannot be decoded as OpenEXR: {error}; export it anew");
     let meta = exr::meta::MetaData::read_from_buffered(&mut input, false).map_err(undecodable)?;

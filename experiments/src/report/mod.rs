@@ -14,6 +14,7 @@ mod numbers;
 mod pictures;
 mod plots;
 mod run;
+pub(crate) mod stability;
 mod summary;
 #[cfg(test)]
 mod tests;

@@ -24,7 +24,7 @@ use kernels::shared::noise::NoiseKind;
 use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::{Flavour, Variant};
 
-use crate::definition::{ClassifyBy, Definition, FrameChoices, Normals, setting_text};
+use crate::definition::{ClassifyBy, Definition, FrameChoices, setting_text};
 use crate::metrics;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Setting, Unit, Work, plan};
@@ -103,8 +103,7 @@ impl<'a> Runner<'a> {
         }
         // The old one first gives its memory back.
         self.stage = None;
-        let options =
-            RendererOptions { exact_normals: choices.normals == Normals::Exact, tile: choices.tile, ..RendererOptions::default() };
+        let options = RendererOptions { tile: choices.tile, ..RendererOptions::default() };
         let renderer = Renderer::with(self.gpu, &scene, options, QUIET)?;
         let layers = Layers::new(self.gpu, self.definition.size);
         self.stage = Some(Stage { setting: setting.clone(), choices, renderer, layers, exact: None, fixed: Fixed::default() });

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
+use kernels::error::one_line;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -89,18 +90,27 @@ impl Manifest {
     pub(super) fn read(folder: &Path) -> Result<Manifest> {
         let file = folder.join(FILE);
         let text = fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
+        Manifest::parse(&text, &file)
+    }
+
+    /// Reads the text of a manifest; `file` names it in errors.
+    ///
+    /// # Errors
+    /// One line: not JSON, another version, a key that is missing or of another type.
+    pub fn parse(text: &str, file: &Path) -> Result<Manifest> {
         let broken = |what: String| {
+            let what = one_line(&what);
             anyhow!(
                 "{}: {what}: it is damaged, or of another version: remove the folder, or choose another (--out of a run)",
                 file.display()
             )
         };
-        let format = serde_json::from_str::<serde_json::Value>(&text).map_err(|error| broken(error.to_string()))?;
+        let format = serde_json::from_str::<serde_json::Value>(text).map_err(|error| broken(error.to_string()))?;
         let format = format.get("format").and_then(serde_json::Value::as_u64).unwrap_or(0);
         if format != u64::from(FORMAT) {
             return Err(broken(format!("format {format} is not {FORMAT}, the one that this version reads")));
         }
-        serde_json::from_str(&text).map_err(|error| broken(error.to_string()))
+        serde_json::from_str(text).map_err(|error| broken(error.to_string()))
     }
 
     pub(super) fn write(&self, folder: &Path) -> Result<()> {
@@ -157,6 +167,6 @@ fn first_difference(a: &Definition, b: &Definition) -> Result<Option<(String, St
 
 /// At most 60 characters of a text on one line.
 fn short(text: &str) -> String {
-    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let text = one_line(text);
     if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }
 }

@@ -11,15 +11,16 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
-use kernels::error::Error;
+use kernels::error::{Error, one_line};
 use kernels::picture::write_whole;
 use parquet::basic::Type;
+use parquet::column::page::Page;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int32Type};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
-use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
+use parquet::file::reader::{ChunkReader, FileReader, RowGroupReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use twox_hash::XxHash64;
@@ -207,10 +208,18 @@ fn failure(error: ParquetError) -> io::Error {
 /// # Errors
 /// One line: no Parquet, truncated or damaged, a column that is missing or of another type, another schema, values that are not those written.
 pub fn read_parquet(file: &Path) -> Result<Table> {
+    decode_parquet(File::open(file).with_context(|| format!("cannot read {}", file.display()))?, file)
+}
+
+/// Reads the contents of a file that [`write_parquet`] has written; `file` names it in errors.
+///
+/// # Errors
+/// As [`read_parquet`].
+pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<Table> {
     let damaged = |what: String| {
+        let what = one_line(&what);
         anyhow!("{}: {what}: it is damaged or no result of a run; run it again, or take the file from a copy", file.display())
     };
-    let input = File::open(file).with_context(|| format!("cannot read {}", file.display()))?;
     let reader =
         crate::quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer does not hold together".to_owned()))?;
     let reader = reader.map_err(|error| damaged(format!("no Parquet file ({error})")))?;
@@ -221,7 +230,7 @@ pub fn read_parquet(file: &Path) -> Result<Table> {
     }
 }
 
-fn read(reader: &SerializedFileReader<File>) -> Result<Table> {
+fn read(reader: &dyn FileReader) -> Result<Table> {
     let metadata = reader.metadata().file_metadata();
     let notes = metadata.key_value_metadata().into_iter().flatten();
     let mut notes: BTreeMap<String, String> = notes.map(|note| (note.key.clone(), note.value.clone().unwrap_or_default())).collect();
@@ -247,14 +256,16 @@ fn read(reader: &SerializedFileReader<File>) -> Result<Table> {
         }
         places.push(place);
     }
-    let mut rows = Vec::new();
+    // A few damaged bytes can stand for any number of values.
+    let most: usize = count.parse().with_context(|| format!("`{count}` is no number of rows"))?;
+    let mut rows: Vec<Row> = Vec::new();
     for index in 0..reader.num_row_groups() {
         let group = reader.get_row_group(index).map_err(|error| anyhow!("row group {index}: {error}"))?;
         // Texts come first, and how many there are is found by reading them: a number in a damaged file is no reason to make room.
         let mut of_group: Vec<Row> = Vec::new();
         for (column, &place) in COLUMNS.iter().zip(&places) {
-            let first = place == places[0];
-            read_column(group.as_ref(), column, place, first, &mut of_group)
+            let most = if place == places[0] { Some(most.saturating_sub(rows.len())) } else { None };
+            read_column(group.as_ref(), column, place, most, &mut of_group)
                 .with_context(|| format!("row group {index}, column `{}`", column.name))?;
         }
         rows.append(&mut of_group);
@@ -268,12 +279,15 @@ fn read(reader: &SerializedFileReader<File>) -> Result<Table> {
     Ok(Table { rows, notes })
 }
 
-fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first: bool, rows: &mut Vec<Row>) -> Result<()> {
+/// Reads a column into the rows of its group. Of the first column `first` is how many rows there may be, and the rows are made.
+fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first: Option<usize>, rows: &mut Vec<Row>) -> Result<()> {
+    check_dictionaries(group, place)?;
     let reader = group.get_column_reader(place)?;
+    let most = first.unwrap_or(rows.len());
     match (column.field, reader) {
         (Field::Text(_, set), ColumnReader::ByteArrayColumnReader(mut reader)) => {
-            let texts = values(&mut reader, false)?;
-            if first {
+            let texts = values(&mut reader, false, most)?;
+            if first.is_some() {
                 rows.resize(texts.len(), Row::default());
             }
             fill(rows, texts, |row, text: Option<ByteArray>| {
@@ -282,23 +296,39 @@ fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first:
             })
         }
         (Field::Count(_, set), ColumnReader::Int32ColumnReader(mut reader)) => {
-            fill(rows, values(&mut reader, true)?, |row, value: Option<i32>| {
+            fill(rows, values(&mut reader, true, most)?, |row, value: Option<i32>| {
                 *set(row) = value.map(i32::cast_unsigned);
                 Ok(())
             })
         }
-        (Field::Number(_, set), ColumnReader::DoubleColumnReader(mut reader)) => fill(rows, values(&mut reader, true)?, |row, value| {
-            *set(row) = value;
-            Ok(())
-        }),
+        (Field::Number(_, set), ColumnReader::DoubleColumnReader(mut reader)) => {
+            fill(rows, values(&mut reader, true, most)?, |row, value| {
+                *set(row) = value;
+                Ok(())
+            })
+        }
         (Field::Value(_, set), ColumnReader::DoubleColumnReader(mut reader)) => {
-            fill(rows, values(&mut reader, false)?, |row, value: Option<f64>| {
+            fill(rows, values(&mut reader, false, most)?, |row, value: Option<f64>| {
                 *set(row) = value.context("a value is absent")?;
                 Ok(())
             })
         }
         _ => bail!("another type"),
     }
+}
+
+/// Refuses a dictionary that claims more values than its bytes can hold: the library makes room for as many as it claims, which may be 2^31.
+fn check_dictionaries(group: &dyn RowGroupReader, place: usize) -> Result<()> {
+    let mut pages = group.get_column_page_reader(place)?;
+    while let Some(page) = pages.get_next_page()? {
+        // The shortest value is a text's length or a whole number, 4 bytes.
+        if let Page::DictionaryPage { buf, num_values, .. } = page
+            && num_values as usize > buf.len() / 4
+        {
+            bail!("a dictionary of {num_values} values in {} bytes", buf.len());
+        }
+    }
+    Ok(())
 }
 
 fn fill<T>(rows: &mut [Row], values: Vec<Option<T>>, set: impl Fn(&mut Row, Option<T>) -> Result<()>) -> Result<()> {
@@ -308,8 +338,8 @@ fn fill<T>(rows: &mut [Row], values: Vec<Option<T>>, set: impl Fn(&mut Row, Opti
     rows.iter_mut().zip(values).try_for_each(|(row, value)| set(row, value))
 }
 
-/// Every value of a column of a row group; with `optional`, absent ones, too.
-fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool) -> Result<Vec<Option<T::T>>> {
+/// Every value of a column of a row group, `most` of them or fewer; with `optional`, absent ones, too.
+fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool, most: usize) -> Result<Vec<Option<T::T>>> {
     let mut all = Vec::new();
     loop {
         let (mut levels, mut values) = (Vec::new(), Vec::new());
@@ -322,6 +352,9 @@ fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool) -> Resu
             all.extend(levels.into_iter().map(|level| if level == 0 { None } else { values.next() }));
         } else {
             all.extend(values.map(Some));
+        }
+        if all.len() > most {
+            bail!("more values than rows, of which there are {most}");
         }
     }
 }

@@ -61,8 +61,8 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     // As the shading pass computes them, from the same depth and normal.
-    let normal = frame_normal(textureLoad(normal_target, pixel, 0).xy);
-    let distance = length(frame_ray(vec2<f32>(pixel))) * frame.near_m / depth;
+    let normal = frame_shading_normal(textureLoad(normal_target, pixel, 0));
+    let distance = length(frame_ray(vec2<f32>(pixel))) * view_distance(frame.near_m, depth);
     let all = flavour_weights(distance, normal.z, frame.flavours);
     let own = flavour_mask(all);
     var layers: array<vec3<f32>, 5>;

@@ -120,9 +120,7 @@ impl Renderer<'_> {
         page_files.extend(virtual_texture::page_files());
         let mut builder = Builder { gpu, changed, built: Vec::new() };
         let rebuilt = Rebuilt {
-            geometry: builder.stage("geometry", &geometry::files(), || {
-                Geometry::new(gpu, frame, terrain, self.requirements.holes, self.options.exact_normals)
-            })?,
+            geometry: builder.stage("geometry", &geometry::files(), || Geometry::new(gpu, frame, terrain, self.requirements.holes))?,
             classification: builder
                 .stage("classification", &classification::files(subgroups), || Classification::new(gpu, frame, self.options.tile))?,
             virtual_texture: if self.virtual_texture.is_required() {

@@ -1,4 +1,4 @@
-// Geometry pass: patches in, depth + stencil + classification mask + two octahedral normals out.
+// Geometry pass: patches in, depth + stencil + classification mask + two normals out.
 
 // True where the scene has holes: only then is a varying spent on them and a discard compiled in.
 override HAS_HOLES: bool = false;
@@ -67,13 +67,9 @@ fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
         }
     }
     var out: GeometryTargets;
-    if frame.exact_normals != 0u {
-        out.normals = vec4<f32>(octahedral_encode(shading_normal), octahedral_encode(triangle_normal));
-    } else {
-        out.normals = vec4<f32>(octahedral_encode8_precise(shading_normal), octahedral_encode8_precise(triangle_normal));
-    }
+    out.normals = frame_normals(shading_normal, triangle_normal, in.relative);
     // Weights follow from what the shading pass will read back, so that mask and shading agree.
-    let seen_normal = frame_normal(out.normals.xy);
+    let seen_normal = frame_shading_normal(out.normals);
     let weights = flavour_weights(length(in.relative), seen_normal.z, frame.flavours);
     out.mask = flavour_mask(weights);
     return out;

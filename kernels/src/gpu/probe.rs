@@ -1,6 +1,7 @@
-//! Runs one shared WGSL function over rows of numbers, so that the GPU can be compared with its f64 reference.
+//! Runs one WGSL function that needs no bindings over rows of numbers, so that the GPU can be compared with its f64 reference.
 
 use crate::error::Result;
+use crate::geometry;
 use crate::gpu::{Gpu, Shader, read_buffer};
 use crate::shared;
 
@@ -28,6 +29,7 @@ fn probe_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
 }}"
     );
     let mut files: Vec<(&str, &str)> = shared::WGSL.to_vec();
+    files.push(geometry::STITCH_WGSL);
     files.push(("probe body", body));
     files.push(("probe main", &main));
     let shader = Shader::new(gpu, "probe", &files)?;

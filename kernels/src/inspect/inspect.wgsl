@@ -39,7 +39,7 @@ fn inspect_main(@builtin(global_invocation_id) id: vec3<u32>) {
         out.ddy = footprint.ddy;
         out.splat = vec4<u32>(terrain_splat_id(cell, 0u), terrain_splat_id(cell, 1u), terrain_splat_id(cell, 2u), terrain_splat_id(cell, 3u));
         out.bilinear = splat_blend_bilinear(cell.fraction);
-        let size = abs(frame_normal(normals.xy));
+        let size = abs(frame_shading_normal(normals));
         out.plane = select(select(0u, 1u, size.y > size.x), 2u, size.z >= max(size.x, size.y));
         let projection = terrain_projection(out.plane, footprint);
         var heights: vec4<f32>;

@@ -1,13 +1,18 @@
 //! Materials scanned or painted: a folder of images.
 
+use std::fs::File;
+use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
-use image::{DynamicImage, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageReader};
 use rayon::prelude::*;
 
 use super::{MaterialMaps, wrong};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_line};
 use crate::picture::linear_from_srgb;
+
+/// Largest edge of a map, texels: four times that of the finest detail textures. A map of it takes 0.8 GB until it is resampled.
+const MAX_EDGE: u32 = 8192;
 
 /// Image files looked for, by extension, in this order.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -43,7 +48,8 @@ pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
 
     let mut edge = None;
     let mut open = |path: &PathBuf| -> Result<Image> {
-        let image = Image::read(path)?;
+        let file = File::open(path).map_err(|source| Error::File { file: path.clone(), source })?;
+        let image = Image::decode(BufReader::new(file), path)?;
         match &edge {
             None => edge = Some((image.edge, path.clone())),
             Some((first, of)) if *first != image.edge => {
@@ -74,23 +80,32 @@ pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
 }
 
 /// A square image in memory, row 0 at v = 0.
-struct Image {
-    edge: usize,
-    texels: Vec<[f32; 3]>,
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Texels along an edge, at least 1.
+    pub edge: usize,
+    /// Red, green, blue as stored, 0..1, row by row.
+    pub texels: Vec<[f32; 3]>,
 }
 
 impl Image {
-    fn read(path: &Path) -> Result<Image> {
-        let broken = |what: String| Error::Image { file: path.to_owned(), what };
-        let reader = ImageReader::open(path)
-            .and_then(ImageReader::with_guessed_format)
-            .map_err(|source| Error::File { file: path.to_owned(), source })?;
-        let decoded =
-            reader.decode().map_err(|e| broken(format!("not a readable PNG or JPEG ({e}); save it again as 8- or 16-bit PNG")))?;
-        let (width, height) = (decoded.width(), decoded.height());
+    /// Reads a map from the contents of a file, which `path` names in errors. PNG and JPEG are told apart by content.
+    ///
+    /// # Errors
+    /// It is no image that can be read, not square, or larger than 8192 texels a side.
+    pub fn decode(input: impl BufRead + Seek, path: &Path) -> Result<Image> {
+        let broken = |what: String| Error::Image { file: path.to_owned(), what: one_line(&what) };
+        let reader = ImageReader::new(input).with_guessed_format().map_err(|source| Error::File { file: path.to_owned(), source })?;
+        let unreadable = |e: image::ImageError| broken(format!("not a readable PNG or JPEG ({e}); save it again as 8- or 16-bit PNG"));
+        let decoder = reader.into_decoder().map_err(unreadable)?;
+        let (width, height) = decoder.dimensions();
         if width != height || width == 0 {
             return Err(broken(format!("{width}x{height} texels, but material maps are square: crop or resize it")));
         }
+        if width > MAX_EDGE {
+            return Err(broken(format!("{width}x{width} texels are more than {MAX_EDGE} a side: resize it")));
+        }
+        let decoded = DynamicImage::from_decoder(decoder).map_err(unreadable)?;
         let edge = width as usize;
         let mut texels: Vec<[f32; 3]> = rgb(decoded);
         for row in 0..edge / 2 {

@@ -30,8 +30,8 @@ struct MotionPoint {
 
 fn motion_point(pixel: vec2<u32>) -> MotionPoint {
     let depth = textureLoad(depth_target, pixel, 0);
-    let distance = select(0.0, frame.near_m / depth, depth > 0.0);
-    return MotionPoint(frame_ray(vec2<f32>(pixel)) * distance, frame_normal(textureLoad(normal_target, pixel, 0).zw), distance);
+    let distance = view_distance(frame.near_m, depth);
+    return MotionPoint(frame_ray(vec2<f32>(pixel)) * distance, frame_plane(textureLoad(normal_target, pixel, 0)), distance);
 }
 
 // Where a point was seen some frames before, and the pixel nearest to that.

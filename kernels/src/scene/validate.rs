@@ -2,7 +2,7 @@
 
 use super::{CameraPose, Hole, Rule, Scene, Stroke, World};
 use crate::document::{At, Checked, suggestion};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_line};
 
 /// Checks a scene made by hand or read from a file: sizes, ranges, names that must be unique, names that must exist, files that
 /// must exist.
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// # Errors
 /// The first thing found wrong, named by its place in the scene.
 pub fn validate(scene: &Scene) -> Result<()> {
-    check(scene).map_err(|problem| Error::Scene { where_: format!("`{}`", scene.name), what: problem.to_string() })
+    check(scene).map_err(|problem| Error::Scene { where_: format!("`{}`", one_line(&scene.name)), what: problem.to_string() })
 }
 
 /// Checks what only the world's data can tell: that a scene which asks for cliffs has any.

@@ -390,12 +390,12 @@ fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {
     pixel.footprint = surface_footprint(index, depth, normals);
     pixel.node = terrain_node(pixel.footprint.place);
     pixel.cell = terrain_splat_cell(pixel.node);
-    pixel.normal = frame_normal(normals.xy);
+    pixel.normal = frame_shading_normal(normals);
     if PROJECTS {
         shade_project(&pixel);
     }
 
-    let distance = length(frame_ray(vec2<f32>(index))) * frame.near_m / depth;
+    let distance = length(frame_ray(vec2<f32>(index))) * view_distance(frame.near_m, depth);
     let all = flavour_weights(distance, pixel.normal.z, frame.flavours);
     let weights = flavour_weights_for(all, mask, select(0u, 1u, frame.forced_mask != 0u));
     pixel.tiling = tiling_scales(distance, frame.flavours.cliff_near_m, flavour_steep(pixel.normal.z, frame.flavours.cliff_cos));

@@ -16,6 +16,7 @@ pub mod layers;
 pub mod moments;
 pub mod motion;
 pub mod noise;
+pub mod normal_pair;
 pub mod octahedral;
 pub mod real;
 pub mod select;
@@ -25,14 +26,17 @@ pub mod splat_blend;
 pub mod texel_choice;
 pub mod tiling;
 pub mod triplanar;
+pub mod view;
 
 /// The shared shader sources as (name, text), in the order in which they are joined.
 pub const WGSL: &[(&str, &str)] = &[
     ("hash", include_str!("hash.wgsl")),
     ("noise", include_str!("noise.wgsl")),
     ("octahedral", include_str!("octahedral.wgsl")),
+    ("normal_pair", include_str!("normal_pair.wgsl")),
     ("moments", include_str!("moments.wgsl")),
     ("motion", include_str!("motion.wgsl")),
+    ("view", include_str!("view.wgsl")),
     ("derivatives", include_str!("derivatives.wgsl")),
     ("splat_blend", include_str!("splat_blend.wgsl")),
     ("triplanar", include_str!("triplanar.wgsl")),

@@ -315,15 +315,21 @@ fn split<T: Real>(level: T) -> (i32, T) {
 }
 
 fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32) -> [T; 4] {
-    let cell = |axis: usize| {
+    let packed = k.map(|k| (k + 128).cast_unsigned());
+    let level = packed[0] | packed[1] << 8 | packed[2] << 16;
+    let [x, y, z] = cell(point, k);
+    hash::pcg4d([x, y, z, hash::mix(seed, salt, level)]).map(hash::to_unit)
+}
+
+/// The cell that holds a point, modulo 2^32, where cells are 2^-`k` m wide along each axis: what hashed thresholds and white noise of
+/// the world hash. `k` outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`], which neither takes, loses sectors or digits.
+pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
+    [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());
         let in_sector = whole((usable(point.position[axis]) * per_metre).floor());
         let sectors = point.sector.get(axis).map_or(0, |&s| i64::from(s) * whole(bounded(point.sector_m * per_metre, 0.0, 1e12)));
         wrapped(sectors.wrapping_add(in_sector))
-    };
-    let packed = k.map(|k| (k + 128).cast_unsigned());
-    let level = packed[0] | packed[1] << 8 | packed[2] << 16;
-    hash::pcg4d([cell(0), cell(1), cell(2), hash::mix(seed, salt, level)]).map(hash::to_unit)
+    })
 }
 
 /// A whole number as integer, held within what a shader's i32 can come from in f32.

@@ -16,13 +16,13 @@ fn surface_sample_offset(pixel: vec2<u32>) -> vec2<f32> {
 // World position from depth, derivatives from the triangle's plane: never from a texture coordinate.
 fn surface_footprint(pixel: vec2<u32>, depth: f32, normals: vec4<f32>) -> Footprint {
     let centre = frame_ray(vec2<f32>(pixel));
-    let triangle_normal = frame_normal(normals.zw);
+    let triangle_normal = frame_plane(normals);
     // A sample off the centre lies on the plane of the triangle seen there. Grazing planes reach no farther than half or twice as far away.
     let offset = surface_sample_offset(pixel);
     let ray = centre + frame.ray_dx * offset.x + frame.ray_dy * offset.y;
     let facing = dot(triangle_normal, ray);
     let stretch = select(1.0, clamp(dot(triangle_normal, centre) / select(facing, 1.0, facing == 0.0), 0.5, 2.0), frame.sample_pattern != 0u);
-    let t = frame.near_m / depth * stretch;
+    let t = view_distance(frame.near_m, depth) * stretch;
     return Footprint(
         terrain_place(frame.camera_sector, frame.camera + ray * t),
         derivatives_on_plane(ray, frame.ray_dx, t, triangle_normal),

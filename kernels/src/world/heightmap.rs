@@ -4,13 +4,13 @@
 //! refused without room being made for it.
 
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::World;
 use super::rules::Rules;
 use super::viewpoints;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_line};
 use crate::scene::{self, Material, Rule, Scene};
 
 /// Samples along an edge that are read at most; beyond it, a window has to be named.
@@ -142,6 +142,15 @@ struct Reader<'a> {
 /// [`Error::File`] where the file cannot be read; [`Error::Heightmap`] where it is truncated, of the wrong size or depth, too large, all
 /// of one height, has NaN, infinite or missing samples, or where an option does not fit it.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Heightmap> {
+    let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
+    decode(BufReader::new(file), path, options)
+}
+
+/// Reads a heightmap from the contents of a file. `path` names it in errors, and its extension tells the format, as for [`read`].
+///
+/// # Errors
+/// As [`read`].
+pub fn decode(input: impl BufRead + Seek, path: &Path, options: &ReadOptions) -> Result<Heightmap> {
     let reader = Reader { path, options };
     if !(options.metres_per_texel.is_finite() && options.metres_per_texel > 0.0) {
         return Err(reader.error(format!("metres per texel is {}; it must be a number above 0", options.metres_per_texel)));
@@ -153,10 +162,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Heightmap> {
     }
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let (size, samples) = match extension.as_str() {
-        "png" => reader.png()?,
-        "raw" | "r16" | "bin" => reader.raw()?,
-        "exr" => reader.exr()?,
-        "tif" | "tiff" => reader.tiff()?,
+        "png" => reader.png(input)?,
+        "raw" | "r16" | "bin" => reader.raw(input)?,
+        "exr" => reader.exr(input)?,
+        "tif" | "tiff" => reader.tiff(input)?,
         _ => return Err(reader.error("the extension names no known format; use .png, .raw, .r16, .exr, .tif or .tiff".to_owned())),
     };
     reader.finish(size, samples)
@@ -164,11 +173,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Heightmap> {
 
 impl Reader<'_> {
     fn error(&self, what: String) -> Error {
-        Error::Heightmap { file: self.path.to_owned(), what }
+        Error::Heightmap { file: self.path.to_owned(), what: one_line(&what) }
     }
 
-    fn open(&self) -> Result<File> {
-        File::open(self.path).map_err(|source| Error::File { file: self.path.to_owned(), source })
+    fn unreadable(&self, source: std::io::Error) -> Error {
+        Error::File { file: self.path.to_owned(), source }
     }
 
     /// The window to read of an image of this size, after the checks that need no samples.
@@ -207,9 +216,9 @@ impl Reader<'_> {
         Ok(window)
     }
 
-    fn png(&self) -> Result<([u32; 2], Samples)> {
+    fn png(&self, input: impl BufRead + Seek) -> Result<([u32; 2], Samples)> {
         use image::{ColorType, ExtendedColorType, ImageDecoder};
-        let decoder = image::codecs::png::PngDecoder::new(BufReader::new(self.open()?)).map_err(|e| self.undecodable(&e))?;
+        let decoder = image::codecs::png::PngDecoder::new(input).map_err(|e| self.undecodable(&e))?;
         let (width, height) = decoder.dimensions();
         if decoder.color_type() != ColorType::L16 || decoder.original_color_type() != ExtendedColorType::L16 {
             let bits = decoder.original_color_type();
@@ -226,9 +235,8 @@ impl Reader<'_> {
         Ok(([window[2], window[3]], Samples::Normalised(crop(whole, width, window))))
     }
 
-    fn raw(&self) -> Result<([u32; 2], Samples)> {
-        let mut file = self.open()?;
-        let length = file.metadata().map_err(|source| Error::File { file: self.path.to_owned(), source })?.len();
+    fn raw(&self, mut input: impl BufRead + Seek) -> Result<([u32; 2], Samples)> {
+        let length = input.seek(SeekFrom::End(0)).map_err(|source| self.unreadable(source))?;
         let [width, height] = match self.options.raw_size {
             Some(size) => size,
             None => {
@@ -255,8 +263,8 @@ impl Reader<'_> {
         let mut row = vec![0; w as usize * 2];
         for line in y..y + h {
             let start = (u64::from(line) * u64::from(width) + u64::from(x)) * 2;
-            let read = file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(&mut row));
-            read.map_err(|source| Error::File { file: self.path.to_owned(), source })?;
+            let read = input.seek(SeekFrom::Start(start)).and_then(|_| input.read_exact(&mut row));
+            read.map_err(|source| self.unreadable(source))?;
             let value = |b: &[u8]| {
                 let pair = [b[0], b[1]];
                 unit(if self.options.raw_big_endian { u16::from_be_bytes(pair) } else { u16::from_le_bytes(pair) })
@@ -266,15 +274,18 @@ impl Reader<'_> {
         Ok(([w, h], Samples::Normalised(samples)))
     }
 
-    fn exr(&self) -> Result<([u32; 2], Samples)> {
+    fn exr(&self, mut input: impl BufRead + Seek) -> Result<([u32; 2], Samples)> {
         use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
-        let mut input = BufReader::new(self.open()?);
         let meta = exr::meta::MetaData::read_from_buffered(&mut input, false).map_err(|e| self.undecodable(&e))?;
         let header = meta.headers.first().ok_or_else(|| self.error("it holds no layer; export one with a height channel".to_owned()))?;
         let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let (width, height) = (side(header.layer_size.0), side(header.layer_size.1));
         let window = self.window(width, height, false)?;
-        input.rewind().map_err(|source| Error::File { file: self.path.to_owned(), source })?;
+        // Room is made for every layer that is read, and which of them that is, the first may not tell.
+        for other in &meta.headers {
+            self.window(side(other.layer_size.0), side(other.layer_size.1), false)?;
+        }
+        input.rewind().map_err(|source| self.unreadable(source))?;
         let reading = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
         let image = reading.non_parallel().from_buffered(input).map_err(|e| self.undecodable(&e))?;
         let channels = &image.layer_data.channel_data.list;
@@ -299,10 +310,10 @@ impl Reader<'_> {
         Ok(([window[2], window[3]], Samples::Metres(crop(samples, width, window))))
     }
 
-    fn tiff(&self) -> Result<([u32; 2], Samples)> {
+    fn tiff(&self, input: impl BufRead + Seek) -> Result<([u32; 2], Samples)> {
         use tiff::ColorType;
         use tiff::decoder::{Decoder, DecodingResult};
-        let mut decoder = Decoder::new(BufReader::new(self.open()?)).map_err(|e| self.undecodable(&e))?;
+        let mut decoder = Decoder::new(input).map_err(|e| self.undecodable(&e))?;
         let (width, height) = decoder.dimensions().map_err(|e| self.undecodable(&e))?;
         let colour = decoder.colortype().map_err(|e| self.undecodable(&e))?;
         let ColorType::Gray(bits) = colour else {
@@ -318,7 +329,7 @@ impl Reader<'_> {
         let no_data = decoder.get_tag_ascii_string(tiff::tags::Tag::GdalNodata).ok();
         let no_data: Option<f64> = no_data.and_then(|text| text.trim_matches(['\0', ' ']).parse().ok());
         let (w, h, x0, y0) = (w as usize, h as usize, x0 as usize, y0 as usize);
-        let mut samples = vec![f32::NAN; w * h];
+        let mut samples: Vec<f32> = Vec::new();
         let mut is_integer = false;
         let (chunk_width, chunk_height) = decoder.chunk_dimensions();
         let (chunk_width, chunk_height) = (chunk_width.max(1) as usize, chunk_height.max(1) as usize);
@@ -351,6 +362,10 @@ impl Reader<'_> {
                         self.error("a strip or tile is shorter than it says; the file is truncated: copy or export it again".to_owned())
                     );
                 }
+                // Only now: a size is quickly claimed.
+                if samples.is_empty() {
+                    samples.resize(w * h, f32::NAN);
+                }
                 for row in 0..data_height {
                     let y = chunk_y * chunk_height + row;
                     if y < y0 || y >= y0 + h {
@@ -373,7 +388,6 @@ impl Reader<'_> {
     }
 
     fn undecodable(&self, reason: &dyn std::fmt::Display) -> Error {
-        let reason = reason.to_string().replace('\n', " ");
         self.error(format!("cannot be decoded ({reason}); the file is truncated or damaged: copy or export it again"))
     }
 

@@ -106,8 +106,8 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
     row("Sector", format!("{}, {}", pixel.sector[0], pixel.sector[1]), "From the world's south-west corner");
     row("Depth", format!("{:.4} m", pixel.depth_m), "Along the view direction: what the depth buffer holds, near / depth");
     row("Distance", format!("{:.4} m", pixel.distance_m), "Along the pixel's ray: what flavours go by");
-    row("Shading normal", normal(pixel.shading_normal), "As stored, in 2 x 8 bits: weights of flavours and projections follow it");
-    row("Triangle normal", normal(pixel.triangle_normal), "As stored, in 2 x 8 bits: derivatives follow it");
+    row("Shading normal", normal(pixel.shading_normal), "As stored: weights of flavours and projections follow it");
+    row("Triangle normal", normal(pixel.triangle_normal), "As stored: derivatives follow it");
     match (pixel.triangle, pixel.normal_error()) {
         (Some(triangle), Some(error)) => {
             row("Exact triangle normal", normal(triangle.normal), "Of the world's triangle that is drawn here, in f64");

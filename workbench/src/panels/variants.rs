@@ -2,6 +2,7 @@
 
 use eframe::egui::{self, Color32, RichText, Ui};
 use kernels::frame::FrameReport;
+use kernels::geometry::NormalEncoding;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
@@ -98,6 +99,12 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         let all = NoiseKind::ALL.into_iter().map(|n| (n, n.name().to_owned(), "")).collect();
         choose(ui, "Noise", &mut app.settings.noise, shown, all);
         ui.end_row();
+        let shown = app.settings.normals.name();
+        let all = NormalEncoding::ALL.into_iter().map(|n| (n, n.name().to_owned(), of_normals(n))).collect();
+        choose(ui, "Stored normals", &mut app.settings.normals, shown, all).on_hover_text(
+            "How the geometry pass stores a pixel's shading normal and its triangle's plane, which derivatives are taken on",
+        );
+        ui.end_row();
         let label = ui.label("Seed");
         ui.add(egui::DragValue::new(&mut app.settings.seed)).labelled_by(label.id);
         ui.end_row();
@@ -178,6 +185,14 @@ const fn about(flavour: Flavour) -> &'static str {
         Flavour::NearCliff => "three projections, one random material each",
         Flavour::FarCliff => "two tilings, one random projection and material each",
         Flavour::Splat => "three projections of four materials, all blended",
+    }
+}
+
+const fn of_normals(encoding: NormalEncoding) -> &'static str {
+    match encoding {
+        NormalEncoding::Octahedral => "8 + 8 bits each, as in Far Cry 5",
+        NormalEncoding::PlaneFirst => "In the same 32 bits the plane 8 times finer; the shading normal stays what it is",
+        NormalEncoding::Exact => "In 128 bits: what the others cost",
     }
 }
 

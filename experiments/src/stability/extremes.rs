@@ -1,0 +1,207 @@
+//! What the lab asks of kernels: parameters and their extremes, as data.
+
+use anyhow::{Result, anyhow, ensure};
+use kernels::document::{self, suggestion};
+use kernels::probe::{PROBES, Probe};
+use serde::{Deserialize, Serialize};
+
+/// The built-in table.
+pub const DEFAULT_TEXT: &str = include_str!("extremes.toml");
+
+/// Rows for a value where a case does not say.
+const ROWS: u32 = 1024;
+/// Most rows for a value.
+const MOST_ROWS: u32 = 1 << 20;
+
+/// The whole table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Extremes {
+    /// Lists of values with a name.
+    #[serde(default, rename = "axis")]
+    pub axes: Vec<Axis>,
+    /// What is asked.
+    #[serde(rename = "case")]
+    pub cases: Vec<Case>,
+}
+
+/// A list of values with a name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Axis {
+    /// Name, by which cases use it.
+    pub name: String,
+    /// From and to, both above 0, in equal ratios.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log: Option<[f64; 2]>,
+    /// Values a decade.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub per_decade: Option<u32>,
+    /// Exponents of powers of two, from and to, each with the numbers of f32 next to it on both sides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub powers_of_two: Option<[i32; 2]>,
+    /// Other values.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<f64>,
+}
+
+/// What is asked of a kernel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// Name of a probe.
+    pub kernel: String,
+    /// A parameter of it, or a column.
+    pub parameter: String,
+    /// Its values; or
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub values: Vec<f64>,
+    /// the name of an axis that has them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis: Option<String>,
+    /// Rows for a value, random in everything else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rows: Option<u32>,
+    /// Most that a result may be off, in the unit of the kernel's first measure; absent = only as much as is derived.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub allow: Option<f64>,
+    /// Whether results must only be finite: beyond what the kernel is made for.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub only_finite: bool,
+    /// Why these.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub why: String,
+}
+
+impl Case {
+    /// The probe.
+    ///
+    /// # Errors
+    /// There is none of the name.
+    pub fn probe(&self) -> Result<&'static Probe> {
+        PROBES.iter().find(|probe| probe.name == self.kernel).ok_or_else(|| {
+            let names: Vec<&str> = PROBES.iter().map(|probe| probe.name).collect();
+            anyhow!("no kernel is called `{}`: {}", self.kernel, suggestion(&self.kernel, &names))
+        })
+    }
+
+    /// Rows for a value.
+    pub fn rows(&self) -> u32 {
+        self.rows.unwrap_or(ROWS)
+    }
+}
+
+impl Axis {
+    /// Its values in rising order, those that are no number last.
+    pub fn values(&self) -> Vec<f64> {
+        let mut values = self.also.clone();
+        if let Some([low, high]) = self.log {
+            let per_decade = f64::from(self.per_decade.unwrap_or(1));
+            let steps = ((high / low).log10() * per_decade).round() as i32;
+            values.extend((0..=steps).map(|i| low * 10.0_f64.powf(f64::from(i) / per_decade)));
+        }
+        if let Some([low, high]) = self.powers_of_two {
+            values.extend((low..=high).flat_map(|exponent| {
+                let power = 2.0_f32.powi(exponent);
+                [power.next_down(), power, power.next_up()].map(f64::from)
+            }));
+        }
+        values.sort_by(f64::total_cmp);
+        values.dedup_by(|a, b| a == b);
+        values
+    }
+}
+
+impl Extremes {
+    /// Reads a table; `name` names it in errors.
+    ///
+    /// # Errors
+    /// One line with file, line and remedy: no TOML, a key, kernel, parameter or axis that is not known, or a number that cannot be.
+    pub fn parse(text: &str, name: &str) -> Result<Extremes> {
+        let read: Extremes = document::read(text, |_| "").map_err(|wrong| anyhow!("{}: {}", wrong.place(name), wrong.what))?;
+        for axis in &read.axes {
+            let is_range = |[low, high]: [f64; 2]| low > 0.0 && high > low && high.is_finite();
+            ensure!(axis.log.is_none_or(is_range), "{name}: axis `{}`: `log` takes two numbers above 0, the smaller first", axis.name);
+            ensure!(axis.per_decade.is_none_or(|n| (1..=100).contains(&n)), "{name}: axis `{}`: `per_decade` is 1 to 100", axis.name);
+            let is_exponents = |[low, high]: [i32; 2]| (-126..=127).contains(&low) && (low..=127).contains(&high);
+            let exponents = axis.powers_of_two.is_none_or(is_exponents);
+            ensure!(exponents, "{name}: axis `{}`: `powers_of_two` takes two exponents of -126 to 127, the smaller first", axis.name);
+        }
+        for (case, number) in read.cases.iter().zip(1..) {
+            let place = format!("{name}: case {number}");
+            let probe = case.probe().map_err(|error| anyhow!("{place}: {error}"))?;
+            let names: Vec<&str> = probe.parameter_names().collect();
+            ensure!(
+                names.contains(&case.parameter.as_str()),
+                "{place}: `{}` has no parameter `{}`: {}",
+                probe.name,
+                case.parameter,
+                suggestion(&case.parameter, &names)
+            );
+            ensure!((1..=MOST_ROWS).contains(&case.rows()), "{place}: `rows` is 1 to {MOST_ROWS}");
+            let values = read.values(case).map_err(|error| anyhow!("{place}: {error}"))?;
+            ensure!(!values.is_empty(), "{place}: give `values`, or the name of an `axis`");
+            if let Some(column) = probe.inputs.iter().find(|column| column.name == case.parameter) {
+                for value in values {
+                    column.accepts(value).map_err(|what| anyhow!("{place}: {what}"))?;
+                }
+            }
+        }
+        Ok(read)
+    }
+
+    /// The values of a case.
+    ///
+    /// # Errors
+    /// It names an axis that there is not.
+    pub fn values(&self, case: &Case) -> Result<Vec<f64>> {
+        let Some(wanted) = &case.axis else { return Ok(case.values.clone()) };
+        let names: Vec<&str> = self.axes.iter().map(|axis| axis.name.as_str()).collect();
+        let axis = self.axes.iter().find(|axis| axis.name == *wanted);
+        let axis = axis.ok_or_else(|| anyhow!("there is no axis `{wanted}`: {}", suggestion(wanted, &names)))?;
+        Ok([case.values.clone(), axis.values()].concat())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_in_order_and_have_the_neighbours_of_powers() {
+        let axis = Axis {
+            name: "a".to_owned(),
+            log: Some([1e-2, 1e1]),
+            per_decade: Some(2),
+            powers_of_two: Some([0, 1]),
+            also: vec![0.0, f64::NAN],
+        };
+        let values = axis.values();
+        assert_eq!(values.len(), 7 + 6 + 2 - 1, "1 is of both: {values:?}");
+        assert!(
+            values[0] == 0.0 && values[values.len() - 1].is_nan() && values.windows(2).all(|pair| pair[0] < pair[1] || pair[1].is_nan())
+        );
+        assert!(values.contains(&f64::from(2.0_f32.next_down())) && values.iter().any(|v| (v - 10.0).abs() < 1e-9));
+    }
+
+    #[test]
+    fn what_cannot_be_asked_is_refused_in_one_line() {
+        Extremes::parse(DEFAULT_TEXT, "extremes.toml").expect("the built-in table");
+        let case = |more: &str| format!("[[case]]\nkernel = \"octahedral\"\nparameter = \"length\"\n{more}");
+        for (text, says) in [
+            (case(""), "give `values`"),
+            (case("axis = \"metres\""), "no axis `metres`"),
+            (case("values = [1]\nrows = 0"), "`rows` is 1"),
+            (case("valus = [1]"), "did you mean `values`"),
+            (case("values = [1]").replace("octahedral", "octahedron"), "did you mean `octahedral`"),
+            (case("values = [1]").replace("length", "lenght"), "did you mean `length`"),
+            ("[[case]]\nkernel = \"weld\"\nparameter = \"x\"\nvalues = [129]".to_owned(), "whole numbers from 0 to 128"),
+            (case("values = [1]") + "\n[[axis]]\nname = \"a\"\nlog = [0, 1]", "above 0"),
+            (case("values = [1]") + "\n[[axis]]\nname = \"a\"\npowers_of_two = [3, 2]", "two exponents"),
+            ("case = 3".to_owned(), "case"),
+        ] {
+            let error = Extremes::parse(&text, "x.toml").expect_err(&text).to_string();
+            assert!(error.contains(says) && error.starts_with("x.toml") && !error.contains('\n'), "{text}: {error}");
+        }
+    }
+}

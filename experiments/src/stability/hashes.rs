@@ -1,0 +1,138 @@
+//! The hash's words, bit by bit: how often each is set, and how often it turns over when one bit of the input does.
+
+use kernels::shared::hash;
+use rayon::prelude::*;
+
+use super::Row;
+use super::statistics::{Random, coverage_p, normal_bound, sidak};
+
+/// Samples of each count.
+pub const SAMPLES: u32 = 1_000_000;
+/// Lowest bit that thresholds are made of (`hash::to_unit`).
+pub const FIRST_BIT: usize = 8;
+/// The low bits of a word of [`hash::pcg4d`]'s input within which each turns over each bit of a threshold with a chance of one half.
+/// Products carry upwards only, so a higher one turns the lowest bits of the output seldom, bits 25 and above never: what it does not
+/// reach are 2^-18 of a threshold and less.
+pub const MIXED_BITS: usize = 21;
+/// Most that the chance of a bit in the highest byte of a threshold is off one half, whichever bit of the input is turned over.
+pub const COARSE_DEVIATION: f64 = 0.2;
+/// Most that the chance of a bit is off one half after a single [`hash::pcg`], which its bit 21 turns over least evenly: what the level
+/// in [`hash::mix`] goes through before [`hash::pcg4d`].
+pub const SINGLE_DEVIATION: f64 = 0.1;
+
+/// A hash of four words; those that it does not take are ignored, those that it does not give are 0.
+type Hash = fn([u32; 4]) -> [u32; 4];
+
+/// Name, words in, words out.
+const HASHES: [(&str, usize, usize, Hash); 3] = [
+    ("pcg", 1, 1, |[a, ..]| [hash::pcg(a), 0, 0, 0]),
+    ("mix", 3, 1, |[a, b, c, _]| [hash::mix(a, b, c), 0, 0, 0]),
+    ("pcg4d", 4, 4, hash::pcg4d),
+];
+
+/// How often each bit of four words was set.
+struct Counts {
+    /// Eight counters of a byte each, spread over sixteen lanes: counter s has the bits whose number is s modulo 8.
+    narrow: [u128; 8],
+    left: u32,
+    wide: [u32; 128],
+}
+
+impl Counts {
+    const EVERY_BYTE: u128 = u128::MAX / 255;
+
+    fn new() -> Counts {
+        Counts { narrow: [0; 8], left: 255, wide: [0; 128] }
+    }
+
+    fn add(&mut self, [a, b, c, d]: [u32; 4]) {
+        let all = u128::from(a) | u128::from(b) << 32 | u128::from(c) << 64 | u128::from(d) << 96;
+        for (shift, counter) in self.narrow.iter_mut().enumerate() {
+            *counter += all >> shift & Self::EVERY_BYTE;
+        }
+        self.left -= 1;
+        if self.left == 0 {
+            self.spill();
+        }
+    }
+
+    fn spill(&mut self) {
+        for (shift, counter) in self.narrow.iter_mut().enumerate() {
+            for (lane, byte) in counter.to_le_bytes().into_iter().enumerate() {
+                self.wide[lane * 8 + shift] += u32::from(byte);
+            }
+            *counter = 0;
+        }
+        self.left = 255;
+    }
+
+    fn finish(mut self) -> [u32; 128] {
+        self.spill();
+        self.wide
+    }
+}
+
+/// A lattice of cells: what hashes are fed.
+fn lattice(i: u32) -> [u32; 4] {
+    [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
+}
+
+/// Balance of each bit over a lattice, and avalanche over random words: of each bit of the input, the bit of the output whose chance
+/// of turning over is farthest from one half, and how far. Where avalanche is complete its bound is that of a family of its own at
+/// 0.1 %, elsewhere one of this module's constants.
+pub fn rows() -> Vec<Row> {
+    let mut rows = Vec::new();
+    for (name, _, words, hash) in HASHES {
+        let mut counts = Counts::new();
+        // One word sees the samples in a row.
+        (0..SAMPLES).for_each(|i| counts.add(hash(if name == "pcg" { [i, 0, 0, 0] } else { lattice(i) })));
+        let set = counts.finish();
+        let of_bit = |bit: usize| row(name, bit, "balance p", coverage_p(u64::from(set[bit]), u64::from(SAMPLES), 0.5), 1.0);
+        rows.extend((0..32 * words).map(of_bit));
+    }
+    let inputs: Vec<_> = HASHES.iter().flat_map(|hash| (0..32 * hash.1).map(move |bit| (hash, bit))).collect();
+    let turned: Vec<[u32; 128]> = inputs.par_iter().map(|&(&(_, _, _, hash), bit)| turned_over(hash, bit)).collect();
+    let complete = |name: &str, bit: usize| match name {
+        "pcg4d" => bit % 32 < MIXED_BITS,
+        // Seed and salt, which go through pcg more than once.
+        "mix" => bit < 64,
+        _ => false,
+    };
+    let counted: usize = inputs.iter().filter(|(hash, bit)| complete(hash.0, *bit)).map(|(hash, _)| (32 - FIRST_BIT) * hash.2).sum();
+    let chance = normal_bound(sidak(counted)) * 0.5 / f64::from(SAMPLES).sqrt();
+    for ((&(name, _, words, _), bit), counts) in inputs.into_iter().zip(turned) {
+        let worst = |from: usize| {
+            let deviation = |out: usize| (f64::from(counts[out]) / f64::from(SAMPLES) - 0.5).abs();
+            (0..32 * words).filter(|out| out % 32 >= from).map(deviation).fold(0.0, f64::max)
+        };
+        if complete(name, bit) {
+            rows.push(row(name, bit, "avalanche", worst(FIRST_BIT), chance));
+        } else if name == "pcg4d" {
+            rows.push(row(name, bit, "avalanche of the high byte", worst(24), COARSE_DEVIATION));
+        } else {
+            rows.push(row(name, bit, "avalanche", worst(FIRST_BIT), SINGLE_DEVIATION));
+        }
+    }
+    rows
+}
+
+fn row(hash: &str, bit: usize, statistic: &str, value: f64, high: f64) -> Row {
+    let (view, motion) = (format!("word {}", bit / 32), format!("bit {}", bit % 32));
+    Row { kind: hash.to_owned(), view, motion, statistic: statistic.to_owned(), value, low: 0.0, high }
+}
+
+/// How often each bit of the output turns over with one bit of random input.
+fn turned_over(hash: Hash, bit: usize) -> [u32; 128] {
+    let mut counts = Counts::new();
+    let mut random = Random(bit as u64 + 1);
+    for _ in 0..SAMPLES {
+        let [low, high] = [random.word(), random.word()];
+        #[allow(clippy::cast_possible_truncation, reason = "takes words apart")]
+        let words = [low as u32, (low >> 32) as u32, high as u32, (high >> 32) as u32];
+        let mut other = words;
+        other[bit / 32] ^= 1 << (bit % 32);
+        let (a, b) = (hash(words), hash(other));
+        counts.add(std::array::from_fn(|k| a[k] ^ b[k]));
+    }
+    counts.finish()
+}

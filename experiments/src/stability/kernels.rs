@@ -1,0 +1,170 @@
+//! Kernels at their extremes: how far the GPU, and the reference in f32, are from the reference in f64.
+
+use anyhow::Result;
+use kernels::gpu::Gpu;
+use kernels::probe::{Draw, EPS, Probe, Verdict};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::extremes::{Case, Extremes};
+
+/// What a kernel came to at a value of a parameter, by one measure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    /// Name of the probe.
+    pub kernel: String,
+    /// What was varied.
+    pub parameter: String,
+    /// Its value.
+    pub value: f64,
+    /// Who computed: `gpu`, or `f32` for the reference in single precision.
+    pub on: String,
+    /// Name of the device; of the reference none.
+    pub adapter: String,
+    /// Rows.
+    pub rows: usize,
+    /// Rows with a result that is NaN or infinite.
+    pub not_finite: usize,
+    /// Rows that differ from the truth by more than the derived tolerance.
+    pub differ: usize,
+    /// Rows on the other side of a threshold that lies within the tolerance.
+    pub other_side: usize,
+    /// Largest share of the derived tolerance that is used.
+    pub of_tolerance: f64,
+    /// Largest error, in units in the last place of a row's largest result.
+    pub worst_ulp: f64,
+    /// Median of that.
+    pub typical_ulp: f64,
+    /// What is measured.
+    pub measure: String,
+    /// Largest error in the measure's unit.
+    pub worst: f64,
+    /// Median of that.
+    pub typical: f64,
+    /// The measure's unit.
+    pub unit: String,
+    /// Whether all is as it should be.
+    pub pass: bool,
+}
+
+/// A row's comparison with the truth.
+struct Compared {
+    finite: bool,
+    verdict: Verdict,
+    ulp: f64,
+    errors: Vec<f64>,
+}
+
+/// Measures every kernel at every extreme; with `share`, by that part of each case's rows. `progress` gets a line a kernel.
+///
+/// # Errors
+/// The device fails, or is told to by `progress`.
+pub fn measure(extremes: &Extremes, gpu: &Gpu, share: f64, progress: impl Fn(&str, usize, usize) -> Result<()>) -> Result<Vec<Finding>> {
+    let mut kernels: Vec<&'static Probe> = Vec::new();
+    for case in &extremes.cases {
+        let probe = case.probe()?;
+        if !kernels.iter().any(|known| known.name == probe.name) {
+            kernels.push(probe);
+        }
+    }
+    let mut findings = Vec::new();
+    for (done, probe) in kernels.iter().enumerate() {
+        progress(probe.name, done, kernels.len())?;
+        findings.extend(of_kernel(extremes, gpu, share, probe)?);
+    }
+    Ok(findings)
+}
+
+/// Rows of a case at a value: where they begin, and how many they are.
+struct Block<'a> {
+    case: &'a Case,
+    value: f64,
+    rows: std::ops::Range<usize>,
+}
+
+fn of_kernel(extremes: &Extremes, gpu: &Gpu, share: f64, probe: &'static Probe) -> Result<Vec<Finding>> {
+    let (mut blocks, mut inputs) = (Vec::new(), Vec::new());
+    for (case, table) in extremes.cases.iter().zip(0..).filter(|(case, _)| case.kernel == probe.name) {
+        let count = ((f64::from(case.rows()) * share).ceil() as u32).max(1);
+        for value in extremes.values(case)? {
+            let begin = inputs.len() / probe.inputs.len();
+            // The same random rows for every value.
+            let rows = (0..count).filter_map(|row| probe.row(&case.parameter, value, &mut Draw { row, column: 0, table }));
+            inputs.extend(rows.flatten());
+            blocks.push(Block { case, value, rows: begin..inputs.len() / probe.inputs.len() });
+        }
+    }
+    // One dispatch, so that a kernel is compiled once.
+    let results = [("gpu", probe.on_gpu(gpu, &inputs)?), ("f32", probe.on_f32(&inputs))];
+    let wide: Vec<f64> = inputs.iter().copied().map(f64::from).collect();
+    let truth = probe.on_f64(&wide);
+    let found = |block: &Block<'_>| {
+        results.iter().flat_map(|(on, got)| findings(probe, block, [on, &gpu.info.name], &wide, got, &truth)).collect::<Vec<_>>()
+    };
+    Ok(blocks.par_iter().flat_map_iter(found).collect())
+}
+
+fn findings(probe: &Probe, block: &Block<'_>, [on, adapter]: [&str; 2], inputs: &[f64], got: &[f32], truth: &[f64]) -> Vec<Finding> {
+    let (columns, outputs) = (probe.inputs.len(), probe.outputs.len());
+    let compare = |row: usize| {
+        let input = &inputs[row * columns..(row + 1) * columns];
+        let want = &truth[row * outputs..(row + 1) * outputs];
+        let got: Vec<f64> = got[row * outputs..(row + 1) * outputs].iter().copied().map(f64::from).collect();
+        compared(probe, block.case, input, &got, want)
+    };
+    let rows: Vec<Compared> = block.rows.clone().map(compare).collect();
+    let count = |holds: fn(&Compared) -> bool| rows.iter().filter(|row| holds(row)).count();
+    let not_finite = count(|row| !row.finite);
+    let differ = count(|row| row.verdict == Verdict::Differs);
+    let shares = rows.iter().filter_map(|row| if let Verdict::Agrees(share) = row.verdict { Some(share) } else { None });
+    let of_tolerance = shares.fold(0.0, f64::max);
+    let [worst_ulp, typical_ulp] = worst_and_median(rows.iter().map(|row| row.ulp).collect());
+    let of_measure = |(i, measure): (usize, &kernels::probe::Measure)| {
+        let [worst, typical] = worst_and_median(rows.iter().filter_map(|row| row.errors.get(i).copied()).collect());
+        let allowed = i > 0 || block.case.allow.is_none_or(|most| worst <= most);
+        Finding {
+            kernel: probe.name.to_owned(),
+            parameter: block.case.parameter.clone(),
+            value: block.value,
+            on: on.to_owned(),
+            adapter: if on == "gpu" { adapter.to_owned() } else { String::new() },
+            rows: rows.len(),
+            not_finite,
+            differ,
+            other_side: count(|row| row.verdict == Verdict::OtherSide),
+            of_tolerance,
+            worst_ulp,
+            typical_ulp,
+            measure: measure.name.to_owned(),
+            worst,
+            typical,
+            unit: measure.unit.to_owned(),
+            pass: !rows.is_empty() && not_finite == 0 && differ == 0 && allowed,
+        }
+    };
+    probe.measures.iter().enumerate().map(of_measure).collect()
+}
+
+fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]) -> Compared {
+    let finite = got.iter().all(|x| x.is_finite());
+    if case.only_finite || !finite || input.iter().any(|x| !x.is_finite()) {
+        return Compared { finite, verdict: Verdict::Agrees(0.0), ulp: 0.0, errors: Vec::new() };
+    }
+    let verdict = (probe.judge)(input, got, want);
+    let scale = want.iter().fold(f64::from(f32::MIN_POSITIVE), |most, x| most.max(x.abs()));
+    let farthest = got.iter().zip(want).map(|(got, want)| (got - want).abs()).fold(0.0, f64::max);
+    // On the other side of a threshold the error is that of the threshold, not of the numbers.
+    let (ulp, errors) = if verdict == Verdict::OtherSide {
+        (0.0, Vec::new())
+    } else {
+        (farthest / (EPS * scale), probe.measures.iter().map(|measure| (measure.error)(input, got, want)).collect())
+    };
+    Compared { finite, verdict, ulp, errors }
+}
+
+/// Largest and median; 0 of none.
+fn worst_and_median(mut values: Vec<f64>) -> [f64; 2] {
+    values.sort_by(f64::total_cmp);
+    let median = values.get(values.len() / 2).copied().unwrap_or(0.0);
+    [values.last().copied().unwrap_or(0.0), median]
+}

@@ -1,0 +1,320 @@
+//! Thresholds of every kind of noise as random numbers: uniform, independent of their neighbours, and alpha of them below alpha.
+//!
+//! What applies to what. Every kind is uniform over seeds, and its four thresholds and two seeds or salts are independent. Kinds bound to
+//! the ground ([`is_of_ground`]) are tested over places, too, at three distances from the origin, and white noise of the screen over
+//! pixels and frames. Interleaved gradient noise and the masks are not: their neighbours and frames differ on purpose, so that over
+//! places they are far more even than chance, and dependent. Collisions say whether all 24 bits are drawn: they apply where each place
+//! draws anew, to the masks' jitter as well, and not to the lattice of interleaved gradient noise, each of whose values comes once.
+
+use kernels::shared::noise::{self, HashedPoint, LEVEL_MAX, NoiseKind, WORLD_LEVEL};
+use kernels::shared::real::scale;
+use rayon::prelude::*;
+
+use super::statistics::{Random, coverage_p, distinct, distinct_p, independent_p, uncorrelated_p, uniform_bins_p, uniform_ks_p};
+use super::{Row, hashes, hold_as_family};
+
+/// Samples of each test.
+pub const SAMPLES: u32 = 1_000_000;
+/// Edge of the sectors, metres.
+pub const SECTOR_M: f64 = 64.0;
+/// A distance from the origin and a sector that lies there.
+pub type Origin = (&'static str, i32);
+/// Those that the ground's kinds are tested at.
+pub const ORIGINS: [Origin; 3] = [("0 km", 0), ("10 km", 156), ("1000 km", 15_625)];
+/// Where coverage is taken.
+pub const ALPHAS: [f64; 9] = [0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99];
+/// Slopes of the ground that coverage is taken on, degrees.
+pub const SLOPES_DEG: [f64; 4] = [0.0, 30.0, 60.0, 85.0];
+/// Footprints that coverage is taken at, log2 of metres: an octave from each. Beyond both ends of the scales, too.
+pub const OCTAVES: std::ops::Range<i32> = -17..6;
+/// Samples of an octave and slope: known to 0.1 %, and 92 of them to 0.01 %.
+pub const PER_CELL: u32 = 250_000;
+/// Edge of the cells that neighbours are taken of, metres: that of white noise of the world.
+const CELL_M: f64 = 1.0 / 16.0;
+const SEED: u32 = 11;
+const SALT: u32 = 5;
+
+/// What a threshold is asked for: a point of the ground in a pixel of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ask {
+    /// The point.
+    pub point: HashedPoint<f64>,
+    /// The pixel that shows it.
+    pub pixel: [u32; 2],
+    /// The frame.
+    pub frame: u32,
+    /// Seed.
+    pub seed: u32,
+    /// Salt.
+    pub salt: u32,
+}
+
+/// Noise under test: the four thresholds of what is asked for, each in [0, 1).
+pub type Noise<'a> = &'a (dyn Fn(&Ask) -> [f64; 4] + Sync);
+
+/// The renderer's noise of a kind.
+pub fn of_kind(kind: NoiseKind) -> impl Fn(&Ask) -> [f64; 4] + Sync {
+    move |ask| noise::thresholds(kind, &ask.point, WORLD_LEVEL, ask.pixel, ask.frame, ask.seed, ask.salt)
+}
+
+/// Whether a kind is bound to the ground, and the same in every frame and pixel.
+pub fn is_of_ground(kind: NoiseKind) -> bool {
+    matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld)
+}
+
+/// Whether a kind hashes cells that follow the footprint.
+pub fn is_hashed(kind: NoiseKind) -> bool {
+    matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic)
+}
+
+fn row(kind: NoiseKind, view: &str, motion: &str, statistic: &str, value: f64) -> Row {
+    let [view, motion, statistic] = [view, motion, statistic].map(str::to_owned);
+    Row { kind: kind.name().to_owned(), view, motion, statistic, value, low: 0.0, high: 1.0 }
+}
+
+/// A place some 260 km around a sector, so that even the largest cells hardly ever meet, seen at a scale of any octave, in any pixel of any frame.
+pub fn scattered(sector: i32, i: u32) -> Ask {
+    let mut random = Random(u64::from(i) << 20 ^ u64::from(sector.cast_unsigned()) << 40);
+    let footprint = random.between(f64::from(OCTAVES.start), f64::from(OCTAVES.end)).exp2();
+    somewhere(&mut random, sector, footprint, 0.0)
+}
+
+/// A place around a sector, on ground of a slope, whose longer derivative is `footprint` metres.
+fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -> Ask {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "small")]
+    let mut place = |around: i32| around + random.below(8192) as i32 - 4096;
+    let sector = [place(sector), place(-sector)];
+    // A direction of the plane, and another at any angle to it: the plane's steepest ascent is towards some point of the compass.
+    let (sin, cos) = slope_deg.to_radians().sin_cos();
+    let (to_sin, to_cos) = random.between(0.0, std::f64::consts::TAU).sin_cos();
+    let mut along = |length: f64| {
+        let (s, c) = random.between(0.0, std::f64::consts::TAU).sin_cos();
+        scale([c * to_sin + s * cos * to_cos, s * cos * to_sin - c * to_cos, s * sin], length)
+    };
+    let ddx = along(footprint);
+    let ddy = along(footprint);
+    let shorter = random.unit();
+    #[allow(clippy::cast_possible_truncation, reason = "small")]
+    let mut whole = |n: usize| random.below(n) as u32;
+    let (pixel, frame) = ([whole(7680), whole(4320)], whole(1 << 20));
+    let position = [random.between(0.0, SECTOR_M), random.between(0.0, SECTOR_M), random.between(0.0, 3000.0)];
+    let point = HashedPoint { sector, position, sector_m: SECTOR_M, ddx, ddy: scale(ddy, shorter), hash_scale: 1.0 };
+    Ask { point, pixel, frame, seed: SEED, salt: SALT }
+}
+
+/// A place that is its cell's corner, in a lattice of `sides` cells, seen exactly at the cells' scale; its pixel is its column and row.
+fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
+    let [x, y, z] = [i % sides[0], i / sides[0] % sides[1], i / sides[0] / sides[1]];
+    // A twentieth of a cell inside, so that no rounding counts.
+    let at = |n: u32| (f64::from(n) + 0.05) * CELL_M;
+    let point = HashedPoint {
+        sector: [sector, -sector],
+        position: [at(x), at(y), 100.0 + at(z)],
+        sector_m: SECTOR_M,
+        ddx: [CELL_M; 3],
+        ddy: [0.0; 3],
+        // What makes the level of the two kinds that follow the footprint a whole number: the length of a diagonal, the factor of an axis.
+        hash_scale: if kind == NoiseKind::HashedAnisotropic { 0.5_f64.sqrt() } else { 3_f64.sqrt().recip() },
+    };
+    Ask { point, pixel: [x, y], frame: 5 + z, seed: SEED, salt: SALT }
+}
+
+/// A place on a plane of 1000 x 1000 cells, each its own pixel.
+fn on_plane(kind: NoiseKind, sector: i32, i: u32) -> Ask {
+    corner(kind, sector, [1000, 1000], i)
+}
+
+/// The same cell's number at the next finer scale.
+fn next_scale(ask: &Ask) -> Ask {
+    let mut finer = *ask;
+    for axis in 0..2 {
+        let sector = ask.point.sector[axis];
+        finer.point.sector[axis] = sector.div_euclid(2);
+        finer.point.position[axis] += SECTOR_M * f64::from(sector.rem_euclid(2));
+    }
+    finer.point.position = finer.point.position.map(|x| x / 2.0);
+    finer.point.ddx = finer.point.ddx.map(|x| x / 2.0);
+    finer
+}
+
+fn sample(noise: Noise<'_>, asks: impl Fn(u32) -> Ask + Sync) -> Vec<[f64; 4]> {
+    (0..SAMPLES).into_par_iter().map(|i| noise(&asks(i))).collect()
+}
+
+/// Whether the four thresholds of samples that must be independent draws are uniform, independent of each other, and cover each alpha.
+fn of_samples(kind: NoiseKind, view: &str, samples: &[[f64; 4]]) -> Vec<Row> {
+    let column = |k: usize| samples.iter().map(|s| s[k]).collect::<Vec<f64>>();
+    let uniform = (0..4_usize).into_par_iter().flat_map_iter(|k| {
+        let (u, name) = (column(k), format!("threshold {k}"));
+        [("uniform, chi-square p", uniform_bins_p(&u)), ("uniform, ks p", uniform_ks_p(&u))]
+            .map(|(statistic, p)| row(kind, view, &name, statistic, p))
+    });
+    let two: Vec<(usize, usize)> = (0..4).flat_map(|j| (0..j).map(move |i| (i, j))).collect();
+    let independent = two.into_par_iter().flat_map_iter(|(i, j)| {
+        let pairs: Vec<(f64, f64)> = samples.iter().map(|s| (s[i], s[j])).collect();
+        of_pairs(kind, view, &format!("thresholds {i} and {j}"), &pairs)
+    });
+    let covered = ALPHAS.par_iter().map(|&alpha| {
+        let covered = samples.iter().filter(|s| s[0] < alpha).count() as u64;
+        row(kind, view, &format!("alpha {alpha}"), "coverage p", coverage_p(covered, samples.len() as u64, alpha))
+    });
+    uniform.chain(independent).chain(covered).collect()
+}
+
+fn of_pairs(kind: NoiseKind, view: &str, motion: &str, pairs: &[(f64, f64)]) -> [Row; 2] {
+    [("independent p", independent_p(pairs)), ("uncorrelated p", uncorrelated_p(pairs))]
+        .map(|(statistic, p)| row(kind, view, motion, statistic, p))
+}
+
+/// Where a kind's places are independent draws: the origins given for the ground, one screen for white noise, nowhere for what is arranged.
+fn places(kind: NoiseKind, origins: &[Origin]) -> &[Origin] {
+    match kind {
+        _ if is_of_ground(kind) => origins,
+        NoiseKind::WhiteScreen => &[("screen", 0)],
+        _ => &[],
+    }
+}
+
+/// Uniformity, independence of the four thresholds and coverage over seeds, and over places where a kind's places are independent draws.
+pub fn scattered_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for &(name, sector) in places(kind, origins) {
+        rows.extend(of_samples(kind, name, &sample(noise, |i| scattered(sector, i))));
+    }
+    rows.extend(of_samples(kind, "seeds", &sample(noise, |i| Ask { seed: i, ..scattered(ORIGINS[2].1, i) })));
+    rows
+}
+
+/// A change of what is asked for, and its name.
+type Change = (&'static str, fn(&Ask) -> Ask);
+
+const OF_SEEDS: [Change; 3] = [
+    ("seed + 1", |ask| Ask { seed: ask.seed.wrapping_add(1), ..*ask }),
+    ("salt + 1", |ask| Ask { salt: ask.salt.wrapping_add(1), ..*ask }),
+    ("seed and salt swapped", |ask| Ask { seed: ask.salt, salt: ask.seed, ..*ask }),
+];
+const OF_PLACES: [Change; 3] = [("x", |ask| beside(ask, 0)), ("y", |ask| beside(ask, 1)), ("z", |ask| beside(ask, 2))];
+const OF_SCALES: [Change; 1] = [("scale", next_scale)];
+
+/// The next cell, pixel or frame along an axis.
+fn beside(ask: &Ask, axis: usize) -> Ask {
+    let mut next = *ask;
+    next.point.position[axis] += CELL_M;
+    match axis {
+        2 => next.frame += 1,
+        _ => next.pixel[axis] += 1,
+    }
+    next
+}
+
+/// Independence of neighbouring places or pixels and frames (`z` on the screen), of scales, and of neighbouring seeds and salts: in a
+/// lattice of cells or pixels, or where a kind's places are arranged, over seeds.
+pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
+    let mut rows = Vec::new();
+    let mut pair = |view: &str, changes: &[Change], asks: &(dyn Fn(u32) -> Ask + Sync)| {
+        let here: Vec<f64> = (0..SAMPLES).into_par_iter().map(|i| noise(&asks(i))[0]).collect();
+        for (name, change) in changes {
+            let there = (0..SAMPLES).into_par_iter().map(|i| noise(&change(&asks(i)))[0]);
+            let pairs: Vec<(f64, f64)> = here.par_iter().copied().zip(there).collect();
+            rows.extend(of_pairs(kind, view, name, &pairs));
+        }
+    };
+    let scales: &[Change] = if is_hashed(kind) { &OF_SCALES } else { &[] };
+    let changes = [&OF_PLACES[..], &OF_SEEDS, scales].concat();
+    let places = places(kind, origins);
+    for &(name, sector) in places {
+        pair(name, &changes, &|i| corner(kind, sector, [100, 100], i));
+    }
+    if places.is_empty() {
+        pair("seeds", &OF_SEEDS, &|i| Ask { seed: i, ..scattered(0, i) });
+    }
+    rows
+}
+
+/// How many of the first thresholds in a plane of a million cells or pixels are distinct, against independent draws of 24 bits.
+pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
+    let places = if kind.needs_mask() { &[("screen", 0)] } else { places(kind, origins) };
+    let of_place = |&(name, sector): &Origin| {
+        let first: Vec<f64> = sample(noise, |i| on_plane(kind, sector, i)).iter().map(|s| s[0]).collect();
+        row(kind, name, "plane of 1e6", "collisions p", distinct_p(distinct(&first), first.len()))
+    };
+    places.iter().map(of_place).collect()
+}
+
+/// That cells are those of their scale at both ends of the range: none is shared by sectors 37 apart where a footprint is longer than
+/// a sector, and the finest still are 2^16 to the metre at 2000 m, however small the footprint. Kinds that follow the footprint.
+pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
+    if !is_hashed(kind) {
+        return Vec::new();
+    }
+    let mut rows = Vec::new();
+    for &(name, sector) in origins {
+        let equal = |i: &u32| {
+            let mut random = Random(u64::from(*i) << 20);
+            let footprint = random.between(6.0, 10.0).exp2();
+            let mut ask = somewhere(&mut random, sector, footprint, 0.0);
+            let here = noise(&ask);
+            ask.point.sector[0] += 37;
+            here == noise(&ask)
+        };
+        let share = (0..SAMPLES / 10).into_par_iter().filter(equal).count() as f64 / f64::from(SAMPLES / 10);
+        // Two of 96 equal bits: never.
+        rows.push(Row { high: 0.0, ..row(kind, name, "37 sectors", "equal thresholds", share) });
+    }
+    // Of 65 536 draws of 24 bits 128 +- 11 are not new.
+    let cells = f64::from(1 << LEVEL_MAX);
+    let close = |i: u32| {
+        let mut ask = scattered(ORIGINS[1].1, 1);
+        ask.point.position[2] = 2000.0 + f64::from(i) / f64::from(SAMPLES);
+        (ask.point.ddx, ask.point.ddy) = ([(-24.0_f64).exp2(); 3], [0.0; 3]);
+        ask
+    };
+    let first: Vec<f64> = sample(noise, close).iter().map(|s| s[0]).collect();
+    rows.push(Row { low: cells - 200.0, high: cells, ..row(kind, "2000 m", "1 m up", "distinct thresholds", distinct(&first) as f64) });
+    rows
+}
+
+/// Coverage of each alpha on ground of each slope seen at each octave of footprint: [`PER_CELL`] thresholds, four of a call. Kinds that
+/// follow the footprint; 1000 km from the origin.
+pub fn coverage_rows(kind: NoiseKind, noise: Noise<'_>) -> Vec<Row> {
+    if !is_hashed(kind) {
+        return Vec::new();
+    }
+    let cells: Vec<(i32, f64)> = OCTAVES.flat_map(|octave| SLOPES_DEG.map(|slope| (octave, slope))).collect();
+    let of_cell = |(octave, slope): (i32, f64)| {
+        let mut random = Random(u64::from(octave.cast_unsigned()) << 32 ^ slope.to_bits());
+        let mut covered = [0_u64; ALPHAS.len()];
+        for _ in 0..PER_CELL / 4 {
+            let footprint = (f64::from(octave) + random.unit()).exp2();
+            let thresholds = noise(&somewhere(&mut random, ORIGINS[2].1, footprint, slope));
+            for (covered, alpha) in covered.iter_mut().zip(ALPHAS) {
+                *covered += thresholds.iter().filter(|u| **u < alpha).count() as u64;
+            }
+        }
+        let view = format!("2^{octave} m, {slope} deg");
+        std::array::from_fn::<Row, { ALPHAS.len() }, _>(|i| {
+            let p = coverage_p(covered[i], u64::from(PER_CELL), ALPHAS[i]);
+            row(kind, &view, &format!("alpha {}", ALPHAS[i]), "coverage by footprint p", p)
+        })
+    };
+    cells.into_par_iter().flat_map_iter(of_cell).collect()
+}
+
+/// Everything that does not need a camera, of noise that is taken for a kind.
+pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
+    let mut rows = coverage_rows(kind, noise);
+    for judge in [scattered_rows, neighbour_rows, collision_rows, range_rows] {
+        rows.extend(judge(kind, noise, origins));
+    }
+    rows
+}
+
+/// The hash's words and every kind at all origins: tests at the level of one family. Half a minute of two cores.
+pub fn rows() -> Vec<Row> {
+    let mut rows = hashes::rows();
+    for kind in NoiseKind::ALL {
+        rows.extend(of_noise(kind, &of_kind(kind), &ORIGINS));
+    }
+    hold_as_family(&mut rows);
+    rows
+}

@@ -1,0 +1,185 @@
+//! Tests of samples against a null hypothesis, and a generator that is not the one under test.
+
+use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Normal};
+
+/// SplitMix64 (Steele et al. 2014), from any state.
+#[derive(Clone, Debug)]
+pub struct Random(pub u64);
+
+impl Random {
+    /// 64 bits.
+    pub fn word(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in [0, 1).
+    pub fn unit(&mut self) -> f64 {
+        (self.word() >> 11) as f64 / 9_007_199_254_740_992.0
+    }
+
+    /// Uniform in [`low`, `high`).
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Uniform in 0..`n`; n > 0.
+    #[allow(clippy::cast_possible_truncation, reason = "below a usize")]
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.word() % n as u64) as usize
+    }
+
+    /// Uniform on the unit sphere.
+    pub fn direction(&mut self) -> [f64; 3] {
+        let z = self.between(-1.0, 1.0);
+        let phi = self.between(0.0, std::f64::consts::TAU);
+        let r = (1.0 - z * z).sqrt();
+        [r * phi.cos(), r * phi.sin(), z]
+    }
+}
+
+/// Level of each of `tests` so that the family is at 0.1 %.
+pub fn sidak(tests: usize) -> f64 {
+    // 1 - 0.999^(1/n), without its loss of digits for many tests.
+    -(0.999_f64.ln() / tests as f64).exp_m1()
+}
+
+fn chi_square_p(statistic: f64, freedom: usize) -> f64 {
+    ChiSquared::new(freedom as f64).expect("freedom > 0").sf(statistic)
+}
+
+/// Two-sided p-value of a normal deviate.
+pub fn normal_p(z: f64) -> f64 {
+    2.0 * Normal::standard().cdf(-z.abs())
+}
+
+/// The normal deviate of this two-sided p-value, in 0..1.
+pub fn normal_bound(p: f64) -> f64 {
+    -Normal::standard().inverse_cdf(p / 2.0)
+}
+
+/// H0: counts follow the expected ones. p-value, `fixed` linear constraints taken off the freedom.
+pub fn goodness_p(counts: &[f64], expected: &[f64], fixed: usize) -> f64 {
+    let statistic = counts.iter().zip(expected).map(|(c, e)| (c - e) * (c - e) / e).sum();
+    chi_square_p(statistic, counts.len() - fixed)
+}
+
+/// Which of `bins` equal parts of [0, 1) holds `x`.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= x < 1")]
+fn bin(x: f64, bins: usize) -> usize {
+    ((x * bins as f64) as usize).min(bins - 1)
+}
+
+/// H0: the samples are uniform in [0, 1). Chi-square over 256 bins.
+pub fn uniform_bins_p(samples: &[f64]) -> f64 {
+    let mut counts = [0.0; 256];
+    for &x in samples {
+        counts[bin(x, 256)] += 1.0;
+    }
+    goodness_p(&counts, &[samples.len() as f64 / 256.0; 256], 1)
+}
+
+/// H0: the samples are uniform in [0, 1). Kolmogorov-Smirnov, asymptotic with Stephens' correction.
+pub fn uniform_ks_p(samples: &[f64]) -> f64 {
+    let mut sorted = samples.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let n = sorted.len() as f64;
+    let distance = sorted.iter().enumerate().map(|(i, x)| (x - i as f64 / n).max((i + 1) as f64 / n - x)).fold(0.0, f64::max);
+    let lambda = (n.sqrt() + 0.12 + 0.11 / n.sqrt()) * distance;
+    let term = |j: i32| f64::from(1 - 2 * ((j + 1) % 2)) * (-2.0 * f64::from(j * j) * lambda * lambda).exp();
+    if lambda < 0.2 { 1.0 } else { (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0) }
+}
+
+/// H0: the two are independent, each uniform in [0, 1). Chi-square over a 16 x 16 table of equal cells.
+pub fn independent_p(pairs: &[(f64, f64)]) -> f64 {
+    let mut counts = [0.0; 256];
+    for &(a, b) in pairs {
+        counts[bin(a, 16) * 16 + bin(b, 16)] += 1.0;
+    }
+    // Uniform margins are part of the null hypothesis, so only the total is fixed.
+    goodness_p(&counts, &[pairs.len() as f64 / 256.0; 256], 1)
+}
+
+/// H0: the two variables, uniform in [0, 1), do not correlate. Two-sided normal test.
+pub fn uncorrelated_p(pairs: &[(f64, f64)]) -> f64 {
+    let sum: f64 = pairs.iter().map(|(a, b)| (a - 0.5) * (b - 0.5)).sum();
+    normal_p(sum * 12.0 / (pairs.len() as f64).sqrt())
+}
+
+/// H0: each of the `of` events has this probability, in 0..=1. Two-sided exact binomial test of the number that occurred.
+pub fn coverage_p(covered: u64, of: u64, alpha: f64) -> f64 {
+    let binomial = Binomial::new(alpha, of).expect("a probability");
+    let above = if covered == 0 { 1.0 } else { binomial.sf(covered - 1) };
+    (2.0 * binomial.cdf(covered).min(above)).min(1.0)
+}
+
+/// How many of the thresholds differ, as the numbers of 24 bits that they are where no scales are blended.
+pub fn distinct(thresholds: &[f64]) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= threshold < 1")]
+    let mut words: Vec<u32> = thresholds.iter().map(|u| (u * 16_777_216.0).round() as u32).collect();
+    words.sort_unstable();
+    words.dedup();
+    words.len()
+}
+
+/// H0: `n` independent draws of 24 bits hold that many distinct ones. Normal, with the exact mean and variance.
+pub fn distinct_p(distinct: usize, n: usize) -> f64 {
+    const WORDS: f64 = 16_777_216.0;
+    // Of the empty words: that one is empty, that two given ones are.
+    let [one, two] = [1.0, 2.0].map(|k: f64| (n as f64 * (-k / WORDS).ln_1p()).exp());
+    let variance = WORDS * (one - two) + WORDS * WORDS * (two - one * one);
+    normal_p((distinct as f64 - WORDS * (1.0 - one)) / variance.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn collisions_are_as_many_as_draws_have() {
+        // Occupancy by simulation: 32 draws of a million words each; deviates of a standard normal, whose mean square over 32 is
+        // 1 +- 0.25.
+        let deviates: Vec<f64> = (0..32)
+            .map(|seed| {
+                let mut random = Random(seed << 32);
+                let units: Vec<f64> = (0..1_000_000).map(|_| (random.word() >> 40) as f64 / 16_777_216.0).collect();
+                normal_bound(distinct_p(distinct(&units), units.len()))
+            })
+            .collect();
+        let square = deviates.iter().map(|z| z * z).sum::<f64>() / 32.0;
+        assert!((0.3..2.0).contains(&square), "{square}: {deviates:?}");
+        // A number of 23 bits is no number of 24.
+        let mut random = Random(1);
+        let coarse: Vec<f64> = (0..1_000_000).map(|_| (random.word() >> 41) as f64 / 8_388_608.0).collect();
+        assert!(distinct_p(distinct(&coarse), coarse.len()) < 1e-12);
+    }
+
+    #[test]
+    fn each_test_rejects_what_it_is_for() {
+        const N: usize = 20_000;
+        let mut random = Random(3);
+        let uniform: Vec<f64> = (0..N).map(|_| random.unit()).collect();
+        // The last thirtieth missing.
+        let short: Vec<f64> = uniform.iter().map(|u| u * (29.0 / 30.0)).collect();
+        assert!(uniform_bins_p(&uniform) > 1e-3 && uniform_bins_p(&short) < 1e-6);
+        assert!(uniform_ks_p(&uniform) > 1e-3 && uniform_ks_p(&short) < 1e-6);
+        // A number and itself; a number and a mixture with a tenth of itself; two that are dependent without correlation.
+        let pairs = |of: &dyn Fn(f64, f64) -> f64| uniform.windows(2).map(|w| (w[0], of(w[0], w[1]))).collect::<Vec<_>>();
+        let [other, same, leaning] = [pairs(&|_, b| b), pairs(&|a, _| a), pairs(&|a, b| 0.9 * b + 0.1 * a)];
+        let folded = pairs(&|a, _| (2.0 * a - 1.0).abs());
+        assert!(independent_p(&other) > 1e-3 && independent_p(&same) < 1e-6 && independent_p(&folded) < 1e-6);
+        assert!(uncorrelated_p(&other) > 1e-3 && uncorrelated_p(&leaning) < 1e-6 && uncorrelated_p(&folded) > 1e-3);
+        // Alpha off by 2 %.
+        let covered = |alpha: f64| uniform.iter().filter(|u| **u < alpha).count() as u64;
+        assert!(coverage_p(covered(0.1), N as u64, 0.1) > 1e-3 && coverage_p(covered(0.12), N as u64, 0.1) < 1e-6);
+        assert!(coverage_p(0, 10, 0.0) == 1.0 && coverage_p(10, 10, 0.5) < 0.01);
+    }
+
+    #[test]
+    fn families_share_their_level() {
+        assert!((sidak(1) - 1e-3).abs() < 1e-15);
+        assert!((1.0 - (1.0 - sidak(1000)).powi(1000) - 1e-3).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,130 @@
+//! Every reader of files, given bytes: what the fuzz targets run, and `tests/parsers.rs` without a fuzzer.
+//!
+//! A reader returns a value or refuses, whatever it is given: no panic, no memory that the bytes do not pay for, and a refusal is one line. What it
+//! accepts holds together: it is within the ranges that its documentation promises, and what is written again is read as the same. Each function
+//! panics where that fails, and says whether any of its readers accepted the bytes.
+
+use std::fmt::Display;
+use std::io::Cursor;
+use std::path::Path;
+
+use bytes::Bytes;
+use eframe::egui;
+use experiments::definition;
+use experiments::judge;
+use experiments::store::{Manifest, table};
+use kernels::document;
+use kernels::materials::folder;
+use kernels::scene::{self, Scene};
+use kernels::world::heightmap::{self, ReadOptions};
+use workbench::kept::{Kept, Refused};
+use workbench::places::Recorded;
+use workbench::settings::Settings;
+
+/// A name that no error may be mistaken to come from.
+const NAME: &str = "fuzz";
+
+/// What was accepted; a refusal that is not one line of text is a defect.
+fn told<T, E: Display>(outcome: Result<T, E>) -> Option<T> {
+    outcome.map_err(|refusal| is_told(&format!("{refusal:#}"))).ok()
+}
+
+fn is_told(line: &str) {
+    assert!(!line.trim().is_empty() && !line.contains(char::is_control), "no line of text: {line:?}");
+}
+
+/// A scene file.
+pub fn scene(bytes: &[u8]) -> bool {
+    let Some(text) = told(document::text(bytes.to_vec(), "scene")) else { return false };
+    let Some(scene) = told(scene::parse(&text, NAME, Path::new(""))) else { return false };
+    let again = toml::to_string(&scene).map(|text| scene::parse(&text, NAME, Path::new("")));
+    assert!(matches!(&again, Ok(Ok(same)) if *same == scene), "{again:?} was {scene:?}");
+    true
+}
+
+/// An experiment's definition, as a file and as a run keeps it.
+pub fn definition(bytes: &[u8]) -> bool {
+    let Some(text) = told(document::text(bytes.to_vec(), "definition")) else { return false };
+    let is_whole = told(definition::parse(&text, NAME, Path::new(""))).is_some();
+    let Some(stored) = told(definition::stored(&text)) else {
+        assert!(!is_whole, "a run could not keep it");
+        return false;
+    };
+    // As texts: a number that is varied may be NaN, which equals nothing.
+    let text = stored.to_toml().unwrap_or_else(|error| panic!("{error:#}"));
+    let again = definition::stored(&text).and_then(|again| again.to_toml());
+    assert!(again.as_ref().is_ok_and(|again| *again == text), "{again:?} was {text}");
+    is_whole
+}
+
+/// A heightmap; its first bytes tell the format.
+pub fn heightmap(bytes: &[u8]) -> bool {
+    let name = match bytes {
+        [0x89, b'P', b'N', b'G', ..] => "fuzz.png",
+        [0x76, 0x2f, 0x31, 0x01, ..] => "fuzz.exr",
+        [b'I', b'I', ..] | [b'M', b'M', ..] => "fuzz.tif",
+        _ => "fuzz.raw",
+    };
+    let options = ReadOptions { height_range_m: Some([-500.0, 9000.0]), ..ReadOptions::default() };
+    let read = |options: &ReadOptions| told(heightmap::decode(Cursor::new(bytes), Path::new(name), options));
+    let corner = read(&ReadOptions { window: Some([1, 0, 2, 3]), raw_size: Some([4, 3]), raw_big_endian: true, ..options.clone() });
+    let whole = read(&options);
+    for map in corner.iter().chain(&whole) {
+        assert_eq!(map.samples.len(), map.width as usize * map.height as usize);
+        assert!(map.samples.iter().all(|s| s.is_finite()) && map.max_slope().is_finite(), "{map:?}");
+    }
+    whole.is_some() || corner.is_some()
+}
+
+/// A texture of a material, and a picture to compare.
+pub fn texture(bytes: &[u8]) -> bool {
+    let map = told(folder::Image::decode(Cursor::new(bytes), Path::new(NAME)));
+    if let Some(map) = &map {
+        assert!(map.edge > 0 && map.texels.len() == map.edge * map.edge);
+        assert!(map.texels.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "a texel beyond 0..1");
+    }
+    let picture = told(judge::Image::decode(Cursor::new(bytes), Path::new(NAME), None));
+    told(judge::Image::decode(Cursor::new(bytes), Path::new(NAME), Some("albedo")));
+    if let Some(picture) = &picture {
+        assert_eq!(picture.texels.len(), picture.size[0] as usize * picture.size[1] as usize);
+        assert!(picture.texels.iter().flatten().all(|c| c.is_finite()), "a texel that is not finite");
+    }
+    map.is_some() || picture.is_some()
+}
+
+/// What programs keep and read back: a run's table and manifest, the workbench's state and a path that was flown.
+pub fn cache(bytes: &[u8]) -> bool {
+    let table = told(table::decode_parquet(Bytes::copy_from_slice(bytes), Path::new(NAME)));
+    let path = told(Recorded::from_csv(NAME, bytes, NAME));
+    if let Some(path) = &path {
+        assert_eq!(Recorded::from_csv(NAME, path.to_csv().as_bytes(), NAME).as_ref(), Ok(path));
+    }
+    let manifest = std::str::from_utf8(bytes).ok().and_then(|text| told(Manifest::parse(text, Path::new(NAME))));
+    table.is_some() || path.is_some() || manifest.is_some() || kept(bytes)
+}
+
+fn kept(bytes: &[u8]) -> bool {
+    let kept = match Kept::parse(bytes.to_vec(), NAME) {
+        Ok(kept) => kept,
+        Err(Refused::Foreign(line)) => {
+            is_told(&line);
+            return false;
+        }
+        Err(Refused::Newer(_)) => return false,
+    };
+    let mut settings = Settings::new(default_scene());
+    let said = [kept.apply_look(&mut settings), kept.apply_numbers(scene::DEFAULT, &mut settings.scene)].concat();
+    said.iter().for_each(|line| is_told(line));
+    assert!(scene::validate(&settings.scene).is_ok(), "numbers that the scene cannot have");
+    kept.tree(egui::Id::unique(NAME));
+    kept.places(scene::DEFAULT);
+    // As texts: a number may be NaN.
+    let text = toml::to_string(&kept).unwrap_or_else(|error| panic!("{error}"));
+    let again = Kept::parse(text.clone().into_bytes(), NAME).map(|again| toml::to_string(&again));
+    assert!(again.as_ref().is_ok_and(|again| again.as_ref() == Ok(&text)), "{again:?} was {text}");
+    true
+}
+
+fn default_scene() -> Scene {
+    scene::parse(scene::DEFAULT_TEXT, scene::DEFAULT, Path::new("")).unwrap_or_else(|error| panic!("the built-in scene: {error}"))
+}

@@ -1,0 +1,553 @@
+//! Directions, planes and projections.
+
+use super::judge::{
+    Draw, EPS, UNIT_TOLERANCE, Verdict, angle_deg, both, close, farthest, from_axis, from_seam, keyed, relative, set_direction,
+    set_direction_and_length, set_length, three,
+};
+use super::{EXACT, Measure, Parameter, Probe, real, take, whole};
+use crate::shared::real::{Real, add, dot, length, scale, sub};
+use crate::shared::{biplanar, derivatives, normal_pair, octahedral, snapped_projection, triplanar};
+
+/// A direction this angle off another one, degrees.
+fn tilted(from: [f64; 3], degrees: f64, d: &mut Draw) -> [f64; 3] {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let other = d.direction();
+    let across = octahedral::unit(sub(other, scale(from, dot(other, from))));
+    add(scale(from, cos), scale(across, sin))
+}
+
+/// The normal of a plane that a ray meets at this angle from it, degrees, from its front.
+fn facing(ray: [f64; 3], degrees: f64, d: &mut Draw) -> [f64; 3] {
+    tilted(octahedral::unit(ray).map(|x| -x), degrees, d)
+}
+
+pub(super) const OCTAHEDRAL: Probe = Probe {
+    name: "octahedral",
+    about: "A direction as an octahedral code of 8 + 8 bits (best of the four neighbours), and decoded again",
+    inputs: &[real("n_x", "direction, any length"), real("n_y", "direction"), real("n_z", "direction")],
+    outputs: &[
+        real("e_x", "continuous code, -1..1"),
+        real("e_y", "continuous code, -1..1"),
+        whole("code_x", "8-bit code", 0, 254),
+        whole("code_y", "8-bit code", 0, 254),
+        real("decoded_x", "unit vector"),
+        real("decoded_y", "unit vector"),
+        real("decoded_z", "unit vector"),
+    ],
+    wgsl: "\
+fn probe(row: array<f32, 3>) -> array<f32, 7> {
+let n = vec3<f32>(row[0], row[1], row[2]);
+let e = octahedral_encode(n);
+let stored = octahedral_encode8_precise(n);
+let code = round(stored * 255.0);
+let decoded = octahedral_decode(octahedral_dequantise8(stored));
+return array<f32, 7>(e.x, e.y, code.x, code.y, decoded.x, decoded.y, decoded.z);
+}",
+    single: octahedral_row,
+    double: octahedral_row,
+    random: |d| d.vector(-20.0, 20.0).to_vec(),
+    judge: octahedral_judge,
+    measures: &[Measure {
+        name: "direction",
+        unit: "deg",
+        error: |row, got, want| {
+            // Of two codes equally near either will do: what counts is how much farther the chosen one is.
+            let n = octahedral::unit(three(row, 0));
+            let off = |v: &[f64]| angle_deg(three(v, 4), n);
+            (off(got) - off(want)).abs()
+        },
+    }],
+    parameters: &[
+        Parameter { name: "length", unit: "1", set: |row, value, _| set_length(row, 0, value) },
+        Parameter { name: "from_axis_deg", unit: "deg off an axis", set: |row, value, d| set_direction(row, 0, from_axis(value, d)) },
+        Parameter {
+            name: "from_seam_deg",
+            unit: "deg off the fold x = 0 below the equator",
+            set: |row, value, d| set_direction(row, 0, from_seam(value, d)),
+        },
+        Parameter { name: "component", unit: "1, all three", set: |row, value, _| row[..3].fill(value) },
+    ],
+};
+
+pub(super) const NORMAL_PAIR: Probe = Probe {
+    name: "normal-pair",
+    about: "The plane of a triangle and a shading normal in 32 bits, and both decoded again",
+    inputs: &[
+        real("plane_x", "normal of the plane, any length, either sign"),
+        real("plane_y", "normal"),
+        real("plane_z", "normal"),
+        real("ray_x", "from the eye to the plane, any length"),
+        real("ray_y", "ray"),
+        real("ray_z", "ray"),
+        real("shading_x", "direction, any length"),
+        real("shading_y", "direction"),
+        real("shading_z", "direction"),
+    ],
+    outputs: &[
+        whole("word_high", "upper 16 bits", 0, 65_535),
+        whole("word_low", "lower 16 bits", 0, 65_535),
+        real("plane_x", "unit vector, z >= 0"),
+        real("plane_y", "unit vector"),
+        real("plane_z", "unit vector"),
+        real("shading_x", "unit vector"),
+        real("shading_y", "unit vector"),
+        real("shading_z", "unit vector"),
+    ],
+    wgsl: "\
+fn probe(row: array<f32, 9>) -> array<f32, 8> {
+let code = vec2<i32>(round(octahedral_encode8_precise(vec3<f32>(row[6], row[7], row[8])) * 255.0));
+let word = normal_pair_encode(vec3<f32>(row[0], row[1], row[2]), vec3<f32>(row[3], row[4], row[5]), code);
+let pair = normal_pair_decode(pack4x8unorm(unpack4x8unorm(word)));
+let plane = pair.plane;
+let shading = octahedral_decode((vec2<f32>(pair.shading) - OCTAHEDRAL_HALF) * OCTAHEDRAL_STEP);
+return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, plane.z, shading.x, shading.y, shading.z);
+}",
+    single: normal_pair_row,
+    double: normal_pair_row,
+    random: |d| {
+        let n = d.direction();
+        // Rays of every incidence, next to edge-on as often as not: there the side from which points are seen decides.
+        let across = d.direction();
+        let across = sub(across, n.map(|x| x * dot(n, across)));
+        let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
+        let far = d.between(-4.0, 12.0).exp2();
+        let ray: [f64; 3] = std::array::from_fn(|i| far * (across[i] + tilt * n[i]));
+        // Shading normals a quarter of a degree to a right angle off the plane's upper normal, and of overhangs off the lower one.
+        let up = if n[2] < 0.0 && d.whole(4) > 0.5 { -1.0 } else { 1.0 };
+        let (lean, other) = (d.between(-8.0, 0.5).exp2(), d.direction());
+        let shading: [f64; 3] = std::array::from_fn(|i| up * n[i] + lean * other[i]);
+        let long = d.between(-10.0, 10.0).exp2();
+        [n.map(|x| x * long), ray, shading].concat()
+    },
+    judge: normal_pair_judge,
+    measures: &[
+        Measure {
+            name: "plane",
+            unit: "deg",
+            error: |row, got, want| {
+                // A plane has no side. Of two codes equally near either will do: what counts is how much farther the chosen one is.
+                let n = octahedral::unit(three(row, 0));
+                let off = |v: &[f64]| angle_deg(three(v, 2), n).min(angle_deg(three(v, 2), n.map(|x| -x)));
+                (off(got) - off(want)).abs()
+            },
+        },
+        Measure { name: "shading", unit: "deg", error: |_, got, want| angle_deg(three(got, 5), three(want, 5)) },
+    ],
+    parameters: &[
+        Parameter {
+            name: "incidence_deg",
+            unit: "deg between ray and normal",
+            set: |row, value, d| {
+                let normal = facing(three(row, 3), value, d);
+                set_direction(row, 0, normal);
+            },
+        },
+        Parameter {
+            name: "deviation_deg",
+            unit: "deg between shading normal and plane",
+            set: |row, value, d| {
+                let shading = tilted(octahedral::unit(three(row, 0)), value, d);
+                set_direction(row, 6, shading);
+            },
+        },
+        Parameter { name: "plane_length", unit: "1", set: |row, value, _| set_length(row, 0, value) },
+        Parameter { name: "ray_length", unit: "1", set: |row, value, _| set_length(row, 3, value) },
+    ],
+};
+
+pub(super) const DERIVATIVES: Probe = Probe {
+    name: "derivatives",
+    about: "Step of the position to the neighbouring pixel: its ray cut with the plane through the point",
+    inputs: &[
+        real("ray_x", "ray of the pixel"),
+        real("ray_y", "ray"),
+        real("ray_z", "ray"),
+        real("step_x", "from its ray to the neighbour's"),
+        real("step_y", "ray"),
+        real("step_z", "ray"),
+        real("t", "the point is ray * t; m where rays have no unit"),
+        real("normal_x", "plane's normal, any length"),
+        real("normal_y", "normal"),
+        real("normal_z", "normal"),
+    ],
+    outputs: &[real("d_x", "unit of ray * t"), real("d_y", "unit of ray * t"), real("d_z", "unit of ray * t")],
+    wgsl: "\
+fn probe(row: array<f32, 10>) -> array<f32, 3> {
+let d = derivatives_on_plane(
+    vec3<f32>(row[0], row[1], row[2]), vec3<f32>(row[3], row[4], row[5]), row[6], vec3<f32>(row[7], row[8], row[9])
+);
+return array<f32, 3>(d.x, d.y, d.z);
+}",
+    single: derivatives_row,
+    double: derivatives_row,
+    random: |d| {
+        let ray = d.vector(-1.0, 1.0);
+        let step = d.vector(-14.0, -7.0);
+        let t = d.between(-4.0, 14.0).exp2();
+        [&ray[..], &step, &[t], &d.vector(-10.0, 10.0)].concat()
+    },
+    judge: derivatives_judge,
+    measures: &[
+        Measure { name: "derivative", unit: "%", error: |_, got, want| 100.0 * relative(got, want) },
+        Measure {
+            name: "mip",
+            unit: "levels",
+            error: |_, got, want| {
+                let size = |v: &[f64]| length(three(v, 0)).max(f64::from(f32::MIN_POSITIVE));
+                (size(got) / size(want)).log2().abs()
+            },
+        },
+    ],
+    parameters: &[
+        Parameter {
+            name: "incidence_deg",
+            unit: "deg between ray and normal",
+            set: |row, value, d| {
+                let normal = facing(three(row, 0), value, d);
+                set_direction(row, 7, normal);
+            },
+        },
+        Parameter { name: "ray_length", unit: "1", set: |row, value, _| set_length(row, 0, value) },
+        Parameter { name: "step_length", unit: "1", set: |row, value, _| set_length(row, 3, value) },
+        Parameter { name: "normal_length", unit: "1", set: |row, value, _| set_length(row, 7, value) },
+    ],
+};
+
+pub(super) const TRI_PLANAR: Probe = Probe {
+    name: "tri-planar",
+    about: "Weights of three projections, and the normal bent by the height gradients seen in them",
+    inputs: &[
+        real("n_x", "direction, any length"),
+        real("n_y", "direction"),
+        real("n_z", "direction"),
+        real("sharpness", "k in w = |n|^k"),
+        real("g_0_y", "height gradient in the x projection, along y"),
+        real("g_0_z", "along z"),
+        real("g_1_x", "height gradient in the y projection, along x"),
+        real("g_1_z", "along z"),
+        real("g_2_x", "height gradient in the z projection, along x"),
+        real("g_2_y", "along y"),
+    ],
+    outputs: &[
+        real("w_x", "0..1"),
+        real("w_y", "0..1"),
+        real("w_z", "0..1"),
+        real("bent_x", "unit vector"),
+        real("bent_y", "unit vector"),
+        real("bent_z", "unit vector"),
+    ],
+    wgsl: "\
+fn probe(row: array<f32, 10>) -> array<f32, 6> {
+let n = vec3<f32>(row[0], row[1], row[2]);
+let w = triplanar_weights(n, row[3]);
+let gradient = w.x * triplanar_from_gradient(vec2<f32>(row[4], row[5]), 0u)
+    + w.y * triplanar_from_gradient(vec2<f32>(row[6], row[7]), 1u)
+    + w.z * triplanar_from_gradient(vec2<f32>(row[8], row[9]), 2u);
+let bent = triplanar_perturb(n, gradient);
+return array<f32, 6>(w.x, w.y, w.z, bent.x, bent.y, bent.z);
+}",
+    single: tri_planar_row,
+    double: tri_planar_row,
+    random: |d| {
+        let n = d.vector(-10.0, 10.0);
+        let k = if d.whole(8) < 0.5 { 0.0 } else { d.between(-2.0, 5.0).exp2() };
+        let slope = d.between(-6.0, 3.0).exp2();
+        let gradients = [0; 6].map(|_| d.between(-slope, slope));
+        [&n[..], &[k], &gradients].concat()
+    },
+    judge: tri_planar_judge,
+    measures: &[
+        Measure { name: "weight", unit: "% of weight", error: |_, got, want| 100.0 * farthest(&got[..3], &want[..3]) },
+        Measure { name: "normal", unit: "deg", error: |_, got, want| angle_deg(three(got, 3), three(want, 3)) },
+    ],
+    parameters: &[
+        Parameter { name: "length", unit: "1", set: |row, value, _| set_length(row, 0, value) },
+        Parameter { name: "from_axis_deg", unit: "deg off an axis", set: |row, value, d| set_direction(row, 0, from_axis(value, d)) },
+        Parameter {
+            name: "from_diagonal",
+            unit: "relative, of one component",
+            set: |row, value, _| row[..3].copy_from_slice(&[1.0, 1.0 + value, 1.0]),
+        },
+        Parameter {
+            name: "slope",
+            unit: "height gradient",
+            set: |row, value, d| (4..10).for_each(|i| row[i] = if d.whole(2) < 0.5 { value } else { -value }),
+        },
+    ],
+};
+
+pub(super) const BIPLANAR: Probe = Probe {
+    name: "biplanar",
+    about: "The two projections that a surface faces most, and their weights",
+    inputs: &[
+        real("n_x", "direction, any length"),
+        real("n_y", "direction"),
+        real("n_z", "direction"),
+        real("sharpness", "k of tri-planar weights"),
+    ],
+    outputs: &[whole("axis_0", "0 = x, 1 = y, 2 = z", 0, 2), whole("axis_1", "axis", 0, 2), real("w_0", "0..1"), real("w_1", "0..1")],
+    wgsl: "\
+fn probe(row: array<f32, 4>) -> array<f32, 4> {
+let b = biplanar_projections(vec3<f32>(row[0], row[1], row[2]), row[3]);
+return array<f32, 4>(f32(b.axes.x), f32(b.axes.y), b.weights.x, b.weights.y);
+}",
+    single: biplanar_row,
+    double: biplanar_row,
+    random: |d| {
+        let k = if d.whole(8) < 0.5 { 0.0 } else { d.between(-2.0, 6.0).exp2() };
+        [&d.vector(-10.0, 10.0)[..], &[k]].concat()
+    },
+    judge: biplanar_judge,
+    measures: &[Measure {
+        name: "weight",
+        unit: "% of weight",
+        error: |_, got, want| {
+            let of = |v: &[f64], axis: f64| (0..2).filter(|&i| v[i] == axis).map(|i| v[2 + i]).sum::<f64>();
+            100.0 * [0.0, 1.0, 2.0].map(|axis| (of(got, axis) - of(want, axis)).abs()).into_iter().fold(0.0, f64::max)
+        },
+    }],
+    parameters: &[
+        Parameter { name: "length", unit: "1", set: |row, value, _| set_length(row, 0, value) },
+        Parameter { name: "from_axis_deg", unit: "deg off an axis", set: |row, value, d| set_direction(row, 0, from_axis(value, d)) },
+    ],
+};
+
+pub(super) const SNAPPED_PROJECTION: Probe = Probe {
+    name: "snapped-projection",
+    about: "The one plane that a normal is projected along, and what it makes of a position, of sectors and of a gradient",
+    inputs: &[
+        real("n_x", "direction, any length"),
+        real("n_y", "direction"),
+        real("n_z", "direction"),
+        real("cosine", "of the slope where steep begins"),
+        real("p_x", "m"),
+        real("p_y", "m"),
+        real("p_z", "m"),
+        whole("sector_x", "sectors east", -(1 << 20), 1 << 20),
+        whole("sector_y", "sectors north", -(1 << 20), 1 << 20),
+        whole("sector_z", "sectors up", -(1 << 20), 1 << 20),
+        whole("fixed", "repeats per sector, in 2^-24", -EXACT, EXACT),
+        real("g_0", "height gradient along the first coordinate"),
+        real("g_1", "along the second"),
+    ],
+    outputs: &[
+        whole("plane", "0..2 = looking along x, y, z; 3, 4 = along (1, 1), (1, -1)", 0, 4),
+        whole("sectors_0", "sectors along the first coordinate", -(1 << 21), 1 << 21),
+        whole("sectors_1", "along the second", -(1 << 21), 1 << 21),
+        whole("rate", "repeats per sector along the first, in 2^-24", -EXACT, EXACT),
+        real("c_0", "m along the first"),
+        real("c_1", "m along the second"),
+        real("gradient_x", "in the volume"),
+        real("gradient_y", "in the volume"),
+        real("gradient_z", "in the volume"),
+    ],
+    wgsl: "\
+fn probe(row: array<f32, 13>) -> array<f32, 9> {
+let plane = snapped_plane(vec3<f32>(row[0], row[1], row[2]), row[3]);
+let sectors = snapped_sectors(vec3<i32>(i32(row[7]), i32(row[8]), i32(row[9])), plane);
+let c = snapped_coordinates(vec3<f32>(row[4], row[5], row[6]), plane);
+let g = snapped_from_gradient(vec2<f32>(row[11], row[12]), plane);
+return array<f32, 9>(f32(plane), f32(sectors.x), f32(sectors.y), f32(snapped_fixed(i32(row[10]), plane)), c.x, c.y, g.x, g.y, g.z);
+}",
+    single: snapped_projection_row,
+    double: snapped_projection_row,
+    random: |d| {
+        let sectors = [0; 3].map(|_| d.whole(1 << 21) - f64::from(1 << 20));
+        let fixed = d.whole(1 << 25) - f64::from(1 << 24);
+        let (n, p) = (d.vector(-10.0, 10.0), d.vector(-3.0, 12.0));
+        [&n[..], &[0.8], &p, &sectors, &[fixed, d.between(-2.0, 2.0), d.between(-2.0, 2.0)]].concat()
+    },
+    judge: snapped_projection_judge,
+    measures: &[Measure {
+        name: "coordinate",
+        unit: "m",
+        error: |_, got, want| if got[0] == want[0] { farthest(&got[4..6], &want[4..6]) } else { 0.0 },
+    }],
+    parameters: &[
+        Parameter { name: "length", unit: "1", set: |row, value, _| set_length(row, 0, value) },
+        Parameter {
+            name: "position_m",
+            unit: "m from the sector's corner",
+            set: |row, value, d| set_direction_and_length(row, 4, d.direction(), value),
+        },
+    ],
+};
+
+fn octahedral_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let n = take(row, 0);
+    let stored = octahedral::encode8_precise(n);
+    out.extend(octahedral::encode(n));
+    out.extend(stored.map(|s| (s * T::of(255.0)).round()));
+    out.extend(octahedral::decode(octahedral::dequantise8(stored)));
+}
+
+fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let n = octahedral::unit(three(row, 0));
+    let mut encoded = close(&got[..2], &want[..2], UNIT_TOLERANCE);
+    // Below the equator a code jumps from edge to edge of the square where x or y changes sign, to the same direction.
+    if encoded == Verdict::Differs && close(&octahedral::decode([got[0], got[1]]), &n, 4.0 * UNIT_TOLERANCE) != Verdict::Differs {
+        encoded = Verdict::OtherSide;
+    }
+    let code = |v: &[f64]| -> Option<[u32; 2]> {
+        let whole = |x: f64| (x.fract().abs() < EPS && (0.0..=254.0).contains(&x)).then_some(x as u32);
+        Some([whole(v[2])?, whole(v[3])?])
+    };
+    let (Some(code), Some(best)) = (code(got), code(want)) else { return Verdict::Differs };
+    let decoded = |code: [u32; 2]| octahedral::decode::<f64>(octahedral::dequantise(code, 8));
+    let error = |code| length(sub(decoded(code), n));
+    // Two codes may be equally near: then either will do.
+    let chosen = if code == best {
+        Verdict::Agrees(0.0)
+    } else if error(code) - error(best) <= UNIT_TOLERANCE {
+        Verdict::OtherSide
+    } else {
+        Verdict::Differs
+    };
+    both(both(encoded, chosen), close(&got[4..], &decoded(code), UNIT_TOLERANCE))
+}
+
+fn normal_pair_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let word = normal_pair::encode(take(row, 0), take(row, 3), octahedral::encode_precise(take(row, 6), 8));
+    let pair = normal_pair::decode::<T>(word);
+    out.extend([word >> 16, word & 0xffff].map(|half| T::of(f64::from(half))));
+    out.extend(pair.plane);
+    out.extend(octahedral::decode(octahedral::dequantise::<T>(pair.shading, 8)));
+}
+
+fn normal_pair_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let half = |x: f64| (x.fract().abs() < EPS && (0.0..=65_535.0).contains(&x)).then_some(x as u32);
+    let word = |v: &[f64]| -> Option<u32> { Some((half(v[0])? << 16) | half(v[1])?) };
+    let (Some(word), Some(best)) = (word(got), word(want)) else { return Verdict::Differs };
+    let shading = |code: [u32; 2]| octahedral::decode::<f64>(octahedral::dequantise(code, 8));
+    let (pair, wanted) = (normal_pair::decode::<f64>(word), normal_pair::decode::<f64>(best));
+    let decoded = both(close(&got[2..5], &pair.plane, UNIT_TOLERANCE), close(&got[5..], &shading(pair.shading), UNIT_TOLERANCE));
+    if word == best {
+        return decoded;
+    }
+    // Two points of the lattice, or two codes, may be equally near: both vectors that are compared have an error. Another form of word would need
+    // that at the window's border, too, and is not expected.
+    let as_near = |a: [f64; 3], b: [f64; 3], to: [f64; 3]| (length(sub(a, to)) - length(sub(b, to))).abs() <= 2.0 * UNIT_TOLERANCE;
+    let [n, ray, normal] = [0, 3, 6].map(|at| octahedral::unit(three(row, at)));
+    let n = if n[2] < 0.0 { n.map(|x| -x) } else { n };
+    // From which side a point is seen: undecided where the ray lies in its plane. Then any point around the plane will do.
+    let edge_on = [n, pair.plane, wanted.plane].iter().any(|&v| dot(v, ray).abs() <= 2.0 * UNIT_TOLERANCE);
+    let supremum = if word >> 31 == 0 { normal_pair::FINE_SUPREMUM } else { normal_pair::PLAIN_SUPREMUM };
+    let plane = as_near(pair.plane, wanted.plane, n) || (edge_on && length(sub(pair.plane, n)) <= 3.0 * supremum);
+    let code = as_near(shading(pair.shading), shading(wanted.shading), normal);
+    if word >> 31 == best >> 31 && plane && code { both(decoded, Verdict::OtherSide) } else { Verdict::Differs }
+}
+
+fn derivatives_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    out.extend(derivatives::on_plane(take(row, 0), take(row, 3), row[6], take(row, 7)));
+}
+
+fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let (ray, step, t, n) = (three(row, 0), three(row, 3), row[6], octahedral::unit(three(row, 7)));
+    let neighbour = [0, 1, 2].map(|i| ray[i] + step[i]);
+    let (s, r) = (length(step), length(neighbour));
+    // A neighbour that sees the plane from behind has the limit, too.
+    let side = if dot(n, ray) >= 0.0 { 1.0 } else { -1.0 };
+    let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
+    let seen = dot(n, step).abs();
+    // t (s - r' (n.s / n.r')): n is off by 11 ULP, so each dot by some 16 ULP of its vector's length, and the quotient, of which r'
+    // takes r / facing times as much, by that of both.
+    let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
+    let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
+    // Which side of the plane is seen: undecided where the ray lies in it.
+    if verdict == Verdict::Differs && dot(n, ray).abs() <= 20.0 * EPS * length(ray) { Verdict::OtherSide } else { verdict }
+}
+
+fn tri_planar_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let n = take(row, 0);
+    let w = triplanar::weights(n, row[3]);
+    let along = |axis: u32, at: usize, w: T| scale(triplanar::from_gradient(take(row, at), axis), w);
+    let gradient = add(add(along(0, 4, w[0]), along(1, 6, w[1])), along(2, 8, w[2]));
+    out.extend(w);
+    out.extend(triplanar::perturb(n, gradient));
+}
+
+fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let (n, k) = (three(row, 0), row[3].clamp(0.0, 1e4));
+    let weights = triplanar::weights(n, row[3]);
+    // 2^(k log2 r): log2 errs by 2^-21 = 4 ULP at 1, r by 12 ULP, which k magnifies and ln 2 and 1 undo in part: 16 k. A weight that is
+    // nearly 0 or 1 cannot move: its derivative is w (1 - w).
+    let sensitivity = weights.iter().map(|w| 4.0 * w * (1.0 - w)).fold(0.0, f64::max);
+    let of_weights = EPS * (16.0 + 16.0 * k * sensitivity);
+    let gradients: [[f64; 3]; 3] = [
+        triplanar::from_gradient([row[4], row[5]], 0),
+        triplanar::from_gradient([row[6], row[7]], 1),
+        triplanar::from_gradient([row[8], row[9]], 2),
+    ];
+    let gradient: [f64; 3] = std::array::from_fn(|c| (0..3).map(|i| weights[i] * gradients[i][c]).sum());
+    let unit = octahedral::unit(n);
+    let bent = sub(unit, sub(gradient, unit.map(|x| x * dot(unit, gradient))));
+    // The gradient inherits the weights' error. Its part along the normal cancels, so errors are those of the whole gradient, over the
+    // length that is divided by, at least 1.
+    let of_gradient = of_weights * gradients.iter().map(|&g| length(g)).sum::<f64>() + 24.0 * EPS * (1.0 + length(gradient));
+    both(close(&got[..3], &want[..3], of_weights), close(&got[3..], &want[3..], of_gradient / length(bent).max(1.0) + UNIT_TOLERANCE))
+}
+
+fn biplanar_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let (axes, weights) = biplanar::projections(take(row, 0), row[3]);
+    out.extend(axes.map(|axis| T::of(f64::from(axis))));
+    out.extend(weights);
+}
+
+fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let n = octahedral::unit(three(row, 0)).map(f64::abs);
+    let k = row[3].clamp(0.0, 1e4) / 8.0;
+    let above = [want[0], want[1]].map(|axis| (n[axis as usize] - 1.0 / 3.0_f64.sqrt()).max(0.0));
+    let top = above[0].max(above[1]);
+    if (got[2] + got[3] - 1.0).abs() > 4.0 * EPS || got[2].min(got[3]) < 0.0 {
+        return Verdict::Differs;
+    }
+    // On a diagonal the blend jumps, and next to it rounding decides.
+    if top <= 2.0 * UNIT_TOLERANCE {
+        return Verdict::OtherSide;
+    }
+    // Error of the ratio of what is above, and of its k-th power: of slope k r^(k-1) where r is well above its error, at most error^k
+    // where it is not and k is below 1. log2 errs by 2^-21 = 4 ULP at 1, which k magnifies; w 2^-w undoes that in part.
+    let (r, e) = (above[0].min(above[1]) / top, 2.0 * UNIT_TOLERANCE / top);
+    let slope = if k >= 1.0 { k } else { k * (r - e).max(1e-300).powf(k - 1.0) };
+    let power = if r > 2.0 * e || k >= 1.0 { slope * e } else { (3.0 * e).powf(k) };
+    let pairs = |v: &[f64]| [(v[0] as u64, v[2]), (v[1] as u64, v[3])];
+    keyed(&pairs(got), &pairs(want), power + EPS * (16.0 + 4.0 * k))
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "Column::accepts keeps these columns whole and in range")]
+fn snapped_projection_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let plane = snapped_projection::plane(take(row, 0), row[3]);
+    let whole = |v: T| v.to_f64() as i32;
+    out.push(T::of(f64::from(plane)));
+    out.extend(snapped_projection::sectors(take::<T, 3>(row, 7).map(whole), plane).map(|s| T::of(f64::from(s))));
+    out.push(T::of(f64::from(snapped_projection::fixed(whole(row[10]), plane))));
+    out.extend(snapped_projection::coordinates(take(row, 4), plane));
+    out.extend(snapped_projection::from_gradient(take(row, 11), plane));
+}
+
+fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let n = octahedral::unit(three(row, 0));
+    let plane = got[0] as u32;
+    let step = (std::f64::consts::PI / 8.0).tan();
+    // Thresholds: the slope, 22.5 degrees either side of the axes, and the sign of a component that is zero.
+    let [x, y] = [n[0].abs(), n[1].abs()];
+    let margins = [n[2].abs() - row[3], y - step * x, x - step * y];
+    let near = margins.iter().any(|m| m.abs() <= 2.0 * UNIT_TOLERANCE);
+    let verdict = if plane == want[0] as u32 {
+        Verdict::Agrees(0.0)
+    } else if near {
+        Verdict::OtherSide
+    } else {
+        return Verdict::Differs;
+    };
+    let sectors = snapped_projection::sectors([row[7] as i32, row[8] as i32, row[9] as i32], plane).map(f64::from);
+    let rate = f64::from(snapped_projection::fixed(row[10] as i32, plane));
+    let position = three(row, 4);
+    let gradient = [row[11], row[12]];
+    let sizes = (length(position), gradient[0].abs() + gradient[1].abs());
+    let whole = close(&got[1..4], &[sectors[0], sectors[1], rate], 0.25);
+    // A sum and a product: two roundings.
+    let coordinates = close(&got[4..6], &snapped_projection::coordinates(position, plane), 2.0 * EPS * sizes.0 + 1e-30);
+    let volume = close(&got[6..], &snapped_projection::from_gradient(gradient, plane), 2.0 * EPS * sizes.1 + 1e-30);
+    both(both(verdict, whole), both(coordinates, volume))
+}

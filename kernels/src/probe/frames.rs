@@ -1,0 +1,187 @@
+//! What is taken over frames: moments of a stream, and where a point was seen before.
+
+use super::judge::{EPS, Verdict, both, close, farthest, three};
+use super::{EXACT, Measure, Parameter, Probe, real, take, whole};
+use crate::shared::moments::Moments;
+use crate::shared::motion::{self, Past};
+use crate::shared::real::{Real, add, dot, length};
+
+/// Samples of the longest stream.
+const LONGEST: i32 = 4096;
+
+pub(super) const MOMENTS: Probe = Probe {
+    name: "moments",
+    about: "Mean and variance of a stream: a mean, and by turns so much more and so much less",
+    inputs: &[real("mean", "of the stream"), real("spread", "of a sample from the mean"), whole("count", "samples", 1, LONGEST)],
+    outputs: &[real("mean_high", "mean"), real("mean_low", "and the rest of it"), real("variance", "unbiased")],
+    // The row comes from memory, so that no compiler knows that its count has no such bit.
+    wgsl: "\
+fn probe(row: array<f32, 3>) -> array<f32, 3> {
+    let count = u32(row[2]);
+    let zero = count & 0x80000000u;
+    var state = vec4<f32>(0.0);
+    for (var i = 0u; i < count; i++) {
+        let spread = select(row[1], -row[1], (i & 1u) == 1u);
+        state = moments_add(state, vec2<f32>(row[0], spread), f32(i + 1u), zero);
+    }
+    return array<f32, 3>(state.x, state.y, moments_variance(state, f32(count)));
+}",
+    single: moments_row,
+    double: moments_row,
+    random: |d| {
+        let mean = d.between(-10.0, 20.0).exp2();
+        vec![mean, mean * d.between(-24.0, 0.0).exp2(), 2.0 + d.whole(500)]
+    },
+    judge: moments_judge,
+    measures: &[Measure {
+        name: "variance",
+        unit: "%",
+        error: |_, got, want| 100.0 * (got[2] - want[2]).abs() / want[2].max(f64::from(f32::MIN_POSITIVE)),
+    }],
+    parameters: &[Parameter { name: "mean_over_spread", unit: "1", set: |row, value, _| row[0] = row[1] * value }],
+};
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps this column whole and in range")]
+fn moments_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let mut moments = Moments::new();
+    for i in 0..row[2].to_f64() as u32 {
+        moments.add([row[0], if i % 2 == 1 { -row[1] } else { row[1] }]);
+    }
+    out.extend(moments.mean);
+    out.push(T::of(moments.variance()));
+}
+
+fn moments_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    // The mean of two parts has twice the digits, but each step's difference from it is rounded: half an ULP of the spread, and the quotient by the
+    // count 2.5. They do not cancel, so there may be as many as samples, each of a count-th of the spread.
+    let of_mean = 4.0 * EPS * row[1].abs() * (1.0 + row[2].ln()) + EPS * EPS * row[0].abs();
+    let mean = close(&[got[0] + got[1]], &[want[0] + want[1]], of_mean + f64::from(f32::MIN_POSITIVE));
+    // A term of the squares has 6 roundings; the sum is compensated.
+    both(mean, close(&got[2..], &want[2..], 8.0 * EPS * want[2] + f64::from(f32::MIN_POSITIVE)))
+}
+
+pub(super) const REPROJECTION: Probe = Probe {
+    name: "reprojection",
+    about: "Where an earlier camera saw a point, and how far away its ray there meets the plane through the point",
+    inputs: &[
+        real("x", "m from this eye"),
+        real("y", "m"),
+        real("z", "m"),
+        real("offset_x", "m, this eye less the earlier one"),
+        real("offset_y", "m"),
+        real("offset_z", "m"),
+        real("half_width", "tangent of half the earlier field of view"),
+        whole("width", "of its picture, pixels; half as high", 1, EXACT),
+        real("normal_x", "of the plane"),
+        real("normal_y", "of the plane"),
+        real("normal_z", "of the plane"),
+    ],
+    outputs: &[
+        real("pixel_x", "whole numbers are pixel centres"),
+        real("pixel_y", "alike"),
+        real("distance", "m along the earlier view, which is along y"),
+        real("expected", "m, where that pixel's ray meets the plane"),
+    ],
+    wgsl: "\
+fn probe(row: array<f32, 11>) -> array<f32, 4> {
+    let width = row[7];
+    let shift = 0.5 * (width - 1.0);
+    let pitch = 2.0 * row[6] / width;
+    let past = MotionPast(
+        vec3<f32>(row[3], row[4], row[5]), -shift, vec3<f32>(0.0, 1.0, 0.0), -0.5 * shift,
+        vec3<f32>(1.0 / pitch, 0.0, 0.0), 0.0, vec3<f32>(0.0, 0.0, -1.0 / pitch), 0.0,
+    );
+    let point = vec3<f32>(row[0], row[1], row[2]);
+    let seen = motion_reproject(point, past);
+    let ray = motion_past_ray(past, seen.xy);
+    let expected = motion_expected_distance(point, past, ray, vec3<f32>(row[8], row[9], row[10]));
+    return array<f32, 4>(seen.x, seen.y, seen.z, expected);
+}",
+    single: reprojection_row,
+    double: reprojection_row,
+    random: |d| {
+        let far = d.between(0.0, 14.0).exp2();
+        let point = [d.between(-0.5, 0.5) * far, far, d.between(-0.3, 0.3) * far];
+        [&point[..], &d.vector(-8.0, 2.0), &[d.between(-3.0, 1.0).exp2(), 64.0 + d.whole(4000)], &d.direction()].concat()
+    },
+    judge: reprojection_judge,
+    measures: &[Measure { name: "pixel", unit: "px", error: |_, got, want| farthest(&got[..2], &want[..2]) }],
+    parameters: &[
+        Parameter {
+            name: "distance_m",
+            unit: "m ahead",
+            set: |row, value, d| {
+                let at = [d.between(-0.5, 0.5) * value, value, d.between(-0.3, 0.3) * value];
+                row[..3].copy_from_slice(&at);
+            },
+        },
+        Parameter {
+            name: "offset_m",
+            unit: "m",
+            set: |row, value, d| {
+                let offset = d.direction().map(|x| x * value);
+                row[3..6].copy_from_slice(&offset);
+            },
+        },
+        Parameter { name: "fov_deg", unit: "deg", set: |row, value, _| row[6] = (value / 2.0).to_radians().tan() },
+    ],
+};
+
+/// The earlier camera of a row: it looks along y, x to the right.
+fn past<T: Real>(row: &[T]) -> Past<T> {
+    let half = T::of(0.5);
+    let shift = half * (row[7] - T::one());
+    let pitch = T::of(2.0) * row[6] / row[7];
+    let zero = T::zero();
+    Past {
+        offset: take(row, 3),
+        forward: [zero, T::one(), zero],
+        x_row: [T::one() / pitch, zero, zero],
+        y_row: [zero, zero, -T::one() / pitch],
+        x_shift: -shift,
+        y_shift: -half * shift,
+    }
+}
+
+fn reprojection_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let (past, point) = (past(row), take(row, 0));
+    let seen = motion::reproject(point, &past);
+    let ray = motion::past_ray(&past, [seen[0], seen[1]]);
+    out.extend(seen);
+    out.push(motion::expected_distance(point, &past, ray, take(row, 8)));
+}
+
+fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let past = past(row);
+    let (point, offset) = (three(row, 0), three(row, 3));
+    let q = add(point, offset);
+    // Each coordinate of q is rounded once, of the larger of its parts; dot products, a quotient of 2.5 ULP, the pitch's three roundings twice.
+    let rounded = EPS * (length(point) + length(offset) + length(q));
+    let distance = dot(q, past.forward);
+    let rows = length(past.x_row).max(length(past.y_row));
+    let relative = 8.0 * EPS + rounded / distance.abs().max(1e-30);
+    let of_pixel = relative * rows * length(q) / distance.abs().max(1e-30) + 8.0 * EPS * past.x_shift.abs();
+    // Near the planes in front of which nothing is told, and at the pixels farthest off, either may be.
+    let at_threshold = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (distance - t).abs() <= rounded + 8.0 * EPS * t);
+    let seen = both(close(&got[..2], &want[..2], of_pixel), close(&got[2..3], &want[2..3], rounded + 4.0 * EPS * distance.abs()));
+    if seen == Verdict::Differs {
+        return if at_threshold { Verdict::OtherSide } else { Verdict::Differs };
+    }
+    let (n, ray) = (three(row, 8), motion::past_ray(&past, [want[0], want[1]]));
+    let along = dot(n, ray).abs();
+    // The ray is as wrong as the pixel, in pitches; the plane's distance as q.
+    let of_ray = length(n) * (of_pixel / rows + 8.0 * EPS * length(ray));
+    let of_plane = length(n) * (rounded + 4.0 * EPS * length(q));
+    if along <= of_ray + 1e-6 * length(ray) * (1.0 + 16.0 * EPS) {
+        // Edge-on, or too near it to be told.
+        return if (got[3] - want[3]).abs() <= EPS * want[3].abs() { Verdict::Agrees(0.0) } else { Verdict::OtherSide };
+    }
+    let expected = close(&got[3..], &want[3..], (of_plane + want[3].abs() * of_ray) / (along - of_ray) + 4.0 * EPS * want[3].abs());
+    let behind = |v: f64| v == 0.0;
+    match (seen, expected) {
+        (seen, Verdict::Differs) if behind(got[3]) != behind(want[3]) && want[3].max(got[3]) <= 2.0 * motion::MIN_DISTANCE => {
+            both(seen, Verdict::OtherSide)
+        }
+        (seen, expected) => both(seen, expected),
+    }
+}

@@ -1,0 +1,107 @@
+//! From pixels to places, and where vertices go.
+
+use super::judge::{EPS, Verdict, close, equal, farthest};
+use super::{Measure, Parameter, Probe, real, take, whole};
+use crate::geometry::reference;
+use crate::shared::real::{Real, scale};
+use crate::shared::view;
+
+/// Levels that a neighbour may be coarser, as four bits say it.
+const DELTAS: i32 = 15;
+
+pub(super) const DEPTH_POSITION: Probe = Probe {
+    name: "depth-position",
+    about: "Where the ground of a pixel is, by its depth, relative to the eye; the camera looks along y",
+    inputs: &[
+        real("pixel_x", "whole numbers are pixel centres"),
+        real("pixel_y", "alike"),
+        real("depth", "near plane's distance / distance along the view, 0..1"),
+        real("near_m", "m"),
+        real("half_width", "tangent of half the field of view"),
+        whole("width", "of the picture, pixels; half as high", 1, 1 << 24),
+    ],
+    outputs: &[real("x", "m"), real("y", "m"), real("z", "m")],
+    wgsl: "\
+fn probe(row: array<f32, 6>) -> array<f32, 3> {
+    let pitch = 2.0 * row[4] / row[5];
+    let first = 0.5 * (row[5] - 1.0) * pitch;
+    let ray = view_ray(
+        vec3<f32>(-first, 1.0, 0.5 * first), vec3<f32>(pitch, 0.0, 0.0), vec3<f32>(0.0, 0.0, -pitch), vec2<f32>(row[0], row[1])
+    );
+    let p = ray * view_distance(row[3], row[2]);
+    return array<f32, 3>(p.x, p.y, p.z);
+}",
+    single: depth_position_row,
+    double: depth_position_row,
+    random: |d| {
+        let width = 64.0 + d.whole(4000);
+        let near = d.between(-10.0, 0.0).exp2();
+        let pixel = [d.whole(4096) % width, (d.whole(4096) % (0.5 * width)).floor()];
+        vec![pixel[0], pixel[1], near / d.between(0.0, 20.0).exp2(), near, d.between(-3.0, 1.0).exp2(), width]
+    },
+    judge: depth_position_judge,
+    measures: &[Measure {
+        name: "place",
+        unit: "px",
+        error: |row, got, want| {
+            let pitch = 2.0 * row[4] / row[5];
+            farthest(got, want) / (want[1].abs().max(f64::from(f32::MIN_POSITIVE)) * pitch)
+        },
+    }],
+    parameters: &[
+        Parameter { name: "fov_deg", unit: "deg", set: |row, value, _| row[4] = (value / 2.0).to_radians().tan() },
+        Parameter { name: "distance_m", unit: "m along the view", set: |row, value, _| row[2] = row[3] / value },
+    ],
+};
+
+fn depth_position_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let (half, zero) = (T::of(0.5), T::zero());
+    let pitch = T::of(2.0) * row[4] / row[5];
+    let first = half * (row[5] - T::one()) * pitch;
+    let rays = [[-first, T::one(), half * first], [pitch, zero, zero], [zero, zero, -pitch]];
+    out.extend(scale(view::ray(rays, take(row, 0)), view::distance(row[3], row[2])));
+}
+
+fn depth_position_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let pitch = 2.0 * row[4] / row[5];
+    let first = 0.5 * (row[5] - 1.0) * pitch;
+    // Products of the pitch (3 ULP) with the pixel and half the width, and their difference, in which they may cancel; the quotient 2.5 ULP more.
+    let along = 1.0 + first + pitch * (row[0].abs() + row[1].abs());
+    close(got, want, 8.0 * EPS * along * want[1].abs() + f64::from(f32::MIN_POSITIVE))
+}
+
+pub(super) const WELD: Probe = Probe {
+    name: "weld",
+    about: "The vertex of a node that a vertex moves to where neighbours are coarser",
+    inputs: &[
+        whole("x", "vertex from the west", 0, 128),
+        whole("y", "vertex from the south", 0, 128),
+        whole("west", "levels that the western neighbour is coarser", 0, DELTAS),
+        whole("south", "the southern", 0, DELTAS),
+        whole("east", "the eastern", 0, DELTAS),
+        whole("north", "the northern", 0, DELTAS),
+    ],
+    outputs: &[whole("to_x", "vertex from the west", 0, 128), whole("to_y", "vertex from the south", 0, 128)],
+    wgsl: "\
+fn probe(row: array<f32, 6>) -> array<f32, 2> {
+    let deltas = u32(row[2]) | (u32(row[3]) << 4u) | (u32(row[4]) << 8u) | (u32(row[5]) << 12u);
+    let to = geometry_stitch(vec2<u32>(u32(row[0]), u32(row[1])), deltas);
+    return array<f32, 2>(f32(to.x), f32(to.y));
+}",
+    single: weld_row,
+    double: weld_row,
+    random: |d| {
+        let at = [0; 2].map(|_| if d.whole(3) < 0.5 { 128.0 * d.whole(2) } else { d.whole(129) });
+        [&at[..], &[0; 4].map(|_| d.whole(8))].concat()
+    },
+    judge: equal,
+    measures: &[Measure { name: "vertex", unit: "vertices", error: |_, got, want| farthest(got, want) }],
+    parameters: &[],
+};
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
+fn weld_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let [x, y, west, south, east, north] = take::<T, 6>(row, 0).map(|v| v.to_f64() as u32);
+    let to = reference::stitch([x, y], west | south << 4 | east << 8 | north << 12);
+    out.extend(to.map(|v| T::of(f64::from(v))));
+}

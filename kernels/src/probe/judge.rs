@@ -1,0 +1,177 @@
+//! How far a result may be from the truth, and rows to ask for it.
+//!
+//! Truth is the reference in f64; values given are f32, so that all see the same input. The tolerance of each probe follows from the
+//! accuracy that WGSL demands (W3C, *WebGPU Shading Language*, "Floating Point Accuracy"): sums, differences and products rounded once;
+//! `x / y` 2.5 ULP; `inverseSqrt` 2 ULP and `sqrt` = 1 / `inverseSqrt`; `log2` 2^-21 absolute in [0.5, 2], 3 ULP elsewhere;
+//! `exp2(x)` 3 + 2 |x| ULP; `pow` through those two; products may be contracted into sums, denormals may be flushed to zero. Bounds grow
+//! with the conditioning of the row, computed in f64.
+//!
+//! Where a result jumps (an index, a code, a cell), a row within the tolerance of its threshold may fall on either side.
+
+use std::collections::BTreeSet;
+
+use crate::shared::hash;
+use crate::shared::octahedral;
+use crate::shared::real::{dot, length};
+
+/// A unit in the last place at 1: twice the rounding error of one operation.
+pub const EPS: f64 = f32::EPSILON as f64;
+
+/// Unit vector: division by the largest (2.5 ULP), dot (3 roundings), sqrt (2 + 2.5 ULP), division (2.5 ULP): 11 ULP of at most 1, and
+/// 5 more for the code's own division and sums.
+pub const UNIT_TOLERANCE: f64 = 16.0 * EPS;
+
+/// Every result takes at most 8 operations whose errors do not cancel: 16 ULP.
+pub const FEW: f64 = 16.0 * EPS;
+
+/// What one row's comparison says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// Within the tolerance: the largest share of it that is used.
+    Agrees(f64),
+    /// On the other side of a threshold that lies within the tolerance.
+    OtherSide,
+    /// Neither.
+    Differs,
+}
+
+/// Numbers of a row, from its index: independent of order.
+#[derive(Clone, Debug)]
+pub struct Draw {
+    /// Index of the row.
+    pub row: u32,
+    /// Numbers drawn so far.
+    pub column: u32,
+    /// Number of the table.
+    pub table: u32,
+}
+
+impl Draw {
+    /// A word.
+    pub fn word(&mut self) -> u32 {
+        self.column += 1;
+        hash::pcg4d([self.row, self.column, self.table, 2018])[0]
+    }
+
+    /// 0..1.
+    pub fn unit(&mut self) -> f64 {
+        f64::from(self.word()) / 4_294_967_296.0
+    }
+
+    /// `low`..`high`.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Uniform on the sphere.
+    pub fn direction(&mut self) -> [f64; 3] {
+        let z = self.between(-1.0, 1.0);
+        let (sin, cos) = self.between(0.0, std::f64::consts::TAU).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        [r * cos, r * sin, z]
+    }
+
+    /// A vector of any direction, 2^`low`..2^`high` long.
+    pub fn vector(&mut self, low: f64, high: f64) -> [f64; 3] {
+        let length = self.between(low, high).exp2();
+        self.direction().map(|x| x * length)
+    }
+
+    /// A whole number of 0..`below`.
+    pub fn whole(&mut self, below: u32) -> f64 {
+        f64::from(self.word() % below)
+    }
+}
+
+/// Integers throughout, and at most an exact conversion.
+pub fn equal(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs }
+}
+
+/// Largest |a - b|.
+pub(super) fn farthest(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// |got - want| of vectors as a share of |want|.
+pub(super) fn relative(got: &[f64], want: &[f64]) -> f64 {
+    let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
+    norm(&mut got.iter().zip(want).map(|(g, w)| g - w)) / norm(&mut want.iter().copied()).max(f64::from(f32::MIN_POSITIVE))
+}
+
+/// Angle between two vectors, degrees: by the cross product, which keeps its digits where the angle is small.
+pub(super) fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    length(cross).atan2(dot(a, b)).to_degrees()
+}
+
+/// Gives three columns from `at` on another length.
+pub(super) fn set_length(row: &mut [f64], at: usize, wanted: f64) {
+    let unit = octahedral::unit(three(row, at));
+    set_direction_and_length(row, at, unit, wanted);
+}
+
+/// Gives three columns from `at` on a direction, and length 1.
+pub(super) fn set_direction(row: &mut [f64], at: usize, direction: [f64; 3]) {
+    row[at..at + 3].copy_from_slice(&direction);
+}
+
+/// Gives three columns from `at` on a direction and a length.
+pub(super) fn set_direction_and_length(row: &mut [f64], at: usize, direction: [f64; 3], wanted: f64) {
+    row[at..at + 3].copy_from_slice(&direction.map(|x| x * wanted));
+}
+
+/// A direction so many degrees off one of the six axes.
+pub(super) fn from_axis(degrees: f64, d: &mut Draw) -> [f64; 3] {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let (s, c) = d.between(0.0, std::f64::consts::TAU).sin_cos();
+    let axis = d.word() as usize % 3;
+    let sign = if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
+    let mut v = [0.0; 3];
+    (v[axis], v[(axis + 1) % 3], v[(axis + 2) % 3]) = (sign * cos, sin * c, sin * s);
+    v
+}
+
+/// A direction below the equator so many degrees off the fold where x changes its sign.
+pub(super) fn from_seam(degrees: f64, d: &mut Draw) -> [f64; 3] {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let (s, c) = d.between(0.0, std::f64::consts::PI).sin_cos();
+    let side = if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
+    [side * sin, cos * c, -cos * s]
+}
+
+/// Largest |got - want| / tolerance.
+pub fn close(got: &[f64], want: &[f64], tolerance: f64) -> Verdict {
+    let share = got.iter().zip(want).map(|(g, w)| (g - w).abs() / tolerance).fold(0.0, f64::max);
+    if share <= 1.0 { Verdict::Agrees(share) } else { Verdict::Differs }
+}
+
+/// Both: the worse one.
+pub fn both(a: Verdict, b: Verdict) -> Verdict {
+    use Verdict::{Agrees, Differs, OtherSide};
+    match (a, b) {
+        (Differs, _) | (_, Differs) => Differs,
+        (OtherSide, _) | (_, OtherSide) => OtherSide,
+        (Agrees(a), Agrees(b)) => Agrees(a.max(b)),
+    }
+}
+
+/// Compares weights by the key each belongs to; what one side does not name has weight 0. Another set of keys is the other side of a
+/// threshold, if the weights agree.
+pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> Verdict {
+    let weight = |of: &[(u64, f64)], key: u64| of.iter().filter(|(k, _)| *k == key).map(|(_, w)| w).sum::<f64>();
+    let keys: BTreeSet<u64> = got.iter().chain(want).map(|(key, _)| *key).collect();
+    let side = |of: &[(u64, f64)]| keys.iter().map(|&key| weight(of, key)).collect::<Vec<_>>();
+    let verdict = close(&side(got), &side(want), tolerance);
+    let same = |of: &[(u64, f64)]| of.iter().map(|(key, _)| *key).collect::<BTreeSet<_>>();
+    if verdict != Verdict::Differs && same(got) != same(want) { Verdict::OtherSide } else { verdict }
+}
+
+/// Error of a level: `log2`'s own, and that of its argument, of relative error `ulps`, divided by ln 2.
+pub(super) fn level_error(level: f64, ulps: f64) -> f64 {
+    2.0_f64.powi(-21) + EPS * (3.0 * level.abs() + 1.443 * ulps)
+}
+
+pub(super) fn three(row: &[f64], at: usize) -> [f64; 3] {
+    [row[at], row[at + 1], row[at + 2]]
+}

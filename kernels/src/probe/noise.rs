@@ -1,0 +1,222 @@
+//! Thresholds of noise.
+
+use super::judge::{EPS, Verdict, close, equal, farthest, level_error, three};
+use super::{EXACT, MASK_PLACES, Measure, Parameter, Probe, real, take, whole};
+use crate::shared::noise::{self, HashedPoint, NoiseKind, hashed_anisotropic, hashed_isotropic};
+use crate::shared::real::{Real, length};
+
+pub(super) const HASHED_ALPHA: Probe = Probe {
+    name: "hashed-alpha",
+    about: "Hashed-alpha thresholds of a point: four independent numbers, stable under motion",
+    inputs: &[
+        whole("kind", "0 = isotropic, 1 = anisotropic", 0, 1),
+        whole("sector_x", "sectors east of the south-west corner", -EXACT, EXACT),
+        whole("sector_y", "sectors north of the south-west corner", -EXACT, EXACT),
+        real("x", "m east in the sector"),
+        real("y", "m north in the sector"),
+        real("z", "m, elevation"),
+        real("sector_m", "m, a power of two in 32..=16384"),
+        real("ddx_x", "m, step to the pixel on the right"),
+        real("ddx_y", "m"),
+        real("ddx_z", "m"),
+        real("ddy_x", "m, step to the pixel below"),
+        real("ddy_y", "m"),
+        real("ddy_z", "m"),
+        real("hash_scale", "cell size in pixels"),
+        whole("seed", "seed", 0, EXACT),
+        whole("salt", "number of the decision", 0, EXACT),
+    ],
+    outputs: &[real("u_0", "0..1"), real("u_1", "0..1"), real("u_2", "0..1"), real("u_3", "0..1")],
+    wgsl: "\
+fn probe(row: array<f32, 16>) -> array<f32, 4> {
+let u = noise_thresholds(
+    u32(row[0]),
+    vec2<i32>(i32(row[1]), i32(row[2])),
+    vec3<f32>(row[3], row[4], row[5]),
+    row[6],
+    vec3<f32>(row[7], row[8], row[9]),
+    vec3<f32>(row[10], row[11], row[12]),
+    row[13],
+    0,
+    vec2<u32>(0u, 0u),
+    0u,
+    u32(row[14]),
+    u32(row[15]),
+    vec4<u32>(0u),
+);
+return array<f32, 4>(u.x, u.y, u.z, u.w);
+}",
+    single: hashed_alpha_row,
+    double: hashed_alpha_row,
+    random: |d| {
+        let sector_m = d.between(5.0, 15.0).floor().exp2();
+        let kind = d.whole(2);
+        let reach = if d.whole(2) < 0.5 { 160 } else { 1 << 24 };
+        let sector = [0; 2].map(|_: i32| d.whole(2 * reach) - f64::from(reach));
+        let position = [d.unit() * sector_m * 0.999_999, d.unit() * sector_m * 0.999_999, d.between(-500.0, 3000.0)];
+        let size = d.between(-18.0, 7.0);
+        let (ddx, ddy) = (d.vector(size - 3.0, size), d.vector(size - 3.0, size));
+        let scale = d.between(-2.0, 2.0).exp2();
+        let seeds = [d.whole(1 << 24), d.whole(1 << 24)];
+        [&[kind][..], &sector, &position, &[sector_m], &ddx, &ddy, &[scale], &seeds].concat()
+    },
+    judge: hashed_alpha_judge,
+    measures: &[Measure { name: "threshold", unit: "of 1", error: |_, got, want| farthest(got, want) }],
+    parameters: &[
+        Parameter {
+            name: "footprint_m",
+            unit: "m, both derivatives",
+            set: |row, value, d| {
+                let (ddx, ddy) = (d.direction(), d.direction());
+                (0..3).for_each(|i| (row[7 + i], row[10 + i]) = (ddx[i] * value, ddy[i] * value));
+            },
+        },
+        Parameter { name: "sector", unit: "sectors, both", set: |row, value, _| row[1..3].fill(value) },
+        Parameter { name: "in_sector_m", unit: "m, x and y", set: |row, value, _| row[3..5].fill(value) },
+    ],
+};
+
+pub(super) const NOISE: Probe = Probe {
+    name: "noise",
+    about: "Thresholds of the kinds of noise that are not hashed alpha, and which ranks of the masks they take",
+    inputs: &[
+        whole("kind", "2 = white, 3 = world, 4 = ign, 5 = blue, 6 = stbn", 2, 6),
+        whole("sector_x", "sectors east of the south-west corner", -EXACT, EXACT),
+        whole("sector_y", "sectors north of the south-west corner", -EXACT, EXACT),
+        real("x", "m east in the sector"),
+        real("y", "m north in the sector"),
+        real("z", "m, elevation"),
+        real("sector_m", "m, a power of two in 32..=16384"),
+        whole("world_level", "log2 of cells per metre", -EXACT, EXACT),
+        whole("pixel_x", "column", 0, EXACT),
+        whole("pixel_y", "row", 0, EXACT),
+        whole("frame", "index", 0, EXACT),
+        whole("seed", "seed", 0, EXACT),
+        whole("salt", "number of the decision", 0, EXACT),
+        whole("rank_0", "what stands at index_0; of use to blue and stbn", 0, EXACT),
+        whole("rank_1", "what stands at index_1", 0, EXACT),
+        whole("rank_2", "what stands at index_2", 0, EXACT),
+        whole("rank_3", "what stands at index_3", 0, EXACT),
+    ],
+    outputs: &[
+        whole("index_0", "place of the rank in the masks", 0, MASK_PLACES),
+        whole("index_1", "place", 0, MASK_PLACES),
+        whole("index_2", "place", 0, MASK_PLACES),
+        whole("index_3", "place", 0, MASK_PLACES),
+        real("u_0", "0..1"),
+        real("u_1", "0..1"),
+        real("u_2", "0..1"),
+        real("u_3", "0..1"),
+    ],
+    wgsl: "\
+fn probe(row: array<f32, 17>) -> array<f32, 8> {
+let kind = u32(row[0]);
+let pixel = vec2<u32>(u32(row[8]), u32(row[9]));
+let frame = u32(row[10]);
+let seed = u32(row[11]);
+let salt = u32(row[12]);
+let u = noise_thresholds(
+    kind,
+    vec2<i32>(i32(row[1]), i32(row[2])),
+    vec3<f32>(row[3], row[4], row[5]),
+    row[6],
+    vec3<f32>(0.0),
+    vec3<f32>(0.0),
+    1.0,
+    i32(row[7]),
+    pixel,
+    frame,
+    seed,
+    salt,
+    vec4<u32>(u32(row[13]), u32(row[14]), u32(row[15]), u32(row[16])),
+);
+return array<f32, 8>(
+    f32(noise_rank_index(kind, pixel, frame, seed, salt, 0u)),
+    f32(noise_rank_index(kind, pixel, frame, seed, salt, 1u)),
+    f32(noise_rank_index(kind, pixel, frame, seed, salt, 2u)),
+    f32(noise_rank_index(kind, pixel, frame, seed, salt, 3u)),
+    u.x, u.y, u.z, u.w,
+);
+}",
+    single: noise_row,
+    double: noise_row,
+    random: |d| {
+        let sector_m = d.between(5.0, 15.0).floor().exp2();
+        let reach = if d.whole(2) < 0.5 { 160 } else { 1 << 24 };
+        let kind = 2.0 + d.whole(5);
+        let sector = [0; 2].map(|_: i32| d.whole(2 * reach) - f64::from(reach));
+        let position = [d.unit() * sector_m * 0.999_999, d.unit() * sector_m * 0.999_999, d.between(-500.0, 3000.0)];
+        let level = d.whole(24) - 6.0;
+        let pixel = [d.whole(4096), d.whole(4096)];
+        let times = [d.whole(2000), d.whole(1 << 24), d.whole(1 << 24)];
+        let ranks = [0; 4].map(|_: i32| d.whole(4096));
+        [&[kind][..], &sector, &position, &[sector_m, level], &pixel, &times, &ranks].concat()
+    },
+    judge: equal,
+    measures: &[Measure { name: "threshold", unit: "of 1", error: |_, got, want| farthest(&got[4..], &want[4..]) }],
+    parameters: &[
+        Parameter { name: "sector", unit: "sectors, both", set: |row, value, _| row[1..3].fill(value) },
+        Parameter { name: "in_sector_m", unit: "m, x and y", set: |row, value, _| row[3..5].fill(value) },
+    ],
+};
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
+fn hashed_alpha_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let point = HashedPoint {
+        sector: take::<T, 2>(row, 1).map(|v| v.to_f64() as i32),
+        position: take(row, 3),
+        sector_m: row[6],
+        ddx: take(row, 7),
+        ddy: take(row, 10),
+        hash_scale: row[13],
+    };
+    let [seed, salt] = take::<T, 2>(row, 14).map(|v| v.to_f64() as u32);
+    out.extend(if row[0] < T::one() { hashed_isotropic(&point, seed, salt) } else { hashed_anisotropic(&point, seed, salt) });
+}
+
+fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let (ddx, ddy) = (three(row, 7), three(row, 10));
+    let (levels, ulps): (Vec<f64>, f64) = if row[0] < 1.0 {
+        // A length: dot 3 roundings, sqrt 4.5 ULP, and the product with the cell size.
+        (vec![noise_level(row[13] * length(ddx).max(length(ddy)))], 8.0)
+    } else {
+        let widen = std::f64::consts::SQRT_2 * row[13];
+        ((0..3).map(|i| noise_level(widen * ddx[i].abs().max(ddy[i].abs()))).collect(), 3.0)
+    };
+    let error = levels.iter().map(|&l| level_error(l, ulps)).fold(0.0, f64::max);
+    // Cells are products with powers of two, floored: exact. What is left is the blend, whose factor has the level's error; blend and
+    // correction together change by at most 2.5 times that. 12 ULP for their own operations.
+    let verdict = close(got, want, 3.0 * error + 12.0 * EPS);
+    // With a scale per axis, another cell is looked up where one axis' level passes a whole number and the others' do not. (With one
+    // scale for all, the blend is continuous there. At the ends of the range the scale stays what it is.)
+    let at_threshold = |&l: &f64| (l - l.round()).abs() <= error && l.round() > -5.0 && l.round() < 16.0;
+    if verdict == Verdict::Differs && row[0] >= 1.0 && levels.iter().any(at_threshold) { Verdict::OtherSide } else { verdict }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
+fn noise_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let zero = T::zero();
+    let point = HashedPoint {
+        sector: take::<T, 2>(row, 1).map(|v| v.to_f64() as i32),
+        position: take(row, 3),
+        sector_m: row[6],
+        ddx: [zero; 3],
+        ddy: [zero; 3],
+        hash_scale: T::one(),
+    };
+    let kind = NoiseKind::ALL[row[0].to_f64() as usize];
+    let level = row[7].to_f64() as i32;
+    let [x, y, frame, seed, salt] = take::<T, 5>(row, 8).map(|v| v.to_f64() as u32);
+    let ranks = take::<T, 4>(row, 13).map(|v| v.to_f64() as u32);
+    out.extend([0, 1, 2, 3].map(|decision| T::of(f64::from(noise::rank_index(kind, [x, y], frame, seed, salt, decision)))));
+    out.extend(if kind.needs_mask() {
+        noise::mask(kind, [x, y], frame, seed, salt, ranks)
+    } else {
+        noise::thresholds(kind, &point, level, [x, y], frame, seed, salt)
+    });
+}
+
+/// Level of a footprint, log2 of cells per metre, as wide as the noise sees it.
+fn noise_level(footprint: f64) -> f64 {
+    (-footprint.clamp(1e-6, 1e6).log2()).clamp(-5.0, 16.0)
+}

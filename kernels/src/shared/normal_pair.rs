@@ -1,0 +1,353 @@
+//! Two normals in 32 bits: the plane of a triangle, from which derivatives follow, and the shading normal.
+//!
+//! Octahedral codes of 8 + 8 bits for each spend as much on the shading normal, which a texture blurs anyway, as on the plane, whose error the
+//! derivatives multiply by one over the cosine of incidence. But a plane has no sign, so half of the octahedron holds all of them, and the
+//! shading normal is near the plane's, so that of its code only the low bits need be told. What that saves makes the plane's lattice 8 times
+//! finer. Where the two are too far apart, the plane has 127 steps as before; the shading normal has its 8 + 8 bits in either case, exactly:
+//!
+//! | bits | 31 | plane | shading normal |
+//! | --- | --- | --- | --- |
+//! | fine | 0 | 30..=10, of [`FINE`] steps | 9..=5 and 4..=0, the low bits of its codes |
+//! | plain | 1 | 30..=16, of [`PLAIN`] steps | 15..=8 and 7..=0, its codes |
+//!
+//! Sources: the octahedron is Cigolle et al.'s, *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014; the packing is
+//! our own, derived in `docs/stability-lab.md`, section 3. An error of ε in the plane bends a derivative by at most sin ε / cos, cos being that
+//! between the decoded plane's normal and the neighbour's ray (section 2 there).
+
+use super::octahedral;
+use super::real::{Real, dot, sub};
+
+/// Steps of the plane's lattice from the middle of the octahedron's square to its rim: 8 a step of the shading normal's code.
+pub const FINE: i32 = 1016;
+/// The same where the shading normal is too far from the plane's: a step a step of the code.
+pub const PLAIN: i32 = 127;
+/// Largest angle between a plane and its fine code, radians (0.0798 degrees): √2 a step, as of octahedral codes, attained next to the faces' centres.
+/// On planes that the ray meets at less than that angle a point of the lattice may be seen from behind and another be taken: three times as much at most.
+pub const FINE_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 1016.0;
+/// The same of its plain code (0.638 degrees).
+pub const PLAIN_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 127.0;
+
+/// What a word holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pair<T> {
+    /// Unit vector, z at least 0: the normal of the plane or its opposite.
+    pub plane: [T; 3],
+    /// Code of the shading normal, 0..=254 each: [`super::octahedral::dequantise`] of 8 bits.
+    pub shading: [u32; 2],
+}
+
+/// Number of a point of the diamond |x| + |y| <= `half`, the octahedron's upper half: 0..=2 half² + 2 half, along one diagonal after the other.
+pub fn pack_diamond([x, y]: [i32; 2], half: i32) -> u32 {
+    // The sum and the difference have one parity, and 2 half + 1 is odd: the total is even.
+    ((x + y + half) * (2 * half + 1) + (x - y + half)).cast_unsigned() >> 1
+}
+
+/// The point of a number. Numbers beyond the last count as that.
+pub fn unpack_diamond(index: u32, half: i32) -> [i32; 2] {
+    let twice = 2 * index.min((2 * half * half + 2 * half).cast_unsigned()).cast_signed();
+    let width = 2 * half + 1;
+    let (sum, difference) = (twice / width - half, twice % width - half);
+    [(sum + difference) / 2, (sum - difference) / 2]
+}
+
+/// The unit vector of a point of the diamond, z at least 0.
+fn direction<T: Real>([x, y]: [i32; 2], half: i32) -> [T; 3] {
+    let v = [x, y, half - x.abs() - y.abs()].map(|c| T::of(f64::from(c)));
+    let length = dot(v, v).sqrt();
+    v.map(|c| c / length)
+}
+
+/// Of the points around unit vector `n`, z at least 0, the nearest that the ray, a unit vector, sees from the side from which it sees `n`. One is there,
+/// for `n` lies between them.
+fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
+    let flat = octahedral::encode(n).map(|x| x * T::of(f64::from(half)));
+    let whole = |x: T| x.to_i32().expect("within the square");
+    let low = flat.map(|x| whole(x.floor()));
+    let along = dot(n, ray);
+    let mut best = flat.map(|x| whole(x.trunc()));
+    let mut best_error = T::infinity();
+    for step in [[0, 0], [1, 0], [0, 1], [1, 1]] {
+        let p = [low[0] + step[0], low[1] + step[1]];
+        if p[0].abs() + p[1].abs() > half {
+            continue;
+        }
+        let decoded = direction(p, half);
+        // Seen from behind it would turn derivatives round.
+        if along != T::zero() && dot(decoded, ray) * along <= T::zero() {
+            continue;
+        }
+        let off = sub(decoded, n);
+        let error = dot(off, off);
+        if error < best_error {
+            (best, best_error) = (p, error);
+        }
+    }
+    best
+}
+
+/// The code that a shading normal in the fine plane would have, 0..=254 each.
+fn predict(p: [i32; 2]) -> [i32; 2] {
+    p.map(|x| (x + FINE + 4) >> 3)
+}
+
+/// The word of a plane, given by a normal of any length and either sign, and of a shading normal's code, 0..=254 each; larger ones count as that.
+/// `ray` leads from the eye to the plane, in any length: the plane is decoded as seen from the same side. No usable direction counts as z.
+pub fn encode<T: Real>(plane: [T; 3], ray: [T; 3], shading: [u32; 2]) -> u32 {
+    let n = octahedral::unit(plane);
+    let upper = if n[2] < T::zero() { n.map(|x| -x) } else { n };
+    let ray = octahedral::unit(ray);
+    let [x, y] = shading.map(|q| q.min(254));
+    let fine = nearest(upper, ray, FINE);
+    let off = |q: u32, predicted: i32| q.cast_signed() - predicted;
+    let predicted = predict(fine);
+    if (-16..16).contains(&off(x, predicted[0])) && (-16..16).contains(&off(y, predicted[1])) {
+        return (pack_diamond(fine, FINE) << 10) | ((x & 31) << 5) | (y & 31);
+    }
+    (1 << 31) | (pack_diamond(nearest(upper, ray, PLAIN), PLAIN) << 16) | (x << 8) | y
+}
+
+/// What a word says; any word says something.
+pub fn decode<T: Real>(word: u32) -> Pair<T> {
+    if word >> 31 == 0 {
+        let p = unpack_diamond(word >> 10, FINE);
+        let predicted = predict(p);
+        // Of the numbers with these low bits, the one within -16..16 of the predicted one.
+        let code = |low: u32, predicted: i32| {
+            let code = predicted + (((low & 31).cast_signed() - predicted + 16) & 31) - 16;
+            code.clamp(0, 254).cast_unsigned()
+        };
+        return Pair { plane: direction(p, FINE), shading: [code(word >> 5, predicted[0]), code(word, predicted[1])] };
+    }
+    let p = unpack_diamond((word >> 16) & 0x7fff, PLAIN);
+    Pair { plane: direction(p, PLAIN), shading: [word >> 8, word].map(|q| (q & 255).min(254)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::real::{add, length, scale};
+    use super::super::{derivatives, hash};
+    use super::*;
+
+    /// Numbers from a seed: independent of order.
+    struct Draw(u32);
+
+    impl Draw {
+        fn word(&mut self) -> u32 {
+            self.0 += 1;
+            hash::pcg4d([self.0, 1, 8, 2018])[0]
+        }
+        fn between(&mut self, low: f64, high: f64) -> f64 {
+            low + (high - low) * f64::from(self.word()) / 4_294_967_296.0
+        }
+        fn direction(&mut self) -> [f64; 3] {
+            let z = self.between(-1.0, 1.0);
+            let (sin, cos) = self.between(0.0, std::f64::consts::TAU).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            [r * cos, r * sin, z]
+        }
+        /// A unit vector that makes this angle with `n`.
+        fn leaning(&mut self, n: [f64; 3], angle: f64) -> [f64; 3] {
+            let other = self.direction();
+            let across = octahedral::unit(sub(other, scale(n, dot(other, n))));
+            add(scale(n, angle.cos()), scale(across, angle.sin()))
+        }
+        /// A shading normal's code as terrain has it: away from the plane's normal by an angle of lognormal distribution, median 2 degrees, sigma 1.1.
+        fn shading(&mut self, n: [f64; 3]) -> [u32; 2] {
+            let [radius, turn] = [self.between(1e-9, 1.0), self.between(0.0, std::f64::consts::TAU)];
+            let normal = (-2.0 * radius.ln()).sqrt() * turn.cos();
+            let angle = (2.0 * (1.1 * normal).exp()).min(90.0).to_radians();
+            octahedral::encode_precise(self.leaning(n, angle), 8)
+        }
+    }
+
+    fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
+        // By the chord: an arc cosine has no digits at small angles.
+        2.0 * (0.5 * length(sub(a, b))).min(1.0).asin()
+    }
+
+    /// The smaller angle between a plane and a decoded one.
+    fn plane_error(n: [f64; 3], decoded: [f64; 3]) -> f64 {
+        angle(n, decoded).min(angle(n.map(|x| -x), decoded))
+    }
+
+    #[test]
+    fn points_of_the_diamond_are_numbered_without_a_gap() {
+        for (half, points) in [(PLAIN, 32_513_u32), (FINE, 2_066_545), (1, 5)] {
+            let mut seen = vec![false; points as usize];
+            for y in -half..=half {
+                let reach = half - y.abs();
+                for x in -reach..=reach {
+                    let index = pack_diamond([x, y], half);
+                    assert_eq!(unpack_diamond(index, half), [x, y], "half {half}");
+                    assert!(!std::mem::replace(&mut seen[index as usize], true), "two points have number {index}");
+                }
+            }
+            assert!(seen.iter().all(|&s| s), "half {half}: a number is nobody's");
+            assert_eq!(unpack_diamond(u32::MAX >> 10, half), unpack_diamond(points - 1, half));
+        }
+        assert!(pack_diamond([FINE, 0], FINE) < 1 << 21 && pack_diamond([PLAIN, 0], PLAIN) < 1 << 15);
+    }
+
+    #[test]
+    fn the_code_predicted_is_the_nearest() {
+        // Another would be as good to itself, but the window around it would be lopsided.
+        for x in -FINE..=FINE {
+            let [code, _] = predict([x, 0]);
+            assert!((0..=254).contains(&code) && (8 * (code - PLAIN) - x).abs() <= 4, "{x} as {code}");
+        }
+    }
+
+    #[test]
+    fn any_word_decodes_to_a_unit_vector_that_points_up_and_a_code() {
+        let mut draw = Draw(0);
+        let ends = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fc0_0000, 0xff00_ff00, 0x8000_ffff];
+        for word in ends.into_iter().chain((0..100_000).map(|_| draw.word())) {
+            let (double, single) = (decode::<f64>(word), decode::<f32>(word));
+            assert!((length(double.plane) - 1.0).abs() < 1e-15 && double.plane[2] >= 0.0, "{word:#x}: {double:?}");
+            assert!((length(single.plane) - 1.0).abs() < 3e-7 && single.plane[2] >= 0.0, "{word:#x}: {single:?}");
+            assert!(double.shading == single.shading && double.shading.iter().all(|&q| q <= 254), "{word:#x}: {double:?}");
+        }
+    }
+
+    #[test]
+    fn the_shading_code_comes_back_whatever_the_plane() {
+        let mut draw = Draw(1 << 20);
+        let odd = [0.0, 1.0, -1.0, 1e-40, -1e-40, 1e-6, f64::NAN, f64::INFINITY, 3e38];
+        let odd: Vec<[f64; 3]> =
+            (0..odd.len().pow(3)).map(|i| [odd[i % odd.len()], odd[i / odd.len() % odd.len()], odd[i / odd.len().pow(2)]]).collect();
+        let random = (0..100_000).map(|i| {
+            let n = draw.direction();
+            let shading = if i % 2 == 0 { draw.shading(n) } else { [draw.word() % 255, draw.word() % 255] };
+            (n, draw.direction(), shading)
+        });
+        let mut rows: Vec<_> = random.collect();
+        for (i, &n) in odd.iter().enumerate() {
+            let shading = octahedral::encode_precise(n, 8);
+            rows.extend([(n, odd[odd.len() - 1 - i], shading), (n, [0.0, 1.0, 0.0], [0, 254]), ([0.3, 0.5, 0.8], n, shading)]);
+        }
+        for (n, ray, shading) in rows {
+            let single = |v: [f64; 3]| v.map(<f32 as Real>::of);
+            assert_eq!(decode::<f64>(encode(n, ray, shading)).shading, shading, "{n:?}");
+            assert_eq!(decode::<f64>(encode(single(n), single(ray), shading)).shading, shading, "{n:?} in f32");
+            let usable = n.iter().all(|x| x.abs() <= 1e30) && n.iter().any(|x| x.abs() > 1e-30);
+            // Axes are exact, and so are vertical planes' zeros; no direction is z.
+            if !usable || n[0] == 0.0 && n[1] == 0.0 {
+                assert_eq!(decode::<f64>(encode(n, ray, shading)).plane, [0.0, 0.0, 1.0], "{n:?}");
+            } else if n[2] == 0.0 {
+                assert_eq!(decode::<f64>(encode(n, [0.0; 3], shading)).plane[2], 0.0, "{n:?}");
+            }
+        }
+        // What no code is counts as the last one.
+        assert_eq!(decode::<f64>(encode([0.0, 0.0, 1.0], [0.0; 3], [255, u32::MAX])).shading, [254, 254]);
+    }
+
+    #[test]
+    fn planes_are_as_near_as_the_lattice_promises() {
+        let mut draw = Draw(2 << 20);
+        let mut worst = [0.0_f64; 2];
+        for _ in 0..400_000 {
+            let (n, ray) = (draw.direction(), draw.direction());
+            let own = octahedral::encode_precise(if n[2] < 0.0 { n.map(|x| -x) } else { n }, 8);
+            // A code on the other side of the octahedron is beyond every window.
+            for (mode, shading) in [own, own.map(|q| (q + 127) % 255)].into_iter().enumerate() {
+                let word = encode(n, ray, shading);
+                assert_eq!(word >> 31, u32::try_from(mode).expect("0 or 1"));
+                let error = plane_error(n, decode(word).plane);
+                let supremum = [FINE_SUPREMUM, PLAIN_SUPREMUM][mode];
+                // Edge-on, a point that would be seen from behind is passed over.
+                let most = if dot(n, ray).abs() > supremum.sin() { supremum } else { 3.0 * supremum };
+                assert!(error <= most * (1.0 + 1e-9), "{n:?} seen along {ray:?}: {error} rad");
+                if most == supremum {
+                    worst[mode] = worst[mode].max(error / supremum);
+                }
+            }
+        }
+        // No more is promised than is needed.
+        assert!(worst.iter().all(|&share| share > 0.97), "{worst:?}");
+    }
+
+    /// A plane with z at least 0 seen from above it at an incidence, degrees, in a random pixel of a random camera: the ray, its steps to the neighbours,
+    /// and the plane's normal. Field of view uniform in 20..100 degrees, any orientation, any pixel of 1920 x 1080.
+    fn sight(draw: &mut Draw, incidence: f64) -> ([f64; 3], [[f64; 3]; 2], [f64; 3]) {
+        let forward = draw.direction();
+        let right = draw.leaning(forward, std::f64::consts::FRAC_PI_2);
+        let [f, r] = [forward, right];
+        let down = [f[1] * r[2] - f[2] * r[1], f[2] * r[0] - f[0] * r[2], f[0] * r[1] - f[1] * r[0]];
+        let pixel = (0.5 * draw.between(20.0, 100.0).to_radians()).tan() / 540.0;
+        let steps = [scale(right, pixel), scale(down, pixel)];
+        let ray = add(forward, add(scale(steps[0], draw.between(-960.0, 960.0)), scale(steps[1], draw.between(-540.0, 540.0))));
+        let n = draw.leaning(octahedral::unit(ray.map(|x| -x)), incidence.to_radians());
+        // The same sight through the origin, where it is of an overhang.
+        let up = if n[2] < 0.0 { -1.0 } else { 1.0 };
+        (scale(ray, up), steps.map(|s| scale(s, up)), scale(n, up))
+    }
+
+    /// Relative errors of both derivatives, and whether one points backwards.
+    fn derivative_errors(ray: [f64; 3], steps: [[f64; 3]; 2], n: [f64; 3], decoded: [f64; 3]) -> ([f64; 2], bool) {
+        let mut reversed = false;
+        let errors = steps.map(|step| {
+            let [exact, got] = [n, decoded].map(|n| derivatives::on_plane(ray, step, 1.0, n));
+            reversed |= dot(exact, got) < 0.0;
+            length(sub(got, exact)) / length(exact)
+        });
+        (errors, reversed)
+    }
+
+    fn share(sorted: &[f64], part: f64) -> f64 {
+        sorted[(part * (sorted.len() - 1) as f64) as usize]
+    }
+
+    #[test]
+    fn derivatives_are_three_times_better_than_of_two_codes() {
+        let mut draw = Draw(3 << 20);
+        for band in [[0.0, 15.0], [15.0, 30.0], [30.0, 45.0], [45.0, 60.0], [60.0, 70.0], [70.0, 75.0], [75.0, 80.0], [80.0, 85.0]] {
+            let (mut pair, mut codes, mut fine) = (Vec::new(), Vec::new(), 0);
+            const SIGHTS: usize = 10_000;
+            for _ in 0..SIGHTS {
+                let incidence = draw.between(band[0], band[1]);
+                let (ray, steps, n) = sight(&mut draw, incidence);
+                let word = encode(n, ray, draw.shading(n));
+                fine += usize::from(word >> 31 == 0);
+                pair.extend(derivative_errors(ray, steps, n, decode(word).plane).0);
+                let octahedral = octahedral::decode(octahedral::dequantise(octahedral::encode_precise(n, 8), 8));
+                codes.extend(derivative_errors(ray, steps, n, octahedral).0);
+            }
+            for errors in [&mut pair, &mut codes] {
+                errors.sort_by(f64::total_cmp);
+            }
+            let [median, most] = [0.5, 0.95].map(|part| [share(&codes, part), share(&pair, part)]);
+            println!(
+                "{band:?} degrees, {:.1} % fine: median {:.3} % of two codes, {:.3} % of the pair ({:.1} times less), p95 {:.3} and {:.3} ({:.1})",
+                100.0 * fine as f64 / SIGHTS as f64,
+                100.0 * median[0],
+                100.0 * median[1],
+                median[0] / median[1],
+                100.0 * most[0],
+                100.0 * most[1],
+                most[0] / most[1],
+            );
+            for [two, one] in [median, most] {
+                assert!(two >= 3.0 * one, "{band:?} degrees: {two} of two codes, {one} of the pair");
+            }
+        }
+    }
+
+    #[test]
+    fn no_derivative_is_reversed_next_to_edge_on() {
+        let mut draw = Draw(4 << 20);
+        // Of fine words, of plain ones, and of plain ones whose encoder knows no ray.
+        let mut reversed = [0; 3];
+        const SIGHTS: usize = 20_000;
+        for _ in 0..SIGHTS {
+            let incidence = draw.between(85.0, 89.9);
+            let (ray, steps, n) = sight(&mut draw, incidence);
+            let own = octahedral::encode_precise(n, 8);
+            let far = own.map(|q| (q + 127) % 255);
+            for (count, word) in reversed.iter_mut().zip([encode(n, ray, own), encode(n, ray, far), encode(n, [0.0; 3], far)]) {
+                *count += usize::from(derivative_errors(ray, steps, n, decode(word).plane).1);
+            }
+        }
+        println!("reversed of {SIGHTS}: fine {}, plain {}, without a ray {}", reversed[0], reversed[1], reversed[2]);
+        assert!(reversed[0] == 0 && reversed[1] == 0 && reversed[2] * 200 > SIGHTS, "{reversed:?} of {SIGHTS}");
+    }
+}

@@ -1,0 +1,97 @@
+// Two normals in 32 bits: the plane of a triangle, which has no sign, and the shading normal's 8 + 8 bit code, predicted from that plane.
+// fine  (bit 31 = 0): 30..10 plane, of 1016 steps | 9..5, 4..0 low bits of the code
+// plain (bit 31 = 1): 30..16 plane, of 127 steps  | 15..8, 7..0 the code
+// Octahedron: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
+
+// Steps of the plane's lattice from the middle to the rim, 8 times those of a code, and those of a code.
+const NORMAL_PAIR_FINE: i32 = 1016;
+const NORMAL_PAIR_PLAIN: i32 = 127;
+
+struct NormalPair {
+    plane: vec3<f32>,       // unit vector, z >= 0: the plane's normal or its opposite
+    shading: vec2<i32>,     // code of the shading normal, 0..=254 each
+}
+
+// The upper half of the octahedron is the diamond |x| + |y| <= half; its points counted without a gap, along one diagonal after the other.
+fn normal_pair_pack_diamond(p: vec2<i32>, half: i32) -> u32 {
+    // The sum and the difference have one parity, and 2 half + 1 is odd: the total is even.
+    return u32((p.x + p.y + half) * (2 * half + 1) + (p.x - p.y + half)) >> 1u;
+}
+
+// Indices beyond the last count as that.
+fn normal_pair_unpack_diamond(index: u32, half: i32) -> vec2<i32> {
+    let last = u32(2 * half * half + 2 * half);
+    let twice = 2 * i32(min(index, last));
+    let width = 2 * half + 1;
+    let sum = twice / width - half;
+    let difference = twice % width - half;
+    return vec2<i32>((sum + difference) / 2, (sum - difference) / 2);
+}
+
+// The unit vector of a point of the diamond. Whole numbers up to the root: on the rim z is 0 and not a rounding error.
+fn normal_pair_direction(p: vec2<i32>, half: i32) -> vec3<f32> {
+    let v = vec3<f32>(vec3<i32>(p, half - abs(p.x) - abs(p.y)));
+    return v / sqrt(dot(v, v));
+}
+
+// Of the points around unit vector n, z >= 0, the nearest that the ray sees from the side from which it sees n. One is there, for n lies between them.
+fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
+    let flat = octahedral_encode(n) * f32(half);
+    let low = vec2<i32>(floor(flat));
+    let along = dot(n, ray);
+    var best = vec2<i32>(trunc(flat));
+    var best_error = 1e30;
+    for (var i = 0; i < 4; i++) {
+        let p = low + vec2<i32>(i & 1, i >> 1u);
+        if abs(p.x) + abs(p.y) > half {
+            continue;
+        }
+        let decoded = normal_pair_direction(p, half);
+        // Seen from behind it would turn derivatives round.
+        if along != 0.0 && dot(decoded, ray) * along <= 0.0 {
+            continue;
+        }
+        let difference = decoded - n;
+        let error = dot(difference, difference);
+        if error < best_error {
+            best = p;
+            best_error = error;
+        }
+    }
+    return best;
+}
+
+// The code that a shading normal in the fine plane would have.
+fn normal_pair_predict(p: vec2<i32>) -> vec2<i32> {
+    return (p + NORMAL_PAIR_FINE + 4) >> vec2<u32>(3u);
+}
+
+// `plane` of any length and either sign, `ray` from the eye to it, `shading` as in NormalPair; larger codes count as 254.
+fn normal_pair_encode(plane: vec3<f32>, ray: vec3<f32>, shading: vec2<i32>) -> u32 {
+    let n = octahedral_unit(plane);
+    let upper = select(n, -n, n.z < 0.0);
+    let seen = octahedral_unit(ray);
+    let fine = normal_pair_nearest(upper, seen, NORMAL_PAIR_FINE);
+    let code = clamp(shading, vec2<i32>(0), vec2<i32>(254));
+    let off = code - normal_pair_predict(fine);
+    if all(off >= vec2<i32>(-16)) && all(off < vec2<i32>(16)) {
+        return (normal_pair_pack_diamond(fine, NORMAL_PAIR_FINE) << 10u) | (u32(code.x & 31) << 5u) | u32(code.y & 31);
+    }
+    let plain = normal_pair_nearest(upper, seen, NORMAL_PAIR_PLAIN);
+    return 0x80000000u | (normal_pair_pack_diamond(plain, NORMAL_PAIR_PLAIN) << 16u) | (u32(code.x) << 8u) | u32(code.y);
+}
+
+// Any word gives a unit vector and a code.
+fn normal_pair_decode(word: u32) -> NormalPair {
+    if (word >> 31u) == 0u {
+        let p = normal_pair_unpack_diamond(word >> 10u, NORMAL_PAIR_FINE);
+        let predicted = normal_pair_predict(p);
+        let low = vec2<i32>(vec2<u32>(word >> 5u, word) & vec2<u32>(31u));
+        // Of the numbers with these low bits, the one within -16..16 of the predicted one.
+        let shading = predicted + ((low - predicted + 16) & vec2<i32>(31)) - 16;
+        return NormalPair(normal_pair_direction(p, NORMAL_PAIR_FINE), clamp(shading, vec2<i32>(0), vec2<i32>(254)));
+    }
+    let p = normal_pair_unpack_diamond((word >> 16u) & 0x7fffu, NORMAL_PAIR_PLAIN);
+    let shading = vec2<i32>(vec2<u32>(word >> 8u, word) & vec2<u32>(255u));
+    return NormalPair(normal_pair_direction(p, NORMAL_PAIR_PLAIN), min(shading, vec2<i32>(254)));
+}

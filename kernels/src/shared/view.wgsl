@@ -1,0 +1,14 @@
+// From a pixel and its depth to a place relative to the eye.
+
+// Ray of a pixel, 1 long along the view direction: `ray_00` is that of pixel (0, 0), `ray_dx` and `ray_dy` the steps to the right and down.
+fn view_ray(ray_00: vec3<f32>, ray_dx: vec3<f32>, ray_dy: vec3<f32>, pixel: vec2<f32>) -> vec3<f32> {
+    return ray_00 + ray_dx * pixel.x + ray_dy * pixel.y;
+}
+
+// A depth below this counts as nothing: f32 could not divide by it.
+const VIEW_MIN_DEPTH: f32 = 1e-30;
+
+// Distance along the view direction of a reversed depth, metres; 0 where nothing was drawn.
+fn view_distance(near_m: f32, depth: f32) -> f32 {
+    return select(0.0, near_m / depth, depth > VIEW_MIN_DEPTH);
+}

@@ -1,0 +1,102 @@
+//! Kernels at their extremes: every result is finite and as near the reference in f64 as is derived, and none is farther from it than the recorded table
+//! says.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::process::Command;
+
+use experiments::stability::extremes::{DEFAULT_TEXT, Extremes};
+use experiments::stability::kernels::{Finding, measure};
+use kernels::probe::{Draw, PROBES, Verdict};
+
+use crate::bad_input::{Folder, program};
+use crate::frame::gpu;
+
+/// Of the rows of each case.
+const SHARE: f64 = 1.0 / 16.0;
+
+/// What `experiments stability --out notebooks-data/stability` wrote.
+const RECORDED: &str = include_str!("../notebooks-data/stability/results.csv");
+
+#[test]
+fn kernels_hold_at_their_extremes_as_recorded() {
+    let extremes = Extremes::parse(DEFAULT_TEXT, "extremes.toml").expect("the built-in table");
+    let findings = measure(&extremes, gpu(), SHARE, |_, _, _| Ok(())).expect("a device");
+    let failing: Vec<&Finding> = findings.iter().filter(|finding| !finding.pass).collect();
+    assert!(failing.is_empty(), "{} of {} fail, the first: {:?}", failing.len(), findings.len(), failing[0]);
+    let key =
+        |f: &Finding| (f.kernel.clone(), f.parameter.clone(), f.measure.clone(), format!("{:?}", f.value), f.on.clone(), f.adapter.clone());
+    let recorded: BTreeMap<_, Finding> = csv::Reader::from_reader(RECORDED.as_bytes())
+        .deserialize()
+        .map(|row| row.expect("a finding"))
+        .map(|f: Finding| (key(&f), f))
+        .collect();
+    let mut compared = 0;
+    for finding in &findings {
+        // Another device has other last digits; those of the reference in f32 are everybody's, but for libraries' functions.
+        let Some(before) = recorded.get(&key(finding)) else {
+            assert!(
+                finding.on == "gpu" && finding.adapter != before_adapter(&recorded),
+                "not in the recorded table, make it anew: {finding:?}"
+            );
+            continue;
+        };
+        compared += 1;
+        // These rows are the first of those recorded, whose numbers have three digits.
+        assert!(finding.worst <= before.worst * 1.01 + 1e-12, "farther off than recorded ({}): {finding:?}", before.worst);
+    }
+    assert!(compared * 2 >= findings.len(), "{compared} of {} are recorded", findings.len());
+}
+
+fn before_adapter<K>(recorded: &BTreeMap<K, Finding>) -> &str {
+    recorded.values().find(|finding| finding.on == "gpu").map_or("", |finding| &finding.adapter)
+}
+
+#[test]
+fn every_kernel_is_asked_and_every_parameter_takes_its_value() {
+    let extremes = Extremes::parse(DEFAULT_TEXT, "extremes.toml").expect("the built-in table");
+    for probe in PROBES {
+        assert!(extremes.cases.iter().any(|case| case.kernel == probe.name), "nothing is asked of {}", probe.name);
+        assert!(!probe.measures.is_empty(), "{}", probe.name);
+        let draw = |row| Draw { row, column: 0, table: 0 };
+        for name in probe.parameter_names() {
+            assert!(probe.parameter_unit(name).is_some_and(|unit| !unit.is_empty()));
+            let columns = probe.inputs.iter().filter(|column| column.name == name).count();
+            let others = probe.parameters.iter().filter(|parameter| parameter.name == name).count();
+            assert_eq!(columns + others, 1, "{}: {name} is not one thing", probe.name);
+        }
+        let row: Vec<f64> = (probe.random)(&mut draw(3));
+        let truth = probe.on_f64(&row);
+        assert_eq!((row.len(), truth.len()), (probe.inputs.len(), probe.outputs.len()), "{}", probe.name);
+        assert_eq!((probe.judge)(&row, &truth, &truth), Verdict::Agrees(0.0), "{}: the truth is as near as can be", probe.name);
+        assert!(probe.measures.iter().all(|measure| (measure.error)(&row, &truth, &truth).abs() < 1e-9), "{}", probe.name);
+        assert!(probe.row("nothing", 1.0, &mut draw(0)).is_none());
+    }
+}
+
+#[test]
+fn a_table_of_extremes_is_measured_and_failures_are_told() {
+    let folder = Folder::new("stability");
+    let table = folder.write("small.toml", "[[case]]\nkernel = \"select\"\nparameter = \"u\"\nvalues = [0, 0.5]\nrows = 16\n");
+    let out = folder.path("out");
+    let run = |table: &str| Command::new(program()).args(["stability", "--extremes", table, "--out", &out]).output().expect("it runs");
+    let done = run(&table);
+    assert!(done.status.success(), "{done:?}");
+    for name in ["results.csv", "report.md", "report.html"] {
+        assert!(fs::metadata(folder.0.join("out").join(name)).is_ok_and(|file| file.len() > 0), "{name}");
+    }
+    let rows = fs::read_to_string(folder.0.join("out/results.csv")).expect("written");
+    assert_eq!(rows.lines().count(), 1 + 2 * 2, "{rows}");
+    // A limit that f32 cannot keep.
+    let strict = folder.write("strict.toml", "[[case]]\nkernel = \"derivatives\"\nparameter = \"t\"\nvalues = [1]\nallow = 1e-12\n");
+    let failed = run(&strict);
+    let error = String::from_utf8_lossy(&failed.stderr);
+    assert!(!failed.status.success() && error.contains("derivatives at t = 1"), "{error}");
+    for (text, says) in
+        [("[[case]]\nkernel = \"selct\"\nparameter = \"u\"\nvalues = [0]\n", "did you mean `select`"), ("\u{7f}", "broken.toml:1")]
+    {
+        let refused = run(&folder.write("broken.toml", text));
+        let error = String::from_utf8_lossy(&refused.stderr);
+        assert!(!refused.status.success() && error.contains(says) && error.trim().lines().count() == 1, "{error}");
+    }
+}
