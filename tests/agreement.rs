@@ -422,8 +422,8 @@ const CASES: &[Case] = &[
         other_side_at_most: 0,
         mutants: &[
             // A share for an opacity; layer 0 transparent; a layer that counts those above it; a weight forgotten.
-            ("layers", "share / max(share + below, 1e-30)", "share"),
-            ("layers", "1.0, layer == 0u", "share, layer == 0u"),
+            ("layers", "m.x / max(m.x + m.y, 1e-30)", "m.x"),
+            ("layers", "1.0, layer == 0u", "m.x, layer == 0u"),
             ("layers", "layers == vec4<u32>(layer)", "layers >= vec4<u32>(layer)"),
             ("layers", "vec4<f32>(1.0));", "vec4<f32>(1.0, 1.0, 1.0, 0.0));"),
         ],

@@ -63,6 +63,7 @@ fn every_kernel_is_asked_and_every_parameter_takes_its_value() {
             assert!(probe.parameter_unit(name).is_some_and(|unit| !unit.is_empty()));
             let columns = probe.inputs.iter().filter(|column| column.name == name).count();
             let others = probe.parameters.iter().filter(|parameter| parameter.name == name).count();
+            assert!(probe.outputs.iter().all(|output| output.name != name), "{}: {name} is an output, too", probe.name);
             assert_eq!(columns + others, 1, "{}: {name} is not one thing", probe.name);
         }
         let row: Vec<f64> = (probe.random)(&mut draw(3));

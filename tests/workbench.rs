@@ -9,6 +9,7 @@ use ::experiments::store::read_run;
 use eframe::egui;
 use kernels::camera::Pose;
 use kernels::frame::VariantChoice;
+use kernels::scene::Scene;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 use kernels::world::payload::PAYLOAD_BYTES;
@@ -18,6 +19,7 @@ use workbench::display::Layer;
 use workbench::engine::{EYE_M, Shown, Viewpoint};
 use workbench::parameters::GROUPS;
 use workbench::script::{Stage, Step, steps};
+use workbench::sketch;
 
 use crate::bad_input::{Folder, program};
 use crate::frame::{gpu, small_scene};
@@ -214,7 +216,9 @@ fn a_lost_device_is_made_anew_and_nothing_is_lost_with_it() {
 
 #[test]
 fn a_device_that_is_lost_again_and_again_is_given_up_until_another_picture_is_wanted() {
-    let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
+    // Of larger textures than a first look has, so that there is one with each device.
+    let scene = Scene { detail_size: 2 * sketch::TEXELS, ..small_scene() };
+    let mut stage = Stage::with_shaders(scene, WINDOW, None, |app| {
         app.clock.paused = true;
         app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
         app.settings.scale = 0.2;

@@ -132,15 +132,21 @@ impl View {
         self.ray_00 + self.ray_dx * x + self.ray_dy * y
     }
 
-    /// Whether a box in local coordinates may be visible: false only if it lies wholly outside one frustum plane.
+    /// Whether a box in local coordinates may be visible: false only if it lies wholly outside one frustum plane. Of a box
+    /// with NaN nothing is known.
     pub fn sees(&self, low: DVec3, high: DVec3) -> bool {
+        if low.is_nan() || high.is_nan() {
+            return true;
+        }
         let m = self.clip_from_local;
         let (rx, ry, rw) = (m.row(0), m.row(1), m.row(3));
         let near = rw - DVec4::new(0.0, 0.0, 0.0, NEAR_M);
         [rw + rx, rw - rx, rw + ry, rw - ry, near].into_iter().all(|plane| {
             let normal = plane.truncate();
             let farthest = DVec3::select(normal.cmpge(DVec3::ZERO), high, low);
-            normal.dot(farthest) + plane.w >= 0.0
+            let distance = normal.dot(farthest) + plane.w;
+            // Zero times an infinite side: of a box without an end along the plane nothing is known.
+            distance >= 0.0 || distance.is_nan()
         })
     }
 }

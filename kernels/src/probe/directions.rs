@@ -8,17 +8,9 @@ use super::{EXACT, Measure, Parameter, Probe, real, take, whole};
 use crate::shared::real::{Real, add, dot, length, scale, sub};
 use crate::shared::{biplanar, derivatives, normal_pair, octahedral, snapped_projection, triplanar};
 
-/// A direction this angle off another one, degrees.
-fn tilted(from: [f64; 3], degrees: f64, d: &mut Draw) -> [f64; 3] {
-    let (sin, cos) = degrees.to_radians().sin_cos();
-    let other = d.direction();
-    let across = octahedral::unit(sub(other, scale(from, dot(other, from))));
-    add(scale(from, cos), scale(across, sin))
-}
-
 /// The normal of a plane that a ray meets at this angle from it, degrees, from its front.
 fn facing(ray: [f64; 3], degrees: f64, d: &mut Draw) -> [f64; 3] {
-    tilted(octahedral::unit(ray).map(|x| -x), degrees, d)
+    d.leaning(octahedral::unit(ray).map(|x| -x), degrees.to_radians())
 }
 
 pub(super) const OCTAHEDRAL: Probe = Probe {
@@ -86,12 +78,12 @@ pub(super) const NORMAL_PAIR: Probe = Probe {
     outputs: &[
         whole("word_high", "upper 16 bits", 0, 65_535),
         whole("word_low", "lower 16 bits", 0, 65_535),
-        real("plane_x", "unit vector, z >= 0"),
-        real("plane_y", "unit vector"),
-        real("plane_z", "unit vector"),
-        real("shading_x", "unit vector"),
-        real("shading_y", "unit vector"),
-        real("shading_z", "unit vector"),
+        real("decoded_plane_x", "unit vector, z >= 0"),
+        real("decoded_plane_y", "unit vector"),
+        real("decoded_plane_z", "unit vector"),
+        real("decoded_shading_x", "unit vector"),
+        real("decoded_shading_y", "unit vector"),
+        real("decoded_shading_z", "unit vector"),
     ],
     wgsl: "\
 fn probe(row: array<f32, 9>) -> array<f32, 8> {
@@ -146,7 +138,7 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
             name: "deviation_deg",
             unit: "deg between shading normal and plane",
             set: |row, value, d| {
-                let shading = tilted(octahedral::unit(three(row, 0)), value, d);
+                let shading = d.leaning(octahedral::unit(three(row, 0)), value.to_radians());
                 set_direction(row, 6, shading);
             },
         },

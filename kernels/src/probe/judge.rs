@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 
 use crate::shared::hash;
 use crate::shared::octahedral;
-use crate::shared::real::{dot, length};
+use crate::shared::real::{add, dot, length, scale, sub};
 
 /// A unit in the last place at 1: twice the rounding error of one operation.
 pub const EPS: f64 = f32::EPSILON as f64;
@@ -69,6 +69,13 @@ impl Draw {
         let (sin, cos) = self.between(0.0, std::f64::consts::TAU).sin_cos();
         let r = (1.0 - z * z).sqrt();
         [r * cos, r * sin, z]
+    }
+
+    /// A unit vector this angle off another one, radians.
+    pub fn leaning(&mut self, n: [f64; 3], angle: f64) -> [f64; 3] {
+        let other = self.direction();
+        let across = octahedral::unit(sub(other, scale(n, dot(other, n))));
+        add(scale(n, angle.cos()), scale(across, angle.sin()))
     }
 
     /// A vector of any direction, 2^`low`..2^`high` long.

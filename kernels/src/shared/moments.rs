@@ -23,17 +23,18 @@ impl<T: Real> Moments<T> {
         Moments { mean: [T::zero(); 2], squares: [T::zero(); 2], count: 0 }
     }
 
-    /// Takes a sample in two parts (high, low): `moments_add`. One that is not finite counts as the mean so far.
+    /// Takes a sample in two parts (high, low): `moments_add`. One that is not finite, or farther than 1e15 from the mean so far, counts as
+    /// that: a million squares of those are in f32's range.
     pub fn add(&mut self, sample: [T; 2]) {
         self.count = self.count.saturating_add(1);
         let n = T::of(f64::from(self.count));
         let difference = (sample[0] - self.mean[0]) + (sample[1] - self.mean[1]);
         if self.count == 1 {
             // Exactly the sample: the sum of its parts would round the lower one away.
-            self.mean = if difference.abs() <= T::of(1e18) { sample } else { [T::zero(); 2] };
+            self.mean = if difference.abs() <= T::of(1e15) { sample } else { [T::zero(); 2] };
             return;
         }
-        let delta = if difference.abs() <= T::of(1e18) { difference } else { T::zero() };
+        let delta = if difference.abs() <= T::of(1e15) { difference } else { T::zero() };
         self.mean = sum(self.mean, delta / n);
         self.squares = sum(self.squares, delta * (delta * ((n - T::one()) / n)));
     }

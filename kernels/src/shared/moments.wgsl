@@ -20,15 +20,16 @@ fn moments_sum(a: vec2<f32>, b: f32, zero: u32) -> vec2<f32> {
 }
 
 // State: (mean high, mean low, squares high, squares low). `sample` is (high, low) too, low = 0 for a plain f32. `count` includes it, 1 for the first.
-// A sample that is not finite counts as the mean so far. `zero`: 0, from memory.
+// A sample that is not finite, or farther than 1e15 from the mean so far, counts as
+// that: a million squares of those are in the range of f32. `zero`: 0, from memory.
 fn moments_add(state: vec4<f32>, sample: vec2<f32>, count: f32, zero: u32) -> vec4<f32> {
     let n = max(count, 1.0);
     let difference = moments_rounded(sample.x - state.x, zero) + moments_rounded(sample.y - state.y, zero);
     if n < 1.5 {
         // Exactly the sample: the sum of its parts would round the lower one away.
-        return select(vec4<f32>(0.0), vec4<f32>(sample, 0.0, 0.0), abs(difference) <= 1e18);
+        return select(vec4<f32>(0.0), vec4<f32>(sample, 0.0, 0.0), abs(difference) <= 1e15);
     }
-    let delta = select(0.0, difference, abs(difference) <= 1e18);
+    let delta = select(0.0, difference, abs(difference) <= 1e15);
     let mean = moments_sum(state.xy, delta / n, zero);
     let squares = moments_sum(state.zw, delta * (delta * ((n - 1.0) / n)), zero);
     return vec4<f32>(mean, squares);

@@ -106,11 +106,12 @@ pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     if pixel.iter().all(|p| p.abs() <= T::of(1e9)) { [pixel[0], pixel[1], distance] } else { nowhere }
 }
 
-/// The ray of an earlier pixel, 1 long along the view direction: `motion_past_ray`.
+/// The ray of an earlier pixel, 1 long along the view direction; zero where the input gives none that is finite: `motion_past_ray`.
 pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     let x = (pixel[0] + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel[1] + past.y_shift) / dot(past.y_row, past.y_row);
-    add(past.forward, add(scale(past.x_row, x), scale(past.y_row, y)))
+    let ray = add(past.forward, add(scale(past.x_row, x), scale(past.y_row, y)));
+    if ray.iter().all(|x| x.abs() <= T::of(1e30)) { ray } else { [T::zero(); 3] }
 }
 
 /// Where a pixel's ray meets the plane of the point: `motion_expected_distance`. 0 = edge-on or behind.

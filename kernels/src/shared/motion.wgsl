@@ -41,11 +41,13 @@ fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, 
     return select(0.0, distance, !edge_on && distance > MOTION_MIN_DISTANCE && distance < MOTION_FAR);
 }
 
-// The ray of a pixel of the earlier camera, from its rows: the inverse of the pixel coordinates above, for perpendicular rows.
+// The ray of a pixel of the earlier camera, from its rows: the inverse of the pixel coordinates above, for perpendicular rows. Zero where the input
+// gives none that is finite.
 fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
     let x = (pixel.x + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel.y + past.y_shift) / dot(past.y_row, past.y_row);
-    return past.forward + past.x_row * x + past.y_row * y;
+    let ray = past.forward + past.x_row * x + past.y_row * y;
+    return select(vec3<f32>(0.0), ray, vec3<bool>(all(abs(ray) <= vec3<f32>(1e30))));
 }
 
 // Whether an earlier depth (metres along the view direction, 0 = none) belongs to the surface expected there.

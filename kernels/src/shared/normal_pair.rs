@@ -124,40 +124,21 @@ pub fn decode<T: Real>(word: u32) -> Pair<T> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::derivatives;
     use super::super::real::{add, length, scale};
-    use super::super::{derivatives, hash};
     use super::*;
+    use crate::probe::Draw;
 
-    /// Numbers from a seed: independent of order.
-    struct Draw(u32);
+    fn draw(test: u32) -> Draw {
+        Draw { row: test, column: 0, table: 8 }
+    }
 
-    impl Draw {
-        fn word(&mut self) -> u32 {
-            self.0 += 1;
-            hash::pcg4d([self.0, 1, 8, 2018])[0]
-        }
-        fn between(&mut self, low: f64, high: f64) -> f64 {
-            low + (high - low) * f64::from(self.word()) / 4_294_967_296.0
-        }
-        fn direction(&mut self) -> [f64; 3] {
-            let z = self.between(-1.0, 1.0);
-            let (sin, cos) = self.between(0.0, std::f64::consts::TAU).sin_cos();
-            let r = (1.0 - z * z).sqrt();
-            [r * cos, r * sin, z]
-        }
-        /// A unit vector that makes this angle with `n`.
-        fn leaning(&mut self, n: [f64; 3], angle: f64) -> [f64; 3] {
-            let other = self.direction();
-            let across = octahedral::unit(sub(other, scale(n, dot(other, n))));
-            add(scale(n, angle.cos()), scale(across, angle.sin()))
-        }
-        /// A shading normal's code as terrain has it: away from the plane's normal by an angle of lognormal distribution, median 2 degrees, sigma 1.1.
-        fn shading(&mut self, n: [f64; 3]) -> [u32; 2] {
-            let [radius, turn] = [self.between(1e-9, 1.0), self.between(0.0, std::f64::consts::TAU)];
-            let normal = (-2.0 * radius.ln()).sqrt() * turn.cos();
-            let angle = (2.0 * (1.1 * normal).exp()).min(90.0).to_radians();
-            octahedral::encode_precise(self.leaning(n, angle), 8)
-        }
+    /// A shading normal's code as terrain has it: away from the plane's normal by an angle of lognormal distribution, median 2 degrees, sigma 1.1.
+    fn shading(draw: &mut Draw, n: [f64; 3]) -> [u32; 2] {
+        let [radius, turn] = [draw.between(1e-9, 1.0), draw.between(0.0, std::f64::consts::TAU)];
+        let normal = (-2.0 * radius.ln()).sqrt() * turn.cos();
+        let angle = (2.0 * (1.1 * normal).exp()).min(90.0).to_radians();
+        octahedral::encode_precise(draw.leaning(n, angle), 8)
     }
 
     fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -199,7 +180,7 @@ mod tests {
 
     #[test]
     fn any_word_decodes_to_a_unit_vector_that_points_up_and_a_code() {
-        let mut draw = Draw(0);
+        let mut draw = draw(0);
         let ends = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fc0_0000, 0xff00_ff00, 0x8000_ffff];
         for word in ends.into_iter().chain((0..100_000).map(|_| draw.word())) {
             let (double, single) = (decode::<f64>(word), decode::<f32>(word));
@@ -211,14 +192,14 @@ mod tests {
 
     #[test]
     fn the_shading_code_comes_back_whatever_the_plane() {
-        let mut draw = Draw(1 << 20);
+        let mut draw = draw(1);
         let odd = [0.0, 1.0, -1.0, 1e-40, -1e-40, 1e-6, f64::NAN, f64::INFINITY, 3e38];
         let odd: Vec<[f64; 3]> =
             (0..odd.len().pow(3)).map(|i| [odd[i % odd.len()], odd[i / odd.len() % odd.len()], odd[i / odd.len().pow(2)]]).collect();
         let random = (0..100_000).map(|i| {
             let n = draw.direction();
-            let shading = if i % 2 == 0 { draw.shading(n) } else { [draw.word() % 255, draw.word() % 255] };
-            (n, draw.direction(), shading)
+            let code = if i % 2 == 0 { shading(&mut draw, n) } else { [draw.word() % 255, draw.word() % 255] };
+            (n, draw.direction(), code)
         });
         let mut rows: Vec<_> = random.collect();
         for (i, &n) in odd.iter().enumerate() {
@@ -243,7 +224,7 @@ mod tests {
 
     #[test]
     fn planes_are_as_near_as_the_lattice_promises() {
-        let mut draw = Draw(2 << 20);
+        let mut draw = draw(2);
         let mut worst = [0.0_f64; 2];
         for _ in 0..400_000 {
             let (n, ray) = (draw.direction(), draw.direction());
@@ -299,14 +280,14 @@ mod tests {
 
     #[test]
     fn derivatives_are_three_times_better_than_of_two_codes() {
-        let mut draw = Draw(3 << 20);
+        let mut draw = draw(3);
         for band in [[0.0, 15.0], [15.0, 30.0], [30.0, 45.0], [45.0, 60.0], [60.0, 70.0], [70.0, 75.0], [75.0, 80.0], [80.0, 85.0]] {
             let (mut pair, mut codes, mut fine) = (Vec::new(), Vec::new(), 0);
             const SIGHTS: usize = 10_000;
             for _ in 0..SIGHTS {
                 let incidence = draw.between(band[0], band[1]);
                 let (ray, steps, n) = sight(&mut draw, incidence);
-                let word = encode(n, ray, draw.shading(n));
+                let word = encode(n, ray, shading(&mut draw, n));
                 fine += usize::from(word >> 31 == 0);
                 pair.extend(derivative_errors(ray, steps, n, decode(word).plane).0);
                 let octahedral = octahedral::decode(octahedral::dequantise(octahedral::encode_precise(n, 8), 8));
@@ -334,7 +315,7 @@ mod tests {
 
     #[test]
     fn no_derivative_is_reversed_next_to_edge_on() {
-        let mut draw = Draw(4 << 20);
+        let mut draw = draw(4);
         // Of fine words, of plain ones, and of plain ones whose encoder knows no ray.
         let mut reversed = [0; 3];
         const SIGHTS: usize = 20_000;

@@ -2,12 +2,14 @@
 
 use half::f16;
 
+/// Largest colour that f16 has.
+pub const LARGEST: f32 = 65_504.0;
 /// Bit of the second word that says terrain.
 pub const TERRAIN: u32 = 0x8000_0000;
 
-/// Colour, fetches (at most 1023) and first random choice (at most 31, 0 = none) of a terrain pixel: `signal_pack`.
+/// Colour (held within what f16 has; what is not finite counts as zero), fetches (at most 1023) and first random choice (at most 31, 0 = none) of a terrain pixel: `signal_pack`.
 pub fn pack(colour: [f32; 3], fetches: u32, choice: u32) -> [u32; 2] {
-    let bits = colour.map(|c| u32::from(f16::from_f32(c).to_bits()));
+    let bits = colour.map(|c| u32::from(f16::from_f32(if c.is_finite() { c.clamp(-LARGEST, LARGEST) } else { 0.0 }).to_bits()));
     let known = fetches.min(1023) | choice.min(31) << 10;
     [bits[0] | bits[1] << 16, bits[2] | known << 16 | TERRAIN]
 }

@@ -2,10 +2,19 @@
 // Word 0: red, green. Word 1: blue, then 10 bits of fetches, 5 of the first random choice (0 = none), 1 that says terrain.
 
 const SIGNAL_TERRAIN: u32 = 0x80000000u;
+// Largest colour that f16 has.
+const SIGNAL_LARGEST: f32 = 65504.0;
+
+// A colour as f16 has it; what is not finite counts as zero.
+fn signal_held(colour: vec3<f32>) -> vec3<f32> {
+    let held = clamp(colour, vec3<f32>(-SIGNAL_LARGEST), vec3<f32>(SIGNAL_LARGEST));
+    return select(vec3<f32>(0.0), held, abs(colour) <= vec3<f32>(3.4e38));
+}
 
 fn signal_pack(colour: vec3<f32>, fetches: u32, choice: u32) -> vec2<u32> {
     let known = min(fetches, 1023u) | (min(choice, 31u) << 10u);
-    return vec2<u32>(pack2x16float(colour.rg), (pack2x16float(vec2<f32>(colour.b, 0.0)) & 0xffffu) | (known << 16u) | SIGNAL_TERRAIN);
+    let held = signal_held(colour);
+    return vec2<u32>(pack2x16float(held.rg), (pack2x16float(vec2<f32>(held.b, 0.0)) & 0xffffu) | (known << 16u) | SIGNAL_TERRAIN);
 }
 
 fn signal_is_terrain(signal: vec2<u32>) -> bool {
@@ -26,7 +35,8 @@ fn signal_choice(signal: vec2<u32>) -> u32 {
 
 // The same pixel with another colour.
 fn signal_recolour(signal: vec2<u32>, colour: vec3<f32>) -> vec2<u32> {
-    return vec2<u32>(pack2x16float(colour.rg), (pack2x16float(vec2<f32>(colour.b, 0.0)) & 0xffffu) | (signal.y & 0xffff0000u));
+    let held = signal_held(colour);
+    return vec2<u32>(pack2x16float(held.rg), (pack2x16float(vec2<f32>(held.b, 0.0)) & 0xffffu) | (signal.y & 0xffff0000u));
 }
 
 // Relative luminance of linear colour, Rec. ITU-R BT.709.

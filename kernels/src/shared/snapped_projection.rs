@@ -7,6 +7,7 @@
 use super::octahedral::unit;
 use super::real::Real;
 use super::triplanar;
+use super::usable;
 
 /// 1/√2 in 256ths, 0.013 % smaller, so that whole sectors count in exact fixed point.
 const DIAGONAL: i32 = 181;
@@ -29,8 +30,9 @@ pub fn plane<T: Real>(n: [T; 3], cosine: T) -> u32 {
     }
 }
 
-/// Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2.
+/// Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2; what is beyond 1e30 or not a number, as zero.
 pub fn coordinates<T: Real>(p: [T; 3], plane: u32) -> [T; 2] {
+    let p = p.map(usable);
     let diagonal = T::of(f64::from(DIAGONAL) / 256.0);
     match plane {
         3 => [(p[1] - p[0]) * diagonal, p[2]],
@@ -60,8 +62,9 @@ pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     }
 }
 
-/// Height gradient in a plane, as gradient in the volume.
+/// Height gradient in a plane, as gradient in the volume; what is beyond 1e30 or not a number counts as zero.
 pub fn from_gradient<T: Real>(g: [T; 2], plane: u32) -> [T; 3] {
+    let g = g.map(usable);
     let along = g[0] * T::of(std::f64::consts::FRAC_1_SQRT_2);
     match plane {
         3 => [-along, along, g[1]],

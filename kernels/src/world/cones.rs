@@ -81,6 +81,10 @@ fn axis_of(red: f64, green: f64) -> [f64; 3] {
 /// Decoders may round the colour line differently by a code, so the axis is allowed to move by one code in both channels; one more
 /// code of alpha covers their rounding of the alpha line.
 fn needed_code(normals: &[[f64; 3]], red: u8, green: u8) -> u8 {
+    // What is no direction is in no cone but that of all.
+    if normals.iter().flatten().any(|x| !x.is_finite()) {
+        return 255;
+    }
     let (red, green) = (f64::from(red), f64::from(green));
     let mut least_cosine = 1.0f64;
     for dr in [-1.0, 0.0, 1.0] {
