@@ -15,6 +15,7 @@ use kernels::classification::{self, Classification, Lists, reference::tile_masks
 use kernels::frame::FrameUniforms;
 use kernels::geometry;
 use kernels::gpu::bindings::{Binding, aspect, view};
+use kernels::gpu::probe::Cells;
 use kernels::gpu::{self, Gpu, GpuOptions, Timer};
 use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
 use kernels::shared::splat_blend;
@@ -47,26 +48,24 @@ impl Case {
         Probe::find(self.probe).unwrap_or_else(|e| panic!("{e}"))
     }
 
-    #[allow(clippy::cast_possible_truncation, reason = "rows are rounded to f32, and that is what everyone is given")]
-    fn rows(&self, table: u32) -> Vec<f32> {
+    fn rows(&self, table: u32) -> Vec<f64> {
         let random = (0..ROWS).map(|row| (self.probe().random)(&mut Draw { row, column: 0, table }));
-        let rows: Vec<f32> = (self.extremes)().into_iter().chain(random).flatten().map(|x| x as f32).collect();
+        let rows: Vec<f64> = (self.extremes)().into_iter().chain(random).flatten().collect();
         let probe = self.probe();
+        let rows = probe.rounded(&rows);
         for row in rows.chunks(probe.inputs.len()) {
             for (column, &x) in probe.inputs.iter().zip(row) {
-                column.accepts(f64::from(x)).unwrap_or_else(|e| panic!("{}: {e}", self.probe));
+                column.accepts(x).unwrap_or_else(|e| panic!("{}: {e}", self.probe));
             }
         }
         rows
     }
 
     /// Compares results with the truth: the share of the tolerance used and the rows on the other side of a threshold, or what differs.
-    fn compare(&self, rows: &[f32], got: &[f32]) -> Result<(f64, usize), String> {
+    fn compare(&self, rows: &[f64], got: &[f64]) -> Result<(f64, usize), String> {
         let probe = self.probe();
         let (columns, results) = (probe.inputs.len(), probe.outputs.len());
-        let wide = |v: &[f32]| v.iter().copied().map(f64::from).collect::<Vec<_>>();
-        let (rows, got) = (wide(rows), wide(got));
-        let truth = probe.on_f64(&rows);
+        let truth = probe.on_f64(rows);
         if got.len() != truth.len() {
             return Err(format!("{} results instead of {}", got.len(), truth.len()));
         }
@@ -132,6 +131,20 @@ const CASES: &[Case] = &[
         ],
     },
     Case {
+        probe: "octahedral-codes",
+        extremes: || directions().into_iter().flat_map(|n| [2.0, 8.0, 12.0, 16.0].map(|bits| [&n[..], &[bits]].concat())).collect(),
+        // At 16 bits a rounding of 16 ULP is 2^-4 of a code, so an eighth of a quarter of the random rows for each of two coordinates, and as many for the
+        // nearest direction; at 12 bits a sixteenth of that.
+        other_side_at_most: 600,
+        mutants: &[
+            // The lower code; one step fewer; the nearest code of each coordinate instead of the nearest direction; one that is not held.
+            ("octahedral", "round(usable_2(e) * half)", "floor(usable_2(e) * half)"),
+            ("", "- 1u)) - 1u)", "- 1u)) - 2u)"),
+            ("", "octahedral_encode_precise(n, half, step)", "fast"),
+            ("octahedral", "if error < best_error", "if i == 0u"),
+        ],
+    },
+    Case {
         probe: "normal-pair",
         extremes: || {
             let mut rows = Vec::new();
@@ -169,7 +182,7 @@ const CASES: &[Case] = &[
                     for position in [[0.0, 0.0, 0.0], [31.999_998, 1e-3, 8848.0], [0.0, 0.0, -1e9], [1e20, -1e20, 9e29]] {
                         // Footprints of zero, below and beyond the range of scales, and whole powers of two of one scale for all.
                         for [x, y] in [[0.0, 0.0], [1e-9, 1e-9], [1e9, 1e12], [0.25, 0.125], [1.0, 1.0], [32.0, 4.0], [0.03, 3.0]] {
-                            for seed in [0.0, 16_777_216.0] {
+                            for seed in [0.0, 4_294_967_295.0] {
                                 let row = [&[kind][..], &sector, &position, &[32.0, x, 0.0, 0.0, 0.0, y, 0.0, 1.0, seed, seed]];
                                 rows.push(row.concat());
                             }
@@ -196,7 +209,9 @@ const CASES: &[Case] = &[
             for kind in [2.0, 3.0, 4.0, 5.0, 6.0] {
                 for place in [[0.0; 5], [16_777_216.0, -16_777_216.0, 31.999_998, 1e-3, 8848.0], [1.0, -1.0, 1e20, -1e20, -9e29]] {
                     for level in [0.0, -5.0, 16.0, 17.0, -16_777_216.0, 16_777_216.0] {
-                        for [pixel, word] in [[0.0, 0.0], [63.0, 15.0], [64.0, 16.0], [16_777_216.0, 16_777_216.0]] {
+                        for [pixel, word] in
+                            [[0.0, 0.0], [63.0, 15.0], [64.0, 16.0], [16_777_216.0, 36_288_000.0], [16_777_216.0, 4_294_967_295.0]]
+                        {
                             for rank in [0.0, 4095.0, 4096.0, 16_777_216.0] {
                                 let row = [&[kind][..], &place, &[32.0, level, pixel, pixel, word, word, word, rank, rank, 0.0, 1.0]];
                                 rows.push(row.concat());
@@ -275,7 +290,7 @@ const CASES: &[Case] = &[
             ("splat_blend", "return bent / (bent.x + bent.y + bent.z + bent.w);", "return bent;"),
             ("splat_blend", "f.x * g.y, g.x * f.y,", "g.x * f.y, f.x * g.y,"),
             ("splat_blend", "exp2(exponent)", "exp(exponent)"),
-            ("splat_blend", "min(sharpness, SPLAT_BLEND_MAX_SHARPNESS)", "min(sharpness, 64.0)"),
+            ("splat_blend", "usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS)", "usable_positive_1(sharpness, 64.0)"),
             // Term by term: what was summed is not measured anew; the winner is the first term.
             ("splat_blend", "(run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0", "1.0, 1.0"),
             ("splat_blend", "if score > run.score {", "if run.weight <= 0.0 {"),
@@ -327,7 +342,7 @@ const CASES: &[Case] = &[
             ("select", "if target_sum < below_1 {", "if target_sum <= below_1 {"),
             ("select", "if target_sum < below_2 {", "if target_sum < below_1 {"),
             ("select", "if w.w > 0.0 {", "if w.w >= 0.0 {"),
-            ("select", "select(vec4<f32>(0.0), min(weights, vec4<f32>(SELECT_MAX_WEIGHT)), weights > vec4<f32>(0.0))", "weights"),
+            ("select", "usable_positive_4(weights, SELECT_MAX_WEIGHT)", "weights"),
         ],
     },
     Case {
@@ -353,7 +368,7 @@ const CASES: &[Case] = &[
             // A third projection that leaves with a seam; weights not normalised; another power; the wrong axis left out.
             ("biplanar", "max(kept - BIPLANAR_DIAGONAL, vec2<f32>(0.0))", "kept"),
             ("biplanar", "w / (w.x + w.y)", "w"),
-            ("biplanar", "0.125 * select", "select"),
+            ("biplanar", "0.125 * usable_positive_1", "usable_positive_1"),
             ("biplanar", "a.x <= a.y && a.x <= a.z", "a.x <= a.y"),
         ],
     },
@@ -458,7 +473,7 @@ const CASES: &[Case] = &[
         extremes: || {
             let ends = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff_u32, 0x7fc0_0001];
             let words = (0..6 * 6 * 6 * 6).map(|k: usize| [0, 1, 2, 3].map(|i| ends[k / 6_usize.pow(i) % 6]));
-            words.map(|v| v.into_iter().flat_map(|w| [w & 0xffff, w >> 16]).map(f64::from).collect()).collect()
+            words.map(|v| v.map(f64::from).to_vec()).collect()
         },
         other_side_at_most: 0,
         mutants: &[
@@ -489,6 +504,86 @@ const CASES: &[Case] = &[
             ("flavour_weights", "flavour_behind(d, params.cliff_near_m,", "flavour_behind(d, params.cliff_far_atlas_m,"),
             ("flavour_weights", "mask |= select(0u, 16u, weights[4] > FLAVOUR_MIN_WEIGHT);", ""),
             ("flavour_weights", "w[i] /= sum;", "w[i] /= max(sum, 1.0);"),
+        ],
+    },
+    Case {
+        probe: "frustum",
+        extremes: || {
+            let mut rows = Vec::new();
+            for n in [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.6, 0.0, -0.8], [0.0; 3]] {
+                for w in [-1.0, 0.0, 1.0, 1e6] {
+                    for (low, high) in [([0.0; 3], [0.0; 3]), ([-1.0; 3], [1.0; 3]), ([-1e7, 0.0, -500.0], [1e7, 64.0, 3000.0])] {
+                        rows.push([&n[..], &[w], &low, &high].concat());
+                    }
+                }
+            }
+            rows
+        },
+        // Half of the random rows are 2^-24 to 1 of the distance off the plane, evenly by octave, and the margin is 2^-20 to 2^-21: an eighth of the half, half
+        // of them on the seen side.
+        other_side_at_most: 400,
+        mutants: &[
+            // The nearest corner; a plane forgotten; no margin, and one to the wrong side.
+            ("culling", "select(low, high,", "select(high, low,"),
+            ("culling", "+ plane.w < -(", "< -("),
+            ("culling", "-(CULLING_SLACK * size + CULLING_FLUSHED)", "CULLING_SLACK * size"),
+        ],
+    },
+    Case {
+        probe: "normal-cone",
+        extremes: || {
+            let mut rows = Vec::new();
+            for axis in directions() {
+                for sine in [0.0, 0.5, 1.0 - 0.5 * EPS, 1.0] {
+                    for [far, radius] in [[1.0, 0.0], [1.0, 0.5], [100.0, 100.0], [1e6, 1.0]] {
+                        rows.push([&axis[..], &[sine, 0.0, 0.6 * far, -0.8 * far, radius]].concat());
+                    }
+                }
+            }
+            rows
+        },
+        // As for the frustum, of octaves of an angle: where the sine is small the margin of a cosine is a wide angle.
+        other_side_at_most: 900,
+        mutants: &[
+            // The sphere forgotten; the cone; both angles without their sum; no right angle; a margin to the wrong side.
+            ("culling", "radius / distance);", "0.0);"),
+            ("culling", "vec2<f32>(sin_half_angle, radius", "vec2<f32>(0.0, radius"),
+            ("culling", "sines.x * cosines.y + cosines.x * sines.y + CULLING_ROUNDING", "max(sines.x, sines.y)"),
+            ("culling", "cosines.x * cosines.y - sines.x * sines.y <= CULLING_ROUNDING", "false"),
+            ("culling", "cosines.x * sines.y + CULLING_ROUNDING", "cosines.x * sines.y - 0.01"),
+        ],
+    },
+    Case {
+        probe: "bc1",
+        extremes: || {
+            let ends = [0x0000_0000_u32, 0xffff_0000, 0x0000_ffff, 0xffff_ffff, 0x8410_07e0, 0x07e0_8410, 0x0001_0000];
+            let indices = [0_u32, 0x5555_5555, 0xaaaa_aaaa, 0xffff_ffff, 0xe4e4_e4e4];
+            let row = |k: usize| vec![f64::from(ends[k % 7]), f64::from(indices[k / 7 % 5]), (k / 35) as f64];
+            (0..7 * 5 * 16).map(row).collect()
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            // Red and blue exchanged; transparency forgotten; darker by more than the format's freedom.
+            ("", "bits.x, bits.y, bits.z, bits.w", "bits.z, bits.y, bits.x, bits.w"),
+            ("", "bits.z, bits.w", "bits.z, bitcast<u32>(1.0)"),
+            ("", "bitcast<vec4<u32>>(texel)", "bitcast<vec4<u32>>(texel * 0.95)"),
+        ],
+    },
+    Case {
+        probe: "bc3",
+        extremes: || {
+            let alphas = [0x0000_u32, 0x00ff, 0xff00, 0xffff, 0x8040, 0x4080, 0xfac6_8040, 0x5342_ff00];
+            let row = |k: usize| {
+                let upper = [0x8888_c6fa_u32, 0xffff_ffff, 0, 0x0539_7fac][k / 8 % 4];
+                vec![f64::from(alphas[k % 8]), f64::from(upper), f64::from(0x07e0_f800_u32), f64::from(0xe4e4_e4e4_u32), (k / 32) as f64]
+            };
+            (0..8 * 4 * 16).map(row).collect()
+        },
+        other_side_at_most: 0,
+        mutants: &[
+            ("", "bits.x, bits.y, bits.z, bits.w", "bits.z, bits.y, bits.x, bits.w"),
+            ("", "bits.z, bits.w", "bits.z, bitcast<u32>(1.0)"),
+            ("", "bitcast<vec4<u32>>(texel)", "bitcast<vec4<u32>>(texel * 0.95)"),
         ],
     },
     Case {
@@ -554,8 +649,8 @@ const CASES: &[Case] = &[
             // A step forgotten; rows for columns; depth for its reciprocal; infinity where nothing was drawn.
             ("view", "ray_00 + ray_dx * pixel.x + ray_dy * pixel.y", "ray_00 + ray_dx * pixel.x"),
             ("view", "ray_dx * pixel.x + ray_dy * pixel.y", "ray_dx * pixel.y + ray_dy * pixel.x"),
-            ("view", "near_m / depth,", "near_m * depth,"),
-            ("view", "depth > VIEW_MIN_DEPTH", "true"),
+            ("view", "near_m / usable,", "near_m * usable,"),
+            ("view", "usable > VIEW_MIN_DEPTH", "true"),
         ],
     },
     Case {
@@ -662,15 +757,19 @@ fn mutant(body: &str, file: &str, from: &str, to: &str) -> String {
 /// A probe's text with results rounded to 11 bits: a shader of half precision.
 fn in_half_precision(probe: &Probe) -> String {
     let (columns, results) = (probe.inputs.len(), probe.outputs.len());
-    format!(
-        "{}
-fn probe(row: array<f32, {columns}>) -> array<f32, {results}> {{
-    var rounded = probe_exact(row);
-    for (var i = 0u; i < {results}u; i++) {{ rounded[i] = quantizeToF16(rounded[i]); }}
-    return rounded;
-}}",
-        rename(probe.wgsl, "probe", "probe_exact")
-    )
+    let (cell, texel, [given, from, to]) = match probe.layout() {
+        Cells::Reals => ("f32", "", ["", "", ""]),
+        Cells::Bits => ("u32", "", ["", "bitcast<f32>", "bitcast<u32>"]),
+        Cells::Texel(_) => ("u32", ", texel: vec4<f32>", [", texel", "bitcast<f32>", "bitcast<u32>"]),
+    };
+    let mut text = rename(probe.wgsl, "probe", "probe_exact");
+    text += &format!(
+        "\nfn probe(row: array<{cell}, {columns}>{texel}) -> array<{cell}, {results}> {{\n    var rounded = probe_exact(row{given});\n"
+    );
+    for (i, _) in probe.outputs.iter().enumerate().filter(|(_, column)| !column.is_word()) {
+        text += &format!("    rounded[{i}] = {to}(quantizeToF16({from}(rounded[{i}])));\n");
+    }
+    text + "    return rounded;\n}"
 }
 
 fn check(name: &str) {
@@ -678,9 +777,7 @@ fn check(name: &str) {
     let case = &CASES[table as usize];
     let probe = case.probe();
     let rows = case.rows(table);
-    let run = |body: &str| {
-        gpu::probe::run(gpu(), body, &rows, probe.inputs.len(), probe.outputs.len()).unwrap_or_else(|e| panic!("{name}: {e}\n{body}"))
-    };
+    let run = |body: &str| probe.on_gpu_by(gpu(), body, &rows).unwrap_or_else(|e| panic!("{name}: {e}\n{body}"));
 
     let got = probe.on_gpu(gpu(), &rows).unwrap_or_else(|e| panic!("{e}"));
     let single = case.compare(&rows, &probe.on_f32(&rows)).unwrap_or_else(|e| panic!("the reference in f32: {e}"));
@@ -691,11 +788,12 @@ fn check(name: &str) {
     for &(file, from, to) in case.mutants {
         assert!(case.compare(&rows, &run(&mutant(probe.wgsl, file, from, to))).is_err(), "{name}: `{to}` for `{from}` was not noticed");
     }
-    if probe.outputs.iter().any(|c| c.whole.is_none()) {
+    // A decoder of blocks may be off by a code of 8 bits, which is more.
+    if probe.outputs.iter().any(|c| c.whole.is_none()) && !matches!(probe.layout(), Cells::Texel(_)) {
         assert!(case.compare(&rows, &run(&in_half_precision(probe))).is_err(), "{name}: half precision was not noticed");
     }
     let mut broken = got.clone();
-    broken[0] = f32::NAN;
+    broken[0] = f64::NAN;
     assert!(case.compare(&rows, &broken).is_err(), "{name}: NaN was not noticed");
 }
 
@@ -708,6 +806,27 @@ fn every_probe_has_a_case() {
 #[test]
 fn octahedral_agrees() {
     check("octahedral");
+}
+
+#[test]
+fn octahedral_codes_agree() {
+    check("octahedral-codes");
+}
+
+#[test]
+fn frustum_agrees() {
+    check("frustum");
+}
+
+#[test]
+fn normal_cone_agrees() {
+    check("normal-cone");
+}
+
+#[test]
+fn blocks_agree() {
+    check("bc1");
+    check("bc3");
 }
 
 #[test]

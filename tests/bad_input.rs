@@ -156,6 +156,8 @@ fn wrong_calls_are_usage_errors() {
     usage_error(&["import", "x.png", "--metres-per-texel", "1", "--window", "0,0,1,1", "--out", "y"], &["X,Y,W,H"]);
     usage_error(&["import", "x.raw", "--metres-per-texel", "1", "--raw-size", "0x9", "--out", "y"], &["at least 2"]);
     usage_error(&["probe"], &["KERNEL"]);
+    usage_error(&["stability", "--only", "noise", "--every-adapter"], &["--only", "kernels"]);
+    usage_error(&["stability", "--only", "sound"], &["kernels", "directions", "noise"]);
     usage_error(&["probe", "select", "--on", "f16", "--input", "a", "--output", "b"], &["gpu", "f32", "f64"]);
     usage_error(&["probe", "select", "--input", "a.csv"], &["--output"]);
 }

@@ -50,6 +50,8 @@ mod shaders;
 #[cfg(test)]
 mod shared;
 #[cfg(test)]
+mod snapshots;
+#[cfg(test)]
 mod stability;
 #[cfg(test)]
 mod workbench;

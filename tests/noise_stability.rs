@@ -1,12 +1,12 @@
 //! The noise in the stability lab: every kind against the tests of one family and its budgets in motion, and mutants that these must reject.
 //!
-//! `notebooks-data/stability/noise.csv` holds the budgets. `SCREE_RECORD=1 cargo test --release --test scree noise_stability` writes
-//! it anew, from what is measured; commit it where the change is meant.
+//! `notebooks-data/stability/noise.csv` holds the budgets. `experiments stability --out notebooks-data/stability` writes it anew, from what is measured;
+//! commit it where the change is meant.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
 
-use experiments::stability::motion::{GROUNDS, Measured, Motion, budget, measure};
+use experiments::stability::motion::{GROUNDS, Measured, Motion, measure};
 use experiments::stability::noise::{Ask, Noise, ORIGINS, of_kind, of_noise, scattered, scattered_rows};
 use experiments::stability::{Row, hold_as_family, motion, noise};
 use kernels::shared::hash;
@@ -16,23 +16,9 @@ use kernels::shared::noise::{
 use kernels::shared::real::length;
 
 const TABLE: &str = include_str!("../notebooks-data/stability/noise.csv");
-const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../notebooks-data/stability/noise.csv");
 
 fn recorded() -> Vec<Row> {
     csv::Reader::from_reader(TABLE.as_bytes()).deserialize().collect::<Result<_, _>>().expect("the table's columns are a row's fields")
-}
-
-fn record(rows: &[Row]) {
-    // Four digits, so that a difference in the file is one of the noise and not of rounding.
-    let short = |x: f64| format!("{x:.3e}").parse().expect("a number");
-    let mut writer = csv::Writer::from_path(FILE).expect("the table can be written");
-    for row in rows {
-        let value = short(row.value);
-        let kind = row.kind.parse().expect("a kind");
-        let [low, high] = budget(kind, &row.statistic, value).map(short);
-        writer.serialize(Row { value, low, high, ..row.clone() }).expect("the table can be written");
-    }
-    writer.flush().expect("the table can be written");
 }
 
 #[test]
@@ -51,17 +37,12 @@ fn numbers_in_motion_are_within_their_budgets() {
     let start = Instant::now();
     let rows = motion::rows();
     println!("{} rows in {:.1?}", rows.len(), start.elapsed());
-    if std::env::var_os("SCREE_RECORD").is_some_and(|value| value == "1") {
-        record(&rows);
-        println!("wrote {FILE}");
-        return;
-    }
     let budgets = recorded();
-    assert_eq!(budgets.len(), rows.len(), "the table has other rows: SCREE_RECORD=1 writes it anew");
+    assert_eq!(budgets.len(), rows.len(), "the table has other rows: `experiments stability` writes it anew");
     for (row, budget) in rows.iter().zip(&budgets) {
         let same = [&row.kind, &row.view, &row.motion, &row.statistic] == [&budget.kind, &budget.view, &budget.motion, &budget.statistic];
         let now = Row { value: row.value, ..budget.clone() };
-        assert!(same && now.holds(), "{now:?}: measured {}; SCREE_RECORD=1 writes the table anew if that is meant", row.value);
+        assert!(same && now.holds(), "{now:?}: measured {}; `experiments stability` writes the table anew if that is meant", row.value);
         // A budget is as wide as the rule says: nobody widens one by hand.
         let ruled = motion::budget(budget.kind.parse().expect("a kind"), &budget.statistic, budget.value);
         let close = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;

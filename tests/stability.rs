@@ -7,6 +7,7 @@ use std::process::Command;
 
 use experiments::stability::extremes::{DEFAULT_TEXT, Extremes};
 use experiments::stability::kernels::{Finding, measure};
+use experiments::stability::{Row, directions};
 use kernels::probe::{Draw, PROBES, Verdict};
 
 use crate::bad_input::{Folder, program};
@@ -17,11 +18,12 @@ const SHARE: f64 = 1.0 / 16.0;
 
 /// What `experiments stability --out notebooks-data/stability` wrote.
 const RECORDED: &str = include_str!("../notebooks-data/stability/results.csv");
+const DIRECTIONS: &str = include_str!("../notebooks-data/stability/directions.csv");
 
 #[test]
 fn kernels_hold_at_their_extremes_as_recorded() {
     let extremes = Extremes::parse(DEFAULT_TEXT, "extremes.toml").expect("the built-in table");
-    let findings = measure(&extremes, gpu(), SHARE, |_, _, _| Ok(())).expect("a device");
+    let findings = measure(&extremes, &[gpu()], SHARE, |_, _, _| Ok(())).expect("a device");
     let failing: Vec<&Finding> = findings.iter().filter(|finding| !finding.pass).collect();
     assert!(failing.is_empty(), "{} of {} fail, the first: {:?}", failing.len(), findings.len(), failing[0]);
     let key =
@@ -36,7 +38,7 @@ fn kernels_hold_at_their_extremes_as_recorded() {
         // Another device has other last digits; those of the reference in f32 are everybody's, but for libraries' functions.
         let Some(before) = recorded.get(&key(finding)) else {
             assert!(
-                finding.on == "gpu" && finding.adapter != before_adapter(&recorded),
+                finding.on == "gpu" && !recorded_on(&recorded, &finding.adapter),
                 "not in the recorded table, make it anew: {finding:?}"
             );
             continue;
@@ -48,14 +50,29 @@ fn kernels_hold_at_their_extremes_as_recorded() {
     assert!(compared * 2 >= findings.len(), "{compared} of {} are recorded", findings.len());
 }
 
-fn before_adapter<K>(recorded: &BTreeMap<K, Finding>) -> &str {
-    recorded.values().find(|finding| finding.on == "gpu").map_or("", |finding| &finding.adapter)
+fn recorded_on<K>(recorded: &BTreeMap<K, Finding>, adapter: &str) -> bool {
+    recorded.values().any(|finding| finding.adapter == adapter)
+}
+
+#[test]
+fn directions_are_as_published_and_derivatives_within_their_law() {
+    let rows = directions::rows();
+    let wrong: Vec<&Row> = rows.iter().filter(|row| !row.holds()).collect();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    let recorded: Vec<Row> = csv::Reader::from_reader(DIRECTIONS.as_bytes()).deserialize().map(|row| row.expect("a row")).collect();
+    assert_eq!(rows.len(), recorded.len(), "the table has other rows: `experiments stability` writes it anew");
+    for (row, before) in rows.iter().zip(&recorded) {
+        let same = [&row.kind, &row.view, &row.motion, &row.statistic] == [&before.kind, &before.view, &before.motion, &before.statistic];
+        // Libraries' sines differ in the last digit.
+        assert!(same && (row.value - before.value).abs() <= 2e-3 * before.value.abs() + 1e-9, "{row:?}, recorded {before:?}");
+    }
 }
 
 #[test]
 fn every_kernel_is_asked_and_every_parameter_takes_its_value() {
     let extremes = Extremes::parse(DEFAULT_TEXT, "extremes.toml").expect("the built-in table");
     for probe in PROBES {
+        assert!(extremes.bends.iter().any(|bend| bend.kernel == probe.name) || probe.name == "hash", "where does {} bend?", probe.name);
         assert!(extremes.cases.iter().any(|case| case.kernel == probe.name), "nothing is asked of {}", probe.name);
         assert!(!probe.measures.is_empty(), "{}", probe.name);
         let draw = |row| Draw { row, column: 0, table: 0 };

@@ -305,9 +305,31 @@ pub(crate) struct StabilityArgs {
     /// Table of extremes [default: built in]
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) extremes: Option<PathBuf>,
-    /// Folder for results.csv, report.md and report.html
+    /// Parts to measure, separated by commas [default: all; with --extremes `kernels`]
+    #[arg(long, value_enum, value_name = "PARTS", value_delimiter = ',')]
+    pub(crate) only: Vec<Part>,
+    /// Measure kernels on every usable adapter of this machine, and say what differs
+    #[arg(long)]
+    pub(crate) every_adapter: bool,
+    /// Folder for results.csv, directions.csv, noise.csv, report.md and report.html; tables of parts that are not measured stay as they are there
     #[arg(long, value_name = "DIR", default_value = "out/stability")]
     pub(crate) out: PathBuf,
+}
+
+/// A part of the stability lab.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Part {
+    /// Kernels at their extremes, against f64
+    Kernels,
+    /// Octahedral codes and derivatives
+    Directions,
+    /// Hashes and noise, at rest and in motion
+    Noise,
+}
+
+impl Part {
+    /// All of them.
+    pub(crate) const ALL: [Part; 3] = [Part::Kernels, Part::Directions, Part::Noise];
 }
 
 #[derive(Args, Debug)]
@@ -431,11 +453,17 @@ impl Cli {
 
     /// What clap's attributes cannot say.
     fn check(&self) -> Result<(), (&'static str, String)> {
-        let Command::Render(args) = &self.command else { return Ok(()) };
-        if !args.aov.is_empty() && extension(&args.out) == "png" {
-            return Err(("render", "--aov needs an .exr: a .png holds no layers".to_owned()));
+        match &self.command {
+            Command::Render(args) if !args.aov.is_empty() && extension(&args.out) == "png" => {
+                Err(("render", "--aov needs an .exr: a .png holds no layers".to_owned()))
+            }
+            Command::Stability(args)
+                if !args.only.is_empty() && !args.only.contains(&Part::Kernels) && (args.every_adapter || args.extremes.is_some()) =>
+            {
+                Err(("stability", "--extremes and --every-adapter are of kernels: add `kernels` to --only, or leave them out".to_owned()))
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 }
 

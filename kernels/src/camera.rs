@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use glam::{DMat4, DVec2, DVec3, DVec4, IVec2, Mat4};
 
 use crate::scene::{CameraPath, CameraPose};
+use crate::shared::culling;
 
 /// Distance of the near plane, metres. Depth is reversed and infinite, so it costs no precision far away.
 pub const NEAR_M: f64 = 0.1;
@@ -132,22 +133,14 @@ impl View {
         self.ray_00 + self.ray_dx * x + self.ray_dy * y
     }
 
-    /// Whether a box in local coordinates may be visible: false only if it lies wholly outside one frustum plane. Of a box
-    /// with NaN nothing is known.
+    /// Whether a box in local coordinates may be visible: false only if it lies wholly beyond one of the frustum's planes
+    /// ([`culling::beyond`]). Of a box with NaN nothing is known.
     pub fn sees(&self, low: DVec3, high: DVec3) -> bool {
-        if low.is_nan() || high.is_nan() {
-            return true;
-        }
         let m = self.clip_from_local;
         let (rx, ry, rw) = (m.row(0), m.row(1), m.row(3));
         let near = rw - DVec4::new(0.0, 0.0, 0.0, NEAR_M);
-        [rw + rx, rw - rx, rw + ry, rw - ry, near].into_iter().all(|plane| {
-            let normal = plane.truncate();
-            let farthest = DVec3::select(normal.cmpge(DVec3::ZERO), high, low);
-            let distance = normal.dot(farthest) + plane.w;
-            // Zero times an infinite side: of a box without an end along the plane nothing is known.
-            distance >= 0.0 || distance.is_nan()
-        })
+        let planes = [rw + rx, rw - rx, rw + ry, rw - ry, near];
+        !planes.into_iter().any(|plane| culling::beyond(plane.to_array(), low.to_array(), high.to_array()))
     }
 }
 
@@ -171,6 +164,16 @@ mod tests {
                 assert!((clip.z / clip.w - NEAR_M / depth).abs() < 1e-12);
             }
         }
+    }
+
+    #[test]
+    fn ten_kilometres_from_the_origin_a_view_is_the_same() {
+        // All that shaders are given is relative to a sector: the same numbers, whole sectors away.
+        let (near, far) = (pose(), Pose { position: pose().position + DVec3::new(156.0 * 64.0, -156.0 * 64.0, 0.0), ..pose() });
+        let [near, far] = [near, far].map(|pose| View::new(pose, [320, 180], [0.3, -0.45], 64.0, 32_768.0));
+        assert_eq!((near.camera, near.ray_00, near.ray_dx, near.ray_dy), (far.camera, far.ray_00, far.ray_dx, far.ray_dy));
+        assert_eq!(near.clip_from_local_f32(), far.clip_from_local_f32());
+        assert_eq!(far.sector - near.sector, IVec2::new(156, -156));
     }
 
     #[test]

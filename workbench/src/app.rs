@@ -345,6 +345,12 @@ impl Workbench {
         self.shown().filter(|shown| shown.wish.opened == self.opened)
     }
 
+    /// Where a panel is in the window, points; `None` = it is behind another.
+    pub fn place_of(&self, pane: Pane) -> Option<egui::Rect> {
+        let tile = self.tree.tiles.find_pane(&pane)?;
+        self.tree.tiles.is_visible(tile).then(|| self.tree.tiles.rect(tile)).flatten()
+    }
+
     /// Whether the picture is the one that the controls ask for.
     pub fn is_settled(&self) -> bool {
         let Some(shown) = self.shown().filter(|shown| !shown.draft) else { return false };

@@ -12,7 +12,7 @@ use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use kernels::document::suggestion;
 use kernels::scene::{self, Scene};
 
-use crate::app::Workbench;
+use crate::app::{Pane, Workbench};
 use crate::engine::Engine;
 
 /// Longest wait for a picture.
@@ -338,10 +338,30 @@ impl Stage {
     /// # Errors
     /// When it cannot be drawn or written.
     pub fn screenshot(&mut self, file: &Path) -> Result<()> {
-        let image = self.harness.render().map_err(|what| anyhow!("the window cannot be drawn: {what}"))?;
-        let texels: Vec<[u8; 3]> = image.pixels().map(|p| [p[0], p[1], p[2]]).collect();
-        kernels::picture::write_png_texels(file, [image.width(), image.height()], &texels)?;
+        let (size, texels) = self.window()?;
+        kernels::picture::write_png_texels(file, size, &texels)?;
         Ok(())
+    }
+
+    /// The window's size in pixels and its texels, row by row, sRGB.
+    fn window(&mut self) -> Result<([u32; 2], Vec<[u8; 3]>)> {
+        let image = self.harness.render().map_err(|what| anyhow!("the window cannot be drawn: {what}"))?;
+        Ok(([image.width(), image.height()], image.pixels().map(|p| [p[0], p[1], p[2]]).collect()))
+    }
+
+    /// The part of the window that a panel takes, as [`Stage::screenshot`] would draw it: size in pixels, and texels.
+    ///
+    /// # Errors
+    /// When there is no panel of this name in front, or the window cannot be drawn.
+    pub fn pane(&mut self, name: &str) -> Result<([u32; 2], Vec<[u8; 3]>)> {
+        let pane = Pane::ALL.into_iter().find(|pane| pane.name() == name).with_context(|| format!("no panel is called `{name}`"))?;
+        let place = self.app().place_of(pane).with_context(|| format!("`{name}` is behind another panel: click its tab first"))?;
+        let ([width, height], texels) = self.window()?;
+        // A pixel a point.
+        let [left, top] = [place.left(), place.top()].map(|x| x.round().max(0.0) as u32);
+        let [right, bottom] = [(place.right(), width), (place.bottom(), height)].map(|(x, most)| (x.round().max(0.0) as u32).min(most));
+        let row = |y: u32| &texels[(y * width + left) as usize..(y * width + right) as usize];
+        Ok(([right - left, bottom - top], (top..bottom).flat_map(row).copied().collect()))
     }
 }
 

@@ -44,12 +44,14 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
         bail!("--output {} is the input: give another file, or the table would be lost", output.display());
     }
     let table = read(input, probe)?;
-    #[allow(clippy::cast_possible_truncation, reason = "f32 and GPU take values rounded to f32, as the list says")]
-    let single = || table.values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
+    // The shortest decimal that gives the same number back, in the precision that was computed in.
+    #[allow(clippy::cast_possible_truncation, reason = "these are numbers of f32")]
+    let single = |(x, column): (&f64, &Column)| if column.is_word() { x.to_string() } else { (*x as f32).to_string() };
+    let in_single = |results: &[f64]| results.iter().zip(probe.outputs.iter().cycle()).map(single).collect();
     let results: Vec<String> = match args.on {
         On::F64 => probe.on_f64(&table.values).iter().map(ToString::to_string).collect(),
-        On::F32 => probe.on_f32(&single()).iter().map(ToString::to_string).collect(),
-        On::Gpu => probe.on_gpu(&Gpu::new()?, &single())?.iter().map(ToString::to_string).collect(),
+        On::F32 => in_single(&probe.on_f32(&table.values)),
+        On::Gpu => in_single(&probe.on_gpu(&Gpu::new()?, &table.values)?),
     };
     write(output, probe, &table, &results)
 }
@@ -70,7 +72,7 @@ fn list(json: bool) -> Result<()> {
             }
         }
     }
-    text.push_str("\nValues are rounded to f32 for --on f32 and --on gpu; whole numbers travel as f32, hence their bounds.\n");
+    text.push_str("\nValues are rounded to f32 for --on f32 and --on gpu, all but words (whole, 0 to 4294967295).\n");
     print(&text)
 }
 

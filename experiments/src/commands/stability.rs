@@ -1,20 +1,22 @@
-//! `stability`: every kernel at its extremes, against f64.
+//! `stability`: every kernel at its extremes against f64; codes, derivatives and noise against what is derived.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use kernels::gpu::Gpu;
 use kernels::picture::write_whole;
+use serde::Serialize;
 
 use super::{Reporter, check_interrupted, check_writable, print, watch_interrupts};
-use crate::cli::StabilityArgs;
-use crate::report::stability as report;
+use crate::cli::{Part, StabilityArgs};
+use crate::report::stability::{self as report, Lab};
 use crate::stability::extremes::{DEFAULT_TEXT, Extremes};
-use crate::stability::kernels::{self as lab, Finding};
+use crate::stability::kernels::{self as kernel_lab, Finding};
+use crate::stability::{Row, directions, motion, noise};
 
-/// Measures, and writes a table and its report.
+/// Measures, and writes tables and their report.
 pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let extremes = match &args.extremes {
         None => Extremes::parse(DEFAULT_TEXT, "the built-in table")?,
@@ -23,52 +25,96 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
             Extremes::parse(&text, &file.display().to_string())?
         }
     };
+    let parts: &[Part] = match (&args.only[..], &args.extremes) {
+        ([], None) => &Part::ALL,
+        // A table of one's own asks of kernels.
+        ([], Some(_)) => &[Part::Kernels],
+        (only, _) => only,
+    };
     fs::create_dir_all(&args.out).with_context(|| format!("cannot make the folder {}", args.out.display()))?;
     check_writable(&args.out)?;
     watch_interrupts()?;
-    let gpu = Gpu::new()?;
     let reporter = Reporter::new();
-    let progress = |kernel: &str, done: usize, total: usize| {
-        reporter.report(kernel, done as u64, total as u64);
-        check_interrupted()
-    };
-    let findings = lab::measure(&extremes, &gpu, 1.0, progress)?;
-    reporter.finish();
-    // Each row is found by every measure of its kernel.
-    let rows: BTreeMap<_, usize> =
-        findings.iter().map(|finding| ((&finding.kernel, &finding.parameter, finding.value.to_bits()), finding.rows)).collect();
-    let facts = [
-        ("Adapter", gpu.info.name.clone()),
-        ("Driver", gpu.info.driver_info.clone()),
-        ("Rows", rows.values().sum::<usize>().to_string()),
-        ("Truth", "the references in f64, of arguments rounded to f32".to_owned()),
-    ];
-    let text = report::text(&findings, &facts);
-    write(&args.out, "results.csv", &csv(&findings)?)?;
-    write(&args.out, "report.md", text.as_bytes())?;
-    write(&args.out, "report.html", report::page(&findings, &facts)?.as_bytes())?;
-    let failing: Vec<&Finding> = findings.iter().filter(|finding| !finding.pass).collect();
-    print(&format!("{text}\n  report: {}\n", args.out.join("report.html").display()))?;
-    if let Some(first) = failing.first() {
-        let Finding { kernel, parameter, value, on, .. } = first;
-        ensure!(false, "{} of {} findings fail, the first: {kernel} at {parameter} = {value} on {on}", failing.len(), findings.len());
+    let mut facts = Vec::new();
+    let mut findings = Vec::new();
+    if parts.contains(&Part::Kernels) {
+        let gpus = if args.every_adapter { Gpu::every()? } else { vec![Gpu::new()?] };
+        for gpu in &gpus {
+            facts.push(("Adapter", format!("{}, {}", gpu.info.name, gpu.info.driver_info)));
+        }
+        let progress = |kernel: &str, done: usize, total: usize| {
+            reporter.report(kernel, done as u64, total as u64);
+            check_interrupted()
+        };
+        findings = kernel_lab::measure(&extremes, &gpus.iter().collect::<Vec<_>>(), 1.0, progress)?;
+        // Each row is found by every measure of its kernel and on every side.
+        let rows: BTreeMap<_, usize> =
+            findings.iter().map(|finding| ((&finding.kernel, &finding.parameter, finding.value.to_bits()), finding.rows)).collect();
+        facts.push(("Rows", rows.values().sum::<usize>().to_string()));
+        facts.push(("Truth", "the references in f64, of arguments rounded to f32".to_owned()));
     }
+    let of_part = |part: Part, name: &str, rows: fn() -> Vec<Row>| {
+        if !parts.contains(&part) {
+            return Ok(Vec::new());
+        }
+        reporter.report(name, 0, 1);
+        let rows = rows();
+        check_interrupted().map(|()| rows)
+    };
+    let directions = of_part(Part::Directions, "directions and derivatives", directions::rows)?;
+    let noise = of_part(Part::Noise, "hashes and noise", noise::rows)?;
+    let motion = of_part(Part::Noise, "noise in motion", motion::rows)?;
+    reporter.finish();
+
+    let bends = if parts.contains(&Part::Kernels) { &extremes.bends[..] } else { &[] };
+    let lab = Lab { findings: &findings, bends, directions: &directions, noise: &noise, motion: &motion };
+    let text = report::text(&lab, &facts);
+    // All is made before anything is written.
+    let files = [
+        ("results.csv", csv(findings.iter().map(shortened))?),
+        ("directions.csv", csv(directions.iter().map(Row::shortened))?),
+        ("noise.csv", csv(motion.iter().map(motion::recorded))?),
+        ("report.md", text.clone().into_bytes()),
+        ("report.html", report::page(&lab, &facts)?.into_bytes()),
+    ];
+    for (name, bytes) in files.iter().filter(|(_, bytes)| !bytes.is_empty()) {
+        write(&args.out, name, bytes)?;
+    }
+    print(&format!("{text}\n  report: {}\n", args.out.join("report.html").display()))?;
+
+    let failing: Vec<&Finding> = findings.iter().filter(|finding| !finding.pass).collect();
+    if let Some(first) = failing.first() {
+        let Finding { kernel, parameter, value, on, adapter, .. } = first;
+        let on = if adapter.is_empty() { on } else { adapter };
+        bail!("{} of {} findings fail, the first: {kernel} at {parameter} = {value} on {on}", failing.len(), findings.len());
+    }
+    let wrong: Vec<&Row> = [&directions, &noise, &motion].into_iter().flatten().filter(|row| !row.holds()).collect();
+    ensure!(
+        wrong.is_empty(),
+        "{} numbers are out of their ranges, the first: {}",
+        wrong.len(),
+        wrong.first().map_or_else(String::new, |row| row.to_string())
+    );
     Ok(())
 }
 
 /// Three significant digits, so that a difference between two tables is one of kernels.
-fn csv(findings: &[Finding]) -> Result<Vec<u8>> {
+fn shortened(finding: &Finding) -> Finding {
+    let rounded = |x: f64| format!("{x:.2e}").parse::<f64>().unwrap_or(x);
+    Finding {
+        of_tolerance: rounded(finding.of_tolerance),
+        worst_ulp: rounded(finding.worst_ulp),
+        typical_ulp: rounded(finding.typical_ulp),
+        worst: rounded(finding.worst),
+        typical: rounded(finding.typical),
+        ..finding.clone()
+    }
+}
+
+fn csv(rows: impl Iterator<Item = impl Serialize>) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    for finding in findings {
-        let rounded = |x: f64| format!("{x:.2e}").parse::<f64>().unwrap_or(x);
-        writer.serialize(Finding {
-            of_tolerance: rounded(finding.of_tolerance),
-            worst_ulp: rounded(finding.worst_ulp),
-            typical_ulp: rounded(finding.typical_ulp),
-            worst: rounded(finding.worst),
-            typical: rounded(finding.typical),
-            ..finding.clone()
-        })?;
+    for row in rows {
+        writer.serialize(row)?;
     }
     writer.into_inner().context("the table cannot be made")
 }

@@ -1,4 +1,4 @@
-//! Report of the stability lab: where each kernel is exact, where it bends, and what it costs.
+//! Report of the stability lab: where each kernel is exact, where it bends, and what it costs; what directions and noise can be held to.
 
 use std::fmt::Write as _;
 
@@ -7,10 +7,44 @@ use anyhow::Result;
 use super::html;
 use super::numbers::number;
 use super::plots::{COLOURS, Curve, CurvePoint, Lines, lines};
+use crate::stability::Row;
+use crate::stability::extremes::Bend;
 use crate::stability::kernels::Finding;
 
-/// Who computed, in the order of their colours, and what they are called.
-const SIDES: [(&str, &str); 2] = [("gpu", "GPU"), ("f32", "reference in f32")];
+/// What the lab measured.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lab<'a> {
+    /// Of kernels at their extremes.
+    pub(crate) findings: &'a [Finding],
+    /// Where kernels bend.
+    pub(crate) bends: &'a [Bend],
+    /// Codes and derivatives.
+    pub(crate) directions: &'a [Row],
+    /// Tests of hashes and noise, which share a level.
+    pub(crate) noise: &'a [Row],
+    /// Noise while a camera moves.
+    pub(crate) motion: &'a [Row],
+}
+
+/// Who computed: a device, or the reference in f32.
+type Side<'a> = (&'a str, &'a str);
+
+/// The sides of findings, devices first.
+fn sides<'a>(findings: &[&'a Finding]) -> Vec<Side<'a>> {
+    let mut sides: Vec<Side<'a>> = Vec::new();
+    for finding in findings {
+        let side = (finding.on.as_str(), finding.adapter.as_str());
+        if !sides.contains(&side) {
+            sides.push(side);
+        }
+    }
+    sides.sort_by_key(|(on, _)| *on != "gpu");
+    sides
+}
+
+fn side_name((on, adapter): Side<'_>) -> &str {
+    if on == "gpu" { adapter } else { "reference in f32" }
+}
 
 /// What was varied, by one measure: the findings that make a plot.
 struct Group<'a> {
@@ -31,14 +65,18 @@ fn groups(findings: &[Finding]) -> Vec<Group<'_>> {
     groups
 }
 
-impl Group<'_> {
-    fn of<'b>(&'b self, side: &'b str) -> impl Iterator<Item = &'b Finding> {
-        self.findings.iter().copied().filter(move |finding| finding.on == side)
+impl<'a> Group<'a> {
+    fn of(&self, side: Side<'_>) -> impl Iterator<Item = &'a Finding> {
+        self.findings.iter().copied().filter(move |finding| (finding.on.as_str(), finding.adapter.as_str()) == side)
     }
 
-    /// The finding of the GPU whose error is largest.
-    fn worst(&self) -> &Finding {
-        self.of("gpu").max_by(|a, b| a.worst.total_cmp(&b.worst)).unwrap_or(self.first)
+    fn on_gpu(&self) -> impl Iterator<Item = &'a Finding> {
+        self.findings.iter().copied().filter(|finding| finding.on == "gpu")
+    }
+
+    /// The finding of a device whose error is largest.
+    fn worst(&self) -> &'a Finding {
+        self.on_gpu().max_by(|a, b| a.worst.total_cmp(&b.worst)).unwrap_or(self.first)
     }
 
     fn passes(&self) -> bool {
@@ -48,6 +86,9 @@ impl Group<'_> {
     /// What there is to say: exact, or the largest error and where.
     fn words(&self) -> String {
         let worst = self.worst();
+        if self.on_gpu().all(|finding| finding.compared == 0) {
+            return "finite, as asked".to_owned();
+        }
         if worst.worst == 0.0 {
             return "exact".to_owned();
         }
@@ -56,14 +97,14 @@ impl Group<'_> {
 
     /// Largest share of the derived tolerance, percent.
     fn of_tolerance(&self) -> f64 {
-        100.0 * self.of("gpu").map(|finding| finding.of_tolerance).fold(0.0, f64::max)
+        100.0 * self.on_gpu().map(|finding| finding.of_tolerance).fold(0.0, f64::max)
     }
 
-    fn plot(&self) -> Result<Option<String>> {
-        let curves: Vec<Curve> = SIDES
+    fn plot(&self, sides: &[Side<'_>]) -> Result<Option<String>> {
+        let curves: Vec<Curve> = sides
             .iter()
             .zip(COLOURS)
-            .flat_map(|((side, _), colour)| {
+            .flat_map(|(&side, colour)| {
                 // The typical error is drawn, too, paler.
                 let pale = (colour.0 / 2 + 127, colour.1 / 2 + 127, colour.2 / 2 + 127);
                 [(true, pale), (false, colour)].map(|(is_typical, colour)| {
@@ -99,64 +140,280 @@ impl Group<'_> {
     }
 }
 
-/// Every kernel in a line, as Markdown.
-pub(crate) fn text(findings: &[Finding], facts: &[(&str, String)]) -> String {
-    let groups = groups(findings);
-    let passed = groups.iter().filter(|group| group.passes()).count();
-    let mut text = format!("# Stability of kernels\n\n{passed} of {} hold.\n\n", groups.len());
+/// A table of the report, for both kinds of page.
+struct Table {
+    title: &'static str,
+    /// What is to be said of it; may be empty.
+    note: String,
+    columns: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn markdown(&self) -> String {
+        let mut text = format!("\n## {}\n\n", self.title);
+        if !self.note.is_empty() {
+            let _ = writeln!(text, "{}\n", self.note);
+        }
+        let line = |cells: &[String]| {
+            format!("| {} |\n", cells.iter().map(|cell| cell.replace('|', "\\|").replace('\n', " ")).collect::<Vec<_>>().join(" | "))
+        };
+        text += &line(&self.columns);
+        text += &line(&vec!["---".to_owned(); self.columns.len()]);
+        for row in &self.rows {
+            text += &line(row);
+        }
+        text
+    }
+
+    fn html(&self) -> String {
+        let cells = |row: &[String], tag: &str| row.iter().map(|cell| format!("<{tag}>{}</{tag}>", html::escape(cell))).collect::<String>();
+        let mut text = format!("<h2>{}</h2>\n<p>{}</p>\n", html::escape(self.title), html::escape(&self.note));
+        let _ = writeln!(text, "<div class=\"scroll\"><table><thead><tr>{}</tr></thead>\n<tbody>", cells(&self.columns, "th"));
+        for row in &self.rows {
+            let _ = writeln!(text, "<tr>{}</tr>", cells(row, "td"));
+        }
+        text + "</tbody></table></div>\n"
+    }
+}
+
+fn columns(names: &[&str]) -> Vec<String> {
+    names.iter().map(|name| (*name).to_owned()).collect()
+}
+
+fn holds(good: bool) -> String {
+    if good { "holds" } else { "FAILS" }.to_owned()
+}
+
+fn of_kernels(groups: &[Group<'_>]) -> Table {
+    let row = |group: &Group<'_>| {
+        let Finding { kernel, parameter, measure, .. } = group.first;
+        let ulp = group.on_gpu().map(|finding| finding.worst_ulp).fold(0.0, f64::max);
+        let share = format!("{:.1} %", group.of_tolerance());
+        vec![format!("{kernel}: {measure}"), parameter.clone(), group.words(), number(ulp), share, holds(group.passes())]
+    };
+    Table {
+        title: "Kernels at their extremes",
+        note: "Largest error over all rows and devices, and where; in units in the last place of the row's largest result; as a share of the tolerance that is \
+               derived beside the kernel."
+            .to_owned(),
+        columns: columns(&["kernel: what", "over", "largest error", "ulp", "of the tolerance", ""]),
+        rows: groups.iter().map(row).collect(),
+    }
+}
+
+fn of_bends(bends: &[Bend], breaks: bool) -> Table {
+    let row = |bend: &Bend| vec![bend.kernel.clone(), bend.when.clone(), bend.then.clone(), bend.price.clone()];
+    Table {
+        title: "Where kernels bend, and the price",
+        note: format!(
+            "Elsewhere a kernel is its formula, to the tolerance above. {}",
+            if breaks {
+                "Some break: results that are not finite."
+            } else {
+                "None breaks: no argument, be it NaN, left a result that is not finite."
+            }
+        ),
+        columns: columns(&["kernel", "when", "then", "price"]),
+        rows: bends.iter().map(row).collect(),
+    }
+}
+
+/// What differs between devices, by how much.
+fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
+    let mut rows = Vec::new();
+    let mut alike = 0;
+    for group in groups {
+        let of = |side: Side<'_>, what: fn(&Finding) -> f64| group.of(side).map(what).fold(0.0, f64::max);
+        let worst: Vec<f64> = devices.iter().map(|&side| of(side, |f| f.worst)).collect();
+        let sides: Vec<usize> = devices.iter().map(|&side| group.of(side).map(|f| f.other_side).sum()).collect();
+        if worst.iter().all(|x| *x == worst[0]) && sides.iter().all(|n| *n == sides[0]) {
+            alike += 1;
+            continue;
+        }
+        let mut row =
+            vec![format!("{}: {}", group.first.kernel, group.first.measure), group.first.parameter.clone(), group.first.unit.clone()];
+        row.extend(worst.iter().zip(&sides).map(|(worst, sides)| match sides {
+            0 => number(*worst),
+            sides => format!("{} ({sides} rows on the other side of a threshold)", number(*worst)),
+        }));
+        row.push(holds(group.passes()));
+        rows.push(row);
+    }
+    let mut names = columns(&["kernel: what", "over", "unit"]);
+    names.extend(devices.iter().map(|&side| side_name(side).to_owned()));
+    names.push(String::new());
+    let note = format!("Largest error on each. {alike} of {} are alike on all of them and left out.", groups.len());
+    Table { title: "Across adapters", note, columns: names, rows }
+}
+
+fn of_rows(title: &'static str, note: String, rows: &[Row]) -> Table {
+    let row = |row: &Row| {
+        let range = format!("{} to {}", number(row.low), number(row.high));
+        let what = [row.kind.as_str(), row.view.as_str(), row.motion.as_str()].into_iter().filter(|part| !part.is_empty());
+        vec![what.collect::<Vec<_>>().join(", "), row.statistic.clone(), number(row.value), range, holds(row.holds())]
+    };
+    Table { title, note, columns: columns(&["what", "statistic", "value", "held to", ""]), rows: rows.iter().map(row).collect() }
+}
+
+/// The tests that came nearest to their level, and what fails.
+fn of_noise(rows: &[Row]) -> Table {
+    let tests = rows.iter().filter(|row| row.is_test()).count();
+    let level = rows.iter().find(|row| row.is_test()).map_or(0.0, |row| row.low);
+    let mut shown: Vec<Row> = rows.iter().filter(|row| row.is_test() || !row.holds()).cloned().collect();
+    shown.sort_by(|a, b| a.holds().cmp(&b.holds()).then(a.value.total_cmp(&b.value)));
+    let failing = shown.iter().filter(|row| !row.holds()).count();
+    shown.truncate(failing.max(8));
+    let note = format!(
+        "{tests} tests of one family at 0.1 %, so each at {}, and {} other numbers in their ranges: {failing} fail. Shown are those, or the 8 smallest p.",
+        number(level),
+        rows.len() - tests
+    );
+    of_rows("Hashes and noise", note, &shown)
+}
+
+/// Flips and clumping on level ground: a line a kind of noise.
+fn of_motion(rows: &[Row]) -> Table {
+    let mut kinds: Vec<&str> = Vec::new();
+    let mut motions: Vec<&str> = Vec::new();
+    let flat: Vec<&Row> = rows.iter().filter(|row| row.view == "flat").collect();
+    for row in &flat {
+        for (list, name) in [(&mut kinds, row.kind.as_str()), (&mut motions, row.motion.as_str())] {
+            if !list.contains(&name) {
+                list.push(name);
+            }
+        }
+    }
+    let value = |kind: &str, motion: &str, statistic: &str| {
+        flat.iter()
+            .find(|row| row.kind == kind && row.motion == motion && row.statistic == statistic)
+            .map_or_else(String::new, |row| number(row.value))
+    };
+    let mut names = vec!["noise".to_owned()];
+    names.extend(motions.iter().map(|motion| format!("flips, {motion}")));
+    names.push("clumping".to_owned());
+    let row = |&kind: &&str| {
+        let mut cells = vec![kind.to_owned()];
+        cells.extend(motions.iter().map(|motion| value(kind, motion, "flip_rate")));
+        cells.push(motions.first().map_or_else(String::new, |motion| value(kind, motion, "clumping")));
+        cells
+    };
+    Table {
+        title: "Noise while a camera moves",
+        note: format!(
+            "Share of choices among four equal texels that flip from frame to frame, on level ground; all {} numbers are in noise.csv.",
+            rows.len()
+        ),
+        columns: names,
+        rows: kinds.iter().map(row).collect(),
+    }
+}
+
+impl Lab<'_> {
+    /// The parts that were measured, how many numbers each holds, and how many of those are as they should be.
+    fn summary(&self) -> Vec<(&'static str, usize, usize)> {
+        let groups = groups(self.findings);
+        let of = |rows: &[Row]| (rows.len(), rows.iter().filter(|row| row.holds()).count());
+        let (directions, noise, motion) = (of(self.directions), of(self.noise), of(self.motion));
+        [
+            ("measures of kernels", groups.len(), groups.iter().filter(|group| group.passes()).count()),
+            ("numbers of directions and derivatives", directions.0, directions.1),
+            ("numbers of hashes and noise", noise.0, noise.1),
+            ("numbers of noise in motion", motion.0, motion.1),
+        ]
+        .into_iter()
+        .filter(|(_, count, _)| *count > 0)
+        .collect()
+    }
+
+    fn tables(&self) -> Vec<Table> {
+        let groups = groups(self.findings);
+        let all: Vec<&Finding> = self.findings.iter().collect();
+        let devices: Vec<Side<'_>> = sides(&all).into_iter().filter(|(on, _)| *on == "gpu").collect();
+        let mut tables = Vec::new();
+        if !groups.is_empty() {
+            tables.push(of_kernels(&groups));
+        }
+        if !self.bends.is_empty() {
+            tables.push(of_bends(self.bends, self.findings.iter().any(|finding| finding.not_finite > 0)));
+        }
+        if devices.len() > 1 {
+            tables.push(across(&groups, &devices));
+        }
+        if !self.directions.is_empty() {
+            let note =
+                "Octahedral codes against the published survey, and the error of derivatives from stored planes over random cameras."
+                    .to_owned();
+            tables.push(of_rows("Directions and derivatives", note, self.directions));
+        }
+        if !self.noise.is_empty() {
+            tables.push(of_noise(self.noise));
+        }
+        if !self.motion.is_empty() {
+            tables.push(of_motion(self.motion));
+        }
+        tables
+    }
+}
+
+/// The report as Markdown.
+pub(crate) fn text(lab: &Lab<'_>, facts: &[(&str, String)]) -> String {
+    let mut text = "# Stability lab\n\n".to_owned();
+    for (what, count, passed) in lab.summary() {
+        let _ = writeln!(text, "- {passed} of {count} {what} hold");
+    }
     for (name, value) in facts {
         let _ = writeln!(text, "- {name}: {value}");
     }
-    text.push_str(
-        "\n| kernel | over | largest error of the GPU | ulp | of the derived tolerance | |\n| --- | --- | --- | --- | --- | --- |\n",
-    );
-    for group in &groups {
-        let Finding { kernel, parameter, measure, .. } = group.first;
-        let ulp = group.of("gpu").map(|finding| finding.worst_ulp).fold(0.0, f64::max);
-        let holds = if group.passes() { "holds" } else { "**fails**" };
-        let (words, share) = (group.words(), group.of_tolerance());
-        let _ = writeln!(text, "| {kernel}: {measure} | {parameter} | {words} | {} | {share:.1} % | {holds} |", number(ulp));
-    }
-    text
+    lab.tables().iter().fold(text, |text, table| text + &table.markdown())
 }
 
-/// The same with a plot for each that is not exact, as a page.
+/// The same as a page, with a plot for each measure that is not exact.
 ///
 /// # Errors
 /// When a plot cannot be drawn.
-pub(crate) fn page(findings: &[Finding], facts: &[(&str, String)]) -> Result<String> {
-    let groups = groups(findings);
-    let failing = groups.iter().filter(|group| !group.passes()).count();
-    let answer = "How far the GPU is from the references in f64, at the extremes of every kernel";
-    let check = (failing == 0, format!("{} of {} hold", groups.len() - failing, groups.len()));
-    let mut body = html::header("stability lab", answer) + &html::verdict("", &[check]) + &html::facts(facts);
-    body += "<p>";
-    for ((_, name), colour) in SIDES.iter().zip(COLOURS) {
-        body += &html::key(colour, &format!("{name}: worst, and paler typical"));
+pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
+    let answer = "How far the arithmetic can be trusted: kernels against their references in f64, codes, derivatives and noise against what is derived";
+    let checks: Vec<(bool, String)> =
+        lab.summary().into_iter().map(|(what, count, passed)| (passed == count, format!("{passed} of {count} {what} hold"))).collect();
+    let mut body = html::header("stability lab", answer) + &html::verdict("", &checks) + &html::facts(facts);
+    for table in lab.tables() {
+        body += &table.html();
     }
-    body += "</p>\n<div class=\"pair\">";
-    for group in groups.iter().filter(|group| group.worst().worst > 0.0) {
-        let caption =
-            html::escape(&format!("{}, {} over {}: {}", group.first.kernel, group.first.measure, group.first.parameter, group.words()));
-        body += &html::figure(group.plot()?, &caption);
+    let groups = groups(lab.findings);
+    let all: Vec<&Finding> = lab.findings.iter().collect();
+    let sides = sides(&all);
+    if !sides.is_empty() {
+        body += "<h2>Errors over their parameters</h2>\n<p>";
+        for (&side, colour) in sides.iter().zip(COLOURS) {
+            body += &html::key(colour, &format!("{}: worst, and paler typical", side_name(side)));
+        }
+        body += "</p>\n<div class=\"pair\">";
+        for group in groups.iter().filter(|group| group.worst().worst > 0.0) {
+            let caption =
+                html::escape(&format!("{}, {} over {}: {}", group.first.kernel, group.first.measure, group.first.parameter, group.words()));
+            body += &html::figure(group.plot(&sides)?, &caption);
+        }
+        body += "</div>\n";
     }
-    Ok(html::page("Stability of kernels", &(body + "</div>\n")))
+    Ok(html::page("Stability lab", &body))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn finding(value: f64, worst: f64, on: &str, pass: bool) -> Finding {
+    fn finding(value: f64, worst: f64, [on, adapter]: [&str; 2], pass: bool) -> Finding {
         Finding {
             kernel: "derivatives".to_owned(),
             parameter: "incidence_deg".to_owned(),
             value,
             on: on.to_owned(),
-            adapter: "some".to_owned(),
+            adapter: adapter.to_owned(),
             rows: 8,
             not_finite: 0,
             differ: usize::from(!pass),
+            compared: 8,
             other_side: 0,
             of_tolerance: 0.25,
             worst_ulp: 3.0,
@@ -169,17 +426,54 @@ mod tests {
         }
     }
 
+    const ONE: [&str; 2] = ["gpu", "one"];
+    const OTHER: [&str; 2] = ["gpu", "other"];
+    const SINGLE: [&str; 2] = ["f32", ""];
+
     #[test]
     fn the_worst_is_named_with_its_place_and_failures_are_seen() {
-        let findings = [finding(10.0, 0.01, "gpu", true), finding(89.0, 0.5, "gpu", true), finding(89.0, 0.7, "f32", true)];
-        let facts = [("Adapter", "some".to_owned())];
-        let text = text(&findings, &facts);
-        assert!(text.contains("1 of 1 hold") && text.contains("0.5 levels at 89") && text.contains("25.0 %"), "{text}");
-        let page = page(&findings, &facts).expect("a page");
+        let findings = [finding(10.0, 0.01, ONE, true), finding(89.0, 0.5, ONE, true), finding(89.0, 0.7, SINGLE, true)];
+        let facts = [("Rows", "24".to_owned())];
+        let lab = Lab { findings: &findings, ..Lab::default() };
+        let text = text(&lab, &facts);
+        assert!(text.contains("1 of 1 measures of kernels hold") && text.contains("0.5 levels at 89") && text.contains("25.0 %"), "{text}");
+        assert!(!text.contains("Across adapters"), "there is one: {text}");
+        let page = page(&lab, &facts).expect("a page");
         assert!(page.contains("<svg") && page.contains("0.5 levels at 89") && page.contains("class=\"good\""));
-        let failing = [finding(10.0, 0.0, "gpu", false)];
-        let text = super::text(&failing, &facts);
-        assert!(text.contains("0 of 1 hold") && text.contains("exact") && text.contains("**fails**"), "{text}");
-        assert!(super::page(&failing, &facts).expect("a page").contains("class=\"bad\""));
+        let failing = [finding(10.0, 0.0, ONE, false)];
+        let lab = Lab { findings: &failing, ..Lab::default() };
+        let text = super::text(&lab, &facts);
+        assert!(text.contains("0 of 1 measures of kernels hold") && text.contains("exact") && text.contains("FAILS"), "{text}");
+        assert!(super::page(&lab, &facts).expect("a page").contains("class=\"bad\""));
+    }
+
+    #[test]
+    fn what_differs_between_adapters_is_told_and_what_does_not_is_left_out() {
+        let differing = [finding(10.0, 0.01, ONE, true), finding(10.0, 0.03, OTHER, true), finding(10.0, 0.5, SINGLE, true)];
+        let text = text(&Lab { findings: &differing, ..Lab::default() }, &[]);
+        assert!(text.contains("| derivatives: mip | incidence_deg | levels | 0.01 | 0.03 | holds |"), "{text}");
+        let alike = [finding(10.0, 0.01, ONE, true), finding(10.0, 0.01, OTHER, true)];
+        let text = super::text(&Lab { findings: &alike, ..Lab::default() }, &[]);
+        assert!(text.contains("1 of 1 are alike") && !text.contains("| levels |"), "{text}");
+    }
+
+    #[test]
+    fn rows_are_held_to_their_ranges_and_the_smallest_p_comes_first() {
+        let row = |statistic: &str, value: f64, motion: &str| Row {
+            kind: "hashed".to_owned(),
+            view: "flat".to_owned(),
+            motion: motion.to_owned(),
+            statistic: statistic.to_owned(),
+            value,
+            low: 0.01,
+            high: 1.0,
+        };
+        let noise: Vec<Row> = (1..=20).map(|i| row("KS p", 0.05 * f64::from(i), "")).collect();
+        let motion = [row("flip_rate", 0.25, "sideways"), row("clumping", 0.9, "sideways")];
+        let directions = [row("mean", 2.0, "")];
+        let text = text(&Lab { noise: &noise, motion: &motion, directions: &directions, ..Lab::default() }, &[]);
+        assert!(text.contains("0 of 1 numbers of directions") && text.contains("20 of 20 numbers of hashes"), "{text}");
+        assert!(text.contains("| hashed, flat | KS p | 0.05 | 0.01 to 1 | holds |") && !text.contains("| 0.45 |"), "{text}");
+        assert!(text.contains("| hashed | 0.25 | 0.9 |") && text.contains("| hashed, flat | mean | 2 | 0.01 to 1 | FAILS |"), "{text}");
     }
 }

@@ -12,6 +12,8 @@ pub const DEFAULT_TEXT: &str = include_str!("extremes.toml");
 const ROWS: u32 = 1024;
 /// Most rows for a value.
 const MOST_ROWS: u32 = 1 << 20;
+/// Most rows for all values of a case: some gigabytes of the largest kernel's.
+const MOST_OF_CASE: u64 = 1 << 24;
 
 /// The whole table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +25,23 @@ pub struct Extremes {
     /// What is asked.
     #[serde(rename = "case")]
     pub cases: Vec<Case>,
+    /// Where kernels bend, and what that costs.
+    #[serde(default, rename = "bend")]
+    pub bends: Vec<Bend>,
+}
+
+/// Where a kernel stops to be what its formula says: a clamp or a fallback.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bend {
+    /// Name of a probe.
+    pub kernel: String,
+    /// From where on.
+    pub when: String,
+    /// What it does there.
+    pub then: String,
+    /// What that costs, in the unit that a person cares about.
+    pub price: String,
 }
 
 /// A list of values with a name.
@@ -73,16 +92,20 @@ pub struct Case {
     pub why: String,
 }
 
+fn probe(kernel: &str) -> Result<&'static Probe> {
+    PROBES.iter().find(|probe| probe.name == kernel).ok_or_else(|| {
+        let names: Vec<&str> = PROBES.iter().map(|probe| probe.name).collect();
+        anyhow!("no kernel is called `{kernel}`: {}", suggestion(kernel, &names))
+    })
+}
+
 impl Case {
     /// The probe.
     ///
     /// # Errors
     /// There is none of the name.
     pub fn probe(&self) -> Result<&'static Probe> {
-        PROBES.iter().find(|probe| probe.name == self.kernel).ok_or_else(|| {
-            let names: Vec<&str> = PROBES.iter().map(|probe| probe.name).collect();
-            anyhow!("no kernel is called `{}`: {}", self.kernel, suggestion(&self.kernel, &names))
-        })
+        probe(&self.kernel)
     }
 
     /// Rows for a value.
@@ -97,7 +120,7 @@ impl Axis {
         let mut values = self.also.clone();
         if let Some([low, high]) = self.log {
             let per_decade = f64::from(self.per_decade.unwrap_or(1));
-            let steps = ((high / low).log10() * per_decade).round() as i32;
+            let steps = ((high.log10() - low.log10()) * per_decade).round() as i32;
             values.extend((0..=steps).map(|i| low * 10.0_f64.powf(f64::from(i) / per_decade)));
         }
         if let Some([low, high]) = self.powers_of_two {
@@ -120,8 +143,12 @@ impl Extremes {
     pub fn parse(text: &str, name: &str) -> Result<Extremes> {
         let read: Extremes = document::read(text, |_| "").map_err(|wrong| anyhow!("{}: {}", wrong.place(name), wrong.what))?;
         for axis in &read.axes {
-            let is_range = |[low, high]: [f64; 2]| low > 0.0 && high > low && high.is_finite();
-            ensure!(axis.log.is_none_or(is_range), "{name}: axis `{}`: `log` takes two numbers above 0, the smaller first", axis.name);
+            let is_range = |[low, high]: [f64; 2]| low >= 1e-45 && high > low && high <= f64::from(f32::MAX);
+            ensure!(
+                axis.log.is_none_or(is_range),
+                "{name}: axis `{}`: `log` takes two numbers above 0 that f32 holds, the smaller first",
+                axis.name
+            );
             ensure!(axis.per_decade.is_none_or(|n| (1..=100).contains(&n)), "{name}: axis `{}`: `per_decade` is 1 to 100", axis.name);
             let is_exponents = |[low, high]: [i32; 2]| (-126..=127).contains(&low) && (low..=127).contains(&high);
             let exponents = axis.powers_of_two.is_none_or(is_exponents);
@@ -141,11 +168,21 @@ impl Extremes {
             ensure!((1..=MOST_ROWS).contains(&case.rows()), "{place}: `rows` is 1 to {MOST_ROWS}");
             let values = read.values(case).map_err(|error| anyhow!("{place}: {error}"))?;
             ensure!(!values.is_empty(), "{place}: give `values`, or the name of an `axis`");
+            let rows = values.len() as u64 * u64::from(case.rows());
+            ensure!(
+                rows <= MOST_OF_CASE,
+                "{place}: {} values of {} rows are more than {MOST_OF_CASE}: give fewer",
+                values.len(),
+                case.rows()
+            );
             if let Some(column) = probe.inputs.iter().find(|column| column.name == case.parameter) {
                 for value in values {
                     column.accepts(value).map_err(|what| anyhow!("{place}: {what}"))?;
                 }
             }
+        }
+        for (bend, number) in read.bends.iter().zip(1..) {
+            probe(&bend.kernel).map_err(|error| anyhow!("{name}: bend {number}: {error}"))?;
         }
         Ok(read)
     }
@@ -198,7 +235,10 @@ mod tests {
             ("[[case]]\nkernel = \"weld\"\nparameter = \"x\"\nvalues = [129]".to_owned(), "whole numbers from 0 to 128"),
             (case("values = [1]") + "\n[[axis]]\nname = \"a\"\nlog = [0, 1]", "above 0"),
             (case("values = [1]") + "\n[[axis]]\nname = \"a\"\npowers_of_two = [3, 2]", "two exponents"),
+            (case("axis = \"a\"") + "\n[[axis]]\nname = \"a\"\nlog = [1e-300, 1e300]", "that f32 holds"),
+            (case("axis = \"a\"\nrows = 1048576") + "\n[[axis]]\nname = \"a\"\nlog = [1e-30, 1e30]", "give fewer"),
             ("case = 3".to_owned(), "case"),
+            (case("values = [1]") + "\n[[bend]]\nkernel = \"weldd\"\nwhen = \"\"\nthen = \"\"\nprice = \"\"", "did you mean `weld`"),
         ] {
             let error = Extremes::parse(&text, "x.toml").expect_err(&text).to_string();
             assert!(error.contains(says) && error.starts_with("x.toml") && !error.contains('\n'), "{text}: {error}");

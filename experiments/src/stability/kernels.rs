@@ -3,6 +3,7 @@
 use anyhow::Result;
 use kernels::gpu::Gpu;
 use kernels::probe::{Draw, EPS, Probe, Verdict};
+use kernels::shared::hash::pcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +20,7 @@ pub struct Finding {
     pub value: f64,
     /// Who computed: `gpu`, or `f32` for the reference in single precision.
     pub on: String,
-    /// Name of the device; of the reference none.
+    /// Name of the device; of the reference none. The first of several is the one that the renderer would take.
     pub adapter: String,
     /// Rows.
     pub rows: usize,
@@ -27,6 +28,8 @@ pub struct Finding {
     pub not_finite: usize,
     /// Rows that differ from the truth by more than the derived tolerance.
     pub differ: usize,
+    /// Rows whose errors are measured: not those of which only a finite result is asked, nor those on the other side of a threshold.
+    pub compared: usize,
     /// Rows on the other side of a threshold that lies within the tolerance.
     pub other_side: usize,
     /// Largest share of the derived tolerance that is used.
@@ -55,11 +58,16 @@ struct Compared {
     errors: Vec<f64>,
 }
 
-/// Measures every kernel at every extreme; with `share`, by that part of each case's rows. `progress` gets a line a kernel.
+/// Measures every kernel at every extreme on every device; with `share`, by that part of each case's rows. `progress` gets a line a kernel.
 ///
 /// # Errors
-/// The device fails, or is told to by `progress`.
-pub fn measure(extremes: &Extremes, gpu: &Gpu, share: f64, progress: impl Fn(&str, usize, usize) -> Result<()>) -> Result<Vec<Finding>> {
+/// A device fails, or is told to by `progress`.
+pub fn measure(
+    extremes: &Extremes,
+    gpus: &[&Gpu],
+    share: f64,
+    progress: impl Fn(&str, usize, usize) -> Result<()>,
+) -> Result<Vec<Finding>> {
     let mut kernels: Vec<&'static Probe> = Vec::new();
     for case in &extremes.cases {
         let probe = case.probe()?;
@@ -70,9 +78,19 @@ pub fn measure(extremes: &Extremes, gpu: &Gpu, share: f64, progress: impl Fn(&st
     let mut findings = Vec::new();
     for (done, probe) in kernels.iter().enumerate() {
         progress(probe.name, done, kernels.len())?;
-        findings.extend(of_kernel(extremes, gpu, share, probe)?);
+        findings.extend(of_kernel(extremes, gpus, share, probe)?);
     }
     Ok(findings)
+}
+
+/// Names of devices, with a number where two are called alike.
+fn names(gpus: &[&Gpu]) -> Vec<String> {
+    let before = |i: usize| gpus[..i].iter().filter(|gpu| gpu.info.name == gpus[i].info.name).count();
+    let name = |i: usize| match before(i) {
+        0 => gpus[i].info.name.clone(),
+        n => format!("{} #{}", gpus[i].info.name, n + 1),
+    };
+    (0..gpus.len()).map(name).collect()
 }
 
 /// Rows of a case at a value: where they begin, and how many they are.
@@ -82,9 +100,11 @@ struct Block<'a> {
     rows: std::ops::Range<usize>,
 }
 
-fn of_kernel(extremes: &Extremes, gpu: &Gpu, share: f64, probe: &'static Probe) -> Result<Vec<Finding>> {
+fn of_kernel(extremes: &Extremes, gpus: &[&Gpu], share: f64, probe: &'static Probe) -> Result<Vec<Finding>> {
     let (mut blocks, mut inputs) = (Vec::new(), Vec::new());
-    for (case, table) in extremes.cases.iter().zip(0..).filter(|(case, _)| case.kernel == probe.name) {
+    for case in extremes.cases.iter().filter(|case| case.kernel == probe.name) {
+        // Of its own, so that another case beside it changes no row of this one.
+        let table = case.parameter.bytes().fold(0, |hash, byte| pcg(hash ^ u32::from(byte)));
         let count = ((f64::from(case.rows()) * share).ceil() as u32).max(1);
         for value in extremes.values(case)? {
             let begin = inputs.len() / probe.inputs.len();
@@ -95,22 +115,24 @@ fn of_kernel(extremes: &Extremes, gpu: &Gpu, share: f64, probe: &'static Probe) 
         }
     }
     // One dispatch, so that a kernel is compiled once.
-    let results = [("gpu", probe.on_gpu(gpu, &inputs)?), ("f32", probe.on_f32(&inputs))];
-    let wide: Vec<f64> = inputs.iter().copied().map(f64::from).collect();
-    let truth = probe.on_f64(&wide);
+    let mut results = Vec::new();
+    for (gpu, name) in gpus.iter().zip(names(gpus)) {
+        results.push(("gpu", name, probe.on_gpu(gpu, &inputs)?));
+    }
+    results.push(("f32", String::new(), probe.on_f32(&inputs)));
+    let truth = probe.on_f64(&inputs);
     let found = |block: &Block<'_>| {
-        results.iter().flat_map(|(on, got)| findings(probe, block, [on, &gpu.info.name], &wide, got, &truth)).collect::<Vec<_>>()
+        results.iter().flat_map(|(on, adapter, got)| findings(probe, block, [on, adapter], &inputs, got, &truth)).collect::<Vec<_>>()
     };
     Ok(blocks.par_iter().flat_map_iter(found).collect())
 }
 
-fn findings(probe: &Probe, block: &Block<'_>, [on, adapter]: [&str; 2], inputs: &[f64], got: &[f32], truth: &[f64]) -> Vec<Finding> {
+fn findings(probe: &Probe, block: &Block<'_>, [on, adapter]: [&str; 2], inputs: &[f64], got: &[f64], truth: &[f64]) -> Vec<Finding> {
     let (columns, outputs) = (probe.inputs.len(), probe.outputs.len());
     let compare = |row: usize| {
         let input = &inputs[row * columns..(row + 1) * columns];
         let want = &truth[row * outputs..(row + 1) * outputs];
-        let got: Vec<f64> = got[row * outputs..(row + 1) * outputs].iter().copied().map(f64::from).collect();
-        compared(probe, block.case, input, &got, want)
+        compared(probe, block.case, input, &got[row * outputs..(row + 1) * outputs], want)
     };
     let rows: Vec<Compared> = block.rows.clone().map(compare).collect();
     let count = |holds: fn(&Compared) -> bool| rows.iter().filter(|row| holds(row)).count();
@@ -127,10 +149,11 @@ fn findings(probe: &Probe, block: &Block<'_>, [on, adapter]: [&str; 2], inputs: 
             parameter: block.case.parameter.clone(),
             value: block.value,
             on: on.to_owned(),
-            adapter: if on == "gpu" { adapter.to_owned() } else { String::new() },
+            adapter: adapter.to_owned(),
             rows: rows.len(),
             not_finite,
             differ,
+            compared: count(|row| !row.errors.is_empty()),
             other_side: count(|row| row.verdict == Verdict::OtherSide),
             of_tolerance,
             worst_ulp,

@@ -97,6 +97,42 @@ pub fn adapters() -> Vec<AdapterReport> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(report).collect()
 }
 
+/// The usable adapters, at least one, hardware before software.
+fn ranked() -> Result<Vec<wgpu::Adapter>> {
+    let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
+    if found.is_empty() {
+        return Err(Error::Adapter(
+            "no Vulkan, Metal or DirectX 12 driver was found; on Debian or Ubuntu `apt-get install mesa-vulkan-drivers` gives a software one"
+                .to_owned(),
+        ));
+    }
+    if let Ok(wanted) = std::env::var("WGPU_ADAPTER_NAME") {
+        found.retain(|a| a.get_info().name.to_lowercase().contains(&wanted.to_lowercase()));
+        if found.is_empty() {
+            return Err(Error::Adapter(format!(
+                "none is named like WGPU_ADAPTER_NAME=`{wanted}`; `experiments adapters` lists what there is"
+            )));
+        }
+    }
+    let rank = |a: &wgpu::Adapter| match a.get_info().device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    };
+    found.sort_by_key(rank);
+    if found.iter().all(|a| missing(a.features()).is_some()) {
+        let each: Vec<_> = found.iter().map(|a| format!("`{}` {}", a.get_info().name, missing(a.features()).unwrap_or_default())).collect();
+        return Err(Error::Adapter(format!(
+            "{}; use another adapter or driver (`experiments adapters` lists what there is)",
+            each.join("; ")
+        )));
+    }
+    found.retain(|a| missing(a.features()).is_none());
+    Ok(found)
+}
+
 /// How a device is chosen.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GpuOptions {
@@ -118,37 +154,18 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::new`].
     pub fn with(options: GpuOptions) -> Result<Gpu> {
-        let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
-        if found.is_empty() {
-            return Err(Error::Adapter(
-                "no Vulkan, Metal or DirectX 12 driver was found; on Debian or Ubuntu `apt-get install mesa-vulkan-drivers` gives a software one"
-                    .to_owned(),
-            ));
-        }
-        if let Ok(wanted) = std::env::var("WGPU_ADAPTER_NAME") {
-            found.retain(|a| a.get_info().name.to_lowercase().contains(&wanted.to_lowercase()));
-            if found.is_empty() {
-                return Err(Error::Adapter(format!(
-                    "none is named like WGPU_ADAPTER_NAME=`{wanted}`; `experiments adapters` lists what there is"
-                )));
-            }
-        }
-        let rank = |a: &wgpu::Adapter| match a.get_info().device_type {
-            wgpu::DeviceType::DiscreteGpu => 0,
-            wgpu::DeviceType::IntegratedGpu => 1,
-            wgpu::DeviceType::VirtualGpu => 2,
-            wgpu::DeviceType::Other => 3,
-            wgpu::DeviceType::Cpu => 4,
-        };
-        found.sort_by_key(rank);
-        let Some(adapter) = found.iter().find(|a| missing(a.features()).is_none()) else {
-            let each: Vec<_> =
-                found.iter().map(|a| format!("`{}` {}", a.get_info().name, missing(a.features()).unwrap_or_default())).collect();
-            return Err(Error::Adapter(format!(
-                "{}; use another adapter or driver (`experiments adapters` lists what there is)",
-                each.join("; ")
-            )));
-        };
+        Gpu::open(&ranked()?[0], options)
+    }
+
+    /// A device of every usable adapter, hardware before software. `WGPU_ADAPTER_NAME` narrows the choice.
+    ///
+    /// # Errors
+    /// As [`Gpu::new`].
+    pub fn every() -> Result<Vec<Gpu>> {
+        ranked()?.iter().map(|adapter| Gpu::open(adapter, GpuOptions::default())).collect()
+    }
+
+    fn open(adapter: &wgpu::Adapter, options: GpuOptions) -> Result<Gpu> {
         let mut features = REQUIRED.iter().fold(wgpu::Features::empty(), |all, (f, ..)| all | *f);
         if !options.plain {
             features |= OPTIONAL.iter().fold(wgpu::Features::empty(), |all, (f, _)| all | (*f & adapter.features()));

@@ -26,6 +26,7 @@ pub(super) const OCTAHEDRAL: Probe = Probe {
         real("decoded_y", "unit vector"),
         real("decoded_z", "unit vector"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 7> {
 let n = vec3<f32>(row[0], row[1], row[2]);
@@ -61,6 +62,65 @@ return array<f32, 7>(e.x, e.y, code.x, code.y, decoded.x, decoded.y, decoded.z);
     ],
 };
 
+pub(super) const OCTAHEDRAL_CODES: Probe = Probe {
+    name: "octahedral-codes",
+    about: "A direction as octahedral codes of any count of bits, by the nearest code of each coordinate and by the nearest direction, both decoded again",
+    inputs: &[
+        real("n_x", "direction, any length"),
+        real("n_y", "direction"),
+        real("n_z", "direction"),
+        whole("bits", "of each coordinate", 2, 16),
+    ],
+    outputs: &[
+        whole("fast_u", "code, the nearest to the coordinate", -32_767, 32_767),
+        whole("fast_v", "code", -32_767, 32_767),
+        whole("exact_u", "code, of the nearest direction", -32_767, 32_767),
+        whole("exact_v", "code", -32_767, 32_767),
+        real("fast_x", "unit vector"),
+        real("fast_y", "unit vector"),
+        real("fast_z", "unit vector"),
+        real("exact_x", "unit vector"),
+        real("exact_y", "unit vector"),
+        real("exact_z", "unit vector"),
+    ],
+    blocks: None,
+    // The step times half is 1 exactly, of every count.
+    wgsl: "\
+fn probe(row: array<f32, 4>) -> array<f32, 10> {
+let n = vec3<f32>(row[0], row[1], row[2]);
+let half = f32((1u << (u32(row[3]) - 1u)) - 1u);
+let step = 1.0 / half;
+let fast = octahedral_quantise(octahedral_encode(n), half);
+let exact = octahedral_encode_precise(n, half, step);
+let f = octahedral_decode(fast * step);
+let e = octahedral_decode(exact * step);
+return array<f32, 10>(fast.x, fast.y, exact.x, exact.y, f.x, f.y, f.z, e.x, e.y, e.z);
+}",
+    single: octahedral_codes_row,
+    double: octahedral_codes_row,
+    random: |d| [&d.vector(-20.0, 20.0)[..], &[[8.0, 10.0, 12.0, 16.0][d.word() as usize % 4]]].concat(),
+    judge: octahedral_codes_judge,
+    measures: &[
+        Measure { name: "fast code", unit: "deg farther", error: |row, got, want| farther(row, got, want, 4) },
+        Measure { name: "exact code", unit: "deg farther", error: |row, got, want| farther(row, got, want, 7) },
+    ],
+    parameters: &[
+        Parameter { name: "length", unit: "1", set: |row, value, _| set_length(row, 0, value) },
+        Parameter { name: "from_axis_deg", unit: "deg off an axis", set: |row, value, d| set_direction(row, 0, from_axis(value, d)) },
+        Parameter {
+            name: "from_seam_deg",
+            unit: "deg off the fold x = 0 below the equator",
+            set: |row, value, d| set_direction(row, 0, from_seam(value, d)),
+        },
+    ],
+};
+
+/// How much farther from the direction one result is than another, degrees.
+fn farther(row: &[f64], got: &[f64], want: &[f64], at: usize) -> f64 {
+    let n = octahedral::unit(three(row, 0));
+    (angle_deg(three(got, at), n) - angle_deg(three(want, at), n)).abs()
+}
+
 pub(super) const NORMAL_PAIR: Probe = Probe {
     name: "normal-pair",
     about: "The plane of a triangle and a shading normal in 32 bits, and both decoded again",
@@ -85,6 +145,7 @@ pub(super) const NORMAL_PAIR: Probe = Probe {
         real("decoded_shading_y", "unit vector"),
         real("decoded_shading_z", "unit vector"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 9>) -> array<f32, 8> {
 let code = vec2<i32>(round(octahedral_encode8_precise(vec3<f32>(row[6], row[7], row[8])) * 255.0));
@@ -163,6 +224,7 @@ pub(super) const DERIVATIVES: Probe = Probe {
         real("normal_z", "normal"),
     ],
     outputs: &[real("d_x", "unit of ray * t"), real("d_y", "unit of ray * t"), real("d_z", "unit of ray * t")],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 10>) -> array<f32, 3> {
 let d = derivatives_on_plane(
@@ -228,6 +290,7 @@ pub(super) const TRI_PLANAR: Probe = Probe {
         real("bent_y", "unit vector"),
         real("bent_z", "unit vector"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 10>) -> array<f32, 6> {
 let n = vec3<f32>(row[0], row[1], row[2]);
@@ -278,6 +341,7 @@ pub(super) const BIPLANAR: Probe = Probe {
         real("sharpness", "k of tri-planar weights"),
     ],
     outputs: &[whole("axis_0", "0 = x, 1 = y, 2 = z", 0, 2), whole("axis_1", "axis", 0, 2), real("w_0", "0..1"), real("w_1", "0..1")],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 4>) -> array<f32, 4> {
 let b = biplanar_projections(vec3<f32>(row[0], row[1], row[2]), row[3]);
@@ -333,6 +397,7 @@ pub(super) const SNAPPED_PROJECTION: Probe = Probe {
         real("gradient_y", "in the volume"),
         real("gradient_z", "in the volume"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 13>) -> array<f32, 9> {
 let plane = snapped_plane(vec3<f32>(row[0], row[1], row[2]), row[3]);
@@ -396,6 +461,46 @@ fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         Verdict::Differs
     };
     both(both(encoded, chosen), close(&got[4..], &decoded(code), UNIT_TOLERANCE))
+}
+
+fn octahedral_codes_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let (n, bits) = (take(row, 0), row[3].to_f64() as u32);
+    let codes = [octahedral::quantise(octahedral::encode(n), bits), octahedral::encode_precise(n, bits)];
+    out.extend(codes.into_iter().flatten().map(|code| T::of(f64::from(code) - f64::from(octahedral::half(bits)))));
+    for code in codes {
+        out.extend(octahedral::decode(octahedral::dequantise::<T>(code, bits)));
+    }
+}
+
+fn octahedral_codes_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let bits = row[3] as u32;
+    let half = f64::from(octahedral::half(bits));
+    let n = octahedral::unit(three(row, 0));
+    let e = octahedral::encode::<f64>(n);
+    let verdict = |at: usize, decoded_at: usize, near: &dyn Fn([f64; 2]) -> bool| {
+        let code = [got[at], got[at + 1]];
+        if !code.iter().all(|x| x.fract() == 0.0 && x.abs() <= half) {
+            return Verdict::Differs;
+        }
+        let decoded = octahedral::decode(code.map(|x| x / half));
+        let chosen = if code == [want[at], want[at + 1]] {
+            Verdict::Agrees(0.0)
+        } else if near(code) {
+            Verdict::OtherSide
+        } else {
+            Verdict::Differs
+        };
+        // The step's own rounding and its product's, through the derivative of a direction, which is at most 2.
+        both(chosen, close(&got[decoded_at..decoded_at + 3], &decoded, UNIT_TOLERANCE + 8.0 * EPS))
+    };
+    // Next to the middle between two codes either will do; and below the equator next to a fold, where a code jumps to the same direction.
+    let same_point = |code: [f64; 2]| (0..2).all(|i| (code[i] - e[i] * half).abs() <= 0.5 + UNIT_TOLERANCE * half);
+    let error = |code: [f64; 2]| length(sub(octahedral::decode::<f64>(code.map(|x| x / half)), n));
+    // Across a fold lies the mirrored square, whose codes are the same directions.
+    let mirrored = |code: [f64; 2]| n[2] <= 0.0 && (error(code) - error([want[0], want[1]])).abs() <= 2.0 * UNIT_TOLERANCE;
+    let fast = verdict(0, 4, &|code| same_point(code) || mirrored(code));
+    let exact = verdict(2, 7, &|code| error(code) - error([want[2], want[3]]) <= 2.0 * UNIT_TOLERANCE);
+    both(fast, exact)
 }
 
 fn normal_pair_row<T: Real>(row: &[T], out: &mut Vec<T>) {

@@ -15,6 +15,7 @@ pub(super) const MOMENTS: Probe = Probe {
     inputs: &[real("mean", "of the stream"), real("spread", "of a sample from the mean"), whole("count", "samples", 1, LONGEST)],
     outputs: &[real("mean_high", "mean"), real("mean_low", "and the rest of it"), real("variance", "unbiased")],
     // The row comes from memory, so that no compiler knows that its count has no such bit.
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 3> {
     let count = u32(row[2]);
@@ -82,6 +83,7 @@ pub(super) const REPROJECTION: Probe = Probe {
         real("distance", "m along the earlier view, which is along y"),
         real("expected", "m, where that pixel's ray meets the plane"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 11>) -> array<f32, 4> {
     let width = row[7];

@@ -21,6 +21,7 @@ pub(super) const DEPTH_POSITION: Probe = Probe {
         whole("width", "of the picture, pixels; half as high", 1, 1 << 24),
     ],
     outputs: &[real("x", "m"), real("y", "m"), real("z", "m")],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 6>) -> array<f32, 3> {
     let pitch = 2.0 * row[4] / row[5];
@@ -82,6 +83,7 @@ pub(super) const WELD: Probe = Probe {
         whole("north", "the northern", 0, DELTAS),
     ],
     outputs: &[whole("to_x", "vertex from the west", 0, 128), whole("to_y", "vertex from the south", 0, 128)],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 6>) -> array<f32, 2> {
     let deltas = u32(row[2]) | (u32(row[3]) << 4u) | (u32(row[4]) << 8u) | (u32(row[5]) << 12u);

@@ -23,6 +23,7 @@ pub(super) const REFLECTION: Probe = Probe {
         real("f", "Schlick, 0..1"),
         real("environment", "0..1"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 6>) -> array<f32, 5> {
     let alpha = brdf_alpha(row[1]);

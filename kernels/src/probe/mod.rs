@@ -7,11 +7,14 @@
 use serde::Serialize;
 
 use crate::error::{Error, Result};
+use crate::gpu::probe::Cells;
 use crate::gpu::{self, Gpu};
 use crate::scene::nearest;
 use crate::shared::blue_noise::{RANKS, SLICES};
 use crate::shared::real::Real;
 
+mod blocks;
+mod culling;
 mod directions;
 mod frames;
 mod geometry;
@@ -24,14 +27,11 @@ mod words;
 
 pub use judge::{Draw, EPS, FEW, UNIT_TOLERANCE, Verdict, both, close, equal};
 
-/// Whole numbers travel as f32, which holds them exactly up to this magnitude.
+/// Whole numbers that travel as f32, which holds them exactly up to this magnitude.
 const EXACT: i32 = 1 << 24;
 
 /// Last place of [`crate::shared::blue_noise::ranks`].
 const MASK_PLACES: i32 = (RANKS * (1 + SLICES)).cast_signed() - 1;
-
-/// Rows given to the GPU in one go: bounds its buffers.
-const GPU_ROWS: usize = 1 << 20;
 
 /// A column of a probe's table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -42,7 +42,7 @@ pub struct Column {
     pub unit: &'static str,
     /// Smallest and largest value of a column of whole numbers; absent where any number will do.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub whole: Option<[i32; 2]>,
+    pub whole: Option<[i64; 2]>,
 }
 
 impl Column {
@@ -51,7 +51,16 @@ impl Column {
     }
 
     const fn whole(name: &'static str, unit: &'static str, low: i32, high: i32) -> Column {
-        Column { name, unit, whole: Some([low, high]) }
+        Column { name, unit, whole: Some([low as i64, high as i64]) }
+    }
+
+    const fn word(name: &'static str, unit: &'static str) -> Column {
+        Column { name, unit, whole: Some([0, u32::MAX as i64]) }
+    }
+
+    /// Whether its numbers are words of 32 bits, of which f32 does not hold all: they travel as they are.
+    pub fn is_word(&self) -> bool {
+        self.whole == Some([0, i64::from(u32::MAX)])
     }
 
     /// Whether a value may stand in this column.
@@ -60,7 +69,7 @@ impl Column {
     /// Says what the column takes.
     pub fn accepts(&self, value: f64) -> std::result::Result<(), String> {
         match self.whole {
-            Some([low, high]) if value.fract() != 0.0 || !(f64::from(low)..=f64::from(high)).contains(&value) => {
+            Some([low, high]) if value.fract() != 0.0 || !(low as f64..=high as f64).contains(&value) => {
                 Err(format!("`{}` takes whole numbers from {low} to {high}, not {value}", self.name))
             }
             _ => Ok(()),
@@ -69,6 +78,40 @@ impl Column {
 }
 
 type Reference<T> = fn(&[T], &mut Vec<T>);
+
+/// What a reference reads and writes: a real, or a word, which stands in f32 as its bits.
+trait Cell: Real {
+    fn word(self) -> u32;
+    fn of_word(word: u32) -> Self;
+}
+
+impl Cell for f32 {
+    fn word(self) -> u32 {
+        self.to_bits()
+    }
+    fn of_word(word: u32) -> f32 {
+        f32::from_bits(word)
+    }
+}
+
+impl Cell for f64 {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
+    fn word(self) -> u32 {
+        self as u32
+    }
+    fn of_word(word: u32) -> f64 {
+        f64::from(word)
+    }
+}
+
+fn cells<T: Cell>(columns: &[Column], rows: &[f64]) -> Vec<T> {
+    rows.iter().zip(columns.iter().cycle()).map(|(&x, column)| if column.is_word() { T::of_word(x.word()) } else { T::of(x) }).collect()
+}
+
+fn numbers<T: Cell>(columns: &[Column], cells: &[T]) -> Vec<f64> {
+    let number = |(x, column): (&T, &Column)| if column.is_word() { f64::from(x.word()) } else { Real::to_f64(*x) };
+    cells.iter().zip(columns.iter().cycle()).map(number).collect()
+}
 
 /// A shared function as a table.
 pub struct Probe {
@@ -80,8 +123,10 @@ pub struct Probe {
     pub inputs: &'static [Column],
     /// Columns made.
     pub outputs: &'static [Column],
-    /// WGSL that defines `fn probe(row: array<f32, IN>) -> array<f32, OUT>` over the shared functions.
+    /// WGSL that defines `probe` over the shared functions, as [`Probe::layout`] says.
     pub wgsl: &'static str,
+    /// Block format of the texture from which a row's first words are decoded, if it has one.
+    blocks: Option<wgpu::TextureFormat>,
     single: Reference<f32>,
     double: Reference<f64>,
     /// A random row of inputs.
@@ -136,8 +181,8 @@ impl Probe {
         })
     }
 
-    /// Evaluates the reference in single precision over row-major `rows` (a whole number of rows of `inputs`).
-    pub fn on_f32(&self, rows: &[f32]) -> Vec<f32> {
+    /// Evaluates the reference in single precision over row-major `rows` (a whole number of rows of `inputs`), rounded to f32.
+    pub fn on_f32(&self, rows: &[f64]) -> Vec<f64> {
         self.evaluate(self.single, rows)
     }
 
@@ -146,17 +191,42 @@ impl Probe {
         self.evaluate(self.double, rows)
     }
 
-    /// Evaluates the shader over row-major `rows` (a whole number of rows of `inputs`).
+    /// Evaluates the shader over row-major `rows` (a whole number of rows of `inputs`), rounded to f32.
     ///
     /// # Errors
     /// The device is lost or refuses the shader.
-    pub fn on_gpu(&self, gpu: &Gpu, rows: &[f32]) -> Result<Vec<f32>> {
-        let (columns, results) = (self.inputs.len(), self.outputs.len());
-        let mut all = Vec::with_capacity(rows.len() / columns * results);
-        for part in rows.chunks(GPU_ROWS * columns) {
-            all.extend(gpu::probe::run(gpu, self.wgsl, part, columns, results)?);
+    pub fn on_gpu(&self, gpu: &Gpu, rows: &[f64]) -> Result<Vec<f64>> {
+        self.on_gpu_by(gpu, self.wgsl, rows)
+    }
+
+    /// Evaluates another text in place of the probe's shader.
+    ///
+    /// # Errors
+    /// As [`Probe::on_gpu`].
+    pub fn on_gpu_by(&self, gpu: &Gpu, wgsl: &str, rows: &[f64]) -> Result<Vec<f64>> {
+        let columns = [self.inputs.len(), self.outputs.len()];
+        let table = gpu::probe::Table::new(gpu, wgsl, columns, self.layout())?;
+        let mut all = Vec::with_capacity(rows.len() / columns[0] * columns[1]);
+        for part in rows.chunks(table.most_rows() * columns[0]) {
+            let bits: Vec<u32> = cells::<f32>(self.inputs, part).into_iter().map(f32::to_bits).collect();
+            let results: Vec<f32> = table.run(&bits)?.into_iter().map(f32::from_bits).collect();
+            all.extend(numbers(self.outputs, &results));
         }
         Ok(all)
+    }
+
+    /// What the shader takes and returns: reals; with a column of words, bits.
+    pub fn layout(&self) -> Cells {
+        match self.blocks {
+            Some(format) => Cells::Texel(format),
+            None if self.inputs.iter().chain(self.outputs).any(Column::is_word) => Cells::Bits,
+            None => Cells::Reals,
+        }
+    }
+
+    /// Rows as f32 and GPU see them: reals rounded to f32.
+    pub fn rounded(&self, rows: &[f64]) -> Vec<f64> {
+        numbers(self.inputs, &cells::<f32>(self.inputs, rows))
     }
 
     /// Names of what [`Probe::row`] can give a value.
@@ -175,8 +245,7 @@ impl Probe {
 
     /// A random row that has this value of a parameter, or in the column of this name; rounded to f32, as everyone is given it. Absent if there is
     /// none of the name, or if the column does not take the value.
-    #[allow(clippy::cast_possible_truncation, reason = "rows are rounded to f32, and that is what everyone is given")]
-    pub fn row(&self, parameter: &str, value: f64, draw: &mut Draw) -> Option<Vec<f32>> {
+    pub fn row(&self, parameter: &str, value: f64, draw: &mut Draw) -> Option<Vec<f64>> {
         let mut row = (self.random)(draw);
         if let Some(found) = self.parameters.iter().find(|known| known.name == parameter) {
             (found.set)(&mut row, value, draw);
@@ -185,15 +254,15 @@ impl Probe {
             self.inputs[column].accepts(value).ok()?;
             row[column] = value;
         }
-        Some(row.into_iter().map(|x| x as f32).collect())
+        Some(self.rounded(&row))
     }
 
-    fn evaluate<T: Real>(&self, reference: Reference<T>, rows: &[T]) -> Vec<T> {
+    fn evaluate<T: Cell>(&self, reference: Reference<T>, rows: &[f64]) -> Vec<f64> {
         let mut all = Vec::with_capacity(rows.len() / self.inputs.len() * self.outputs.len());
-        for row in rows.chunks_exact(self.inputs.len()) {
+        for row in cells::<T>(self.inputs, rows).chunks_exact(self.inputs.len()) {
             reference(row, &mut all);
         }
-        all
+        numbers(self.outputs, &all)
     }
 }
 
@@ -205,10 +274,15 @@ const fn whole(name: &'static str, unit: &'static str, low: i32, high: i32) -> C
     Column::whole(name, unit, low, high)
 }
 
+const fn word(name: &'static str, unit: &'static str) -> Column {
+    Column::word(name, unit)
+}
+
 /// Every probe.
 pub const PROBES: &[Probe] = &[
     words::HASH,
     directions::OCTAHEDRAL,
+    directions::OCTAHEDRAL_CODES,
     directions::NORMAL_PAIR,
     noise::HASHED_ALPHA,
     noise::NOISE,
@@ -225,6 +299,10 @@ pub const PROBES: &[Probe] = &[
     tilings::TEXEL_CHOICE,
     geometry::DEPTH_POSITION,
     geometry::WELD,
+    culling::FRUSTUM,
+    culling::NORMAL_CONE,
+    blocks::BC1,
+    blocks::BC3,
     light::REFLECTION,
     frames::MOMENTS,
     frames::REPROJECTION,

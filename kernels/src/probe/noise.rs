@@ -1,9 +1,9 @@
 //! Thresholds of noise.
 
 use super::judge::{EPS, Verdict, close, equal, farthest, level_error, three};
-use super::{EXACT, MASK_PLACES, Measure, Parameter, Probe, real, take, whole};
+use super::{Cell, EXACT, MASK_PLACES, Measure, Parameter, Probe, real, take, whole, word};
 use crate::shared::noise::{self, HashedPoint, NoiseKind, hashed_anisotropic, hashed_isotropic};
-use crate::shared::real::{Real, length};
+use crate::shared::real::length;
 
 pub(super) const HASHED_ALPHA: Probe = Probe {
     name: "hashed-alpha",
@@ -23,28 +23,32 @@ pub(super) const HASHED_ALPHA: Probe = Probe {
         real("ddy_y", "m"),
         real("ddy_z", "m"),
         real("hash_scale", "cell size in pixels"),
-        whole("seed", "seed", 0, EXACT),
-        whole("salt", "number of the decision", 0, EXACT),
+        word("seed", "seed"),
+        word("salt", "number of the decision"),
     ],
     outputs: &[real("u_0", "0..1"), real("u_1", "0..1"), real("u_2", "0..1"), real("u_3", "0..1")],
+    blocks: None,
     wgsl: "\
-fn probe(row: array<f32, 16>) -> array<f32, 4> {
+fn probe(row: array<u32, 16>) -> array<u32, 4> {
+var real: array<f32, 14>;
+for (var i = 0u; i < 14u; i++) { real[i] = bitcast<f32>(row[i]); }
 let u = noise_thresholds(
-    u32(row[0]),
-    vec2<i32>(i32(row[1]), i32(row[2])),
-    vec3<f32>(row[3], row[4], row[5]),
-    row[6],
-    vec3<f32>(row[7], row[8], row[9]),
-    vec3<f32>(row[10], row[11], row[12]),
-    row[13],
+    u32(real[0]),
+    vec2<i32>(i32(real[1]), i32(real[2])),
+    vec3<f32>(real[3], real[4], real[5]),
+    real[6],
+    vec3<f32>(real[7], real[8], real[9]),
+    vec3<f32>(real[10], real[11], real[12]),
+    real[13],
     0,
     vec2<u32>(0u, 0u),
     0u,
-    u32(row[14]),
-    u32(row[15]),
+    row[14],
+    row[15],
     vec4<u32>(0u),
 );
-return array<f32, 4>(u.x, u.y, u.z, u.w);
+let bits = bitcast<vec4<u32>>(u);
+return array<u32, 4>(bits.x, bits.y, bits.z, bits.w);
 }",
     single: hashed_alpha_row,
     double: hashed_alpha_row,
@@ -57,7 +61,7 @@ return array<f32, 4>(u.x, u.y, u.z, u.w);
         let size = d.between(-18.0, 7.0);
         let (ddx, ddy) = (d.vector(size - 3.0, size), d.vector(size - 3.0, size));
         let scale = d.between(-2.0, 2.0).exp2();
-        let seeds = [d.whole(1 << 24), d.whole(1 << 24)];
+        let seeds = [0; 2].map(|_: i32| f64::from(d.word()));
         [&[kind][..], &sector, &position, &[sector_m], &ddx, &ddy, &[scale], &seeds].concat()
     },
     judge: hashed_alpha_judge,
@@ -90,9 +94,9 @@ pub(super) const NOISE: Probe = Probe {
         whole("world_level", "log2 of cells per metre", -EXACT, EXACT),
         whole("pixel_x", "column", 0, EXACT),
         whole("pixel_y", "row", 0, EXACT),
-        whole("frame", "index", 0, EXACT),
-        whole("seed", "seed", 0, EXACT),
-        whole("salt", "number of the decision", 0, EXACT),
+        word("frame", "index"),
+        word("seed", "seed"),
+        word("salt", "number of the decision"),
         whole("rank_0", "what stands at index_0; of use to blue and stbn", 0, EXACT),
         whole("rank_1", "what stands at index_1", 0, EXACT),
         whole("rank_2", "what stands at index_2", 0, EXACT),
@@ -108,35 +112,37 @@ pub(super) const NOISE: Probe = Probe {
         real("u_2", "0..1"),
         real("u_3", "0..1"),
     ],
+    blocks: None,
     wgsl: "\
-fn probe(row: array<f32, 17>) -> array<f32, 8> {
-let kind = u32(row[0]);
-let pixel = vec2<u32>(u32(row[8]), u32(row[9]));
-let frame = u32(row[10]);
-let seed = u32(row[11]);
-let salt = u32(row[12]);
+fn probe(row: array<u32, 17>) -> array<u32, 8> {
+var real: array<f32, 17>;
+for (var i = 0u; i < 17u; i++) { real[i] = bitcast<f32>(row[i]); }
+let kind = u32(real[0]);
+let pixel = vec2<u32>(u32(real[8]), u32(real[9]));
+let frame = row[10];
+let seed = row[11];
+let salt = row[12];
 let u = noise_thresholds(
     kind,
-    vec2<i32>(i32(row[1]), i32(row[2])),
-    vec3<f32>(row[3], row[4], row[5]),
-    row[6],
+    vec2<i32>(i32(real[1]), i32(real[2])),
+    vec3<f32>(real[3], real[4], real[5]),
+    real[6],
     vec3<f32>(0.0),
     vec3<f32>(0.0),
     1.0,
-    i32(row[7]),
+    i32(real[7]),
     pixel,
     frame,
     seed,
     salt,
-    vec4<u32>(u32(row[13]), u32(row[14]), u32(row[15]), u32(row[16])),
+    vec4<u32>(u32(real[13]), u32(real[14]), u32(real[15]), u32(real[16])),
 );
-return array<f32, 8>(
-    f32(noise_rank_index(kind, pixel, frame, seed, salt, 0u)),
-    f32(noise_rank_index(kind, pixel, frame, seed, salt, 1u)),
-    f32(noise_rank_index(kind, pixel, frame, seed, salt, 2u)),
-    f32(noise_rank_index(kind, pixel, frame, seed, salt, 3u)),
-    u.x, u.y, u.z, u.w,
-);
+var out: array<u32, 8>;
+for (var i = 0u; i < 4u; i++) {
+    out[i] = bitcast<u32>(f32(noise_rank_index(kind, pixel, frame, seed, salt, i)));
+    out[4u + i] = bitcast<u32>(u[i]);
+}
+return out;
 }",
     single: noise_row,
     double: noise_row,
@@ -148,7 +154,7 @@ return array<f32, 8>(
         let position = [d.unit() * sector_m * 0.999_999, d.unit() * sector_m * 0.999_999, d.between(-500.0, 3000.0)];
         let level = d.whole(24) - 6.0;
         let pixel = [d.whole(4096), d.whole(4096)];
-        let times = [d.whole(2000), d.whole(1 << 24), d.whole(1 << 24)];
+        let times = [d.whole(2000), f64::from(d.word()), f64::from(d.word())];
         let ranks = [0; 4].map(|_: i32| d.whole(4096));
         [&[kind][..], &sector, &position, &[sector_m, level], &pixel, &times, &ranks].concat()
     },
@@ -161,7 +167,7 @@ return array<f32, 8>(
 };
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
-fn hashed_alpha_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+fn hashed_alpha_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
     let point = HashedPoint {
         sector: take::<T, 2>(row, 1).map(|v| v.to_f64() as i32),
         position: take(row, 3),
@@ -170,7 +176,7 @@ fn hashed_alpha_row<T: Real>(row: &[T], out: &mut Vec<T>) {
         ddy: take(row, 10),
         hash_scale: row[13],
     };
-    let [seed, salt] = take::<T, 2>(row, 14).map(|v| v.to_f64() as u32);
+    let [seed, salt] = take::<T, 2>(row, 14).map(T::word);
     out.extend(if row[0] < T::one() { hashed_isotropic(&point, seed, salt) } else { hashed_anisotropic(&point, seed, salt) });
 }
 
@@ -194,7 +200,7 @@ fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "Column::accepts keeps these columns whole and in range")]
-fn noise_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+fn noise_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
     let zero = T::zero();
     let point = HashedPoint {
         sector: take::<T, 2>(row, 1).map(|v| v.to_f64() as i32),
@@ -206,7 +212,8 @@ fn noise_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     };
     let kind = NoiseKind::ALL[row[0].to_f64() as usize];
     let level = row[7].to_f64() as i32;
-    let [x, y, frame, seed, salt] = take::<T, 5>(row, 8).map(|v| v.to_f64() as u32);
+    let [x, y] = take::<T, 2>(row, 8).map(|v| v.to_f64() as u32);
+    let [frame, seed, salt] = take::<T, 3>(row, 10).map(T::word);
     let ranks = take::<T, 4>(row, 13).map(|v| v.to_f64() as u32);
     out.extend([0, 1, 2, 3].map(|decision| T::of(f64::from(noise::rank_index(kind, [x, y], frame, seed, salt, decision)))));
     out.extend(if kind.needs_mask() {

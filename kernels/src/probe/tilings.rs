@@ -31,6 +31,7 @@ pub(super) const HEX_TILING: Probe = Probe {
         real("offset_0", "0..1, in the first hexagon"),
         real("offset_1", "0..1"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 7>) -> array<f32, 12> {
 let level = hex_tiling_level(row[5]);
@@ -79,6 +80,7 @@ pub(super) const TEXEL_CHOICE: Probe = Probe {
         real("u_texel", "uniform number, 0..1"),
     ],
     outputs: &[whole("level", "mip level", 0, 14), whole("texel", "column or row", 0, 16_383)],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 6>) -> array<f32, 2> {
 let level = texel_choice_level(row[0], u32(row[1]), row[2]);
@@ -163,6 +165,7 @@ pub(super) const TILING: Probe = Probe {
         whole("scale", "log2 of how much coarser", 0, 8),
     ],
     outputs: &[real("scales", "the finer scale and the share of the coarser, octaves"), real("coordinate", "0..1")],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 7>) -> array<f32, 2> {
     let scales = tiling_scales(row[0], row[1], row[2]);

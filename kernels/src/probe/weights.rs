@@ -28,6 +28,7 @@ pub(super) const SPLAT_BLEND: Probe = Probe {
         real("run_01", "0..1"),
         real("run_11", "0..1"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 7>) -> array<f32, 8> {
 let fraction = vec2<f32>(row[0], row[1]);
@@ -73,6 +74,7 @@ pub(super) const SELECT: Probe = Probe {
         real("u", "uniform number, 0..1"),
     ],
     outputs: &[whole("of_4", "index", 0, 3), whole("of_3", "index", 0, 2)],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 5>) -> array<f32, 2> {
 let of_4 = select_of_4(vec4<f32>(row[0], row[1], row[2], row[3]), row[4]);
@@ -124,6 +126,7 @@ pub(super) const LAYERS: Probe = Probe {
         real("layer_6", "0..1"),
         real("layer_7", "0..1"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 8>) -> array<f32, 8> {
 let weights = vec4<f32>(row[0], row[1], row[2], row[3]);
@@ -259,6 +262,7 @@ pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
         real("held_3", "0..1"),
         real("held_4", "0..1"),
     ],
+    blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 9>) -> array<f32, 11> {
     let rules = FlavourParams(300.0, 1500.0, 30.0, 0.15, vec2<f32>(0.682, 0.731), vec2<f32>(0.777, 0.819), 1u, 1u, vec2<u32>(0u));

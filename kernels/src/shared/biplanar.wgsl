@@ -29,7 +29,7 @@ fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
     if !(top > 0.0) {
         return Biplanar(axes, vec2<f32>(1.0, 0.0));
     }
-    let k = 0.125 * select(0.0, min(sharpness, BIPLANAR_MAX_SHARPNESS), sharpness > 0.0);
+    let k = 0.125 * usable_positive_1(sharpness, BIPLANAR_MAX_SHARPNESS);
     // Measured against the larger, whose term then is 1. What is zero stays so at any power: the third axis' limit is no weight.
     let r = above / top;
     let w = select(vec2<f32>(0.0), exp2(k * log2(max(r, vec2<f32>(1e-30)))), r > vec2<f32>(1e-30));

@@ -6,11 +6,11 @@ const BRDF_MIN_ALPHA: f32 = 0.002;
 const BRDF_PI: f32 = 3.14159265;
 
 fn brdf_unit(x: f32) -> f32 {
-    return select(0.0, min(x, 1.0), x > 0.0);
+    return usable_positive_1(x, 1.0);
 }
 
 fn brdf_clamped_alpha(alpha: f32) -> f32 {
-    return select(BRDF_MIN_ALPHA, min(alpha, 1.0), alpha > BRDF_MIN_ALPHA);
+    return max(usable_positive_1(alpha, 1.0), BRDF_MIN_ALPHA);
 }
 
 // alpha from perceptual roughness, 0..=1.

@@ -17,5 +17,5 @@ fn derivatives_on_plane(ray: vec3<f32>, ray_step: vec3<f32>, t: f32, normal: vec
     let side = select(-1.0, 1.0, dot(n, ray) >= 0.0);
     let facing = side * max(side * dot(n, neighbour), limit);
     let step = t * (ray_step - neighbour * (dot(n, ray_step) / facing));
-    return select(vec3<f32>(0.0), step, vec3<bool>(all(abs(step) <= vec3<f32>(1e18))));
+    return select(vec3<f32>(0.0), step, vec3<bool>(usable_within_3(step, 1e18)));
 }

@@ -38,23 +38,23 @@ fn flavour_ramp(x: f32, low: f32, high: f32) -> f32 {
 
 // 0 before a distance, 1 behind it. A distance of 0 is always passed.
 fn flavour_behind(distance: f32, border: f32, blend: f32) -> f32 {
-    let at = select(0.0, min(border, 1e9), border > 0.0);
-    let share = select(0.0, min(blend, 1.0), blend > 0.0);
+    let at = usable_positive_1(border, 1e9);
+    let share = usable_positive_1(blend, 1.0);
     return select(flavour_ramp(distance, at * (1.0 - share), at * (1.0 + share)), 1.0, at <= 0.0);
 }
 
 // 1 where the normal is steeper than a band of z, 0 where it is flatter.
 fn flavour_steep(normal_z: f32, band: vec2<f32>) -> f32 {
-    let low = select(-1.0, min(band.x, 1.0), band.x > -1.0);
-    let high = select(-1.0, min(band.y, 1.0), band.y > -1.0);
+    let low = select(-1.0, clamp(band.x, -1.0, 1.0), usable_number(band.x));
+    let high = select(-1.0, clamp(band.y, -1.0, 1.0), usable_number(band.y));
     return select(1.0 - flavour_ramp(normal_z, low, high), 0.0, high <= -1.0);
 }
 
 // Blend weights of the five flavours, >= 0, summing to 1. `distance`: metres along the view ray; `normal_z`: of the unit normal.
 fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array<f32, 5> {
     // Not a number: as far and as flat as can be, the cheapest flavour.
-    let d = select(1e9, max(distance, 0.0), distance < 1e9);
-    let z = select(1.0, max(normal_z, -1.0), normal_z < 1.0);
+    let d = select(1e9, clamp(distance, 0.0, 1e9), usable_number(distance));
+    let z = select(1.0, clamp(normal_z, -1.0, 1.0), usable_number(normal_z));
 
     let behind_near = flavour_behind(d, params.cliff_near_m, params.distance_blend);
     let behind_cliff = flavour_behind(d, params.cliff_far_atlas_m, params.distance_blend);
@@ -86,7 +86,8 @@ fn flavour_mask(weights: array<f32, 5>) -> u32 {
 }
 
 fn flavour_restricted(weight: f32, present: bool, forced: bool) -> f32 {
-    let w = select(0.0, min(weight, 1.0), weight > FLAVOUR_MIN_WEIGHT);
+    let given = usable_positive_1(weight, 1.0);
+    let w = select(0.0, given, given > FLAVOUR_MIN_WEIGHT);
     return select(0.0, select(w, max(w, FLAVOUR_FORCED_WEIGHT), forced), present);
 }
 

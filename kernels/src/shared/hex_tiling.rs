@@ -39,7 +39,7 @@ pub fn at<T: Real>(sector: [i32; 2], position: [T; 2], sector_m: T, level: i32) 
     let unit = 1_i64 << (10 + level);
     let [sx, sy] = sector.map(i64::from);
     let whole = [sx * 64 * unit - sy * SKEW.0 * unit, 2 * sy * SKEW.0 * unit].map(|w| w.rem_euclid(1 << 32));
-    let spacings = T::of(f64::from(level).exp2()) / sector_m.max(T::of(1e-6));
+    let spacings = T::of(f64::from(level).exp2()) / bounded(sector_m, 1e-6, 1e30);
     let [x, y] = position.map(|p| bounded(usable(p) * spacings, -1e9, 1e9));
     let local = [x - skew * y, T::of(2.0) * skew * y];
     let mut id = [0_u32; 2];

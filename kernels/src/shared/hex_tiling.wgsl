@@ -21,7 +21,7 @@ struct HexTiling {
 
 // Power of two of hexagons along a sector for a texture that repeats so often along it: nearest to Mikkelsen's 2 sqrt 3 a repeat.
 fn hex_tiling_level(repeats: f32) -> i32 {
-    let usable = select(1e-6, min(repeats, 1e6), repeats > 1e-6);
+    let usable = max(usable_positive_1(repeats, 1e6), 1e-6);
     return clamp(i32(floor(log2(usable) + 2.2924813)), HEX_TILING_LEVEL_MIN, HEX_TILING_LEVEL_MAX);
 }
 
@@ -39,9 +39,9 @@ fn hex_tiling_at(sector: vec2<i32>, position: vec2<f32>, sector_m: f32, level: i
     let skewed_y = s.y * (HEX_TILING_SKEW << step);
     // 2^(16 + k) = 2^(6 + step).
     let whole = vec2<u32>((s.x << (HEX_TILING_SKEW_BITS + step)) - skewed_y, skewed_y << 1u);
-    let spacings = noise_power_of_two(k) / max(sector_m, 1e-6);
+    let spacings = noise_power_of_two(k) / max(usable_positive_1(sector_m, 1e30), 1e-6);
     let limit = vec2<f32>(1e9);
-    let p = select(vec2<f32>(0.0), clamp(position * spacings, -limit, limit), abs(position) <= vec2<f32>(1e30));
+    let p = clamp(usable_2(position) * spacings, -limit, limit);
     let skew = f32(HEX_TILING_SKEW) / 64.0;
     let at = vec2<f32>(whole & vec2<u32>(0xffffu)) * 0.0000152587890625 + vec2<f32>(p.x - skew * p.y, 2.0 * skew * p.y);
     let corner = floor(at);

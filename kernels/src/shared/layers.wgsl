@@ -6,13 +6,13 @@ const LAYERS: u32 = 8u;
 
 // Share of a layer in the four texels around a point: what an artist would have painted.
 fn layers_share(weights: vec4<f32>, layers: vec4<u32>, layer: u32) -> f32 {
-    let w = select(vec4<f32>(0.0), min(weights, vec4<f32>(1.0)), weights > vec4<f32>(0.0));
+    let w = usable_positive_4(weights, 1.0);
     return dot(select(vec4<f32>(0.0), w, layers == vec4<u32>(layer)), vec4<f32>(1.0));
 }
 
 // Opacity p_j = m_j / sum_{i <= j} m_i, which makes w_i = m_i. `below` is the sum of the shares of the layers below. Both are held
 // within 0 and 1e30.
 fn layers_opacity(layer: u32, share: f32, below: f32) -> f32 {
-    let m = select(vec2<f32>(0.0), min(vec2<f32>(share, below), vec2<f32>(1e30)), vec2<f32>(share, below) > vec2<f32>(0.0));
+    let m = usable_positive_2(vec2<f32>(share, below), 1e30);
     return select(m.x / max(m.x + m.y, 1e-30), 1.0, layer == 0u);
 }

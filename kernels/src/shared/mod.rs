@@ -8,6 +8,7 @@
 pub mod biplanar;
 pub mod blue_noise;
 pub mod brdf;
+pub mod culling;
 pub mod derivatives;
 pub mod flavour_weights;
 pub mod hash;
@@ -26,10 +27,12 @@ pub mod splat_blend;
 pub mod texel_choice;
 pub mod tiling;
 pub mod triplanar;
+mod usable;
 pub mod view;
 
 /// The shared shader sources as (name, text), in the order in which they are joined.
 pub const WGSL: &[(&str, &str)] = &[
+    ("usable", include_str!("usable.wgsl")),
     ("hash", include_str!("hash.wgsl")),
     ("noise", include_str!("noise.wgsl")),
     ("octahedral", include_str!("octahedral.wgsl")),
@@ -49,26 +52,10 @@ pub const WGSL: &[(&str, &str)] = &[
     ("layers", include_str!("layers.wgsl")),
     ("flavour_weights", include_str!("flavour_weights.wgsl")),
     ("brdf", include_str!("brdf.wgsl")),
+    ("culling", include_str!("culling.wgsl")),
 ];
 
 /// The packing of measured pixels. Not part of [`WGSL`]: it converts to f16, which a validator counts as a capability of its own.
 pub const SIGNAL_WGSL: (&str, &str) = ("signal", include_str!("signal.wgsl"));
 
-use real::Real;
-
-/// `x` within `low..=high`; `low` where it is not a number.
-fn bounded<T: Real>(x: T, low: f64, high: f64) -> T {
-    let (low, high) = (T::of(low), T::of(high));
-    if x >= high {
-        high
-    } else if x > low {
-        x
-    } else {
-        low
-    }
-}
-
-/// `x` where its magnitude is at most 1e30, zero elsewhere: what squares and sums of a few still hold in f32.
-fn usable<T: Real>(x: T) -> T {
-    if x.abs() <= T::of(1e30) { x } else { T::zero() }
-}
+use usable::{bounded, usable};

@@ -27,9 +27,9 @@ fn moments_add(state: vec4<f32>, sample: vec2<f32>, count: f32, zero: u32) -> ve
     let difference = moments_rounded(sample.x - state.x, zero) + moments_rounded(sample.y - state.y, zero);
     if n < 1.5 {
         // Exactly the sample: the sum of its parts would round the lower one away.
-        return select(vec4<f32>(0.0), vec4<f32>(sample, 0.0, 0.0), abs(difference) <= 1e15);
+        return select(vec4<f32>(0.0), vec4<f32>(sample, 0.0, 0.0), usable_within_1(difference, 1e15));
     }
-    let delta = select(0.0, difference, abs(difference) <= 1e15);
+    let delta = select(0.0, difference, usable_within_1(difference, 1e15));
     let mean = moments_sum(state.xy, delta / n, zero);
     let squares = moments_sum(state.zw, delta * (delta * ((n - 1.0) / n)), zero);
     return vec4<f32>(mean, squares);

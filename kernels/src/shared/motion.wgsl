@@ -22,11 +22,11 @@ const MOTION_FAR: f32 = 1e9;
 fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
     let q = point + past.offset;
     let distance = dot(q, past.forward);
-    if !(distance > MOTION_MIN_DISTANCE && distance < MOTION_FAR) {
+    if !(distance > MOTION_MIN_DISTANCE && usable_number(distance) && distance < MOTION_FAR) {
         return vec3<f32>(-1e9, -1e9, 0.0);
     }
     let pixel = vec2<f32>(dot(q, past.x_row), dot(q, past.y_row)) / distance - vec2<f32>(past.x_shift, past.y_shift);
-    let finite = all(abs(pixel) <= vec2<f32>(1e9));
+    let finite = usable_within_3(vec3<f32>(pixel, 0.0), 1e9);
     return select(vec3<f32>(-1e9, -1e9, 0.0), vec3<f32>(pixel, distance), finite);
 }
 
@@ -38,7 +38,7 @@ fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, 
     let to_plane = dot(normal, point + past.offset);
     let edge_on = abs(along) <= 1e-6 * length(ray);
     let distance = to_plane / select(along, 1.0, edge_on);
-    return select(0.0, distance, !edge_on && distance > MOTION_MIN_DISTANCE && distance < MOTION_FAR);
+    return select(0.0, distance, !edge_on && distance > MOTION_MIN_DISTANCE && usable_number(distance) && distance < MOTION_FAR);
 }
 
 // The ray of a pixel of the earlier camera, from its rows: the inverse of the pixel coordinates above, for perpendicular rows. Zero where the input
@@ -47,7 +47,7 @@ fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
     let x = (pixel.x + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel.y + past.y_shift) / dot(past.y_row, past.y_row);
     let ray = past.forward + past.x_row * x + past.y_row * y;
-    return select(vec3<f32>(0.0), ray, vec3<bool>(all(abs(ray) <= vec3<f32>(1e30))));
+    return select(vec3<f32>(0.0), ray, vec3<bool>(usable_within_3(ray, 1e30)));
 }
 
 // Whether an earlier depth (metres along the view direction, 0 = none) belongs to the surface expected there.

@@ -321,12 +321,18 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
     hash::pcg4d([x, y, z, hash::mix(seed, salt, level)]).map(hash::to_unit)
 }
 
+/// 2^-100 m: times a number of cells it is not denormal.
+const LEAST_M: f64 = 7.888_609_052_210_118e-31;
+
 /// The cell that holds a point, modulo 2^32, where cells are 2^-`k` m wide along each axis: what hashed thresholds and white noise of
 /// the world hash. `k` outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`], which neither takes, loses sectors or digits.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());
-        let in_sector = whole((usable(point.position[axis]) * per_metre).floor());
+        let position = point.position[axis];
+        // What is next to nothing lies at 0, on either side of which another cell begins: some devices take it for that, others do not.
+        let place = if position.abs() >= T::of(LEAST_M) { position } else { T::zero() };
+        let in_sector = whole((usable(place) * per_metre).floor());
         let sectors = point.sector.get(axis).map_or(0, |&s| i64::from(s) * whole(bounded(point.sector_m * per_metre, 0.0, 1e12)));
         wrapped(sectors.wrapping_add(in_sector))
     })

@@ -17,6 +17,8 @@ const NOISE_SPATIO_TEMPORAL_BLUE: u32 = 6u;
 const NOISE_LEVEL_MIN: f32 = -5.0;
 const NOISE_LEVEL_MAX: f32 = 16.0;
 // The largest f32 below 1.
+// 2^-100 m: times a number of cells it is not denormal.
+const NOISE_LEAST_M: f32 = 7.8886091e-31;
 const NOISE_BELOW_ONE: f32 = 0.99999994;
 
 // The buffer of ranks: a blue mask, then the slices of the spatio-temporal one, each EDGE x EDGE, row by row.
@@ -35,8 +37,7 @@ const NOISE_IGN_REST: u32 = 4221604530u;
 // The scale, log2(cells per metre), at which a cell is `footprint` metres wide. Finest where the footprint
 // is zero or not a number.
 fn noise_level(footprint: f32) -> f32 {
-    let usable = select(1e-6, min(footprint, 1e6), footprint > 1e-6);
-    return clamp(-log2(usable), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX);
+    return clamp(-log2(max(usable_positive_1(footprint, 1e6), 1e-6)), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX);
 }
 
 // The lower of the two scales around a level; the upper one is always the next integer, so that the two
@@ -53,9 +54,10 @@ fn noise_power_of_two(k: i32) -> f32 {
 // Cell along one axis whose coordinate is split in sector and position in sector.
 fn noise_cell(sector: i32, position: f32, sector_m: f32, k: i32) -> u32 {
     let cells_per_metre = noise_power_of_two(k);
-    let cells_per_sector = u32(clamp(sector_m * cells_per_metre, 0.0, 2147483520.0));
-    let finite = select(0.0, position, abs(position) <= 1e30);
-    let cell = i32(clamp(floor(finite * cells_per_metre), -2147483520.0, 2147483520.0));
+    let cells_per_sector = u32(usable_positive_1(sector_m * cells_per_metre, 2147483520.0));
+    // What is next to nothing lies at 0, on either side of which another cell begins: some devices take it for that, others do not.
+    let place = select(0.0, position, abs(position) >= NOISE_LEAST_M);
+    let cell = i32(clamp(floor(usable_1(place) * cells_per_metre), -2147483520.0, 2147483520.0));
     return bitcast<u32>(sector) * cells_per_sector + bitcast<u32>(cell);
 }
 
@@ -75,8 +77,8 @@ fn noise_cell_units(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, k: ve
 // P((1-l) U1 + l U2 < x) for independent uniform U1, U2: what turns the blend into a uniform number again.
 // In [0, 1); x itself where l is 0 or 1.
 fn noise_correct(x: f32, lerp_factor: f32) -> f32 {
-    let l = select(0.0, min(lerp_factor, 1.0), lerp_factor > 0.0);
-    let y = select(0.0, min(x, 1.0), x > 0.0);
+    let l = usable_positive_1(lerp_factor, 1.0);
+    let y = usable_positive_1(x, 1.0);
     let a = min(l, 1.0 - l);
     var p = (y - 0.5 * a) / (1.0 - a);
     // a > y or a > 1 - y also says that a > 0, so the divisions are safe; ratios before squares keep small a from underflow.

@@ -9,9 +9,8 @@ const OCTAHEDRAL_STEP: f32 = 0.007874016;
 
 // Unit vector along v; z where v has no usable direction (too short, not finite).
 fn octahedral_unit(v: vec3<f32>) -> vec3<f32> {
-    let finite = all(abs(v) <= vec3<f32>(1e30));
     let size = max(max(abs(v.x), abs(v.y)), abs(v.z));
-    if !(finite && size > 1e-30) {
+    if !(usable_within_3(v, 1e30) && size > 1e-30) {
         return vec3<f32>(0.0, 0.0, 1.0);
     }
     // Scaled first: squares of large or small components would leave the range of f32.
@@ -35,7 +34,7 @@ fn octahedral_encode(n: vec3<f32>) -> vec2<f32> {
 
 // Square to unit vector.
 fn octahedral_decode(e: vec2<f32>) -> vec3<f32> {
-    let inside = select(vec2<f32>(0.0), clamp(e, vec2<f32>(-1.0), vec2<f32>(1.0)), abs(e) <= vec2<f32>(1e30));
+    let inside = clamp(usable_2(e), vec2<f32>(-1.0), vec2<f32>(1.0));
     let z = 1.0 - abs(inside.x) - abs(inside.y);
     var flat = inside;
     if z < 0.0 {
@@ -45,38 +44,48 @@ fn octahedral_decode(e: vec2<f32>) -> vec3<f32> {
     return v / sqrt(dot(v, v));
 }
 
-fn octahedral_store8(code: vec2<f32>) -> vec2<f32> {
-    return (clamp(code, vec2<f32>(-OCTAHEDRAL_HALF), vec2<f32>(OCTAHEDRAL_HALF)) + OCTAHEDRAL_HALF) / 255.0;
+// Codes of any count of bits are -half..=half with half = 2^(bits - 1) - 1; `step` is 1 / half, and half times it exactly 1.
+
+// The nearest code to each coordinate ("oct" in the survey).
+fn octahedral_quantise(e: vec2<f32>, half: f32) -> vec2<f32> {
+    return clamp(round(usable_2(e) * half), vec2<f32>(-half), vec2<f32>(half));
 }
 
-// What to write to a unorm8 channel: q / 255 with q = round(127 e) + 127.
-fn octahedral_quantise8(e: vec2<f32>) -> vec2<f32> {
-    let finite = select(vec2<f32>(0.0), e, abs(e) <= vec2<f32>(1e30));
-    return octahedral_store8(round(finite * OCTAHEDRAL_HALF));
-}
-
-// What a unorm8 channel gives back, in [-1, 1]².
-fn octahedral_dequantise8(stored: vec2<f32>) -> vec2<f32> {
-    let finite = select(vec2<f32>(0.0), stored, abs(stored) <= vec2<f32>(1e30));
-    let code = clamp(round(finite * 255.0) - OCTAHEDRAL_HALF, vec2<f32>(-OCTAHEDRAL_HALF), vec2<f32>(OCTAHEDRAL_HALF));
-    return code * OCTAHEDRAL_STEP;
-}
-
-// The best of the four codes around n, as stored in unorm8 channels ("oct-P" in the survey).
-fn octahedral_encode8_precise(n: vec3<f32>) -> vec2<f32> {
+// The code, of the four around n, that decodes nearest to it ("oct-P" in the survey).
+fn octahedral_encode_precise(n: vec3<f32>, half: f32, step: f32) -> vec2<f32> {
     let unit = octahedral_unit(n);
-    let low = floor(octahedral_encode(unit) * OCTAHEDRAL_HALF);
+    let low = floor(octahedral_encode(unit) * half);
     var best = vec2<f32>(0.0);
     var best_error = 1e30;
     for (var i = 0u; i < 4u; i++) {
-        let code = clamp(low + vec2<f32>(f32(i & 1u), f32(i >> 1u)), vec2<f32>(-OCTAHEDRAL_HALF), vec2<f32>(OCTAHEDRAL_HALF));
+        let code = clamp(low + vec2<f32>(f32(i & 1u), f32(i >> 1u)), vec2<f32>(-half), vec2<f32>(half));
         // Squared distance orders like the dot product but keeps its digits where the angle is small.
-        let difference = octahedral_decode(code * OCTAHEDRAL_STEP) - unit;
+        let difference = octahedral_decode(code * step) - unit;
         let error = dot(difference, difference);
         if error < best_error {
             best = code;
             best_error = error;
         }
     }
-    return octahedral_store8(best);
+    return best;
+}
+
+fn octahedral_store8(code: vec2<f32>) -> vec2<f32> {
+    return (code + OCTAHEDRAL_HALF) / 255.0;
+}
+
+// What to write to a unorm8 channel: q / 255 with q = round(127 e) + 127.
+fn octahedral_quantise8(e: vec2<f32>) -> vec2<f32> {
+    return octahedral_store8(octahedral_quantise(e, OCTAHEDRAL_HALF));
+}
+
+// What a unorm8 channel gives back, in [-1, 1]².
+fn octahedral_dequantise8(stored: vec2<f32>) -> vec2<f32> {
+    let code = clamp(round(usable_2(stored) * 255.0) - OCTAHEDRAL_HALF, vec2<f32>(-OCTAHEDRAL_HALF), vec2<f32>(OCTAHEDRAL_HALF));
+    return code * OCTAHEDRAL_STEP;
+}
+
+// The best of the four codes around n, as stored in unorm8 channels.
+fn octahedral_encode8_precise(n: vec3<f32>) -> vec2<f32> {
+    return octahedral_store8(octahedral_encode_precise(n, OCTAHEDRAL_HALF, OCTAHEDRAL_STEP));
 }

@@ -4,12 +4,12 @@
 const SELECT_MAX_WEIGHT: f32 = 1e30;
 
 fn select_of_4(weights: vec4<f32>, u: f32) -> u32 {
-    let w = select(vec4<f32>(0.0), min(weights, vec4<f32>(SELECT_MAX_WEIGHT)), weights > vec4<f32>(0.0));
+    let w = usable_positive_4(weights, SELECT_MAX_WEIGHT);
     let below_1 = w.x;
     let below_2 = below_1 + w.y;
     let below_3 = below_2 + w.z;
     let total = below_3 + w.w;
-    let target_sum = select(0.0, min(u, 1.0), u > 0.0) * total;
+    let target_sum = usable_positive_1(u, 1.0) * total;
     if target_sum < below_1 {
         return 0u;
     }

@@ -8,7 +8,7 @@ const SIGNAL_LARGEST: f32 = 65504.0;
 // A colour as f16 has it; what is not finite counts as zero.
 fn signal_held(colour: vec3<f32>) -> vec3<f32> {
     let held = clamp(colour, vec3<f32>(-SIGNAL_LARGEST), vec3<f32>(SIGNAL_LARGEST));
-    return select(vec3<f32>(0.0), held, abs(colour) <= vec3<f32>(3.4e38));
+    return select(vec3<f32>(0.0), held, (bitcast<vec3<u32>>(colour) & vec3<u32>(USABLE_MAGNITUDE)) < vec3<u32>(0x7f800000u));
 }
 
 fn signal_pack(colour: vec3<f32>, fetches: u32, choice: u32) -> vec2<u32> {

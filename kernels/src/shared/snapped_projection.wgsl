@@ -26,7 +26,7 @@ fn snapped_plane(n: vec3<f32>, cosine: f32) -> u32 {
 
 // Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2; what is beyond 1e30 or not a number, as zero.
 fn snapped_coordinates(position: vec3<f32>, plane: u32) -> vec2<f32> {
-    let p = select(vec3<f32>(0.0), position, abs(position) <= vec3<f32>(1e30));
+    let p = usable_3(position);
     let diagonal = f32(SNAPPED_DIAGONAL) / 256.0;
     if plane == 3u {
         return vec2<f32>((p.y - p.x) * diagonal, p.z);
@@ -62,7 +62,7 @@ fn snapped_fixed(per_sector_fixed: i32, plane: u32) -> i32 {
 
 // Height gradient in a plane, as gradient in the volume; what is beyond 1e30 or not a number counts as zero.
 fn snapped_from_gradient(gradient: vec2<f32>, plane: u32) -> vec3<f32> {
-    let g = select(vec2<f32>(0.0), gradient, abs(gradient) <= vec2<f32>(1e30));
+    let g = usable_2(gradient);
     let along = g.x * 0.70710678;
     if plane == 3u {
         return vec3<f32>(-along, along, g.y);

@@ -10,7 +10,7 @@ const SPLAT_BLEND_MIN_WEIGHT: f32 = 1e-30;
 
 // Bilinear weights of a point at `fraction`, [0, 1]², between the texels.
 fn splat_blend_bilinear(fraction: vec2<f32>) -> vec4<f32> {
-    let f = select(vec2<f32>(0.0), min(fraction, vec2<f32>(1.0)), fraction > vec2<f32>(0.0));
+    let f = usable_positive_2(fraction, 1.0);
     let g = vec2<f32>(1.0) - f;
     return vec4<f32>(g.x * g.y, f.x * g.y, g.x * f.y, f.x * f.y);
 }
@@ -19,8 +19,8 @@ fn splat_blend_bilinear(fraction: vec2<f32>) -> vec4<f32> {
 fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) -> vec4<f32> {
     let w = splat_blend_bilinear(fraction);
     let limit = vec4<f32>(SPLAT_BLEND_MAX_HEIGHT);
-    let h = select(vec4<f32>(0.0), clamp(heights, -limit, limit), abs(heights) <= vec4<f32>(1e30));
-    let k = select(0.0, min(sharpness, SPLAT_BLEND_MAX_SHARPNESS), sharpness > 0.0);
+    let h = clamp(usable_4(heights), -limit, limit);
+    let k = usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS);
     let used = w > vec4<f32>(SPLAT_BLEND_MIN_WEIGHT);
 
     // Measured against the texel that wins in the end, not the highest: its own term is then exactly 1, no term
@@ -64,12 +64,12 @@ fn splat_blend_start() -> SplatBlendRun {
 }
 
 fn splat_blend_add(run: SplatBlendRun, weight: f32, height: f32, sharpness: f32) -> SplatBlendRun {
-    if !(weight > SPLAT_BLEND_MIN_WEIGHT) {
+    let w = usable_positive_1(weight, 1.0);
+    if !(w > SPLAT_BLEND_MIN_WEIGHT) {
         return SplatBlendRun(run.score, run.weight, run.height, 1.0, 0.0);
     }
-    let w = min(weight, 1.0);
-    let h = select(0.0, clamp(height, -SPLAT_BLEND_MAX_HEIGHT, SPLAT_BLEND_MAX_HEIGHT), abs(height) <= 1e30);
-    let k = select(0.0, min(sharpness, SPLAT_BLEND_MAX_SHARPNESS), sharpness > 0.0);
+    let h = clamp(usable_1(height), -SPLAT_BLEND_MAX_HEIGHT, SPLAT_BLEND_MAX_HEIGHT);
+    let k = usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS);
     let score = log2(w) + k * h;
     // Measured against the winner, as above. What comes first beats the weight 0 of the start, and keeps nothing of it.
     if score > run.score {

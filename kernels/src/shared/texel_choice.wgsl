@@ -5,7 +5,7 @@
 // Level of a texture of so many.
 fn texel_choice_level(lod: f32, levels: u32, u: f32) -> u32 {
     let last = f32(max(levels, 1u) - 1u);
-    let l = select(0.0, min(lod, last), lod > 0.0);
+    let l = usable_positive_1(lod, last);
     let below = floor(l);
     return u32(min(below + select(0.0, 1.0, u < l - below), last));
 }
@@ -13,7 +13,7 @@ fn texel_choice_level(lod: f32, levels: u32, u: f32) -> u32 {
 // Texel along one axis of a level of `size` texels, repeated: one of the two whose centres are next to the coordinate.
 fn texel_choice_texel(coordinate: f32, size: u32, u: f32) -> u32 {
     let texels = f32(max(size, 1u));
-    let usable = select(0.0, coordinate, abs(coordinate) <= 1e5);
+    let usable = select(0.0, coordinate, usable_within_1(coordinate, 1e5));
     // Whole repeats off first: they are not the texels' business, and cost digits.
     let x = (usable - floor(usable)) * texels - 0.5;
     let below = floor(x);

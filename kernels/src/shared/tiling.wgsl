@@ -7,9 +7,9 @@ const TILING_MAX_LEVEL: f32 = 7.0;
 // (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles.
 // One scale per octave of `distance` beyond `near` (metres both); `cliff`, 0..=1, is the cliff's weight: flat ground keeps scale 0.
 fn tiling_scales(distance: f32, near: f32, cliff: f32) -> vec2<f32> {
-    let reference = select(1e-6, min(near, 1e9), near > 1e-6);
-    let ratio = select(1.0, min(distance, 1e9) / reference, distance > reference);
-    let weight = select(0.0, min(cliff, 1.0), cliff > 0.0);
+    let reference = max(usable_positive_1(near, 1e9), 1e-6);
+    let ratio = max(usable_positive_1(distance, 1e9) / reference, 1.0);
+    let weight = usable_positive_1(cliff, 1.0);
     let level = clamp(log2(ratio), 0.0, TILING_MAX_LEVEL) * weight;
     let scale = min(floor(level), TILING_MAX_LEVEL);
     return vec2<f32>(scale, clamp(level - scale, 0.0, 1.0));

@@ -40,12 +40,17 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     }
 }
 
+/// Steepest slope, metres per metre: its angle is next to a right one.
+const MAX_SLOPE: f64 = 1e6;
+
 /// Normal of the surface displaced by a height whose volume gradient is `gradient` (metres per metre): n minus the surface gradient,
-/// which is the gradient's part along the surface. Slopes are held within 1e6; a gradient that is not finite leaves `n` as it is.
+/// which is the gradient's part along the surface. One steeper than 1e6 keeps its direction, and is as steep as that; a gradient that is not finite leaves `n` as it is.
 pub fn perturb<T: Real>(n: [T; 3], gradient: [T; 3]) -> [T; 3] {
     let n = unit(n);
     let known = gradient.iter().all(|&g| usable(g) == g);
-    let g = if known { gradient.map(|g| bounded(g, -1e6, 1e6)) } else { [T::zero(); 3] };
+    let g = if known { gradient } else { [T::zero(); 3] };
+    let size = g.iter().fold(T::zero(), |size, g| size.max(g.abs()));
+    let g = if size > T::of(MAX_SLOPE) { scale(g, T::of(MAX_SLOPE) / size) } else { g };
     let surface_gradient = sub(g, scale(n, dot(n, g)));
     unit(sub(n, surface_gradient))
 }

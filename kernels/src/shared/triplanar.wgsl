@@ -3,6 +3,7 @@
 // Source: Mikkelsen, "Surface Gradient-Based Bump Mapping Framework", JCGT 9(3), 2020 (sections on tri-planar projection).
 
 const TRIPLANAR_MAX_SHARPNESS: f32 = 1e4;
+const TRIPLANAR_MAX_SLOPE: f32 = 1e6;
 
 fn triplanar_power(ratio: f32, sharpness: f32) -> f32 {
     // Zero to the power of zero counts as 1: sharpness 0 weights all axes alike.
@@ -15,7 +16,7 @@ fn triplanar_weights(n: vec3<f32>, sharpness: f32) -> vec3<f32> {
     // Measured against the largest component, whose term then is exactly 1: the sum cannot underflow.
     let a = abs(octahedral_unit(n));
     let r = a / max(max(a.x, a.y), a.z);
-    let k = select(0.0, min(sharpness, TRIPLANAR_MAX_SHARPNESS), sharpness > 0.0);
+    let k = usable_positive_1(sharpness, TRIPLANAR_MAX_SHARPNESS);
     let w = vec3<f32>(triplanar_power(r.x, k), triplanar_power(r.y, k), triplanar_power(r.z, k));
     return w / (w.x + w.y + w.z);
 }
@@ -43,10 +44,11 @@ fn triplanar_from_gradient(g: vec2<f32>, axis: u32) -> vec3<f32> {
 }
 
 // Normal of the surface displaced by a height whose volume gradient is `gradient`: n minus the surface gradient.
-// A gradient that is not finite leaves n as it is; slopes are clamped to 1e6.
+// A gradient that is not finite leaves n as it is; one steeper than 1e6 keeps its direction, and is as steep as that.
 fn triplanar_perturb(n: vec3<f32>, gradient: vec3<f32>) -> vec3<f32> {
     let unit = octahedral_unit(n);
-    let limit = vec3<f32>(1e6);
-    let g = select(vec3<f32>(0.0), clamp(gradient, -limit, limit), vec3<bool>(all(abs(gradient) <= vec3<f32>(1e30))));
+    let known = select(vec3<f32>(0.0), gradient, vec3<bool>(usable_within_3(gradient, 1e30)));
+    let size = max(max(abs(known.x), abs(known.y)), abs(known.z));
+    let g = select(known, known * (TRIPLANAR_MAX_SLOPE / max(size, 1.0)), vec3<bool>(size > TRIPLANAR_MAX_SLOPE));
     return octahedral_unit(unit - (g - unit * dot(unit, g)));
 }

@@ -2,6 +2,7 @@
 //!
 //! The place is `ray * distance`, relative to the eye, so that it is as good far from the world's origin as at it.
 
+use super::bounded;
 use super::real::{Real, add, scale};
 
 /// A depth below this counts as nothing: f32 could not divide by it.
@@ -14,5 +15,6 @@ pub fn ray<T: Real>(rays: [[T; 3]; 3], pixel: [T; 2]) -> [T; 3] {
 
 /// Distance along the view direction of a reversed depth (`near_m` over it), metres; 0 where nothing was drawn: `view_distance`.
 pub fn distance<T: Real>(near_m: T, depth: T) -> T {
-    if depth > T::of(MIN_DEPTH) { near_m / depth } else { T::zero() }
+    let usable = bounded(depth, 0.0, 1e30);
+    if usable > T::of(MIN_DEPTH) { near_m / usable } else { T::zero() }
 }

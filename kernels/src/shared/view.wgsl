@@ -10,5 +10,6 @@ const VIEW_MIN_DEPTH: f32 = 1e-30;
 
 // Distance along the view direction of a reversed depth, metres; 0 where nothing was drawn.
 fn view_distance(near_m: f32, depth: f32) -> f32 {
-    return select(0.0, near_m / depth, depth > VIEW_MIN_DEPTH);
+    let usable = usable_positive_1(depth, 1e30);
+    return select(0.0, near_m / usable, usable > VIEW_MIN_DEPTH);
 }

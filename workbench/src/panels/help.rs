@@ -1,6 +1,6 @@
 //! What is to be seen, and the keys.
 
-use eframe::egui::{self, Ui};
+use eframe::egui::{Label, Ui};
 
 use crate::app::Workbench;
 
@@ -33,14 +33,19 @@ const KEYS: [(&str, &str); 22] = [
     ("drop a file or folder", "open a scene, or take a folder of textures"),
 ];
 
+/// Width of the keys' column, points.
+const KEY_COLUMN: f32 = 170.0;
+
 pub(crate) fn show(_: &mut Workbench, ui: &mut Ui) {
     ui.label(TEXT);
     ui.separator();
-    egui::Grid::new("keys").num_columns(2).show(ui, |ui| {
-        for (key, does) in KEYS {
-            ui.monospace(key);
-            ui.label(does);
-            ui.end_row();
-        }
-    });
+    for (key, does) in KEYS {
+        ui.horizontal_top(|ui| {
+            ui.scope(|ui| {
+                ui.set_width(KEY_COLUMN);
+                ui.monospace(key);
+            });
+            ui.add(Label::new(does).wrap());
+        });
+    }
 }

@@ -12,7 +12,7 @@ use crate::app::Workbench;
 use crate::editing;
 
 /// Width of the text fields, points.
-const FIELD: f32 = 220.0;
+const FIELD: f32 = 170.0;
 /// Edge of a swatch of colour, points.
 const SWATCH: f32 = 14.0;
 /// Largest tint that a scene file accepts.
@@ -228,6 +228,9 @@ fn textures(app: &mut Workbench, ui: &mut Ui, index: usize) {
     let field = ui.add(TextEdit::singleline(&mut app.materials.folder).desired_width(FIELD)).labelled_by(label.id);
     let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
     field.on_hover_text("Holds albedo, normal, height and roughness (.png, .jpg or .jpeg); relative to the scene's folder, or absolute");
+    ui.end_row();
+
+    ui.label("");
     if ui.button("Use texture folder").on_hover_text("Takes the textures from the folder that is typed").clicked() || entered {
         take_typed_folder(app, index);
     }
@@ -236,7 +239,7 @@ fn textures(app: &mut Workbench, ui: &mut Ui, index: usize) {
     ui.label("");
     let idle = app.materials.dialog.is_none();
     let load = ui.add_enabled(idle, Button::new("Load texture folder..."));
-    if load.on_hover_text("Chooses a folder, which can be dropped on the window, too").clicked() {
+    if load.on_hover_text("Chooses a folder of textures, which can be dropped on the window, too").clicked() {
         app.materials.dialog = Some(choose_folder(app.settings.scene.materials[index].name.clone(), ui.ctx().clone()));
     }
     ui.end_row();

@@ -17,7 +17,7 @@ pub(crate) mod scenes;
 pub(crate) mod variants;
 pub(crate) mod viewport;
 
-use eframe::egui::{Button, ComboBox, Response, Role, Slider, SliderClamping, Ui, WidgetInfo};
+use eframe::egui::{Button, ComboBox, Label, Response, RichText, Role, Slider, SliderClamping, Ui, WidgetInfo};
 
 /// A labelled list of which one is chosen; `items` are values with their names and what is said of them.
 pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, shown: &str, items: Vec<(T, String, &str)>) -> Response {
@@ -75,13 +75,14 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
 
 /// What came of something that was done, or what went wrong.
 pub(crate) fn outcome(ui: &mut Ui, said: Option<&Result<String, String>>) {
-    match said {
-        Some(Ok(done)) => {
-            ui.label(done);
-        }
-        Some(Err(wrong)) => {
-            ui.colored_label(ui.visuals().error_fg_color, wrong);
-        }
-        None => {}
-    }
+    let text = match said {
+        Some(Ok(done)) => RichText::new(done),
+        Some(Err(wrong)) => RichText::new(wrong).color(ui.visuals().error_fg_color),
+        None => return,
+    };
+    // Panels scroll sideways, too: a long line would go on out of sight.
+    ui.scope(|ui| {
+        ui.set_max_width(ui.clip_rect().right() - ui.cursor().left());
+        ui.add(Label::new(text).wrap());
+    });
 }

@@ -1,0 +1,58 @@
+// Numbers that can be computed with, told by their bits: WGSL lets a compiler take it that no number is NaN or infinite (14.6), and a device may
+// take denormals for zero, so that comparisons promise nothing of either.
+
+// Magnitude as an order of whole numbers: 0x7f800000 is infinity, what is above is NaN.
+const USABLE_MAGNITUDE: u32 = 0x7fffffffu;
+// Bits of 1e30 and of 2^-126, the smallest number that is not denormal.
+const USABLE_MOST: u32 = 0x7149f2cau;
+const USABLE_LEAST: u32 = 0x00800000u;
+
+// x; 0 where it is not a number or beyond 1e30.
+fn usable_1(x: f32) -> f32 {
+    return select(0.0, x, (bitcast<u32>(x) & USABLE_MAGNITUDE) <= USABLE_MOST);
+}
+
+fn usable_2(x: vec2<f32>) -> vec2<f32> {
+    return select(vec2<f32>(0.0), x, (bitcast<vec2<u32>>(x) & vec2<u32>(USABLE_MAGNITUDE)) <= vec2<u32>(USABLE_MOST));
+}
+
+fn usable_3(x: vec3<f32>) -> vec3<f32> {
+    return select(vec3<f32>(0.0), x, (bitcast<vec3<u32>>(x) & vec3<u32>(USABLE_MAGNITUDE)) <= vec3<u32>(USABLE_MOST));
+}
+
+fn usable_4(x: vec4<f32>) -> vec4<f32> {
+    return select(vec4<f32>(0.0), x, (bitcast<vec4<u32>>(x) & vec4<u32>(USABLE_MAGNITUDE)) <= vec4<u32>(USABLE_MOST));
+}
+
+// Whether every |x| <= `most`; not where one is not a number.
+fn usable_within_3(x: vec3<f32>, most: f32) -> bool {
+    return all((bitcast<vec3<u32>>(x) & vec3<u32>(USABLE_MAGNITUDE)) <= vec3<u32>(bitcast<u32>(most)));
+}
+
+// x within 0..=`most`; 0 where it is denormal or not a number.
+fn usable_positive_1(x: f32, most: f32) -> f32 {
+    let bits = bitcast<u32>(x);
+    return select(0.0, min(x, most), bits >= USABLE_LEAST && bits <= 0x7f800000u);
+}
+
+fn usable_positive_2(x: vec2<f32>, most: f32) -> vec2<f32> {
+    return vec2<f32>(usable_positive_1(x.x, most), usable_positive_1(x.y, most));
+}
+
+fn usable_positive_3(x: vec3<f32>, most: f32) -> vec3<f32> {
+    return vec3<f32>(usable_positive_2(x.xy, most), usable_positive_1(x.z, most));
+}
+
+fn usable_positive_4(x: vec4<f32>, most: f32) -> vec4<f32> {
+    return vec4<f32>(usable_positive_2(x.xy, most), usable_positive_2(x.zw, most));
+}
+
+// Whether x is a number, be it infinite.
+fn usable_number(x: f32) -> bool {
+    return (bitcast<u32>(x) & USABLE_MAGNITUDE) <= 0x7f800000u;
+}
+
+// Whether |x| <= `most`; not where it is not a number.
+fn usable_within_1(x: f32, most: f32) -> bool {
+    return (bitcast<u32>(x) & USABLE_MAGNITUDE) <= bitcast<u32>(most);
+}
