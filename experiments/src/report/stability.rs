@@ -189,13 +189,22 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
     let row = |group: &Group<'_>| {
         let Finding { kernel, parameter, measure, .. } = group.first;
         let ulp = group.on_gpu().map(|finding| finding.worst_ulp).fold(0.0, f64::max);
-        let share = format!("{:.1} %", group.of_tolerance());
-        vec![format!("{kernel}: {measure}"), parameter.clone(), group.words(), number(ulp), share, holds(group.passes())]
+        // Of a row, so of all its measures together: told with the first; and not where nothing was compared.
+        let is_first = groups
+            .iter()
+            .find(|of| of.first.kernel == *kernel && of.first.parameter == *parameter)
+            .is_some_and(|of| of.first.measure == *measure);
+        let [ulp, share] = match group.on_gpu().all(|finding| finding.compared == 0) {
+            false if is_first => [number(ulp), format!("{:.1} %", group.of_tolerance())],
+            _ => [String::new(), String::new()],
+        };
+        vec![format!("{kernel}: {measure}"), parameter.clone(), group.words(), ulp, share, holds(group.passes())]
     };
     Table {
         title: "Kernels at their extremes",
-        note: "Largest error over all rows and devices, and where; in units in the last place of the row's largest result; as a share of the tolerance that is \
-               derived beside the kernel."
+        note: "Largest error over all rows and devices, and where. Of all results of a row together: the error in units in the last place of the row's largest \
+               result, and its share of the tolerance that is derived for that row beside the kernel, which grows with how ill-posed the row is. Finite, as \
+               asked: beyond what the kernel is made for, only that was asked."
             .to_owned(),
         columns: columns(&["kernel: what", "over", "largest error", "ulp", "of the tolerance", ""]),
         rows: groups.iter().map(row).collect(),

@@ -1,6 +1,6 @@
 //! What the lab asks of kernels: parameters and their extremes, as data.
 
-use anyhow::{Result, anyhow, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 use kernels::document::{self, suggestion};
 use kernels::probe::{PROBES, Probe};
 use serde::{Deserialize, Serialize};
@@ -167,6 +167,9 @@ impl Extremes {
             );
             ensure!((1..=MOST_ROWS).contains(&case.rows()), "{place}: `rows` is 1 to {MOST_ROWS}");
             let values = read.values(case).map_err(|error| anyhow!("{place}: {error}"))?;
+            if let Some(axis) = case.axis.as_ref().filter(|_| values.is_empty()) {
+                bail!("{place}: axis `{axis}` has no values: give it `log`, `powers_of_two` or `also`");
+            }
             ensure!(!values.is_empty(), "{place}: give `values`, or the name of an `axis`");
             let rows = values.len() as u64 * u64::from(case.rows());
             ensure!(
@@ -237,6 +240,7 @@ mod tests {
             (case("values = [1]") + "\n[[axis]]\nname = \"a\"\npowers_of_two = [3, 2]", "two exponents"),
             (case("axis = \"a\"") + "\n[[axis]]\nname = \"a\"\nlog = [1e-300, 1e300]", "that f32 holds"),
             (case("axis = \"a\"\nrows = 1048576") + "\n[[axis]]\nname = \"a\"\nlog = [1e-30, 1e30]", "give fewer"),
+            (case("axis = \"a\"") + "\n[[axis]]\nname = \"a\"", "axis `a` has no values"),
             ("case = 3".to_owned(), "case"),
             (case("values = [1]") + "\n[[bend]]\nkernel = \"weldd\"\nwhen = \"\"\nthen = \"\"\nprice = \"\"", "did you mean `weld`"),
         ] {

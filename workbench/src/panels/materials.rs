@@ -128,15 +128,14 @@ fn list(app: &mut Workbench, ui: &mut Ui) {
     panel.selected = panel.selected.min(scene.materials.len().saturating_sub(1));
     ui.horizontal_wrapped(|ui| {
         for (i, material) in scene.materials.iter().enumerate() {
-            ui.horizontal(|ui| {
-                swatch(ui, material);
-                let selected = panel.selected == i;
-                let item = ui.selectable_label(selected, &material.name);
-                item.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, format!("Material {}", material.name)));
-                if item.clicked() {
-                    (panel.selected, panel.said) = (i, None);
-                }
-            });
+            // Not in a row of their own, which would not wrap.
+            swatch(ui, material);
+            let selected = panel.selected == i;
+            let item = ui.selectable_label(selected, &material.name);
+            item.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, format!("Material {}", material.name)));
+            if item.clicked() {
+                (panel.selected, panel.said) = (i, None);
+            }
         }
     });
     ui.horizontal_wrapped(|ui| {
