@@ -48,7 +48,7 @@ pub(crate) enum Command {
     Import(ImportArgs),
     /// Apply one shared function to the rows of a table, on the GPU or with its references
     Probe(ProbeArgs),
-    /// Hold every shared function, at its extremes, to its reference in f64; write a table and a report
+    /// Hold shared functions at their extremes to f64, and codes, derivatives, hashes and noise to what is known of them; write tables and a report
     Stability(StabilityArgs),
     /// Judge a picture against a reference: FLIP, MSE, MRSE, PSNR, SSIM
     Compare(CompareArgs),
@@ -295,8 +295,8 @@ pub(crate) struct ProbeArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Fails where a result is not finite, or farther from the reference than is derived. The table of extremes is TOML: copy
-experiments/src/stability/extremes.toml.
+Fails where a result is not finite or farther from the reference than is derived, or a number is out of its range; tables and report
+are written all the same. The table of extremes is TOML: copy experiments/src/stability/extremes.toml.
 
 Examples:
   experiments stability

@@ -39,10 +39,6 @@ fn usable_positive_2(x: vec2<f32>, most: f32) -> vec2<f32> {
     return vec2<f32>(usable_positive_1(x.x, most), usable_positive_1(x.y, most));
 }
 
-fn usable_positive_3(x: vec3<f32>, most: f32) -> vec3<f32> {
-    return vec3<f32>(usable_positive_2(x.xy, most), usable_positive_1(x.z, most));
-}
-
 fn usable_positive_4(x: vec4<f32>, most: f32) -> vec4<f32> {
     return vec4<f32>(usable_positive_2(x.xy, most), usable_positive_2(x.zw, most));
 }

@@ -16,8 +16,6 @@ use crate::scene::{self, Material, Rule, Scene};
 /// Samples along an edge that are read at most; beyond it, a window has to be named.
 pub const MAX_SIDE: u32 = 16_385;
 
-/// Largest tile of an OpenEXR file that is larger than its picture, pixels along an edge.
-const LARGEST_TILE: u32 = 1024;
 /// Elevations beyond this, metres, are taken for a mistake in the file.
 const MAX_ELEVATION_M: f32 = 100_000.0;
 
@@ -285,11 +283,7 @@ impl Reader<'_> {
         let window = self.window(width, height, false)?;
         // Room is made for every layer that is read, and which of them that is, the first may not tell.
         for other in &meta.headers {
-            let size = [side(other.layer_size.0), side(other.layer_size.1)];
-            self.window(size[0], size[1], false)?;
-            if let exr::meta::BlockDescription::Tiles(tiles) = &other.blocks {
-                self.check_tiles([side(tiles.tile_size.0), side(tiles.tile_size.1)], size)?;
-            }
+            self.window(side(other.layer_size.0), side(other.layer_size.1), false)?;
         }
         input.rewind().map_err(|source| self.unreadable(source))?;
         let reading = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
@@ -314,17 +308,6 @@ impl Reader<'_> {
             return Err(self.error(format!("channel {} is subsampled; export it at full resolution", channel.name)));
         }
         Ok(([window[2], window[3]], Samples::Metres(crop(samples, width, window))))
-    }
-
-    /// Refuses tiles for which the decoder would make room far beyond the picture.
-    fn check_tiles(&self, [tile_w, tile_h]: [u32; 2], [width, height]: [u32; 2]) -> Result<()> {
-        let fits = |tile: u32, picture: u32| tile <= picture.max(LARGEST_TILE);
-        if fits(tile_w, width) && fits(tile_h, height) {
-            return Ok(());
-        }
-        Err(self.error(format!(
-            "its tiles of {tile_w} x {tile_h} are larger than its {width} x {height} pixels; export it with tiles of 64 x 64"
-        )))
     }
 
     fn tiff(&self, input: impl BufRead + Seek) -> Result<([u32; 2], Samples)> {
