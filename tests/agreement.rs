@@ -554,6 +554,56 @@ const CASES: &[Case] = &[
         ],
     },
     Case {
+        probe: "occlusion",
+        extremes: || {
+            let mut rows = Vec::new();
+            // Along y; along an axis upside down, as wide as 1 and 175 degrees; with distances that are lost, and without any.
+            let cameras = [
+                [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0]],
+                [[114.6, 0.0, 0.0, 0.0], [0.0, 0.0437, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]],
+                [[1.0, 0.0, 0.0, -5e6], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, -1e6]],
+                [[0.0; 4]; 3],
+            ];
+            for camera in cameras {
+                for near in [1e-7, 1e-3, 0.1, 1e6] {
+                    for (low, high) in [
+                        ([0.0; 3], [0.0; 3]),
+                        ([-1.0; 3], [1.0; 3]),
+                        ([-0.5, 0.1, -0.5], [0.5, 0.1, 0.5]),
+                        ([-0.5, 1e6, -0.5], [0.5, 1e6 + 1.0, 0.5]),
+                        ([-1e7, 64.0, -500.0], [1e7, 128.0, 3000.0]),
+                        ([5.0, 5.0, -20.0], [-5.0, 6.0, -10.0]),
+                    ] {
+                        for size in [[1.0, 1.0], [1.0, 8192.0], [1920.0, 1080.0]] {
+                            for stored in [0.0, 1e-6, near / 10.0, 1.0] {
+                                rows.push([&camera.concat()[..], &[near], &low, &high, &size, &[stored; 4]].concat());
+                            }
+                        }
+                    }
+                }
+            }
+            rows
+        },
+        // Edges fall between pixels as they like, those of the margin on another side than without: a margin of some 2^-20 of 4096 pixels, on four edges,
+        // and half of the depths as for the frustum.
+        other_side_at_most: 1500,
+        mutants: &[
+            // A corner forgotten, one twice; the image upside down; no margin of places, and one inwards; the farthest corner; a level too fine; one texel
+            // is enough; behind as well as before; nothing known of what reaches behind the eye.
+            ("culling", "corner < 8u", "corner < 7u"),
+            ("culling", "vec3<u32>(1u, 2u, 4u)", "vec3<u32>(1u, 2u, 2u)"),
+            ("culling", "vec2<f32>(x.x, -y.x) / w.x", "vec2<f32>(x.x, y.x) / w.x"),
+            ("culling", "0.5 * (q - margin)", "0.5 * q"),
+            ("culling", "0.5 * (q + margin)", "0.5 * (q - margin)"),
+            ("culling", "nearest = min(nearest, sure)", "nearest = select(max(nearest, sure), sure, nearest > 1e38)"),
+            ("culling", "select(vec2<u32>(0u), vec2<u32>(1u), (last", "select(vec2<u32>(0u), vec2<u32>(0u), (last"),
+            ("culling", "all(vec4<f32>(depth) < farthest)", "any(vec4<f32>(depth) < farthest)"),
+            ("culling", "all(vec4<f32>(depth) < farthest)", "all(vec4<f32>(depth) >= farthest)"),
+            ("culling", "sure >= near && w.y", "w.y"),
+            ("culling", "near / nearest * (1.0 + CULLING_FEW)", "near / nearest * (1.0 - CULLING_FEW)"),
+        ],
+    },
+    Case {
         probe: "bc1",
         extremes: || {
             let ends = [0x0000_0000_u32, 0xffff_0000, 0x0000_ffff, 0xffff_ffff, 0x8410_07e0, 0x07e0_8410, 0x0001_0000];
@@ -821,6 +871,11 @@ fn frustum_agrees() {
 #[test]
 fn normal_cone_agrees() {
     check("normal-cone");
+}
+
+#[test]
+fn occlusion_agrees() {
+    check("occlusion");
 }
 
 #[test]

@@ -138,6 +138,12 @@ fn a_tint_changes_the_picture_and_reset_brings_it_back() {
     let mut stage = stage();
     let (before, name) = select_lying(&mut stage);
     let original = stage.app().settings.scene.clone();
+    let albedo = |shown: &Shown, name: &str| shown.mean_albedo(name).expect("it is in the scene");
+    let usual = albedo(&before, &name);
+    take(&mut stage, "set Tint red = 0.25");
+    let dimmed = albedo(&shown(&mut stage), &name);
+    assert!(dimmed[0] < 0.99 * usual[0] && dimmed[1..] == usual[1..] && usual[0] > 0.0, "{dimmed:?} of {usual:?}");
+    take(&mut stage, "click Reset Tint");
     for (change, reset) in [
         ("set Tint red = 0.25", "click Reset Tint"),
         ("click Texture source; click sand", "click Reset material"),

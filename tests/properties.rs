@@ -5,13 +5,14 @@
 //! fixed seeds; a failure is shrunk and printed.
 
 use glam::{DVec2, DVec3, DVec4};
-use kernels::camera::{Pose, View, along};
+use kernels::camera::{NEAR_M, Pose, View, along};
 use kernels::culling;
 use kernels::document::nearest;
 use kernels::geometry::reference as geometry;
 use kernels::quadtree::{self, NodeBounds};
 use kernels::scene::{CameraPath, CameraPose, FlavourRules};
 use kernels::shading::Estimator;
+use kernels::shared::culling as seen;
 use kernels::shared::flavour_weights::{self, FlavourParams};
 use kernels::shared::hex_tiling::{self, HexTiling};
 use kernels::shared::moments::Moments;
@@ -1057,6 +1058,67 @@ proptest! {
     }
 
     #[test]
+    fn nothing_is_left_out_that_a_pixel_shows(
+        view in view(),
+        x in unit(),
+        y in unit(),
+        log2_depth in -3.0..12.0f64,
+        share in [unit(), unit(), unit()],
+        log2_size in -8.0..8.0f64,
+    ) {
+        // A box about what a pixel shows, and the matrix, as f32 has them; places in it, and where those are seen.
+        let size = view.size.map(f64::from);
+        let middle = view.camera + view.ray(x * size[0] - 0.5, y * size[1] - 0.5) * log2_depth.exp2();
+        let held = |x: f64| f64::from(x as f32);
+        let corner = |side: f64| [0, 1, 2].map(|i| held(middle[i] + (side - share[i]) * log2_size.exp2()));
+        let (low, high) = (corner(0.0), corner(1.0));
+        let rows = [0, 1, 3].map(|k| view.clip_from_local.row(k).to_array().map(held));
+        let near = held(NEAR_M);
+        let narrow = |v: [f64; 3]| v.map(|x| x as f32);
+        let double = seen::cover(rows, near, low, high, size);
+        let single = seen::cover(rows.map(|row| row.map(|x| x as f32)), near as f32, narrow(low), narrow(high), size.map(|x| x as f32));
+        let single = single.map(|c| seen::Cover { first: c.first.map(f64::from), last: c.last.map(f64::from), depth: f64::from(c.depth) });
+        for k in 0..27 {
+            let at = |axis: usize| f64::from(k / [1, 3, 9][axis] % 3) / 2.0;
+            let place = [0, 1, 2].map(|i| low[i] + at(i) * (high[i] - low[i]));
+            let [cx, cy, w] = rows.map(|r| r[0] * place[0] + r[1] * place[1] + r[2] * place[2] + r[3]);
+            let pixel = [(0.5 + 0.5 * cx / w) * size[0], (0.5 - 0.5 * cy / w) * size[1]].map(f64::floor);
+            if w < near || !(0..2).all(|i| (0.0..size[i]).contains(&pixel[i])) {
+                continue;
+            }
+            prop_assert!(view.sees(DVec3::from_array(low), DVec3::from_array(high)));
+            for cover in [double, single].into_iter().flatten() {
+                prop_assert!((0..2).all(|i| cover.first[i] <= pixel[i] && pixel[i] <= cover.last[i]), "{:?} of {:?}", pixel, cover);
+                prop_assert!(cover.depth >= near / w && !seen::hidden(cover.depth, [1.0, 1.0, near / w, 1.0]));
+            }
+        }
+    }
+
+    #[test]
+    fn no_patch_faces_away_of_which_some_normal_faces_the_eye(
+        axis in direction(),
+        lean in direction(),
+        log2_share in -20.0..0.0f64,
+        half_deg in 0.0..85.0f64,
+        to_patch in vector(1000.0),
+        aside in direction(),
+        radius_share in 0.0..1.2f64,
+        inside in unit(),
+    ) {
+        let sine = half_deg.to_radians().sin();
+        // On the rim of the cone, or as near to its axis as one likes.
+        let angle = half_deg.to_radians() * log2_share.exp2();
+        let across = octahedral::unit(sub(lean, scale(axis, dot(lean, axis))));
+        let normal = add(scale(axis, angle.cos()), scale(across, angle.sin()));
+        let radius = radius_share * length(to_patch);
+        let place = add(to_patch, scale(aside, radius * inside));
+        prop_assume!(dot(normal, place) <= -1e-9 * length(place));
+        prop_assert!(!seen::faces_away(axis, sine, to_patch, radius));
+        let narrow = |v: [f64; 3]| v.map(|x| x as f32);
+        prop_assert!(!seen::faces_away(narrow(axis), sine as f32, narrow(to_patch), radius as f32));
+    }
+
+    #[test]
     fn nodes_are_where_they_say(node in node(), x in unit(), y in unit()) {
         let layout = Layout::of(10_240.0, None);
         let place = node.origin_m(&layout) + DVec2::new(x, y) * layout.node_m(node.lod);
@@ -1289,6 +1351,24 @@ of_any_bits! {
     derivatives_of_any_bits_have_a_length([ray, step, n] in [any_numbers::<T, 3>(), any_numbers(), any_numbers()], t in any_number::<T>()) {
         let d = derivatives::on_plane(ray, step, t, n);
         prop_assert!(have_length(d), "{:?}", d);
+    }
+
+    covers_of_any_bits_lie_in_the_picture(
+        rows in [any_numbers::<T, 4>(), any_numbers(), any_numbers()],
+        near in any_number::<T>(),
+        [low, high] in [any_numbers::<T, 3>(), any_numbers()],
+        sides in [1..=16_384u16, 1..=16_384u16],
+    ) {
+        let size = sides.map(|side| T::of(f64::from(side)));
+        // Mostly nothing is known; from a camera along y more often something.
+        let [zero, one] = [T::of(0.0), T::of(1.0)];
+        let plain = [[one, zero, zero, rows[0][3]], [zero, zero, one, rows[1][3]], [zero, one, zero, T::of(8.0)]];
+        for cover in [rows, plain].into_iter().filter_map(|rows| seen::cover(rows, near, low, high, size)) {
+            for ((first, last), side) in cover.first.into_iter().zip(cover.last).zip(size) {
+                prop_assert!(first >= zero && first <= last && last < side && first.fract() == zero && last.fract() == zero, "{:?}", cover);
+            }
+            prop_assert!(cover.depth > zero && cover.depth <= one, "{:?}", cover);
+        }
     }
 
     splat_weights_of_any_bits_sum_to_one(

@@ -11,7 +11,7 @@ use crate::workbench::{cheap_stage, take};
 
 /// Panels, by the names on their tabs.
 const PANES: [&str; 11] =
-    ["Variants", "Materials", "Rules", "Brush", "Compare", "Places", "What is this?", "Parameters", "Metrics", "Inspector", "Experiments"];
+    ["Variants", "Materials", "Rules", "Brush", "Compare", "Places", "Help", "Parameters", "Metrics", "Inspector", "Experiments"];
 
 /// Pixels that may differ, and from when on one does, in codes of 8 bits: another device blends the edges of letters otherwise.
 const MOST_PIXELS: usize = 12;
@@ -38,8 +38,8 @@ fn panels_look_as_they_did() {
     for pane in PANES {
         take(&mut stage, &format!("click {pane}"));
         if pane == "Experiments" {
-            // Where the program was built is not everybody's.
-            take(&mut stage, "type Definitions = ../experiments/definitions");
+            // Where the program was built is not everybody's, and not everybody has the data that some of its definitions need.
+            take(&mut stage, "type Definitions = snapshots/definitions");
         }
         let ([width, height], texels) = stage.pane(pane).unwrap_or_else(|error| panic!("{pane}: {error:#}"));
         let now = RgbImage::from_raw(width, height, texels.into_flattened()).expect("three bytes a pixel");

@@ -335,7 +335,7 @@ fn layers_panels_and_what_is_not_there() {
         "{:?}",
         stage.names()
     );
-    take(&mut stage, "click What is this?");
+    take(&mut stage, "click Help");
     assert!(stage.names().iter().any(|name| name.contains("Far Cry 5")));
     let error = stage.take(&Step::Click("Variant splet".to_owned())).expect_err("no such thing").to_string();
     assert!(error.contains("nothing on screen is called `Variant splet`"), "{error}");

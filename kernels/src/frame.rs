@@ -390,6 +390,11 @@ impl<'a> Renderer<'a> {
         self.world.surface_height_m(x, y)
     }
 
+    /// Mean linear albedo of each material of the scene, tint included: what it looks like from far away.
+    pub fn mean_albedos(&self) -> &[[f32; 3]] {
+        &self.means.albedo
+    }
+
     /// The page of the virtual texture that served the last frame where it asked for `page`; `None` where none did.
     pub fn page_serving(&self, page: virtual_texture::PageId) -> Option<virtual_texture::PageId> {
         self.virtual_texture.serving(page)

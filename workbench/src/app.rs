@@ -28,9 +28,13 @@ mod opening;
 const TIMES: usize = 120;
 /// Pixels drawn per pixel of the screen, along a side, where a processor draws.
 const SOFTWARE_SCALE: f64 = 0.5;
-/// Vertices of the terrain that are drawn there, see [`Settings::vertex_stride`]: a processor takes its time by triangles, and with half of the pixels
-/// half of the vertices are as dense.
-const SOFTWARE_STRIDE: u32 = 2;
+/// Vertices of the terrain that are drawn there, see [`Settings::vertex_stride`]: a processor takes its time by triangles, of which there is otherwise about
+/// one a pixel, and at that scale the pictures look alike.
+const SOFTWARE_STRIDE: u32 = 4;
+
+/// How long the window waits before it is drawn again for a picture. Without any wait it would be drawn twice for each, and where a processor paints it that
+/// takes as long as the picture.
+const SOON: Duration = Duration::from_micros(1);
 
 /// A part of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +104,7 @@ impl Pane {
             Pane::Machine => "Machine",
             Pane::Experiments => "Experiments",
             Pane::Places => "Places",
-            Pane::Help => "What is this?",
+            Pane::Help => "Help",
         }
     }
 }
@@ -212,8 +216,8 @@ impl Workbench {
     /// The window's contents for a scene; pictures follow as they are drawn.
     /// `shaders`: a folder of WGSL files to draw with and to follow, as [`Engine::start`] takes it.
     pub fn new(ctx: &egui::Context, scene: Scene, shaders: Option<PathBuf>) -> Workbench {
-        let wake = ctx.clone();
-        Workbench::drawn_by(Engine::start(shaders, move || wake.request_repaint()), scene)
+        let window = ctx.clone();
+        Workbench::drawn_by(Engine::start(shaders, move || window.request_repaint_after(SOON)), scene)
     }
 
     /// As [`Workbench::new`], with a thread that draws, and wakes the window, already.

@@ -218,6 +218,7 @@ mod tests {
     use kernels::scene::{Stroke, StrokeKind, World};
 
     use super::*;
+    use crate::brush::{MOST_IN_ALL, MOST_STROKES};
     use crate::test_folder::Folder;
 
     fn plain() -> Scene {
@@ -379,6 +380,22 @@ mod tests {
         assert_eq!(read.folder, folder.0);
         assert!(Scene { folder: scene.folder.clone(), ..read } == scene);
         assert_eq!(folder.names(), ["edited.toml"], "and nothing else is left");
+    }
+
+    #[test]
+    fn as_much_as_can_be_painted_is_saved() {
+        let folder = Folder::new("painted");
+        let mut scene = plain();
+        let point = |i: usize| [1e4 * (i as f64).sin(), -1e4 * (i as f64).cos()];
+        let of = |count: usize| Stroke { points: (0..count).map(point).collect(), ..edited().strokes[0].clone() };
+        scene.strokes = (0..MOST_STROKES).map(|i| of(MOST_IN_ALL / MOST_STROKES + usize::from(i < MOST_IN_ALL % MOST_STROKES))).collect();
+        scene.strokes.iter_mut().for_each(|stroke| stroke.material = "moss".to_owned());
+        assert_eq!(scene.strokes.iter().map(|stroke| stroke.points.len()).sum::<usize>(), MOST_IN_ALL);
+        let began = std::time::Instant::now();
+        let file = save(&scene, &folder.0.join("painted.toml"), &[], false).expect("it is saved");
+        println!("{} points in {:.1?}", MOST_IN_ALL, began.elapsed());
+        let read = scene::load(&file.display().to_string()).expect("it is read");
+        assert!(Scene { folder: scene.folder.clone(), ..read } == scene);
     }
 
     #[test]

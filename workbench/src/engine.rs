@@ -146,10 +146,20 @@ pub struct Shown {
     pub culled_ground_m: Option<f64>,
     /// How the quadtree lies over the world.
     pub layout: kernels::world::Layout,
+    /// Mean linear albedo of each material of the wish's scene, tint included.
+    pub mean_albedos: Vec<[f32; 3]>,
     /// What was measured since the numbers were begun, the newest last.
     pub readings: Vec<Reading>,
     /// From the wish to the texels.
     pub took: Duration,
+}
+
+impl Shown {
+    /// Mean linear albedo of a material of this name, tint included; `None` = the picture's scene has none.
+    pub fn mean_albedo(&self, material: &str) -> Option<[f32; 3]> {
+        let place = self.wish.settings.scene.materials.iter().position(|known| known.name == material)?;
+        self.mean_albedos.get(place).copied()
+    }
 }
 
 /// The device that draws.
@@ -593,6 +603,7 @@ fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::error::Resul
         ground_m: renderer.ground_m(pose.position.x, pose.position.y),
         culled_ground_m: culled_ground_m(renderer, wish),
         layout: *renderer.world().layout(),
+        mean_albedos: renderer.mean_albedos().to_vec(),
         readings: Vec::new(),
         took: began.elapsed(),
         wish: wish.clone(),
@@ -612,6 +623,8 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::e
     let measured = wish.is_measured();
     let request = wish.request(pose, &wish.layers());
     let picture = renderer.render(&request)?;
+    // Before B, whose tints may be others.
+    let mean_albedos = renderer.mean_albedos().to_vec();
     let pixel = match wish.probe {
         Some(probe) => inspector::inspect(renderer, &request, inspector::pixel_at(probe, wish.size))?,
         None => None,
@@ -646,6 +659,7 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::e
         ground_m,
         culled_ground_m: culled_ground_m(renderer, wish),
         layout,
+        mean_albedos,
         readings,
         took: began.elapsed(),
         wish: wish.clone(),

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
 use experiments::definition::{self, Definition, Reference, Small, Times, variant_name};
+use kernels::error::one_line;
 use kernels::scene::{self, CameraPose, Scene, World};
 use toml::Value;
 
@@ -233,6 +234,11 @@ fn definition_at(path: PathBuf) -> Option<PathBuf> {
     let is_definition =
         path.extension().is_some_and(|extension| extension == "toml") && path.file_name().is_some_and(|name| name != scene::FILE);
     is_definition.then_some(path)
+}
+
+/// Why a definition cannot be run as it stands, one line: what is wrong in it, or a file that it names and that is not there.
+pub fn lacks(definition: &Path) -> Option<String> {
+    definition::load(definition).err().map(|error| one_line(&format!("{error:#}")))
 }
 
 /// The folder of definitions that come with the program: below the working directory, or below a folder that holds this program.
@@ -547,8 +553,24 @@ mod tests {
         let names: Vec<String> = definitions(&folder.0).iter().map(|file| super::name(file)).collect();
         assert_eq!(names, ["auto", "generic", "other", "painted", "seen"]);
         assert_eq!(definitions(&folder.0.join("other")), [folder.0.join("other").join("other.toml")]);
-        assert_eq!(definitions(&file), [file]);
+        assert_eq!(definitions(&file), std::slice::from_ref(&file));
         assert!(definitions(&folder.0.join("nowhere")).is_empty());
+        assert_eq!(lacks(&file), None);
+    }
+
+    #[test]
+    fn a_definition_whose_terrain_is_not_there_lacks_it() {
+        let folder = Folder::new("lacking");
+        let file = folder.0.join("imported.toml");
+        let plain = "name = \"imported\"\nquestion = \"?\"\nviews = [\"ground\"]\nsize = [8, 8]\nframes = 1\nvariants = [\"splat\"]\n";
+        let import = "[import]\nheightmap = \"height.png\"\nmetres_per_texel = 10.0\nheight_range_m = [0.0, 9.0]\n";
+        fs::write(&file, format!("{plain}{import}")).expect("can be written");
+        let lacking = lacks(&file).expect("there is no heightmap");
+        assert!(lacking.contains("there is no file") && lacking.contains("height.png") && lacking.lines().count() == 1, "{lacking}");
+        fs::write(folder.0.join("height.png"), b"not looked at").expect("can be written");
+        assert_eq!(lacks(&file), None);
+        fs::write(&file, "name = 1").expect("can be written");
+        assert!(lacks(&file).is_some_and(|lacking| lacking.contains("imported.toml:1")), "{:?}", lacks(&file));
     }
 
     #[test]

@@ -181,7 +181,7 @@ impl Recorded {
     /// have, no row, or too many.
     pub fn from_csv(name: &str, table: impl Read, place: &str) -> Result<Recorded, String> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table);
-        let header = reader.headers().map_err(|error| format!("{place}: {}", one_line(&error.to_string())))?;
+        let header = reader.headers().map_err(|error| format!("{place}: {}", one_line(&explain(&error))))?;
         if !header.iter().eq(COLUMNS) {
             let given = one_line(&header.iter().collect::<Vec<_>>().join(","));
             return Err(format!("{place}, line 1: the columns are `{given}`, must be `{}`", COLUMNS.join(",")));
@@ -241,6 +241,7 @@ fn explain(error: &csv::Error) -> String {
             let line = pos.as_ref().map_or(0, csv::Position::line);
             format!("line {line} has {len} cells, must have {}", COLUMNS.len())
         }
+        csv::ErrorKind::Utf8 { .. } => "it is no text: give a table as `Write ... to a file` makes them".to_owned(),
         _ => error.to_string(),
     }
 }
@@ -479,6 +480,10 @@ mod tests {
         ] {
             let error = Recorded::from_csv("t", text.as_bytes(), "t.csv").expect_err(&text);
             assert!(parts.iter().all(|part| error.contains(part)) && !error.contains('\n'), "{text}: {error}");
+        }
+        for picture in [&b"\x89PNG\r\n\x1a\n\0\xff"[..], &[header.as_bytes(), b"\n0,1,2,3,\xff,0,1\n"].concat()] {
+            let error = Recorded::from_csv("t", picture, "t.csv").expect_err("no text");
+            assert!(error.starts_with("t.csv: it is no text: give a table") && !error.contains('\n'), "{error}");
         }
         // Blanks and the line ends of other systems are not wrong.
         assert!(Recorded::from_csv("t", format!("{header}\r\n {row}\r\n\r\n").as_bytes(), "t.csv").is_ok());

@@ -2,7 +2,7 @@
 
 use super::judge::{Verdict, from_axis, set_direction, set_length, three};
 use super::{Measure, Parameter, Probe, real, take, whole};
-use crate::shared::culling::{self, ROUNDING, SLACK};
+use crate::shared::culling::{self, Cover, ROUNDING, SLACK};
 use crate::shared::octahedral;
 use crate::shared::real::{Real, dot, length};
 
@@ -195,4 +195,277 @@ fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let near = over <= 2.0 * ROUNDING || between + margin <= 0.0 || (between + margin).sin() <= 2.0 * ROUNDING;
     let out_of_range = |x: f64| (x.abs() > 0.999e15 || (x != 0.0 && x.abs() < 1.001e-15)) && x.is_finite();
     one_sided(got, want, margin > 0.0, near || row.iter().any(|&x| out_of_range(x)))
+}
+
+/// Places of the columns of [`OCCLUSION`].
+const NEAR: usize = 12;
+const LOW: usize = 13;
+const HIGH: usize = 16;
+const SIZE: usize = 19;
+const STORED: usize = 21;
+
+pub(super) const OCCLUSION: Probe = Probe {
+    name: "occlusion",
+    about: "What a box covers on the screen, at which level of a pyramid of depths it is looked up, and whether it is hidden: what is seen never is",
+    inputs: &[
+        real("x_x", "of the row of clip space's x, from the box's coordinates"),
+        real("x_y", "of that row"),
+        real("x_z", "of that row"),
+        real("x_w", "of that row"),
+        real("y_x", "of the row of y"),
+        real("y_y", "of that row"),
+        real("y_z", "of that row"),
+        real("y_w", "of that row"),
+        real("w_x", "of the row of w, the distance along the view"),
+        real("w_y", "of that row"),
+        real("w_z", "of that row"),
+        real("w_w", "of that row"),
+        real("near_m", "m"),
+        real("low_x", "m, lower corner of the box"),
+        real("low_y", "m"),
+        real("low_z", "m"),
+        real("high_x", "m, upper corner"),
+        real("high_y", "m"),
+        real("high_z", "m"),
+        whole("width", "of the picture, pixels", 1, MOST_SIDE),
+        whole("height", "of the picture, pixels", 1, MOST_SIDE),
+        real("stored_0", "least depth of a texel of the pyramid, near plane's distance / distance along the view"),
+        real("stored_1", "alike"),
+        real("stored_2", "alike"),
+        real("stored_3", "alike"),
+    ],
+    outputs: &[
+        whole("known", "0 = nothing can be said, and it is drawn", 0, 1),
+        whole("first_x", "pixels, first column", 0, MOST_SIDE),
+        whole("first_y", "first row, from above", 0, MOST_SIDE),
+        whole("last_x", "last column", 0, MOST_SIDE),
+        whole("last_y", "last row", 0, MOST_SIDE),
+        whole("level", "of the pyramid", 0, 14),
+        real("depth", "of the nearest place"),
+        whole("hidden", "1 = left out", 0, 1),
+    ],
+    blocks: None,
+    wgsl: "\
+fn probe(row: array<f32, 25>) -> array<f32, 8> {
+let x = vec4<f32>(row[0], row[1], row[2], row[3]);
+let y = vec4<f32>(row[4], row[5], row[6], row[7]);
+let w = vec4<f32>(row[8], row[9], row[10], row[11]);
+let low = vec3<f32>(row[13], row[14], row[15]);
+let high = vec3<f32>(row[16], row[17], row[18]);
+let seen = culling_cover(x, y, w, row[12], low, high, vec2<u32>(u32(row[19]), u32(row[20])));
+let hidden = seen.known && culling_hidden(seen.depth, vec4<f32>(row[21], row[22], row[23], row[24]));
+let level = culling_level(seen.first, seen.last);
+return array<f32, 8>(
+    select(0.0, 1.0, seen.known), f32(seen.first.x), f32(seen.first.y), f32(seen.last.x), f32(seen.last.y), f32(level), seen.depth,
+    select(0.0, 1.0, hidden)
+);
+}",
+    single: occlusion_row,
+    double: occlusion_row,
+    random: |d| {
+        let near = d.between(-10.0, 0.0).exp2();
+        let size = [0; 2].map(|_| 1.0 + d.whole(4096));
+        let eye = d.vector(-4.0, 12.0);
+        let forward = d.direction();
+        let right = d.leaning(forward, std::f64::consts::FRAC_PI_2);
+        let half = [0; 2].map(|_| d.between(-4.0, 2.0).exp2());
+        // Before the camera, somewhere within twice its angle, as large as it is far or smaller.
+        let distance = near * d.between(0.0, 17.0).exp2();
+        let aside = [0; 2].map(|_| d.between(-2.0, 2.0) * distance);
+        let extent = [0; 3].map(|_: i32| distance * d.between(-12.0, 0.5).exp2());
+        let mut row = vec![0.0; STORED];
+        let axes = [right, cross(right, forward), forward];
+        for (k, axis) in axes.into_iter().enumerate() {
+            let by = if k < 2 { 1.0 / half[k] } else { 1.0 };
+            let of = axis.map(|x| x * by);
+            row[4 * k..4 * k + 3].copy_from_slice(&of);
+            row[4 * k + 3] = -dot(of, eye);
+        }
+        row[NEAR] = near;
+        for i in 0..3 {
+            let centre = eye[i] + forward[i] * distance + axes[0][i] * half[0] * aside[0] + axes[1][i] * half[1] * aside[1];
+            (row[LOW + i], row[HIGH + i]) = (centre - extent[i], centre + extent[i]);
+        }
+        row[SIZE..].copy_from_slice(&size);
+        // What was drawn is next to the nearest corner as often as not.
+        let nearest = near / exact(&row).nearest_m.max(near);
+        let off =
+            if d.whole(2) < 0.5 { 1.0 + d.between(-24.0, -1.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-2.0, 2.0).exp2() };
+        row.extend([0; 4].map(|_| nearest * off * (1.0 + d.unit() * d.whole(2))));
+        row
+    },
+    judge: occlusion_judge,
+    measures: &[
+        Measure {
+            name: "drawn for nothing",
+            unit: "of the distance, behind what hides it",
+            error: |row, got, _| {
+                let stored = row[STORED..].iter().copied().fold(f64::INFINITY, f64::min);
+                let nearest = row[NEAR] / exact(row).nearest_m;
+                if got[0] == 1.0 && got[7] == 0.0 && nearest > 0.0 { (stored / nearest - 1.0).max(0.0) } else { 0.0 }
+            },
+        },
+        Measure {
+            name: "covered for nothing",
+            unit: "px",
+            error: |row, got, _| if got[0] == 1.0 { widened(row, &exact(row), got) } else { 0.0 },
+        },
+    ],
+    parameters: &[
+        Parameter {
+            name: "behind",
+            unit: "of the distance, behind what was drawn",
+            set: |row, value, _| {
+                let nearest = row[NEAR] / exact(row).nearest_m.max(row[NEAR]);
+                row[STORED..].fill(nearest * (1.0 + value));
+            },
+        },
+        Parameter {
+            name: "distance_m",
+            unit: "m along the view, of the middle of a box of a metre",
+            set: |row, value, _| {
+                let (rows, centre) = clip_rows(row);
+                let aside = [0, 1, 2].map(|i| (row[LOW + i] + row[HIGH + i]) / 2.0);
+                let off = (value - (dot(centre, aside) + rows[2][3])) / dot(centre, centre);
+                for i in 0..3 {
+                    let middle = aside[i] + centre[i] * off;
+                    (row[LOW + i], row[HIGH + i]) = (middle - 0.5, middle + 0.5);
+                }
+            },
+        },
+        Parameter {
+            name: "fov_deg",
+            unit: "deg, both ways",
+            set: |row, value, _| {
+                for k in 0..2 {
+                    let by = 1.0 / (length(three(row, 4 * k)) * (value / 2.0).to_radians().tan());
+                    row[4 * k..4 * k + 4].iter_mut().for_each(|x| *x *= by);
+                }
+            },
+        },
+        Parameter {
+            name: "eye_m",
+            unit: "m, from the origin of coordinates to all of it",
+            set: |row, value, d| {
+                let by = d.direction().map(|x| x * value);
+                for k in 0..3 {
+                    row[4 * k + 3] -= dot(three(row, 4 * k), by);
+                }
+                for i in 0..3 {
+                    row[LOW + i] += by[i];
+                    row[HIGH + i] += by[i];
+                }
+            },
+        },
+        Parameter { name: "side_px", unit: "px, width and height", set: |row, value, _| row[SIZE..STORED].fill(value) },
+    ],
+};
+
+/// Largest side of a picture, pixels.
+const MOST_SIDE: i32 = 16_384;
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// The rows, and the direction of the view, as long as it is.
+fn clip_rows<T: Real>(row: &[T]) -> ([[T; 4]; 3], [T; 3]) {
+    ([take(row, 0), take(row, 4), take(row, 8)], take(row, 8))
+}
+
+/// What a box spans: places on the screen before they are rounded or kept within it, and the distance of its nearest corner. By corners in f64.
+struct Exact {
+    first: [f64; 2],
+    last: [f64; 2],
+    nearest_m: f64,
+    /// By how much places may be off in f32, pixels.
+    margin: [f64; 2],
+    /// By how much the nearest distance may be off, as a share of it.
+    off: f64,
+}
+
+fn exact(row: &[f64]) -> Exact {
+    let ([x, y, w], _) = clip_rows(row);
+    let mut all = Exact { first: [f64::INFINITY; 2], last: [f64::NEG_INFINITY; 2], nearest_m: f64::INFINITY, margin: [0.0; 2], off: 0.0 };
+    for corner in 0..8 {
+        let place = [0, 1, 2].map(|i| row[if corner >> i & 1 == 1 { HIGH } else { LOW } + i]);
+        let sum = |r: [f64; 4]| r[0] * place[0] + r[1] * place[1] + r[2] * place[2] + r[3];
+        let size = |r: [f64; 4]| SLACK * ((r[0] * place[0]).abs() + (r[1] * place[1]).abs() + (r[2] * place[2]).abs() + r[3].abs()) + 1e-22;
+        let distance = sum(w);
+        all.nearest_m = all.nearest_m.min(distance);
+        all.off = all.off.max(size(w) / distance.abs());
+        for (k, r) in [x, y.map(|v| -v)].into_iter().enumerate() {
+            let q = sum(r) / distance;
+            let at = (0.5 + 0.5 * q) * row[SIZE + k];
+            (all.first[k], all.last[k]) = (all.first[k].min(at), all.last[k].max(at));
+            let off = (size(r) + q.abs().min(4.0) * size(w)) / distance.abs() + 1e-6 * (1.0 + q.abs().min(4.0));
+            all.margin[k] = all.margin[k].max(off * row[SIZE + k]);
+        }
+    }
+    all
+}
+
+/// Pixels by which columns or rows reach farther than those of what the box spans.
+fn widened(row: &[f64], exact: &Exact, got: &[f64]) -> f64 {
+    let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
+    let before = (0..2).map(|k| inside(k, exact.first[k]) - got[1 + k]);
+    let after = (0..2).map(|k| got[3 + k] - inside(k, exact.last[k]));
+    before.chain(after).fold(0.0, f64::max)
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
+fn occlusion_row<T: Real>(row: &[T], out: &mut Vec<T>) {
+    let flag = |on: bool| if on { T::one() } else { T::zero() };
+    let seen = culling::cover(clip_rows(row).0, row[NEAR], take(row, LOW), take(row, HIGH), take(row, SIZE));
+    let nothing = Cover { first: [T::zero(); 2], last: [T::zero(); 2], depth: T::one() };
+    let Cover { first, last, depth } = seen.unwrap_or(nothing);
+    let [from, to] = [first, last].map(|at| at.map(|x| x.to_f64() as u32));
+    let hidden = seen.is_some() && culling::hidden(depth, take(row, STORED));
+    out.extend([
+        flag(seen.is_some()),
+        first[0],
+        first[1],
+        last[0],
+        last[1],
+        T::of(f64::from(culling::level(from, to))),
+        depth,
+        flag(hidden),
+    ]);
+}
+
+/// What is covered must be within what is said to be, and not by more than the margin and its own rounding smaller; hidden is what is behind.
+fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
+    let truth = exact(row);
+    let stored = row[STORED..].iter().copied().fold(f64::INFINITY, f64::min);
+    let has_number = row[STORED..].iter().all(|x| !x.is_nan());
+    let nearest = row[NEAR] / truth.nearest_m;
+    // Whether anything is known may differ next to the near plane, and where the distance is lost.
+    let blurred = truth.off * 128.0;
+    let by_near = (truth.nearest_m / row[NEAR] - 1.0).abs() <= 4.0 * truth.off;
+    let out_of_range = row[..SIZE].iter().any(|x| x.abs() > 0.999e15) || (0.999e-6..1.001e-6).contains(&row[NEAR]);
+    if got[0] != want[0] {
+        return if by_near || out_of_range || (0.9..1.1).contains(&blurred) { Verdict::OtherSide } else { Verdict::Differs };
+    }
+    if got[0] == 0.0 {
+        return if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs };
+    }
+    let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
+    let covers = (0..2).all(|k| got[1 + k] <= inside(k, truth.first[k]) && got[3 + k] >= inside(k, truth.last[k]));
+    let close = (0..2).all(|k| {
+        let (low, high) = (inside(k, truth.first[k] - 2.0 * truth.margin[k]), inside(k, truth.last[k] + 2.0 * truth.margin[k]));
+        got[1 + k] >= low && got[3 + k] <= high
+    });
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
+    let level = culling::level([got[1] as u32, got[2] as u32], [got[3] as u32, got[4] as u32]);
+    let deep = got[6] >= nearest.min(1.0) && got[6] <= nearest * (1.0 + 2.0 * truth.off + 4e-6);
+    // Hidden rightly.
+    let is_right = got[7] == 0.0 || (has_number && nearest < stored);
+    if !(covers && close && f64::from(level) == got[5] && deep && is_right) {
+        return Verdict::Differs;
+    }
+    if got[1..6] == want[1..6] && got[7] == want[7] {
+        return Verdict::Agrees(if got[6] == want[6] { 0.0 } else { (got[6] / want[6] - 1.0).abs() / (2.0 * truth.off + 4e-6) });
+    }
+    let by_stored = (stored / nearest - 1.0).abs() <= 3.0 * truth.off + 6e-6;
+    if got[7] == want[7] || by_stored { Verdict::OtherSide } else { Verdict::Differs }
 }

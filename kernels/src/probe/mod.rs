@@ -301,6 +301,7 @@ pub const PROBES: &[Probe] = &[
     geometry::WELD,
     culling::FRUSTUM,
     culling::NORMAL_CONE,
+    culling::OCCLUSION,
     blocks::BC1,
     blocks::BC3,
     light::REFLECTION,

@@ -1,5 +1,7 @@
-//! Whether a part of the terrain can be left out: it lies beyond a plane of the frustum, or all of it faces away.
+//! Whether a part of the terrain can be left out: it lies beyond a plane of the frustum, behind what is nearer, or all of it faces away.
 //!
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "GPU Culling", "Occlusion Buffer Culling", "Back Face Culling"; Haar and Aaltonen,
+//! *GPU-Driven Rendering Pipelines*, SIGGRAPH 2015.
 //! Both err to one side only: what is seen is never left out, in f32 as in f64, whether denormals are kept or taken for zero. The price is a margin of
 //! [`SLACK`] of the terms that are summed, within which something that could be left out is drawn.
 
@@ -50,9 +52,132 @@ pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], ra
 /// less than 96 ULP.
 pub const ROUNDING: f64 = 96.0 / 8_388_608.0;
 
+/// A box whose distance along the view is known to less than this share, or that comes nearer than the near plane, covers what is not known.
+const KNOWN: f64 = 1.0 / 128.0;
+/// Nearest near plane that is reckoned with, m.
+const NEAREST: f64 = 1e-6;
+/// Beyond these, in halves of the picture's width or height from its middle, a place is as good as anywhere else outside.
+const OUTSIDE: f64 = 4.0;
+/// Rounding of a quotient (2.5 ULP), a sum and two products, and once more as much.
+const FEW: f64 = 8.0 / 8_388_608.0;
+
+/// What a box covers on the screen, rounded outwards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cover<T> {
+    /// First column and row of pixels, from the upper left corner.
+    pub first: [T; 2],
+    /// Last column and row.
+    pub last: [T; 2],
+    /// Depth of the nearest place, reversed: near plane's distance / distance along the view, 0..=1.
+    pub depth: T,
+}
+
+/// What the box from `low` to `high`, m, covers of a picture of `size` pixels (1..=16384 each); `rows` are those of x, y and w of a matrix from the
+/// box's coordinates to clip space, w the distance along the view, m, of which `near` is the least that is drawn. Pixels are those within the picture,
+/// at least one: a box beside it covers its edge, and is the frustum's to leave out. `None` where nothing can be said: it reaches to the near plane, its
+/// distance is lost in rounding (of terms 128 x 2^21 times as large), or numbers are none, infinite or beyond 1e15.
+pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
+    let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
+    if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
+        return None;
+    }
+    let half = T::of(0.5);
+    let (mut nearest, mut least, mut most) = (T::infinity(), size, [T::zero(); 2]);
+    for corner in 0..8 {
+        let place = [0, 1, 2].map(|i| if corner >> i & 1 == 1 { high[i] } else { low[i] });
+        // The sum of a row, and by how much it may be off.
+        let summed = rows.map(|row| {
+            let terms = [row[0] * place[0], row[1] * place[1], row[2] * place[2], row[3]];
+            let of = |f: fn(T) -> T| f(terms[0]) + f(terms[1]) + f(terms[2]) + f(terms[3]);
+            (of(|x| x), T::of(SLACK) * of(T::abs) + T::of(FLUSHED))
+        });
+        let (w, off) = summed[2];
+        let sure = w - off;
+        if !(sure >= near && off <= T::of(KNOWN) * sure) {
+            return None;
+        }
+        nearest = nearest.min(sure);
+        for axis in 0..2 {
+            let up = if axis == 0 { T::one() } else { -T::one() };
+            let (x, x_off) = summed[axis];
+            let q = (up * x / w).max(-T::of(OUTSIDE)).min(T::of(OUTSIDE));
+            let margin = (x_off + q.abs() * off) / sure + T::of(FEW) * (T::one() + q.abs());
+            least[axis] = least[axis].min((half + half * (q - margin)) * size[axis]);
+            most[axis] = most[axis].max((half + half * (q + margin)) * size[axis]);
+        }
+    }
+    let within = |axis: usize, x: T| x.floor().max(T::zero()).min(size[axis] - T::one());
+    Some(Cover {
+        first: [within(0, least[0]), within(1, least[1])],
+        last: [within(0, most[0]), within(1, most[1])],
+        depth: (near / nearest * (T::one() + T::of(FEW))).min(T::one()),
+    })
+}
+
+/// The finest level of a pyramid at which pixels from `first` to `last` lie in at most 2 x 2 texels: a texel of a level is made of 2 x 2 below it, those
+/// of level 0 are pixels.
+pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
+    let along = |axis: usize| {
+        let start = (last[axis] - first[axis]).max(1).ilog2();
+        start + u32::from((last[axis] >> start) - (first[axis] >> start) > 1)
+    };
+    along(0).max(along(1))
+}
+
+/// Whether a box is hidden whose nearest place has this depth: all that was drawn over what it covers is nearer. `farthest` are the least depths of the
+/// texels of the pyramid that it lies in, reversed: 0 = nothing was drawn. Never where one is no number.
+pub fn hidden<T: Real>(depth: T, farthest: [T; 4]) -> bool {
+    farthest.iter().all(|&stored| depth < stored)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A camera at the origin that looks along y, 90 degrees wide and high.
+    const ALONG_Y: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
+
+    #[test]
+    fn a_box_covers_what_its_corners_span() {
+        let size = [200.0, 100.0];
+        // From -0.5 to 0.25 to the right and from 0 to 0.5 up, where it is nearest.
+        let seen = cover(ALONG_Y, 0.1, [-5.0, 10.0, 0.0], [2.5, 40.0, 5.0], size).expect("before the camera");
+        assert_eq!((seen.first, seen.last), ([49.0, 24.0], [125.0, 50.0]));
+        assert!((0.01..0.01 + 1e-7).contains(&seen.depth), "{}", seen.depth);
+        assert_eq!(level([49, 24], [125, 50]), 6);
+        // Beside the picture, and larger than it.
+        let beside = cover(ALONG_Y, 0.1, [90.0, 10.0, 0.0], [95.0, 11.0, 1.0], size).expect("before the camera");
+        assert_eq!((beside.first[0], beside.last[0]), (199.0, 199.0));
+        let all = cover(ALONG_Y, 0.1, [-1e6, 10.0, -1e6], [1e6, 11.0, 1e6], size).expect("before the camera");
+        assert_eq!((all.first, all.last), ([0.0; 2], [199.0, 99.0]));
+        // Nothing is known of what reaches the near plane, of distances that are lost, and of what is no number.
+        let unknown = |low: [f64; 3], near: f64| cover(ALONG_Y, near, low, [20.0; 3], size).is_none();
+        assert!(
+            unknown([0.0, 0.09, 0.0], 0.1) && unknown([0.0, f64::NAN, 0.0], 0.1) && unknown([0.0; 3], f64::NAN) && unknown([9.0; 3], 0.0)
+        );
+        let far_off = [ALONG_Y[0], ALONG_Y[1], [0.0, 1.0, 0.0, -1e6]];
+        assert!(cover(far_off, 0.1, [0.0, 1e6 + 10.0, 0.0], [1.0, 1e6 + 20.0, 1.0], size).is_none());
+        assert!(cover(far_off, 0.1, [0.0, 1e6 + 200.0, 0.0], [1.0, 1e6 + 220.0, 1.0], size).is_some());
+    }
+
+    #[test]
+    fn a_level_has_all_pixels_in_two_texels_and_the_one_below_has_not() {
+        for first in 0..70 {
+            for last in first..140 {
+                let level = level([first, 3], [last, 3]);
+                assert!((last >> level) - (first >> level) <= 1, "{first}..={last} at {level}");
+                assert!(level == 0 || (last >> (level - 1)) - (first >> (level - 1)) > 1, "{first}..={last} at {level}");
+            }
+        }
+        assert_eq!(level([5, 0], [5, 16383]), 13);
+    }
+
+    #[test]
+    fn only_what_is_behind_all_of_it_is_hidden() {
+        assert!(hidden(0.1, [0.2, 0.11, 0.5, 1.0]));
+        assert!(!hidden(0.1, [0.2, 0.1, 0.5, 1.0]) && !hidden(0.1, [0.2, 0.0, 0.5, 1.0]) && !hidden(0.0, [0.0; 4]));
+        assert!(!hidden(0.1, [0.2, f64::NAN, 0.5, 1.0]) && !hidden(f64::NAN, [1.0; 4]));
+    }
 
     #[test]
     fn a_box_is_beyond_a_plane_only_with_all_its_corners() {

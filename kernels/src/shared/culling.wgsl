@@ -1,5 +1,5 @@
-// Whether a part of the terrain can be left out: it lies beyond a plane of the frustum, or all of it faces away.
-// Both err to one side only: what is seen is never left out. culling.rs derives the margins.
+// Whether a part of the terrain can be left out: it lies beyond a plane of the frustum, behind what is nearer, or all of it faces away.
+// All err to one side only: what is seen is never left out. culling.rs derives the margins.
 
 const CULLING_SLACK: f32 = 4.7683716e-7;
 const CULLING_ROUNDING: f32 = 1.1444092e-5;
@@ -32,4 +32,79 @@ fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>,
     }
     let along = dot(octahedral_unit(axis), octahedral_unit(to_patch));
     return along > sines.x * cosines.y + cosines.x * sines.y + CULLING_ROUNDING;
+}
+
+const CULLING_KNOWN: f32 = 0.0078125;
+const CULLING_NEAREST: f32 = 1e-6;
+const CULLING_OUTSIDE: f32 = 4.0;
+const CULLING_FEW: f32 = 9.536743e-7;
+
+// What a box covers on the screen, rounded outwards.
+struct CullingCover {
+    // Whether anything can be said.
+    known: bool,
+    // First and last column and row of pixels, from the upper left corner.
+    first: vec2<u32>,
+    last: vec2<u32>,
+    // Of the nearest place: near plane's distance / distance along the view.
+    depth: f32,
+}
+
+// The sum of a row's terms at a place, and by how much it may be off.
+fn culling_summed(row: vec4<f32>, place: vec3<f32>) -> vec2<f32> {
+    let terms = row.xyz * place;
+    let size = abs(terms.x) + abs(terms.y) + abs(terms.z) + abs(row.w);
+    return vec2<f32>(terms.x + terms.y + terms.z + row.w, CULLING_SLACK * size + CULLING_FLUSHED);
+}
+
+// What the box from `low` to `high` covers of a picture; rows of x, y and w of a matrix from its coordinates to clip space.
+fn culling_cover(
+    row_x: vec4<f32>, row_y: vec4<f32>, row_w: vec4<f32>, near: f32, low: vec3<f32>, high: vec3<f32>, size: vec2<u32>
+) -> CullingCover {
+    let nothing = CullingCover(false, vec2<u32>(0u), vec2<u32>(0u), 1.0);
+    let known = usable_within_3(low, CULLING_MOST) && usable_within_3(high, CULLING_MOST)
+        && usable_within_3(row_x.xyz, CULLING_MOST) && usable_within_3(row_y.xyz, CULLING_MOST) && usable_within_3(row_w.xyz, CULLING_MOST)
+        && usable_within_3(vec3<f32>(row_x.w, row_y.w, row_w.w), CULLING_MOST) && usable_within_1(near, CULLING_MOST);
+    if !(known && near >= CULLING_NEAREST) {
+        return nothing;
+    }
+    let pixels = vec2<f32>(size);
+    var nearest = 3e38;
+    var least = pixels;
+    var most = vec2<f32>(0.0);
+    for (var corner = 0u; corner < 8u; corner++) {
+        let place = select(low, high, (vec3<u32>(corner) & vec3<u32>(1u, 2u, 4u)) != vec3<u32>(0u));
+        let x = culling_summed(row_x, place);
+        let y = culling_summed(row_y, place);
+        let w = culling_summed(row_w, place);
+        let sure = w.x - w.y;
+        if !(sure >= near && w.y <= CULLING_KNOWN * sure) {
+            return nothing;
+        }
+        nearest = min(nearest, sure);
+        let q = clamp(vec2<f32>(x.x, -y.x) / w.x, vec2<f32>(-CULLING_OUTSIDE), vec2<f32>(CULLING_OUTSIDE));
+        let margin = (vec2<f32>(x.y, y.y) + abs(q) * w.y) / sure + CULLING_FEW * (vec2<f32>(1.0) + abs(q));
+        least = min(least, (vec2<f32>(0.5) + 0.5 * (q - margin)) * pixels);
+        most = max(most, (vec2<f32>(0.5) + 0.5 * (q + margin)) * pixels);
+    }
+    let last = pixels - vec2<f32>(1.0);
+    return CullingCover(
+        true,
+        vec2<u32>(clamp(floor(least), vec2<f32>(0.0), last)),
+        vec2<u32>(clamp(floor(most), vec2<f32>(0.0), last)),
+        min(near / nearest * (1.0 + CULLING_FEW), 1.0)
+    );
+}
+
+// The finest level of a pyramid at which those pixels lie in at most 2 x 2 texels.
+fn culling_level(first: vec2<u32>, last: vec2<u32>) -> u32 {
+    let start = firstLeadingBit(max(last - first, vec2<u32>(1u)));
+    let level = start + select(vec2<u32>(0u), vec2<u32>(1u), (last >> start) - (first >> start) > vec2<u32>(1u));
+    return max(level.x, level.y);
+}
+
+// Whether a box whose nearest place has this depth is hidden by what was drawn: `farthest` are least depths of texels of the pyramid.
+fn culling_hidden(depth: f32, farthest: vec4<f32>) -> bool {
+    let numbers = usable_number(farthest.x) && usable_number(farthest.y) && usable_number(farthest.z) && usable_number(farthest.w);
+    return numbers && usable_number(depth) && all(vec4<f32>(depth) < farthest);
 }

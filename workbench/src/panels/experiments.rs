@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use eframe::egui::{self, Button, DragValue, RichText, TextEdit, Ui};
 
-use super::outcome;
+use super::{from_here, outcome};
 use crate::app::Workbench;
 use crate::experiment::{self, Extent, Run};
 
@@ -54,7 +54,16 @@ impl Default for ExperimentsPanel {
 #[derive(Default)]
 struct Listed {
     places: Option<[String; 2]>,
-    files: Vec<PathBuf>,
+    found: Vec<Found>,
+    /// The drawing of the window that the panel was part of last: what was found may have changed while it was not.
+    drawn: u64,
+}
+
+/// A definition, and why it cannot be run.
+#[derive(Clone)]
+struct Found {
+    file: PathBuf,
+    lacks: Option<String>,
 }
 
 impl ExperimentsPanel {
@@ -67,14 +76,16 @@ impl ExperimentsPanel {
         self.said = Some(outcome.map_err(|error| format!("{error:#}").replace('\n', " ")));
     }
 
-    /// Definitions, saved ones first.
-    fn files(&mut self) -> Vec<PathBuf> {
+    /// Definitions, saved ones first. `drawing`: number of the window's drawing.
+    fn found(&mut self, drawing: u64) -> Vec<Found> {
         let places = [self.folder.clone(), self.definitions.clone()];
-        if self.listed.places.as_ref() != Some(&places) {
-            self.listed.files = places.iter().flat_map(|place| experiment::definitions(Path::new(place))).collect();
+        let before = std::mem::replace(&mut self.listed.drawn, drawing);
+        if self.listed.places.as_ref() != Some(&places) || before + 1 < drawing {
+            let files = places.iter().flat_map(|place| experiment::definitions(Path::new(place)));
+            self.listed.found = files.map(|file| Found { lacks: experiment::lacks(&file), file }).collect();
             self.listed.places = Some(places);
         }
-        self.listed.files.clone()
+        self.listed.found.clone()
     }
 
     fn start(&mut self, definition: &Path, ctx: egui::Context) {
@@ -102,6 +113,10 @@ fn field(ui: &mut Ui, label: &str, text: &mut String, about: &str) {
     ui.end_row();
 }
 
+fn place(ui: &mut Ui, label: &str, text: &mut String, about: &str) {
+    field(ui, label, text, &format!("{about}. {}", from_here()));
+}
+
 fn count(ui: &mut Ui, label: &str, value: &mut u32, range: [u32; 2], about: &str) {
     let name = ui.label(label);
     ui.add(DragValue::new(value).range(range[0]..=range[1])).labelled_by(name.id).on_hover_text(about);
@@ -112,7 +127,7 @@ fn count(ui: &mut Ui, label: &str, value: &mut u32, range: [u32; 2], about: &str
 fn saving(app: &mut Workbench, ui: &mut Ui) {
     let panel = &mut app.experiments;
     egui::Grid::new("saving").num_columns(2).show(ui, |ui| {
-        field(ui, "Folder", &mut panel.folder, "Receives a folder for each experiment that is saved");
+        place(ui, "Folder", &mut panel.folder, "Receives a folder for each experiment that is saved");
         field(ui, "Experiment name", &mut panel.name, "Name of its folder and of the .toml file in it: letters a to z, digits, - and _");
         count(
             ui,
@@ -136,7 +151,7 @@ fn saving(app: &mut Workbench, ui: &mut Ui) {
         app.experiments.listed.places = None;
         app.experiments.note(saved);
     }
-    outcome(ui, app.experiments.said.as_ref());
+    outcome(ui, "experiment", app.experiments.said.as_ref());
 }
 
 fn save(app: &Workbench) -> Result<String> {
@@ -156,19 +171,21 @@ fn save(app: &Workbench) -> Result<String> {
 /// What can be run.
 fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     egui::Grid::new("definitions").num_columns(2).show(ui, |ui| {
-        field(ui, "Definitions", &mut panel.definitions, "A folder of definitions, or one .toml file");
-        field(ui, "Results", &mut panel.out, "Receives a folder for each run");
+        place(ui, "Definitions", &mut panel.definitions, "A folder of definitions, or one .toml file");
+        place(ui, "Results", &mut panel.out, "Receives a folder for each run");
     });
-    let files = panel.files();
-    if files.is_empty() {
+    let found = panel.found(ui.ctx().cumulative_frame_nr());
+    if found.is_empty() {
         ui.label("No definition is there: save one, or name a folder or a .toml file.");
         return;
     }
     let idle = !panel.is_running();
     let mut wanted = None;
     ui.horizontal_wrapped(|ui| {
-        for file in &files {
-            let button = ui.add_enabled(idle, Button::new(format!("Run {}", experiment::name(file))));
+        for Found { file, lacks } in &found {
+            let button = ui.add_enabled(idle && lacks.is_none(), Button::new(format!("Run {}", experiment::name(file))));
+            let why = lacks.as_deref().unwrap_or("Another run is under way: wait for it, or cancel it");
+            let button = button.on_disabled_hover_text(why);
             if button.on_hover_text(format!("{}; one that was stopped goes on", file.display())).clicked() {
                 wanted = Some(file);
             }

@@ -3,11 +3,11 @@
 use std::path::{self, Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
-use eframe::egui::{self, Button, Color32, DragValue, Key, Rgba, Role, Sense, TextEdit, Ui, WidgetInfo, vec2};
+use eframe::egui::{self, Button, Color32, DragValue, Key, Rgba, Role, Sense, StrokeKind, TextEdit, Ui, WidgetInfo, vec2};
 use kernels::materials::procedural::NAMES;
-use kernels::scene::{self, Material};
+use kernels::scene;
 
-use super::{Number, choose, number, outcome, reset};
+use super::{Number, choose, from_here, number, outcome, reset};
 use crate::app::Workbench;
 use crate::editing;
 
@@ -84,7 +84,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     if let Some(why) = &app.materials.misnamed {
         ui.colored_label(ui.visuals().error_fg_color, why);
     }
-    outcome(ui, app.materials.said.as_ref());
+    outcome(ui, "material", app.materials.said.as_ref());
     ui.separator();
     saving(app, ui);
 }
@@ -123,13 +123,14 @@ fn take_folder(app: &mut Workbench, index: usize, folder: PathBuf) {
 
 /// Which materials there are, which is selected, and what is done with it.
 fn list(app: &mut Workbench, ui: &mut Ui) {
+    let shown = app.shown_here().cloned();
     let panel = &mut app.materials;
     let scene = &mut app.settings.scene;
     panel.selected = panel.selected.min(scene.materials.len().saturating_sub(1));
     ui.horizontal_wrapped(|ui| {
         for (i, material) in scene.materials.iter().enumerate() {
             // Not in a row of their own, which would not wrap.
-            swatch(ui, material);
+            swatch(ui, &material.name, shown.as_ref().and_then(|shown| shown.mean_albedo(&material.name)));
             let selected = panel.selected == i;
             let item = ui.selectable_label(selected, &material.name);
             item.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, format!("Material {}", material.name)));
@@ -162,12 +163,17 @@ fn list(app: &mut Workbench, ui: &mut Ui) {
     });
 }
 
-/// The tint, of which as much is seen as a screen can show.
-fn swatch(ui: &mut Ui, material: &Material) {
+/// What it looks like from far away in the picture on show; empty where it is not in there yet.
+fn swatch(ui: &mut Ui, name: &str, albedo: Option<[f32; 3]>) {
     let (rect, response) = ui.allocate_exact_size(vec2(SWATCH, SWATCH), Sense::hover());
-    let [r, g, b] = material.tint.map(|c| c.clamp(0.0, 1.0) as f32);
+    let Some([r, g, b]) = albedo.map(|albedo| albedo.map(|c| c.clamp(0.0, 1.0))) else {
+        ui.painter().rect_stroke(rect, 2.0, ui.visuals().widgets.noninteractive.bg_stroke, StrokeKind::Inside);
+        response.on_hover_text(format!("{name} is not in the picture yet"));
+        return;
+    };
     ui.painter().rect_filled(rect, 2.0, Color32::from(Rgba::from_rgb(r, g, b)));
-    response.on_hover_text(format!("Tint of {}", material.name));
+    let text = format!("Mean albedo of {name}, tint included: {r:.3} {g:.3} {b:.3} of linear red, green, blue");
+    response.on_hover_text(text);
 }
 
 /// The name, which rules and strokes follow.
@@ -312,7 +318,9 @@ fn saving(app: &mut Workbench, ui: &mut Ui) {
         let panel = &mut app.materials;
         let label = ui.label("Scene file");
         let field = TextEdit::singleline(&mut panel.file).desired_width(FIELD).hint_text("scene.toml");
-        ui.add(field).labelled_by(label.id).on_hover_text("A .toml file that does not exist yet, or the scene's own");
+        ui.add(field)
+            .labelled_by(label.id)
+            .on_hover_text(format!("A .toml file that does not exist yet, or the scene's own. {}", from_here()));
         ui.checkbox(&mut panel.overwrites, "Overwrite")
             .on_hover_text("Writes over the file that this scene was opened from or saved into; over no other");
     });
@@ -328,5 +336,5 @@ fn saving(app: &mut Workbench, ui: &mut Ui) {
             format!("Saved {}", file.display())
         }));
     }
-    outcome(ui, app.materials.saved.as_ref());
+    outcome(ui, "scene", app.materials.saved.as_ref());
 }

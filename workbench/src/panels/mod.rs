@@ -73,16 +73,32 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     }
 }
 
-/// What came of something that was done, or what went wrong.
-pub(crate) fn outcome(ui: &mut Ui, said: Option<&Result<String, String>>) {
-    let text = match said {
-        Some(Ok(done)) => RichText::new(done),
-        Some(Err(wrong)) => RichText::new(wrong).color(ui.visuals().error_fg_color),
-        None => return,
+/// To what names of files and folders are relative that are typed.
+pub(crate) fn from_here() -> String {
+    let here = std::env::current_dir().map_or_else(|_| "the working directory".to_owned(), |folder| folder.display().to_string());
+    format!("Absolute, or from {here}")
+}
+
+/// What came of something that was done to `what`, or what went wrong. What is new is scrolled to.
+pub(crate) fn outcome(ui: &mut Ui, what: &str, said: Option<&Result<String, String>>) {
+    let id = ui.scope_id().with(("outcome", what));
+    let Some(said) = said else {
+        ui.data_mut(|data| data.remove::<String>(id));
+        return;
     };
+    let (text, colour) = match said {
+        Ok(done) => (done, None),
+        Err(wrong) => (wrong, Some(ui.visuals().error_fg_color)),
+    };
+    let shown = colour.into_iter().fold(RichText::new(text), RichText::color);
     // Panels scroll sideways, too: a long line would go on out of sight.
-    ui.scope(|ui| {
+    let place = ui.scope(|ui| {
         ui.set_max_width(ui.clip_rect().right() - ui.cursor().left());
-        ui.add(Label::new(text).wrap());
+        ui.add(Label::new(shown).wrap())
     });
+    let before = ui.data_mut(|data| data.get_temp::<String>(id));
+    if before.as_ref() != Some(text) {
+        place.inner.scroll_to_me(None);
+        ui.data_mut(|data| data.insert_temp(id, text.clone()));
+    }
 }

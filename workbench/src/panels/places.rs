@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use eframe::egui::{Button, TextEdit, Ui};
 
-use super::outcome;
+use super::{from_here, outcome};
 use crate::app::{Clock, Workbench};
 use crate::engine::{Shown, Viewpoint};
 use crate::places::{Place, Places, Recorded, Recording};
@@ -90,12 +90,13 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     }
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Path file");
-        ui.add(TextEdit::singleline(&mut app.places.file).desired_width(FIELD).hint_text("path.csv")).labelled_by(label.id);
+        let field = TextEdit::singleline(&mut app.places.file).desired_width(FIELD).hint_text("path.csv");
+        ui.add(field).labelled_by(label.id).on_hover_text(format!("A .csv file. {}", from_here()));
         if ui.button("Read path").on_hover_text("A table with a pose a frame, as `Write ... to a file` makes it").clicked() {
             app.places.said = Some(app.places.read());
         }
     });
-    outcome(ui, app.places.said.as_ref());
+    outcome(ui, "path", app.places.said.as_ref());
 }
 
 fn bookmark(app: &mut Workbench, ui: &mut Ui, place: &Place) {

@@ -119,7 +119,7 @@ fn buttons(app: &mut Workbench, ui: &mut Ui) {
             };
         }
     });
-    outcome(ui, app.rules.said.as_ref());
+    outcome(ui, "rule", app.rules.said.as_ref());
 }
 
 /// The controls of a rule, in a grid of two columns.
