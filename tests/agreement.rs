@@ -582,6 +582,29 @@ const CASES: &[Case] = &[
                     }
                 }
             }
+            // A column each that is no number, infinite, denormal, or at the end of what is reckoned with; all from a box that is seen, and that something
+            // hides.
+            let plain = [&cameras[0].concat()[..], &[0.1], &[-1.0, 5.0, -1.0], &[1.0, 6.0, 1.0], &[16_384.0, 16_384.0], &[0.5; 4]].concat();
+            for column in (0..19).chain(21..25) {
+                for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e-45, -1e-45, 0.9e15, 1e15, 1.1e15, -1e16, 3e38] {
+                    let mut row = plain.clone();
+                    row[column] = value;
+                    rows.push(row);
+                }
+            }
+            // Far beside the picture, where places are lost.
+            rows.push(
+                [
+                    &cameras[2].concat()[..8],
+                    &[0.0, 1.0, 0.0, 0.0],
+                    &[0.1],
+                    &[5_000_100.0, 1.0, 0.0],
+                    &[5_000_100.0, 1.0, 0.0],
+                    &[100.0; 2],
+                    &[1.0; 4],
+                ]
+                .concat(),
+            );
             rows
         },
         // Edges fall between pixels as they like, those of the margin on another side than without: a margin of some 2^-20 of 4096 pixels, on four edges,
@@ -600,6 +623,11 @@ const CASES: &[Case] = &[
             ("culling", "all(vec4<f32>(depth) < farthest)", "any(vec4<f32>(depth) < farthest)"),
             ("culling", "all(vec4<f32>(depth) < farthest)", "all(vec4<f32>(depth) >= farthest)"),
             ("culling", "sure >= near && w.y", "w.y"),
+            (
+                "culling",
+                "usable_within_3(low, CULLING_MOST) && usable_within_3(high, CULLING_MOST)\n        && usable_within_3(row_x",
+                "usable_within_3(row_x",
+            ),
             ("culling", "near / nearest * (1.0 + CULLING_FEW)", "near / nearest * (1.0 - CULLING_FEW)"),
         ],
     },

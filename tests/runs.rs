@@ -5,8 +5,10 @@
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+use experiments::row::Row;
 use experiments::store::read_run;
 
 use crate::bad_input::{Folder, failure, program, success};
@@ -73,15 +75,26 @@ fn kill(definition: &str, out: &str, is_time: impl Fn(Duration) -> bool) {
     child.wait().expect("a child");
 }
 
-#[test]
-fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
-    let folder = Folder::new("runs");
-    let [definition, whole] = prepare(&folder);
+/// The run in one go: what others are held against.
+struct Whole {
+    tables: [Vec<u8>; 2],
+    rows: Vec<Row>,
+    took: Duration,
+}
+
+/// Made once, and looked at.
+fn whole() -> &'static Whole {
+    static WHOLE: OnceLock<Whole> = OnceLock::new();
+    WHOLE.get_or_init(|| run_whole(&Folder::new("whole")))
+}
+
+fn run_whole(folder: &Folder) -> Whole {
+    let [definition, whole] = prepare(folder);
     let began = Instant::now();
     let said = success(&["run", &definition, "--out", &whole]);
     let took = began.elapsed();
     assert!(said.contains("holds: White noise flips") && said.contains("report.html"), "{said}");
-    let expected = bytes(&whole);
+    let tables = bytes(&whole);
     let run = read_run(&Path::new(&whole).join("tiny")).expect("the run is read back");
     assert!(run.complete && run.rows.iter().any(|r| r.metric == "flicker") && run.rows.iter().all(|r| r.value.is_finite()));
     for name in ["report.html", "report.md", "manifest.json", "reference"] {
@@ -94,9 +107,21 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     }
     let judges = fs::read_to_string(video.join("sweep-cliff-sideways-fc5-hashed-off-near-cliff").join("judge.txt")).expect("written");
     assert!(judges.contains("cvvdp") && judges.contains("../reference-cliff-sideways/%04d.png"), "{judges}");
-    // A folder with a run in it is not written over.
+    // A folder with a run in it is not written over, and another definition is not resumed into it.
     failure(&["run", &definition, "--out", &whole], &["--resume"]);
+    fs::write(&definition, TEXT.replace("frames = 3", "frames = 2")).expect("writable");
+    failure(&["run", &definition, "--out", &whole, "--resume"], &["frames"]);
+    // One definition twice is no two definitions.
+    failure(&["run", &definition, &definition, "--out", &folder.path("twice")], &["is given twice"]);
+    Whole { tables, rows: run.rows, took }
+}
 
+#[test]
+fn a_run_is_the_same_killed_and_resumed() {
+    let folder = Folder::new("killed");
+    let [definition, _] = prepare(&folder);
+    let Whole { tables: expected, took, .. } = whole();
+    let took = *took;
     // Killed and resumed: while it starts, in the midst of its first part, just after that, and in the midst of a later one. Equal bytes.
     let killed = folder.path("killed");
     let done = || parts(&killed);
@@ -105,7 +130,7 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     kill(&definition, &killed, |_| done() >= 1);
     kill(&definition, &killed, |after| after > took / 5);
     success(&["run", &definition, "--out", &killed, "--resume"]);
-    assert!(bytes(&killed) == expected, "the tables differ after kills");
+    assert!(bytes(&killed) == *expected, "the tables differ after kills");
 
     // A finished run whose table is damaged is done again; stopped in that, and its reference damaged meanwhile, that is made again. Nothing differs.
     let table = Path::new(&killed).join("tiny").join("metrics.parquet");
@@ -116,25 +141,24 @@ fn a_run_is_the_same_whole_killed_and_resumed_and_in_shards() {
     assert!(reference.is_file());
     fs::write(&reference, b"no picture").expect("writable");
     success(&["run", &definition, "--out", &killed, "--resume"]);
-    assert!(bytes(&killed) == expected, "the tables differ after they were done again");
+    assert!(bytes(&killed) == *expected, "the tables differ after they were done again");
     assert!(fs::read(&reference).expect("made again").len() > 100, "the reference was not made again");
+}
 
-    // Shards: disjoint, and together the same rows.
+#[test]
+fn a_run_is_the_same_in_shards() {
+    let folder = Folder::new("shards");
+    let [definition, _] = prepare(&folder);
+    // Disjoint, and together the same rows.
     let shards = folder.path("shards");
     for shard in ["1/2", "2/2"] {
         success(&["run", &definition, "--out", &shards, "--shard", shard]);
     }
     let together = read_run(&Path::new(&shards).join("tiny")).expect("the shards are read together");
-    let mut rows = run.rows.clone();
-    rows.sort_by(experiments::row::Row::order);
+    let mut rows = whole().rows.clone();
+    rows.sort_by(Row::order);
     assert!(together.complete && together.rows == rows, "{} rows in shards, {} in one", together.rows.len(), rows.len());
 
-    // One definition twice is no two definitions.
-    failure(&["run", &definition, &definition, "--out", &folder.path("twice")], &["is given twice"]);
-
-    // Another definition is not resumed into the folder.
-    fs::write(&definition, TEXT.replace("frames = 3", "frames = 2")).expect("writable");
-    failure(&["run", &definition, "--out", &whole, "--resume"], &["frames"]);
     // A damaged shard is said.
     let parquet = Path::new(&shards).join("tiny").join("shard-1-of-2").join("metrics.parquet");
     let text = fs::read(&parquet).expect("written");

@@ -380,19 +380,30 @@ struct Exact {
     nearest_m: f64,
     /// By how much places may be off in f32, pixels.
     margin: [f64; 2],
-    /// By how much the nearest distance may be off, as a share of it.
+    /// By how much the nearest distance may be off, m.
+    nearest_off_m: f64,
+    /// By how much a distance may be off, as a share of it: the largest.
     off: f64,
 }
 
 fn exact(row: &[f64]) -> Exact {
     let ([x, y, w], _) = clip_rows(row);
-    let mut all = Exact { first: [f64::INFINITY; 2], last: [f64::NEG_INFINITY; 2], nearest_m: f64::INFINITY, margin: [0.0; 2], off: 0.0 };
+    let mut all = Exact {
+        first: [f64::INFINITY; 2],
+        last: [f64::NEG_INFINITY; 2],
+        nearest_m: f64::INFINITY,
+        margin: [0.0; 2],
+        nearest_off_m: 0.0,
+        off: 0.0,
+    };
     for corner in 0..8 {
         let place = [0, 1, 2].map(|i| row[if corner >> i & 1 == 1 { HIGH } else { LOW } + i]);
         let sum = |r: [f64; 4]| r[0] * place[0] + r[1] * place[1] + r[2] * place[2] + r[3];
         let size = |r: [f64; 4]| SLACK * ((r[0] * place[0]).abs() + (r[1] * place[1]).abs() + (r[2] * place[2]).abs() + r[3].abs()) + 1e-22;
         let distance = sum(w);
-        all.nearest_m = all.nearest_m.min(distance);
+        if distance < all.nearest_m {
+            (all.nearest_m, all.nearest_off_m) = (distance, size(w));
+        }
         all.off = all.off.max(size(w) / distance.abs());
         for (k, r) in [x, y.map(|v| -v)].into_iter().enumerate() {
             let q = sum(r) / distance;
@@ -439,28 +450,36 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let stored = row[STORED..].iter().copied().fold(f64::INFINITY, f64::min);
     let has_number = row[STORED..].iter().all(|x| !x.is_nan());
     let nearest = row[NEAR] / truth.nearest_m;
-    // Whether anything is known may differ next to the near plane, and where the distance is lost.
-    let blurred = truth.off * 128.0;
-    let by_near = (truth.nearest_m / row[NEAR] - 1.0).abs() <= 4.0 * truth.off;
-    let out_of_range = row[..SIZE].iter().any(|x| x.abs() > 0.999e15) || (0.999e-6..1.001e-6).contains(&row[NEAR]);
+    // Hidden rightly: it lies before the eye, and all that was drawn is nearer.
+    let is_right = got[7] == 0.0 || (has_number && nearest > 0.0 && nearest < stored);
+    let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
+    let covers =
+        (0..2).all(|k| got[1 + k] <= inside(k, truth.first[k]) && got[3 + k] >= inside(k, truth.last[k]) && got[1 + k] <= got[3 + k]);
+    let is_deep = got[6] >= nearest.min(1.0);
+    // Nothing that is said to be known may be wrong, wherever it is said.
+    if got[0] == 1.0 && !(truth.nearest_m > 0.0 && covers && is_deep && is_right) {
+        return Verdict::Differs;
+    }
+    // Whether anything is known may differ next to the near plane, where the distance is lost, and at the ends of what is reckoned with.
+    let by_near = (truth.nearest_m - row[NEAR]).abs() <= 4.0 * truth.nearest_off_m;
+    let by_loss = (0.9..1.1).contains(&(truth.off * 128.0));
+    let at_an_end = row[..SIZE].iter().any(|x| (0.999e15..1.001e15).contains(&x.abs())) || (0.999e-6..1.001e-6).contains(&row[NEAR]);
     if got[0] != want[0] {
-        return if by_near || out_of_range || (0.9..1.1).contains(&blurred) { Verdict::OtherSide } else { Verdict::Differs };
+        return if by_near || by_loss || at_an_end { Verdict::OtherSide } else { Verdict::Differs };
     }
     if got[0] == 0.0 {
         return if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs };
     }
-    let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
-    let covers = (0..2).all(|k| got[1 + k] <= inside(k, truth.first[k]) && got[3 + k] >= inside(k, truth.last[k]));
     let close = (0..2).all(|k| {
-        let (low, high) = (inside(k, truth.first[k] - 2.0 * truth.margin[k]), inside(k, truth.last[k] + 2.0 * truth.margin[k]));
-        got[1 + k] >= low && got[3 + k] <= high
+        // As the kernel holds places that are far outside.
+        let held = |x: f64| x.clamp(-1.5 * row[SIZE + k], 2.5 * row[SIZE + k]);
+        let (low, high) = (held(truth.first[k]) - 2.0 * truth.margin[k], held(truth.last[k]) + 2.0 * truth.margin[k]);
+        got[1 + k] >= inside(k, low) && got[3 + k] <= inside(k, high)
     });
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
     let level = culling::level([got[1] as u32, got[2] as u32], [got[3] as u32, got[4] as u32]);
-    let deep = got[6] >= nearest.min(1.0) && got[6] <= nearest * (1.0 + 2.0 * truth.off + 4e-6);
-    // Hidden rightly.
-    let is_right = got[7] == 0.0 || (has_number && nearest < stored);
-    if !(covers && close && f64::from(level) == got[5] && deep && is_right) {
+    let is_close = got[6] <= nearest * (1.0 + 2.0 * truth.off + 4e-6);
+    if !(close && f64::from(level) == got[5] && is_close) {
         return Verdict::Differs;
     }
     if got[1..6] == want[1..6] && got[7] == want[7] {

@@ -8,7 +8,8 @@
 use super::octahedral::unit;
 use super::real::{Real, dot, length};
 
-/// Rounding of three products and three sums in f32 is at most 4 of the sum of the terms' magnitudes times 2^-24; here twice that, 2^-21.
+/// Rounding of three products and three sums to the nearest f32 is at most 4 of the sum of the terms' magnitudes times 2^-24; here twice that, 2^-21, which
+/// is what truncating them would be.
 pub const SLACK: f64 = 8.0 / 16_777_216.0;
 
 /// Largest number that is reckoned with: of squares and products f32 then holds the sums.
@@ -58,7 +59,7 @@ const KNOWN: f64 = 1.0 / 128.0;
 const NEAREST: f64 = 1e-6;
 /// Beyond these, in halves of the picture's width or height from its middle, a place is as good as anywhere else outside.
 const OUTSIDE: f64 = 4.0;
-/// Rounding of a quotient (2.5 ULP), a sum and two products, and once more as much.
+/// Rounding of a quotient (2.5 ULP), two sums and a product, and about as much again; times 1 + |q|.
 const FEW: f64 = 8.0 / 8_388_608.0;
 
 /// What a box covers on the screen, rounded outwards.
@@ -75,7 +76,7 @@ pub struct Cover<T> {
 /// What the box from `low` to `high`, m, covers of a picture of `size` pixels (1..=16384 each); `rows` are those of x, y and w of a matrix from the
 /// box's coordinates to clip space, w the distance along the view, m, of which `near` is the least that is drawn. Pixels are those within the picture,
 /// at least one: a box beside it covers its edge, and is the frustum's to leave out. `None` where nothing can be said: it reaches to the near plane, its
-/// distance is lost in rounding (of terms 128 x 2^21 times as large), or numbers are none, infinite or beyond 1e15.
+/// distance is lost in rounding (of terms 2^14 times as large), `near` is below 1e-6 m, or numbers are none, infinite or beyond 1e15.
 pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
     let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
     if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
