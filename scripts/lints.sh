@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Stands in for rustc where cargo compiles this workspace's own crates (RUSTC_WORKSPACE_WRAPPER): clippy lints while it compiles, and rustdoc reads what
 # libraries say of themselves. `cargo clippy` and `cargo doc` find the same, after they have checked every dependency once more without compiling it, which
-# takes a quarter as long as compiling them.
+# takes minutes.
 set -euo pipefail
 
 rustc="$1"

@@ -1,6 +1,6 @@
 //! Tests of what can be left out.
 
-use super::judge::{Verdict, from_axis, set_direction, set_length, three};
+use super::judge::{Verdict, cross, from_axis, set_direction, set_length, three};
 use super::{Measure, Parameter, Probe, real, take, whole};
 use crate::shared::culling::{self, Cover, ROUNDING, SLACK};
 use crate::shared::octahedral;
@@ -172,12 +172,7 @@ fn cone_margin(row: &[f64]) -> f64 {
     }
     let axis = octahedral::unit(three(row, 0));
     let direction = octahedral::unit(to_patch);
-    let cross = [
-        axis[1] * direction[2] - axis[2] * direction[1],
-        axis[2] * direction[0] - axis[0] * direction[2],
-        axis[0] * direction[1] - axis[1] * direction[0],
-    ];
-    let between = length(cross).atan2(dot(axis, direction));
+    let between = length(cross(axis, direction)).atan2(dot(axis, direction));
     std::f64::consts::FRAC_PI_2 - between - sine.asin() - (row[7] / distance).asin()
 }
 
@@ -324,11 +319,11 @@ return array<f32, 8>(
             name: "distance_m",
             unit: "m along the view, of the middle of a box of a metre",
             set: |row, value, _| {
-                let (rows, centre) = clip_rows(row);
+                let forward = three(row, 8);
                 let aside = [0, 1, 2].map(|i| (row[LOW + i] + row[HIGH + i]) / 2.0);
-                let off = (value - (dot(centre, aside) + rows[2][3])) / dot(centre, centre);
+                let off = (value - (dot(forward, aside) + row[11])) / dot(forward, forward);
                 for i in 0..3 {
-                    let middle = aside[i] + centre[i] * off;
+                    let middle = aside[i] + forward[i] * off;
                     (row[LOW + i], row[HIGH + i]) = (middle - 0.5, middle + 0.5);
                 }
             },
@@ -364,13 +359,9 @@ return array<f32, 8>(
 /// Largest side of a picture, pixels.
 const MOST_SIDE: i32 = 16_384;
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// The rows, and the direction of the view, as long as it is.
-fn clip_rows<T: Real>(row: &[T]) -> ([[T; 4]; 3], [T; 3]) {
-    ([take(row, 0), take(row, 4), take(row, 8)], take(row, 8))
+/// The rows of clip space's x, y and w.
+fn clip_rows<T: Real>(row: &[T]) -> [[T; 4]; 3] {
+    [take(row, 0), take(row, 4), take(row, 8)]
 }
 
 /// What a box spans: places on the screen before they are rounded or kept within it, and the distance of its nearest corner. By corners in f64.
@@ -387,7 +378,7 @@ struct Exact {
 }
 
 fn exact(row: &[f64]) -> Exact {
-    let ([x, y, w], _) = clip_rows(row);
+    let [x, y, w] = clip_rows(row);
     let mut all = Exact {
         first: [f64::INFINITY; 2],
         last: [f64::NEG_INFINITY; 2],
@@ -427,7 +418,7 @@ fn widened(row: &[f64], exact: &Exact, got: &[f64]) -> f64 {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
 fn occlusion_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     let flag = |on: bool| if on { T::one() } else { T::zero() };
-    let seen = culling::cover(clip_rows(row).0, row[NEAR], take(row, LOW), take(row, HIGH), take(row, SIZE));
+    let seen = culling::cover(clip_rows(row), row[NEAR], take(row, LOW), take(row, HIGH), take(row, SIZE));
     let nothing = Cover { first: [T::zero(); 2], last: [T::zero(); 2], depth: T::one() };
     let Cover { first, last, depth } = seen.unwrap_or(nothing);
     let [from, to] = [first, last].map(|at| at.map(|x| x.to_f64() as u32));

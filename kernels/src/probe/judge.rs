@@ -106,10 +106,13 @@ pub(super) fn relative(got: &[f64], want: &[f64]) -> f64 {
     norm(&mut got.iter().zip(want).map(|(g, w)| g - w)) / norm(&mut want.iter().copied()).max(f64::from(f32::MIN_POSITIVE))
 }
 
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 /// Angle between two vectors, degrees: by the cross product, which keeps its digits where the angle is small.
 pub(super) fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    length(cross).atan2(dot(a, b)).to_degrees()
+    length(cross(a, b)).atan2(dot(a, b)).to_degrees()
 }
 
 /// Gives three columns from `at` on another length.
