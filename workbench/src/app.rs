@@ -28,8 +28,8 @@ mod opening;
 const TIMES: usize = 120;
 /// Pixels drawn per pixel of the screen, along a side, where a processor draws.
 const SOFTWARE_SCALE: f64 = 0.5;
-/// Vertices of the terrain that are drawn there, see [`Settings::vertex_stride`]: a processor takes its time by vertices, and at that scale only
-/// the edges of steep steps look coarser.
+/// Vertices of the terrain that are drawn there, see [`Settings::vertex_stride`]: a processor takes its time by vertices; relief
+/// near the eye and the edges of steep steps look coarser for it.
 const SOFTWARE_STRIDE: u32 = 4;
 
 /// How long the window waits before it is drawn again for a picture. Without any wait it would be drawn twice for each, and where a processor paints it that
