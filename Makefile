@@ -41,7 +41,7 @@ test: export RUSTC_WORKSPACE_WRAPPER = $(CURDIR)/scripts/lints.sh
 test: setup ## format, lints, documentation, every test, the notebook
 	$(CARGO) fmt --all --check
 # The whole workspace, as the tests are built: one program alone would be built with other features of its libraries, and all of them twice.
-	$(CARGO) build --release --locked --workspace
+	$(CARGO) build --release --locked --workspace --all-targets
 	$(CARGO) test --release --locked --workspace
 	@scripts/notebook.sh
 	@if [ -z "$${SCREE_DATA:-}" ]; then echo "Left out, since SCREE_DATA is not set: the tests on real elevation and real materials."; fi

@@ -43,6 +43,17 @@ struct Case {
     mutants: &'static [(&'static str, &'static str, &'static str)],
 }
 
+/// A row with each of some columns in turn no number, infinite, denormal, or at the ends of what is reckoned with.
+fn with_ends(plain: &[f64], columns: impl Iterator<Item = usize>) -> Vec<Vec<f64>> {
+    let ends = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e-45, -1e-45, 0.9e-15, 1e-15, 1.1e-15, 0.9e15, 1e15, 1.1e15, -1e16, 3e38];
+    let row = |column: usize, end: f64| {
+        let mut row = plain.to_vec();
+        row[column] = end;
+        row
+    };
+    columns.flat_map(|column| ends.map(|end| row(column, end))).collect()
+}
+
 impl Case {
     fn probe(&self) -> &'static Probe {
         Probe::find(self.probe).unwrap_or_else(|e| panic!("{e}"))
@@ -256,6 +267,11 @@ const CASES: &[Case] = &[
                 // No step, and one as long as the ray.
                 rows.push([&[0.3, 0.9, -0.2, 0.0, 0.0, 0.0, 10.0][..], &n].concat());
                 rows.push([&[0.3, 0.9, -0.2, 0.9, -0.3, 0.1, 10.0][..], &n].concat());
+                // Rays from such whose squares are denormal in f32 to such whose squares do not fit.
+                for size in [1e-20, 1e-15, 1e15, 1e20, 1e30, 3e38] {
+                    let ray = [0.3, 0.9, -0.2, 0.0009, 0.0, 0.0].map(|x: f64| x * size);
+                    rows.push([&ray[..], &[1.0 / size], &n].concat());
+                }
             }
             rows
         },
@@ -268,6 +284,7 @@ const CASES: &[Case] = &[
             ("derivatives", "ray_step - neighbour *", "ray_step - ray *"),
             ("derivatives", "max(side * dot(n, neighbour), limit)", "(side * dot(n, neighbour))"),
             ("derivatives", "octahedral_unit(normal)", "normal"),
+            ("derivatives", "usable_within_3(neighbour, 1e18) && ", ""),
         ],
     },
     Case {
@@ -517,6 +534,10 @@ const CASES: &[Case] = &[
                     }
                 }
             }
+            // From a box that is beyond, and from one that is not.
+            for w in [-5.0, 5.0] {
+                rows.extend(with_ends(&[0.6, 0.0, -0.8, w, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0], 0..10));
+            }
             rows
         },
         // Half of the random rows are 2^-24 to 1 of the distance off the plane, evenly by octave, and the margin is 2^-20 to 2^-21: an eighth of the half, half
@@ -527,6 +548,8 @@ const CASES: &[Case] = &[
             ("culling", "select(low, high,", "select(high, low,"),
             ("culling", "+ plane.w < -(", "< -("),
             ("culling", "-(CULLING_SLACK * size + CULLING_FLUSHED)", "CULLING_SLACK * size"),
+            // Boxes and planes as far away as may be.
+            ("culling", "return known && terms.x", "return terms.x"),
         ],
     },
     Case {
@@ -540,6 +563,10 @@ const CASES: &[Case] = &[
                     }
                 }
             }
+            // From a patch that faces away, and from one that does not.
+            for z in [-100.0, 100.0] {
+                rows.extend(with_ends(&[0.0, 0.0, -1.0, 0.5, 0.0, 0.0, z, 1.0], 0..8));
+            }
             rows
         },
         // As for the frustum, of octaves of an angle: where the sine is small the margin of a cosine is a wide angle.
@@ -551,6 +578,8 @@ const CASES: &[Case] = &[
             ("culling", "sines.x * cosines.y + cosines.x * sines.y + CULLING_ROUNDING", "max(sines.x, sines.y)"),
             ("culling", "cosines.x * cosines.y - sines.x * sines.y <= CULLING_ROUNDING", "false"),
             ("culling", "cosines.x * sines.y + CULLING_ROUNDING", "cosines.x * sines.y - 0.01"),
+            // Patches as far away as may be.
+            ("culling", "usable_within_3(to_patch, CULLING_MOST)", "true"),
         ],
     },
     Case {
@@ -582,16 +611,9 @@ const CASES: &[Case] = &[
                     }
                 }
             }
-            // A column each that is no number, infinite, denormal, or at the end of what is reckoned with; all from a box that is seen, and that something
-            // hides.
+            // From a box that is seen, and that something hides.
             let plain = [&cameras[0].concat()[..], &[0.1], &[-1.0, 5.0, -1.0], &[1.0, 6.0, 1.0], &[16_384.0, 16_384.0], &[0.5; 4]].concat();
-            for column in (0..19).chain(21..25) {
-                for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e-45, -1e-45, 0.9e15, 1e15, 1.1e15, -1e16, 3e38] {
-                    let mut row = plain.clone();
-                    row[column] = value;
-                    rows.push(row);
-                }
-            }
+            rows.extend(with_ends(&plain, (0..19).chain(21..25)));
             // Far beside the picture, where places are lost.
             rows.push(
                 [

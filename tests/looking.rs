@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use eframe::egui::Key;
 use glam::DVec3;
@@ -405,6 +406,33 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
 }
 
 #[test]
+fn the_window_is_not_painted_for_itself_while_a_scene_is_loaded() {
+    // Of larger textures than a first look has, so that there is one.
+    let scene = Scene { detail_size: 128, ..small_scene() };
+    let mut stage = Stage::prepared(scene.clone(), WINDOW, |app| {
+        // Nothing wakes the window but what it shows.
+        *app = Workbench::drawn_by(Engine::start(None, |_| {}), scene);
+        stand(app);
+    });
+    let mut rested = 0;
+    while rested < 3 {
+        stage.until("a drawing", |_| true).expect("no failure");
+        assert!(!stage.app().is_settled(), "it was painted without a pause until there was a picture");
+        rested += u32::from(stage.app().progress().is_some() && stage.rests_for() > Duration::from_millis(100));
+    }
+    // As long as there is but a first look, something is said to be done.
+    let mut looks = 0;
+    while !stage.app().is_settled() {
+        stage.until("a drawing", |_| true).expect("no failure");
+        if stage.app().shown().is_some_and(|shown| shown.draft) {
+            looks += 1;
+            assert!(stage.app().progress().is_some(), "it is said to be ready after a first look");
+        }
+    }
+    assert!(looks > 0 && stage.app().progress().is_none());
+}
+
+#[test]
 fn what_is_kept_of_each_scene_comes_back_with_it() {
     let folder = Folder::new("looking-kept");
     let [a, b] = ["a", "b"].map(|name| written(&folder, name, |_| {}));
@@ -412,7 +440,7 @@ fn what_is_kept_of_each_scene_comes_back_with_it() {
     let mut stage = own_stage(|app| {
         let (keeper, line) = Keeper::open(file.clone());
         assert_eq!(line, None);
-        let own = Workbench::drawn_by(Engine::start(None, || {}), small_scene());
+        let own = Workbench::drawn_by(Engine::start(None, |_| {}), small_scene());
         *app = own.opened(scene::DEFAULT).keeping(keeper, scene::DEFAULT.to_owned(), Vec::new());
     });
     let usual = small_scene().blend.hash_scale;

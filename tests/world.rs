@@ -166,6 +166,39 @@ fn parents_take_every_second_height_and_splat_texel_of_their_children() {
 }
 
 #[test]
+fn coarse_nodes_lay_what_lies_at_each_place() {
+    // The rules of [`MATERIALS`] go by slope alone.
+    let text = format!(
+        "name = \"test\"\n[world]\nkind = \"procedural\"\nseed = 8\n{MATERIALS}[[rule]]\nmaterial = \"grass\"\nweight = 9.0\ncurvature = [0.02, 9.0]\n"
+    );
+    let bent = scene::parse(&text, "test scene", Path::new(".")).expect("valid");
+    for world in [alps(), World::new(&bent).expect("valid")] {
+        for (lod, x, y) in [(2, 5, 6), (3, 1, 2)] {
+            let payload = bake(&world, lod, x, y);
+            let origin = payload.id.origin_m(world.layout());
+            let step = world.layout().node_m(lod) / (SPLAT_SIDE - 1) as f64;
+            for (k, &material) in payload.splat.iter().enumerate() {
+                let (i, j) = (k % SPLAT_SIDE, k / SPLAT_SIDE);
+                let place = [origin.x + i as f64 * step, origin.y + j as f64 * step];
+                assert_eq!(material, world.material_at(place[0], place[1]), "texel {i}, {j} of LOD {lod} at {place:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_slope_is_reached_exactly_up_to_the_steepest() {
+    let known = alps();
+    let steepest = known.max_slope_deg();
+    let more = steepest + 1e-9;
+    assert!(known.is_as_steep_as(steepest) && !known.is_as_steep_as(more) && !known.is_as_steep_as(f64::NAN));
+    // Also where nobody has looked for the steepest yet.
+    let asked = alps();
+    assert!(asked.is_as_steep_as(-1.0) && asked.is_as_steep_as(0.0) && asked.is_as_steep_as(steepest) && !asked.is_as_steep_as(more));
+    assert!(asked.is_as_steep_as(steepest) && asked.is_as_steep_as(10.0) && !asked.is_as_steep_as(more));
+}
+
+#[test]
 fn payloads_do_not_depend_on_the_number_of_threads() {
     let world = alps();
     let nodes: Vec<NodeId> = (0..6).map(|i| NodeId { lod: i, x: u16::from(5 - i), y: 2 }).collect();

@@ -313,7 +313,7 @@ impl<'a> Renderer<'a> {
     /// As [`Renderer::new`].
     pub fn with(gpu: &'a Gpu, scene: &Scene, options: RendererOptions, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         let world = World::new(scene)?;
-        scene::validate_against_world(scene, world.max_slope_deg())?;
+        check_cliffs(scene, &world)?;
         if !classification::TILES.contains(&options.tile) {
             return Err(Error::Request(format!("tiles of {} pixels cannot be had: give 4, 8 or 16", options.tile)));
         }
@@ -766,6 +766,17 @@ impl Targets {
             image: gpu.target("image", size, lighting::FORMAT),
             size,
         }
+    }
+}
+
+/// Refuses cliffs that the world does not have.
+fn check_cliffs(scene: &Scene, world: &World) -> Result<()> {
+    // How steep the world is takes a tenth of a second to say, and is wanted only where it may be too little.
+    let asked = scene.flavours.cliff_slope_deg;
+    if !scene.flavours.has_cliffs() || world.is_as_steep_as(asked) {
+        Ok(())
+    } else {
+        scene::validate_against_world(scene, world.max_slope_deg())
     }
 }
 

@@ -32,10 +32,6 @@ const SOFTWARE_SCALE: f64 = 0.5;
 /// near the eye and the edges of steep steps look coarser for it.
 const SOFTWARE_STRIDE: u32 = 4;
 
-/// How long the window waits before it is drawn again for a picture. Without any wait it would be drawn twice for each, and where a processor paints it that
-/// takes as long as the picture.
-const SOON: Duration = Duration::from_micros(1);
-
 /// A part of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pane {
@@ -217,7 +213,7 @@ impl Workbench {
     /// `shaders`: a folder of WGSL files to draw with and to follow, as [`Engine::start`] takes it.
     pub fn new(ctx: &egui::Context, scene: Scene, shaders: Option<PathBuf>) -> Workbench {
         let window = ctx.clone();
-        Workbench::drawn_by(Engine::start(shaders, move || window.request_repaint_after(SOON)), scene)
+        Workbench::drawn_by(Engine::start(shaders, move |within| window.request_repaint_after(within)), scene)
     }
 
     /// As [`Workbench::new`], with a thread that draws, and wakes the window, already.
@@ -360,6 +356,11 @@ impl Workbench {
         let Some(shown) = self.shown().filter(|shown| !shown.draft) else { return false };
         let same_time = !self.clock.paused || shown.wish.frame == self.clock.frame;
         same_time && shown.wish == Wish { frame: shown.wish.frame, ..self.wish() }
+    }
+
+    /// What is being done that takes a while.
+    pub fn progress(&self) -> Option<&kernels::frame::Progress> {
+        self.news.progress.as_ref()
     }
 
     /// Why there is no picture of what the controls ask for.
@@ -672,12 +673,13 @@ impl Workbench {
             } else if let Some(error) = self.shader_error() {
                 ui.colored_label(ui.visuals().error_fg_color, error).on_hover_text("The last shaders that compiled draw on");
             } else if let Some(progress) = &self.news.progress {
-                ui.spinner();
-                let steps = if progress.total > 0 { format!(": {} of {}", progress.done, progress.total) } else { String::new() };
-                ui.label(format!("{}{steps}", progress.stage));
+                match (progress.done, progress.total) {
+                    (0, 0) => drop(ui.label(format!("{} ...", progress.stage))),
+                    (done, 0) => drop(ui.label(format!("{}: {done} ...", progress.stage))),
+                    (done, all) => progress_bar(ui, &progress.stage, [done, all]),
+                }
             } else if !self.is_warm() && self.news.warm[1] > 0 {
-                let [done, all] = self.news.warm;
-                ui.add(egui::ProgressBar::new(done as f32 / all as f32).desired_width(120.0).text(format!("shaders {done} of {all}")));
+                progress_bar(ui, "shaders", self.news.warm.map(|count| count as u64));
             } else {
                 ui.label("ready");
             }
@@ -692,6 +694,19 @@ impl Workbench {
             }
         });
     }
+}
+
+/// Has nothing glide or fade: it would have the window painted again and again, beside pictures that are timed.
+pub fn still(ctx: &egui::Context) {
+    ctx.all_styles_mut(|style| {
+        style.animation_time = 0.0;
+        style.scroll_animation = egui::style::ScrollAnimation::none();
+    });
+}
+
+/// How far something is. No wheel turns beside it, since the window would be painted without a pause, see [`PROGRESS`](crate::engine::PROGRESS).
+fn progress_bar(ui: &mut Ui, stage: &str, [done, all]: [u64; 2]) {
+    ui.add(egui::ProgressBar::new(done as f32 / all as f32).desired_width(160.0).text(format!("{stage}: {done} of {all}")));
 }
 
 /// What the window's panes are remembered by.

@@ -35,6 +35,12 @@ mod pool;
 pub const EYE_M: f64 = 1.7;
 /// Edge of the picture that is drawn only to have a shader compiled.
 const WARMING_SIDE: u32 = 16;
+/// How long the window waits before it is drawn again for a picture, or for what cannot wait. Without any wait it would be drawn twice for each, and where a
+/// processor paints it that takes as long as the picture.
+const SOON: Duration = Duration::from_micros(1);
+/// How long for how far something is: where a processor paints the window, what is waited for would take almost twice as long beside one that is drawn for
+/// each step of it, or that turns a wheel.
+pub(crate) const PROGRESS: Duration = Duration::from_millis(500);
 /// Times in a row that a lost device is made anew before giving up.
 const DEVICES: u32 = 3;
 
@@ -208,8 +214,8 @@ struct Mail {
     ended: bool,
 }
 
-/// What is called whenever there are news.
-type Wake = Arc<dyn Fn() + Send + Sync>;
+/// What is called whenever there are news, with how long they may wait.
+type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
 
 struct Boxes {
     mail: Mutex<Mail>,
@@ -239,8 +245,18 @@ impl Boxes {
 
     fn tell(&self, change: impl FnOnce(&mut News)) {
         change(&mut lock(&self.news));
+        self.wake(SOON);
+    }
+
+    /// Tells how far something is.
+    fn report(&self, change: impl FnOnce(&mut News)) {
+        change(&mut lock(&self.news));
+        self.wake(PROGRESS);
+    }
+
+    fn wake(&self, within: Duration) {
         let wake = lock(&self.wake).clone();
-        wake();
+        wake(within);
     }
 
     /// Shaders that are ready, of all; none of none where nobody makes them ready.
@@ -307,8 +323,8 @@ pub struct Engine {
 
 impl Engine {
     /// Starts the thread. `shaders`: a folder laid out as `kernels/src` whose WGSL files are drawn with, and followed. `wake` is called whenever there
-    /// are news.
-    pub fn start(shaders: Option<PathBuf>, wake: impl Fn() + Send + Sync + 'static) -> Engine {
+    /// are news, with how long they may wait.
+    pub fn start(shaders: Option<PathBuf>, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
         let thread = std::thread::spawn(move || {
@@ -416,7 +432,7 @@ fn awaited(boxes: &Boxes) -> Option<Box<Wish>> {
 
 /// Draws scene after scene until the device fails.
 fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
-    let progress = |p: Progress| boxes.tell(|news| news.progress = Some(p));
+    let progress = |p: Progress| boxes.report(|news| news.progress = Some(p));
     loop {
         let wish = match pending.take() {
             Some(wish) => wish,
@@ -455,7 +471,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
     let mut next = Next::Wish(first);
     let mut last: Option<Box<Wish>> = None;
     let own = boxes.clone();
-    let tell: sketch::Tell = Arc::new(move |progress| own.tell(|news| news.progress = Some(progress)));
+    let tell: sketch::Tell = Arc::new(move |progress| own.report(|news| news.progress = Some(progress)));
     let mut sketch = Sketch::of(&renderer);
     loop {
         // A folder is looked at, and textures are waited for, also while nothing is wished for.
@@ -503,7 +519,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                     if warmed.step(&mut renderer).is_err() {
                         warmed.give_up();
                     }
-                    boxes.tell(|news| news.warm = boxes.warmth(&warmed));
+                    boxes.report(|news| news.warm = boxes.warmth(&warmed));
                 }
                 next = boxes.next(warmed.is_open(), patience);
                 continue;
@@ -546,9 +562,9 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                 boxes.tell(|news| {
                     news.shown = Some(Arc::new(shown));
                     news.warm = boxes.warmth(&warmed);
-                    (news.progress, news.failure) = (None, None);
+                    news.failure = None;
                     if !is_draft {
-                        (news.loaded, news.unloaded) = (Some(opened), None);
+                        (news.progress, news.loaded, news.unloaded) = (None, Some(opened), None);
                     }
                 });
             }
@@ -558,10 +574,10 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                     sketch.begin(&tell);
                 }
                 boxes.tell(|news| {
-                    (news.progress, news.failure) = (None, Some(error.to_string()));
+                    news.failure = Some(error.to_string());
                     if !is_draft {
                         // The scene is there; what was asked of it is refused.
-                        (news.loaded, news.unloaded) = (Some(opened), None);
+                        (news.progress, news.loaded, news.unloaded) = (None, Some(opened), None);
                     }
                 });
             }
@@ -572,7 +588,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
             if warmed.step(&mut renderer).is_err() {
                 warmed.give_up();
             }
-            boxes.tell(|news| news.warm = boxes.warmth(&warmed));
+            boxes.report(|news| news.warm = boxes.warmth(&warmed));
         }
     }
 }
@@ -791,5 +807,23 @@ impl Warmed {
         self.missing.pop();
         self.ready.insert(choice);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_happens_is_shown_at_once_and_how_far_something_is_a_little_later() {
+        let woken: Arc<Mutex<Vec<Duration>>> = Arc::default();
+        let own = woken.clone();
+        let boxes = Boxes::new(Arc::new(move |within| lock(&own).push(within)));
+        boxes.tell(|news| news.failure = Some("it failed".to_owned()));
+        boxes.report(|news| news.warm = [1, 2]);
+        assert_eq!(*lock(&woken), [SOON, PROGRESS]);
+        assert!(SOON > Duration::ZERO && PROGRESS > Duration::from_millis(100));
+        let news = lock(&boxes.news).clone();
+        assert_eq!((news.failure.as_deref(), news.warm), (Some("it failed"), [1, 2]));
     }
 }

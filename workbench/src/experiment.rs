@@ -298,6 +298,7 @@ pub struct Report {
 /// A run of the program `experiments` under way, or what came of it. Dropped, it is stopped.
 pub struct Run {
     name: String,
+    began: Instant,
     shared: Arc<Shared>,
 }
 
@@ -341,7 +342,12 @@ impl Run {
         let shared = Arc::new(Shared { child: Mutex::new(child), said: Mutex::new(Said::default()) });
         let own = shared.clone();
         thread::spawn(move || own.listen(output, &wake));
-        Ok(Run { name, shared })
+        Ok(Run { name, began: Instant::now(), shared })
+    }
+
+    /// Whole seconds since it was started.
+    pub fn seconds(&self) -> u64 {
+        self.began.elapsed().as_secs()
     }
 
     /// Name of the experiment.

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::Parser;
 use eframe::egui;
 use kernels::scene;
-use workbench::app::Workbench;
+use workbench::app::{Workbench, still};
 use workbench::kept::{self, Keeper};
 use workbench::script;
 
@@ -91,9 +91,12 @@ fn run(args: &Args) -> Result<()> {
     let [width, height] = args.size.map(|n| n as f32);
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default().with_title(format!("Scree - {}", scene.name)).with_inner_size([width, height]),
+        // A picture's texels are shown as they are, and a processor that paints the window has less to do.
+        dithering: false,
         ..Default::default()
     };
     let open = |cc: &eframe::CreationContext<'_>| {
+        still(&cc.egui_ctx);
         let app = Workbench::new(&cc.egui_ctx, scene, shaders).opened(&name);
         app.warm();
         match keeper {

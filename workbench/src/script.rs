@@ -12,7 +12,7 @@ use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use kernels::document::suggestion;
 use kernels::scene::{self, Scene};
 
-use crate::app::{Pane, Workbench};
+use crate::app::{Pane, Workbench, still};
 use crate::engine::Engine;
 
 /// Longest wait for a picture.
@@ -99,7 +99,7 @@ impl Stage {
     pub fn prepared(scene: Scene, size: [u32; 2], prepare: impl FnOnce(&mut Workbench)) -> Stage {
         Stage::showing(size, |ctx| {
             let wake = ctx.clone();
-            let mut app = Workbench::drawn_by(Engine::shared(&scene, move || wake.request_repaint()), scene);
+            let mut app = Workbench::drawn_by(Engine::shared(&scene, move |_| wake.request_repaint()), scene);
             prepare(&mut app);
             app
         })
@@ -123,16 +123,19 @@ impl Stage {
             .allow_missing_glyphs()
             .wgpu()
             .build_eframe(|cc| {
-                // Nothing glides: what is clicked stands where it is seen.
-                cc.egui_ctx.all_styles_mut(|style| {
-                    style.animation_time = 0.0;
-                    style.scroll_animation = egui::style::ScrollAnimation::none();
-                });
+                // And what is clicked stands where it is seen.
+                still(&cc.egui_ctx);
                 app(&cc.egui_ctx)
             });
         let mut stage = Stage { harness };
         stage.harness.input_mut().max_texture_side = Some(MOST_SIDE);
         stage
+    }
+
+    /// How long the window would wait, if nothing happened, before it is painted again.
+    pub fn rests_for(&self) -> Duration {
+        let outputs = &self.harness.output().viewport_output;
+        outputs.values().map(|output| output.repaint_delay).min().unwrap_or(Duration::MAX)
     }
 
     /// The application.

@@ -51,7 +51,7 @@ impl Sketch {
                     if abandoned.load(Ordering::Relaxed) {
                         return Err(Error::Request("nobody waits for these textures any more".to_owned()));
                     }
-                    tell(Progress { stage: format!("texture {name}"), done: 0, total: 0 });
+                    tell(Progress { stage: name.to_owned(), done: 0, total: 0 });
                     Ok(())
                 };
                 let build = || Palette::build(&scene, sector_m, progress);

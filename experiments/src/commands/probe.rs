@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use kernels::gpu::Gpu;
 use kernels::probe::{Column, PROBES, Probe};
 use serde::Serialize;
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
     let (Some(kernel), Some(input), Some(output)) = (&args.kernel, &args.input, &args.output) else {
         bail!("give KERNEL, --input and --output, or --list");
     };
-    let probe = Probe::find(kernel).context("`probe --list` prints them all")?;
+    let probe = Probe::find(kernel).map_err(|error| anyhow!("{error} (`probe --list` prints them all)"))?;
     check_output_file(output)?;
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
         && from == to
@@ -78,9 +78,9 @@ fn list(json: bool) -> Result<()> {
 
 fn read(path: &Path, probe: &Probe) -> Result<Table> {
     let name = path.display();
-    let file = File::open(path).with_context(|| format!("cannot open the table {name}"))?;
+    let file = File::open(path).map_err(|error| anyhow!("cannot open the table {name}: {error}; correct --input"))?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
-    let header = reader.headers().with_context(|| format!("cannot read the table {name}"))?.clone();
+    let header = reader.headers().map_err(|error| anyhow!("{name}: {}", explain(&error)))?.clone();
     let expected = || probe.inputs.iter().map(|column| column.name).collect::<Vec<_>>().join(",");
     if header.is_empty() {
         bail!("{name} is empty: give a header and rows; `{}` takes the columns {}", probe.name, expected());
@@ -101,13 +101,15 @@ fn read(path: &Path, probe: &Probe) -> Result<Table> {
     }
     let (mut rows, mut values) = (Vec::new(), Vec::new());
     for record in reader.records() {
-        let record = record.map_err(|error| anyhow::anyhow!("{name}: {}", explain(&error)))?;
+        let record = record.map_err(|error| anyhow!("{name}: {}", explain(&error)))?;
         let line = record.position().map_or(0, csv::Position::line);
         for &(place, column) in &places {
             let cell = &record[place];
-            let value: f64 =
-                cell.parse().ok().with_context(|| format!("{name}, line {line}, column `{}`: `{cell}` is not a number", column.name))?;
-            column.accepts(value).map_err(|what| anyhow::anyhow!("{name}, line {line}: {what}"))?;
+            let Ok(value) = cell.parse::<f64>() else {
+                let what = if cell.is_empty() { "is empty".to_owned() } else { format!("`{cell}` is not a number") };
+                bail!("{name}, line {line}, column `{}`: {what}: write a number, nan, inf or -inf", column.name);
+            };
+            column.accepts(value).map_err(|what| anyhow!("{name}, line {line}: {what}"))?;
             values.push(value);
         }
         rows.push(record);
@@ -122,7 +124,7 @@ fn explain(error: &csv::Error) -> String {
     match error.kind() {
         csv::ErrorKind::UnequalLengths { pos, expected_len, len } => {
             let line = pos.as_ref().map_or(0, csv::Position::line);
-            format!("line {line} has {len} cells, the header has {expected_len}")
+            format!("line {line} has {len} cells, the header has {expected_len}: give a cell for each column")
         }
         csv::ErrorKind::Utf8 { pos, .. } => {
             format!("line {} is not UTF-8 text: is it a CSV table?", pos.as_ref().map_or(0, csv::Position::line))

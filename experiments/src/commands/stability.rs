@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use kernels::gpu::Gpu;
 use kernels::picture::write_whole;
 use serde::Serialize;
@@ -21,7 +21,8 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let extremes = match &args.extremes {
         None => Extremes::parse(DEFAULT_TEXT, "the built-in table")?,
         Some(file) => {
-            let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+            let text =
+                fs::read_to_string(file).map_err(|error| anyhow!("cannot read {}: {error}; give a table of extremes", file.display()))?;
             Extremes::parse(&text, &file.display().to_string())?
         }
     };
@@ -31,7 +32,8 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
         ([], Some(_)) => &[Part::Kernels],
         (only, _) => only,
     };
-    fs::create_dir_all(&args.out).with_context(|| format!("cannot make the folder {}", args.out.display()))?;
+    fs::create_dir_all(&args.out)
+        .map_err(|error| anyhow!("cannot make the folder {}: {error}; choose another with --out", args.out.display()))?;
     check_writable(&args.out)?;
     watch_interrupts()?;
     let reporter = Reporter::new();

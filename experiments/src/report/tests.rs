@@ -116,17 +116,20 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
         }
     }
     // A mark's height is the value of a row of its choice; nothing else is drawn by its values.
+    let mut of_choices: BTreeMap<&Key, Vec<_>> = BTreeMap::new();
+    for ((key, _, lag, frequency), &value) in &known {
+        of_choices.entry(key).or_default().push((*lag, *frequency, value));
+    }
     for (anchor, mark) in html.split("<a href=\"#").skip(1).filter_map(|m| m.split_once("\"><circle ")) {
         let (attributes, _) = mark.split_once('>').expect("a whole mark");
         let value = |name: &str| attribute(attributes, name).and_then(|v| v.parse::<f64>().ok()).expect("a number");
         let key = keys.get(anchor).unwrap_or_else(|| panic!("no row has the anchor {anchor}"));
         let (x, y) = (value("data-x"), value("data-y"));
-        let of_choice: Vec<f64> = known.iter().filter(|((k, ..), _)| k == key).map(|(_, v)| *v).collect();
+        let of_choice = of_choices.get(key).map_or(&[][..], Vec::as_slice);
         let ms = of_choice_ms(&known, key, &first_ms);
-        let is = |value: f64| of_choice.iter().chain(&ms).any(|v| v.to_bits() == value.to_bits());
-        let axis = known.keys().any(|(k, _, lag, frequency)| {
-            k == key && (lag.map(f64::from) == Some(x) || *frequency == Some(x.to_bits()) || k.setting.parse() == Ok(x))
-        });
+        let is = |value: f64| of_choice.iter().map(|(.., v)| v).chain(&ms).any(|v| v.to_bits() == value.to_bits());
+        let is_set = !of_choice.is_empty() && key.setting.parse() == Ok(x);
+        let axis = is_set || of_choice.iter().any(|(lag, frequency, _)| lag.map(f64::from) == Some(x) || *frequency == Some(x.to_bits()));
         if !is(y) || !(is(x) || axis) {
             lost.push(format!("{}: a mark at {x}, {y}", key.words()));
         }

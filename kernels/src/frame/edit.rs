@@ -20,7 +20,7 @@ pub struct EditCounts {
 /// Tells which texture is being made.
 pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) -> Result<()> + Sync {
     move |name| {
-        progress(Progress { stage: format!("texture {name}"), done: 0, total: 0 });
+        progress(Progress { stage: name.to_owned(), done: 0, total: 0 });
         Ok(())
     }
 }
@@ -43,7 +43,7 @@ impl Renderer<'_> {
             return Ok(false);
         }
         scene::validate(scene)?;
-        scene::validate_against_world(scene, self.world.max_slope_deg())?;
+        super::check_cliffs(scene, &self.world)?;
         let palette = match &self.palette {
             Some(before) if self.needs_textures(scene) => {
                 Some(before.rebuilt(scene, self.former.as_ref(), self.world.layout().sector_m, on_texture(self.progress))?)

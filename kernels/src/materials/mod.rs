@@ -5,6 +5,7 @@
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, on materials: at most 32 textures of a type, 256 palette entries.
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
@@ -276,17 +277,17 @@ impl Palette {
                 Some((palette.arrays.layer(layer), palette.layers[layer].clone()))
             })
         };
-        let numbered: Vec<_> = sources.iter().enumerate().collect();
+        let begun = AtomicUsize::new(0);
         let mut arrays = DetailArrays { size, albedo: Vec::new(), normal: Vec::new(), height: Vec::new() };
         let mut textures = Vec::with_capacity(total);
-        for chunk in numbered.chunks(SOURCES_AT_ONCE) {
+        for chunk in sources.chunks(SOURCES_AT_ONCE) {
             let done: Vec<_> = chunk
                 .par_iter()
-                .map(|&(layer, (source, name))| {
+                .map(|(source, name)| {
                     if let Some(known) = known(source) {
                         return Ok(known);
                     }
-                    progress(&format!("detail textures {}/{total}: {name}", layer + 1))?;
+                    progress(&format!("detail texture {} of {total}: {name}", begun.fetch_add(1, Ordering::Relaxed) + 1))?;
                     let mut maps = match source {
                         Source::Procedural(kind) => procedural::make(kind, size, TEXTURE_SEED)?,
                         Source::Folder(path) => folder::load(name, path, size)?,

@@ -2,7 +2,7 @@
 
 use super::judge::{Verdict, cross, from_axis, set_direction, set_length, three};
 use super::{Measure, Parameter, Probe, real, take, whole};
-use crate::shared::culling::{self, Cover, ROUNDING, SLACK};
+use crate::shared::culling::{self, Cover, FLUSHED, KNOWN, LEAST, MOST, NEAREST, ROUNDING, SLACK};
 use crate::shared::octahedral;
 use crate::shared::real::{Real, dot, length};
 
@@ -83,8 +83,13 @@ fn frustum_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 /// One side is exact, the other has the margin and once more its rounding.
 fn frustum_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (distance, size) = frustum_distance(row);
-    let near = -distance <= 2.0 * (SLACK * size + 1e-22) || row.iter().any(|x| x.abs() > 0.999e15);
+    let near = -distance <= 2.0 * (SLACK * size + FLUSHED) || row.iter().any(|&x| is_next_to(x, MOST));
     one_sided(got, want, distance < 0.0, near)
+}
+
+/// Whether a number may be taken for smaller or for larger than a limit.
+fn is_next_to(x: f64, limit: f64) -> bool {
+    (x.abs() / limit - 1.0).abs() < 1e-3
 }
 
 /// `may`: left out rightly; `near`: within the margin.
@@ -104,7 +109,7 @@ pub(super) const NORMAL_CONE: Probe = Probe {
         real("axis_x", "axis of the cone, any length"),
         real("axis_y", "axis"),
         real("axis_z", "axis"),
-        real("sin_half_angle", "of the cone, 0..=1; 1 = any direction"),
+        real("sin_half_angle", "of the cone, 0..=1; 1, and what is no sine, = any direction"),
         real("patch_x", "m, from the eye to the patch"),
         real("patch_y", "m"),
         real("patch_z", "m"),
@@ -166,7 +171,7 @@ return array<f32, 1>(select(0.0, 1.0, away));
 fn cone_margin(row: &[f64]) -> f64 {
     let to_patch = three(row, 4);
     let (distance, sine) = (length(to_patch), row[3]);
-    let has_axis = row[..3].iter().any(|x| x.abs() > 1e-15);
+    let has_axis = row[..3].iter().any(|x| x.abs() > LEAST);
     if !(has_axis && (0.0..1.0).contains(&sine) && row[7] >= 0.0 && distance > row[7]) {
         return -1.0;
     }
@@ -188,8 +193,8 @@ fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let between = std::f64::consts::FRAC_PI_2 - margin - row[3].asin() - (row[7] / length(three(row, 4))).min(1.0).asin();
     let over = between.cos() - (between + margin).cos();
     let near = over <= 2.0 * ROUNDING || between + margin <= 0.0 || (between + margin).sin() <= 2.0 * ROUNDING;
-    let out_of_range = |x: f64| (x.abs() > 0.999e15 || (x != 0.0 && x.abs() < 1.001e-15)) && x.is_finite();
-    one_sided(got, want, margin > 0.0, near || row.iter().any(|&x| out_of_range(x)))
+    let at_an_end = row.iter().any(|&x| is_next_to(x, MOST) || is_next_to(x, LEAST)) || is_next_to(length(three(row, 4)), LEAST);
+    one_sided(got, want, margin > 0.0, near || at_an_end)
 }
 
 /// Places of the columns of [`OCCLUSION`].
@@ -390,7 +395,8 @@ fn exact(row: &[f64]) -> Exact {
     for corner in 0..8 {
         let place = [0, 1, 2].map(|i| row[if corner >> i & 1 == 1 { HIGH } else { LOW } + i]);
         let sum = |r: [f64; 4]| r[0] * place[0] + r[1] * place[1] + r[2] * place[2] + r[3];
-        let size = |r: [f64; 4]| SLACK * ((r[0] * place[0]).abs() + (r[1] * place[1]).abs() + (r[2] * place[2]).abs() + r[3].abs()) + 1e-22;
+        let size =
+            |r: [f64; 4]| SLACK * ((r[0] * place[0]).abs() + (r[1] * place[1]).abs() + (r[2] * place[2]).abs() + r[3].abs()) + FLUSHED;
         let distance = sum(w);
         if distance < all.nearest_m {
             (all.nearest_m, all.nearest_off_m) = (distance, size(w));
@@ -453,8 +459,8 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     }
     // Whether anything is known may differ next to the near plane, where the distance is lost, and at the ends of what is reckoned with.
     let by_near = (truth.nearest_m - row[NEAR]).abs() <= 4.0 * truth.nearest_off_m;
-    let by_loss = (0.9..1.1).contains(&(truth.off * 128.0));
-    let at_an_end = row[..SIZE].iter().any(|x| (0.999e15..1.001e15).contains(&x.abs())) || (0.999e-6..1.001e-6).contains(&row[NEAR]);
+    let by_loss = (0.9..1.1).contains(&(truth.off / KNOWN));
+    let at_an_end = row[..SIZE].iter().any(|&x| is_next_to(x, MOST)) || is_next_to(row[NEAR], NEAREST);
     if got[0] != want[0] {
         return if by_near || by_loss || at_an_end { Verdict::OtherSide } else { Verdict::Differs };
     }

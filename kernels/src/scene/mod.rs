@@ -239,6 +239,13 @@ pub struct FlavourRules {
     pub splat_band_deg: f64,
 }
 
+impl FlavourRules {
+    /// Whether any slope is cliff.
+    pub fn has_cliffs(&self) -> bool {
+        self.cliff_slope_deg < 90.0
+    }
+}
+
 impl Default for FlavourRules {
     fn default() -> Self {
         FlavourRules {

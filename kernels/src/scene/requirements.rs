@@ -140,7 +140,7 @@ impl Requirements {
 
 fn flavours_of(scene: &Scene) -> Vec<FlavourUse> {
     let rules = &scene.flavours;
-    let cliffs = rules.cliff_slope_deg < 90.0;
+    let cliffs = rules.has_cliffs();
     let no_cliffs = || format!("flavours.cliff_slope_deg = {}: nothing is cliff", rules.cliff_slope_deg);
     let decide = |flavour: Flavour| match flavour {
         Flavour::VirtualTexture if rules.far_atlas_m > 0.0 => (true, format!("ground nearer than {} m", rules.far_atlas_m)),

@@ -22,7 +22,7 @@ pub fn validate(scene: &Scene) -> Result<()> {
 pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     let asked = scene.flavours.cliff_slope_deg;
     // Written so that a slope that is not a number is refused, too.
-    if asked >= 90.0 || max_slope_deg >= asked {
+    if !scene.flavours.has_cliffs() || max_slope_deg >= asked {
         return Ok(());
     }
     Err(Error::Scene {
@@ -196,7 +196,7 @@ fn flavours(at: &At, scene: &Scene) -> Checked {
     at.key("splat_band_deg").within(f.splat_band_deg, 0.0, 89.0)?;
     at.key("cliff_near_m").positive(f.cliff_near_m, FAR_M)?;
     at.key("cliff_far_atlas_m").positive(f.cliff_far_atlas_m, FAR_M)?;
-    if f.cliff_slope_deg >= 90.0 {
+    if !f.has_cliffs() {
         return Ok(());
     }
     if f.cliff_near_m >= f.cliff_far_atlas_m {

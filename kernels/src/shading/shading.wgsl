@@ -464,7 +464,7 @@ fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {
             occlusion += sum.specular_occlusion;
         }
     }
-    return GBuffer(vec4<f32>(albedo, occlusion), vec4<f32>(normalize(normal), smoothness));
+    return GBuffer(vec4<f32>(albedo, occlusion), vec4<f32>(octahedral_unit(normal), smoothness));
 }
 
 @fragment

@@ -13,9 +13,11 @@ use super::real::{Real, dot, length};
 pub const SLACK: f64 = 8.0 / 16_777_216.0;
 
 /// Largest number that is reckoned with: of squares and products f32 then holds the sums.
-const MOST: f64 = 1e15;
+pub(crate) const MOST: f64 = 1e15;
+/// What is no longer has no direction: an axis by its largest component, the way to a patch by its length, m. Of their squares f32 holds little.
+pub(crate) const LEAST: f64 = 1e-15;
 /// Three products whose factors are at most [`MOST`] and of which one, denormal, was taken for zero come to less.
-const FLUSHED: f64 = 1e-22;
+pub(crate) const FLUSHED: f64 = 1e-22;
 
 /// Whether a box lies wholly beyond a plane, where n . p + w < 0 (`plane`: n, w). Never where a number is none, infinite or beyond 1e15.
 pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
@@ -34,10 +36,10 @@ pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
 /// of angular radius s, sin s = radius / distance, all normals face away where axis . direction > sin(a + s).
 pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], radius: T) -> bool {
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
-    let has_axis = axis.iter().any(|x| x.abs() > T::of(1e-15));
+    let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));
     let distance = length(to_patch);
     // Too near, or too short to have a direction in f32.
-    if !(known && has_axis && sin_half_angle >= T::zero() && sin_half_angle < T::one() && distance > radius && distance > T::of(1e-15)) {
+    if !(known && has_axis && sin_half_angle >= T::zero() && sin_half_angle < T::one() && distance > radius && distance > T::of(LEAST)) {
         return false;
     }
     let sine = radius / distance;
@@ -54,9 +56,9 @@ pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], ra
 pub const ROUNDING: f64 = 96.0 / 8_388_608.0;
 
 /// A box whose distance along the view is known to less than this share, or that comes nearer than the near plane, covers what is not known.
-const KNOWN: f64 = 1.0 / 128.0;
+pub(crate) const KNOWN: f64 = 1.0 / 128.0;
 /// Nearest near plane that is reckoned with, m.
-const NEAREST: f64 = 1e-6;
+pub(crate) const NEAREST: f64 = 1e-6;
 /// Beyond these, in halves of the picture's width or height from its middle, a place is as good as anywhere else outside.
 const OUTSIDE: f64 = 4.0;
 /// Rounding of a quotient (2.5 ULP), two sums and a product, and about as much again; times 1 + |q|.

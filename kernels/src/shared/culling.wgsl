@@ -4,6 +4,7 @@
 const CULLING_SLACK: f32 = 4.7683716e-7;
 const CULLING_ROUNDING: f32 = 1.1444092e-5;
 const CULLING_MOST: f32 = 1e15;
+const CULLING_LEAST: f32 = 1e-15;
 const CULLING_FLUSHED: f32 = 1e-22;
 
 // Whether a box lies wholly beyond a plane, where n . p + w < 0 (`plane`: n, w). Never where a number is none, infinite or beyond 1e15.
@@ -19,9 +20,9 @@ fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
 fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>, radius: f32) -> bool {
     let known = usable_within_3(axis, CULLING_MOST) && usable_within_3(to_patch, CULLING_MOST)
         && usable_within_3(vec3<f32>(radius, sin_half_angle, 0.0), CULLING_MOST) && radius >= 0.0 && sin_half_angle >= 0.0
-        && max(max(abs(axis.x), abs(axis.y)), abs(axis.z)) > 1e-15;
+        && max(max(abs(axis.x), abs(axis.y)), abs(axis.z)) > CULLING_LEAST;
     let distance = length(to_patch);
-    if !(known && sin_half_angle < 1.0 && distance > radius && distance > 1e-15) {
+    if !(known && sin_half_angle < 1.0 && distance > radius && distance > CULLING_LEAST) {
         return false;
     }
     let sines = vec2<f32>(sin_half_angle, radius / distance);

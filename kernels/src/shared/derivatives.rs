@@ -13,8 +13,8 @@ use super::real::{Real, add, dot, length, scale, sub};
 pub const MIN_COSINE: f64 = 0.01;
 
 /// Step of the position to the neighbouring pixel, metres. The point is `ray * t`, relative to the eye; `ray_step` leads from its
-/// ray to the neighbour's; `normal`, of any length, is the plane's. Zero where the input is not finite, or the step longer than 1e18:
-/// readers square it.
+/// ray to the neighbour's; `normal`, of any length, is the plane's. Zero where the input is not finite, or the neighbour's ray or the step longer
+/// than 1e18: both are squared.
 pub fn on_plane<T: Real>(ray: [T; 3], ray_step: [T; 3], t: T, normal: [T; 3]) -> [T; 3] {
     let n = unit(normal);
     let neighbour = add(ray, ray_step);
@@ -23,5 +23,5 @@ pub fn on_plane<T: Real>(ray: [T; 3], ray_step: [T; 3], t: T, normal: [T; 3]) ->
     let towards = dot(n, neighbour);
     let facing = if dot(n, ray) >= T::zero() { towards.max(limit) } else { towards.min(-limit) };
     let step = scale(sub(ray_step, scale(neighbour, dot(n, ray_step) / facing)), t);
-    if step.iter().all(|x| x.abs() <= T::of(1e18)) { step } else { [T::zero(); 3] }
+    if neighbour.iter().chain(&step).all(|x| x.abs() <= T::of(1e18)) { step } else { [T::zero(); 3] }
 }

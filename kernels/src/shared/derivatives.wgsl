@@ -7,8 +7,8 @@
 const DERIVATIVES_MIN_COSINE: f32 = 0.01;
 
 // Step of the position, metres per pixel. The point is ray * t, relative to the eye; `ray_step` leads to the neighbouring
-// pixel's ray; `normal`, of any length, is the plane's through the point. Zero where the input is not finite, or the step longer than 1e18: readers
-// square it.
+// pixel's ray; `normal`, of any length, is the plane's through the point. Zero where the input is not finite, or the neighbour's ray or the step longer than
+// 1e18: both are squared.
 // The hit minus the point, solved by hand: subtracting the two would leave no digits at a distance.
 fn derivatives_on_plane(ray: vec3<f32>, ray_step: vec3<f32>, t: f32, normal: vec3<f32>) -> vec3<f32> {
     let n = octahedral_unit(normal);
@@ -17,5 +17,5 @@ fn derivatives_on_plane(ray: vec3<f32>, ray_step: vec3<f32>, t: f32, normal: vec
     let side = select(-1.0, 1.0, dot(n, ray) >= 0.0);
     let facing = side * max(side * dot(n, neighbour), limit);
     let step = t * (ray_step - neighbour * (dot(n, ray_step) / facing));
-    return select(vec3<f32>(0.0), step, vec3<bool>(usable_within_3(step, 1e18)));
+    return select(vec3<f32>(0.0), step, vec3<bool>(usable_within_3(neighbour, 1e18) && usable_within_3(step, 1e18)));
 }

@@ -52,9 +52,9 @@ impl FlavourParams {
             cliff_far_atlas_m: rules.cliff_far_atlas_m as f32,
             cliff_near_m: rules.cliff_near_m as f32,
             distance_blend: rules.distance_blend as f32,
-            cliff_cos: if rules.cliff_slope_deg >= 90.0 { [-2.0, -1.0] } else { band(rules.cliff_slope_deg) },
+            cliff_cos: if rules.has_cliffs() { band(rules.cliff_slope_deg) } else { [-2.0, -1.0] },
             splat_cos: band(rules.cliff_slope_deg - rules.splat_band_deg),
-            splat_enabled: u32::from(rules.splat_band_deg > 0.0 && rules.cliff_slope_deg < 90.0),
+            splat_enabled: u32::from(rules.splat_band_deg > 0.0 && rules.has_cliffs()),
             vt_enabled: u32::from(rules.far_atlas_m > 0.0),
             padding: [0; 2],
         }

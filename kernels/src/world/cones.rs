@@ -108,8 +108,8 @@ fn enclosing_axis(normals: &[[f64; 3]]) -> [f64; 3] {
     let sum = normals.iter().fold([0.0; 3], |s, n| [s[0] + n[0], s[1] + n[1], s[2] + n[2]]);
     let mut axis = normalize(sum);
     for step in 2..18u32 {
-        let farthest = normals.iter().copied().min_by(|a, b| dot(axis, *a).total_cmp(&dot(axis, *b)));
-        let Some(farthest) = farthest else { break };
+        let cosines = normals.iter().map(|&normal| (dot(axis, normal), normal));
+        let Some((_, farthest)) = cosines.min_by(|(a, _), (b, _)| a.total_cmp(b)) else { break };
         let share = 1.0 / f64::from(step + 1);
         axis = normalize([0, 1, 2].map(|i| axis[i] + (farthest[i] - axis[i]) * share));
     }

@@ -265,6 +265,9 @@ impl Faces {
     }
 }
 
+/// Octaves of fine relief that slope and curvature are measured with.
+const BROAD_OCTAVES: usize = 2;
+
 /// The generator.
 #[derive(Clone, Debug)]
 pub struct Generator {
@@ -305,16 +308,24 @@ impl Generator {
 
     /// Elevation at a place, metres, within [`HEIGHT_RANGE_M`].
     pub fn height_m(&self, x: f64, y: f64) -> f64 {
-        self.height_with(x, y, self.fine.len())
+        self.heights_m(x, y)[0]
     }
 
     /// Elevation without the relief finer than some 10 m: what slope and curvature are measured on, since differences over a few
     /// metres would take boulders for cliffs.
     pub fn broad_height_m(&self, x: f64, y: f64) -> f64 {
-        self.height_with(x, y, 2)
+        saturate(self.broad(x, y).0)
     }
 
-    fn height_with(&self, x: f64, y: f64, fine_octaves: usize) -> f64 {
+    /// [`Generator::height_m`] and [`Generator::broad_height_m`], in the time of the first.
+    pub fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
+        let (broad, rock, amplitude) = self.broad(x, y);
+        let (height, _) = relieved(&self.fine[BROAD_OCTAVES..], x, y, rock, (broad, amplitude));
+        [saturate(height), saturate(broad)]
+    }
+
+    /// Elevation without the finest relief, how far the ground is rock, and the amplitude of the octave that follows.
+    fn broad(&self, x: f64, y: f64) -> (f64, f64, f64) {
         // Domain warp, with its Jacobian for the derivatives of what follows.
         let (wx, wy) = (self.warp[0].noise(x, y).scale(330.0), self.warp[1].noise(x, y).scale(330.0));
         let (px, py) = (x + wx.v, y + wy.v);
@@ -380,17 +391,19 @@ impl Generator {
             h += face * hardness * hardness * 24.0 * 0.8 * stairs(bed, 0.3, 0.3);
         }
 
-        // Fine relief: hummocks on turf; on rock, creases between blocks.
         let rock = smoothstep(0.4, 0.9, slope);
-        let mut amplitude = 0.3 + 1.2 * rock + 2.6 * face;
-        for octave in &self.fine[..fine_octaves] {
-            let n = octave.value(x, y);
-            let creased = 1.5 * n.abs() - 0.35;
-            h += amplitude * (n + rock * (creased - n));
-            amplitude *= 0.47;
-        }
-        saturate(h)
+        let (h, amplitude) = relieved(&self.fine[..BROAD_OCTAVES], x, y, rock, (h, 0.3 + 1.2 * rock + 2.6 * face));
+        (h, rock, amplitude)
     }
+}
+
+/// An elevation and the amplitude of its next octave, after some octaves of fine relief: hummocks on turf; on `rock`, creases between blocks.
+fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -> (f64, f64) {
+    octaves.iter().fold(ground, |(height, amplitude), octave| {
+        let n = octave.value(x, y);
+        let creased = 1.5 * n.abs() - 0.35;
+        (height + amplitude * (n + rock * (creased - n)), amplitude * 0.47)
+    })
 }
 
 /// Gullies of a depth (metres) down the slope of the ground so far.

@@ -5,6 +5,7 @@
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Data".
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -158,6 +159,8 @@ pub struct World {
     rules: Rules,
     material_count: usize,
     max_slope_deg: OnceLock<f64>,
+    /// Bits of the steepest slope that is known to be reached, degrees; of numbers that are not negative they have the numbers' order.
+    reached_deg: AtomicU64,
 }
 
 impl World {
@@ -184,6 +187,7 @@ impl World {
                     rules,
                     material_count,
                     max_slope_deg: OnceLock::new(),
+                    reached_deg: AtomicU64::new(0),
                 })
             }
             scene::World::Heightmap { file, metres_per_texel, height_range_m, detail_m, seed, holes, colour_modulation } => {
@@ -231,6 +235,7 @@ impl World {
             rules,
             material_count,
             max_slope_deg: OnceLock::new(),
+            reached_deg: AtomicU64::new(0),
         }
     }
 
@@ -264,6 +269,17 @@ impl World {
             }
         };
         height.clamp(self.height_range_m.0, self.height_range_m.1)
+    }
+
+    /// [`World::height_m`] and the elevation that slope and curvature are measured on, in the time of the first.
+    fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
+        match &self.source {
+            Source::Generated(generator) => {
+                let [height, broad] = generator.heights_m(x, y);
+                [height.clamp(self.height_range_m.0, self.height_range_m.1), broad]
+            }
+            Source::Data { .. } => [self.height_m(x, y); 2],
+        }
     }
 
     /// The elevation that slope and curvature are measured on, metres: the source less the relief finer than the footprint.
@@ -429,31 +445,50 @@ impl World {
                 Source::Data { map, .. } => map.max_slope(),
                 Source::Generated(_) => 0.0,
             };
-            let adds_relief = match &self.source {
-                Source::Data { detail_m, .. } => *detail_m > 0.0,
-                Source::Generated(_) => true,
-            };
-            let scanned = if adds_relief { self.scan_slope() } else { 0.0 };
+            let scanned = if self.adds_relief() { self.scan_slope() } else { 0.0 };
             of_data.max(scanned).atan().to_degrees()
         })
     }
 
+    /// Whether [`World::max_slope_deg`] is at least so many degrees: told sooner than how many it is, since one place is enough.
+    pub fn is_as_steep_as(&self, degrees: f64) -> bool {
+        if degrees <= f64::from_bits(self.reached_deg.load(Ordering::Relaxed)) {
+            return true;
+        }
+        let reaches = |i: u32, j: u32| self.scanned_slope(i, j).atan().to_degrees() >= degrees;
+        let is_found = || (0..SCAN_SIDE).into_par_iter().any(|j| (0..SCAN_SIDE).any(|i| reaches(i, j)));
+        let is = self.max_slope_deg.get().is_none() && self.adds_relief() && is_found() || self.max_slope_deg() >= degrees;
+        if is {
+            self.reached_deg.fetch_max(degrees.to_bits(), Ordering::Relaxed);
+        }
+        is
+    }
+
+    fn adds_relief(&self) -> bool {
+        match &self.source {
+            Source::Data { detail_m, .. } => *detail_m > 0.0,
+            Source::Generated(_) => true,
+        }
+    }
+
     fn scan_slope(&self) -> f64 {
-        const SIDE: u32 = 192;
+        let row = |j: u32| (0..SCAN_SIDE).map(|i| self.scanned_slope(i, j)).fold(0.0, f64::max);
+        (0..SCAN_SIDE).into_par_iter().map(row).reduce(|| 0.0, f64::max)
+    }
+
+    /// Slope (tangent) at a place of the scan, over the finest spacing.
+    fn scanned_slope(&self, i: u32, j: u32) -> f64 {
         let step = self.layout.spacing_m(self.layout.finest_lod);
-        let row = |j: u32| {
-            let slope = |i: u32| {
-                let at = |k: u32, axis: usize| ((f64::from(k) + 0.5) / f64::from(SIDE) * 2.0 - 1.0) * (self.half_extent_m[axis] - step);
-                let (x, y) = (at(i, 0), at(j, 1));
-                let h = self.height_m(x, y);
-                let (dx, dy) = (self.height_m(x + step, y) - h, self.height_m(x, y + step) - h);
-                (dx * dx + dy * dy).sqrt() / step
-            };
-            (0..SIDE).map(slope).fold(0.0, f64::max)
-        };
-        (0..SIDE).into_par_iter().map(row).reduce(|| 0.0, f64::max)
+        let at = |k: u32, axis: usize| ((f64::from(k) + 0.5) / f64::from(SCAN_SIDE) * 2.0 - 1.0) * (self.half_extent_m[axis] - step);
+        let (x, y) = (at(i, 0), at(j, 1));
+        let h = self.height_m(x, y);
+        let (dx, dy) = (self.height_m(x + step, y) - h, self.height_m(x, y + step) - h);
+        (dx * dx + dy * dy).sqrt() / step
     }
 }
+
+/// Places along an edge of the scan for the steepest slope.
+const SCAN_SIDE: u32 = 192;
 
 /// Rules never measure slope over less, metres: boulders are not cliffs.
 const MIN_FOOTPRINT_M: f64 = 4.0;

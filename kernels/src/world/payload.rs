@@ -78,8 +78,8 @@ pub struct Ground {
 
 impl Ground {
     pub(super) fn of(world: &World, id: NodeId) -> Ground {
-        let grid = Grid::of(world, id);
-        let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing);
+        let (grid, broad) = Grid::of(world, id);
+        let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing, &broad);
         Ground { id, grid, relief }
     }
 
@@ -129,18 +129,27 @@ struct Grid {
 }
 
 impl Grid {
-    fn of(world: &World, id: NodeId) -> Grid {
+    /// A node's grid, and the elevations that slope and curvature are measured on at its splat texels -1..=65.
+    fn of(world: &World, id: NodeId) -> (Grid, Vec<f64>) {
         let layout = world.layout();
         let origin = id.origin_m(layout).to_array();
         let spacing = layout.spacing_m(id.lod);
         let mut grid = Grid { origin, spacing, heights: Vec::with_capacity(GRID_SIDE * GRID_SIDE) };
+        let mut broad = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
         for j in 0..GRID_SIDE {
             for i in 0..GRID_SIDE {
                 let [x, y] = grid.vertex(i, j);
-                grid.heights.push(world.height_m(x, y));
+                // Splat texel i - 1 is the working grid's vertex 2 (i - 1) + 2.
+                if i % 2 == 0 && j % 2 == 0 {
+                    let [height, measured] = world.heights_m(x, y);
+                    grid.heights.push(height);
+                    broad.push(measured);
+                } else {
+                    grid.heights.push(world.height_m(x, y));
+                }
             }
         }
-        grid
+        (grid, broad)
     }
 
     /// World position of the working grid's vertex (i, j), i.e. of the node's vertex (i - 2, j - 2). Spacing and origin are dyadic
@@ -179,7 +188,7 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
     for j in 0..SPLAT_GRID_SIDE {
         for i in 0..SPLAT_GRID_SIDE {
-            // Splat texel i - 1 is the working grid's vertex 2 (i - 1) + 2.
+            // As in [`Grid::of`].
             let [x, y] = grid.vertex(2 * i, 2 * j);
             let (slope_deg, curvature) = relief.at(i, j);
             splat.push(world.rules().material_at(grid.height(2 * i, 2 * j), slope_deg, curvature, x, y));
@@ -197,7 +206,8 @@ struct RuleRelief {
 }
 
 impl RuleRelief {
-    fn of(world: &World, origin: [f64; 2], step: f64) -> RuleRelief {
+    /// `broad`: the elevations that they are measured on, at the texels.
+    fn of(world: &World, origin: [f64; 2], step: f64, broad: &[f64]) -> RuleRelief {
         let reach = world.footprint_m() / 2.0;
         let count = SPLAT_GRID_SIDE;
         let start = [origin[0] - step, origin[1] - step];
@@ -236,7 +246,7 @@ impl RuleRelief {
                 for i in 0..count {
                     let (x, y) = (start[0] + i as f64 * step, start[1] + j as f64 * step);
                     let h = |dx: f64, dy: f64| world.broad_height_m(x + dx, y + dy);
-                    let d = differences(h(0.0, 0.0), h(-reach, 0.0), h(reach, 0.0), h(0.0, -reach), h(0.0, reach), reach);
+                    let d = differences(broad[j * count + i], h(-reach, 0.0), h(reach, 0.0), h(0.0, -reach), h(0.0, reach), reach);
                     values.push(slope_and_curvature(d));
                 }
             }

@@ -5,6 +5,7 @@
 //! it loaded: whoever counts that starts a thread of its own.
 
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use kernels::scene::Scene;
 
@@ -19,7 +20,7 @@ static IDLE: Mutex<Vec<Engine>> = Mutex::new(Vec::new());
 impl Engine {
     /// As [`Engine::start`] with the shaders of the program, but by a thread that drew this scene for another window, if one waits; and dropped, it
     /// waits for the next.
-    pub fn shared(scene: &Scene, wake: impl Fn() + Send + Sync + 'static) -> Engine {
+    pub fn shared(scene: &Scene, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let idle = {
             let mut idle = lock(&IDLE);
             idle.iter().rposition(|engine| engine.scene.as_deref() == Some(scene)).map(|at| idle.remove(at))
@@ -66,7 +67,7 @@ impl Boxes {
             }
             !mail.ended
         };
-        let silent: Wake = Arc::new(|| {});
+        let silent: Wake = Arc::new(|_| {});
         *lock(&self.wake) = silent;
         let mut news = lock(&self.news);
         let adapter = news.adapter.take();
@@ -90,7 +91,6 @@ impl Boxes {
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
-    use std::time::Duration;
 
     use kernels::scene;
 
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     /// A thread that keeps to the rules without drawing: whatever it is asked for, it is slow, and fails.
-    fn pretended(scene: &Scene, wake: impl Fn() + Send + Sync + 'static) -> Engine {
+    fn pretended(scene: &Scene, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
         let thread = std::thread::spawn(move || {
@@ -132,7 +132,7 @@ mod tests {
         let woken: [Arc<AtomicUsize>; 2] = Default::default();
         let wake = |index: usize| {
             let count = woken[index].clone();
-            move || {
+            move |_| {
                 count.fetch_add(1, Ordering::Relaxed);
             }
         };
@@ -164,14 +164,14 @@ mod tests {
         assert_eq!(idle(), 1);
 
         // One that has ended is not kept.
-        let engine = pretended(&other, || {});
+        let engine = pretended(&other, |_| {});
         lock(&engine.boxes.mail).stop = true;
         engine.boxes.arrived.notify_one();
         drop(engine);
         assert_eq!(idle(), 1);
 
         // Nor is one too many: the oldest goes.
-        let more: Vec<Engine> = (0..MOST).map(|_| pretended(&other, || {})).collect();
+        let more: Vec<Engine> = (0..MOST).map(|_| pretended(&other, |_| {})).collect();
         drop(more);
         assert_eq!(idle(), MOST);
         assert!(lock(&IDLE).iter().all(|engine| engine.scene.as_deref() == Some(&other)));

@@ -1,12 +1,14 @@
 //! What is on screen as an experiment, and experiments that run beside the window.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use eframe::egui::{self, Button, DragValue, RichText, TextEdit, Ui};
 
 use super::{from_here, outcome};
 use crate::app::Workbench;
+use crate::engine::PROGRESS;
 use crate::experiment::{self, Extent, Run};
 
 /// Width of a text field, points.
@@ -89,7 +91,7 @@ impl ExperimentsPanel {
     }
 
     fn start(&mut self, definition: &Path, ctx: egui::Context) {
-        match Run::start(definition, Path::new(&self.out), move || ctx.request_repaint()) {
+        match Run::start(definition, Path::new(&self.out), move || ctx.request_repaint_after(PROGRESS)) {
             Ok(run) => {
                 self.said = None;
                 self.run = Some(run);
@@ -200,14 +202,13 @@ fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
 fn running(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     let Some(run) = &panel.run else { return };
     let Some(outcome) = run.outcome() else {
-        ui.horizontal_wrapped(|ui| {
-            ui.spinner();
-            ui.label(format!("{} runs: {}", run.name(), run.progress()));
-        });
-        ui.label("Times are true only while nothing else draws: pause the picture.");
         if ui.button("Cancel run").on_hover_text("What is finished is kept; once more to stop at once").clicked() {
             run.cancel();
         }
+        // The button stays where it is whatever is said.
+        ui.label(format!("{} runs for {} s: {}", run.name(), run.seconds(), run.progress()));
+        ui.label("Times are true only while nothing else draws: pause the picture.");
+        ui.ctx().request_repaint_after(Duration::from_secs(1));
         return;
     };
     let report = match outcome {

@@ -32,7 +32,8 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     app.room = [rect.width(), rect.height()].map(|side| (side * pixels).round().max(0.0) as u32);
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 0.0, Color32::BLACK);
-    if app.textures[0].is_none() {
+    // Why there is none stands below.
+    if app.textures[0].is_none() && app.failure().is_none() {
         let text = app.news.progress.as_ref().map_or("starting", |p| p.stage.as_str());
         painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(16.0), Color32::GRAY);
     }
