@@ -791,6 +791,10 @@ fn remember(times: &mut VecDeque<Duration>, time: Duration) {
 }
 
 impl eframe::App for Workbench {
+    fn clear_color(&self, _visuals: &egui::Visuals) -> [f32; 4] {
+        [0.0, 0.0, 0.0, 1.0]
+    }
+
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
         if let Some(seconds) = frame.info().cpu_usage {

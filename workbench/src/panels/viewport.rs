@@ -31,7 +31,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     let pixels = ui.ctx().pixels_per_point();
     app.room = [rect.width(), rect.height()].map(|side| (side * pixels).round().max(0.0) as u32);
     let painter = ui.painter_at(rect);
-    painter.rect_filled(rect, 0.0, Color32::BLACK);
+    // What no picture covers has the window's colour, black: painted, it would take a processor as long as the picture that comes over it.
     // Why there is none stands below.
     if app.textures[0].is_none() && app.failure().is_none() {
         let text = app.news.progress.as_ref().map_or("starting", |p| p.stage.as_str());
@@ -41,6 +41,9 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         response.request_focus();
     }
     let parts = parts(app, rect);
+    if let [left, right] = &parts[..] {
+        painter.rect_filled(Rect::from_min_max(left.clip.right_top(), right.clip.left_bottom()), 0.0, Color32::BLACK);
+    }
     for part in &parts {
         if let Some(texture) = &app.textures[part.texture] {
             painter.with_clip_rect(part.clip).image(texture.id(), part.place, part.uv, Color32::WHITE);
