@@ -92,7 +92,7 @@ impl<'a> Group<'a> {
         if worst.worst == 0.0 {
             return "exact".to_owned();
         }
-        format!("{} {} at {}", number(worst.worst), worst.unit, number(worst.value))
+        format!("{} {} at {}", number(worst.worst), worst.unit, place(worst.value))
     }
 
     /// Largest share of the derived tolerance, percent.
@@ -408,6 +408,13 @@ pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
     Ok(html::page("Stability lab", &body))
 }
 
+/// Where an error is largest: what is whole in full, since words and edges of powers of two are told apart by their last digits.
+fn place(value: f64) -> String {
+    let short = number(value);
+    let is_cut = value.fract() == 0.0 && value.abs() < 1e10 && short.parse() != Ok(value);
+    if is_cut { format!("{value}") } else { short }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -438,6 +445,13 @@ mod tests {
     const ONE: [&str; 2] = ["gpu", "one"];
     const OTHER: [&str; 2] = ["gpu", "other"];
     const SINGLE: [&str; 2] = ["f32", ""];
+
+    #[test]
+    fn places_that_are_whole_are_named_in_full() {
+        assert_eq!([4_294_967_295.0, 1_048_576.0, -4096.0].map(place), ["4294967295", "1048576", "-4096"]);
+        let as_others = [89.0, 0.0, 1e6, 1e30, 1234.5, f64::NAN];
+        assert_eq!(as_others.map(place), as_others.map(number));
+    }
 
     #[test]
     fn the_worst_is_named_with_its_place_and_failures_are_seen() {
