@@ -97,6 +97,8 @@ fn run(args: &Args) -> Result<()> {
     };
     let open = |cc: &eframe::CreationContext<'_>| {
         still(&cc.egui_ctx);
+        // The system's choice may be light, of which panes have the letters but not the ground; and pictures are judged before a dark one.
+        cc.egui_ctx.set_theme(egui::Theme::Dark);
         let app = Workbench::new(&cc.egui_ctx, scene, shaders).opened(&name);
         app.warm();
         match keeper {

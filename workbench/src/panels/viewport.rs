@@ -31,8 +31,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     let pixels = ui.ctx().pixels_per_point();
     app.room = [rect.width(), rect.height()].map(|side| (side * pixels).round().max(0.0) as u32);
     let painter = ui.painter_at(rect);
-    // What no picture covers has the window's colour, black: painted, it would take a processor as long as the picture that comes over it.
-    // Why there is none stands below.
+    // Nothing is painted below the picture: a processor would take as long for it, and the window is black. Why there is no picture says the status.
     if app.textures[0].is_none() && app.failure().is_none() {
         let text = app.news.progress.as_ref().map_or("starting", |p| p.stage.as_str());
         painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(16.0), Color32::GRAY);
@@ -42,6 +41,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
     }
     let parts = parts(app, rect);
     if let [left, right] = &parts[..] {
+        // The gap between two that stand side by side, for those without a window.
         painter.rect_filled(Rect::from_min_max(left.clip.right_top(), right.clip.left_bottom()), 0.0, Color32::BLACK);
     }
     for part in &parts {
