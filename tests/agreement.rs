@@ -12,13 +12,13 @@ use std::sync::OnceLock;
 
 use bytemuck::{Zeroable, bytes_of};
 use kernels::classification::{self, Classification, Lists, reference::tile_masks, tiles};
-use kernels::frame::FrameUniforms;
 use kernels::geometry;
 use kernels::gpu::bindings::{Binding, aspect, view};
-use kernels::gpu::probe::Cells;
 use kernels::gpu::{self, Gpu, GpuOptions, Timer};
+use kernels::probe::table::Cells;
 use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
 use kernels::shared::splat_blend;
+use kernels::view::FrameUniforms;
 
 /// Random rows of a probe.
 const ROWS: u32 = 4096;

@@ -1,10 +1,11 @@
 //! Pictures composed from flavours against the variants' own shaders; motion of a rendered sequence against positions.
 
 use kernels::composition::{Destination, Layers};
+use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::geometry::NormalEncoding;
-use kernels::metrics::{LAGS, NO_LINK, read_signal};
-use kernels::picture::AovSet;
+use kernels::metrics::read_signal;
+use kernels::motion::{LAGS, NO_LINK};
 use kernels::shared::motion::{Past, expected_distance, in_quarter, past_ray, reproject};
 use kernels::shared::noise::NoiseKind;
 use kernels::shared::signal;
@@ -137,7 +138,7 @@ fn links_lead_to_the_same_surface_point() {
 #[test]
 fn reprojection_inverts_rays_also_a_thousand_kilometres_out() {
     use glam::DVec3;
-    use kernels::camera::{Pose, View};
+    use kernels::view::camera::{Pose, View};
     for origin in [DVec3::ZERO, DVec3::new(1.0e6, -9.0e5, 2000.0)] {
         let pose = |p: DVec3, yaw: f64| Pose { position: origin + p, yaw, pitch: -0.3, fov: 0.9 };
         let view = |p, yaw| View::new(pose(p, yaw), [320, 180], [0.2, -0.3], 64.0, 10_240.0);
@@ -172,7 +173,7 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
     let flavour = VariantChoice::Forced(Variant::new(2).expect("a variant"));
     let [centre, left, top] = [SamplePattern::Centre, SamplePattern::LeftEdges, SamplePattern::TopEdges]
         .map(|sample_pattern| renderer.render(&RenderRequest { sample_pattern, variant: flavour, ..base.clone() }).expect("renders"));
-    let vectors = |p: &kernels::picture::Picture, n: &str| p.vectors(n).expect("asked for").to_vec();
+    let vectors = |p: &kernels::frame::picture::Picture, n: &str| p.vectors(n).expect("asked for").to_vec();
     let (mut checked, mut wrong) = (0, 0);
     for (picture, pattern) in [(&left, SamplePattern::LeftEdges), (&top, SamplePattern::TopEdges)] {
         let (at, ddx, ddy) = (vectors(&centre, "position"), vectors(&centre, "ddx"), vectors(&centre, "ddy"));

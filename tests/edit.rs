@@ -2,9 +2,10 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use kernels::frame::{Progress, RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::base::progress::Progress;
+use kernels::frame::picture::{AovSet, Picture};
+use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::materials::Palette;
-use kernels::picture::{AovSet, Picture};
 use kernels::scene::{Scene, Stroke, StrokeKind};
 use kernels::variant::{Flavour, Variant};
 

@@ -4,14 +4,15 @@
 
 use std::sync::MutexGuard;
 
-use kernels::frame::{FrameUniforms, RenderRequest, Renderer, VariantChoice};
+use kernels::frame::picture::{AovSet, Picture};
+use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::{Gpu, GpuOptions};
 use kernels::materials::{LAYER_SHIFT, Palette};
-use kernels::picture::{AovSet, Picture};
 use kernels::shading::Estimator;
 use kernels::shared::real::dot;
 use kernels::shared::{biplanar, hash, hex_tiling, layers, octahedral, snapped_projection, splat_blend, texel_choice, tiling, triplanar};
 use kernels::variant::{Flavour, Variant};
+use kernels::view::FrameUniforms;
 
 use crate::frame::{gpu, largest_difference, p_of_zero_mean, renderer, request, second_renderer, sign, small_scene, terrain};
 use crate::layouts::constants;
@@ -127,7 +128,7 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
         // Several flavours take the sum.
         for mask in [12, 28, 29, 30] {
             let variant = Variant::new(mask).expect("a mask");
-            let promised = variant.flavours().map(|f| estimator.promised_fetches(f)).sum();
+            let promised = estimator.promised_fetches_of(variant);
             let picture =
                 renderer.render(&RenderRequest { variant: VariantChoice::GenericForced(variant), ..base.clone() }).expect("renders");
             check_fetches(&format!("{estimator} on {variant}, generic"), &picture, promised);
@@ -287,7 +288,7 @@ fn lod_main(@builtin(global_invocation_id) id: vec3<u32>) {
 }";
     let files: Vec<(&str, String)> = kernels::shared::WGSL
         .iter()
-        .chain(&[kernels::frame::FRAME_WGSL, kernels::terrain::WGSL, ("lod", body)])
+        .chain(&[kernels::view::FRAME_WGSL, kernels::terrain::WGSL, ("lod", body)])
         .map(|&(name, text)| (name, if change.0.is_empty() { text.to_owned() } else { text.replace(change.0, change.1) }))
         .collect();
     let files: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();

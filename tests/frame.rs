@@ -5,15 +5,15 @@
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-use kernels::camera::Pose;
+use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::geometry::NormalEncoding;
 use kernels::gpu::Gpu;
-use kernels::picture::{AovSet, Picture};
 use kernels::scene;
 use kernels::shading::{Estimator, VARIANCE_SCALE};
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::Pose;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 pub(crate) const SIZE: [u32; 2] = [96, 64];
@@ -83,7 +83,7 @@ fn every_variant_equals_the_generic_kernel_and_takes_the_fetches_promised() {
         assert!(difference <= TOLERANCE, "{variant} differs from the generic kernel by {difference} ulp");
         let fetches = special.values("fetches").expect("asked for");
         assert_eq!(special.values("fetches"), generic.values("fetches"), "{variant}: the generic kernel counts otherwise");
-        let promised = variant.promised_fetches() as f32;
+        let promised = Estimator::Fc5.promised_fetches_of(variant) as f32;
         for (&counted, on) in fetches.iter().zip(terrain(&special)) {
             assert_eq!(counted, if on { promised } else { 0.0 }, "{variant}: a pixel took {counted} fetches");
         }
@@ -97,7 +97,7 @@ fn every_variant_equals_the_generic_kernel_and_takes_the_fetches_promised() {
 
 #[test]
 fn golden_table_of_fetches() {
-    let promised = Flavour::ALL.map(|f| Variant::only(f).promised_fetches());
+    let promised = Flavour::ALL.map(|f| Estimator::Fc5.promised_fetches(f));
     assert_eq!(promised, [4, 2, 12, 8, 48]);
     let mut renderer = renderer();
     let base = RenderRequest { count_fetches: true, ..request(&renderer, "cliff") };

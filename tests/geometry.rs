@@ -1,7 +1,7 @@
 //! Stitching: the vertex stage's welding on the GPU against its reference, and against what it is for.
 
 use kernels::geometry::{STITCH_WGSL, reference};
-use kernels::gpu::probe;
+use kernels::probe::table;
 
 use crate::frame::gpu;
 
@@ -26,7 +26,7 @@ fn on_gpu(wgsl: &str) -> Vec<[u32; 2]> {
 }}"
     );
     let inputs: Vec<f32> = rows().iter().flat_map(|(i, d)| [i[0] as f32, i[1] as f32, *d as f32]).collect();
-    let out = probe::run(gpu(), &body, &inputs, 3, 2).expect("the probe runs");
+    let out = table::run(gpu(), &body, &inputs, 3, 2).expect("the probe runs");
     out.chunks_exact(2).map(|c| [c[0] as u32, c[1] as u32]).collect()
 }
 

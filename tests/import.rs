@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use kernels::error::Error;
+use kernels::base::error::Error;
+use kernels::decode::heightmap::{Heightmap, ReadOptions, read};
+use kernels::import::scene_folder::import;
 use kernels::scene;
-use kernels::world::heightmap::{Heightmap, ReadOptions, import, read};
 use kernels::world::{NodeId, PaletteMeans, World};
 
 /// A folder of one test, removed when it ends.

@@ -3,13 +3,13 @@
 use std::collections::BTreeSet;
 
 use glam::DVec3;
-use kernels::camera::Pose;
+use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
 use kernels::geometry::NormalEncoding;
-use kernels::picture::AovSet;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::Pose;
 use workbench::inspector::{Pixel, inspect, pixel_at, probe_of};
 
 use crate::frame::{pose, renderer, request, second_renderer, terrain};

@@ -5,13 +5,15 @@ use std::mem::offset_of;
 use kernels::classification;
 use kernels::composition::CompositionStream;
 use kernels::culling::Patch;
-use kernels::frame::FrameUniforms;
 use kernels::inspect::Inspected;
 use kernels::materials::PaletteEntry;
-use kernels::metrics::{self, MeasureFrame, MeasureTile, MotionFrame, SeedFrame};
+use kernels::metrics;
+use kernels::metrics::{MeasureFrame, MeasureTile, SeedFrame};
+use kernels::motion::{self, MotionFrame};
 use kernels::shared::flavour_weights::FlavourParams;
 use kernels::shared::motion::MotionPast;
 use kernels::temporal::TemporalFrame;
+use kernels::view::FrameUniforms;
 use kernels::virtual_texture::PageJob;
 use naga::{ScalarKind, TypeInner};
 
@@ -268,15 +270,15 @@ pub(crate) fn constants(files: &[(&str, &str)]) -> std::collections::BTreeMap<St
 
 #[test]
 fn constants_of_shaders_are_those_of_the_host() {
-    use kernels::{quadtree, streaming, virtual_texture as vt, world};
+    use kernels::{quadtree, residency, virtual_texture as vt, world};
     let shading = constants(&kernels::shading::files());
     let geometry = constants(&kernels::geometry::files());
     let measure = constants(&metrics::files());
-    let motion = constants(&metrics::motion_files());
+    let motion_constants = constants(&motion::files());
     let expected = [
         (&measure, "MEASURE_BINS", metrics::BINS as f64),
-        (&measure, "MEASURE_NO_LINK", f64::from(metrics::NO_LINK)),
-        (&motion, "MOTION_NO_LINK", f64::from(metrics::NO_LINK)),
+        (&measure, "MEASURE_NO_LINK", f64::from(motion::NO_LINK)),
+        (&motion_constants, "MOTION_NO_LINK", f64::from(motion::NO_LINK)),
         (&shading, "VIRTUAL_PAGE_TEXELS", f64::from(vt::PAGE_TEXELS)),
         (&shading, "VIRTUAL_BORDER_TEXELS", f64::from(vt::BORDER_TEXELS)),
         (&shading, "VIRTUAL_STORED_TEXELS", f64::from(vt::STORED_TEXELS)),
@@ -289,7 +291,7 @@ fn constants_of_shaders_are_those_of_the_host() {
         assert_eq!(module.get(name), Some(&host), "{name}");
     }
     // A slot must fit its bits of the sector data, and a layer those of the page table.
-    const { assert!(streaming::CAPACITY < 1 << quadtree::SLOT_BITS && vt::CAPACITY < 2047) };
+    const { assert!(residency::CAPACITY < 1 << quadtree::SLOT_BITS && vt::CAPACITY < 2047) };
     // Negative control: another value is seen.
     let other = constants(&[("mutant", "const VIRTUAL_WINDOW: i32 = 32;")]);
     assert_ne!(other.get("VIRTUAL_WINDOW"), Some(&f64::from(vt::WINDOW)));

@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use eframe::egui::Key;
 use glam::DVec3;
-use kernels::camera::Pose;
 use kernels::scene::{self, Scene, World};
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::Pose;
 use workbench::app::Workbench;
 use workbench::display::Layer;
 use workbench::engine::{Engine, Shown, Viewpoint};

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use kernels::error::Error;
+use kernels::base::error::Error;
 use kernels::materials::arrays::{self, CompressedChain};
 use kernels::materials::{FLAG_TINTED, MAX_LAYERS, MaterialMaps, MaterialMeans, Palette, PaletteEntry, folder, procedural};
 use kernels::scene::Scene;

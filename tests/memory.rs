@@ -2,7 +2,6 @@
 
 use std::fs;
 
-use kernels::camera::Pose;
 use kernels::composition::Layers;
 use kernels::frame::{RenderRequest, Renderer};
 use kernels::gpu::Gpu;
@@ -10,6 +9,7 @@ use kernels::metrics::Meter;
 use kernels::scene;
 use kernels::temporal::Resolve;
 use kernels::variant::Variant;
+use kernels::view::camera::Pose;
 
 const SIZE: [u32; 2] = [64, 48];
 /// Frames until everything is there that comes once: rings, pools of the driver, shaders of each kind.

@@ -3,8 +3,9 @@
 use std::f64::consts::PI;
 
 use kernels::gpu::Gpu;
-use kernels::gpu::probe::run;
-use kernels::metrics::{BINS, BLOCK, FrameSums, LAGS, Meter, NO_LINK, Seeds, quantile, reference};
+use kernels::metrics::{BINS, BLOCK, FrameSums, Meter, Seeds, quantile, reference};
+use kernels::motion::{LAGS, NO_LINK};
+use kernels::probe::table::run;
 use kernels::shared::hash;
 use kernels::shared::moments::Moments;
 use kernels::shared::motion;

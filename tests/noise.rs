@@ -5,8 +5,8 @@
 //! scale and place in `shared`, bits of the shader in `agreement`.
 
 use experiments::stability::statistics::{Random, coverage_p, independent_p, sidak, uncorrelated_p};
+use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
-use kernels::picture::AovSet;
 use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};
 use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
 use kernels::shared::{hash, select};

@@ -5,9 +5,11 @@
 //! fixed seeds; a failure is shrunk and printed.
 
 use glam::{DVec2, DVec3, DVec4};
-use kernels::camera::{NEAR_M, Pose, View, along};
+use kernels::base::names::nearest;
+use kernels::blocks;
+use kernels::blocks::{BlockFormat, Effort};
 use kernels::culling;
-use kernels::document::nearest;
+use kernels::decode::heightmap::Heightmap;
 use kernels::geometry::reference as geometry;
 use kernels::quadtree::{self, NodeBounds};
 use kernels::scene::{CameraPath, CameraPose, FlavourRules};
@@ -24,8 +26,7 @@ use kernels::shared::{
     tiling, triplanar,
 };
 use kernels::variant::Variant;
-use kernels::world::blocks::{self, BlockFormat, Effort};
-use kernels::world::heightmap::Heightmap;
+use kernels::view::camera::{NEAR_M, Pose, View, along};
 use kernels::world::{Layout, NodeId, SECTORS, cones};
 use proptest::collection::vec;
 use proptest::prelude::*;

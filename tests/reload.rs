@@ -4,10 +4,10 @@
 
 use std::path::{Path, PathBuf};
 
-use kernels::error::{Error, Result};
+use kernels::base::error::{Error, Result};
+use kernels::frame::picture::Picture;
 use kernels::frame::{ReloadReport, RenderRequest, Renderer, VariantChoice, shader_files};
 use kernels::gpu::{Gpu, Sources};
-use kernels::picture::Picture;
 use kernels::variant::{Flavour, Variant};
 use workbench::app::Workbench;
 use workbench::engine::Viewpoint;

@@ -4,8 +4,12 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use kernels::scene::{self, DEFAULT_TEXT, Requirements, Scene};
-use kernels::streaming;
+use kernels::base::names::nearest;
+use kernels::frame::requirements::Requirements;
+use kernels::residency;
+use kernels::scene;
+use kernels::scene::{DEFAULT_TEXT, Scene};
+use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 
 /// The least that a scene file can say, line by line, so that errors' lines can be checked.
@@ -154,9 +158,9 @@ fn nearest_word() {
         ("", None),
     ];
     for (word, expected) in cases {
-        assert_eq!(scene::nearest(word, &known), expected, "{word}");
+        assert_eq!(nearest(word, &known), expected, "{word}");
     }
-    assert_eq!(scene::nearest("a", &[]), None);
+    assert_eq!(nearest("a", &[]), None);
 }
 
 #[test]
@@ -332,7 +336,7 @@ fn required_textures_have_the_sizes_of_the_formats() {
     assert!(requirements.holes && requirements.colour_modulation);
     // A node's payload is 72 419 bytes in all, of which 64 are patch cones, which only culling reads; slot 0 stands for "not loaded".
     let nodes: u64 = requirements.textures.iter().filter(|t| t.name.starts_with("node ") && t.required).map(|t| t.bytes).sum();
-    assert_eq!(nodes, (72_419 - 64) * u64::from(streaming::CAPACITY + 1));
+    assert_eq!(nodes, (72_419 - 64) * u64::from(residency::CAPACITY + 1));
 
     let of = |r: &Requirements, name: &str| r.textures.iter().find(|t| t.name == name).cloned().expect("it is in the list");
     // BC1 of 1024² down to 1²: blocks of 256², 128², ..., 2², and 1 for each of 4², 2², 1² texels.
@@ -379,7 +383,10 @@ fn variants_are_the_31_non_empty_sets() {
         let backwards: Vec<&str> = variant.flavours().map(Flavour::name).collect::<Vec<_>>().into_iter().rev().collect();
         assert_eq!(backwards.join("+").parse(), Ok(variant));
         assert_eq!(variant.flavours().fold(0, |mask, f| mask | f.bit()), variant.mask());
-        assert_eq!(variant.promised_fetches(), variant.flavours().map(Flavour::promised_fetches).sum::<u32>());
+        assert_eq!(
+            Estimator::Fc5.promised_fetches_of(variant),
+            variant.flavours().map(|f| Estimator::Fc5.promised_fetches(f)).sum::<u32>()
+        );
     }
     assert_eq!(Variant::new(31).map(|v| v.to_string()), Some("vt+far-atlas+near-cliff+far-cliff+splat".to_owned()));
 }

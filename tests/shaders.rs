@@ -5,7 +5,7 @@
 use kernels::shading::{Estimator, Kernel, PipelineKey, Settings};
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::Variant;
-use kernels::{classification, composition, geometry, inspect, lighting, metrics, shading, temporal, virtual_texture};
+use kernels::{classification, composition, geometry, inspect, lighting, metrics, motion, shading, temporal, virtual_texture};
 use naga::ShaderStage;
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
@@ -40,7 +40,7 @@ pub(crate) fn sources() -> Vec<Source> {
         source("lighting", &lighting::files(), base),
         source("inspect", &inspect::files(), base),
         source("composition", &composition::files(), half),
-        source("motion", &metrics::motion_files(), base),
+        source("motion", &motion::files(), base),
         source("temporal", &temporal::files(), half),
         source("measure", &metrics::files(), half),
         source("seeds", &metrics::seeds_files(), half),

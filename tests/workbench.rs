@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 
 use ::experiments::store::read_run;
 use eframe::egui;
-use kernels::camera::Pose;
 use kernels::frame::VariantChoice;
 use kernels::scene::Scene;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::Pose;
 use kernels::world::payload::PAYLOAD_BYTES;
 use workbench::app::Workbench;
 use workbench::compare::{Mode, Other};

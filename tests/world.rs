@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use kernels::blocks;
+use kernels::blocks::{BlockFormat, Effort};
 use kernels::scene::{self, Scene};
-use kernels::world::blocks::{self, BlockFormat, Effort};
 use kernels::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE, diagonal_rises};
 use kernels::world::{LODS, Layout, NodeId, NodePayload, PaletteMeans, SECTORS, World, cones, on_threads};
 

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 use crate::judge::{Metric, flip};
 use clap::error::ErrorKind;
 use clap::{ArgGroup, Args, CommandFactory, Parser, Subcommand, ValueEnum};
-use kernels::error::one_line;
+use kernels::base::error::one_line;
+use kernels::frame::picture::AOV_NAMES;
 use kernels::frame::{MAX_PIXELS, MAX_SIDE};
-use kernels::picture::AOV_NAMES;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::Variant;
@@ -568,7 +568,7 @@ fn variant(text: &str) -> Result<VariantArg, String> {
 }
 
 fn estimator(text: &str) -> Result<Estimator, String> {
-    text.parse().map_err(|e: kernels::error::Error| e.to_string())
+    text.parse().map_err(|e: kernels::base::error::Error| e.to_string())
 }
 
 fn noise(text: &str) -> Result<NoiseKind, String> {
@@ -576,7 +576,7 @@ fn noise(text: &str) -> Result<NoiseKind, String> {
 }
 
 fn metric(text: &str) -> Result<Metric, String> {
-    text.parse().map_err(|error: kernels::error::Error| error.to_string())
+    text.parse().map_err(|error: kernels::base::error::Error| error.to_string())
 }
 
 fn pixels_per_degree(text: &str) -> Result<f32, String> {

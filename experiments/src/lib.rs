@@ -20,7 +20,7 @@ use std::cell::Cell;
 use std::panic;
 use std::process::ExitCode;
 
-use kernels::error::one_line;
+use kernels::base::error::one_line;
 
 use crate::cli::Cli;
 

@@ -1,6 +1,6 @@
 //! Everything that is measured, in one table: names, units, what is needed. METHODOLOGY has the formulas.
 
-use kernels::document::suggestion;
+use kernels::base::names::suggestion;
 
 /// What a metric cannot be measured without.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,29 +2,33 @@
 //!
 //! Read [`frame`] first: it calls the stages in their order. A stage is a folder: host module, WGSL, and where it has mathematics of its own a
 //! `reference`. [`shared`] holds the functions that several stages use, each as WGSL and as Rust. Only [`gpu`] knows devices.
+//!
+//! Modules stand in floors, listed here from the lowest to the highest. A module imports only from modules above it in this list; a test holds them to it.
 
-pub mod camera;
+pub mod base;
+pub mod blocks;
 pub mod classification;
 pub mod composition;
 pub mod culling;
-pub mod document;
-pub mod error;
+pub mod decode;
 pub mod frame;
 pub mod geometry;
 pub mod gpu;
+pub mod import;
 pub mod inspect;
 pub mod lighting;
 pub mod materials;
 pub mod metrics;
-pub mod picture;
+pub mod motion;
 pub mod probe;
 pub mod quadtree;
+pub mod residency;
 pub mod scene;
 pub mod shading;
 pub mod shared;
-pub mod streaming;
 pub mod temporal;
 pub mod terrain;
 pub mod variant;
+pub mod view;
 pub mod virtual_texture;
 pub mod world;

@@ -6,7 +6,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::shading::Estimator;
+use crate::base::names::nearest;
 
 /// One of the five ways a terrain pixel can be shaded; its value is its bit in a mask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -53,11 +53,6 @@ impl Flavour {
             Flavour::FarCliff => [230, 170, 60],
             Flavour::Splat => [150, 90, 190],
         }
-    }
-
-    /// What Far Cry 5's estimator takes of it: [`Estimator::promised_fetches`].
-    pub const fn promised_fetches(self) -> u32 {
-        Estimator::Fc5.promised_fetches(self)
     }
 }
 
@@ -115,11 +110,6 @@ impl Variant {
         let mean = |k: usize| self.flavours().map(|f| u32::from(f.colour()[k])).sum::<u32>() / count;
         std::array::from_fn(|k| u8::try_from(mean(k)).unwrap_or(u8::MAX))
     }
-
-    /// Sum of the promised fetches of its flavours by Far Cry 5's estimator: what a pixel costs that needs all of them.
-    pub fn promised_fetches(self) -> u32 {
-        self.flavours().map(Flavour::promised_fetches).sum()
-    }
 }
 
 impl fmt::Display for Variant {
@@ -143,7 +133,7 @@ impl FromStr for Variant {
             let part = part.trim();
             let Some(flavour) = Flavour::ALL.into_iter().find(|f| f.name() == part) else {
                 let names = Flavour::ALL.map(Flavour::name);
-                let hint = crate::scene::nearest(part, &names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+                let hint = nearest(part, &names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
                 return Err(wrong(hint));
             };
             mask |= flavour.bit();

@@ -9,9 +9,9 @@ use eframe::egui::util::undoer::Undoer;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers, TextureHandle, TextureOptions, Ui, WidgetText};
 use egui_tiles::{Behavior, Container, LinearDir, SimplificationOptions, Tile, TileId, Tiles, Tree, UiResponse};
 use glam::DVec3;
-use kernels::camera::Pose;
 use kernels::scene::{self, Scene};
 use kernels::variant::Flavour;
+use kernels::view::camera::Pose;
 
 use crate::brush::{Brush, Ground};
 use crate::compare::Compare;
@@ -359,7 +359,7 @@ impl Workbench {
     }
 
     /// What is being done that takes a while.
-    pub fn progress(&self) -> Option<&kernels::frame::Progress> {
+    pub fn progress(&self) -> Option<&kernels::base::progress::Progress> {
         self.news.progress.as_ref()
     }
 

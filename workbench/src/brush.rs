@@ -6,8 +6,8 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
-use kernels::camera::{NEAR_M, View};
 use kernels::scene::{Scene, Stroke, StrokeKind};
+use kernels::view::camera::{NEAR_M, View};
 
 use crate::engine::Shown;
 use crate::inspector::{pixel_at, place_at};
@@ -322,8 +322,8 @@ fn crowded(scene: &Scene) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use kernels::camera::Pose;
     use kernels::scene;
+    use kernels::view::camera::Pose;
 
     use super::*;
 

@@ -3,8 +3,10 @@
 use std::sync::LazyLock;
 
 use experiments::judge::flip::magma;
+use kernels::base::colour::srgb_code;
+use kernels::frame::export::tone_map;
+use kernels::frame::picture::{Layer as Values, Picture};
 use kernels::metrics::{Followed, Point};
-use kernels::picture::{Layer as Values, Picture, srgb_code, tone_map};
 use kernels::shared::signal::luminance;
 use kernels::variant::Variant;
 use rayon::prelude::*;

@@ -4,8 +4,8 @@ use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{self, Path, PathBuf};
 
-use kernels::error::Error;
-use kernels::picture::write_whole;
+use kernels::base::error::Error;
+use kernels::base::files::write_whole;
 use kernels::scene::{self, Material, Rule, Scene};
 
 use crate::experiment::with_absolute_paths;

@@ -11,14 +11,15 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use kernels::camera::{Pose, along};
-use kernels::frame::{Progress, RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::base::progress::Progress;
+use kernels::frame::picture::Picture;
+use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::gpu::Gpu;
 use kernels::metrics::Followed;
-use kernels::picture::Picture;
 use kernels::scene::Scene;
 use kernels::shared::signal::luminance;
 use kernels::variant::Variant;
+use kernels::view::camera::{Pose, along};
 
 use crate::compare::{Compare, Mode};
 use crate::display::{self, Legend};
@@ -453,7 +454,7 @@ fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, lo
                 End::Scene(wish) => pending = Some(wish),
                 end => return end,
             },
-            Err(kernels::error::Error::Gpu(_)) => return End::Device(wish),
+            Err(kernels::base::error::Error::Gpu(_)) => return End::Device(wish),
             // The scene cannot be drawn: the next wish may bring another.
             Err(error) => boxes.tell(|news| {
                 (news.progress, news.failure) = (None, Some(error.to_string()));
@@ -568,7 +569,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                     }
                 });
             }
-            Err(kernels::error::Error::Gpu(_)) => return End::Device(wish),
+            Err(kernels::base::error::Error::Gpu(_)) => return End::Device(wish),
             Err(error) => {
                 if let Some(sketch) = &mut sketch {
                     sketch.begin(&tell);
@@ -602,7 +603,7 @@ fn again(next: Next, last: Option<Box<Wish>>) -> Next {
 }
 
 /// Draws a first look at what is wanted: A alone, and nothing measured.
-fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::error::Result<(RenderRequest, Shown)> {
+fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
     let request = sketch::draft(&wish.request(pose, &[]));
@@ -633,7 +634,7 @@ fn culled_ground_m(renderer: &Renderer<'_>, wish: &Wish) -> Option<f64> {
 }
 
 /// Draws A, and B if it is wanted, and measures them.
-fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::error::Result<(RenderRequest, Shown)> {
+fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
     let measured = wish.is_measured();
@@ -649,7 +650,7 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::e
     let (second, alone) = match b.as_ref().map(|b| draw_second(renderer, b, &request, measured)) {
         None => (None, None),
         Some(Ok(second)) => (Some(second), None),
-        Some(Err(error @ kernels::error::Error::Gpu(_))) => return Err(error),
+        Some(Err(error @ kernels::base::error::Error::Gpu(_))) => return Err(error),
         // A is as good without it.
         Some(Err(error)) => (None, Some(error.to_string())),
     };
@@ -684,11 +685,16 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::e
 }
 
 /// Draws B of the view that A was drawn of.
-fn draw_second(renderer: &mut Renderer<'_>, settings: &Settings, a: &RenderRequest, measured: bool) -> kernels::error::Result<Picture> {
+fn draw_second(
+    renderer: &mut Renderer<'_>,
+    settings: &Settings,
+    a: &RenderRequest,
+    measured: bool,
+) -> kernels::base::error::Result<Picture> {
     if !renderer.retune(&settings.scene)? {
         let text = "B is not drawn: it needs another set of flavours than A (a distance, slope or band takes one out or in), or textures of another size; \
                     keep B anew, or undo that";
-        return Err(kernels::error::Error::Request(text.to_owned()));
+        return Err(kernels::base::error::Error::Request(text.to_owned()));
     }
     let request = settings.request(a.pose, a.size, a.frame, if measured { &LAYERS } else { &[] });
     renderer.render(&RenderRequest { keep_geometry: true, culled_from: a.culled_from, ..request })
@@ -720,10 +726,10 @@ fn compared(wish: &Wish, a: &Picture, b: Picture, settings: Settings, live: &Liv
 }
 
 /// Where a wish is taken from.
-fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::error::Result<Pose> {
+fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Pose> {
     let ground = |x: f64, y: f64| renderer.ground_m(x, y);
     let scene = renderer.scene();
-    let missing = |kind: &str, name: &str| kernels::error::Error::Request(format!("scene `{}` has no {kind} `{name}`", scene.name));
+    let missing = |kind: &str, name: &str| kernels::base::error::Error::Request(format!("scene `{}` has no {kind} `{name}`", scene.name));
     match &wish.viewpoint {
         Viewpoint::Camera(name) => {
             let camera = scene.cameras.iter().find(|c| c.name == *name).ok_or_else(|| missing("camera", name))?;
@@ -800,7 +806,7 @@ impl Warmed {
     }
 
     /// Makes the next one ready.
-    fn step(&mut self, renderer: &mut Renderer<'_>) -> kernels::error::Result<()> {
+    fn step(&mut self, renderer: &mut Renderer<'_>) -> kernels::base::error::Result<()> {
         let (Some(like), Some(&choice)) = (&self.like, self.missing.last()) else { return Ok(()) };
         let size = [WARMING_SIDE; 2];
         renderer.draw(&RenderRequest { variant: choice, size, lit: false, ..like.clone() })?;

@@ -11,7 +11,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
 use experiments::definition::{self, Definition, Reference, Small, Times, variant_name};
-use kernels::error::one_line;
+use kernels::base::error::one_line;
+use kernels::base::files::WholeFolder;
 use kernels::scene::{self, CameraPose, Scene, World};
 use toml::Value;
 
@@ -54,14 +55,14 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     ensure!(!folder.exists(), "{} exists, and is not written over: choose another name, or remove it", folder.display());
     let (view, camera) = view(&settings.scene, viewpoint)?;
 
-    let staging = Staging::beside(folder)?;
+    let staging = WholeFolder::beside(folder).with_context(|| format!("cannot write into {}: choose another folder", folder.display()))?;
     let changes = if camera.is_none() { changes(&settings.scene) } else { None };
     let source = if changes.is_some() {
         scene::DEFAULT
     } else {
         let mut copy = with_absolute_paths(&settings.scene)?;
         copy.cameras.extend(camera);
-        staging.write(scene::FILE, &toml::to_string(&copy).context("the scene cannot be written as TOML")?)?;
+        write_in(&staging, scene::FILE, &toml::to_string(&copy).context("the scene cannot be written as TOML")?)?;
         scene::FILE
     };
     let choice = variant_name(settings.choice());
@@ -97,9 +98,9 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     let file = format!("{name}.toml");
     let text = format!("# Saved from the workbench. To run it: experiments run {file} --out out\n{}", definition.to_toml()?);
     // By the same reader as a run's, so that nothing is saved that could not be run.
-    definition::parse(&text, &file, &staging.folder)?;
-    staging.write(&file, &text)?;
-    fs::rename(&staging.folder, folder).with_context(|| format!("cannot make the folder {}: choose another", folder.display()))?;
+    definition::parse(&text, &file, staging.folder())?;
+    write_in(&staging, &file, &text)?;
+    staging.finish().with_context(|| format!("cannot make the folder {}: choose another", folder.display()))?;
     Ok(folder.join(file))
 }
 
@@ -187,31 +188,9 @@ pub(crate) fn with_absolute_paths(scene: &Scene) -> Result<Scene> {
     Ok(copy)
 }
 
-/// A folder that becomes the wanted one when it is whole, and is removed if it does not get there.
-struct Staging {
-    folder: PathBuf,
-}
-
-impl Staging {
-    fn beside(folder: &Path) -> Result<Staging> {
-        let Some(name) = folder.file_name() else { bail!("`{}` names no folder: give a name", folder.display()) };
-        let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let staging = parent.join(format!(".{}.part-{}", name.to_string_lossy(), std::process::id()));
-        fs::create_dir_all(&staging).with_context(|| format!("cannot write into {}: choose another folder", parent.display()))?;
-        Ok(Staging { folder: staging })
-    }
-
-    fn write(&self, name: &str, text: &str) -> Result<()> {
-        let file = self.folder.join(name);
-        fs::write(&file, text).with_context(|| format!("cannot write {}: make room, or choose another folder", file.display()))
-    }
-}
-
-impl Drop for Staging {
-    fn drop(&mut self) {
-        // Nothing is left to do about a temporary folder that cannot be removed; one that was renamed is gone.
-        drop(fs::remove_dir_all(&self.folder));
-    }
+fn write_in(staging: &WholeFolder, name: &str, text: &str) -> Result<()> {
+    let file = staging.folder().join(name);
+    fs::write(&file, text).with_context(|| format!("cannot write {}: make room, or choose another folder", file.display()))
 }
 
 /// The definitions in a folder, by name: its `.toml` files but for `scene.toml`, and those that [`save`] left in folders of their own name. A file is
@@ -480,12 +459,12 @@ fn excerpt(page: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use kernels::camera::Pose;
     use kernels::geometry::NormalEncoding;
     use kernels::scene::{Stroke, StrokeKind};
     use kernels::shading::Estimator;
     use kernels::shared::noise::NoiseKind;
     use kernels::variant::{Flavour, Variant};
+    use kernels::view::camera::Pose;
 
     use super::*;
     use crate::test_folder::Folder;

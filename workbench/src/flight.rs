@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use eframe::egui::{InputState, Key, Vec2};
 use glam::DVec3;
-use kernels::camera::Pose;
+use kernels::view::camera::Pose;
 
 /// Speeds that the wheel reaches, metres a second.
 pub const SPEEDS_M_S: [f64; 2] = [0.05, 2000.0];

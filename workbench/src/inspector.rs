@@ -10,14 +10,13 @@
 
 use eframe::wgpu;
 use glam::{DVec2, DVec3};
-use kernels::camera::View;
+use kernels::base::error::{Error, Result};
 use kernels::culling::{PATCH_QUADS, pack_deltas};
-use kernels::error::{Error, Result};
+use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::geometry::NormalEncoding;
 use kernels::geometry::reference::stitch;
 use kernels::gpu::read_texture;
-use kernels::picture::AovSet;
 use kernels::quadtree::lod_map;
 use kernels::scene::{Blend, Scene};
 use kernels::shading::Estimator;
@@ -25,6 +24,7 @@ use kernels::shared::flavour_weights::{self, FlavourParams};
 use kernels::shared::noise::{self, HashedPoint};
 use kernels::shared::{biplanar, select, triplanar};
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::View;
 use kernels::virtual_texture::{LEVELS, PAGE_TEXELS, PageId, TEXELS_PER_M, anisotropy};
 use kernels::world::payload::diagonal_rises;
 use kernels::world::{LODS, Layout, NODE_QUADS, NodeId, World};

@@ -14,10 +14,11 @@ use std::time::{Duration, Instant};
 
 use eframe::egui;
 use egui_tiles::Tree;
-use kernels::document::{self, suggestion};
-use kernels::error::{Error, one_line};
+use kernels::base::document;
+use kernels::base::error::{Error, one_line};
+use kernels::base::files::write_whole;
+use kernels::base::names::suggestion;
 use kernels::geometry::{NormalEncoding, STRIDES};
-use kernels::picture::write_whole;
 use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene};
 use kernels::shading::Estimator;
@@ -524,8 +525,8 @@ impl Keeper {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use kernels::camera::Pose;
     use kernels::variant::Flavour;
+    use kernels::view::camera::Pose;
 
     use super::*;
     use crate::test_folder::Folder;

@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 
-use kernels::error::Result;
+use kernels::base::error::Result;
+use kernels::frame::picture::Picture;
 use kernels::frame::{RenderRequest, Renderer};
-use kernels::metrics::{Followed, Links, NO_LINK, Sample, Summary};
-use kernels::picture::Picture;
+use kernels::metrics::{Followed, Sample, Summary};
+use kernels::motion::{Links, NO_LINK};
 use kernels::shared::signal::luminance;
 use rayon::prelude::*;
 

@@ -8,9 +8,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
-use kernels::camera::Pose;
-use kernels::error::one_line;
+use kernels::base::error::one_line;
 use kernels::scene::CameraPose;
+use kernels::view::camera::Pose;
 use serde::{Deserialize, Serialize};
 
 use crate::kept;

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use eframe::egui::{self, Key, Role};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use kernels::document::suggestion;
+use kernels::base::names::suggestion;
 use kernels::scene::{self, Scene};
 
 use crate::app::{Pane, Workbench, still};
@@ -342,7 +342,7 @@ impl Stage {
     /// When it cannot be drawn or written.
     pub fn screenshot(&mut self, file: &Path) -> Result<()> {
         let (size, texels) = self.window()?;
-        kernels::picture::write_png_texels(file, size, &texels)?;
+        kernels::frame::export::write_png_texels(file, size, &texels)?;
         Ok(())
     }
 

@@ -1,13 +1,13 @@
 //! What is on screen, but for where the camera stands: what undo takes back, together with the comparison.
 
-use kernels::camera::Pose;
+use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
 use kernels::geometry::NormalEncoding;
-use kernels::picture::AovSet;
 use kernels::scene::Scene;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::Pose;
 
 use crate::display::Layer;
 

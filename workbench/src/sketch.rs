@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Duration;
 
-use kernels::error::{Error, Result};
-use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
+use kernels::base::error::{Error, Result};
+use kernels::base::progress::Progress;
+use kernels::frame::picture::AovSet;
+use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::materials::Palette;
-use kernels::picture::AovSet;
 use kernels::quadtree::LOD_BIASES;
 use kernels::scene::Scene;
 use kernels::variant::{Flavour, Variant};

@@ -5,15 +5,16 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use kernels::camera::Pose;
+use kernels::base::files::write_whole;
+use kernels::base::progress::Progress;
 use kernels::composition::{Destination, Layers};
-use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
+use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::Gpu;
-use kernels::metrics::LAGS;
-use kernels::picture::write_whole;
+use kernels::motion::LAGS;
 use kernels::scene;
 use kernels::temporal::Resolve;
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::Pose;
 use statrs::statistics::{Data, Median as _};
 
 use super::{Reporter, check_interrupted, check_output_file, print, watch_interrupts};
@@ -160,6 +161,6 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, times: &Times) -> Result<()>
     }
     let bytes = csv.into_inner().context("cannot finish the table")?;
     Ok(write_whole(file, |temporary| {
-        std::fs::write(temporary, &bytes).map_err(|source| kernels::error::Error::File { file: temporary.to_owned(), source })
+        std::fs::write(temporary, &bytes).map_err(|source| kernels::base::error::Error::File { file: temporary.to_owned(), source })
     })?)
 }

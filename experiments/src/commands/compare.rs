@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::judge::{Content, Image, Metric, Pair, flip};
 use anyhow::{Result, bail};
-use kernels::picture::write_png_texels;
+use kernels::frame::export::write_png_texels;
 use serde::Serialize;
 
 use super::{check_output_file, print, print_json};

@@ -1,7 +1,8 @@
 //! `explain`: what a scene requires, and what it does not.
 
 use anyhow::Result;
-use kernels::scene::{self, Requirements};
+use kernels::frame::requirements::Requirements;
+use kernels::scene;
 use serde::Serialize;
 
 use super::{print, print_json};

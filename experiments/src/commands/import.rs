@@ -1,7 +1,8 @@
 //! `import`: a heightmap becomes a scene folder.
 
 use anyhow::{Result, bail};
-use kernels::world::heightmap::{self, ReadOptions};
+use kernels::decode::heightmap::ReadOptions;
+use kernels::import::scene_folder;
 
 use super::{check_writable, print, watch_interrupts};
 use crate::cli::ImportArgs;
@@ -39,7 +40,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<()> {
         window: args.window,
     };
     watch_interrupts()?;
-    heightmap::import(&args.heightmap, &options, args.materials.as_deref(), args.detail, &args.out)?;
+    scene_folder::import(&args.heightmap, &options, args.materials.as_deref(), args.detail, &args.out)?;
     let out = args.out.display();
     print(&format!("{out}: scene.toml, heightmap.png\nlook at it: experiments render --scene {out} --camera vista --out vista.png\n"))
 }

@@ -22,7 +22,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use kernels::error::one_line;
+use kernels::base::error::one_line;
 use serde::Serialize;
 
 use crate::cli::{Cli, Command};

@@ -1,10 +1,11 @@
 //! `probe`: one shared function over the rows of a CSV table.
 
 use std::fmt::Write as _;
-use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::fs::File;
+use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
+use kernels::base::files::write_whole;
 use kernels::gpu::Gpu;
 use kernels::probe::{Column, PROBES, Probe};
 use serde::Serialize;
@@ -133,24 +134,15 @@ fn explain(error: &csv::Error) -> String {
     }
 }
 
-/// Writes under a temporary name and renames: a table is whole or not there.
+/// A table is written whole or not at all.
 fn write(path: &Path, probe: &Probe, table: &Table, results: &[String]) -> Result<()> {
-    let mut temporary = path.as_os_str().to_owned();
-    temporary.push(format!(".{}.tmp", std::process::id()));
-    let temporary = PathBuf::from(temporary);
-    let write = || -> Result<()> {
-        let mut writer = csv::Writer::from_path(&temporary)?;
+    write_whole(path, |temporary| -> Result<()> {
+        let mut writer = csv::Writer::from_path(temporary)?;
         writer.write_record(table.header.iter().chain(probe.outputs.iter().map(|column| column.name)))?;
         for (row, made) in table.rows.iter().zip(results.chunks_exact(probe.outputs.len())) {
             writer.write_record(row.iter().chain(made.iter().map(String::as_str)))?;
         }
-        writer.flush()?;
-        drop(writer);
-        fs::rename(&temporary, path)?;
-        Ok(())
-    };
-    write().with_context(|| format!("cannot write the table {}", path.display())).inspect_err(|_| {
-        // The first error is the one to tell.
-        let _ = fs::remove_file(&temporary);
+        Ok(writer.flush()?)
     })
+    .with_context(|| format!("cannot write the table {}", path.display()))
 }

@@ -3,13 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use kernels::camera::{self, Pose};
-use kernels::frame::{Progress, RenderRequest, Renderer, VariantChoice};
+use kernels::base::names::nearest;
+use kernels::base::progress::Progress;
+use kernels::frame::export;
+use kernels::frame::picture::{AovSet, Layer, Picture};
+use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::Gpu;
-use kernels::picture::{self, AovSet, Layer, Picture};
 use kernels::scene::{self, CameraPath, CameraPose, Scene};
 use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera;
+use kernels::view::camera::Pose;
 use serde::Serialize;
 
 use super::{Reporter, check_interrupted, check_output_file, print, print_json, watch_interrupts};
@@ -60,7 +64,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let frames = match (&shot, args.frames) {
         (_, Some(frames)) => frames,
         (Shot::Still(_), None) => 1,
-        (Shot::Along(path), None) => u32::try_from(path.keys.len() - 1).unwrap_or(u32::MAX).saturating_mul(path.frames_per_key) + 1,
+        (Shot::Along(path), None) => u32::try_from(path.frames()).unwrap_or(u32::MAX),
     };
     let numbered = args.frames.is_some() || matches!(shot, Shot::Along(_));
 
@@ -116,9 +120,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         }
         let file = if numbered { numbered_file(&args.out, frame) } else { args.out.clone() };
         if extension(&file) == "png" {
-            picture::write_png(&file, &picture)?;
+            export::write_png(&file, &picture)?;
         } else {
-            picture::write_exr(&file, &picture)?;
+            export::write_exr(&file, &picture)?;
         }
         let gpu_ms = picture.passes.iter().map(|(name, ms)| (name.clone(), (*ms).into())).collect();
         // Entry 0 counts all tiles; entry i is variant i.
@@ -153,7 +157,7 @@ fn shot<'a>(args: &RenderArgs, scene: &'a Scene) -> Result<Shot<'a>> {
 /// `scene alps has no camera `vsita`: did you mean `vista`?`
 pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.collect();
-    let hint = match scene::nearest(name, &known) {
+    let hint = match nearest(name, &known) {
         Some(near) => format!("did you mean `{near}`?"),
         None if known.is_empty() => "it has none".to_owned(),
         None => format!("it has {}", known.join(", ")),

@@ -5,8 +5,8 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
+use kernels::base::files::write_whole;
 use kernels::gpu::Gpu;
-use kernels::picture::write_whole;
 use serde::Serialize;
 
 use super::{Reporter, check_interrupted, check_writable, print, watch_interrupts};
@@ -123,6 +123,8 @@ fn csv(rows: impl Iterator<Item = impl Serialize>) -> Result<Vec<u8>> {
 
 fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
     let file = folder.join(name);
-    write_whole(&file, |temporary| fs::write(temporary, bytes).map_err(|source| kernels::error::Error::File { file: file.clone(), source }))
-        .with_context(|| format!("cannot write {}", file.display()))
+    write_whole(&file, |temporary| {
+        fs::write(temporary, bytes).map_err(|source| kernels::base::error::Error::File { file: file.clone(), source })
+    })
+    .with_context(|| format!("cannot write {}", file.display()))
 }

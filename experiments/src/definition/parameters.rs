@@ -6,13 +6,13 @@ use std::hash::Hasher;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
-use kernels::camera::Pose;
-use kernels::document::suggestion;
+use kernels::base::names::suggestion;
+use kernels::decode::heightmap::ReadOptions;
 use kernels::frame::RenderRequest;
 use kernels::geometry::{NormalEncoding, STRIDES};
 use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene, SceneText};
-use kernels::world::heightmap::ReadOptions;
+use kernels::view::camera::Pose;
 use toml::{Table, Value};
 use twox_hash::XxHash64;
 
@@ -282,7 +282,7 @@ impl Definition {
         scene::parse(&altered, &text.name, &text.folder).map_err(|error| {
             // The line would be that of a text that nobody has seen.
             let what = match error {
-                kernels::error::Error::Scene { what, .. } => what,
+                kernels::base::error::Error::Scene { what, .. } => what,
                 other => other.to_string(),
             };
             Refused { unknown_key: what.starts_with("unknown key"), what }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
-use kernels::document;
+use kernels::base::document;
 
 use super::Definition;
 

@@ -3,14 +3,16 @@
 use std::path::Path;
 
 use anyhow::{Result, anyhow};
-use kernels::document::{At, Checked, Problem, Step, suggestion};
+use kernels::base::document::{At, Checked, Problem, Step};
+use kernels::base::names::suggestion;
+use kernels::frame::requirements::Requirements;
 use kernels::frame::{MAX_PIXELS, MAX_SIDE, VariantChoice};
-use kernels::scene::{Requirements, Scene, SceneText};
+use kernels::import::viewpoints;
+use kernels::scene::{Scene, SceneText};
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::temporal::Resolve;
 use kernels::variant::Flavour;
-use kernels::world::viewpoints;
 use toml::Value;
 
 use super::parameters::FRAME;

@@ -2,7 +2,7 @@
 //! Fairchild 2020, *FLIP: A Difference Evaluator for Alternating Images*, for low dynamic range, by its authors' own code (crate
 //! `nv-flip`), which takes 8-bit sRGB codes.
 
-use kernels::error::{Error, Result};
+use kernels::base::error::{Error, Result};
 use nv_flip::FlipImageRgb8;
 
 use super::area;
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn uniform_pictures_have_the_papers_closed_form() {
-        let linear = |encoded: [f32; 3]| encoded.map(|c| f64::from(kernels::picture::linear_from_srgb(c)));
+        let linear = |encoded: [f32; 3]| encoded.map(|c| f64::from(kernels::base::colour::linear_from_srgb(c)));
         let code = |c: [u8; 3]| c.map(|v| f32::from(v) / 255.0);
         let pairs = [
             ([0, 255, 0], [0, 0, 255]),

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use exr::prelude as e;
 use image::{DynamicImage, ImageDecoder, ImageReader};
-use kernels::error::{Error, Result, one_line};
+use kernels::base::colour::linear_from_srgb;
+use kernels::base::error::{Error, Result, one_line};
+use kernels::base::names::nearest;
 use kernels::frame::MAX_PIXELS;
-use kernels::picture::linear_from_srgb;
-use kernels::scene::nearest;
 
 use super::{area, not_finite};
 

@@ -26,9 +26,9 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::OnceLock;
 
-use kernels::error::{Error, Result};
-use kernels::picture::srgb_from_linear;
-use kernels::scene::nearest;
+use kernels::base::colour::srgb_from_linear;
+use kernels::base::error::{Error, Result};
+use kernels::base::names::nearest;
 
 pub use image::{Content, Image};
 
@@ -270,7 +270,7 @@ fn not_finite(size: [u32; 2], texels: &[[f32; 3]]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use kernels::picture::linear_from_srgb;
+    use kernels::base::colour::linear_from_srgb;
     use kernels::shared::hash::unit2;
 
     use super::*;

@@ -3,7 +3,7 @@
 //! Noise that buys stability with blotches has power at low frequencies and clumps; blue noise has little of either (Ulichney 1987,
 //! *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
 
-use kernels::error::{Error, Result};
+use kernels::base::error::{Error, Result};
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex;
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use kernels::frame::VariantChoice;
+use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 
 use super::RunData;
@@ -138,7 +139,7 @@ fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
     let value = |vary: &Vary| vary.values.iter().find(|value| setting_text(value) == summary.key.setting).cloned();
     let choices = definition.frame_choices(&definition.vary.as_ref().and_then(value));
     let twice = flavour == Flavour::Splat && choices.is_ok_and(|choices| choices.two_tilings);
-    flavour.promised_fetches() * if twice { 2 } else { 1 }
+    Estimator::Fc5.promised_fetches(flavour) * if twice { 2 } else { 1 }
 }
 
 /// Whether the stochastic flavours were those whose fetches are promised. Rows without an estimator are, too.

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use kernels::shading::Estimator;
 use kernels::shared::hash::unit2;
 use kernels::variant::{Flavour, Variant};
 
@@ -82,7 +83,7 @@ impl Rows {
             let seed = text.bytes().fold(7u32, |h, b| h.wrapping_mul(31).wrapping_add(u32::from(b)));
             unit2(i32::from(variant.map_or(40, Variant::mask)), 3, seed, salt) - 0.5
         };
-        let fetches = variant.map_or(17.3, |v| v.flavours().map(|f| f64::from(f.promised_fetches())).sum());
+        let fetches = variant.map_or(17.3, |v| v.flavours().map(|f| f64::from(Estimator::Fc5.promised_fetches(f))).sum());
         let base_error = 0.11 * (1.0 + 0.5 * jitter(1)) / (1.0 + fetches / 9.0);
         let noise_variance = if chance { 0.0021 * (1.0 + 0.3 * jitter(2)) } else { 0.0 };
         let rmse = (base_error * base_error + noise_variance * resolve).sqrt();
@@ -195,7 +196,7 @@ fn all_variants() -> Vec<String> {
 }
 
 fn shading_ms(variant: &str) -> f64 {
-    let fetches = variant.parse::<Variant>().map_or(17.3, |v| f64::from(v.promised_fetches()));
+    let fetches = variant.parse::<Variant>().map_or(17.3, |v| f64::from(Estimator::Fc5.promised_fetches_of(v)));
     3.0 + 1.1 * fetches * if variant == "generic" { 1.2 } else { 1.0 }
 }
 

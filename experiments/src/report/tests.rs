@@ -9,6 +9,7 @@ use super::fake::{self, Folder, NOISES, Rows, base, definition};
 use super::summary::{Key, RMSE, Table};
 use super::{RunData, Verdict, markdown, read_run, run, verdict, write_run};
 use crate::row::Row;
+use kernels::shading::Estimator;
 
 /// Every shape of run that there is, by name.
 fn shapes() -> Vec<(Folder, RunData, Vec<Verdict>)> {
@@ -104,7 +105,8 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
                 None => {
                     // A promise, or a ratio of two rows.
                     let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None)).copied();
-                    let promise = key.variant.parse::<kernels::variant::Variant>().map(|v| f64::from(v.promised_fetches())).ok();
+                    let promise =
+                        key.variant.parse::<kernels::variant::Variant>().map(|v| f64::from(Estimator::Fc5.promised_fetches_of(v))).ok();
                     let first = ms.map(|ms| *first_ms.entry(key.view.clone()).or_insert(ms));
                     let ratio = ms.zip(first).map(|(ms, first)| ms / first);
                     if promise == Some(shown) { promise } else { ratio }

@@ -15,14 +15,15 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::{Context, Result, anyhow};
-use kernels::camera::Pose;
+use kernels::base::progress::Progress;
 use kernels::composition::Layers;
-use kernels::frame::{Progress, RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::gpu::Gpu;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::Pose;
 
 use crate::definition::{ClassifyBy, Definition, FrameChoices, setting_text};
 use crate::metrics;

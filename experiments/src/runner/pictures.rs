@@ -4,9 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use kernels::base::colour::srgb_code;
+use kernels::frame::export::write_png_texels;
 use kernels::gpu::{Gpu, read_buffer};
-use kernels::metrics::{Meter, NO_LINK};
-use kernels::picture::{srgb_code, write_png_texels};
+use kernels::metrics::Meter;
+use kernels::motion::NO_LINK;
 use kernels::shared::signal;
 use kernels::variant::Variant;
 

@@ -9,9 +9,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use kernels::frame::export;
+use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer};
-use kernels::metrics::{BINS, LAGS, quantile};
-use kernels::picture::{self, AovSet, Picture};
+use kernels::metrics::{BINS, quantile};
+use kernels::motion::LAGS;
 use kernels::shared::hash;
 use kernels::shared::moments::Moments;
 use kernels::shared::signal;
@@ -205,7 +207,7 @@ impl Runner<'_> {
         fs::create_dir_all(&own).with_context(|| format!("cannot make the folder {}", own.display()))?;
         let hdr = albedo.iter().zip(&all.terrain).map(|(c, &on)| [c[0], c[1], c[2], f32::from(u8::from(on))]).collect();
         let picture = Picture { size, hdr, layers: Vec::new(), passes: Vec::new(), fetches_per_px: None, report: Default::default() };
-        picture::write_exr(&file, &picture).context("make room if the disk is full")?;
+        export::write_exr(&file, &picture).context("make room if the disk is full")?;
         let json = file.with_extension("json");
         let bytes = serde_json::to_vec_pretty(&record).context("the reference cannot be put into JSON")?;
         write_with(&json, |output| output.write_all(&bytes))?;

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use kernels::composition::{CompositionStream, Destination, Layers};
+use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
-use kernels::metrics::{BINS, FrameSums, LAGS, Meter, SeedStream, quantile, read_signal};
-use kernels::picture::AovSet;
+use kernels::metrics::{BINS, FrameSums, Meter, SeedStream, quantile, read_signal};
+use kernels::motion::LAGS;
 use kernels::shading::{Estimator, VARIANCE_SCALE};
 use kernels::shared::moments::Moments;
 use kernels::shared::noise::NoiseKind;
@@ -179,7 +180,7 @@ impl Runner<'_> {
         let definition = self.definition;
         let mark = Mark::frame(definition.frames - 1);
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
-        let pictures: Vec<Vec<[u32; 2]>> = (0..choices.len()).map(read).collect::<kernels::error::Result<_>>()?;
+        let pictures: Vec<Vec<[u32; 2]>> = (0..choices.len()).map(read).collect::<kernels::base::error::Result<_>>()?;
         // FLIP takes longer than rendering: all processors judge, each picture on its own.
         let judged: Vec<(Vec<[f32; 3]>, judge::Errors)> = pictures
             .par_iter()

@@ -2,8 +2,9 @@
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use kernels::camera::{self, Pose};
 use kernels::frame::Renderer;
+use kernels::view::camera;
+use kernels::view::camera::Pose;
 
 use crate::definition::{Definition, Motion, MovingView};
 

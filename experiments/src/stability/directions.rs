@@ -4,10 +4,10 @@
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 
 use glam::DVec3;
-use kernels::camera::{Pose, View};
 use kernels::probe::Draw;
 use kernels::shared::real::{dot, length, sub};
 use kernels::shared::{derivatives, normal_pair, octahedral};
+use kernels::view::camera::{Pose, View};
 use rayon::prelude::*;
 
 use super::Row;

@@ -1,7 +1,8 @@
 //! What the lab asks of kernels: parameters and their extremes, as data.
 
 use anyhow::{Result, anyhow, bail, ensure};
-use kernels::document::{self, suggestion};
+use kernels::base::document;
+use kernels::base::names::suggestion;
 use kernels::probe::{PROBES, Probe};
 use serde::{Deserialize, Serialize};
 

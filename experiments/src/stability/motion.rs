@@ -6,11 +6,12 @@
 use std::fmt;
 
 use glam::{DVec3, dvec3};
-use kernels::camera::{Pose, View};
-use kernels::metrics::{BLOCK, NO_LINK, SeedSums, reference};
+use kernels::metrics::{BLOCK, SeedSums, reference};
+use kernels::motion::NO_LINK;
 use kernels::shared::motion::{Past, reproject};
 use kernels::shared::noise::{HashedPoint, NoiseKind};
 use kernels::shared::{derivatives, select, signal};
+use kernels::view::camera::{Pose, View};
 use rayon::prelude::*;
 
 use super::Row;

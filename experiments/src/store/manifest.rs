@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
-use kernels::error::one_line;
+use kernels::base::error::one_line;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 

@@ -21,8 +21,8 @@ use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use kernels::import::scene_folder;
 use kernels::scene;
-use kernels::world::heightmap;
 
 use crate::definition::{self, Definition, setting_text};
 use crate::metrics;
@@ -185,7 +185,7 @@ impl Run {
         let (Some(import), Some(scene)) = (&self.definition.import, self.imported()) else { return Ok(()) };
         if !scene.join(scene::FILE).exists() {
             let job = import.job(&self.definition.folder).map_err(|what| anyhow::anyhow!("import: {what}"))?;
-            heightmap::import(&job.heightmap, &job.options, job.materials.as_deref(), job.detail_m, &scene)?;
+            scene_folder::import(&job.heightmap, &job.options, job.materials.as_deref(), job.detail_m, &scene)?;
         }
         self.definition.check_imported(&scene)
     }

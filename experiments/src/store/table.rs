@@ -11,8 +11,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
-use kernels::error::{Error, one_line};
-use kernels::picture::write_whole;
+use kernels::base::error::{Error, one_line};
+use kernels::base::files::write_whole;
 use parquet::basic::Type;
 use parquet::column::page::Page;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};

@@ -5,12 +5,12 @@
 
 use bytemuck::cast_slice;
 
-use crate::error::Result;
-use crate::frame::FRAME_WGSL;
+use crate::base::error::Result;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer};
 use crate::shared;
+use crate::view::FRAME_WGSL;
 
 pub mod reference;
 

@@ -9,14 +9,14 @@
 
 use bytemuck::{Pod, Zeroable, cast_slice};
 
-use crate::error::Result;
-use crate::frame::FRAME_WGSL;
+use crate::base::error::Result;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Shader};
 use crate::shading;
 use crate::shared;
 use crate::variant::{Flavour, Variant};
+use crate::view::FRAME_WGSL;
 
 /// What is composed into one picture; the layout matches `CompositionStream` in `composition.wgsl`.
 #[repr(C)]

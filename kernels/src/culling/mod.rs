@@ -7,8 +7,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-use crate::camera::View;
 use crate::quadtree::{NodeBounds, local_box};
+use crate::view::camera::View;
 use crate::world::{Layout, NodeId, SECTORS};
 
 /// Patches along a node's edge.

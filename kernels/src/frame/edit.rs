@@ -1,10 +1,13 @@
 //! A scene that changes while it is drawn: what the change touches is made anew, and nothing else.
 
-use crate::error::Result;
-use crate::frame::{Progress, Renderer};
+use crate::base::error::Result;
+use crate::base::progress::Progress;
+use crate::frame::Renderer;
+use crate::frame::requirements::Requirements;
 use crate::materials::Palette;
-use crate::scene::{self, Blend, Requirements, Scene};
-use crate::streaming::Changes;
+use crate::residency::Changes;
+use crate::scene;
+use crate::scene::{Blend, Scene};
 use crate::terrain::palette_means;
 use crate::variant::Flavour;
 

@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
+use crate::base::error::{Error, Result};
 use crate::classification::{self, Classification};
 use crate::composition::{self, Composition};
-use crate::error::{Error, Result};
 use crate::frame::Renderer;
 use crate::geometry::{self, Geometry};
 use crate::gpu::{Gpu, Sources, shader_path};
 use crate::inspect::{self, Inspect};
 use crate::lighting::{self, Lighting};
-use crate::metrics::{self, Links};
+use crate::motion;
+use crate::motion::Links;
 use crate::shading::{self, Shading};
 use crate::virtual_texture;
 
@@ -35,7 +36,7 @@ pub fn shader_files() -> Vec<(&'static str, &'static str)> {
         lighting::files(),
         inspect::files(),
         composition::files(),
-        metrics::motion_files(),
+        motion::files(),
     ];
     let mut all: Vec<(&str, &str)> = Vec::new();
     for file in stages.into_iter().flatten() {
@@ -133,7 +134,7 @@ impl Renderer<'_> {
             inspect: builder.stage("inspect", &inspect::files(), || Inspect::new(gpu, frame, terrain))?,
             composition: builder.stage("composition", &composition::files(), || Composition::new(gpu, frame, modulated))?,
         };
-        let links = builder.stage("links", &metrics::motion_files(), || Links::new(gpu, frame, [1, 1]))?;
+        let links = builder.stage("links", &motion::files(), || Links::new(gpu, frame, [1, 1]))?;
         // It was made to see whether it compiles: who follows frames makes it anew.
         drop(links);
         Ok((rebuilt, builder.built))

@@ -10,13 +10,13 @@ use std::sync::OnceLock;
 
 use bytemuck::cast_slice;
 
+use crate::base::error::Result;
 use crate::culling::{PATCH_QUADS, Patch};
-use crate::error::Result;
-use crate::frame::FRAME_WGSL;
 use crate::gpu::bindings::{Binding, view};
 use crate::gpu::{Gpu, Shader, Timer, constants};
 use crate::shared::{self, normal_pair, octahedral};
 use crate::terrain::{self, Terrain};
+use crate::view::FRAME_WGSL;
 use crate::world::payload::diagonal_rises;
 
 pub mod reference;

@@ -2,21 +2,22 @@
 
 use std::sync::{Arc, Mutex, RwLock};
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 
 pub mod bindings;
-pub mod probe;
 mod readback;
 mod shader;
 mod sources;
 mod specialise;
 mod timer;
+mod upload;
 
 pub use readback::{read_buffer, read_texture};
 pub use shader::{Shader, constants};
 pub use sources::{Sources, shader_path};
 pub(crate) use specialise::Template;
 pub use timer::{PassTime, Timer};
+pub use upload::upload;
 
 /// What the terrain stack cannot do without, with the reason that an error gives.
 const REQUIRED: [(wgpu::Features, &str, &str); 3] = [

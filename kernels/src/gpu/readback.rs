@@ -1,6 +1,6 @@
 //! GPU memory back on the host.
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use crate::gpu::Gpu;
 
 /// The first `size` bytes of a buffer with usage `COPY_SRC`. Waits.

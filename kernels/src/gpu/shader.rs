@@ -1,6 +1,6 @@
 //! Shader modules from lists of WGSL files. No preprocessor: a module is its files, one after the other.
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use crate::gpu::{Gpu, Template};
 
 /// A WGSL module.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Arc, PoisonError};
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::shared;
 

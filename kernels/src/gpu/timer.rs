@@ -1,6 +1,6 @@
 //! Time per pass, by timestamp queries at the beginning and the end of each.
 
-use crate::error::Result;
+use crate::base::error::Result;
 use crate::gpu::{Gpu, read_buffer};
 
 /// What one pass took.

@@ -4,13 +4,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::error::Result;
-use crate::frame::FRAME_WGSL;
+use crate::base::error::Result;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Shader, read_buffer};
 use crate::shared;
 use crate::terrain::{self, Terrain};
+use crate::view::FRAME_WGSL;
 
 /// One pixel; the layout matches `Inspected` in `inspect.wgsl`. All zero where there is no terrain.
 #[repr(C)]

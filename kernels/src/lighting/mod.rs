@@ -4,13 +4,13 @@
 //! so that its irradiance is exact (first-order spherical harmonics); specular sky light by the split-sum fit. No shadows.
 //! Reads the G-buffer and depth. Writes RGBA32Float: radiance, alpha = 1 on terrain. One full-screen triangle.
 
-use crate::error::Result;
-use crate::frame::FRAME_WGSL;
+use crate::base::error::Result;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Shader, Timer};
 use crate::shading;
 use crate::shared;
+use crate::view::FRAME_WGSL;
 
 /// Format of the picture.
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;

@@ -8,8 +8,8 @@ use image::{DynamicImage, ImageDecoder, ImageReader};
 use rayon::prelude::*;
 
 use super::{MaterialMaps, wrong};
-use crate::error::{Error, Result, one_line};
-use crate::picture::linear_from_srgb;
+use crate::base::colour::linear_from_srgb;
+use crate::base::error::{Error, Result, one_line};
 
 /// Largest edge of a map, texels: four times that of the finest detail textures. A map of it takes 0.8 GB until it is resampled.
 const MAX_EDGE: u32 = 8192;

@@ -12,7 +12,8 @@ use std::f32::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::{MaterialMaps, wrong};
-use crate::error::Result;
+use crate::base::colour::luminance;
+use crate::base::error::Result;
 use crate::shared::hash::pcg4d;
 
 /// Names of the built-in materials.
@@ -46,7 +47,7 @@ const RECIPES: [Recipe; 12] = [
 
 fn recipe(kind: &str, material: &str) -> Result<&'static Recipe> {
     RECIPES.iter().find(|r| r.name == kind).ok_or_else(|| {
-        let hint = crate::scene::nearest(kind, &NAMES).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
+        let hint = crate::base::names::nearest(kind, &NAMES).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
         wrong(material, format!("no procedural material `{kind}`; {hint}known: {}", NAMES.join(", ")))
     })
 }
@@ -121,10 +122,6 @@ struct Sketch {
 
 // ---------------------------------------------------------------------------------------------------------------------------------
 // Tools: images on the torus
-
-fn luminance(c: [f32; 3]) -> f32 {
-    0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
-}
 
 fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t

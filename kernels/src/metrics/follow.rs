@@ -1,59 +1,15 @@
 //! Numbers of each pixel that follow its surface point from frame to frame: what live views of noise and flicker are made of.
 //!
-//! [`Links`] says where each pixel's point was one frame before (the pass that all metrics over time rest on); [`Followed`] carries running moments along.
+//! [`Links`](crate::motion::Links) says where each pixel's point was one frame before (the pass that all metrics over time rest on); [`Followed`] carries running moments along.
 //! A window of n frames is exponential: a frame weighs 1/n, and while there are fewer they all weigh the same. Where a point was not seen a frame before,
 //! its numbers begin anew.
 
 use rayon::prelude::*;
 
-use super::{Motion, NO_LINK, Slots};
-use crate::camera::View;
-use crate::error::Result;
-use crate::geometry;
-use crate::gpu::{Gpu, Timer, read_buffer};
+use crate::motion::NO_LINK;
 
 /// Edge of the blocks that tell clumping, pixels: that of the measured metrics.
 const BLOCK: usize = super::BLOCK as usize;
-
-/// Where each pixel's surface point was one frame before.
-pub struct Links {
-    motion: Motion,
-    size: [u32; 2],
-    index: u32,
-}
-
-impl Links {
-    /// Compiles the pass and allocates for pictures of `size` pixels.
-    ///
-    /// # Errors
-    /// When the shader does not compile or the device has not the memory.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, size: [u32; 2]) -> Result<Links> {
-        let motion = Motion::new(gpu, frame_layout, size)?;
-        gpu.check()?;
-        Ok(Links { motion, size, index: 0 })
-    }
-
-    /// Pixels.
-    pub fn size(&self) -> [u32; 2] {
-        self.size
-    }
-
-    /// Links the picture whose geometry is given, seen by `now`, to the one given before: an index a pixel, [`NO_LINK`] = not seen there. Waits.
-    ///
-    /// # Errors
-    /// When the device is lost.
-    pub fn find(&mut self, gpu: &Gpu, frame: &wgpu::BindGroup, geometry: &geometry::Targets, now: View) -> Result<Vec<u32>> {
-        let pixels = self.size[0] * self.size[1];
-        let mut encoder = gpu.encoder("links");
-        let slots = Slots::of(self.index, pixels);
-        self.motion.encode(gpu, &mut encoder, &mut Timer::new(gpu), frame, geometry, &now, &slots);
-        gpu.submit_and_wait(encoder)?;
-        let bytes = read_buffer(gpu, &self.motion.links, u64::from(pixels) * 4)?;
-        self.motion.advance(now);
-        self.index = self.index.wrapping_add(1);
-        Ok(bytemuck::pod_collect_to_vec(&bytes))
-    }
-}
 
 /// What one picture says of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -8,49 +8,25 @@
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
+use crate::base::error::Result;
 use crate::classification;
-use crate::error::Result;
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, Shader, Timer, read_buffer};
+use crate::motion::{LAGS, Motion, SLOTS, Slots};
 use crate::shared;
 use crate::temporal::{Resolve, Temporal};
 
 mod follow;
-mod motion;
 pub mod reference;
 mod seeds;
 
-pub use follow::{Followed, Links, Point, Sample, Summary};
-pub use motion::{Motion, MotionFrame, NO_LINK, TOLERANCE, files as motion_files};
+pub use follow::{Followed, Point, Sample, Summary};
 pub use seeds::{BLOCK, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums, files as seeds_files};
 
-/// Frames before that a frame is compared with.
-pub const LAGS: usize = 4;
-/// Pictures of a ring: a frame and those it is compared with.
-pub const SLOTS: u32 = 5;
 /// Bins of the histogram of differences at lag 1: 16 an octave, from 2^-14 to 2^2.
 pub const BINS: usize = 256;
 const LOWEST_OCTAVE: f64 = -14.0;
 const BINS_PER_OCTAVE: f64 = 16.0;
-
-/// Where in their rings the pictures of a frame and of those before begin, pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Slots {
-    /// This frame's.
-    pub now: u32,
-    /// Those of 1 to 4 frames before.
-    pub past: [u32; LAGS],
-    /// 0 to 3: the quarter of the pixels whose box test, histogram and lags 2 to 4 this frame takes.
-    pub quarter: u32,
-}
-
-impl Slots {
-    /// Of the `index`-th frame of a sequence of pictures of `pixels` pixels.
-    pub fn of(index: u32, pixels: u32) -> Slots {
-        let slot = |back: u32| (index % SLOTS + SLOTS - back) % SLOTS * pixels;
-        Slots { now: slot(0), past: [slot(1), slot(2), slot(3), slot(4)], quarter: index % 4 }
-    }
-}
 
 /// The layout of `MeasureFrame` in `measure.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]

@@ -1,6 +1,7 @@
 //! The sums of one frame in f64: what `measure.wgsl` and `seeds.wgsl` are held to.
 
-use super::{FrameSums, LAGS, NO_LINK, SeedSums};
+use super::{FrameSums, SeedSums};
+use crate::motion::{LAGS, NO_LINK};
 use crate::shared::{motion, signal};
 
 /// Sums of a frame over pictures of `size` pixels: `now` against `past[lag]` by the links of that lag, lags 2 to 4 and box tests on `quarter` of the pixels.

@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
+use crate::base::error::Result;
 use crate::classification;
-use crate::error::Result;
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, Shader, read_buffer};
 use crate::shared;

@@ -6,10 +6,10 @@
 
 use serde::Serialize;
 
-use crate::error::{Error, Result};
-use crate::gpu::probe::Cells;
-use crate::gpu::{self, Gpu};
-use crate::scene::nearest;
+use crate::base::error::{Error, Result};
+use crate::base::names::nearest;
+use crate::gpu::Gpu;
+use crate::probe::table::Cells;
 use crate::shared::blue_noise::{RANKS, SLICES};
 use crate::shared::real::Real;
 
@@ -21,6 +21,7 @@ mod geometry;
 mod judge;
 mod light;
 mod noise;
+pub mod table;
 mod tilings;
 mod weights;
 mod words;
@@ -205,7 +206,7 @@ impl Probe {
     /// As [`Probe::on_gpu`].
     pub fn on_gpu_by(&self, gpu: &Gpu, wgsl: &str, rows: &[f64]) -> Result<Vec<f64>> {
         let columns = [self.inputs.len(), self.outputs.len()];
-        let table = gpu::probe::Table::new(gpu, wgsl, columns, self.layout())?;
+        let table = table::Table::new(gpu, wgsl, columns, self.layout())?;
         let mut all = Vec::with_capacity(rows.len() / columns[0] * columns[1]);
         for part in rows.chunks(table.most_rows() * columns[0]) {
             let bits: Vec<u32> = cells::<f32>(self.inputs, part).into_iter().map(f32::to_bits).collect();

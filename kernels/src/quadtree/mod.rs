@@ -6,7 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::View;
+use crate::view::camera::View;
 use crate::world::{LODS, Layout, NODE_QUADS, NodeId, SECTORS, World};
 
 /// What the traversal has to know of a loaded node.

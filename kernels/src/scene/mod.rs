@@ -8,12 +8,9 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 mod parse;
-mod requirements;
 mod validate;
 
-pub use crate::document::nearest;
 pub use parse::{DEFAULT, DEFAULT_TEXT, FILE, SceneText, load, parse, text};
-pub use requirements::{FlavourUse, PassUse, Requirements, TargetUse, TextureUse};
 pub use validate::{validate, validate_against_world};
 
 /// Everything a scene file says.

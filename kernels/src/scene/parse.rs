@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::Scene;
 use super::validate::check;
-use crate::document::{self, nearest};
-use crate::error::{Error, Result};
+use crate::base::document;
+use crate::base::error::{Error, Result};
+use crate::base::names::nearest;
 
 /// Name of the built-in scene.
 pub const DEFAULT: &str = "default";

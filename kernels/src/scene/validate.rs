@@ -1,8 +1,9 @@
 //! What a scene file must satisfy beyond its types.
 
 use super::{CameraPose, Hole, Rule, Scene, Stroke, World};
-use crate::document::{At, Checked, suggestion};
-use crate::error::{Error, Result, one_line};
+use crate::base::document::{At, Checked};
+use crate::base::error::{Error, Result, one_line};
+use crate::base::names::suggestion;
 
 /// Checks a scene made by hand or read from a file: sizes, ranges, names that must be unique, names that must exist, files that
 /// must exist.

@@ -3,8 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::error::{Error, Result};
-use crate::scene::nearest;
+use crate::base::error::{Error, Result};
+use crate::base::names::nearest;
 use crate::variant::{Flavour, Variant};
 
 /// How a flavour arrives at its value. Virtual texture and far atlas are the same in all.
@@ -117,6 +117,11 @@ impl Estimator {
                 _ => 2,
             },
         }
+    }
+
+    /// Sum of the promised fetches of a variant's flavours: the cost of a pixel that needs all of them.
+    pub fn promised_fetches_of(self, variant: Variant) -> u32 {
+        variant.flavours().map(|flavour| self.promised_fetches(flavour)).sum()
     }
 
     /// Whether a variant's picture depends on the seed.

@@ -7,9 +7,8 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
+use crate::base::error::{Error, Result};
 use crate::classification::{ARGUMENT_BYTES, Lists};
-use crate::error::{Error, Result};
-use crate::frame::FRAME_WGSL;
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Shader, Template, Timer};
@@ -18,6 +17,7 @@ use crate::shared::blue_noise;
 use crate::shared::noise::NoiseKind;
 use crate::terrain::{self, Terrain};
 use crate::variant::{Flavour, Variant};
+use crate::view::FRAME_WGSL;
 use crate::virtual_texture::{self, VirtualTexture};
 
 mod estimator;

@@ -6,10 +6,8 @@
 //! translation would lose digits far from the origin.
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
 
 use super::real::{Real, add, dot, length, scale};
-use crate::camera::View;
 
 /// Nearest distance along the view direction, metres.
 pub const MIN_DISTANCE: f64 = 1e-4;
@@ -46,22 +44,6 @@ pub struct MotionPast {
     pub pad_0: f32,
     pub y_row: [f32; 3],
     pub pad_1: f32,
-}
-
-impl Past<f64> {
-    /// The earlier view `past` from the eye of `now`. Both belong to one world.
-    pub fn between(now: &View, past: &View) -> Past<f64> {
-        let row = |d: DVec3| d / d.length_squared();
-        let (x_row, y_row) = (row(past.ray_dx), row(past.ray_dy));
-        Past {
-            offset: (now.pose.position - past.pose.position).to_array(),
-            forward: past.pose.axes()[2].to_array(),
-            x_row: x_row.to_array(),
-            y_row: y_row.to_array(),
-            x_shift: past.ray_00.dot(x_row),
-            y_shift: past.ray_00.dot(y_row),
-        }
-    }
 }
 
 impl<T: Real> Past<T> {

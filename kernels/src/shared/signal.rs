@@ -2,6 +2,8 @@
 
 use half::f16;
 
+use crate::base::colour;
+
 /// Largest colour that f16 has.
 pub const LARGEST: f32 = 65_504.0;
 /// Bit of the second word that says terrain.
@@ -35,10 +37,7 @@ pub fn choice(signal: [u32; 2]) -> u32 {
     signal[1] >> 26 & 31
 }
 
-/// Weights of linear red, green and blue in relative luminance, Rec. ITU-R BT.709.
-pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
-
 /// Relative luminance of linear colour.
 pub fn luminance(colour: [f32; 3]) -> f64 {
-    (0..3).map(|k| LUMINANCE[k] * f64::from(colour[k])).sum()
+    colour::luminance(colour.map(f64::from))
 }

@@ -14,11 +14,11 @@ use std::str::FromStr;
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::base::names::nearest;
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, Shader};
-use crate::metrics::{Motion, Slots};
-use crate::scene::nearest;
+use crate::motion::{Motion, Slots};
 use crate::shared;
 
 pub mod reference;

@@ -1,7 +1,7 @@
 //! The resolve of one frame in f64: what `temporal.wgsl` is held to.
 
 use super::{Resolve, SHARE, TemporalFrame};
-use crate::metrics::NO_LINK;
+use crate::motion::NO_LINK;
 use crate::shared::signal;
 
 /// Pictures of a frame and of the one before, their links, and the history.
@@ -28,7 +28,7 @@ fn mix(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
 
 /// The new history of a frame: `temporal_main`. The resolved picture is its colour.
 pub fn resolve(resolve: Resolve, size: [u32; 2], index: u32, frame: &Frame<'_>) -> Vec<[f64; 4]> {
-    let setup = TemporalFrame::new(resolve, size, index, &crate::metrics::Slots::default());
+    let setup = TemporalFrame::new(resolve, size, index, &crate::motion::Slots::default());
     let [width, height] = size.map(|n| n as usize);
     let pair = |picture: &[[u32; 2]], x: usize, y: usize, step: [u32; 2]| {
         let own = colour(picture[y * width + x]);

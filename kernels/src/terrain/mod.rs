@@ -5,11 +5,11 @@
 
 use bytemuck::{Zeroable, cast_slice};
 
-use crate::gpu::Gpu;
 use crate::gpu::bindings::{ARRAY, Binding, array};
+use crate::gpu::{Gpu, upload};
 use crate::materials::{CompressedChain, MAX_MATERIALS, Palette, PaletteEntry};
 use crate::quadtree;
-use crate::streaming::{Streaming, upload};
+use crate::residency::Streaming;
 use crate::world::{NodeId, PaletteMeans, SECTORS};
 
 /// The WGSL of this module.

@@ -14,13 +14,13 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use bytemuck::{Pod, Zeroable, cast_slice};
 use glam::IVec2;
 
-use crate::error::Result;
-use crate::frame::FRAME_WGSL;
+use crate::base::error::Result;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, array, aspect, view};
 use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer, texture_bytes};
 use crate::shared;
 use crate::terrain::{self, Terrain};
+use crate::view::FRAME_WGSL;
 use crate::world::{Layout, NodeId, SECTORS};
 
 /// Payload texels along a page's edge.

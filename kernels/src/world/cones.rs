@@ -5,7 +5,7 @@
 //! alpha 255 means "90 degrees or more: never cull". Block compression bends the axis by degrees, so the half angle is measured
 //! from the *decoded* axis, and the alpha block is written here such that it never decodes below what is needed (Ruling 5).
 
-use super::blocks::{self, BlockFormat, Effort};
+use crate::blocks::{self, BlockFormat, Effort};
 
 /// Patches along a node's edge.
 pub const PATCHES: usize = 8;

@@ -10,22 +10,19 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use crate::scene::{self, Hole, Scene};
 use crate::shared::hash;
 
-pub mod blocks;
 pub mod cones;
 pub mod generator;
-pub mod heightmap;
 pub mod payload;
 pub mod rules;
-pub mod viewpoints;
 
 pub use payload::{Cover, Ground, NodePayload, PaletteMeans};
 
+use crate::decode::heightmap::{self, Heightmap};
 use generator::Generator;
-use heightmap::Heightmap;
 use rules::Rules;
 
 /// Sectors along the world's edge.
@@ -207,7 +204,8 @@ impl World {
         }
     }
 
-    fn from_heightmap(
+    /// The world of a heightmap that no scene names yet.
+    pub(crate) fn from_heightmap(
         map: Heightmap,
         detail_m: f64,
         seed: u32,

@@ -5,8 +5,9 @@
 
 use std::sync::LazyLock;
 
-use super::blocks::{self, BlockFormat, Effort};
 use super::{NodeId, World, cones};
+use crate::base::colour::srgb_from_linear;
+use crate::blocks::{self, BlockFormat, Effort};
 
 /// Heights along a node's edge.
 pub const HEIGHT_SIDE: usize = 129;
@@ -333,11 +334,7 @@ fn normals(grid: &Grid, looks: &Looks) -> Vec<u8> {
 /// sRGB bytes of 4097 evenly spaced linear values (IEC 61966-2-1): the square root hides the coarse dark end well enough at 8 bits,
 /// so the table is indexed by it.
 static SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    let encode = |root: f64| {
-        let linear = root * root;
-        let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-        unorm8(encoded)
-    };
+    let encode = |root: f64| unorm8(srgb_from_linear(root * root));
     (0..=4096).map(|i| encode(f64::from(i) / 4096.0)).collect()
 });
 

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use eframe::egui;
 use eframe::egui::util::undoer::Undoer;
 use glam::DVec3;
-use kernels::camera::Pose;
 use kernels::scene::{self, Scene};
+use kernels::view::camera::Pose;
 
 use super::{Clock, Workbench};
 use crate::compare::{Compare, Other};

@@ -48,7 +48,7 @@ pub(super) const PASS: &str = "shading: ";
 
 /// Fetches a pixel that are promised of a variant.
 fn promised(settings: &Settings, variant: Variant) -> u32 {
-    variant.flavours().map(|flavour| settings.estimator.promised_fetches(flavour)).sum()
+    settings.estimator.promised_fetches_of(variant)
 }
 
 pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {

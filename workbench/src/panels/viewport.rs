@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 use glam::DVec3;
-use kernels::camera::Pose;
+use kernels::view::camera::Pose;
 
 use super::{choose, legend};
 use crate::app::{Looking, Workbench};

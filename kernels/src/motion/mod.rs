@@ -6,21 +6,47 @@
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
-use super::{LAGS, SLOTS};
-use crate::camera::View;
-use crate::error::Result;
-use crate::frame::FRAME_WGSL;
+use crate::base::error::Result;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, Shader, Timer};
 use crate::shared;
 use crate::shared::motion::{MotionPast, Past};
+use crate::view::FRAME_WGSL;
+use crate::view::camera::View;
 
+mod links;
+
+pub use links::Links;
+
+/// Frames before that a frame is compared with.
+pub const LAGS: usize = 4;
+/// Pictures of a ring: a frame and those it is compared with.
+pub const SLOTS: u32 = 5;
 /// No pixel showed the point.
 pub const NO_LINK: u32 = u32::MAX;
 /// Relative difference of depth up to which two points are on one surface. The surface expected is the point's own plane through the pixel nearest to it:
 /// what is left is the normal's 8-bit code (under 1 degree) and the bend of the ground over half a pixel.
 pub const TOLERANCE: f32 = 0.02;
+
+/// Where in their rings the pictures of a frame and of those before begin, pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Slots {
+    /// This frame's.
+    pub now: u32,
+    /// Those of 1 to 4 frames before.
+    pub past: [u32; LAGS],
+    /// 0 to 3: the quarter of the pixels whose box test, histogram and lags 2 to 4 this frame takes.
+    pub quarter: u32,
+}
+
+impl Slots {
+    /// Of the `index`-th frame of a sequence of pictures of `pixels` pixels.
+    pub fn of(index: u32, pixels: u32) -> Slots {
+        let slot = |back: u32| (index % SLOTS + SLOTS - back) % SLOTS * pixels;
+        Slots { now: slot(0), past: [slot(1), slot(2), slot(3), slot(4)], quarter: index % 4 }
+    }
+}
 
 /// The layout of `MotionFrame` in `motion.wgsl`.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
@@ -38,7 +64,7 @@ pub struct MotionFrame {
 /// The files of the pass's shader module.
 pub fn files() -> Vec<(&'static str, &'static str)> {
     let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, ("metrics/motion.wgsl", include_str!("motion.wgsl"))]);
+    files.extend([FRAME_WGSL, ("motion/motion.wgsl", include_str!("motion.wgsl"))]);
     files
 }
 
@@ -108,7 +134,7 @@ impl Motion {
         frame: &wgpu::BindGroup,
         geometry: &geometry::Targets,
         now: &View,
-        slots: &super::Slots,
+        slots: &Slots,
     ) {
         let mut uniform = MotionFrame {
             lags: self.lags(),

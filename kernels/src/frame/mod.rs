@@ -3,91 +3,47 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use bytemuck::{Pod, Zeroable, bytes_of};
+use bytemuck::bytes_of;
 use glam::DVec3;
 
-use crate::camera::{NEAR_M, Pose, View};
+use crate::base::error::{Error, Result};
+use crate::base::progress::Progress;
 use crate::classification::{self, Classification, Lists};
 use crate::composition::{Composition, Destination, Layers};
 use crate::culling::{self, Patch};
-use crate::error::{Error, Result};
+use crate::frame::picture::{AovSet, Picture};
+use crate::frame::requirements::Requirements;
 use crate::geometry::{self, Geometry, NormalEncoding};
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, PassTime, Sources, Timer};
 use crate::inspect::Inspect;
 use crate::lighting::{self, Lighting};
 use crate::materials::Palette;
-use crate::metrics::{FrameSums, Links, Meter};
-use crate::picture::{AovSet, Picture};
+use crate::metrics::{FrameSums, Meter};
+use crate::motion::Links;
 use crate::quadtree;
-use crate::scene::{self, Requirements, Scene};
+use crate::residency::{AtlasCounts, Streaming};
+use crate::scene;
+use crate::scene::Scene;
 use crate::shading::{self, Estimator, Kernel, PipelineKey, Shading};
 use crate::shared::flavour_weights::FlavourParams;
 use crate::shared::noise::{self, NoiseKind};
-use crate::streaming::{AtlasCounts, Streaming};
 use crate::temporal::{Resolve, SamplePattern};
 use crate::terrain::{Terrain, palette_means};
 use crate::variant::{Flavour, Variant};
+use crate::view::FrameUniforms;
+use crate::view::camera::{NEAR_M, Pose, View};
 use crate::virtual_texture::{self, CacheCounts, PageCounts, VirtualTexture};
 use crate::world::{NodeId, PaletteMeans, World};
 
 mod edit;
+pub mod export;
+pub mod picture;
 mod reload;
+pub mod requirements;
 
 pub use edit::EditCounts;
 pub use reload::{ReloadReport, shader_files};
-
-/// The uniforms that every stage knows.
-pub const FRAME_WGSL: (&str, &str) = ("frame.wgsl", include_str!("frame.wgsl"));
-
-/// Uniforms of a frame; the layout matches `Frame` in `frame.wgsl`, where each field is explained.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct FrameUniforms {
-    pub clip_from_local: [[f32; 4]; 4],
-    pub camera: [f32; 3],
-    pub sector_m: f32,
-    pub ray_00: [f32; 3],
-    pub near_m: f32,
-    pub ray_dx: [f32; 3],
-    pub height_low_m: f32,
-    pub ray_dy: [f32; 3],
-    pub height_span_m: f32,
-    pub camera_sector: [i32; 2],
-    pub size: [u32; 2],
-    pub seed: u32,
-    pub frame: u32,
-    pub forced_mask: u32,
-    pub page_levels: u32,
-    pub tiles: [u32; 2],
-    pub hash_scale: f32,
-    pub height_sharpness: f32,
-    pub triplanar_sharpness: f32,
-    pub gradient_scale: f32,
-    pub page_texels_per_m: f32,
-    pub page_anisotropy: f32,
-    pub flavours: FlavourParams,
-    pub sun_direction: [f32; 3],
-    pub taps: u32,
-    pub sun_irradiance: [f32; 3],
-    pub noise_world_level: i32,
-    pub sky_zenith: [f32; 3],
-    pub sample_pattern: u32,
-    pub sky_horizon: [f32; 3],
-    pub normals: u32,
-}
-
-/// Something that takes a while and how far it is.
-#[derive(Clone, Debug)]
-pub struct Progress {
-    /// What is being done.
-    pub stage: String,
-    /// Steps done.
-    pub done: u64,
-    /// Steps in all, 0 = not known.
-    pub total: u64,
-}
 
 /// Which shader shades which tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -5,8 +5,8 @@
 
 use rayon::prelude::*;
 
-use super::World;
 use crate::scene::{CameraPose, Scene};
+use crate::world::World;
 
 /// Vertical field of view the scores assume, degrees; the horizontal one is that of a 16:9 image.
 const FOV_DEG: f64 = 55.0;

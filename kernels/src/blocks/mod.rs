@@ -4,6 +4,7 @@
 //! ("Block Compression Formats"). The encoder is `texpresso`, in its fast setting: the colour line of a block runs between
 //! the extremes along its principal axis.
 
+use rayon::prelude::*;
 use texpresso::{Algorithm, Format, Params};
 
 /// A block format of node payloads.
@@ -42,6 +43,8 @@ impl BlockFormat {
 pub enum Effort {
     /// Range fit: about a microsecond a block.
     Fast,
+    /// Range fit, improved by [`refine`]: within a decibel of the cluster fit in a small part of its time.
+    Refined,
     /// Iterated cluster fit: tens of microseconds a block, for the few blocks that are worth it.
     Best,
 }
@@ -55,28 +58,108 @@ pub enum Effort {
 pub fn encode(format: BlockFormat, rgba: &[u8], width: usize, height: usize, weights: [f32; 3], effort: Effort) -> Vec<u8> {
     assert_eq!(rgba.len(), width * height * 4, "an RGBA8 image of {width} x {height} texels");
     let algorithm = match effort {
-        Effort::Fast => Algorithm::RangeFit,
+        Effort::Fast | Effort::Refined => Algorithm::RangeFit,
         Effort::Best => Algorithm::IterativeClusterFit,
     };
     let params = Params { algorithm, weights, weigh_colour_by_alpha: false };
+    let across = width.div_ceil(4);
     let mut blocks = vec![0; format.image_bytes(width, height)];
-    let mut output = blocks.chunks_exact_mut(format.block_bytes());
-    for block_y in 0..height.div_ceil(4) {
-        for block_x in 0..width.div_ceil(4) {
-            let mut texels = [[0; 4]; 16];
-            let mut mask = 0;
-            for (i, texel) in texels.iter_mut().enumerate() {
-                let (x, y) = (block_x * 4 + i % 4, block_y * 4 + i / 4);
-                if x < width && y < height {
-                    texel.copy_from_slice(&rgba[(y * width + x) * 4..][..4]);
-                    mask |= 1 << i;
+    let each = blocks.par_chunks_mut(format.block_bytes()).with_min_len(256).enumerate();
+    each.for_each(|(index, block)| {
+        let (left, top) = (index % across * 4, index / across * 4);
+        let mut texels = [[0; 4]; 16];
+        let mut mask = 0;
+        for (i, texel) in texels.iter_mut().enumerate() {
+            let (x, y) = (left + i % 4, top + i / 4);
+            if x < width && y < height {
+                texel.copy_from_slice(&rgba[(y * width + x) * 4..][..4]);
+                mask |= 1 << i;
+            }
+        }
+        format.format().compress_block_masked(texels, mask, params, block);
+        if effort == Effort::Refined && mask == 0xffff {
+            let colours = texels.map(|[r, g, b, _]| [r, g, b].map(f32::from));
+            let at = format.block_bytes() - 8;
+            refine((&mut block[at..]).try_into().expect("a block ends with 8 bytes of colour"), &colours, weights);
+        }
+    });
+    blocks
+}
+
+/// Alternates the two halves of the fit while that helps, at most twice: end points by least squares for the given indices, then the
+/// nearest palette entry for each texel. Each half can only lower the weighted squared error, quantisation aside, which is checked.
+/// Blocks in BC1's three-colour mode (flat ones, mostly) stay as they are.
+fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
+    // Share of the first end point in palette entries 0 to 3.
+    const SHARE: [f32; 4] = [1.0, 0.0, 2.0 / 3.0, 1.0 / 3.0];
+    let mut ends = [u16::from_le_bytes([block[0], block[1]]), u16::from_le_bytes([block[2], block[3]])];
+    if ends[0] <= ends[1] {
+        return;
+    }
+    let palette = |ends: [u16; 2]| {
+        let [a, b] = ends.map(expand565);
+        SHARE.map(|s| [0, 1, 2].map(|c| s * a[c] + (1.0 - s) * b[c]))
+    };
+    let distance = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|c| weights[c] * (a[c] - b[c]).powi(2)).sum::<f32>();
+    let mut indices = u32::from_le_bytes([block[4], block[5], block[6], block[7]]);
+    let colours = palette(ends);
+    let mut error: f32 = texels.iter().enumerate().map(|(i, t)| distance(t, &colours[(indices >> (2 * i)) as usize & 3])).sum();
+    for _ in 0..2 {
+        let (mut aa, mut ab, mut bb) = (0.0, 0.0, 0.0);
+        let (mut ax, mut bx) = ([0.0; 3], [0.0; 3]);
+        for (i, texel) in texels.iter().enumerate() {
+            let a = SHARE[(indices >> (2 * i)) as usize & 3];
+            let b = 1.0 - a;
+            (aa, ab, bb) = (aa + a * a, ab + a * b, bb + b * b);
+            for c in 0..3 {
+                ax[c] += a * texel[c];
+                bx[c] += b * texel[c];
+            }
+        }
+        let determinant = aa * bb - ab * ab;
+        if determinant < 1e-3 {
+            return; // all texels have one index: nothing to solve for
+        }
+        let first = [0, 1, 2].map(|c| (ax[c] * bb - bx[c] * ab) / determinant);
+        let second = [0, 1, 2].map(|c| (bx[c] * aa - ax[c] * ab) / determinant);
+        let mut candidate = [first, second].map(quantise565);
+        candidate.sort_unstable_by(|a, b| b.cmp(a)); // the greater first: four-colour mode
+        if candidate[0] == candidate[1] {
+            return;
+        }
+        let colours = palette(candidate);
+        let (mut new_indices, mut new_error) = (0_u32, 0.0);
+        for (i, texel) in texels.iter().enumerate() {
+            let (mut nearest, mut least) = (0, f32::INFINITY);
+            for (k, colour) in (0_u32..).zip(&colours) {
+                let d = distance(texel, colour);
+                if d < least {
+                    (nearest, least) = (k, d);
                 }
             }
-            let block = output.next().expect("image_bytes counts every block");
-            format.format().compress_block_masked(texels, mask, params, block);
+            new_indices |= nearest << (2 * i);
+            new_error += least;
         }
+        if new_error >= error {
+            return;
+        }
+        (ends, indices, error) = (candidate, new_indices, new_error);
+        block[..2].copy_from_slice(&ends[0].to_le_bytes());
+        block[2..4].copy_from_slice(&ends[1].to_le_bytes());
+        block[4..].copy_from_slice(&indices.to_le_bytes());
     }
-    blocks
+}
+
+/// Codes 0..255 of a 5:6:5 colour, low bits filled with the high ones as decoders do.
+fn expand565(code: u16) -> [f32; 3] {
+    let (r, g, b) = (code >> 11, (code >> 5) & 63, code & 31);
+    [(r << 3) | (r >> 2), (g << 2) | (g >> 4), (b << 3) | (b >> 2)].map(f32::from)
+}
+
+/// The 5:6:5 colour nearest to codes 0..255, clamped.
+fn quantise565(colour: [f32; 3]) -> u16 {
+    let level = |value: f32, most: f32| (value * most / 255.0 + 0.5).clamp(0.0, most) as u16;
+    (level(colour[0], 31.0) << 11) | (level(colour[1], 63.0) << 5) | level(colour[2], 31.0)
 }
 
 /// Decodes an image to RGBA8.

@@ -8,8 +8,9 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-use super::{Scene, World};
-use crate::streaming;
+use crate::residency;
+use crate::scene::{Scene, World};
+use crate::shading::Estimator;
 use crate::variant::{Flavour, Variant};
 use crate::virtual_texture;
 
@@ -168,7 +169,7 @@ fn flavours_of(scene: &Scene) -> Vec<FlavourUse> {
         .into_iter()
         .map(|flavour| {
             let (required, reason) = decide(flavour);
-            FlavourUse { name: flavour.name(), required, fetches_per_px: flavour.promised_fetches(), reason }
+            FlavourUse { name: flavour.name(), required, fetches_per_px: Estimator::Fc5.promised_fetches(flavour), reason }
         })
         .collect()
 }
@@ -207,7 +208,7 @@ fn textures(scene: &Scene, has_pages: bool, colour_modulation: bool) -> Vec<Text
         reason,
     };
     // Slots count from 1, since 0 means that nothing is loaded.
-    let node = |name, format, edge, required, reason| texture(name, format, edge, 1, streaming::CAPACITY + 1, required, reason);
+    let node = |name, format, edge, required, reason| texture(name, format, edge, 1, residency::CAPACITY + 1, required, reason);
     let sources: BTreeSet<_> = scene.materials.iter().map(|m| (&m.procedural, &m.folder)).collect();
     let layers = u32::try_from(sources.len()).expect("a valid scene has at most 256 materials");
     let chain = |edge: u32| edge.max(1).ilog2() + 1;

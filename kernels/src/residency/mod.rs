@@ -9,8 +9,8 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
-use crate::gpu::{Gpu, texture_bytes};
+use crate::base::error::{Error, Result};
+use crate::gpu::{Gpu, texture_bytes, upload};
 use crate::quadtree::NodeBounds;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
@@ -85,26 +85,6 @@ fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::Textu
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     })
-}
-
-/// Writes one tightly packed mip level of one layer.
-pub fn upload(gpu: &Gpu, texture: &wgpu::Texture, layer: u32, mip_level: u32, bytes: &[u8]) {
-    let format = texture.format();
-    let (block, _) = format.block_dimensions();
-    let block_bytes = format.block_copy_size(None).unwrap_or(1);
-    let texels = (texture.width() >> mip_level).max(1).next_multiple_of(block);
-    let blocks = texels / block;
-    gpu.queue.write_texture(
-        wgpu::TexelCopyTextureInfo {
-            texture,
-            mip_level,
-            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
-            aspect: wgpu::TextureAspect::All,
-        },
-        bytes,
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(blocks * block_bytes), rows_per_image: Some(blocks) },
-        wgpu::Extent3d { width: texels, height: texels, depth_or_array_layers: 1 },
-    );
 }
 
 impl Streaming {

@@ -1,6 +1,6 @@
 //! Runs one WGSL function that needs no bindings over rows of numbers, so that the GPU can be compared with its f64 reference.
 
-use crate::error::Result;
+use crate::base::error::Result;
 use crate::geometry;
 use crate::gpu::{Gpu, Shader, read_buffer};
 use crate::shared;

@@ -1,14 +1,11 @@
-//! A finished picture with its layers, and how it becomes a file.
+//! A finished picture with its layers.
 
-use std::path::{Path, PathBuf};
-
-use exr::prelude as e;
 use half::f16;
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::base::names::nearest;
 use crate::frame::{FrameReport, RenderRequest, Renderer};
 use crate::gpu::read_texture;
-use crate::scene::nearest;
 
 /// Names of the layers that can be asked for, in the order they are written.
 pub const AOV_NAMES: [&str; 10] = ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy"];
@@ -111,7 +108,7 @@ impl Picture {
             let depth: Vec<f32> =
                 bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.geometry.depth_stencil, wgpu::TextureAspect::DepthOnly, 4)?);
             // Metres along the view direction; 0 = no terrain.
-            let metres = |d: f32| if d > 0.0 { crate::camera::NEAR_M as f32 / d } else { 0.0 };
+            let metres = |d: f32| if d > 0.0 { crate::view::camera::NEAR_M as f32 / d } else { 0.0 };
             add("depth", Layer::Value(depth.into_iter().map(metres).collect()));
         }
         if wanted.has("mask") {
@@ -175,107 +172,4 @@ impl Picture {
             Layer::Rgb(_) | Layer::Xyz(_) => None,
         }
     }
-}
-
-/// Linear radiance to sRGB for people: Reinhard's curve on luminance, white at radiance 4, colour kept.
-/// Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
-pub fn tone_map(radiance: [f32; 3]) -> [u8; 3] {
-    const WHITE: f32 = 4.0;
-    let luminance = 0.2126 * radiance[0] + 0.7152 * radiance[1] + 0.0722 * radiance[2];
-    let mapped = luminance * (1.0 + luminance / (WHITE * WHITE)) / (1.0 + luminance);
-    let factor = if luminance > 0.0 { mapped / luminance } else { 0.0 };
-    radiance.map(|c| srgb_code(c * factor))
-}
-
-/// The 8-bit sRGB code of a linear value (IEC 61966-2-1); 0 for NaN.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=1 by srgb_from_linear")]
-pub fn srgb_code(linear: f32) -> u8 {
-    (srgb_from_linear(linear) * 255.0 + 0.5) as u8
-}
-
-/// A linear value, clamped to 0..=1, in the encoding of sRGB, 0..=1 (IEC 61966-2-1); 0 for NaN.
-pub fn srgb_from_linear(linear: f32) -> f32 {
-    let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// The linear value of an sRGB-encoded one in 0..=1 (IEC 61966-2-1).
-pub fn linear_from_srgb(encoded: f32) -> f32 {
-    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
-/// Runs `write` on a temporary file beside `file`, then renames it: the file is whole or absent.
-///
-/// # Errors
-/// When writing or renaming fails; nothing is left behind.
-pub fn write_whole(file: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    let mut name = file.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = file.with_file_name(name);
-    let done =
-        write(&temporary).and_then(|()| std::fs::rename(&temporary, file).map_err(|source| Error::File { file: file.to_owned(), source }));
-    if done.is_err() {
-        // The first error is the one to report; the temporary file may not even exist.
-        let _ = std::fs::remove_file(&temporary);
-    }
-    done
-}
-
-/// Writes 8-bit RGB texels as PNG.
-///
-/// # Errors
-/// When the file cannot be written.
-pub fn write_png_texels(file: &Path, size: [u32; 2], texels: &[[u8; 3]]) -> Result<()> {
-    write_whole(file, |temporary| {
-        image::save_buffer_with_format(
-            temporary,
-            bytemuck::cast_slice(texels),
-            size[0],
-            size[1],
-            image::ExtendedColorType::Rgb8,
-            image::ImageFormat::Png,
-        )
-        .map_err(|error| image_error(file, &error))
-    })
-}
-
-/// Writes the tone-mapped picture.
-///
-/// # Errors
-/// When the file cannot be written.
-pub fn write_png(file: &Path, picture: &Picture) -> Result<()> {
-    let texels: Vec<[u8; 3]> = picture.hdr.iter().map(|t| tone_map([t[0], t[1], t[2]])).collect();
-    write_png_texels(file, picture.size, &texels)
-}
-
-fn image_error(file: &Path, error: &dyn std::fmt::Display) -> Error {
-    Error::Image { file: PathBuf::from(file), what: error.to_string() }
-}
-
-/// Writes the linear picture and its layers, f32, as OpenEXR: channels R G B A, and `layer.channel` for each layer, which is how
-/// OpenEXR names layers within one part (Technical Introduction to OpenEXR, "Channel names").
-///
-/// # Errors
-/// When the file cannot be written.
-pub fn write_exr(file: &Path, picture: &Picture) -> Result<()> {
-    let size = (picture.size[0] as usize, picture.size[1] as usize);
-    let channel = |name: &str, values: Vec<f32>| e::AnyChannel::new(name, e::FlatSamples::F32(values));
-    let mut channels: Vec<_> =
-        ["R", "G", "B", "A"].iter().enumerate().map(|(k, name)| channel(name, picture.hdr.iter().map(|t| t[k]).collect())).collect();
-    for (name, content) in &picture.layers {
-        let mut split = |names: [&str; 3], texels: &[[f32; 3]]| {
-            channels.extend((0..3).map(|k| channel(&format!("{name}.{}", names[k]), texels.iter().map(|t| t[k]).collect())));
-        };
-        match content {
-            Layer::Rgb(texels) => split(["R", "G", "B"], texels),
-            Layer::Xyz(texels) => split(["X", "Y", "Z"], texels),
-            Layer::Value(values) => channels.push(channel(&format!("{name}.V"), values.clone())),
-        }
-    }
-    let layer = e::Layer::new(size, e::LayerAttributes::default(), e::Encoding::FAST_LOSSLESS, e::AnyChannels::sort(channels.into()));
-    let image = e::Image::from_layer(layer);
-    write_whole(file, |temporary| {
-        use e::WritableImage as _;
-        image.write().to_file(temporary).map_err(|error| image_error(file, &error))
-    })
 }

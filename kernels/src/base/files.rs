@@ -1,0 +1,72 @@
+//! Files and folders that appear whole or not at all.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::base::error::{Error, Result};
+
+fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
+    move |source| Error::File { file: file.to_owned(), source }
+}
+
+/// Runs `write` on a temporary file beside `file`, then renames it: the file is whole or absent.
+///
+/// # Errors
+/// When writing or renaming fails; nothing is left behind.
+pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std::result::Result<(), E>) -> std::result::Result<(), E> {
+    let mut name = file.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".{}.tmp", std::process::id()));
+    let temporary = file.with_file_name(name);
+    let done = write(&temporary).and_then(|()| Ok(fs::rename(&temporary, file).map_err(failed(file))?));
+    if done.is_err() {
+        // The first error is the one to report; the temporary file may not even exist.
+        let _ = fs::remove_file(&temporary);
+    }
+    done
+}
+
+/// A folder that is filled under a temporary name beside its final place, and removed again unless it is finished.
+pub struct WholeFolder {
+    temporary: PathBuf,
+    place: PathBuf,
+}
+
+impl WholeFolder {
+    /// An empty folder that is to become `place`.
+    ///
+    /// # Errors
+    /// `place` names no folder, or the temporary one cannot be made beside it.
+    pub fn beside(place: &Path) -> Result<WholeFolder> {
+        let Some(name) = place.file_name() else {
+            return Err(Error::Request(format!("`{}` names no folder: give a name", place.display())));
+        };
+        let parent = place.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let temporary = parent.join(format!(".{}.part-{}", name.to_string_lossy(), std::process::id()));
+        fs::create_dir_all(&temporary).map_err(failed(&temporary))?;
+        Ok(WholeFolder { temporary, place: place.to_owned() })
+    }
+
+    /// Where to write.
+    pub fn folder(&self) -> &Path {
+        &self.temporary
+    }
+
+    /// Gives the folder its final name. An empty folder of that name is replaced.
+    ///
+    /// # Errors
+    /// A folder of that name is not empty, or it cannot be renamed. Then nothing is left behind.
+    pub fn finish(self) -> Result<()> {
+        // Some systems rename onto an empty folder, others do not.
+        if self.place.exists() {
+            fs::remove_dir(&self.place).map_err(failed(&self.place))?;
+        }
+        fs::rename(&self.temporary, &self.place).map_err(failed(&self.place))
+    }
+}
+
+impl Drop for WholeFolder {
+    fn drop(&mut self) {
+        // A temporary folder that cannot be removed stays; one that was renamed is gone.
+        drop(fs::remove_dir_all(&self.temporary));
+    }
+}

@@ -1,0 +1,8 @@
+//! What every other module may use, and what knows nothing of terrain: errors, names, documents, files, progress, colour.
+
+pub mod colour;
+pub mod document;
+pub mod error;
+pub mod files;
+pub mod names;
+pub mod progress;

@@ -1,0 +1,3 @@
+//! Files of foreign formats, read into arrays.
+
+pub mod heightmap;

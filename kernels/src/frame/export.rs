@@ -1,0 +1,79 @@
+//! A picture becomes a file: tone-mapped PNG, or linear OpenEXR with its layers.
+
+use std::path::{Path, PathBuf};
+
+use exr::prelude as e;
+
+use crate::base::colour::{luminance, srgb_code};
+use crate::base::error::{Error, Result};
+use crate::base::files::write_whole;
+use crate::frame::picture::{Layer, Picture};
+
+/// Linear radiance to sRGB for people: Reinhard's curve on luminance, white at radiance 4, colour kept.
+/// Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
+pub fn tone_map(radiance: [f32; 3]) -> [u8; 3] {
+    const WHITE: f32 = 4.0;
+    let luminance = luminance(radiance);
+    let mapped = luminance * (1.0 + luminance / (WHITE * WHITE)) / (1.0 + luminance);
+    let factor = if luminance > 0.0 { mapped / luminance } else { 0.0 };
+    radiance.map(|c| srgb_code(c * factor))
+}
+
+/// Writes 8-bit RGB texels as PNG.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_png_texels(file: &Path, size: [u32; 2], texels: &[[u8; 3]]) -> Result<()> {
+    write_whole(file, |temporary| {
+        image::save_buffer_with_format(
+            temporary,
+            bytemuck::cast_slice(texels),
+            size[0],
+            size[1],
+            image::ExtendedColorType::Rgb8,
+            image::ImageFormat::Png,
+        )
+        .map_err(|error| image_error(file, &error))
+    })
+}
+
+/// Writes the tone-mapped picture.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_png(file: &Path, picture: &Picture) -> Result<()> {
+    let texels: Vec<[u8; 3]> = picture.hdr.iter().map(|t| tone_map([t[0], t[1], t[2]])).collect();
+    write_png_texels(file, picture.size, &texels)
+}
+
+fn image_error(file: &Path, error: &dyn std::fmt::Display) -> Error {
+    Error::Image { file: PathBuf::from(file), what: error.to_string() }
+}
+
+/// Writes the linear picture and its layers, f32, as OpenEXR: channels R G B A, and `layer.channel` for each layer, which is how
+/// OpenEXR names layers within one part (Technical Introduction to OpenEXR, "Channel names").
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_exr(file: &Path, picture: &Picture) -> Result<()> {
+    let size = (picture.size[0] as usize, picture.size[1] as usize);
+    let channel = |name: &str, values: Vec<f32>| e::AnyChannel::new(name, e::FlatSamples::F32(values));
+    let mut channels: Vec<_> =
+        ["R", "G", "B", "A"].iter().enumerate().map(|(k, name)| channel(name, picture.hdr.iter().map(|t| t[k]).collect())).collect();
+    for (name, content) in &picture.layers {
+        let mut split = |names: [&str; 3], texels: &[[f32; 3]]| {
+            channels.extend((0..3).map(|k| channel(&format!("{name}.{}", names[k]), texels.iter().map(|t| t[k]).collect())));
+        };
+        match content {
+            Layer::Rgb(texels) => split(["R", "G", "B"], texels),
+            Layer::Xyz(texels) => split(["X", "Y", "Z"], texels),
+            Layer::Value(values) => channels.push(channel(&format!("{name}.V"), values.clone())),
+        }
+    }
+    let layer = e::Layer::new(size, e::LayerAttributes::default(), e::Encoding::FAST_LOSSLESS, e::AnyChannels::sort(channels.into()));
+    let image = e::Image::from_layer(layer);
+    write_whole(file, |temporary| {
+        use e::WritableImage as _;
+        image.write().to_file(temporary).map_err(|error| image_error(file, &error))
+    })
+}

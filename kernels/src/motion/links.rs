@@ -1,0 +1,47 @@
+//! Links of one sequence of pictures, frame by frame, read back.
+
+use super::{Motion, Slots};
+use crate::base::error::Result;
+use crate::geometry;
+use crate::gpu::{Gpu, Timer, read_buffer};
+use crate::view::camera::View;
+
+/// Where each pixel's surface point was one frame before.
+pub struct Links {
+    motion: Motion,
+    size: [u32; 2],
+    index: u32,
+}
+
+impl Links {
+    /// Compiles the pass and allocates for pictures of `size` pixels.
+    ///
+    /// # Errors
+    /// When the shader does not compile or the device has not the memory.
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, size: [u32; 2]) -> Result<Links> {
+        let motion = Motion::new(gpu, frame_layout, size)?;
+        gpu.check()?;
+        Ok(Links { motion, size, index: 0 })
+    }
+
+    /// Pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Links the picture whose geometry is given, seen by `now`, to the one given before: an index a pixel, [`NO_LINK`](super::NO_LINK) = not seen there. Waits.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn find(&mut self, gpu: &Gpu, frame: &wgpu::BindGroup, geometry: &geometry::Targets, now: View) -> Result<Vec<u32>> {
+        let pixels = self.size[0] * self.size[1];
+        let mut encoder = gpu.encoder("links");
+        let slots = Slots::of(self.index, pixels);
+        self.motion.encode(gpu, &mut encoder, &mut Timer::new(gpu), frame, geometry, &now, &slots);
+        gpu.submit_and_wait(encoder)?;
+        let bytes = read_buffer(gpu, &self.motion.links, u64::from(pixels) * 4)?;
+        self.motion.advance(now);
+        self.index = self.index.wrapping_add(1);
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
+    }
+}

@@ -1,0 +1,50 @@
+//! Who looks, and what every stage knows of it: the camera, and the uniforms of a frame.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::shared::flavour_weights::FlavourParams;
+
+pub mod camera;
+mod flavours;
+mod reprojection;
+
+/// The uniforms that every stage knows.
+pub const FRAME_WGSL: (&str, &str) = ("frame.wgsl", include_str!("frame.wgsl"));
+
+/// Uniforms of a frame; the layout matches `Frame` in `frame.wgsl`, where each field is explained.
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct FrameUniforms {
+    pub clip_from_local: [[f32; 4]; 4],
+    pub camera: [f32; 3],
+    pub sector_m: f32,
+    pub ray_00: [f32; 3],
+    pub near_m: f32,
+    pub ray_dx: [f32; 3],
+    pub height_low_m: f32,
+    pub ray_dy: [f32; 3],
+    pub height_span_m: f32,
+    pub camera_sector: [i32; 2],
+    pub size: [u32; 2],
+    pub seed: u32,
+    pub frame: u32,
+    pub forced_mask: u32,
+    pub page_levels: u32,
+    pub tiles: [u32; 2],
+    pub hash_scale: f32,
+    pub height_sharpness: f32,
+    pub triplanar_sharpness: f32,
+    pub gradient_scale: f32,
+    pub page_texels_per_m: f32,
+    pub page_anisotropy: f32,
+    pub flavours: FlavourParams,
+    pub sun_direction: [f32; 3],
+    pub taps: u32,
+    pub sun_irradiance: [f32; 3],
+    pub noise_world_level: i32,
+    pub sky_zenith: [f32; 3],
+    pub sample_pattern: u32,
+    pub sky_horizon: [f32; 3],
+    pub normals: u32,
+}
