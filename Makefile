@@ -25,7 +25,7 @@ endif
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: ## looks for cargo and a Vulkan driver; installs Mesa's software driver on Debian and Ubuntu where there is none
+setup: ## looks for cargo and a Vulkan driver; installs Mesa's software driver on Debian and Ubuntu where there is none (Debian 12: from backports)
 	@scripts/setup.sh
 
 demo: setup ## the main job in small, on the built-in world; writes a report
@@ -39,6 +39,7 @@ app: setup ## opens the workbench; edited shaders are drawn with at once
 
 test: export RUSTC_WORKSPACE_WRAPPER = $(CURDIR)/scripts/lints.sh
 test: setup ## format, lints, documentation, every test, the notebook
+	@scripts/test_setup.sh
 	$(CARGO) fmt --all --check
 # The whole workspace, as the tests are built: one program alone would be built with other features of its libraries, and all of them twice.
 	$(CARGO) build --release --locked --workspace --all-targets

@@ -1,31 +1,53 @@
 #!/usr/bin/env bash
 # What a fresh machine needs before `make demo` or `make test`: Rust, and a Vulkan driver.
-# Where there is no driver, installs Mesa's software one on Debian and Ubuntu, and says so; elsewhere says what to install.
+# Where there is no driver, this script installs Mesa's software driver on Debian and Ubuntu and says so; elsewhere it says what to install.
+#
+# Debian 12 has Mesa 22.3.6, which takes minutes to compile a shading pipeline with anisotropic filtering. There the driver comes from bookworm-backports.
+# Variables that change this:
+#   SCREE_NO_BACKPORTS=1         never use bookworm-backports
+#   SCREE_BACKPORTS=1, CI=true   replace an older Mesa that is already installed; CI leaves a machine with a GPU driver alone
 set -euo pipefail
+
+# scripts/test_setup.sh puts a folder of its own in front of every path of the system.
+root="${SCREE_SETUP_ROOT:-}"
+sources="$root/etc/apt/sources.list.d"
+own_source="$sources/scree-backports.sources"
+# The oldest Mesa that compiles anisotropic shading pipelines in seconds.
+good_mesa=23
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 fail() { say "$*"; exit 1; }
+is_set() { case "${!1:-}" in '' | 0 | false) return 1 ;; esac }
 
-if ! command -v cargo >/dev/null; then
-    if [ -x "${CARGO_HOME:-$HOME/.cargo}/bin/cargo" ]; then
-        fail "Rust is installed, but cargo is not on the PATH: run '. \"${CARGO_HOME:-$HOME/.cargo}/env\"' and call make again"
+# --- What is there ---
+
+check_compilers() {
+    if ! command -v cargo >/dev/null; then
+        if [ -x "${CARGO_HOME:-$HOME/.cargo}/bin/cargo" ]; then
+            fail "Rust is installed, but cargo is not on the PATH: run '. \"${CARGO_HOME:-$HOME/.cargo}/env\"' and call make again"
+        fi
+        fail "cargo was not found: install Rust from https://rustup.rs, open a new shell, and call make again"
     fi
-    fail "cargo was not found: install Rust from https://rustup.rs, open a new shell, and call make again"
-fi
-if ! command -v cc >/dev/null && ! command -v clang >/dev/null && ! command -v gcc >/dev/null; then
-    fail "no C compiler was found, which Rust links with: install one (Debian and Ubuntu: apt-get install build-essential)"
-fi
-if ! command -v c++ >/dev/null && ! command -v clang++ >/dev/null && ! command -v g++ >/dev/null && [ -z "${CXX:-}" ]; then
-    fail "no C++ compiler was found, which FLIP is built with: install one (Debian and Ubuntu: apt-get install g++)"
-fi
-
-# Metal and Direct3D 12 belong to the operating system.
-[ "$(uname -s)" = Linux ] || exit 0
-
-has_driver() {
-    [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] && return 0
-    compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null || compgen -G '/etc/vulkan/icd.d/*.json' >/dev/null
+    if ! command -v cc >/dev/null && ! command -v clang >/dev/null && ! command -v gcc >/dev/null; then
+        fail "no C compiler was found, which Rust links with: install one (Debian and Ubuntu: apt-get install build-essential)"
+    fi
+    if ! command -v c++ >/dev/null && ! command -v clang++ >/dev/null && ! command -v g++ >/dev/null && [ -z "${CXX:-}" ]; then
+        fail "no C++ compiler was found, which FLIP is built with: install one (Debian and Ubuntu: apt-get install g++)"
+    fi
 }
+
+# The manifests of Vulkan drivers, one a line. A driver that is named by a variable replaces those of the system.
+driver_manifests() {
+    local named="${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}"
+    if [ -n "$named" ]; then
+        tr ':' '\n' <<<"$named"
+    else
+        compgen -G "$root/usr/share/vulkan/icd.d/*.json" || true
+        compgen -G "$root/etc/vulkan/icd.d/*.json" || true
+    fi
+}
+has_driver() { [ -n "$(driver_manifests)" ]; }
+
 # The driver's manifest is of no use without the loader that reads it; a driver that VK_DRIVER_FILES names may bring its own.
 has_loader() {
     local ldconfig
@@ -35,31 +57,209 @@ has_loader() {
     "$ldconfig" -p | grep 'libvulkan\.so\.1' >/dev/null || [ -n "${LD_LIBRARY_PATH:-}" ]
 }
 
-packages=()
-has_driver || packages+=(mesa-vulkan-drivers)
-has_loader || packages+=(libvulkan1)
-[ "${#packages[@]}" -gt 0 ] || exit 0
+missing_packages() {
+    local names=()
+    has_driver || names+=(mesa-vulkan-drivers)
+    has_loader || names+=(libvulkan1)
+    echo "${names[*]-}"
+}
+
+is_debian_12() (
+    [ -r "$root/etc/os-release" ] || exit 1
+    # shellcheck disable=SC1091
+    . "$root/etc/os-release"
+    [ "${ID:-}" = debian ] && [ "${VERSION_CODENAME:-}" = bookworm ]
+)
+
+# Whether a Debian version such as 22.3.6-1+deb12u2 is older than $good_mesa.
+is_old() {
+    local upstream="${1#*:}"
+    [ "${upstream%%.*}" -lt "$good_mesa" ]
+}
+
+# The version of the installed package, without Debian's part; nothing where it is not installed.
+mesa_version() {
+    # shellcheck disable=SC2016 # the fields are dpkg-query's
+    dpkg-query -W -f '${db:Status-Status} ${Version}\n' mesa-vulkan-drivers 2>/dev/null | awk '$1 == "installed" { sub(/-[^-]*$/, "", $2); print $2; exit }' || true
+}
+mesa_is_old() {
+    local version
+    version="$(mesa_version)"
+    [ -n "$version" ] && is_old "$version"
+}
+
+# Whether a GPU draws: a driver that is not Mesa's, or a GPU that an old Mesa has a Vulkan driver for. Asked only where Mesa is installed.
+has_gpu_driver() {
+    grep -sE '^DRIVER=(amdgpu|i915|msm|v3d)' "$root"/sys/class/drm/renderD*/device/uevent >/dev/null && return
+    local manifests manifest mesa_files
+    manifests="$(driver_manifests)"
+    mesa_files="$(dpkg-query -L mesa-vulkan-drivers)"
+    while read -r manifest; do
+        grep -Fx -e "${manifest#"$root"}" <<<"$mesa_files" >/dev/null || return 0
+    done <<<"$manifests"
+    return 1
+}
+
+# What to do about Mesa on Debian 12: use `backports`, `tell` of them, or `nothing`.
+plan_for_mesa() {
+    if ! is_debian_12 || is_set SCREE_NO_BACKPORTS; then
+        echo nothing
+    elif ! has_driver; then
+        echo backports
+    elif ! mesa_is_old; then
+        echo nothing
+    elif is_set SCREE_BACKPORTS; then
+        echo backports
+    elif has_gpu_driver; then
+        echo nothing
+    elif is_set CI; then
+        echo backports
+    else
+        echo tell
+    fi
+}
+
+# --- Installing with apt ---
+
+may_install() { [ "$(id -u)" -eq 0 ] || command -v sudo >/dev/null; }
+as_root() { if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi; }
+update_lists() { as_root apt-get update "$@" >&2; }
+install_packages() { as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$@" >&2; }
+
+# Whether a source of backports that apt knows offers a Mesa that is new enough.
+newer_mesa_is_offered() {
+    local version
+    for version in $(apt-cache madison mesa-vulkan-drivers 2>/dev/null | awk -F ' *[|] *' '$3 ~ /-backports\// { print $2 }'); do
+        is_old "$version" || return 0
+    done
+    return 1
+}
+
+# The file of apt's sources that already names the backports, if there is one.
+backports_source() {
+    local files
+    files="$(grep -lsE '^[^#]*(bookworm|stable)-backports' "$root/etc/apt/sources.list" "$sources"/*.list "$sources"/*.sources || true)"
+    head -n 1 <<<"$files"
+}
+
+# The mirror that the machine has Debian 12 from. A URI with a password is left out: the new file is readable by everyone.
+debian_mirror() {
+    # shellcheck disable=SC2016 # the fields are apt's
+    apt-get indextargets --format '$(ORIGIN)|$(CODENAME)|$(COMPONENT)|$(REPO_URI)' 'Created-By: Packages' |
+        awk -F '|' '$1 == "Debian" && $2 == "bookworm" && $3 == "main" && $4 !~ /^cdrom:|@/ && !found { sub(/\/$/, "", $4); print $4; found = 1 }'
+}
+
+# Adds the source: the file is written whole under a name that apt ignores, then renamed.
+write_own_source() {
+    local text
+    text="$(printf '%s\n' "# Added by Scree's scripts/setup.sh for mesa-vulkan-drivers." 'Types: deb' "URIs: $1" 'Suites: bookworm-backports' 'Components: main' \
+        'Signed-By: /usr/share/keyrings/debian-archive-keyring.gpg')"
+    # shellcheck disable=SC2016 # expanded by the inner shell
+    as_root sh -c 'umask 022; new="$1/.scree-backports.new"
+        if printf "%s\n" "$3" >"$new" && mv -f "$new" "$2"; then exit 0; fi
+        rm -f "$new"; exit 1' sh "$sources" "$own_source" "$text"
+}
+# Takes away the source that this run added, if it did: the last step of every run that does not succeed.
+source_added=false
+drop_added_source() {
+    $source_added || return 0
+    source_added=false
+    as_root rm -f "$own_source"
+    say "removed $own_source again"
+}
+trap drop_added_source EXIT
+
+# Makes sure that apt offers a newer Mesa, with a source of our own where the machine has none.
+offer_newer_mesa() {
+    newer_mesa_is_offered && return
+    # A source that has nothing to do with this may fail: what counts is what is offered afterwards.
+    update_lists || true
+    newer_mesa_is_offered && return
+
+    local present mirror
+    present="$(backports_source)"
+    if [ -n "$present" ]; then
+        say "$present names the backports of Debian 12, but apt offers no newer Mesa from there"
+        return 1
+    fi
+    mirror="$(debian_mirror)" || mirror=""
+    if [ -z "$mirror" ]; then
+        say "apt's sources name no mirror of Debian 12 that bookworm-backports could come from"
+        return 1
+    fi
+
+    source_added=true
+    write_own_source "$mirror" || return
+    say "added the package source bookworm-backports in $own_source; to remove it: delete that file as root and run 'apt-get update'"
+    # The lists of this source alone, any failure of which counts.
+    update_lists -o Dir::Etc::sourcelist="$own_source" -o Dir::Etc::sourceparts=/dev/null -o APT::Get::List-Cleanup=0 -o APT::Update::Error-Mode=any &&
+        newer_mesa_is_offered
+}
+
+# -t lets apt take from the backports what the driver depends on, too; packages that have nothing to do with it stay as they are, and none is removed.
+install_newer_mesa() {
+    local wanted=(--no-remove -t bookworm-backports mesa-vulkan-drivers libvulkan1)
+    if offer_newer_mesa && { install_packages "${wanted[@]}" || { update_lists && install_packages "${wanted[@]}"; }; }; then
+        source_added=false
+        return
+    fi
+    drop_added_source
+    return 1
+}
+
+# --- The steps ---
+
+# An interruption ends the script, and is not taken for a failure of apt's.
+trap 'exit 130' INT
+trap 'exit 143' TERM HUP
+
+check_compilers
+
+# Metal and Direct3D 12 belong to the operating system.
+[ "$(uname -s)" = Linux ] || exit 0
+
+missing="$(missing_packages)"
+plan="$(plan_for_mesa)"
+if [ "$plan" = tell ]; then
+    say "Mesa $(mesa_version) takes minutes to compile anisotropic shading pipelines, so scenes are drawn with anisotropy 1:" \
+        "run 'SCREE_BACKPORTS=1 make setup' for Mesa 25 from bookworm-backports (SCREE_NO_BACKPORTS=1 hides this line)"
+fi
+if [ -z "$missing" ] && [ "$plan" != backports ]; then
+    exit 0
+fi
 
 if ! command -v apt-get >/dev/null; then
     fail "no Vulkan driver (or no Vulkan loader) was found: install your GPU's, or Mesa's software driver" \
         "(Fedora: mesa-vulkan-drivers vulkan-loader; Arch: vulkan-swrast vulkan-icd-loader; Alpine: mesa-vulkan-swrast vulkan-loader)"
 fi
-
-as_root=()
-if [ "$(id -u)" -ne 0 ]; then
-    command -v sudo >/dev/null ||
+if ! may_install; then
+    if [ -n "$missing" ]; then
         fail "no Vulkan driver (or no Vulkan loader) was found, and there is no sudo to install it with:" \
-            "as root, run 'apt-get install ${packages[*]}'"
-    as_root=(sudo)
+            "as root, run 'apt-get install $missing'$([ "$plan" != backports ] || echo ", best with '-t bookworm-backports'")"
+    fi
+    say "Mesa $(mesa_version) stays: it would be replaced by the one of bookworm-backports, but there is no sudo to install it with"
+    exit 0
 fi
 
-say "no Vulkan driver (or no Vulkan loader) was found; installing Mesa's software Vulkan with apt-get: ${packages[*]}"
-install_packages() {
-    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${packages[@]}" >&2
-}
-# The package lists of a fresh image are empty or old: fetch them when the first attempt fails.
-install_packages || { "${as_root[@]}" apt-get update >&2 && install_packages; } ||
-    fail "apt-get could not install ${packages[*]}: its messages are above; install them by hand and call make again"
+if [ "$plan" = backports ]; then
+    if ! has_driver; then
+        say "no Vulkan driver was found; installing Mesa's software Vulkan from bookworm-backports with apt-get (SCREE_NO_BACKPORTS=1 declines)"
+    else
+        say "replacing Mesa $(mesa_version) by the one of bookworm-backports with apt-get (SCREE_NO_BACKPORTS=1 declines)"
+    fi
+    install_newer_mesa || say "Mesa could not be installed from bookworm-backports (messages above): the driver of Debian 12 is used instead"
+    missing="$(missing_packages)"
+fi
+if [ -n "$missing" ]; then
+    say "no Vulkan driver (or no Vulkan loader) was found; installing Mesa's software Vulkan with apt-get: $missing"
+    read -ra packages <<<"$missing"
+    # The package lists of a fresh image are empty or old: fetch them when the first attempt fails.
+    install_packages "${packages[@]}" || { update_lists && install_packages "${packages[@]}"; } ||
+        fail "apt-get could not install $missing: its messages are above; install them by hand and call make again"
+fi
 
-has_driver || fail "${packages[*]} installed, yet there is no driver in /usr/share/vulkan/icd.d: install your GPU's Vulkan driver"
+has_driver || fail "mesa-vulkan-drivers is installed, yet there is no driver in /usr/share/vulkan/icd.d: install your GPU's Vulkan driver"
+if is_debian_12 && [ "$plan" != tell ] && mesa_is_old && ! has_gpu_driver; then
+    say "Mesa $(mesa_version) takes minutes to compile anisotropic shading pipelines, so scenes are drawn with anisotropy 1"
+fi
 say "Vulkan is there now; on a software driver pictures are right, and times are good for ratios only"
