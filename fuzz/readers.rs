@@ -14,13 +14,12 @@ use experiments::definition;
 use experiments::judge;
 use experiments::store::{Manifest, table};
 use kernels::base::document;
-use kernels::decode::heightmap;
-use kernels::decode::heightmap::ReadOptions;
+use kernels::decode::heightmap::{self, ReadOptions};
 use kernels::materials::folder;
 use kernels::scene::{self, Scene};
-use workbench::kept::{Kept, Refused};
-use workbench::places::Recorded;
-use workbench::settings::Settings;
+use workbench::model::kept::{Kept, Refused};
+use workbench::model::places::Recorded;
+use workbench::model::settings::Settings;
 
 /// A name that no error may be mistaken to come from.
 const NAME: &str = "fuzz";

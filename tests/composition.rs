@@ -3,7 +3,6 @@
 use kernels::composition::{Destination, Layers};
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
-use kernels::geometry::NormalEncoding;
 use kernels::metrics::read_signal;
 use kernels::motion::{LAGS, NO_LINK};
 use kernels::shared::motion::{Past, expected_distance, in_quarter, past_ray, reproject};
@@ -11,6 +10,7 @@ use kernels::shared::noise::NoiseKind;
 use kernels::shared::signal;
 use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::Variant;
+use kernels::view::normals::NormalEncoding;
 
 use crate::frame::{SIZE, gpu, pose, renderer, request, second_renderer, small_scene, terrain};
 
@@ -24,7 +24,7 @@ fn all_flavours() -> Variant {
 fn every_variant_composed_equals_its_own_shader() {
     let mut renderer = renderer();
     let mut base = request(&renderer, "cliff");
-    base.aovs = AovSet::from_names(&["albedo", "fetches", "choice"]).expect("known layers");
+    base.outputs.aovs = AovSet::from_names(&["albedo", "fetches", "choice"]).expect("known layers");
     let layers = Layers::new(gpu(), SIZE);
     let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     let buffer = gpu().buffer("composed", usage, u64::from(PIXELS) * 8);
@@ -32,10 +32,10 @@ fn every_variant_composed_equals_its_own_shader() {
     let mut previous: Option<Vec<[u32; 2]>> = None;
     for variant in Variant::all().map(Some).chain([None]) {
         let stream = renderer.composition().stream(variant);
-        renderer.compose(&base, &layers, &[Destination { stream, signal: &buffer, offset: 0 }]).expect("composes");
+        renderer.drawn_as(&base).expect("drawn").compose(&layers, &[Destination { stream, signal: &buffer, offset: 0 }]).expect("composes");
         let composed = read_signal(gpu(), &buffer, 0, PIXELS).expect("the device works");
         let choice = variant.map_or(VariantChoice::Auto, VariantChoice::Forced);
-        let own = renderer.render(&RenderRequest { variant: choice, ..base.clone() }).expect("renders");
+        let own = renderer.render(&base.with(|r| r.shading.variant = choice)).expect("renders");
         let name = variant.map_or_else(|| "auto".to_owned(), |v| v.to_string());
         let (albedo, fetches) = (own.vectors("albedo").expect("asked for"), own.values("fetches").expect("asked for"));
         let choices = own.values("choice").expect("asked for");
@@ -66,10 +66,8 @@ fn every_variant_composed_equals_its_own_shader() {
 #[test]
 fn links_lead_to_the_same_surface_point() {
     let mut renderer = second_renderer();
-    let base = RenderRequest {
-        aovs: AovSet::from_names(&["position", "depth", "ddx", "ddy"]).expect("known layers"),
-        ..request(&renderer, "ground")
-    };
+    let base = request(&renderer, "ground")
+        .with(|r| r.outputs.aovs = AovSet::from_names(&["position", "depth", "ddx", "ddy"]).expect("known layers"));
     let layers = Layers::new(gpu(), SIZE);
     let mut meter = renderer.meter(SIZE, &[Resolve::Off]).expect("the passes compile");
     let right = pose(&renderer, "ground").axes()[0];
@@ -81,11 +79,11 @@ fn links_lead_to_the_same_surface_point() {
     let flavour = Variant::new(2).expect("a variant");
     for (index, step) in steps.into_iter().enumerate() {
         let mut request = base.clone();
-        request.pose.position += right * step;
-        request.variant = VariantChoice::Forced(flavour);
+        request.view.pose.position += right * step;
+        request.shading.variant = VariantChoice::Forced(flavour);
         let picture = renderer.render(&request).expect("renders");
         renderer.draw_flavours(&request, flavour, &layers).expect("draws");
-        let (sums, _) = renderer.measure(&request, &layers, &mut meter, &[Some(flavour)]).expect("measures");
+        let (sums, _) = renderer.drawn_as(&request).expect("drawn").measure(&layers, &mut meter, &[Some(flavour)]).expect("measures");
         positions.push(picture.vectors("position").expect("asked for").to_vec());
         let (ddx, ddy) = (picture.vectors("ddx").expect("asked for"), picture.vectors("ddy").expect("asked for"));
         let length = |v: &[f32; 3]| v.iter().map(|x| x * x).sum::<f32>().sqrt();
@@ -169,10 +167,16 @@ fn reprojection_inverts_rays_also_a_thousand_kilometres_out() {
 fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
     let mut renderer = second_renderer();
     let base =
-        RenderRequest { aovs: AovSet::from_names(&["position", "ddx", "ddy"]).expect("known layers"), ..request(&renderer, "ground") };
+        request(&renderer, "ground").with(|r| r.outputs.aovs = AovSet::from_names(&["position", "ddx", "ddy"]).expect("known layers"));
     let flavour = VariantChoice::Forced(Variant::new(2).expect("a variant"));
-    let [centre, left, top] = [SamplePattern::Centre, SamplePattern::LeftEdges, SamplePattern::TopEdges]
-        .map(|sample_pattern| renderer.render(&RenderRequest { sample_pattern, variant: flavour, ..base.clone() }).expect("renders"));
+    let [centre, left, top] = [SamplePattern::Centre, SamplePattern::LeftEdges, SamplePattern::TopEdges].map(|sample_pattern| {
+        renderer
+            .render(&base.with(|r| {
+                r.shading.sample_pattern = sample_pattern;
+                r.shading.variant = flavour;
+            }))
+            .expect("renders")
+    });
     let vectors = |p: &kernels::frame::picture::Picture, n: &str| p.vectors(n).expect("asked for").to_vec();
     let (mut checked, mut wrong) = (0, 0);
     for (picture, pattern) in [(&left, SamplePattern::LeftEdges), (&top, SamplePattern::TopEdges)] {
@@ -209,7 +213,12 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     let albedo = |renderer: &mut Renderer<'_>, variant: VariantChoice, noise: NoiseKind, normals: NormalEncoding| {
         // Counted, as the test of all variants has it, which shares a renderer with this one: its shaders are compiled once.
         let aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
-        let request = RenderRequest { aovs, variant, noise, normals, ..request(renderer, "cliff") };
+        let request = request(renderer, "cliff").with(|r| {
+            r.outputs.aovs = aovs;
+            r.shading.variant = variant;
+            r.shading.noise = noise;
+            r.geometry.normals = normals;
+        });
         let picture = renderer.render(&request).expect("renders");
         let tiles = picture.report.tiles.clone();
         (picture.vectors("albedo").expect("asked for").to_vec(), tiles, terrain(&picture))

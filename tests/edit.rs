@@ -19,11 +19,10 @@ fn editable(scene: &Scene, sketch: Option<u32>) -> Renderer<'static> {
 /// The ground by pages and, far off, by the atlas.
 fn ground(renderer: &Renderer<'_>) -> RenderRequest {
     let both = Flavour::VirtualTexture.bit() | Flavour::FarAtlas.bit();
-    RenderRequest {
-        variant: VariantChoice::Forced(Variant::new(both).expect("a set")),
-        aovs: AovSet::from_names(&["albedo", "normal"]).expect("known layers"),
-        ..RenderRequest::new(pose(renderer, "ground"), SIZE)
-    }
+    RenderRequest::new(pose(renderer, "ground"), SIZE).with(|r| {
+        r.shading.variant = VariantChoice::Forced(Variant::new(both).expect("a set"));
+        r.outputs.aovs = AovSet::from_names(&["albedo", "normal"]).expect("known layers");
+    })
 }
 
 fn draw(renderer: &mut Renderer<'_>) -> Picture {
@@ -190,13 +189,13 @@ fn a_renderer_that_is_not_editable_says_so() {
 fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     let mut renderer = crate::frame::renderer();
     let far = Variant::only(Flavour::FarAtlas);
-    let base = RenderRequest { variant: VariantChoice::Forced(far), ..RenderRequest::new(pose(&renderer, "ground"), SIZE) };
+    let base = RenderRequest::new(pose(&renderer, "ground"), SIZE).with(|r| r.shading.variant = VariantChoice::Forced(far));
     let plain = renderer.render(&base).expect("renders");
     // A level coarser: a part of the nodes and patches.
-    let coarse = renderer.render(&RenderRequest { lod_bias: 1.0, ..base.clone() }).expect("renders");
+    let coarse = renderer.render(&base.with(|r| r.geometry.lod_bias = 1.0)).expect("renders");
     assert!(coarse.report.nodes < plain.report.nodes && coarse.report.patches < plain.report.patches, "{:?}", coarse.report);
     // Every second vertex: the same nodes and patches, another surface, and no crack in it.
-    let sparse = renderer.render(&RenderRequest { vertex_stride: 2, ..base.clone() }).expect("renders");
+    let sparse = renderer.render(&base.with(|r| r.geometry.vertex_stride = 2)).expect("renders");
     assert_eq!((&sparse.report.drawn, sparse.report.patches), (&plain.report.drawn, plain.report.patches));
     assert!(differing(&sparse, &plain) > 0);
     let sky_below_ground = |picture: &Picture| {
@@ -210,35 +209,47 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
             for turn in (0..12).step_by(if lod_bias > 0.0 { 1 } else { 4 }) {
                 let mut pose = pose(&renderer, camera);
                 pose.yaw += f64::from(turn) * std::f64::consts::TAU / 12.0;
-                let request = RenderRequest { pose, vertex_stride, lod_bias, ..base.clone() };
+                let request = base.with(|r| {
+                    r.view.pose = pose;
+                    r.geometry.vertex_stride = vertex_stride;
+                    r.geometry.lod_bias = lod_bias;
+                });
                 let picture = renderer.render(&request).expect("renders");
                 let holes = sky_below_ground(&picture);
                 assert_eq!(holes, 0, "{camera}, {turn} twelfths: sky through the ground, stride {vertex_stride}, bias {lod_bias}");
             }
         }
     }
-    let error = renderer.render(&RenderRequest { vertex_stride: 3, ..base.clone() }).expect_err("no such stride").to_string();
+    let error = renderer.render(&base.with(|r| r.geometry.vertex_stride = 3)).expect_err("no such stride").to_string();
     assert!(error.contains("1, 2 or 4"), "{error}");
-    let fine = renderer.render(&RenderRequest { lod_bias: -0.5, ..base.clone() }).expect("renders");
+    let fine = renderer.render(&base.with(|r| r.geometry.lod_bias = -0.5)).expect("renders");
     assert!(fine.report.nodes > plain.report.nodes, "{} of {}", fine.report.nodes, plain.report.nodes);
     for bias in [f64::NAN, 5.0, -3.0] {
-        let error = renderer.render(&RenderRequest { lod_bias: bias, ..base.clone() }).expect_err("out of range").to_string();
+        let error = renderer.render(&base.with(|r| r.geometry.lod_bias = bias)).expect_err("out of range").to_string();
         assert!(error.contains("LOD") && error.contains("-2"), "{error}");
     }
 
     // Turned away, what was seen before is still what is drawn, and seen from the right place: turned back it is the same picture.
-    let mut away = base.pose;
+    let mut away = base.view.pose;
     away.yaw += std::f64::consts::PI;
     away.position.x += 200.0;
-    let turned = renderer.render(&RenderRequest { pose: away, ..base.clone() }).expect("renders");
+    let turned = renderer.render(&base.with(|r| r.view.pose = away)).expect("renders");
     assert_ne!(turned.report.drawn, plain.report.drawn);
-    let frozen = renderer.render(&RenderRequest { pose: away, culled_from: Some(base.pose), ..base.clone() }).expect("renders");
+    let frozen = renderer
+        .render(&base.with(|r| {
+            r.view.pose = away;
+            r.geometry.culled_from = Some(base.view.pose);
+        }))
+        .expect("renders");
     assert_eq!((&frozen.report.drawn, frozen.report.patches), (&plain.report.drawn, plain.report.patches));
     // From beyond the sector that culling was frozen in, the ground that it kept lies where it lay.
-    let mut above = base.pose;
+    let mut above = base.view.pose;
     (above.position.z, above.pitch) = (above.position.z + 400.0, -0.6);
-    let request = RenderRequest { pose: above, aovs: AovSet::from_names(&["position"]).expect("known"), ..base.clone() };
-    let frozen = renderer.render(&RenderRequest { culled_from: Some(base.pose), ..request }).expect("renders");
+    let request = base.with(|r| {
+        r.view.pose = above;
+        r.outputs.aovs = AovSet::from_names(&["position"]).expect("known");
+    });
+    let frozen = renderer.render(&request.with(|r| r.geometry.culled_from = Some(base.view.pose))).expect("renders");
     let positions = frozen.vectors("position").expect("asked for");
     let on = frozen.hdr.iter().map(|t| t[3] > 0.0);
     let off =
@@ -248,9 +259,9 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     assert!(off.len() > 100 && off[off.len() / 2] < 1.0, "{} pixels, median {:?} m off the ground", off.len(), off.get(off.len() / 2));
 
     // Each variant in a pass of its own is the same picture.
-    let auto = RenderRequest { variant: VariantChoice::Auto, ..base };
+    let auto = base.with(|r| r.shading.variant = VariantChoice::Auto);
     let whole = renderer.render(&auto).expect("renders");
-    let timed = renderer.render(&RenderRequest { time_variants: true, ..auto }).expect("renders");
+    let timed = renderer.render(&auto.with(|r| r.outputs.time_variants = true)).expect("renders");
     assert_eq!(differing(&whole, &timed), 0);
     let names: Vec<String> = timed.report.passes.iter().map(|pass| pass.name.clone()).collect();
     // Where a device has no timestamps, nothing is timed.

@@ -9,10 +9,11 @@ use ::experiments::definition;
 use eframe::egui::Modifiers;
 use image::{Rgb, RgbImage};
 use kernels::frame::Renderer;
+use kernels::oracle::Pixel;
 use kernels::scene::{self, Scene, StrokeKind};
-use workbench::brush::{Ground, length_m};
-use workbench::engine::{Shown, Viewpoint};
-use workbench::inspector::Pixel;
+use workbench::model::brush::{Ground, length_m};
+use workbench::model::picture::Shown;
+use workbench::model::viewpoint::Viewpoint;
 use workbench::script::{Stage, Step};
 
 use crate::bad_input::Folder;
@@ -22,16 +23,16 @@ use crate::workbench::{cheap_stage, take};
 /// The application before a few metres of ground, looked down at, with the pixel in the middle of the picture taken apart.
 fn stage() -> Stage {
     let mut stage = cheap_stage();
-    let mut pose = stage.app().shown().expect("a picture").pose;
+    let mut pose = stage.model().shown().expect("a picture").pose;
     (pose.position.z, pose.pitch) = (pose.position.z + 8.0, -0.8);
-    stage.app().viewpoint = Viewpoint::Free { pose, walking: false };
-    stage.app().probe = Some([0.5, 0.5]);
+    stage.model().viewpoint = Viewpoint::Free { pose, walking: false };
+    stage.model().probe = Some([0.5, 0.5]);
     stage.settle().expect("a picture");
     stage
 }
 
 fn shown(stage: &mut Stage) -> Arc<Shown> {
-    stage.app().shown().expect("a picture").clone()
+    stage.model().shown().expect("a picture").clone()
 }
 
 fn pixel(shown: &Shown) -> &Pixel {
@@ -50,7 +51,7 @@ fn differing(a: &Shown, b: &Shown) -> usize {
 
 /// A material of the scene that is not among those.
 fn another(stage: &mut Stage, lying: &BTreeSet<String>) -> String {
-    let materials = &stage.app().settings.scene.materials;
+    let materials = &stage.model().settings.scene.materials;
     materials.iter().map(|material| material.name.clone()).rfind(|name| !lying.contains(name)).expect("more materials than four")
 }
 
@@ -102,42 +103,42 @@ fn a_drag_paints_the_ground_and_undo_takes_the_whole_drag_back() {
     take(&mut stage, "key B");
     stage.drag([-40.0, 0.0]).expect("a picture");
     assert!(shown(&mut stage).pose != turned);
-    assert_eq!(stage.app().settings.scene.strokes.len(), 1);
+    assert_eq!(stage.model().settings.scene.strokes.len(), 1);
 }
 
 #[test]
 fn clicks_paint_dabs_that_are_listed_and_removed() {
     let mut stage = stage();
     take(&mut stage, "click Brush; key B");
-    assert!(stage.app().brush.paints);
+    assert!(stage.model().brush.paints);
     let before = shown(&mut stage);
     let name = another(&mut stage, &lying(&before));
     take(&mut stage, &format!("click Brush material; click {name}; set Brush radius = 2"));
-    stage.app().probe = None;
+    stage.model().probe = None;
     take(&mut stage, "click Picture");
-    assert_eq!(stage.app().probe, None, "a click of the brush takes nothing apart");
+    assert_eq!(stage.model().probe, None, "a click of the brush takes nothing apart");
     assert!(stage.has(&format!("Stroke 1: Splat, {name}, 1 point, 0.0 m")), "{:?}", stage.names());
     let dab = shown(&mut stage);
     assert!(differing(&before, &dab) > 0);
     // A mask over it, which leaves its edge to the rules.
     take(&mut stage, "click Brush kind; click Mask; set Brush fade = 1; set Brush amount = 0.5; click Picture");
-    let strokes = stage.app().settings.scene.strokes.clone();
+    let strokes = stage.model().settings.scene.strokes.clone();
     assert_eq!((strokes.len(), strokes[1].kind, strokes[1].fade_m, strokes[1].amount), (2, StrokeKind::Mask, 1.0, 0.5));
     take(&mut stage, "click Remove stroke 2");
-    assert_eq!((stage.app().settings.scene.strokes.len(), differing(&dab, &shown(&mut stage))), (1, 0));
+    assert_eq!((stage.model().settings.scene.strokes.len(), differing(&dab, &shown(&mut stage))), (1, 0));
     take(&mut stage, "click Picture; click Clear strokes");
-    assert!(stage.app().settings.scene.strokes.is_empty());
+    assert!(stage.model().settings.scene.strokes.is_empty());
     assert_eq!(differing(&before, &shown(&mut stage)), 0);
     // That can be undone.
     take(&mut stage, "click Undo");
-    assert_eq!(stage.app().settings.scene.strokes.len(), 2);
+    assert_eq!(stage.model().settings.scene.strokes.len(), 2);
 }
 
 #[test]
 fn a_tint_changes_the_picture_and_reset_brings_it_back() {
     let mut stage = stage();
     let (before, name) = select_lying(&mut stage);
-    let original = stage.app().settings.scene.clone();
+    let original = stage.model().settings.scene.clone();
     let albedo = |shown: &Shown, name: &str| shown.mean_albedo(name).expect("it is in the scene");
     let usual = albedo(&before, &name);
     take(&mut stage, "set Tint red = 0.25");
@@ -155,67 +156,67 @@ fn a_tint_changes_the_picture_and_reset_brings_it_back() {
         assert_eq!(differing(&before, &changed) == 0, has_new_name, "{change}");
         assert_eq!(lying(&changed).contains("stone"), has_new_name, "{change}: rules follow, and nothing looks different");
         take(&mut stage, reset);
-        assert!(stage.app().settings.scene == original, "{change}");
+        assert!(stage.model().settings.scene == original, "{change}");
         assert_eq!(differing(&before, &shown(&mut stage)), 0, "{reset} after {change}");
     }
     // Numbers arrive where they belong.
     take(&mut stage, "set Texture tile = 7; set Texture turn = 45; set Normal strength = 0.5; set Tint blue = 3");
-    let material = stage.app().settings.scene.materials.iter().find(|material| material.name == name).expect("it is there").clone();
+    let material = stage.model().settings.scene.materials.iter().find(|material| material.name == name).expect("it is there").clone();
     assert_eq!((material.tile_m, material.orientation_deg, material.normal_strength, material.tint[2]), (7.0, 45.0, 0.5, 3.0));
     take(&mut stage, "click Reset Texture tile; click Reset Texture turn; click Reset Normal strength; click Reset Tint");
-    assert!(stage.app().settings.scene == original);
+    assert!(stage.model().settings.scene == original);
     // What is used stays, what is not goes; a name that is taken is refused.
     take(&mut stage, "click Remove material");
-    assert!(says(&stage, &format!("`{name}` is used by")) && stage.app().settings.scene == original, "{:?}", stage.names());
+    assert!(says(&stage, &format!("`{name}` is used by")) && stage.model().settings.scene == original, "{:?}", stage.names());
     take(&mut stage, &format!("click Material {name}; click Add material; type Material name = {name}"));
     assert!(says(&stage, "is the name of another material"), "{:?}", stage.names());
-    assert_eq!(stage.app().settings.scene.materials.last().map(|material| material.name.clone()), Some(format!("{name} 2")));
+    assert_eq!(stage.model().settings.scene.materials.last().map(|material| material.name.clone()), Some(format!("{name} 2")));
     take(&mut stage, "click Remove material");
-    assert!(stage.app().settings.scene == original);
+    assert!(stage.model().settings.scene == original);
 }
 
 #[test]
 fn rules_are_removed_moved_and_brought_back() {
     let mut stage = stage();
     let before = shown(&mut stage);
-    let original = stage.app().settings.scene.clone();
+    let original = stage.model().settings.scene.clone();
     let name = pixel(&before).splat[0].material.clone();
     take(&mut stage, "click Rules");
     let open = |stage: &mut Stage, number: usize| {
-        let material = stage.app().settings.scene.rules[number - 1].material.clone();
+        let material = stage.model().settings.scene.rules[number - 1].material.clone();
         if !stage.has(&format!("Remove rule {number}")) {
             take(stage, &format!("click Rule {number}: {material}"));
         }
     };
-    while let Some(i) = stage.app().settings.scene.rules.iter().position(|rule| rule.material == name) {
+    while let Some(i) = stage.model().settings.scene.rules.iter().position(|rule| rule.material == name) {
         open(&mut stage, i + 1);
         take(&mut stage, &format!("click Remove rule {}", i + 1));
     }
     let removed = shown(&mut stage);
     assert!(!lying(&removed).contains(&name) && differing(&before, &removed) > 0, "{name} still lies there");
     take(&mut stage, "click Reset rules");
-    assert!(stage.app().settings.scene == original && differing(&before, &shown(&mut stage)) == 0);
+    assert!(stage.model().settings.scene == original && differing(&before, &shown(&mut stage)) == 0);
 
     open(&mut stage, 1);
     take(&mut stage, "click Move rule 1 down");
-    assert_eq!(stage.app().settings.scene.rules[1], original.rules[0]);
+    assert_eq!(stage.model().settings.scene.rules[1], original.rules[0]);
     open(&mut stage, 2);
     take(&mut stage, "click Move rule 2 up");
-    assert!(stage.app().settings.scene == original);
+    assert!(stage.model().settings.scene == original);
     // A copy of the last changes nothing, until it is given other numbers.
     take(&mut stage, "click Add rule");
-    assert_eq!((stage.app().settings.scene.rules.len(), differing(&before, &shown(&mut stage))), (original.rules.len() + 1, 0));
+    assert_eq!((stage.model().settings.scene.rules.len(), differing(&before, &shown(&mut stage))), (original.rules.len() + 1, 0));
     take(&mut stage, "click Reset rules");
     // What a band's ends may not do is not done.
     let i = original.rules.iter().position(|rule| rule.height_m.is_some()).expect("a rule of the built-in scene");
     let [from, to] = original.rules[i].height_m.expect("just found");
     open(&mut stage, i + 1);
     take(&mut stage, &format!("set Rule {0} height from = {1}; set Rule {0} weight = 0.5", i + 1, to + 1000.0));
-    let rule = stage.app().settings.scene.rules[i].clone();
+    let rule = stage.model().settings.scene.rules[i].clone();
     assert_eq!((rule.height_m, rule.weight), (Some([to, to]), 0.5));
     assert!(from < to);
     take(&mut stage, &format!("click Rule {} height band", i + 1));
-    assert_eq!(stage.app().settings.scene.rules[i].height_m, None);
+    assert_eq!(stage.model().settings.scene.rules[i].height_m, None);
 }
 
 #[test]
@@ -223,7 +224,7 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
     let folder = Folder::new("editing-textures");
     let mut stage = stage();
     let (before, _) = select_lying(&mut stage);
-    let original = stage.app().settings.scene.clone();
+    let original = stage.model().settings.scene.clone();
     let typed = |stage: &mut Stage, path: &str| take(stage, &format!("type Texture folder = {path}; click Use texture folder"));
     let empty = folder.path(".");
     let refused = [
@@ -234,7 +235,7 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
     for (path, text) in refused {
         typed(&mut stage, path);
         assert!(says(&stage, text), "{path}: {:?}", stage.names());
-        assert!(stage.app().settings.scene == original && differing(&before, &shown(&mut stage)) == 0, "{path}");
+        assert!(stage.model().settings.scene == original && differing(&before, &shown(&mut stage)) == 0, "{path}");
     }
     // What only looks like images is found out by the thread that draws: the picture stays.
     for map in ["albedo", "normal", "height", "roughness"] {
@@ -248,10 +249,10 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
     for (map, colour) in [("albedo", [250, 20, 20]), ("normal", [128, 128, 255]), ("height", [128; 3]), ("roughness", [200; 3])] {
         RgbImage::from_pixel(16, 16, Rgb(colour)).save(Path::new(&folder.path(&format!("{map}.png")))).expect("can be written");
     }
-    stage.app().settings.scene = original.clone();
+    stage.model().settings.scene = original.clone();
     stage.settle().expect("the picture that is there");
     for _ in 0..6000 {
-        if stage.app().failure().is_none() {
+        if stage.model().failure().is_none() {
             break;
         }
         std::thread::sleep(Duration::from_millis(10));
@@ -260,7 +261,7 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
     typed(&mut stage, &folder.path("."));
     assert!(differing(&before, &shown(&mut stage)) > 0);
     take(&mut stage, "click Reset material");
-    assert!(stage.app().settings.scene == original && differing(&before, &shown(&mut stage)) == 0);
+    assert!(stage.model().settings.scene == original && differing(&before, &shown(&mut stage)) == 0);
 }
 
 #[test]
@@ -269,12 +270,12 @@ fn what_was_edited_is_saved_and_drawn_from_the_file_as_it_was_on_screen() {
     let mut stage = stage();
     let (before, _) = select_lying(&mut stage);
     take(&mut stage, "set Tint red = 0.4; type Material name = red earth; set Texture tile = 2.5");
-    stage.app().settings.scene.rules[0].weight = 0.06;
+    stage.model().settings.scene.rules[0].weight = 0.06;
     let other = another(&mut stage, &lying(&before));
     take(&mut stage, &format!("click Brush; click Paint; click Brush material; click {other}; set Brush radius = 2.5"));
     stage.drag([-50.0, 70.0]).expect("a picture");
     let edited = shown(&mut stage);
-    let scene = stage.app().settings.scene.clone();
+    let scene = stage.model().settings.scene.clone();
     assert!(scene.strokes.len() == 1 && differing(&before, &edited) > 0);
     let same = |read: &Scene| Scene { folder: scene.folder.clone(), ..read.clone() } == scene;
 

@@ -4,6 +4,7 @@
 
 use std::sync::MutexGuard;
 
+use kernels::base::wgsl::{self, Piece};
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::{Gpu, GpuOptions};
@@ -35,7 +36,7 @@ fn direction(index: u32) -> [f64; 3] {
 
 #[test]
 fn shaders_know_estimators_by_the_hosts_numbers() {
-    let constants = constants(&kernels::shading::files());
+    let constants = constants(&kernels::shading::MODULE.pieces());
     let all: Vec<Estimator> = Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS).collect();
     for &estimator in &all {
         let name = format!("ESTIMATOR_{}", estimator.name().to_uppercase().replace('-', "_"));
@@ -81,17 +82,17 @@ fn check_colours(what: &str, picture: &Picture) {
 fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_says_so() {
     let mut renderer = second_renderer();
     let mut base = request(&renderer, "cliff");
-    base.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
+    base.outputs.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
     let mut pictures: Vec<(String, Picture)> = Vec::new();
     // `frame` does the same for the first on all 31 variants.
     for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS).skip(1) {
-        let base = RenderRequest { estimator, ..base.clone() };
+        let base = base.with(|r| r.shading.estimator = estimator);
         let is_yardstick = Estimator::YARDSTICKS.contains(&estimator);
         for flavour in FLAVOURS {
             let variant = Variant::only(flavour);
             let what = format!("{estimator} on {variant}");
             let promised = estimator.promised_fetches(flavour);
-            let of = RenderRequest { variant: VariantChoice::GenericForced(variant), ..base.clone() };
+            let of = base.with(|r| r.shading.variant = VariantChoice::GenericForced(variant));
             let generic = renderer.render(&of).expect("renders");
             check_fetches(&format!("{what}, generic"), &generic, promised);
             if estimator == Estimator::Variance {
@@ -100,13 +101,13 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
             check_colours(&what, &generic);
             // Yardsticks are rendered by the generic kernel alone.
             if !is_yardstick {
-                let special = renderer.render(&RenderRequest { variant: VariantChoice::Forced(variant), ..base.clone() }).expect("renders");
+                let special = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::Forced(variant))).expect("renders");
                 check_fetches(&what, &special, promised);
                 let difference = largest_difference(&special, &generic);
                 // Equal arithmetic, specialised: as in `frame`.
                 assert!(difference <= 2.0, "{what} differs from the generic kernel by {difference} ulp");
             }
-            let other = renderer.render(&RenderRequest { seed: 1, ..of }).expect("renders");
+            let other = renderer.render(&of.with(|r| r.shading.seed = 1)).expect("renders");
             let differs = largest_difference(&other, &generic) > 2.0;
             assert_eq!(differs, estimator.is_stochastic(variant), "{what}: another seed makes another picture: {differs}");
             // Negative control: no estimator and flavour looks like another. (Some are defined alike.)
@@ -129,15 +130,20 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
         for mask in [12, 28, 29, 30] {
             let variant = Variant::new(mask).expect("a mask");
             let promised = estimator.promised_fetches_of(variant);
-            let picture =
-                renderer.render(&RenderRequest { variant: VariantChoice::GenericForced(variant), ..base.clone() }).expect("renders");
+            let picture = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::GenericForced(variant))).expect("renders");
             check_fetches(&format!("{estimator} on {variant}, generic"), &picture, promised);
         }
     }
     // Two tilings are splat's, of those that it is defined for.
     for (estimator, promised) in [(Estimator::Biplanar, 64), (Estimator::Stf, 4), (Estimator::Hex, 120), (Estimator::Snapped, 16)] {
         let variant = VariantChoice::GenericForced(Variant::only(Flavour::Splat));
-        let picture = renderer.render(&RenderRequest { estimator, variant, two_tilings: true, ..base.clone() }).expect("renders");
+        let picture = renderer
+            .render(&base.with(|r| {
+                r.shading.estimator = estimator;
+                r.shading.variant = variant;
+                r.shading.two_tilings = true;
+            }))
+            .expect("renders");
         check_fetches(&format!("{estimator} in two tilings"), &picture, promised);
     }
 }
@@ -154,7 +160,11 @@ fn random_estimators_have_their_means() {
     let mut renderer = renderer();
     let albedo = |renderer: &mut MutexGuard<'_, Renderer<'_>>, camera, estimator, flavour, seed| -> Vec<f64> {
         let variant = VariantChoice::GenericForced(Variant::only(flavour));
-        let request = RenderRequest { estimator, variant, seed, ..request(renderer, camera) };
+        let request = request(renderer, camera).with(|r| {
+            r.shading.estimator = estimator;
+            r.shading.variant = variant;
+            r.shading.seed = seed;
+        });
         let picture = renderer.render(&request).expect("renders");
         picture.vectors("albedo").expect("asked for").iter().flatten().map(|&v| f64::from(v)).collect()
     };
@@ -194,10 +204,15 @@ fn random_estimators_have_their_means() {
 fn estimators_agree_where_they_are_defined_alike() {
     let mut renderer = second_renderer();
     let mut base = request(&renderer, "ground");
-    base.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
+    base.outputs.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
     let mut of = |estimator, flavour| {
         let variant = VariantChoice::GenericForced(Variant::only(flavour));
-        renderer.render(&RenderRequest { estimator, variant, ..base.clone() }).expect("renders")
+        renderer
+            .render(&base.with(|r| {
+                r.shading.estimator = estimator;
+                r.shading.variant = variant;
+            }))
+            .expect("renders")
     };
     let layered = of(Estimator::Luna8, Flavour::Splat);
     let bands = of(Estimator::Laplacian, Flavour::Splat);
@@ -205,7 +220,7 @@ fn estimators_agree_where_they_are_defined_alike() {
     let two = of(Estimator::Biplanar, Flavour::Splat);
     let mean = of(Estimator::BiplanarMean, Flavour::NearCliff);
     let exact = of(Estimator::Exact, Flavour::Splat);
-    let pixels = renderer.inspect(&base).expect("inspects");
+    let pixels = renderer.drawn_as(&base).and_then(|frame| frame.inspect()).expect("inspects");
     let difference = |a: &Picture, b: &Picture, i: usize| {
         let texel = |p: &Picture| p.vectors("albedo").expect("asked for")[i];
         let pairs = texel(a).into_iter().zip(texel(b));
@@ -254,14 +269,19 @@ fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
     for (camera, size) in [("cliff", [101, 67]), ("vista", [64, 48])] {
         // All tiles from one list, each by the flavours that its pixels need, and all from a list further on: what a tile writes beyond its borders
         // has another one's flavours. More lists would be more shaders to compile.
-        let [auto, forced] = [VariantChoice::GenericAuto, VariantChoice::Forced(Variant::only(Flavour::FarAtlas))]
-            .map(|variant| RenderRequest { size, variant, keep_geometry: false, ..request(&renderer, camera) });
+        let [auto, forced] = [VariantChoice::GenericAuto, VariantChoice::Forced(Variant::only(Flavour::FarAtlas))].map(|variant| {
+            request(&renderer, camera).with(|r| {
+                r.view.size = size;
+                r.shading.variant = variant;
+                r.outputs.keep_geometry = false;
+            })
+        });
         for wanted in [&auto, &forced] {
             let (one, two) = (renderer.render(wanted).expect("renders"), by_two.render(wanted).expect("renders"));
             assert_eq!(one.hdr, two.hdr, "{camera}");
         }
         // Negative control: another view.
-        let other = RenderRequest { jitter: [0.5, 0.0], ..auto.clone() };
+        let other = auto.with(|r| r.view.jitter = [0.5, 0.0]);
         assert_ne!(by_two.render(&other).expect("renders").hdr, renderer.render(&auto).expect("renders").hdr);
     }
 }
@@ -286,13 +306,12 @@ fn lod_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let dy = terrain_turn(projection.ddy, rate);
     found[id.x] = array<f32, 3>(lod, level, textureSampleGrad(detail_albedo, detail_sampler, vec2<f32>(0.3), 0u, dx, dy).r);
 }";
-    let files: Vec<(&str, String)> = kernels::shared::WGSL
-        .iter()
-        .chain(&[kernels::view::FRAME_WGSL, kernels::terrain::WGSL, ("lod", body)])
-        .map(|&(name, text)| (name, if change.0.is_empty() { text.to_owned() } else { text.replace(change.0, change.1) }))
-        .collect();
-    let files: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
-    let shader = kernels::gpu::Shader::new(gpu, "lod", &files).unwrap_or_else(|e| panic!("{e}"));
+    let mut pieces = wgsl::pieces(&[&kernels::terrain::WGSL]);
+    pieces.push(Piece::new("lod", body));
+    if !change.0.is_empty() {
+        pieces.iter_mut().for_each(|piece| piece.text = piece.text.replace(change.0, change.1));
+    }
+    let shader = kernels::gpu::Shader::new(gpu, "lod", pieces).unwrap_or_else(|e| panic!("{e}"));
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
         layout: None,
@@ -395,7 +414,7 @@ fn filtering_by_lod_is_filtering_by_gradients() {
         ("return 0.5 * log2(max(projection", "return 0.25 * log2(max(projection"),
         ("return f32(firstLeadingBit(texels));", "return 7.0;"),
     ] {
-        assert!(kernels::terrain::WGSL.1.contains(change.0), "{} is not there", change.0);
+        assert!(kernels::terrain::WGSL.text.contains(change.0), "{} is not there", change.0);
         assert!(worst(&levels_of_detail(&rows, change))[1] > 0.5 + STEP, "`{}` was not noticed", change.1);
     }
 }

@@ -15,8 +15,8 @@ use ::experiments::row::{COLUMNS, Row};
 use ::experiments::store::table::{read_parquet, write_csv, write_parquet};
 use ::experiments::store::{Existing, Place, Provenance, Run, RunData, read_run};
 use ::experiments::unit::{Measure, Outcome, Shard, Unit, Work, plan, share};
-use kernels::geometry::NormalEncoding;
 use kernels::view::camera::Pose;
+use kernels::view::normals::NormalEncoding;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
@@ -123,7 +123,7 @@ fn choices_of_the_frame_are_set_and_varied() {
     let choices = of_normals("\"plane-first\"").unwrap().frame_choices(&None).unwrap();
     assert_eq!((choices.normals, FrameChoices::default().normals), (NormalEncoding::PlaneFirst, NormalEncoding::Octahedral));
     let pose = Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: 0.0, fov: 1.0 };
-    assert_eq!(choices.request(pose, [8, 8], 0).normals, NormalEncoding::PlaneFirst);
+    assert_eq!(choices.request(pose, [8, 8], 0).geometry.normals, NormalEncoding::PlaneFirst);
     assert!(of_normals("\"planefirst\"").unwrap_err().contains("did you mean `plane-first`?"));
     assert!(of_normals("true").unwrap_err().contains("there are octahedral, plane-first, exact"));
 }

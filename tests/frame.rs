@@ -7,13 +7,13 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
-use kernels::geometry::NormalEncoding;
 use kernels::gpu::Gpu;
 use kernels::scene;
 use kernels::shading::{Estimator, VARIANCE_SCALE};
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
+use kernels::view::normals::NormalEncoding;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 pub(crate) const SIZE: [u32; 2] = [96, 64];
@@ -54,7 +54,10 @@ pub(crate) fn pose(renderer: &Renderer<'_>, camera: &str) -> Pose {
 
 pub(crate) fn request(renderer: &Renderer<'_>, camera: &str) -> RenderRequest {
     let aovs = AovSet::from_names(&["albedo"]).expect("known layers");
-    RenderRequest { aovs, keep_geometry: true, ..RenderRequest::new(pose(renderer, camera), SIZE) }
+    RenderRequest::new(pose(renderer, camera), SIZE).with(|r| {
+        r.outputs.aovs = aovs;
+        r.outputs.keep_geometry = true;
+    })
 }
 
 pub(crate) fn terrain(picture: &Picture) -> Vec<bool> {
@@ -72,13 +75,13 @@ pub(crate) fn largest_difference(a: &Picture, b: &Picture) -> f64 {
 fn every_variant_equals_the_generic_kernel_and_takes_the_fetches_promised() {
     let mut renderer = renderer();
     let mut base = request(&renderer, "cliff");
-    base.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
+    base.outputs.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
     // Equal arithmetic, specialised: the compiler may contract differently, which moves a filtered value by at most an ulp of f16 or two.
     const TOLERANCE: f64 = 2.0;
     let mut previous: Option<Picture> = None;
     for variant in Variant::all() {
-        let special = renderer.render(&RenderRequest { variant: VariantChoice::Forced(variant), ..base.clone() }).expect("renders");
-        let generic = renderer.render(&RenderRequest { variant: VariantChoice::GenericForced(variant), ..base.clone() }).expect("renders");
+        let special = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::Forced(variant))).expect("renders");
+        let generic = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::GenericForced(variant))).expect("renders");
         let difference = largest_difference(&special, &generic);
         assert!(difference <= TOLERANCE, "{variant} differs from the generic kernel by {difference} ulp");
         let fetches = special.values("fetches").expect("asked for");
@@ -100,12 +103,15 @@ fn golden_table_of_fetches() {
     let promised = Flavour::ALL.map(|f| Estimator::Fc5.promised_fetches(f));
     assert_eq!(promised, [4, 2, 12, 8, 48]);
     let mut renderer = renderer();
-    let base = RenderRequest { count_fetches: true, ..request(&renderer, "cliff") };
+    let base = request(&renderer, "cliff").with(|r| r.outputs.count_fetches = true);
     for (flavour, promised) in Flavour::ALL.into_iter().zip(promised) {
-        let request = RenderRequest { variant: VariantChoice::Forced(Variant::only(flavour)), ..base.clone() };
+        let request = base.with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(flavour)));
         assert_eq!(renderer.render(&request).expect("renders").fetches_per_px, Some(f64::from(promised)), "{}", flavour.name());
     }
-    let reference = RenderRequest { variant: VariantChoice::Forced(Variant::only(Flavour::Splat)), two_tilings: true, ..base };
+    let reference = base.with(|r| {
+        r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
+        r.shading.two_tilings = true;
+    });
     assert_eq!(renderer.render(&reference).expect("renders").fetches_per_px, Some(96.0));
 }
 
@@ -113,12 +119,12 @@ fn golden_table_of_fetches() {
 fn automatic_tiles_hold_what_their_pixels_need() {
     let mut renderer = renderer();
     let mut base = request(&renderer, "cliff");
-    base.aovs = AovSet::from_names(&["albedo", "mask", "variant"]).expect("known layers");
+    base.outputs.aovs = AovSet::from_names(&["albedo", "mask", "variant"]).expect("known layers");
     let auto = renderer.render(&base).expect("renders");
-    let generic = renderer.render(&RenderRequest { variant: VariantChoice::GenericAuto, ..base }).expect("renders");
+    let generic = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::GenericAuto)).expect("renders");
     assert!(largest_difference(&auto, &generic) <= 2.0);
     // Counting changes nothing: the same by the shader that counts neither fetches nor choices.
-    let uncounted = RenderRequest { variant: VariantChoice::GenericAuto, ..request(&renderer, "cliff") };
+    let uncounted = request(&renderer, "cliff").with(|r| r.shading.variant = VariantChoice::GenericAuto);
     assert!(!uncounted.wants_diagnostics());
     let uncounted = renderer.render(&uncounted).expect("renders");
     assert!(largest_difference(&uncounted, &generic) <= 2.0);
@@ -135,7 +141,7 @@ fn automatic_tiles_hold_what_their_pixels_need() {
     }
     assert!(used.len() >= 4, "the view should need several variants, got {used:?}");
     // Auto must be cheap: far below the 48 fetches of splat everywhere.
-    let counting = RenderRequest { count_fetches: true, ..request(&renderer, "cliff") };
+    let counting = request(&renderer, "cliff").with(|r| r.outputs.count_fetches = true);
     let counted = renderer.render(&counting).expect("renders");
     assert!(counted.fetches_per_px.expect("counted") < 16.0);
 }
@@ -167,11 +173,12 @@ fn random_choice_has_the_mean_and_variance_of_theory() {
     let mut renderer = renderer();
     for (flavour, other) in [(Flavour::NearCliff, Flavour::Splat), (Flavour::FarCliff, Flavour::Splat)] {
         for noise in [NoiseKind::HashedIsotropic, NoiseKind::HashedAnisotropic] {
-            let forced = |f: Flavour, estimator| RenderRequest {
-                variant: VariantChoice::GenericForced(Variant::only(f)),
-                estimator,
-                noise,
-                ..request(&renderer, "ground")
+            let forced = |f: Flavour, estimator| {
+                request(&renderer, "ground").with(|r| {
+                    r.shading.variant = VariantChoice::GenericForced(Variant::only(f));
+                    r.shading.estimator = estimator;
+                    r.shading.noise = noise;
+                })
             };
             let requests = [
                 forced(flavour, Estimator::Exact),
@@ -187,7 +194,7 @@ fn random_choice_has_the_mean_and_variance_of_theory() {
             let variance: Vec<f64> = albedo(&requests[1]).into_iter().map(|v| v / VARIANCE_SCALE).collect();
             let wrong = albedo(&requests[2]);
             assert!(variance.iter().sum::<f64>() > 0.0, "the view must have something to choose from");
-            let samples: Vec<Vec<f64>> = (0..SEEDS).map(|seed| albedo(&RenderRequest { seed, ..requests[3].clone() })).collect();
+            let samples: Vec<Vec<f64>> = (0..SEEDS).map(|seed| albedo(&(requests[3]).with(|r| r.shading.seed = seed))).collect();
             let sums = |expected: &[f64], pattern: u32| -> Vec<f64> {
                 let sum = |s: &Vec<f64>| s.iter().zip(expected).enumerate().map(|(i, (a, b))| (a - b) * sign(pattern, i)).sum();
                 samples.iter().map(sum).collect()
@@ -221,8 +228,10 @@ fn pictures_have_no_cracks_no_black_and_no_nan() {
     let mut renderer = renderer();
     for camera in ["cliff", "ground", "vista", "grazing"] {
         let size = [320, 200];
-        let request =
-            RenderRequest { size, variant: VariantChoice::Forced(Variant::only(Flavour::FarAtlas)), ..request(&renderer, camera) };
+        let request = request(&renderer, camera).with(|r| {
+            r.view.size = size;
+            r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+        });
         let picture = renderer.render(&request).expect("renders");
         let mut on = terrain(&picture);
         assert!(on.iter().filter(|t| **t).count() > on.len() / 4, "{camera}: hardly any terrain");
@@ -244,11 +253,11 @@ fn pictures_have_no_cracks_no_black_and_no_nan() {
 fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
     let mut renderer = renderer();
     let mut request = request(&renderer, "ground");
-    request.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
-    request.aovs = AovSet::from_names(&["position", "ddx", "ddy", "depth"]).expect("known layers");
+    request.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+    request.outputs.aovs = AovSet::from_names(&["position", "ddx", "ddy", "depth"]).expect("known layers");
     let picture = renderer.render(&request).expect("renders");
     let (position, ddx, ddy) = ["position", "ddx", "ddy"].map(|n| picture.vectors(n).expect("asked for")).into();
-    let eye = request.pose.position;
+    let eye = request.view.pose.position;
     let width = SIZE[0] as usize;
     let (mut checked, mut right, mut below, mut wrong) = (0, Vec::new(), Vec::new(), Vec::new());
     for (i, p) in position.iter().enumerate() {
@@ -290,14 +299,13 @@ fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
     let mut renderer = renderer();
     for camera in ["cliff", "ground", "vista", "grazing"] {
         // Where variances are shaded, the layer holds the stored normal.
-        let base = RenderRequest {
-            variant: VariantChoice::Forced(Variant::only(Flavour::FarAtlas)),
-            estimator: Estimator::Variance,
-            aovs: AovSet::from_names(&["ddx", "ddy", "normal", "mask"]).expect("known layers"),
-            ..request(&renderer, camera)
-        };
+        let base = request(&renderer, camera).with(|r| {
+            r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+            r.shading.estimator = Estimator::Variance;
+            r.outputs.aovs = AovSet::from_names(&["ddx", "ddy", "normal", "mask"]).expect("known layers");
+        });
         let [octahedral, plane_first, exact] =
-            NormalEncoding::ALL.map(|normals| renderer.render(&RenderRequest { normals, ..base.clone() }).expect("renders"));
+            NormalEncoding::ALL.map(|normals| renderer.render(&base.with(|r| r.geometry.normals = normals)).expect("renders"));
         for layer in ["normal", "mask"] {
             let [codes, pair] = [&octahedral, &plane_first].map(|picture| picture.layer(layer).expect("asked for"));
             assert!(codes == pair, "{camera}: {layer}");
@@ -336,16 +344,16 @@ fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
 fn a_picture_does_not_depend_on_what_was_looked_at_before() {
     let mut renderer = renderer();
     let mut request = request(&renderer, "cliff");
-    request.keep_geometry = false;
+    request.outputs.keep_geometry = false;
     let first = renderer.render(&request).expect("renders");
     let mut elsewhere = request.clone();
-    elsewhere.pose = pose(&renderer, "vista");
+    elsewhere.view.pose = pose(&renderer, "vista");
     let other = renderer.render(&elsewhere).expect("renders");
     let again = renderer.render(&request).expect("renders");
     assert_eq!(first.hdr, again.hdr);
     assert_ne!(first.hdr, other.hdr);
     // Kept geometry gives the same picture as drawn geometry.
-    let kept = renderer.render(&RenderRequest { keep_geometry: true, ..request }).expect("renders");
+    let kept = renderer.render(&request.with(|r| r.outputs.keep_geometry = true)).expect("renders");
     assert_eq!(first.hdr, kept.hdr);
 }
 
@@ -356,16 +364,16 @@ fn the_kernel_refuses_what_it_cannot_draw() {
     let mut without = Renderer::new(gpu(), &scene, &|_| {}).expect("renders without virtual texture");
     let mut renderer = renderer();
     for size in [[0, 0], [0, 5], [1_000_000, 1], [16_000, 16_000]] {
-        let request = RenderRequest { size, ..request(&renderer, "cliff") };
+        let request = request(&renderer, "cliff").with(|r| r.view.size = size);
         let message = renderer.render(&request).expect_err("no such picture").to_string();
         assert!(message.contains("1 to 16384"), "{message}");
     }
-    let vt = RenderRequest { variant: VariantChoice::Forced(Variant::only(Flavour::VirtualTexture)), ..request(&renderer, "cliff") };
+    let vt = request(&renderer, "cliff").with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::VirtualTexture)));
     let message = without.render(&vt).expect_err("there is no virtual texture").to_string();
     assert!(message.contains("far_atlas_m"), "{message}");
     // And it draws without one.
     let far = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
-    assert!(without.render(&RenderRequest { variant: far, ..vt }).is_ok());
+    assert!(without.render(&vt.with(|r| r.shading.variant = far)).is_ok());
 }
 
 #[test]
@@ -384,11 +392,12 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
         pitch: -std::f64::consts::FRAC_PI_2,
         fov: 60f64.to_radians(),
     };
-    let counted = |flavour: Flavour| RenderRequest {
-        variant: VariantChoice::Forced(Variant::only(flavour)),
-        count_fetches: true,
-        aovs: AovSet::from_names(&["albedo", "position"]).expect("known layers"),
-        ..RenderRequest::new(above, SIZE)
+    let counted = |flavour: Flavour| {
+        RenderRequest::new(above, SIZE).with(|r| {
+            r.shading.variant = VariantChoice::Forced(Variant::only(flavour));
+            r.outputs.count_fetches = true;
+            r.outputs.aovs = AovSet::from_names(&["albedo", "position"]).expect("known layers");
+        })
     };
     for (flavour, fetches) in [(Flavour::FarAtlas, 3.0), (Flavour::NearCliff, 13.0), (Flavour::VirtualTexture, 4.0)] {
         let picture = renderer.render(&counted(flavour)).expect("renders");
@@ -410,21 +419,21 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
 fn a_picture_of_the_sky_holds_nothing_of_the_one_before() {
     let mut renderer = renderer();
     let mut request = request(&renderer, "cliff");
-    request.aovs = AovSet::from_names(&["variant", "fetches", "depth"]).expect("known layers");
-    request.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+    request.outputs.aovs = AovSet::from_names(&["variant", "fetches", "depth"]).expect("known layers");
+    request.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
     let ground = renderer.render(&request).expect("renders");
     assert!(ground.values("variant").expect("asked for").iter().any(|v| *v > 0.0));
-    request.pose.pitch = 80f64.to_radians();
-    request.pose.position.z += 2000.0;
+    request.view.pose.pitch = 80f64.to_radians();
+    request.view.pose.position.z += 2000.0;
     let sky = renderer.render(&request).expect("renders");
     for layer in ["variant", "fetches", "depth"] {
         assert!(sky.values(layer).expect("asked for").iter().all(|v| *v == 0.0), "{layer} of an empty sky");
     }
     // Odd sizes, a camera beyond the world, and the extremes of the field of view are pictures, too.
-    request.aovs = AovSet::from_names(&["position", "albedo"]).expect("known layers");
+    request.outputs.aovs = AovSet::from_names(&["position", "albedo"]).expect("known layers");
     for (size, fov, x) in [([1, 1], 55.0, 0.0), ([13, 7], 1.0, 0.0), ([31, 17], 175.0, 0.0), ([9, 9], 55.0, 9000.0)] {
-        let mut odd = RenderRequest { size, ..request.clone() };
-        odd.pose =
+        let mut odd = request.with(|r| r.view.size = size);
+        odd.view.pose =
             Pose { position: glam::DVec3::new(x, 0.0, 2600.0), yaw: -std::f64::consts::FRAC_PI_2, pitch: -0.3, fov: f64::to_radians(fov) };
         let picture = renderer.render(&odd).expect("renders");
         assert_eq!(picture.hdr.len(), (size[0] * size[1]) as usize);

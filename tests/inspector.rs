@@ -5,12 +5,12 @@ use std::collections::BTreeSet;
 use glam::DVec3;
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
-use kernels::geometry::NormalEncoding;
+use kernels::oracle::{Pixel, inspect, pixel_at, probe_of};
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
-use workbench::inspector::{Pixel, inspect, pixel_at, probe_of};
+use kernels::view::normals::NormalEncoding;
 
 use crate::frame::{pose, renderer, request, second_renderer, terrain};
 
@@ -24,13 +24,13 @@ fn a_pixel_says_what_the_layers_say() {
     let mut renderer = renderer();
     let request = request(&renderer, "cliff");
     let aovs = AovSet::from_names(&["depth", "mask", "variant", "choice", "position", "ddx", "ddy"]).expect("known layers");
-    let picture = renderer.render(&RenderRequest { aovs, ..request.clone() }).expect("renders");
+    let picture = renderer.render(&request.with(|r| r.outputs.aovs = aovs)).expect("renders");
     let (on, value) = (terrain(&picture), |name: &str, i: usize| picture.values(name).expect("asked for")[i]);
     let vector = |name: &str, i: usize| picture.vectors(name).expect("asked for")[i].map(f64::from);
     let names: Vec<String> = renderer.scene().materials.iter().map(|m| m.name.clone()).collect();
     let (mut errors, mut found, mut seen, mut bent) = (Vec::new(), 0, 0, 0);
     for i in (0..on.len()).step_by(61) {
-        let at = place(i, request.size);
+        let at = place(i, request.view.size);
         let pixel = inspect(&mut renderer, &request, at).expect("inspects");
         let Some(pixel) = pixel.filter(|_| on[i]) else {
             assert!(!on[i], "{at:?} is terrain");
@@ -58,7 +58,7 @@ fn a_pixel_says_what_the_layers_say() {
         }
         let Some(triangle) = pixel.triangle else { continue };
         found += 1;
-        let towards = (DVec3::from_array(pixel.position) - request.pose.position) / pixel.distance_m;
+        let towards = (DVec3::from_array(pixel.position) - request.view.pose.position) / pixel.distance_m;
         if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
             // A code of 2 x 8 bits is off by at most 1 degree, which a slanting plane makes three times as much of.
             assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
@@ -79,10 +79,10 @@ fn a_pixel_says_what_the_layers_say() {
 fn normals_are_decoded_however_they_are_stored() {
     let mut renderer = renderer();
     let variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
-    let base = RenderRequest { variant, ..request(&renderer, "cliff") };
+    let base = request(&renderer, "cliff").with(|r| r.shading.variant = variant);
     let pixels = NormalEncoding::ALL.map(|normals| -> Vec<Pixel> {
-        let request = RenderRequest { normals, ..base.clone() };
-        let places = (0..(base.size[0] * base.size[1]) as usize).step_by(149).map(|i| place(i, base.size));
+        let request = base.with(|r| r.geometry.normals = normals);
+        let places = (0..(base.view.size[0] * base.view.size[1]) as usize).step_by(149).map(|i| place(i, base.view.size));
         places.filter_map(|at| inspect(&mut renderer, &request, at).expect("inspects")).collect()
     });
     let [codes, pair, exact] = &pixels;
@@ -106,12 +106,12 @@ fn derivatives_before_the_eye_are_as_exact_high_up_as_at_the_sea() {
     let (z, x, y) = heights.max_by(|a, b| a.0.total_cmp(&b.0)).expect("ground");
     assert!(z > 1200.0, "{z} m");
     let pose = Pose { position: DVec3::new(x, y, z + 2.0), yaw: 1.0, pitch: -1.2, fov: 1.0 };
-    let request = RenderRequest { pose, ..request(&renderer, "cliff") };
+    let request = request(&renderer, "cliff").with(|r| r.view.pose = pose);
     let picture = renderer.render(&request).expect("renders");
     let on = terrain(&picture);
     let mut errors = Vec::new();
     for i in (0..on.len()).step_by(97).filter(|&i| on[i]) {
-        let pixel = inspect(&mut renderer, &request, place(i, request.size)).expect("inspects").expect("terrain");
+        let pixel = inspect(&mut renderer, &request, place(i, request.view.size)).expect("inspects").expect("terrain");
         let Some(triangle) = pixel.triangle else { continue };
         let towards = (DVec3::from_array(pixel.position) - pose.position) / pixel.distance_m;
         if pixel.distance_m < 8.0 && towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
@@ -128,11 +128,11 @@ fn derivatives_before_the_eye_are_as_exact_high_up_as_at_the_sea() {
 fn sky_is_nothing_and_beside_the_picture_is_an_error() {
     let mut renderer = renderer();
     let mut request = request(&renderer, "cliff");
-    request.pose.pitch = 80f64.to_radians();
-    request.pose.position.z += 2000.0;
+    request.view.pose.pitch = 80f64.to_radians();
+    request.view.pose.position.z += 2000.0;
     renderer.render(&request).expect("renders");
     assert_eq!(inspect(&mut renderer, &request, [3, 4]).expect("inspects"), None);
-    let error = inspect(&mut renderer, &request, [request.size[0], 0]).expect_err("one too far").to_string();
+    let error = inspect(&mut renderer, &request, [request.view.size[0], 0]).expect_err("one too far").to_string();
     assert!(error.contains("no pixel 96, 0"), "{error}");
 }
 
@@ -140,8 +140,14 @@ fn sky_is_nothing_and_beside_the_picture_is_an_error() {
 fn grid(flavour: Flavour, estimator: Estimator, noise: NoiseKind, seed: u32) -> Vec<Pixel> {
     let mut renderer = second_renderer();
     let variant = VariantChoice::Forced(Variant::only(flavour));
-    let request = RenderRequest { variant, estimator, noise, seed, frame: 5, ..request(&renderer, "cliff") };
-    let [width, height] = request.size;
+    let request = request(&renderer, "cliff").with(|r| {
+        r.shading.variant = variant;
+        r.shading.estimator = estimator;
+        r.shading.noise = noise;
+        r.shading.seed = seed;
+        r.shading.frame = 5;
+    });
+    let [width, height] = request.view.size;
     let places = (0..width * height).step_by(89).map(|i| [i % width, i / width]);
     places.filter_map(|at| inspect(&mut renderer, &request, at).expect("inspects")).collect()
 }
@@ -178,11 +184,14 @@ fn the_references_choose_what_the_shader_chose() {
 fn the_pages_of_all_pixels_are_those_that_the_frame_asked_for() {
     let mut renderer = renderer();
     let variant = VariantChoice::Forced(Variant::only(Flavour::VirtualTexture));
-    let request = RenderRequest { variant, keep_geometry: true, ..RenderRequest::new(pose(&renderer, "ground"), [24, 16]) };
+    let request = RenderRequest::new(pose(&renderer, "ground"), [24, 16]).with(|r| {
+        r.shading.variant = variant;
+        r.outputs.keep_geometry = true;
+    });
     let wanted = renderer.render(&request).expect("renders").report.pages.wanted;
     let mut pages = BTreeSet::new();
-    for y in 0..request.size[1] {
-        for x in 0..request.size[0] {
+    for y in 0..request.view.size[1] {
+        for x in 0..request.view.size[0] {
             let Some(pixel) = inspect(&mut renderer, &request, [x, y]).expect("inspects") else { continue };
             let page = pixel.page.expect("all is virtual texture");
             assert!(page.covered >= page.footprint[0] && page.covered <= page.footprint[1], "{page:?}");
@@ -194,7 +203,7 @@ fn the_pages_of_all_pixels_are_those_that_the_frame_asked_for() {
     let said = pages.len();
     assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "{said} pages said, {wanted} wanted");
     // Without it there is none.
-    let far = RenderRequest { variant: VariantChoice::Forced(Variant::only(Flavour::FarAtlas)), ..request };
+    let far = request.with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas)));
     renderer.render(&far).expect("renders");
     let pixel = inspect(&mut renderer, &far, [12, 12]).expect("inspects").expect("ground");
     assert_eq!((pixel.page, pixel.flavours), (None, [0.0, 1.0, 0.0, 0.0, 0.0]));

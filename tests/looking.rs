@@ -12,11 +12,14 @@ use glam::DVec3;
 use kernels::scene::{self, Scene, World};
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
-use workbench::app::Workbench;
-use workbench::display::Layer;
-use workbench::engine::{Engine, Shown, Viewpoint};
-use workbench::kept::{Keeper, Kept};
+use workbench::engine::Engine;
+use workbench::model::display::Layer;
+use workbench::model::kept::{Keeper, Kept};
+use workbench::model::picture::Shown;
+use workbench::model::state::Model;
+use workbench::model::viewpoint::Viewpoint;
 use workbench::script::{Stage, Step};
+use workbench::window::Workbench;
 
 use crate::bad_input::Folder;
 use crate::frame::small_scene;
@@ -25,7 +28,7 @@ use crate::workbench::{cheap_stage, take};
 const WINDOW: [u32; 2] = [1100, 1500];
 
 fn shown(stage: &mut Stage) -> Arc<Shown> {
-    stage.app().shown().expect("a picture").clone()
+    stage.model().shown().expect("a picture").clone()
 }
 
 fn pose(stage: &mut Stage) -> Pose {
@@ -38,7 +41,7 @@ fn says(stage: &Stage, text: &str) -> bool {
 
 /// Goes somewhere, and waits for the picture from there.
 fn go(stage: &mut Stage, pose: Pose) {
-    stage.app().viewpoint = Viewpoint::Free { pose, walking: false };
+    stage.model().viewpoint = Viewpoint::Free { pose, walking: false };
     stage.settle().expect("a picture");
 }
 
@@ -52,26 +55,26 @@ fn beside(pose: &Pose, place: DVec3) -> f64 {
 fn the_camera_orbits_the_middle_or_what_is_probed() {
     let mut stage = cheap_stage();
     let start = pose(&mut stage);
-    stage.app().probe = Some([0.5, 0.5]);
+    stage.model().probe = Some([0.5, 0.5]);
     stage.settle().expect("a picture");
     let middle = shown(&mut stage).pixel.as_ref().expect("ground in the middle").position;
-    stage.app().probe = Some([0.3, 0.8]);
+    stage.model().probe = Some([0.3, 0.8]);
     stage.settle().expect("a picture");
     let probed = shown(&mut stage).pixel.as_ref().expect("ground at the bottom").position;
 
     // What is probed comes into the middle, and stays there.
     take(&mut stage, "key O");
-    assert_eq!(stage.app().orbited().map(|place| place.to_array()), Some(probed));
+    assert_eq!(stage.model().orbited().map(|place| place.to_array()), Some(probed));
     let at = pose(&mut stage);
     assert!(beside(&at, DVec3::from_array(probed)) < 1e-9 && at.position.distance(start.position) < 1e-6, "turned towards it: {at:?}");
     take(&mut stage, "key O");
-    assert_eq!(stage.app().orbited(), None);
+    assert_eq!(stage.model().orbited(), None);
 
     // With nothing probed it is what is in the middle of the picture, by its depth.
-    stage.app().probe = None;
+    stage.model().probe = None;
     go(&mut stage, start);
     take(&mut stage, "click Orbit");
-    let target = stage.app().orbited().expect("ground");
+    let target = stage.model().orbited().expect("ground");
     assert_eq!(target.to_array(), middle);
     let distance_m = start.position.distance(target);
     assert!(says(&stage, &format!("{distance_m:.2} m away")), "{:?}", stage.names());
@@ -93,18 +96,18 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     let share = near.position.distance(target) / distance_m;
     assert!(share > 0.6 && share < 0.9 && beside(&near, target) < 1e-9, "{share}");
     stage.hold(Key::W, 4).expect("a picture");
-    let (moved, along) = (pose(&mut stage), stage.app().orbited().expect("still"));
+    let (moved, along) = (pose(&mut stage), stage.model().orbited().expect("still"));
     assert!(along.distance(target) > 0.1 && (along.z - target.z).abs() < 1e-9, "along the ground: {along}");
     assert!((moved.position.distance(along) / near.position.distance(target) - 1.0).abs() < 1e-9 && beside(&moved, along) < 1e-9);
 
     // Another view ends it, and so does walking.
     take(&mut stage, "click View; click camera ground");
     stage.settle().expect("a picture");
-    assert_eq!(stage.app().orbited(), None);
+    assert_eq!(stage.model().orbited(), None);
     take(&mut stage, "key O");
-    assert!(stage.app().orbited().is_some());
+    assert!(stage.model().orbited().is_some());
     take(&mut stage, "key F");
-    assert_eq!(stage.app().orbited(), None);
+    assert_eq!(stage.model().orbited(), None);
     assert!(says(&stage, "m/s"), "{:?}", stage.names());
 
     // Where there is only sky, it is a place ahead.
@@ -112,7 +115,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     let up = Pose { pitch: 1.2, ..start };
     go(&mut stage, up);
     take(&mut stage, "key O");
-    let ahead = stage.app().orbited().expect("a place in the sky");
+    let ahead = stage.model().orbited().expect("a place in the sky");
     assert!(ahead.distance(up.position) > 10.0 && beside(&pose(&mut stage), ahead) < 1e-9, "{ahead}");
 }
 
@@ -134,7 +137,7 @@ fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
     assert!(!says(&stage, "culling frozen"));
 
     take(&mut stage, "key C");
-    assert_eq!(stage.app().culled_from, Some(start));
+    assert_eq!(stage.model().culled_from, Some(start));
     assert!(drawn(&mut stage) == before && says(&stage, "culling frozen"), "{:?}", stage.names());
     go(&mut stage, away);
     assert!(drawn(&mut stage) == before, "the nodes of the view before, seen from the other side");
@@ -150,7 +153,7 @@ fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
     take(&mut stage, &format!("click Experiments; type Folder = {}; click Save as experiment", folder.0.display()));
     assert!(says(&stage, "let go of `Freeze culling`") && !folder.0.join("seen").exists(), "{:?}", stage.names());
     take(&mut stage, "click Freeze culling");
-    assert_eq!(stage.app().culled_from, None);
+    assert_eq!(stage.model().culled_from, None);
     assert!(drawn(&mut stage) == other && !says(&stage, "culling frozen"));
 }
 
@@ -245,17 +248,17 @@ fn written(folder: &Folder, name: &str, change: impl FnOnce(&mut Scene)) -> Stri
 }
 
 /// Standing still, seen through the cheapest shader.
-fn stand(app: &mut Workbench) {
-    app.clock.paused = true;
-    app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
-    app.settings.scale = 0.2;
+fn stand(model: &mut Model) {
+    model.clock.paused = true;
+    model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+    model.settings.scale = 0.2;
 }
 
 /// A window that has a thread of its own, since that loads other scenes.
 fn own_stage(prepare: impl FnOnce(&mut Workbench)) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
         prepare(app);
-        stand(app);
+        stand(&mut app.model);
     });
     stage.settle().expect("a picture");
     stage
@@ -269,7 +272,7 @@ fn open(stage: &mut Stage, file: &str) -> Result<(), String> {
 
 fn name(stage: &mut Stage) -> String {
     let shown = shown(stage);
-    assert_eq!(shown.wish.settings.scene, stage.app().settings.scene, "the picture is of another scene");
+    assert_eq!(shown.wish.settings.scene, stage.model().settings.scene, "the picture is of another scene");
     shown.wish.settings.scene.name.clone()
 }
 
@@ -280,17 +283,17 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     let third = written(&folder, "third", |_| {});
     let mut stage = own_stage(|_| {});
     let first = shown(&mut stage).texels.clone();
-    stage.app().clock.frame = 3;
-    stage.app().probe = Some([0.5, 0.5]);
-    stage.app().settings.seed = 7;
+    stage.model().clock.frame = 3;
+    stage.model().probe = Some([0.5, 0.5]);
+    stage.model().settings.seed = 7;
     stage.settle().expect("a picture");
 
     // The other scene, from where it is first seen, as the old one was looked at; undo does not lead back into that.
     open(&mut stage, &other).expect("a scene");
-    assert_eq!((name(&mut stage).as_str(), stage.app().given()), ("other", Some(other.as_str())));
-    let app = stage.app();
-    assert_eq!((app.viewpoint.clone(), app.clock.frame, app.probe), (Viewpoint::Path("forwards".to_owned()), 0, None));
-    assert_eq!((app.settings.seed, app.settings.forced), (7, Some(Variant::only(Flavour::FarAtlas))));
+    assert_eq!((name(&mut stage).as_str(), stage.model().given()), ("other", Some(other.as_str())));
+    let model = stage.model();
+    assert_eq!((model.viewpoint.clone(), model.clock.frame, model.probe), (Viewpoint::Path("forwards".to_owned()), 0, None));
+    assert_eq!((model.settings.seed, model.settings.forced), (7, Some(Variant::only(Flavour::FarAtlas))));
     let lit = shown(&mut stage).texels.clone();
     assert!(lit != first, "another sun");
     take(&mut stage, "click Undo");
@@ -300,11 +303,11 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     let broken = folder.write("broken.toml", "name = ");
     let error = open(&mut stage, &broken).expect_err("no scene");
     assert!(error.contains("broken.toml") && !error.contains('\n') && says(&stage, &error), "{error}");
-    assert_eq!((name(&mut stage).as_str(), stage.app().given()), ("other", Some(other.as_str())));
+    assert_eq!((name(&mut stage).as_str(), stage.model().given()), ("other", Some(other.as_str())));
     // What is said of it took some of the window's room.
     take(&mut stage, "click Dismiss");
     assert!(shown(&mut stage).texels == lit);
-    assert!(!says(&stage, "broken.toml") && stage.app().notes().is_empty());
+    assert!(!says(&stage, "broken.toml") && stage.model().notes().is_empty());
 
     // Nor does it where the scene's file is right, and what it names is none.
     folder.write("words.png", "plain words");
@@ -321,7 +324,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     });
     let error = open(&mut stage, &lacking).expect_err("no heightmap");
     assert!(error.contains("lacking.toml cannot be loaded") && error.contains("words.png") && !error.contains('\n'), "{error}");
-    assert_eq!((name(&mut stage).as_str(), stage.app().given()), ("other", Some(other.as_str())));
+    assert_eq!((name(&mut stage).as_str(), stage.model().given()), ("other", Some(other.as_str())));
     assert!(says(&stage, &error), "{:?}", stage.names());
     take(&mut stage, "click Dismiss");
     assert!(shown(&mut stage).texels == lit);
@@ -329,9 +332,9 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     // An edit of the file is taken up when that is asked for, and undone; without the file the scene goes on.
     written(&folder, "other", |scene| scene.sun.azimuth_deg = 20.0);
     take(&mut stage, "click Scene; click Reload scene");
-    assert!((stage.app().settings.scene.sun.azimuth_deg - 20.0).abs() < 1e-9 && shown(&mut stage).texels != lit);
+    assert!((stage.model().settings.scene.sun.azimuth_deg - 20.0).abs() < 1e-9 && shown(&mut stage).texels != lit);
     take(&mut stage, "click Undo");
-    assert!((stage.app().settings.scene.sun.azimuth_deg - 250.0).abs() < 1e-9 && shown(&mut stage).texels == lit);
+    assert!((stage.model().settings.scene.sun.azimuth_deg - 250.0).abs() < 1e-9 && shown(&mut stage).texels == lit);
     fs::remove_file(&other).expect("it is there");
     take(&mut stage, "click Scene; click Reload scene; key Period");
     assert!(says(&stage, "other.toml is gone") && name(&mut stage) == "other" && shown(&mut stage).wish.frame == 1);
@@ -345,7 +348,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     assert_eq!(name(&mut stage), "other");
 
     // Edits that are in no file are not lost without a question.
-    stage.app().settings.scene.materials[0].tint[0] *= 0.5;
+    stage.model().settings.scene.materials[0].tint[0] *= 0.5;
     stage.settle().expect("a picture");
     let error = open(&mut stage, &third).expect_err("edits");
     assert!(error.contains("in no file") && stage.has("Open without saving") && name(&mut stage) == "other", "{error}");
@@ -360,14 +363,14 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
 fn until_another_scene_is_loaded_nothing_is_done_in_the_picture_of_the_old_one() {
     let folder = Folder::new("looking-old-picture");
     let other = written(&folder, "other", |_| {});
-    let mut stage = own_stage(|app| app.brush.paints = true);
-    let before = stage.app().pose().expect("a picture");
-    stage.app().open(&other).expect("a scene");
-    assert!(stage.app().shown().is_some() && stage.app().shown_here().is_none(), "the old picture stays up, and is not the new one's");
-    assert!(stage.app().pose().is_none());
+    let mut stage = own_stage(|app| app.model.brush.paints = true);
+    let before = stage.model().pose().expect("a picture");
+    stage.model().open(&other).expect("a scene");
+    assert!(stage.model().shown().is_some() && stage.model().shown_here().is_none(), "the old picture stays up, and is not the new one's");
+    assert!(stage.model().pose().is_none());
     stage.drag([60.0, 20.0]).expect("a picture");
-    assert!(name(&mut stage) == "other" && stage.app().settings.scene.strokes.is_empty(), "painted by another scene's ground");
-    assert_eq!(stage.app().viewpoint, Viewpoint::Path("forwards".to_owned()), "flown from another scene's camera, {before:?}");
+    assert!(name(&mut stage) == "other" && stage.model().settings.scene.strokes.is_empty(), "painted by another scene's ground");
+    assert_eq!(stage.model().viewpoint, Viewpoint::Path("forwards".to_owned()), "flown from another scene's camera, {before:?}");
 }
 
 #[test]
@@ -380,7 +383,7 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
     take(&mut stage, &format!("click Materials; set Texture tile = 5; type Scene file = {own}; click Overwrite; click Save scene as..."));
     assert!(stage.close(), "nothing is lost: {:?}", stage.names());
     take(&mut stage, "click Undo");
-    assert!((stage.app().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1, "undone");
+    assert!((stage.model().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1, "undone");
     let error = open(&mut stage, &other).expect_err("what undo brought back is in no file any more");
     assert!(error.contains("in no file"), "{error}");
     take(&mut stage, "click Keep this scene");
@@ -389,14 +392,14 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
     take(&mut stage, "click Keep this scene");
     // Under another name it is that file's scene from then on.
     take(&mut stage, &format!("type Scene file = {copy}; click Save scene as..."));
-    assert_eq!(stage.app().given(), Some(copy.as_str()));
-    assert!(stage.app().shown_here().is_some() && stage.close());
+    assert_eq!(stage.model().given(), Some(copy.as_str()));
+    assert!(stage.model().shown_here().is_some() && stage.close());
     take(&mut stage, "click Scene");
     assert!(stage.has(&own), "the file before is a recent one: {:?}", stage.names());
     take(&mut stage, "key Escape; set Texture tile = 7; click Scene; click Reload scene");
     assert!(
-        (stage.app().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1
-            && (stage.app().settings.scene.materials[0].tile_m - 7.0).abs() > 0.1
+        (stage.model().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1
+            && (stage.model().settings.scene.materials[0].tile_m - 7.0).abs() > 0.1
     );
     // Whoever says so closes it.
     take(&mut stage, "set Texture tile = 6");
@@ -412,24 +415,24 @@ fn the_window_is_not_painted_for_itself_while_a_scene_is_loaded() {
     let mut stage = Stage::prepared(scene.clone(), WINDOW, |app| {
         // Nothing wakes the window but what it shows.
         *app = Workbench::drawn_by(Engine::start(None, |_| {}), scene);
-        stand(app);
+        stand(&mut app.model);
     });
     let mut rested = 0;
     while rested < 3 {
         stage.until("a drawing", |_| true).expect("no failure");
-        assert!(!stage.app().is_settled(), "it was painted without a pause until there was a picture");
-        rested += u32::from(stage.app().progress().is_some() && stage.rests_for() > Duration::from_millis(100));
+        assert!(!stage.model().is_settled(), "it was painted without a pause until there was a picture");
+        rested += u32::from(stage.model().progress().is_some() && stage.rests_for() > Duration::from_millis(100));
     }
     // As long as there is but a first look, something is said to be done.
     let mut looks = 0;
-    while !stage.app().is_settled() {
+    while !stage.model().is_settled() {
         stage.until("a drawing", |_| true).expect("no failure");
-        if stage.app().shown().is_some_and(|shown| shown.draft) {
+        if stage.model().shown().is_some_and(|shown| shown.draft) {
             looks += 1;
-            assert!(stage.app().progress().is_some(), "it is said to be ready after a first look");
+            assert!(stage.model().progress().is_some(), "it is said to be ready after a first look");
         }
     }
-    assert!(looks > 0 && stage.app().progress().is_none());
+    assert!(looks > 0 && stage.model().progress().is_none());
 }
 
 #[test]
@@ -440,22 +443,23 @@ fn what_is_kept_of_each_scene_comes_back_with_it() {
     let mut stage = own_stage(|app| {
         let (keeper, line) = Keeper::open(file.clone());
         assert_eq!(line, None);
-        let own = Workbench::drawn_by(Engine::start(None, |_| {}), small_scene());
-        *app = own.opened(scene::DEFAULT).keeping(keeper, scene::DEFAULT.to_owned(), Vec::new());
+        *app = Workbench::drawn_by(Engine::start(None, |_| {}), small_scene());
+        app.model.come_from(scene::DEFAULT);
+        app.model.keep_with(keeper, scene::DEFAULT.to_owned(), Vec::new());
     });
     let usual = small_scene().blend.hash_scale;
     open(&mut stage, &a).expect("a scene");
-    stage.app().settings.scene.blend.hash_scale = usual + 1.0;
+    stage.model().settings.scene.blend.hash_scale = usual + 1.0;
     take(&mut stage, "click Places; click Keep this place");
 
     // It is in the file as soon as another one is opened, which has nothing of it.
     open(&mut stage, &b).expect("a scene");
     let (kept, line) = Kept::load(&file);
     assert_eq!((kept.places(&a).places().len(), line), (1, None));
-    assert!(!stage.has("Go to place") && (stage.app().settings.scene.blend.hash_scale - usual).abs() < 1e-9);
+    assert!(!stage.has("Go to place") && (stage.model().settings.scene.blend.hash_scale - usual).abs() < 1e-9);
     open(&mut stage, &a).expect("a scene");
-    assert!(stage.has("Go to place") && (stage.app().settings.scene.blend.hash_scale - usual - 1.0).abs() < 1e-9);
-    assert_eq!(stage.app().settings.forced, Some(Variant::only(Flavour::FarAtlas)));
+    assert!(stage.has("Go to place") && (stage.model().settings.scene.blend.hash_scale - usual - 1.0).abs() < 1e-9);
+    assert_eq!(stage.model().settings.forced, Some(Variant::only(Flavour::FarAtlas)));
     // What cannot be opened is not what the next start opens.
     let broken = folder.write("broken.toml", "name = ");
     open(&mut stage, &broken).expect_err("no scene");

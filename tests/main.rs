@@ -17,6 +17,8 @@ mod estimators;
 #[cfg(test)]
 mod experiments;
 #[cfg(test)]
+mod floors;
+#[cfg(test)]
 mod frame;
 #[cfg(test)]
 mod geometry;

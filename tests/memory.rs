@@ -41,10 +41,13 @@ fn measured_frames_leave_nothing_behind() {
     let mut meter: Meter = renderer.meter(SIZE, &Resolve::ALL).expect("a meter");
     let mut frames = |from: u32, to: u32| {
         for frame in from..to {
-            let request = RenderRequest { frame, seed: frame, ..RenderRequest::new(pose, SIZE) };
+            let request = RenderRequest::new(pose, SIZE).with(|r| {
+                r.shading.frame = frame;
+                r.shading.seed = frame;
+            });
             renderer.draw(&request).expect("a frame");
-            renderer.draw_flavours(&request, flavours, &layers).expect("flavours");
-            renderer.measure(&request, &layers, &mut meter, &[Some(flavours); 4]).expect("sums");
+            let frame = renderer.draw_flavours(&request, flavours, &layers).expect("flavours");
+            frame.measure(&layers, &mut meter, &[Some(flavours); 4]).expect("sums");
         }
         resident_kib().expect("read above")
     };

@@ -5,6 +5,7 @@
 //! scale and place in `shared`, bits of the shader in `agreement`.
 
 use experiments::stability::statistics::{Random, coverage_p, independent_p, sidak, uncorrelated_p};
+use kernels::base::wgsl;
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
 use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};
@@ -279,7 +280,7 @@ fn masks_hold_every_rank_once() {
 
 #[test]
 fn masks_lie_in_the_buffer_where_the_shader_looks() {
-    let wgsl = constants(kernels::shared::WGSL);
+    let wgsl = constants(&wgsl::pieces(kernels::shared::WGSL));
     let [x, y] = noise::IGN_SLOPES;
     let expected = [
         ("NOISE_MASK_EDGE", EDGE),
@@ -392,25 +393,28 @@ fn world_cells_have_the_size_asked_for() {
 #[test]
 fn the_frame_chooses_by_the_noise_asked_for() {
     let mut renderer = renderer();
-    let base = RenderRequest {
-        variant: VariantChoice::Forced(Variant::only(Flavour::FarCliff)),
-        aovs: AovSet::from_names(&["choice"]).expect("known layers"),
-        ..request(&renderer, "ground")
-    };
+    let base = request(&renderer, "ground").with(|r| {
+        r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarCliff));
+        r.outputs.aovs = AovSet::from_names(&["choice"]).expect("known layers");
+    });
     for kind in NoiseKind::ALL {
         let mut pictures = Vec::new();
         // A mask kind comes after others: its ranks are there when it is first wanted.
         for (frame, seed) in [(0, 5), (17, 5), (17, 6)] {
-            let request = RenderRequest { noise: kind, frame, seed, ..base.clone() };
+            let request = base.with(|r| {
+                r.shading.noise = kind;
+                r.shading.frame = frame;
+                r.shading.seed = seed;
+            });
             let picture = renderer.render(&request).expect("renders");
             let choice: Vec<u32> = picture.values("choice").expect("asked for").iter().map(|&c| c as u32).collect();
             if !matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld) {
                 // The texel of the first tiling, from the pixel's weights and the reference's second threshold; salt 2 is far cliff's.
-                let inspected = renderer.inspect(&request).expect("inspects");
+                let inspected = renderer.drawn_as(&request).and_then(|frame| frame.inspect()).expect("inspects");
                 let differing = |frame: u32, decision: usize| {
                     let (mut wrong, mut seen) = (0, 0);
                     for (i, (pixel, &choice)) in (0..).zip(inspected.iter().zip(&choice)).filter(|(_, (_, c))| **c > 0) {
-                        let u = thresholds(kind, [i % request.size[0], i / request.size[0]], frame, seed, 2)[decision];
+                        let u = thresholds(kind, [i % request.view.size[0], i / request.view.size[0]], frame, seed, 2)[decision];
                         wrong += usize::from(select::of_4(pixel.bilinear.map(f64::from), u) != (choice as usize - 1) % 4);
                         seen += 1;
                     }

@@ -9,8 +9,8 @@ use kernels::frame::picture::Picture;
 use kernels::frame::{ReloadReport, RenderRequest, Renderer, VariantChoice, shader_files};
 use kernels::gpu::{Gpu, Sources};
 use kernels::variant::{Flavour, Variant};
-use workbench::app::Workbench;
-use workbench::engine::Viewpoint;
+use workbench::model::state::Model;
+use workbench::model::viewpoint::Viewpoint;
 use workbench::script::Stage;
 
 use crate::frame::{request, small_scene, terrain};
@@ -163,7 +163,7 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
 }
 
 fn forced(renderer: &Renderer<'_>, mask: u8) -> RenderRequest {
-    RenderRequest { variant: VariantChoice::Forced(Variant::new(mask).expect("a set")), ..request(renderer, "ground") }
+    request(renderer, "ground").with(|r| r.shading.variant = VariantChoice::Forced(Variant::new(mask).expect("a set")))
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
     let folder = Folder::new("variant");
     let gpu = Gpu::new().expect("an adapter");
     let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
-    let forced = |variant| RenderRequest { variant: VariantChoice::Forced(variant), ..request(&renderer, "ground") };
+    let forced = |variant| request(&renderer, "ground").with(|r| r.shading.variant = VariantChoice::Forced(variant));
     let (atlas, full) = (forced(Variant::only(Flavour::FarAtlas)), forced(Variant::new(31).expect("all five")));
     let first = draw(&mut renderer, &atlas);
     // Divides by 0 where the pipeline of all five flavours is specialised.
@@ -236,17 +236,17 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
 /// The application with the small scene and a folder's shaders, standing still at a camera.
 fn stage(folder: &Folder) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), [1100, 700], Some(folder.0.clone()), |app| {
-        app.clock.paused = true;
-        app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
-        app.settings.scale = 0.2;
-        app.viewpoint = Viewpoint::Camera("ground".to_owned());
+        app.model.clock.paused = true;
+        app.model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.model.settings.scale = 0.2;
+        app.model.viewpoint = Viewpoint::Camera("ground".to_owned());
     });
     stage.settle().expect("a picture of the ground");
     stage
 }
 
-fn texels(app: &Workbench) -> &[[u8; 3]] {
-    &app.shown().expect("a picture").texels
+fn texels(model: &Model) -> &[[u8; 3]] {
+    &model.shown().expect("a picture").texels
 }
 
 #[test]
@@ -254,39 +254,39 @@ fn the_workbench_starts_with_a_broken_shader_and_follows_the_folder() {
     let folder = Folder::new("workbench");
     folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
     let mut stage = stage(&folder);
-    stage.until("the complaint", |app| app.shader_error().is_some()).expect("told");
-    let error = stage.app().shader_error().expect("just seen").to_owned();
+    stage.until("the complaint", |model| model.shader_error().is_some()).expect("told");
+    let error = stage.model().shader_error().expect("just seen").to_owned();
     assert!(error.contains(LIGHTING) && error.contains("no_such_name"), "{error}");
-    let first = texels(stage.app()).to_vec();
+    let first = texels(stage.model()).to_vec();
     folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
-    stage.until("the mended shader", |app| app.shader_error().is_none()).expect("told");
-    assert_eq!(texels(stage.app()), first);
+    stage.until("the mended shader", |model| model.shader_error().is_none()).expect("told");
+    assert_eq!(texels(stage.model()), first);
     // Nothing is asked for: the picture changes by itself.
     folder.edit(LIGHTING, LIT, LIT_BY_HALF);
-    stage.until("the edited shader", |app| texels(app) != first).expect("a picture");
-    assert_eq!(stage.app().shader_error(), None);
-    let dim = texels(stage.app()).to_vec();
+    stage.until("the edited shader", |model| texels(model) != first).expect("a picture");
+    assert_eq!(stage.model().shader_error(), None);
+    let dim = texels(stage.model()).to_vec();
     // No run would draw that.
     let place = folder.0.display();
     take(&mut stage, &format!("click Experiments; type Folder = {place}; type Experiment name = dim; click Save as experiment"));
     assert!(stage.names().iter().any(|name| name.contains("the program's own shaders")), "{:?}", stage.names());
     assert!(!folder.0.join("dim").exists());
     let line = folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
-    stage.until("the complaint", |app| app.shader_error().is_some()).expect("told");
-    let error = stage.app().shader_error().expect("just seen").to_owned();
+    stage.until("the complaint", |model| model.shader_error().is_some()).expect("told");
+    let error = stage.model().shader_error().expect("just seen").to_owned();
     assert!(error.contains(&format!("{LIGHTING}:{line}: ")), "{error}");
     assert!(stage.names().iter().any(|name| name.contains(LIGHTING)), "{:?}", stage.names());
     // Drawing goes on, with the last that compiled: here of another frame of a camera that stands still.
-    let frame = stage.app().shown().expect("a picture").wish.frame;
-    stage.app().clock.frame = frame + 1;
+    let frame = stage.model().shown().expect("a picture").wish.frame;
+    stage.model().clock.frame = frame + 1;
     stage.settle().expect("a picture");
-    stage.app().clock.frame = frame;
+    stage.model().clock.frame = frame;
     stage.settle().expect("a picture");
-    assert_eq!(texels(stage.app()), dim);
-    assert!(stage.app().shader_error().is_some(), "it stands for as long as it is so");
+    assert_eq!(texels(stage.model()), dim);
+    assert!(stage.model().shader_error().is_some(), "it stands for as long as it is so");
     folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
-    stage.until("the mended shader", |app| app.shader_error().is_none()).expect("told");
-    assert_eq!(texels(stage.app()), dim);
+    stage.until("the mended shader", |model| model.shader_error().is_none()).expect("told");
+    assert_eq!(texels(stage.model()), dim);
     folder.edit(LIGHTING, LIT_BY_HALF, LIT);
-    stage.until("the first shader", |app| texels(app) == first).expect("a picture");
+    stage.until("the first shader", |model| texels(model) == first).expect("a picture");
 }

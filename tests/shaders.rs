@@ -2,16 +2,17 @@
 //!
 //! What a device would only say when a variant is first wanted (and some backends never say) is said here for all of them.
 
+use kernels::base::wgsl::{self, Wgsl};
+use kernels::frame::{DECLARATIONS, FOLLOWING, shader_files};
+use kernels::gpu::ShaderModule;
 use kernels::shading::{Estimator, Kernel, PipelineKey, Settings};
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::Variant;
-use kernels::{classification, composition, geometry, inspect, lighting, metrics, motion, shading, temporal, virtual_texture};
+use kernels::{geometry, metrics, shading, temporal, virtual_texture};
 use naga::ShaderStage;
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-
-type Files = Vec<(&'static str, &'static str)>;
 
 /// A shader module as the stages make it.
 pub(crate) struct Source {
@@ -21,30 +22,22 @@ pub(crate) struct Source {
     needs: Capabilities,
 }
 
-fn source(name: &'static str, files: &Files, needs: Capabilities) -> Source {
-    Source { name, text: files.iter().flat_map(|(_, text)| [*text, "\n"]).collect(), needs }
+pub(crate) fn source(module: &ShaderModule) -> Source {
+    let has = |path: &str| module.files().iter().any(|file| file.path == path);
+    let mut needs = Capabilities::empty();
+    // Packing to f16 in a word, which every adapter has: WGSL's pack2x16float.
+    needs.set(Capabilities::SHADER_FLOAT16_IN_FLOAT32, has("shared/signal.wgsl"));
+    needs.set(Capabilities::SUBGROUP, has("classification/subgroup.wgsl"));
+    Source { name: module.name, text: wgsl::joined(&module.pieces()), needs }
 }
 
-/// Every module that a device is given.
+/// Every module that a device is given: those that stages declare, and those of the passes that follow frames.
 pub(crate) fn sources() -> Vec<Source> {
-    let base = Capabilities::empty();
-    // Packing to f16 in a word, which every adapter has: WGSL's pack2x16float.
-    let half = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
-    vec![
-        source("geometry", &geometry::files(), base),
-        source("pages", &virtual_texture::page_files(), base),
-        source("page requests", &virtual_texture::request_files(), base),
-        source("classification, subgroups", &classification::files(true), Capabilities::SUBGROUP),
-        source("classification, plain", &classification::files(false), base),
-        source("shading", &shading::files(), base),
-        source("lighting", &lighting::files(), base),
-        source("inspect", &inspect::files(), base),
-        source("composition", &composition::files(), half),
-        source("motion", &motion::files(), base),
-        source("temporal", &temporal::files(), half),
-        source("measure", &metrics::files(), half),
-        source("seeds", &metrics::seeds_files(), half),
-    ]
+    let declared = DECLARATIONS.iter().flat_map(|stage| stage.modules.iter().copied());
+    let following = [&temporal::MODULE, &metrics::MODULE, &metrics::SEEDS_MODULE];
+    let all: Vec<Source> = declared.chain(FOLLOWING).chain(following).map(source).collect();
+    assert!(all.len() >= 13, "{} modules", all.len());
+    all
 }
 
 /// Parses and validates, given no more than `capabilities`.
@@ -88,7 +81,7 @@ fn declared(module: &naga::Module) -> Vec<&str> {
 }
 
 fn shading_module() -> (naga::Module, ModuleInfo) {
-    let text = source("shading", &shading::files(), Capabilities::empty()).text;
+    let text = source(&shading::MODULE).text;
     validate(&text, Capabilities::empty()).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -98,16 +91,61 @@ fn every_module_is_valid() {
         let (module, _) = validate(&text, needs).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(!module.entry_points.is_empty(), "{name} has no entry point");
         // Negative controls, for each module: a wrong type, an unknown name, a text that ends early, a capability that is not given.
-        let broken = text.replacen("fn hash_pcg(v: u32) -> u32 {", "fn hash_pcg(v: u32) -> f32 {", 1);
-        assert!(broken != text && validate(&broken, needs).is_err(), "{name}: a function that returns the wrong type passed");
-        let unknown = text.replacen("hash_pcg(seed)", "hash_pgc(seed)", 1);
-        assert!(unknown != text && validate(&unknown, needs).is_err(), "{name}: a call of an unknown function passed");
+        let with = |mistake: &str| validate(&format!("{text}\nfn planted(v: u32) -> f32 {{ return {mistake}; }}"), needs);
+        assert!(with("f32(v)").is_ok(), "{name}: what is right was refused");
+        assert!(with("v").is_err(), "{name}: a function that returns the wrong type passed");
+        assert!(with("nowhere(v)").is_err(), "{name}: a call of an unknown function passed");
         let end = text.trim_end().len() - 1;
         assert!(validate(&text[..end], needs).is_err(), "{name}: a module without its last brace passed");
         if !needs.is_empty() {
             assert!(validate(&text, Capabilities::empty()).is_err(), "{name}: valid without {needs:?}, so it does not need it");
         }
     }
+}
+
+/// A file with what it declares to need, and nothing else. An error names the file.
+fn alone(file: &'static Wgsl) -> Result<(), String> {
+    let text = wgsl::joined(&wgsl::pieces(&[file]));
+    // Some files lack an entry point of their own; any module may.
+    let capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32 | Capabilities::SUBGROUP;
+    validate(&text, capabilities).map(drop).map_err(|error| format!("{}: {error}", file.path))
+}
+
+#[test]
+fn every_file_declares_what_it_needs_and_no_more() {
+    let mut files = shader_files();
+    for module in [&temporal::MODULE, &metrics::MODULE, &metrics::SEEDS_MODULE] {
+        files.extend(module.files());
+    }
+    files.extend(kernels::shared::WGSL);
+    for file in files {
+        alone(file).unwrap_or_else(|error| panic!("{error}"));
+        // A file that is named is used: without it the rest does not hold together, unless another need brings it.
+        let words = |text: &str| text.split(|c: char| !c.is_alphanumeric() && c != '_').map(str::to_owned).collect::<Vec<_>>();
+        let used = words(file.text);
+        for need in file.needs {
+            let declares = |line: &str| {
+                let line = line.trim_start_matches("@const ");
+                ["fn ", "struct ", "const ", "override ", "var<private> ", "alias "]
+                    .iter()
+                    .find_map(|k| line.strip_prefix(k))
+                    .map(|d| words(d)[0].clone())
+                    .or_else(|| {
+                        line.strip_prefix("@group").and_then(|rest| rest.split("var").nth(1)).and_then(|d| {
+                            words(d)
+                                .into_iter()
+                                .find(|w| !w.is_empty() && !["uniform", "storage", "read", "read_write"].contains(&w.as_str()))
+                        })
+                    })
+            };
+            let names: Vec<String> = need.text.lines().filter_map(declares).collect();
+            assert!(names.iter().any(|name| used.contains(name)), "{} needs {}, but uses nothing of it", file.path, need.path);
+        }
+    }
+    // Negative control: a file that leaves out a need is refused by its path.
+    static LACKING: Wgsl = Wgsl::new("lacking.wgsl", "fn f(v: u32) -> u32 { return hash_pcg(v); }", &[&kernels::shared::USABLE]);
+    let error = alone(&LACKING).expect_err("hash.wgsl is not among its needs");
+    assert!(error.starts_with("lacking.wgsl: ") && error.contains("hash_pcg"), "{error}");
 }
 
 #[test]
@@ -164,13 +202,13 @@ fn every_variant_resolves() {
 
 #[test]
 fn other_stages_overrides_exist() {
-    let stages: [(&Files, (ShaderStage, &str), &str); 3] = [
-        (&geometry::files(), (ShaderStage::Vertex, "geometry_vertex"), "HAS_HOLES"),
-        (&geometry::files(), (ShaderStage::Fragment, "geometry_fragment"), "HAS_HOLES"),
-        (&virtual_texture::page_files(), (ShaderStage::Fragment, "page_fragment"), "COLOUR_MODULATION"),
+    let stages: [(&ShaderModule, (ShaderStage, &str), &str); 3] = [
+        (&geometry::MODULE, (ShaderStage::Vertex, "geometry_vertex"), "HAS_HOLES"),
+        (&geometry::MODULE, (ShaderStage::Fragment, "geometry_fragment"), "HAS_HOLES"),
+        (&virtual_texture::PAGE_MODULE, (ShaderStage::Fragment, "page_fragment"), "COLOUR_MODULATION"),
     ];
-    for (files, entry, name) in stages {
-        let text = source("", files, Capabilities::empty()).text;
+    for (module, entry, name) in stages {
+        let text = source(module).text;
         let module = validate(&text, Capabilities::empty()).unwrap_or_else(|e| panic!("{e}"));
         for value in [0.0, 1.0] {
             let resolved = resolve(&module, entry, &[(name, value)]).unwrap_or_else(|e| panic!("{}: {e}", entry.1));

@@ -6,6 +6,7 @@
 
 use experiments::stability::noise::{ORIGINS, SECTOR_M, scattered};
 use experiments::stability::statistics::{Random, goodness_p, independent_p, sidak, uniform_bins_p, uniform_ks_p};
+use kernels::base::wgsl;
 use kernels::scene::FlavourRules;
 use kernels::shared::flavour_weights::FlavourParams;
 use kernels::shared::noise::{HashedPoint, NoiseKind, TwoScales};
@@ -878,7 +879,7 @@ fn fresnel_and_environment_are_in_bounds() {
 // ---------------------------------------------------------------- shaders
 
 fn joined() -> String {
-    kernels::shared::WGSL.iter().map(|&(_, text)| text).collect()
+    wgsl::joined(&wgsl::pieces(kernels::shared::WGSL))
 }
 
 fn validate(source: &str) -> Result<naga::Module, String> {
@@ -895,10 +896,11 @@ fn shared_wgsl_is_valid_and_prefixed() {
     assert!(module.global_variables.is_empty() && module.overrides.is_empty() && module.entry_points.is_empty());
     // Negative control.
     assert!(validate(&joined().replacen("vec4<f32>(weights, 0.0)", "vec4<f32>(weights)", 1)).is_err());
-    for (name, text) in kernels::shared::WGSL {
-        let topic = name.split('_').next().expect("split gives at least one part");
-        for line in text.lines().filter(|l| l.starts_with("fn ")) {
-            assert!(line[3..].starts_with(topic), "{name}.wgsl: `{line}` lacks its topic as prefix");
+    for file in kernels::shared::WGSL {
+        let name = file.path.trim_start_matches("shared/");
+        let topic = name.split(['_', '.']).next().expect("split gives at least one part");
+        for line in file.text.lines().filter(|l| l.starts_with("fn ")) {
+            assert!(line[3..].starts_with(topic), "{name}: `{line}` lacks its topic as prefix");
         }
     }
 }

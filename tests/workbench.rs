@@ -13,13 +13,14 @@ use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
 use kernels::world::payload::PAYLOAD_BYTES;
-use workbench::app::Workbench;
-use workbench::compare::{Mode, Other};
-use workbench::display::Layer;
-use workbench::engine::{EYE_M, Shown, Viewpoint};
-use workbench::parameters::GROUPS;
+use workbench::engine::sketch;
+use workbench::model::compare::{Mode, Other};
+use workbench::model::display::Layer;
+use workbench::model::parameters::GROUPS;
+use workbench::model::picture::Shown;
+use workbench::model::state::Model;
+use workbench::model::viewpoint::{EYE_M, Viewpoint};
 use workbench::script::{Stage, Step, steps};
-use workbench::sketch;
 
 use crate::bad_input::{Folder, program};
 use crate::frame::{gpu, small_scene};
@@ -38,10 +39,10 @@ pub(crate) fn cheap_stage() -> Stage {
 
 fn standing(forced: Option<Variant>) -> Stage {
     let mut stage = Stage::prepared(small_scene(), WINDOW, |app| {
-        app.clock.paused = true;
-        app.settings.forced = forced;
-        app.settings.scale = 0.2;
-        app.viewpoint = Viewpoint::Camera("ground".to_owned());
+        app.model.clock.paused = true;
+        app.model.settings.forced = forced;
+        app.model.settings.scale = 0.2;
+        app.model.viewpoint = Viewpoint::Camera("ground".to_owned());
     });
     stage.settle().expect("a picture of the ground");
     stage
@@ -55,7 +56,7 @@ pub(crate) fn take(stage: &mut Stage, text: &str) {
 
 /// Tiles of the last picture by variant.
 fn running(stage: &mut Stage) -> Vec<Variant> {
-    let shown = stage.app().shown().expect("a picture").clone();
+    let shown = stage.model().shown().expect("a picture").clone();
     Variant::all().filter(|v| shown.picture.report.tiles[usize::from(v.mask())] > 0).collect()
 }
 
@@ -74,7 +75,7 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
     assert_eq!(running(&mut stage), [Variant::new(17).expect("vt and splat")]);
     take(&mut stage, "key G");
     assert_eq!(
-        stage.app().shown().expect("a picture").wish.settings.choice(),
+        stage.model().shown().expect("a picture").wish.settings.choice(),
         VariantChoice::GenericForced(Variant::new(17).expect("a set"))
     );
     take(&mut stage, "key 0; click Generic kernel");
@@ -89,24 +90,24 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
         stage.settle().expect("a picture");
     }
     take(&mut stage, "click Undo");
-    assert_eq!(stage.app().settings.forced, None);
+    assert_eq!(stage.model().settings.forced, None);
     take(&mut stage, "click Redo");
-    assert_eq!(stage.app().settings.forced, Some(Variant::only(Flavour::FarAtlas)));
+    assert_eq!(stage.model().settings.forced, Some(Variant::only(Flavour::FarAtlas)));
 }
 
 #[test]
 fn every_parameter_is_set_and_reset_by_its_name() {
     let mut stage = cheap_stage();
-    let original = stage.app().settings.scene.clone();
+    let original = stage.model().settings.scene.clone();
     for parameter in GROUPS.iter().flat_map(|g| g.parameters) {
         let usual = *(parameter.at)(&mut original.clone());
         // A little, so that the scene stays possible.
         let wanted = usual + 0.01 * (parameter.range[1] - usual).abs().max(0.1);
         stage.take(&Step::Set(parameter.name.to_owned(), wanted)).unwrap_or_else(|e| panic!("{}: {e:#}", parameter.name));
-        let now = *(parameter.at)(&mut stage.app().shown().expect("a picture").wish.settings.scene.clone());
+        let now = *(parameter.at)(&mut stage.model().shown().expect("a picture").wish.settings.scene.clone());
         assert!(now != usual && (now - wanted).abs() <= 0.02 * wanted.abs(), "{}: {now}, wanted {wanted}", parameter.name);
         stage.take(&Step::Click(format!("Reset {}", parameter.name))).unwrap_or_else(|e| panic!("{}: {e:#}", parameter.name));
-        assert!(stage.app().settings.scene == original, "{}", parameter.name);
+        assert!(stage.model().settings.scene == original, "{}", parameter.name);
     }
 }
 
@@ -114,16 +115,16 @@ fn every_parameter_is_set_and_reset_by_its_name() {
 fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
     let drawn = |chosen: Option<f64>| {
         let mut stage = Stage::prepared(small_scene(), [640, 480], |app| {
-            app.clock.paused = true;
-            app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
-            app.settings.scale = chosen.unwrap_or(app.settings.scale);
+            app.model.clock.paused = true;
+            app.model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+            app.model.settings.scale = chosen.unwrap_or(app.model.settings.scale);
         });
         stage.settle().expect("a picture");
-        let scale = stage.app().settings.scale;
-        let [width, height] = stage.app().shown().expect("a picture").wish.size;
+        let scale = stage.model().settings.scale;
+        let [width, height] = stage.model().shown().expect("a picture").wish.size;
         // There is nothing to take back.
         take(&mut stage, "click Undo");
-        assert_eq!(stage.app().settings.scale, scale);
+        assert_eq!(stage.model().settings.scale, scale);
         (scale, f64::from(width), f64::from(height))
     };
     let expected = if gpu().is_software() { 0.5 } else { 1.0 };
@@ -139,16 +140,16 @@ fn a_window_finds_nothing_of_the_one_before() {
     // Three frames are measured; the second window's follow those of the first, with whose thread they are likely drawn.
     let seen = |frame: u32| {
         let mut stage = cheap_stage();
-        stage.app().clock.frame = frame;
+        stage.model().clock.frame = frame;
         take(&mut stage, "click Metrics; click Measure; key Period; key Period");
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!(shown.wish.frame, frame + 2);
         let frames: Vec<u32> = shown.readings.iter().map(|reading| reading.frame).collect();
         assert_eq!(frames, [frame, frame + 1, frame + 2], "readings of this window alone");
         let last = shown.readings.last().and_then(|reading| reading.sides[0]).expect("measured");
         assert_eq!(last.frames, 3.0, "frames of this window alone");
-        stage.app().settings.scene.sun.elevation_deg = 20.0;
-        stage.app().viewpoint = Viewpoint::Camera("nowhere".to_owned());
+        stage.model().settings.scene.sun.elevation_deg = 20.0;
+        stage.model().viewpoint = Viewpoint::Camera("nowhere".to_owned());
         assert!(stage.settle().is_err(), "the thread that draws fails at last");
         shown.texels.clone()
     };
@@ -157,7 +158,7 @@ fn a_window_finds_nothing_of_the_one_before() {
     let mut stage = Stage::new(small_scene(), [1, 1]);
     for _ in 0..20 {
         stage.until("a drawing of the window", |_| true).expect("nothing is wrong");
-        assert!(stage.app().shown().is_none() && stage.app().failure().is_none() && !stage.app().is_warm());
+        assert!(stage.model().shown().is_none() && stage.model().failure().is_none() && !stage.model().is_warm());
     }
     drop(stage);
     // Of an atlas no frame is another, nor does the sun of the first window shine.
@@ -167,14 +168,14 @@ fn a_window_finds_nothing_of_the_one_before() {
 #[test]
 fn a_scene_that_cannot_be_is_refused_and_the_picture_stays() {
     let mut stage = cheap_stage();
-    let before = stage.app().shown().expect("a picture").texels.clone();
-    stage.app().settings.scene.flavours.cliff_near_m = 9000.0;
+    let before = stage.model().shown().expect("a picture").texels.clone();
+    stage.model().settings.scene.flavours.cliff_near_m = 9000.0;
     let error = stage.settle().expect_err("near cliff ends behind the far atlas").to_string();
     assert!(error.contains("cliff_near_m"), "{error}");
     // It stands in the window, too, for as long as it is so.
     assert!(stage.settle().is_err() && stage.names().iter().any(|name| name.contains("cliff_near_m")), "{:?}", stage.names());
-    assert_eq!(stage.app().shown().expect("still there").texels, before);
-    stage.app().settings.scene = small_scene();
+    assert_eq!(stage.model().shown().expect("still there").texels, before);
+    stage.model().settings.scene = small_scene();
     stage.settle().expect("possible again");
     assert!(!stage.names().iter().any(|name| name.contains("cliff_near_m")));
 }
@@ -198,18 +199,18 @@ fn numbers_are_where_their_keys_say_and_within_what_is_offered() {
 #[test]
 fn a_lost_device_is_made_anew_and_nothing_is_lost_with_it() {
     let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
-        app.clock.paused = true;
-        app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
-        app.settings.scale = 0.2;
-        app.viewpoint = Viewpoint::Camera("ground".to_owned());
+        app.model.clock.paused = true;
+        app.model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.model.settings.scale = 0.2;
+        app.model.viewpoint = Viewpoint::Camera("ground".to_owned());
     });
     stage.settle().expect("a picture");
     take(&mut stage, "set Sun above = 20");
-    let before = stage.app().shown().expect("a picture").clone();
+    let before = stage.model().shown().expect("a picture").clone();
     stage.app().engine().lose_devices(1);
-    stage.app().clock.frame += 1;
+    stage.model().clock.frame += 1;
     stage.settle().expect("a picture by another device");
-    let after = stage.app().shown().expect("a picture").clone();
+    let after = stage.model().shown().expect("a picture").clone();
     assert!(!std::sync::Arc::ptr_eq(&before, &after) && after.wish.frame == before.wish.frame + 1);
     assert!(after.wish.settings == before.wish.settings && after.texels == before.texels, "the same picture with the same numbers");
 }
@@ -219,37 +220,37 @@ fn a_device_that_is_lost_again_and_again_is_given_up_until_another_picture_is_wa
     // Of larger textures than a first look has, so that there is one with each device.
     let scene = Scene { detail_size: 2 * sketch::TEXELS, ..small_scene() };
     let mut stage = Stage::with_shaders(scene, WINDOW, None, |app| {
-        app.clock.paused = true;
-        app.settings.forced = Some(Variant::only(Flavour::FarAtlas));
-        app.settings.scale = 0.2;
-        app.viewpoint = Viewpoint::Camera("ground".to_owned());
+        app.model.clock.paused = true;
+        app.model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.model.settings.scale = 0.2;
+        app.model.viewpoint = Viewpoint::Camera("ground".to_owned());
     });
     stage.settle().expect("a picture");
-    let first = stage.app().shown().expect("a picture").clone();
+    let first = stage.model().shown().expect("a picture").clone();
     // First looks in between succeed, each with the next device.
     stage.app().engine().lose_devices(4);
-    stage.app().clock.frame += 1;
+    stage.model().clock.frame += 1;
     let error = stage.settle().expect_err("no device draws it").to_string();
     assert!(error.contains("lost several times") && error.contains("smaller picture") && !error.contains('\n'), "{error}");
-    assert!(stage.app().notes().is_empty(), "{:?}", stage.app().notes());
+    assert!(stage.model().notes().is_empty(), "{:?}", stage.model().notes());
     // What is wanted next is drawn. That nothing was may be said until then.
-    stage.app().clock.frame -= 1;
+    stage.model().clock.frame -= 1;
     let began = Instant::now();
     while stage.settle().is_err() && began.elapsed() < Duration::from_secs(60) {}
     stage.settle().expect("a picture by another device");
-    assert!(stage.app().shown().expect("a picture").texels == first.texels);
+    assert!(stage.model().shown().expect("a picture").texels == first.texels);
 }
 
 #[test]
 fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
     let mut stage = cheap_stage();
-    stage.app().viewpoint = Viewpoint::Path("sideways".to_owned());
-    stage.app().clock.frame = 0;
+    stage.model().viewpoint = Viewpoint::Path("sideways".to_owned());
+    stage.model().clock.frame = 0;
     stage.settle().expect("a picture");
     let mut first = Vec::new();
     for frame in 1..=3 {
         take(&mut stage, "click Step");
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!(shown.wish.frame, frame);
         first.push((shown.pose, shown.texels.clone()));
     }
@@ -257,31 +258,31 @@ fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
     // Forwards to elsewhere and back again: the same frames are the same pictures.
     take(&mut stage, "key Period; key Period");
     for (frame, before) in (1..).zip(&first) {
-        stage.app().clock.frame = frame;
+        stage.model().clock.frame = frame;
         stage.settle().expect("a picture");
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!((&shown.pose, &shown.texels), (&before.0, &before.1), "frame {frame}");
     }
     // Running, no frame is left out: the next one is asked for when one was shown.
     let seen = RefCell::new(BTreeSet::new());
     take(&mut stage, "key Space");
-    let from = stage.app().clock.frame;
-    let look = |app: &Workbench| {
-        seen.borrow_mut().extend(app.shown().map(|shown| shown.wish.frame));
-        app.clock.frame >= from + 4
+    let from = stage.model().clock.frame;
+    let look = |model: &Model| {
+        seen.borrow_mut().extend(model.shown().map(|shown| shown.wish.frame));
+        model.clock.frame >= from + 4
     };
     stage.until("four frames", look).expect("pictures");
     let seen = seen.into_inner();
     let (first, last) = (*seen.first().expect("some"), *seen.last().expect("some"));
     assert!(seen.len() >= 4 && seen.iter().copied().eq(first..=last), "{seen:?}");
     take(&mut stage, "key Space");
-    assert!(stage.app().clock.paused);
+    assert!(stage.model().clock.paused);
 }
 
 #[test]
 fn the_camera_flies_turns_and_walks() {
     let mut stage = cheap_stage();
-    let pose = |stage: &mut Stage| stage.app().shown().expect("a picture").pose;
+    let pose = |stage: &mut Stage| stage.model().shown().expect("a picture").pose;
     let start = pose(&mut stage);
     stage.hold("W".parse_key(), 4).expect("a picture");
     let moved = pose(&mut stage);
@@ -320,10 +321,10 @@ impl ParseKey for str {
 #[test]
 fn layers_panels_and_what_is_not_there() {
     let mut stage = stage();
-    let mut pictures = vec![stage.app().shown().expect("a picture").texels.clone()];
+    let mut pictures = vec![stage.model().shown().expect("a picture").texels.clone()];
     for layer in Layer::ALL.into_iter().skip(1) {
         take(&mut stage, &format!("click Layer; click {}", layer.name()));
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!(shown.wish.settings.layer, layer);
         // Where time stands still nothing flickers, which looks like nothing that flips.
         assert!(layer.is_measured() || pictures.iter().all(|p| *p != shown.texels), "{} looks like another layer", layer.name());
@@ -377,15 +378,15 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     let folder = Folder::new("workbench-experiment");
     let out = folder.path("out");
     let mut stage = cheap_stage();
-    let pose = stage.app().shown().expect("a picture").pose;
-    let app = stage.app();
-    app.settings.scale = 0.1;
-    app.settings.layer = Layer::Albedo;
-    app.settings.noise = NoiseKind::WhiteScreen;
-    app.settings.scene.blend.mip_bias = 0.5;
-    app.clock.frame = 2;
+    let pose = stage.model().shown().expect("a picture").pose;
+    let model = stage.model();
+    model.settings.scale = 0.1;
+    model.settings.layer = Layer::Albedo;
+    model.settings.noise = NoiseKind::WhiteScreen;
+    model.settings.scene.blend.mip_bias = 0.5;
+    model.clock.frame = 2;
     // Beside the camera, and on foot: a view that the scene has no name for.
-    app.viewpoint = Viewpoint::Free { pose: Pose { yaw: pose.yaw + 0.2, ..pose }, walking: false };
+    model.viewpoint = Viewpoint::Free { pose: Pose { yaw: pose.yaw + 0.2, ..pose }, walking: false };
     take(&mut stage, "key F; click Variant near-cliff");
     take(&mut stage, &format!("click Experiments; type Folder = {}; type Definitions = ; type Results = {out}", folder.0.display()));
     take(&mut stage, "type Experiment name = seen; set Frames of the run = 3; set Seeds of the run = 2");
@@ -410,7 +411,7 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     assert!(stage.names().iter().any(|name| name.contains("What does near-cliff cost")), "{:?}", stage.names());
 
     // It is of what was on screen.
-    let shown = stage.app().shown().expect("a picture").clone();
+    let shown = stage.model().shown().expect("a picture").clone();
     let run = read_run(&Path::new(&out).join("seen")).expect("it is whole");
     assert!(run.complete && Path::new(&out).join("seen").join("report.html").is_file());
     assert_eq!((run.definition.size, run.definition.frames, run.definition.seeds), (shown.wish.size, 3, 2));
@@ -426,9 +427,9 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     let same = differing(&picture, &shown);
     assert!(same <= 0.001, "{same} of the terrain differs");
     // Negative control: the frame before.
-    stage.app().clock.frame = 1;
+    stage.model().clock.frame = 1;
     stage.settle().expect("a picture");
-    let other = differing(&picture, stage.app().shown().expect("a picture"));
+    let other = differing(&picture, stage.model().shown().expect("a picture"));
     assert!(other > 0.1, "only {other} of the terrain differs in another frame");
 }
 
@@ -436,7 +437,7 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
 fn a_place_is_kept_and_gone_back_to_as_the_same_picture() {
     let mut stage = cheap_stage();
     let seen = |stage: &mut Stage| {
-        let shown = stage.app().shown().expect("a picture");
+        let shown = stage.model().shown().expect("a picture");
         (shown.pose, shown.texels.clone())
     };
     take(&mut stage, "click Places; click Keep this place");
@@ -455,7 +456,7 @@ fn a_place_is_kept_and_gone_back_to_as_the_same_picture() {
 #[test]
 fn a_recorded_flight_replays_the_same_pictures_frame_by_frame() {
     let mut stage = cheap_stage();
-    stage.app().clock.frame = 40;
+    stage.model().clock.frame = 40;
     stage.settle().expect("a picture");
     take(&mut stage, "click Places; click Record path");
     let mut flown = Vec::new();
@@ -464,7 +465,7 @@ fn a_recorded_flight_replays_the_same_pictures_frame_by_frame() {
             take(&mut stage, "click Step");
         }
         stage.hold("W".parse_key(), 2).expect("a picture");
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!(shown.wish.frame, frame, "a recording begins at frame 0");
         flown.push((shown.pose, shown.texels.clone()));
     }
@@ -475,7 +476,7 @@ fn a_recorded_flight_replays_the_same_pictures_frame_by_frame() {
         if frame > 0 {
             take(&mut stage, "click Step");
         }
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         assert!(matches!(&shown.wish.viewpoint, Viewpoint::Recorded(path) if path.frames() == 4));
         assert_eq!(shown.pose, flown[frame % 4].0, "frame {frame}: over and over");
         assert!(frame >= 4 || shown.texels == flown[frame].1, "frame {frame}: other pixels");
@@ -490,16 +491,16 @@ fn a_recorded_flight_replays_the_same_pictures_frame_by_frame() {
 #[test]
 fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     let mut stage = stage();
-    let alone = stage.app().shown().expect("a picture").texels.clone();
+    let alone = stage.model().shown().expect("a picture").texels.clone();
     take(&mut stage, "click Compare; click Keep A as B");
-    let shown = stage.app().shown().expect("a picture").clone();
+    let shown = stage.model().shown().expect("a picture").clone();
     let second = shown.second.as_ref().expect("B");
     assert!(shown.texels == alone && second.texels == alone, "B is A");
     assert_eq!((second.rmse, second.largest), (0.0, 0.0), "nowhere a difference");
     // Something of the request, and something of the scene: both sides are what they would be alone.
     for change in ["set Seed = 7", "set Sun above = 20"] {
         take(&mut stage, &format!("click Variants; click Parameters; {change}; click Compare"));
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         let second = shown.second.as_ref().expect("B");
         assert!(second.texels == alone && shown.texels != alone, "{change}");
         assert!(second.rmse > 0.0 && second.largest > 0.0 && second.largest >= second.mean.abs(), "{change}");
@@ -510,39 +511,39 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
         stage.names()
     );
     // Each way to show them is drawn from the same pictures.
-    let both = stage.app().shown().expect("a picture").clone();
+    let both = stage.model().shown().expect("a picture").clone();
     for mode in Mode::ALL.into_iter().filter(|m| *m != Mode::Off) {
         take(&mut stage, &format!("click Show; click {}", mode.name()));
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!((shown.wish.compare.mode, &shown.texels), (mode, &both.texels));
         let difference = shown.second.as_ref().expect("B").difference.as_ref();
         assert_eq!(difference.is_some_and(|d| d.iter().any(|&c| c != d[0])), mode == Mode::Difference);
     }
     take(&mut stage, "click Swap A and B");
-    let swapped = stage.app().shown().expect("a picture").clone();
+    let swapped = stage.model().shown().expect("a picture").clone();
     assert!(swapped.texels == alone && swapped.second.as_ref().expect("B").texels == both.texels, "A is what B was");
     take(&mut stage, "key X");
-    assert_eq!(stage.app().compare.mode, Mode::Flicker);
+    assert_eq!(stage.model().compare.mode, Mode::Flicker);
     // Of one variant: the exact blend of each would be another shader to compile.
-    stage.app().settings.forced = Some(Variant::only(Flavour::NearCliff));
+    stage.model().settings.forced = Some(Variant::only(Flavour::NearCliff));
     take(&mut stage, "click B is; click exact blend of A");
-    assert_eq!(stage.app().compare.other, Other::Exact);
-    let shown = stage.app().shown().expect("a picture").clone();
+    assert_eq!(stage.model().compare.other, Other::Exact);
+    let shown = stage.model().shown().expect("a picture").clone();
     assert!(shown.texels != shown.second.as_ref().expect("B").texels, "without the noise of A");
 }
 
 #[test]
 fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     let mut stage = cheap_stage();
-    let last = |stage: &mut Stage| stage.app().shown().expect("a picture").readings.last().copied().expect("measured");
-    stage.app().viewpoint = Viewpoint::Camera("cliff".to_owned());
-    stage.app().settings.forced = Some(Variant::only(Flavour::FarCliff));
+    let last = |stage: &mut Stage| stage.model().shown().expect("a picture").readings.last().copied().expect("measured");
+    stage.model().viewpoint = Viewpoint::Camera("cliff".to_owned());
+    stage.model().settings.forced = Some(Variant::only(Flavour::FarCliff));
     take(&mut stage, "click Metrics; click Measure; key Period; key Period; key Period");
     let still = last(&mut stage).sides[0].expect("terrain");
     // Noise that is fixed to the ground, seen by a camera that stands: nothing changes.
     assert_eq!((still.flip_rate, still.flicker, still.variance), (Some(0.0), 0.0, 0.0));
     assert_eq!(still.frames, 4.0);
-    stage.app().settings.reseeds = true;
+    stage.model().settings.reseeds = true;
     take(&mut stage, "key Period; key Period; key Period");
     let reseeded = last(&mut stage).sides[0].expect("terrain");
     assert!(reseeded.frames <= 4.0 && reseeded.flip_rate.expect("choices") > 0.3 && reseeded.flicker > 1e-3, "{reseeded:?}");
@@ -558,11 +559,11 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     assert!(a.clumping.is_some_and(|c| c > 0.2) && b.flip_rate.is_none() && b.flicker == 0.0, "{a:?} {b:?}");
     assert!(a.bias.is_some_and(|bias| bias.abs() < 0.01) && b.bias.is_none(), "{a:?} {b:?}");
     // A rectangle holds fewer pixels; a measured layer is drawn.
-    stage.app().metrics.region = Some([0.25, 0.5, 0.5, 0.75]);
+    stage.model().metrics.region = Some([0.25, 0.5, 0.5, 0.75]);
     take(&mut stage, "key Period");
     assert!(last(&mut stage).sides[0].expect("terrain").terrain < a.terrain / 4);
     take(&mut stage, "click Whole picture; click Layer; click Flips");
-    assert_eq!(stage.app().settings.layer, Layer::Flips);
+    assert_eq!(stage.model().settings.layer, Layer::Flips);
 }
 
 /// What the legend of the map says: levels, and how many nodes of each are drawn.
@@ -581,11 +582,11 @@ fn the_machine_shows_what_each_stage_reported() {
     take(&mut stage, "click Machine");
     assert!(stage.has("Map of nodes"), "{:?}", stage.names());
     for (camera, step) in [("ground", "key Period"), ("vista", "set Map span = 9000")] {
-        stage.app().viewpoint = Viewpoint::Camera(camera.to_owned());
+        stage.model().viewpoint = Viewpoint::Camera(camera.to_owned());
         // Far off it is the nodes that differ: by one cheap variant.
-        stage.app().settings.forced = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
+        stage.model().settings.forced = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
         take(&mut stage, step);
-        let shown = stage.app().shown().expect("a picture").clone();
+        let shown = stage.model().shown().expect("a picture").clone();
         let report = &shown.picture.report;
 
         // Every node is in the legend once, with its level.
@@ -624,25 +625,25 @@ fn the_machine_shows_what_each_stage_reported() {
     }
     // A camera that stands needs no node anew.
     take(&mut stage, "key Period");
-    assert_eq!(stage.app().shown().expect("a picture").picture.report.loaded, 0);
+    assert_eq!(stage.model().shown().expect("a picture").picture.report.loaded, 0);
 }
 
 #[test]
 fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     // Of one variant, which draws random numbers: its pixels are other than those of its exact blend.
     let mut stage = standing(Some(Variant::only(Flavour::NearCliff)));
-    stage.app().viewpoint = Viewpoint::Camera("cliff".to_owned());
+    stage.model().viewpoint = Viewpoint::Camera("cliff".to_owned());
     stage.settle().expect("a picture");
-    let before = stage.app().shown().expect("a picture").texels.clone();
+    let before = stage.model().shown().expect("a picture").texels.clone();
     take(&mut stage, "click Inspector");
-    assert!(stage.app().shown().expect("a picture").pixel.is_none());
+    assert!(stage.model().shown().expect("a picture").pixel.is_none());
     // By the keyboard.
-    let size = stage.app().shown().expect("a picture").wish.size;
-    let on: Vec<bool> = stage.app().shown().expect("a picture").picture.hdr.iter().map(|texel| texel[3] > 0.0).collect();
+    let size = stage.model().shown().expect("a picture").wish.size;
+    let on: Vec<bool> = stage.model().shown().expect("a picture").picture.hdr.iter().map(|texel| texel[3] > 0.0).collect();
     let at = |index: usize| [index % size[0] as usize, index / size[0] as usize];
     let ground = at(on.len() - 1 - on.iter().rev().position(|on| *on).expect("terrain"));
     take(&mut stage, &format!("set Pixel x = {}; set Pixel y = {}", ground[0], ground[1]));
-    let shown = stage.app().shown().expect("a picture").clone();
+    let shown = stage.model().shown().expect("a picture").clone();
     let pixel = shown.pixel.as_ref().expect("terrain");
     assert_eq!(pixel.pixel.map(|n| n as usize), ground);
     assert!(pixel.draw.is_some(), "{pixel:?}");
@@ -651,14 +652,14 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     take(&mut stage, "click Copy");
     // With B beside A it is still A's.
     take(&mut stage, "click Compare; click Show; click Wipe; click Inspector");
-    assert_eq!(stage.app().shown().expect("a picture").pixel.as_ref(), Some(pixel));
+    assert_eq!(stage.model().shown().expect("a picture").pixel.as_ref(), Some(pixel));
     take(&mut stage, "click Let go");
-    assert_eq!((stage.app().probe, stage.app().shown().expect("a picture").pixel.is_none()), (None, true));
+    assert_eq!((stage.model().probe, stage.model().shown().expect("a picture").pixel.is_none()), (None, true));
     // By the mouse: the middle of the viewport. A drag looks around and probes nothing.
     take(&mut stage, "click Compare; click Show; click Only A");
     stage.drag([40.0, 0.0]).expect("a picture");
-    assert_eq!(stage.app().probe, None);
+    assert_eq!(stage.model().probe, None);
     take(&mut stage, "click Picture");
-    let [x, y] = stage.app().probe.expect("a click");
+    let [x, y] = stage.model().probe.expect("a click");
     assert!((x - 0.5).abs() < 0.02 && (y - 0.5).abs() < 0.02, "{x} {y}");
 }

@@ -31,9 +31,6 @@ pub const SMALLEST_SIDE: u32 = 64;
 /// Frames between two that are compared: 1 to this many.
 pub const LAGS: u32 = 4;
 
-/// What is taken against the converged reference.
-pub const ERRORS: [&str; 6] = ["mse", "rmse", "mrse", "psnr", "ssim", "flip"];
-
 /// A metric.
 #[derive(Clone, Copy, Debug)]
 pub struct Metric {
@@ -56,90 +53,99 @@ impl Metric {
     }
 }
 
-/// Name of device times: `gpu_ms:PASS`.
-pub const TIME: &str = "gpu_ms";
+/// The table of metrics: for each one a constant with its name, and a row of [`METRICS`].
+macro_rules! metrics {
+    ($($constant:ident = $name:literal, $unit:literal, $needs:ident, $axis:ident, $meaning:literal;)*) => {
+        $(
+            #[doc = $meaning]
+            pub const $constant: &str = $name;
+        )*
 
-const fn metric(name: &'static str, unit: &'static str, needs: Needs, axis: Axis, meaning: &'static str) -> Metric {
-    Metric { name, unit, needs, axis, meaning }
+        /// All of them.
+        pub const METRICS: [Metric; [$($name),*].len()] = [
+            $(Metric { name: $constant, unit: $unit, needs: Needs::$needs, axis: Axis::$axis, meaning: $meaning },)*
+        ];
+    };
 }
 
-/// All of them.
-pub const METRICS: [Metric; 25] = [
-    metric("fetches_per_px", "fetches/px", Needs::Picture, Axis::None, "Texture fetches counted in the shader, mean over terrain pixels."),
-    metric(
-        "tile_fetches_per_px",
-        "fetches/px",
-        Needs::Picture,
-        Axis::None,
-        "Promised fetches of the variant that a pixel's tile runs, mean over terrain pixels: what lanes that march together pay.",
-    ),
-    metric(
-        "bias",
-        "linear albedo",
-        Needs::Seeds,
-        Axis::None,
-        "Mean over seeds less the exact blend of the same flavours, mean over pixels.",
-    ),
-    metric("variance", "linear albedo^2", Needs::Seeds, Axis::None, "Unbiased variance over seeds, mean over pixels and channels."),
-    metric(
-        "variance_theory",
-        "linear albedo^2",
-        Needs::Seeds,
-        Axis::None,
-        "The variance that the theory of selection predicts for the same pixels.",
-    ),
-    metric("mse", "linear albedo^2", Needs::Picture, Axis::None, "Mean squared error against the converged reference."),
-    metric("mrse", "1", Needs::Picture, Axis::None, "Mean relative squared error against the converged reference."),
-    metric("rmse", "linear albedo", Needs::Picture, Axis::None, "Root of the mean squared error against the converged reference."),
-    metric("psnr", "dB", Needs::Picture, Axis::None, "Peak signal-to-noise ratio against the converged reference, of display values."),
-    metric("ssim", "1", Needs::Picture, Axis::None, "Structural similarity to the converged reference, of display values; 1 = the same."),
-    metric("flip", "1", Needs::Picture, Axis::None, "Mean FLIP difference from the converged reference, of display values; 0 = the same."),
-    metric(
-        "flip_rate",
-        "1",
-        Needs::Frames,
-        Axis::Lag,
-        "Share of surface points whose stochastic choice differs from that some frames before, by exact reprojection.",
-    ),
-    metric(
-        "difference",
-        "linear luminance",
-        Needs::Frames,
-        Axis::Lag,
-        "Mean absolute luminance difference from some frames before, by exact reprojection.",
-    ),
-    metric("flicker", "linear luminance", Needs::Frames, Axis::Lag, "That difference less the difference of the reference sequence."),
-    metric("flicker_p95", "linear luminance", Needs::Frames, Axis::Lag, "As flicker, the 95th percentile in place of the mean."),
-    metric(
-        "clumping",
-        "1",
-        Needs::Picture,
-        Axis::None,
-        "Variance of block means of the noise relative to that of white noise of the same variance; 1 = white, more = blotches.",
-    ),
-    metric(
-        "power",
-        "1",
-        Needs::Picture,
-        Axis::Frequency,
-        "Radial power spectrum of the noise relative to white noise of the same variance.",
-    ),
-    metric("taa_rejections", "1", Needs::Frames, Axis::None, "Share of history samples that a 3 x 3 colour box clips."),
-    metric("disoccluded", "1", Needs::Frames, Axis::Lag, "Share of the terrain pixels followed that have no history some frames before."),
-    metric("reference_se", "linear albedo", Needs::Picture, Axis::None, "Standard error of the reference, root mean square over pixels."),
-    metric("reference_spp", "samples/px", Needs::Picture, Axis::None, "Samples per pixel that the reference took."),
-    metric("reference_difference", "linear luminance", Needs::Frames, Axis::Lag, "The difference of the reference sequence."),
-    metric("reference_difference_p95", "linear luminance", Needs::Frames, Axis::Lag, "As reference_difference, the 95th percentile."),
-    metric("terrain", "1", Needs::Picture, Axis::None, "Share of pixels that show terrain: those that everything else is taken over."),
-    metric(TIME, "ms", Needs::Clock, Axis::None, "Device time of a pass; a software adapter's is good for ratios only."),
-];
+metrics! {
+    FETCHES_PER_PX = "fetches_per_px", "fetches/px", Picture, None,
+        "Texture fetches counted in the shader, mean over terrain pixels.";
+    TILE_FETCHES_PER_PX = "tile_fetches_per_px", "fetches/px", Picture, None,
+        "Promised fetches of the variant that a pixel's tile runs, mean over terrain pixels: what lanes that march together pay.";
+    BIAS = "bias", "linear albedo", Seeds, None,
+        "Mean over seeds less the exact blend of the same flavours, mean over pixels.";
+    VARIANCE = "variance", "linear albedo^2", Seeds, None,
+        "Unbiased variance over seeds, mean over pixels and channels.";
+    VARIANCE_THEORY = "variance_theory", "linear albedo^2", Seeds, None,
+        "The variance that the theory of selection predicts for the same pixels.";
+    MSE = "mse", "linear albedo^2", Picture, None,
+        "Mean squared error against the converged reference.";
+    MRSE = "mrse", "1", Picture, None,
+        "Mean relative squared error against the converged reference.";
+    RMSE = "rmse", "linear albedo", Picture, None,
+        "Root of the mean squared error against the converged reference.";
+    PSNR = "psnr", "dB", Picture, None,
+        "Peak signal-to-noise ratio against the converged reference, of display values.";
+    SSIM = "ssim", "1", Picture, None,
+        "Structural similarity to the converged reference, of display values; 1 = the same.";
+    FLIP = "flip", "1", Picture, None,
+        "Mean FLIP difference from the converged reference, of display values; 0 = the same.";
+    FLIP_RATE = "flip_rate", "1", Frames, Lag,
+        "Share of surface points whose stochastic choice differs from that some frames before, by exact reprojection.";
+    DIFFERENCE = "difference", "linear luminance", Frames, Lag,
+        "Mean absolute luminance difference from some frames before, by exact reprojection.";
+    FLICKER = "flicker", "linear luminance", Frames, Lag,
+        "That difference less the difference of the reference sequence.";
+    FLICKER_P95 = "flicker_p95", "linear luminance", Frames, Lag,
+        "As flicker, the 95th percentile in place of the mean.";
+    CLUMPING = "clumping", "1", Picture, None,
+        "Variance of block means of the noise relative to that of white noise of the same variance; 1 = white, more = blotches.";
+    POWER = "power", "1", Picture, Frequency,
+        "Radial power spectrum of the noise relative to white noise of the same variance.";
+    TAA_REJECTIONS = "taa_rejections", "1", Frames, None,
+        "Share of history samples that a 3 x 3 colour box clips.";
+    DISOCCLUDED = "disoccluded", "1", Frames, Lag,
+        "Share of the terrain pixels followed that have no history some frames before.";
+    REFERENCE_SE = "reference_se", "linear albedo", Picture, None,
+        "Standard error of the reference, root mean square over pixels.";
+    REFERENCE_SPP = "reference_spp", "samples/px", Picture, None,
+        "Samples per pixel that the reference took.";
+    REFERENCE_DIFFERENCE = "reference_difference", "linear luminance", Frames, Lag,
+        "The difference of the reference sequence.";
+    REFERENCE_DIFFERENCE_P95 = "reference_difference_p95", "linear luminance", Frames, Lag,
+        "As reference_difference, the 95th percentile.";
+    TERRAIN = "terrain", "1", Picture, None,
+        "Share of pixels that show terrain: those that everything else is taken over.";
+    TIME = "gpu_ms", "ms", Clock, None,
+        "Device time of a pass; a software adapter's is good for ratios only.";
+}
+
+/// What is taken against the converged reference.
+pub const ERRORS: [&str; 6] = [MSE, RMSE, MRSE, PSNR, SSIM, FLIP];
+
+/// Name of the shading pass's device time.
+pub const SHADING_TIME: &str = "gpu_ms:shading";
+
+/// Name of a pass's device time: `gpu_ms:PASS`.
+pub fn time_of(pass: &str) -> String {
+    format!("{TIME}:{pass}")
+}
+
+/// The pass whose device time has this name; `None` = the metric is not a device time.
+pub fn timed_pass(name: &str) -> Option<&str> {
+    match name.split_once(':') {
+        Some((TIME, pass)) if !pass.is_empty() => Some(pass),
+        _ => None,
+    }
+}
 
 /// The metric of this name; `gpu_ms:PASS` is one whatever the pass.
 pub fn find(name: &str) -> Option<&'static Metric> {
-    let stem = match name.split_once(':') {
-        Some((TIME, pass)) if !pass.is_empty() => TIME,
-        _ if name == TIME => return None,
-        _ => name,
+    let stem = match timed_pass(name) {
+        Some(_) => TIME,
+        None if name == TIME => return None,
+        None => name,
     };
     METRICS.iter().find(|metric| metric.name == stem)
 }
@@ -151,7 +157,7 @@ pub fn find(name: &str) -> Option<&'static Metric> {
 pub fn known(name: &str) -> Result<&'static Metric, String> {
     find(name).ok_or_else(|| {
         if name == TIME {
-            return format!("`{TIME}` is of a pass: write `{TIME}:shading`");
+            return format!("`{TIME}` is of a pass: write `{SHADING_TIME}`");
         }
         let names = METRICS.map(|metric| metric.name);
         format!("`{name}` is no metric: {}", suggestion(name, &names))
@@ -169,6 +175,7 @@ mod tests {
             assert!(metric.meaning.ends_with('.') && !metric.unit.is_empty(), "{}", metric.name);
             assert_eq!(find(metric.name).is_some(), metric.name != TIME, "{}", metric.name);
         }
+        assert_eq!((time_of("shading").as_str(), timed_pass(SHADING_TIME), timed_pass(RMSE)), (SHADING_TIME, Some("shading"), None));
         let time = find("gpu_ms:page requests").expect("a time");
         assert!(time.name == TIME && !time.is_deterministic());
         assert!(find("gpu_ms:").is_none() && find("bias:shading").is_none());

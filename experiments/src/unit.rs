@@ -6,11 +6,8 @@ use std::str::FromStr;
 
 use anyhow::Result;
 
-use crate::definition::{Definition, Times, setting_text};
+use crate::definition::{Definition, Setting, Times, setting_text};
 use crate::row::Row;
-
-/// A value of the varied parameter; `None` where the definition varies none.
-pub type Setting = Option<toml::Value>;
 
 /// What a part of a run does.
 #[derive(Clone, Debug, PartialEq)]

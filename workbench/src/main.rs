@@ -7,9 +7,9 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::Parser;
 use eframe::egui;
 use kernels::scene;
-use workbench::app::{Workbench, still};
-use workbench::kept::{self, Keeper};
+use workbench::model::kept::{self, Keeper};
 use workbench::script;
+use workbench::window::{Workbench, still};
 
 /// Terrain shaded live: switch 31 variants, estimators and noises at a click, and see what each costs.
 #[derive(Parser)]
@@ -99,12 +99,13 @@ fn run(args: &Args) -> Result<()> {
         still(&cc.egui_ctx);
         // The system's choice may be light, of which panes have the letters but not the ground; and pictures are judged before a dark one.
         cc.egui_ctx.set_theme(egui::Theme::Dark);
-        let app = Workbench::new(&cc.egui_ctx, scene, shaders).opened(&name);
+        let mut app = Workbench::new(&cc.egui_ctx, scene, shaders);
+        app.model.come_from(&name);
         app.warm();
-        match keeper {
-            Some(keeper) => app.keeping(keeper, name, notes),
-            None => app,
+        if let Some(keeper) = keeper {
+            app.model.keep_with(keeper, name, notes);
         }
+        app
     };
     eframe::run_native("scree", options, Box::new(|cc| Ok(Box::new(open(cc))))).map_err(|error| no_window(&error))
 }

@@ -12,8 +12,10 @@ use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use kernels::base::names::suggestion;
 use kernels::scene::{self, Scene};
 
-use crate::app::{Pane, Workbench, still};
 use crate::engine::Engine;
+use crate::model::panes::Pane;
+use crate::model::state::Model;
+use crate::window::{Workbench, still};
 
 /// Longest wait for a picture.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -143,6 +145,11 @@ impl Stage {
         self.harness.state_mut()
     }
 
+    /// What is on screen.
+    pub fn model(&mut self) -> &mut Model {
+        &mut self.harness.state_mut().model
+    }
+
     /// Has the window asked to close, as its frame's button does; says whether it does.
     pub fn close(&mut self) -> bool {
         let root = self.harness.input_mut().viewports.entry(egui::ViewportId::ROOT).or_default();
@@ -156,15 +163,15 @@ impl Stage {
     ///
     /// # Errors
     /// When the drawing thread gives up, or takes longer than patience lasts.
-    pub fn until(&mut self, what: &str, done: impl Fn(&Workbench) -> bool) -> Result<()> {
+    pub fn until(&mut self, what: &str, done: impl Fn(&Model) -> bool) -> Result<()> {
         let began = Instant::now();
         loop {
             self.harness.step();
-            let app = self.harness.state();
-            if done(app) {
+            let model = &self.harness.state().model;
+            if done(model) {
                 return Ok(());
             }
-            if let Some(failure) = app.failure() {
+            if let Some(failure) = model.failure() {
                 bail!("{failure}");
             }
             if began.elapsed() > PATIENCE {
@@ -181,8 +188,8 @@ impl Stage {
     pub fn settle(&mut self) -> Result<()> {
         // What was just done is asked for by the next drawing of the window only.
         self.harness.step();
-        ensure!(self.harness.state().has_room(), "the window is too small for a picture: make it larger with --size");
-        self.until("the picture", Workbench::is_settled)
+        ensure!(self.harness.state().model.has_room(), "the window is too small for a picture: make it larger with --size");
+        self.until("the picture", Model::is_settled)
     }
 
     /// Everything that can be named on screen.
@@ -257,13 +264,13 @@ impl Stage {
 
     /// Opens a scene, and waits until it is loaded.
     fn open(&mut self, given: &str) -> Result<()> {
-        let app = self.harness.state_mut();
-        app.open(given).map_err(|why| anyhow!(why))?;
-        let name = app.given().map(str::to_owned);
-        self.until("the scene", |app| !app.is_opening())?;
-        let app = self.harness.state();
-        let why = || app.notes().last().cloned().unwrap_or_default();
-        ensure!(app.given() == name.as_deref(), "{}", why());
+        let model = self.model();
+        model.open(given).map_err(|why| anyhow!(why))?;
+        let name = model.given().map(str::to_owned);
+        self.until("the scene", |model| !model.is_opening())?;
+        let model = &self.harness.state().model;
+        let why = || model.notes().last().cloned().unwrap_or_default();
+        ensure!(model.given() == name.as_deref(), "{}", why());
         Ok(())
     }
 
@@ -274,7 +281,7 @@ impl Stage {
     pub fn drop_file(&mut self, path: &Path) -> Result<()> {
         self.harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
         self.harness.step();
-        self.until("the scene", |app| !app.is_opening())?;
+        self.until("the scene", |model| !model.is_opening())?;
         self.settle()
     }
 
@@ -321,16 +328,16 @@ impl Stage {
                 node.set_text_value_accesskit(text);
             }
             Step::Open(given) => self.open(given)?,
-            Step::Frames(_) if self.harness.state().clock.paused => {
+            Step::Frames(_) if self.harness.state().model.clock.paused => {
                 bail!("time stands still, so no frame follows: `key Space` lets it run")
             }
             Step::Frames(count) => {
-                let until = self.harness.state().clock.frame.wrapping_add(*count);
-                return self.until("the frame", |app| app.clock.frame >= until);
+                let until = self.harness.state().model.clock.frame.wrapping_add(*count);
+                return self.until("the frame", |model| model.clock.frame >= until);
             }
             Step::Warm => {
                 self.harness.state().warm();
-                return self.until("the last shader", Workbench::is_warm);
+                return self.until("the last shader", Model::is_warm);
             }
         }
         self.settle()
@@ -358,7 +365,7 @@ impl Stage {
     /// When there is no panel of this name in front, or the window cannot be drawn.
     pub fn pane(&mut self, name: &str) -> Result<([u32; 2], Vec<[u8; 3]>)> {
         let pane = Pane::ALL.into_iter().find(|pane| pane.name() == name).with_context(|| format!("no panel is called `{name}`"))?;
-        let place = self.app().place_of(pane).with_context(|| format!("`{name}` is behind another panel: click its tab first"))?;
+        let place = self.model().place_of(pane).with_context(|| format!("`{name}` is behind another panel: click its tab first"))?;
         let ([width, height], texels) = self.window()?;
         // A pixel a point.
         let [left, top] = [place.left(), place.top()].map(|x| x.round().max(0.0) as u32);
@@ -387,7 +394,7 @@ impl egui::DroppedFile for Dropped {
 /// # Errors
 /// When the scene cannot be read, or as [`Stage::take`] and [`Stage::screenshot`].
 pub fn run(given: &str, size: [u32; 2], shaders: Option<PathBuf>, steps: &[Step], file: &Path) -> Result<()> {
-    let mut stage = Stage::with_shaders(scene::load(given)?, size, shaders, |app| app.come_from(given));
+    let mut stage = Stage::with_shaders(scene::load(given)?, size, shaders, |app| app.model.come_from(given));
     stage.settle()?;
     for step in steps {
         stage.take(step)?;

@@ -17,8 +17,10 @@ use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
 use statrs::statistics::{Data, Median as _};
 
-use super::{Reporter, check_interrupted, check_output_file, print, watch_interrupts};
+use super::{Reporter, check_output_file, print};
 use crate::cli::BenchArgs;
+use crate::metrics;
+use crate::process::{check_interrupted, watch_interrupts};
 
 /// Median milliseconds by camera, choice and pass.
 type Times = BTreeMap<(String, String, String), f64>;
@@ -57,7 +59,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         for round in 0..=args.repeats {
             for (name, choice) in &choices {
                 check_interrupted()?;
-                let report = renderer.draw(&RenderRequest { variant: *choice, ..RenderRequest::new(pose, args.size) })?;
+                let report = renderer.draw(&RenderRequest::new(pose, args.size).with(|r| r.shading.variant = *choice))?.into_report();
                 if round > 0 {
                     for pass in report.passes {
                         samples.entry((name.clone(), pass.name)).or_default().push(pass.time_ms);
@@ -88,17 +90,17 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs) -> Resul
     let (mut frames, mut measures) = (Vec::new(), Vec::new());
     for frame in 0..LAGS as u32 + args.repeats {
         check_interrupted()?;
-        let request = RenderRequest { frame, ..RenderRequest::new(pose, args.size) };
+        let request = RenderRequest::new(pose, args.size).with(|r| r.shading.frame = frame);
         let began = Instant::now();
         renderer.draw(&request)?;
         let drawn = began.elapsed();
-        renderer.draw_flavours(&request, all, &layers)?;
-        let began = Instant::now();
         let stream = renderer.composition().stream(None);
-        renderer.compose(&request, &layers, &[Destination { stream, signal: &meter.streams[0].signal, offset: meter.slots().now }])?;
+        let shaded = renderer.draw_flavours(&request, all, &layers)?;
+        let began = Instant::now();
+        shaded.compose(&layers, &[Destination { stream, signal: &meter.streams[0].signal, offset: meter.slots().now }])?;
         let composed = began.elapsed();
         let began = Instant::now();
-        renderer.measure(&request, &layers, &mut meter, &[None])?;
+        shaded.measure(&layers, &mut meter, &[None])?;
         let measured = began.elapsed();
         if frame >= LAGS as u32 {
             frames.push(drawn.as_secs_f64() * 1e3);
@@ -154,7 +156,7 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, times: &Times) -> Result<()>
         let [width, height] = args.size.map(|n| n.to_string());
         let row = [&gpu.info.name, &gpu.info.driver_info, &software, scene::DEFAULT, camera, &width, &height, variant, pass];
         csv.write_record(row.into_iter().map(ToString::to_string).chain([
-            if is_wall_clock(pass) { "wall_ms" } else { "gpu_ms" }.to_owned(),
+            if is_wall_clock(pass) { "wall_ms" } else { metrics::TIME }.to_owned(),
             "ms".to_owned(),
             format!("{ms:.4}"),
         ]))?;

@@ -4,8 +4,9 @@ use anyhow::{Result, bail};
 use kernels::decode::heightmap::ReadOptions;
 use kernels::import::scene_folder;
 
-use super::{check_writable, print, watch_interrupts};
+use super::{check_writable, print};
 use crate::cli::ImportArgs;
+use crate::process::watch_interrupts;
 
 /// Writes the scene folder, whole or not at all.
 pub(crate) fn run(args: &ImportArgs) -> Result<()> {

@@ -1,4 +1,4 @@
-//! One file per command, and what they share: output, progress, interruption.
+//! One file per command, and what they share: output and progress.
 
 mod adapters;
 mod bench;
@@ -17,12 +17,10 @@ use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use kernels::base::error::one_line;
 use serde::Serialize;
 
 use crate::cli::{Cli, Command};
@@ -43,12 +41,6 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Report(args) => report::run(args),
         Command::Adapters(args) => adapters::run(args),
     }
-}
-
-/// The whole chain of an error on one line.
-pub(crate) fn error_line(error: &anyhow::Error) -> String {
-    let chain: Vec<String> = error.chain().map(ToString::to_string).collect();
-    one_line(&chain.join(": "))
 }
 
 /// Writes to stdout. A reader that has seen enough (`| head`) is no error.
@@ -100,28 +92,6 @@ pub(crate) fn check_writable(folder: &Path) -> Result<()> {
         .open(&trial)
         .and_then(|_| fs::remove_file(&trial))
         .with_context(|| format!("cannot write into {}: change its permissions, or choose another folder", folder.display()))
-}
-
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// From here on Ctrl-C asks for a clean stop ([`check_interrupted`]); a second one ends the process at once.
-pub(crate) fn watch_interrupts() -> Result<()> {
-    ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            // 128 + SIGINT, as shells expect.
-            std::process::exit(130);
-        }
-        eprintln!("stopping; what is under way is not kept; once more to stop at once");
-    })
-    .context("cannot watch for Ctrl-C")
-}
-
-/// Fails once Ctrl-C was pressed.
-pub(crate) fn check_interrupted() -> Result<()> {
-    if INTERRUPTED.load(Ordering::SeqCst) {
-        bail!("stopped by Ctrl-C; what was finished before is complete");
-    }
-    Ok(())
 }
 
 /// Progress of long work on stderr: a bar on a terminal, a plain line at each quarter elsewhere.

@@ -16,8 +16,9 @@ use kernels::view::camera;
 use kernels::view::camera::Pose;
 use serde::Serialize;
 
-use super::{Reporter, check_interrupted, check_output_file, print, print_json, watch_interrupts};
+use super::{Reporter, check_output_file, print, print_json};
 use crate::cli::{RenderArgs, VariantArg, extension};
+use crate::process::{check_interrupted, watch_interrupts};
 
 #[derive(Serialize)]
 struct Summary {
@@ -93,19 +94,18 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             Shot::Along(path) => camera::along(path, frame, |x, y| renderer.ground_m(x, y)),
         };
         pose.fov = args.fov.map_or(pose.fov, f64::to_radians);
-        let request = RenderRequest {
-            variant: match args.variant {
+        let request = RenderRequest::new(pose, args.size).with(|r| {
+            r.shading.variant = match args.variant {
                 VariantArg::Auto => VariantChoice::Auto,
                 VariantArg::Forced(variant) => VariantChoice::Forced(variant),
                 VariantArg::Generic => VariantChoice::GenericAuto,
-            },
-            estimator: args.estimator,
-            noise: args.noise,
-            seed: args.seed,
-            frame,
-            aovs,
-            ..RenderRequest::new(pose, args.size)
-        };
+            };
+            r.shading.estimator = args.estimator;
+            r.shading.noise = args.noise;
+            r.shading.seed = args.seed;
+            r.shading.frame = frame;
+            r.outputs.aovs = aovs;
+        });
         let picture = match args.reference {
             None => {
                 if frames > 1 {
@@ -169,19 +169,18 @@ pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Ite
 /// `samples` points of each pixel's square. Colours are averaged, layers that an average would make meaningless (ids,
 /// directions, distances) are those of the pixel's centre.
 pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, samples: u32, reporter: &Reporter) -> Result<Picture> {
-    let truth = RenderRequest {
-        variant: VariantChoice::Forced(Variant::only(Flavour::Splat)),
-        estimator: Estimator::Exact,
-        two_tilings: true,
-        ..request.clone()
-    };
+    let truth = request.with(|r| {
+        r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
+        r.shading.estimator = Estimator::Exact;
+        r.shading.two_tilings = true;
+    });
     // The first sample is the pixel's centre.
-    let centre = renderer.render(&RenderRequest { jitter: sample_point(0), ..truth.clone() })?;
+    let centre = renderer.render(&truth.with(|r| r.view.jitter = sample_point(0)))?;
     let mut sums = Sums::of(&centre);
     for sample in 1..samples {
         check_interrupted()?;
         reporter.report("reference samples", u64::from(sample), u64::from(samples));
-        sums.add(&renderer.render(&RenderRequest { jitter: sample_point(sample), ..truth.clone() })?)?;
+        sums.add(&renderer.render(&truth.with(|r| r.view.jitter = sample_point(sample)))?)?;
     }
     sums.mean(centre, samples)
 }

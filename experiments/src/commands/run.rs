@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use kernels::gpu::Gpu;
 
-use super::{Reporter, check_interrupted, error_line, print, watch_interrupts};
+use super::{Reporter, print};
 use crate::cli::RunArgs;
 use crate::definition::{self, Definition};
 use crate::expectations::{self, Verdict};
+use crate::process::{check_interrupted, error_line, watch_interrupts};
 use crate::report;
 use crate::runner::Runner;
 use crate::store::{Existing, Place, Provenance, Run, RunData};

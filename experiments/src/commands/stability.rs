@@ -9,8 +9,9 @@ use kernels::base::files::write_whole;
 use kernels::gpu::Gpu;
 use serde::Serialize;
 
-use super::{Reporter, check_interrupted, check_writable, print, watch_interrupts};
+use super::{Reporter, check_writable, print};
 use crate::cli::{Part, StabilityArgs};
+use crate::process::{check_interrupted, watch_interrupts};
 use crate::report::stability::{self as report, Lab};
 use crate::stability::extremes::{DEFAULT_TEXT, Extremes};
 use crate::stability::kernels::{self as kernel_lab, Finding};

@@ -259,6 +259,9 @@ pub fn variant_name(choice: VariantChoice) -> String {
     }
 }
 
+/// A value of the varied parameter; `None` where the definition varies none.
+pub type Setting = Option<toml::Value>;
+
 /// A value as it stands in the column `setting`: a text as it is, a number in the fewest digits, anything else as TOML.
 pub fn setting_text(value: &toml::Value) -> String {
     match value {
@@ -293,7 +296,8 @@ impl Definition {
     /// Whether a run measures this metric: it is asked for, and there is what it needs.
     pub fn measures(&self, metric: &str) -> bool {
         // What an error is worth goes with every error.
-        let of_an_error = || ["reference_se", "reference_spp"].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
+        let of_an_error =
+            || [metrics::REFERENCE_SE, metrics::REFERENCE_SPP].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
         self.why_not(metric).is_ok() || of_an_error()
     }
 

@@ -9,15 +9,15 @@ use anyhow::{Context, Result, anyhow};
 use kernels::base::names::suggestion;
 use kernels::decode::heightmap::ReadOptions;
 use kernels::frame::RenderRequest;
-use kernels::geometry::{NormalEncoding, STRIDES};
+use kernels::geometry::STRIDES;
 use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene, SceneText};
 use kernels::view::camera::Pose;
+use kernels::view::normals::NormalEncoding;
 use toml::{Table, Value};
 use twox_hash::XxHash64;
 
-use super::{Definition, Import};
-use crate::unit::Setting;
+use super::{Definition, Import, Setting};
 
 /// Parameters that begin with this are choices of the frame; all others are keys of the scene.
 pub(super) const FRAME: &str = "frame.";
@@ -83,15 +83,14 @@ impl FrameChoices {
 
     /// The request of a frame, as far as these choices decide it.
     pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
-        RenderRequest {
-            frame,
-            lod_bias: self.lod_bias,
-            vertex_stride: self.vertex_stride,
-            seed: if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed },
-            two_tilings: self.two_tilings,
-            normals: self.normals,
-            ..RenderRequest::new(pose, size)
-        }
+        RenderRequest::new(pose, size).with(|r| {
+            r.shading.frame = frame;
+            r.geometry.lod_bias = self.lod_bias;
+            r.geometry.vertex_stride = self.vertex_stride;
+            r.shading.seed = if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed };
+            r.shading.two_tilings = self.two_tilings;
+            r.geometry.normals = self.normals;
+        })
     }
 
     /// Takes a parameter of the frame over; all others are passed by.

@@ -304,7 +304,7 @@ fn choices(top: &At, definition: &Definition) -> Checked {
         })?;
     }
     for (i, text) in definition.metrics.iter().enumerate() {
-        if text == "power" && definition.size.iter().any(|&side| side < metrics::SMALLEST_SIDE) {
+        if text == metrics::POWER && definition.size.iter().any(|&side| side < metrics::SMALLEST_SIDE) {
             let least = metrics::SMALLEST_SIDE;
             at.index(i)
                 .fail(format!("`power` is taken of squares of at least {least} pixels: make `size` {least} or more, or leave it out"))?;

@@ -30,6 +30,8 @@ use kernels::base::colour::srgb_from_linear;
 use kernels::base::error::{Error, Result};
 use kernels::base::names::nearest;
 
+use crate::metrics;
+
 pub use image::{Content, Image};
 
 /// Keeps relative errors of dark references finite; linear colour squared (tev; Rousselle et al. 2011).
@@ -57,11 +59,11 @@ impl Metric {
     /// As the command line spells it.
     pub fn name(self) -> &'static str {
         match self {
-            Metric::Flip => "flip",
-            Metric::Mse => "mse",
-            Metric::Mrse => "mrse",
-            Metric::Psnr => "psnr",
-            Metric::Ssim => "ssim",
+            Metric::Flip => metrics::FLIP,
+            Metric::Mse => metrics::MSE,
+            Metric::Mrse => metrics::MRSE,
+            Metric::Psnr => metrics::PSNR,
+            Metric::Ssim => metrics::SSIM,
         }
     }
 

@@ -10,8 +10,8 @@ use kernels::variant::{Flavour, Variant};
 
 use super::{RunData, Verdict};
 use crate::definition::{Definition, Expectation};
-use crate::report::pictures::RunPicture;
 use crate::row::Row;
+use crate::store::RunPicture;
 
 /// A folder of its own, removed when dropped unless `SCREE_REPORTS` names where to keep it.
 pub(super) struct Folder {

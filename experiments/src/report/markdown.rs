@@ -3,7 +3,8 @@
 use super::columns::{self, Cell};
 use super::numbers::number;
 use super::summary::Table;
-use super::{MARKDOWN, PAGE, RunData, Verdict};
+use super::{RunData, Verdict};
+use crate::store::{REPORT_PAGE, REPORT_TEXT};
 
 /// Tables of up to so many rows are not cut.
 const WHOLE: usize = 16;
@@ -30,7 +31,7 @@ pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     let cut =
         if cut < all { format!(" The table shows {cut} of {all} choices: the Pareto fronts and single variants.") } else { String::new() };
     text += &format!(
-        "\n---\n{MARKDOWN} leaves out plots, spectra, reference facts and pictures: they are in {PAGE} beside it, every number in metrics.parquet and times.csv.{cut}\n"
+        "\n---\n{REPORT_TEXT} leaves out plots, spectra, reference facts and pictures: they are in {REPORT_PAGE} beside it, every number in metrics.parquet and times.csv.{cut}\n"
     );
     text
 }

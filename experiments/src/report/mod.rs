@@ -26,11 +26,10 @@ use anyhow::{Result, ensure};
 
 use crate::definition::Definition;
 use crate::row::Row;
-use crate::store::write_with;
+use crate::store::{REPORT_PAGE, REPORT_TEXT, write_with};
 
 pub(crate) use crate::expectations::Verdict;
 pub(crate) use load::{judge, of, read_run};
-pub(crate) use pictures::{FOLDER, RunPicture};
 
 /// Everything that a report is made from.
 #[derive(Clone, Debug)]
@@ -85,15 +84,10 @@ pub(crate) fn write_run(run: &RunData, verdicts: &[Verdict]) -> Result<Written> 
     let table = summary::Table::of(run);
     let answer = verdict::verdict(&table);
     let page = run::page(run, &table, verdicts, &answer)?;
-    write_bytes(&run.folder, PAGE, page.as_bytes())?;
-    write_bytes(&run.folder, MARKDOWN, markdown::text(run, &table, verdicts, &answer).as_bytes())?;
-    Ok(Written { page: run.folder.join(PAGE), verdict: answer })
+    write_bytes(&run.folder, REPORT_PAGE, page.as_bytes())?;
+    write_bytes(&run.folder, REPORT_TEXT, markdown::text(run, &table, verdicts, &answer).as_bytes())?;
+    Ok(Written { page: run.folder.join(REPORT_PAGE), verdict: answer })
 }
-
-const PAGE: &str = "report.html";
-const MARKDOWN: &str = "report.md";
-/// The files of a report.
-pub(crate) const FILES: [&str; 2] = [PAGE, MARKDOWN];
 
 fn write_bytes(out_dir: &Path, name: &str, bytes: &[u8]) -> Result<()> {
     write_with(&out_dir.join(name), |output| output.write_all(bytes))

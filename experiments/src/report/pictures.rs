@@ -8,46 +8,15 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, ImageFormat};
-use serde::{Deserialize, Serialize};
 
 use super::html::{self, escape};
+use crate::store::{PICTURES, RunPicture};
 
-/// Folder of the pictures in that of the run; each list in it, a `.json`, tells what some of them are.
-pub(crate) const FOLDER: &str = "pictures";
 /// Pictures are scaled to this width, pixels.
 const WIDTH: u32 = 480;
 /// A picture that is larger as PNG is packed as JPEG, of this quality.
 const PNG_BYTES: usize = 96 << 10;
 const JPEG_QUALITY: u8 = 88;
-
-/// A picture of a run, as the list tells of it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub(crate) struct RunPicture {
-    /// Name of a file beside the list.
-    pub(crate) file: String,
-    /// A few words.
-    pub(crate) title: String,
-    /// A sentence.
-    pub(crate) caption: String,
-    /// `reference`, `frame`, `tile-map`, `flicker-map` or `error-map`.
-    pub(crate) kind: String,
-    /// Which choice it shows, as in the columns of a row.
-    pub(crate) view: String,
-    /// See [`crate::row::Row`].
-    pub(crate) variant: String,
-    /// See [`crate::row::Row`].
-    pub(crate) estimator: String,
-    /// See [`crate::row::Row`].
-    pub(crate) noise: String,
-    /// See [`crate::row::Row`].
-    pub(crate) temporal: String,
-    /// See [`crate::row::Row`].
-    pub(crate) setting: String,
-    /// Where its file lies; not part of the list.
-    #[serde(skip)]
-    pub(crate) folder: PathBuf,
-}
 
 /// Kinds of pictures in their order, with headings.
 const KINDS: [(&str, &str); 5] = [
@@ -61,7 +30,7 @@ const KINDS: [(&str, &str); 5] = [
 /// The contact sheets of a run, with their heading: `room` characters of pictures at most. What cannot be shown is told of.
 pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     let mut html = "<section id=\"pictures\"><h2>Pictures</h2>\n".to_owned();
-    let lists = run_folders.iter().map(|folder| read_lists(&folder.join(FOLDER))).collect::<Result<Vec<_>>>();
+    let lists = run_folders.iter().map(|folder| read_lists(&folder.join(PICTURES))).collect::<Result<Vec<_>>>();
     let pictures = match lists.map(|lists| lists.concat()) {
         Ok(pictures) if !pictures.is_empty() => pictures,
         Ok(_) => return html + "<p>The run kept no pictures.</p></section>\n",
@@ -98,10 +67,10 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
             }
         }
     }
-    html += &format!("<p>At most {WIDTH} pixels wide; the originals lie in <code>{FOLDER}/</code>. Click one to enlarge it.</p>\n");
+    html += &format!("<p>At most {WIDTH} pixels wide; the originals lie in <code>{PICTURES}/</code>. Click one to enlarge it.</p>\n");
     if left_out > 0 {
         html += &format!(
-            "<p class=\"note\">{left_out} of {} pictures are left out here, to keep the page small: see <code>{FOLDER}/</code>.</p>\n",
+            "<p class=\"note\">{left_out} of {} pictures are left out here, to keep the page small: see <code>{PICTURES}/</code>.</p>\n",
             pictures.len()
         );
     }
@@ -120,7 +89,7 @@ fn words(picture: &RunPicture) -> String {
     let columns =
         [("view", view), ("variant", variant), ("estimator", estimator), ("noise", noise), ("temporal", temporal), ("setting", setting)];
     let known = columns.iter().filter(|(_, v)| !v.is_empty()).map(|(name, value)| format!("{name} = {value}, "));
-    known.collect::<String>() + &format!("file = {FOLDER}/{file}")
+    known.collect::<String>() + &format!("file = {PICTURES}/{file}")
 }
 
 /// Everything that the lists of a folder of pictures name, list by list in the order of their names; nothing where there is no folder.
@@ -149,7 +118,7 @@ fn thumbnail(picture: &RunPicture) -> Result<([u32; 2], String)> {
     // A list that came with a run from elsewhere must not pull other files into a page that is mailed on.
     anyhow::ensure!(
         name.file_name().is_some_and(|n| n == name.as_os_str()),
-        "`{}` in a list of {FOLDER}/ is no plain file name: its picture is left out",
+        "`{}` in a list of {PICTURES}/ is no plain file name: its picture is left out",
         picture.file
     );
     let file = picture.folder.join(name);
@@ -204,7 +173,7 @@ mod tests {
     #[test]
     fn pictures_are_scaled_and_what_is_wrong_is_said() {
         let run = Folder::new("pictures");
-        let folder = run.path().join(FOLDER);
+        let folder = run.path().join(PICTURES);
         assert!(sheets(&[run.path().to_owned()], ROOM).contains("kept no pictures"));
         std::fs::create_dir_all(&folder).expect("writable");
         noisy(960, 500, 1).save(folder.join("large.png")).expect("writable");
@@ -230,7 +199,7 @@ mod tests {
     #[test]
     fn a_page_has_room_for_some_of_each_kind() {
         let run = Folder::new("many-pictures");
-        let folder = run.path().join(FOLDER);
+        let folder = run.path().join(PICTURES);
         std::fs::create_dir_all(&folder).expect("writable");
         noisy(480, 480, 1).save(folder.join("a.png")).expect("writable");
         let all: Vec<RunPicture> = (0..120).map(|i| picture("a.png", if i < 100 { "frame" } else { "flicker-map" })).collect();

@@ -7,6 +7,7 @@ use anyhow::Result;
 use super::html;
 use super::numbers::number;
 use super::plots::{COLOURS, Curve, CurvePoint, Lines, lines};
+use crate::metrics;
 use crate::stability::Row;
 use crate::stability::extremes::Bend;
 use crate::stability::kernels::Finding;
@@ -300,11 +301,11 @@ fn of_motion(rows: &[Row]) -> Table {
     };
     let mut names = vec!["noise".to_owned()];
     names.extend(motions.iter().map(|motion| format!("flips, {motion}")));
-    names.push("clumping".to_owned());
+    names.push(metrics::CLUMPING.to_owned());
     let row = |&kind: &&str| {
         let mut cells = vec![kind.to_owned()];
-        cells.extend(motions.iter().map(|motion| value(kind, motion, "flip_rate")));
-        cells.push(motions.first().map_or_else(String::new, |motion| value(kind, motion, "clumping")));
+        cells.extend(motions.iter().map(|motion| value(kind, motion, metrics::FLIP_RATE)));
+        cells.push(motions.first().map_or_else(String::new, |motion| value(kind, motion, metrics::CLUMPING)));
         cells
     };
     Table {

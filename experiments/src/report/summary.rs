@@ -6,6 +6,7 @@ use kernels::variant::Variant;
 
 use super::RunData;
 use super::numbers::pareto_front;
+use crate::metrics::{self, timed_pass};
 use crate::row::Row;
 
 /// The columns that say which choice a number belongs to.
@@ -92,25 +93,21 @@ const fn moving(name: &'static str, words: &'static str) -> Metric {
     Metric { name, lag: Some(1), words }
 }
 
-pub(super) const FETCHES: Metric = still("fetches_per_px", "fetches per pixel");
-pub(super) const TILE_FETCHES: Metric = still("tile_fetches_per_px", "fetches per pixel as tiles pay them");
-pub(super) const SHADING: Metric = still("gpu_ms:shading", "shading time");
-pub(super) const BIAS: Metric = still("bias", "bias");
-pub(super) const VARIANCE: Metric = still("variance", "variance");
-pub(super) const THEORY: Metric = still("variance_theory", "variance predicted");
-pub(super) const RMSE: Metric = still("rmse", "RMSE");
-pub(super) const FLIP: Metric = still("flip", "FLIP");
-pub(super) const PSNR: Metric = still("psnr", "PSNR");
-pub(super) const SSIM: Metric = still("ssim", "SSIM");
-pub(super) const FLIPS: Metric = moving("flip_rate", "flip rate");
-pub(super) const FLICKER: Metric = moving("flicker", "flicker");
-pub(super) const FLICKER_P95: Metric = moving("flicker_p95", "flicker p95");
-pub(super) const CLUMPING: Metric = still("clumping", "clumping");
-pub(super) const REJECTIONS: Metric = still("taa_rejections", "history rejected");
-/// Prefix of the device times of passes.
-pub(super) const TIME_OF: &str = "gpu_ms:";
-/// Name of the spectrum.
-pub(super) const POWER: &str = "power";
+pub(super) const FETCHES: Metric = still(metrics::FETCHES_PER_PX, "fetches per pixel");
+pub(super) const TILE_FETCHES: Metric = still(metrics::TILE_FETCHES_PER_PX, "fetches per pixel as tiles pay them");
+pub(super) const SHADING: Metric = still(metrics::SHADING_TIME, "shading time");
+pub(super) const BIAS: Metric = still(metrics::BIAS, metrics::BIAS);
+pub(super) const VARIANCE: Metric = still(metrics::VARIANCE, metrics::VARIANCE);
+pub(super) const THEORY: Metric = still(metrics::VARIANCE_THEORY, "variance predicted");
+pub(super) const RMSE: Metric = still(metrics::RMSE, "RMSE");
+pub(super) const FLIP: Metric = still(metrics::FLIP, "FLIP");
+pub(super) const PSNR: Metric = still(metrics::PSNR, "PSNR");
+pub(super) const SSIM: Metric = still(metrics::SSIM, "SSIM");
+pub(super) const FLIPS: Metric = moving(metrics::FLIP_RATE, "flip rate");
+pub(super) const FLICKER: Metric = moving(metrics::FLICKER, metrics::FLICKER);
+pub(super) const FLICKER_P95: Metric = moving(metrics::FLICKER_P95, "flicker p95");
+pub(super) const CLUMPING: Metric = still(metrics::CLUMPING, metrics::CLUMPING);
+pub(super) const REJECTIONS: Metric = still(metrics::TAA_REJECTIONS, "history rejected");
 
 /// Which frames a number is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -180,7 +177,7 @@ impl Summary {
 
     /// Device times of passes, by name.
     pub(super) fn times(&self) -> impl Iterator<Item = (&str, &Number)> {
-        self.numbers.iter().filter_map(|((name, _), n)| Some((name.strip_prefix(TIME_OF)?, n)))
+        self.numbers.iter().filter_map(|((name, _), n)| Some((timed_pass(name)?, n)))
     }
 
     /// Names of all metrics.
@@ -316,7 +313,7 @@ impl Table {
                     let Some(number) = slot.number() else { continue };
                     averaged += usize::from(matches!(number.frames, Frames::Mean { .. }));
                     match frequency {
-                        Some(bits) if metric == POWER => summary.spectrum.push((f64::from_bits(bits), number)),
+                        Some(bits) if metric == metrics::POWER => summary.spectrum.push((f64::from_bits(bits), number)),
                         Some(_) => {}
                         None => {
                             summary.numbers.insert((metric, lag), number);
@@ -376,9 +373,9 @@ impl Table {
         let judged = self.summaries.iter().filter(|s| s.key.view == view && (setting.is_empty() || s.key.setting == setting));
         let smallest_rmse = judged.map(|s| s.value(RMSE)).filter(|v| v.is_finite()).min_by(f64::total_cmp).unwrap_or(f64::NAN);
         ReferenceFacts {
-            spp: value("reference_spp", None),
-            standard_error: value("reference_se", None),
-            difference: value("reference_difference", Some(1)),
+            spp: value(metrics::REFERENCE_SPP, None),
+            standard_error: value(metrics::REFERENCE_SE, None),
+            difference: value(metrics::REFERENCE_DIFFERENCE, Some(1)),
             smallest_rmse,
             view,
             setting,
@@ -422,7 +419,7 @@ impl Table {
     /// Names of all metrics of the run, times apart.
     pub(super) fn metric_names(&self) -> Vec<String> {
         let mut names: Vec<String> =
-            self.summaries.iter().flat_map(Summary::names).filter(|n| !n.starts_with(TIME_OF)).map(str::to_owned).collect();
+            self.summaries.iter().flat_map(Summary::names).filter(|n| timed_pass(n).is_none()).map(str::to_owned).collect();
         names.sort();
         names.dedup();
         names

@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Error, Result, anyhow};
 use kernels::base::progress::Progress;
 use kernels::composition::Layers;
 use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
@@ -25,10 +25,10 @@ use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
 
-use crate::definition::{ClassifyBy, Definition, FrameChoices, setting_text};
+use crate::definition::{ClassifyBy, Definition, FrameChoices, Setting, setting_text};
 use crate::metrics;
 use crate::row::Row;
-use crate::unit::{Measure, Outcome, Setting, Unit, Work, plan};
+use crate::unit::{Measure, Outcome, Unit, Work, plan};
 
 /// A renderer says nothing while it works: a part's own steps are the progress.
 const QUIET: &(dyn Fn(Progress) + Sync) = &|_| {};
@@ -175,9 +175,13 @@ impl Labels<'_> {
     }
 
     /// Adds a row, if the definition asks for the metric.
-    fn put(&self, rows: &mut Vec<Row>, variant: &str, metric: &str, mark: Mark, value: f64, standard_error: Option<f64>) {
+    ///
+    /// # Errors
+    /// The name is not in the table of metrics.
+    fn put(&self, rows: &mut Vec<Row>, variant: &str, metric: &str, mark: Mark, value: f64, standard_error: Option<f64>) -> Result<()> {
+        let known = metrics::known(metric).map_err(Error::msg)?;
         if !self.definition.measures(metric) {
-            return;
+            return Ok(());
         }
         let parameter = self.definition.vary.as_ref().map_or_else(String::new, |vary| vary.parameter.clone());
         rows.push(Row {
@@ -194,16 +198,17 @@ impl Labels<'_> {
             lag: mark.lag,
             frequency: mark.frequency,
             metric: metric.to_owned(),
-            unit: metrics::find(metric).map_or_else(String::new, |m| m.unit.to_owned()),
+            unit: known.unit.to_owned(),
             value,
             standard_error,
         });
+        Ok(())
     }
 }
 
 /// The set of flavours that some variant of a list may need of a scene.
 fn flavours_of(renderer: &Renderer<'_>, variants: &[(String, VariantChoice)]) -> Option<Variant> {
-    let available = |flavour: Flavour| flavour != Flavour::VirtualTexture || renderer.requirements().has(flavour);
+    let available = |flavour: Flavour| flavour != Flavour::VirtualTexture || renderer.demands().has(flavour);
     let wanted = |flavour: &Flavour| available(*flavour) && variants.iter().any(|(_, choice)| choice.may_use(*flavour));
     Variant::new(Flavour::ALL.into_iter().filter(wanted).fold(0, |mask, flavour| mask | flavour.bit()))
 }
@@ -218,16 +223,16 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
 impl Stage<'_> {
     /// Shades the flavours of `needed` on every pixel of one view: those that draw numbers anew, the others once for all noises.
     fn draw(&mut self, request: &RenderRequest, needed: Variant) -> Result<Layers> {
-        let [drawing, fixed] = split(needed, request.estimator);
-        let key = (request.frame, request.sample_pattern);
+        let [drawing, fixed] = split(needed, request.shading.estimator);
+        let key = (request.shading.frame, request.shading.sample_pattern);
         let known = &self.fixed.frames;
-        let fits = known.contains_key(&key) || (known.len() as u64 + 1) * Layers::bytes(request.size) <= FIXED_BYTES;
+        let fits = known.contains_key(&key) || (known.len() as u64 + 1) * Layers::bytes(request.view.size) <= FIXED_BYTES;
         let (Some(drawing), Some(fixed), true) = (drawing, fixed, fits) else {
             self.renderer.draw_flavours(request, needed, &self.layers)?;
             return Ok(self.layers.clone());
         };
         if !self.fixed.frames.contains_key(&key) {
-            let layers = Layers::new(self.renderer.gpu(), request.size);
+            let layers = Layers::new(self.renderer.gpu(), request.view.size);
             self.renderer.draw_flavours(request, fixed, &layers)?;
             self.fixed.frames.insert(key, layers);
         }
@@ -247,16 +252,37 @@ fn composed(choice: VariantChoice) -> Option<Variant> {
 
 /// A request that shades by the reference's means: 96 fetches.
 fn truth(request: &RenderRequest) -> RenderRequest {
-    RenderRequest {
-        variant: VariantChoice::Forced(Variant::only(Flavour::Splat)),
-        estimator: Estimator::Exact,
-        noise: NoiseKind::HashedIsotropic,
-        two_tilings: true,
-        ..request.clone()
-    }
+    request.with(|r| {
+        r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
+        r.shading.estimator = Estimator::Exact;
+        r.shading.noise = NoiseKind::HashedIsotropic;
+        r.shading.two_tilings = true;
+    })
 }
 
 /// Whether the classification is by patch.
 fn by_patch(choices: &FrameChoices) -> bool {
     choices.classification == ClassifyBy::Patch
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::definition::parse;
+
+    #[test]
+    fn a_metric_that_is_not_in_the_table_is_an_error() {
+        let text = "name = 'a'\nquestion = 'b'\nviews = ['cliff']\nsize = [64, 64]\nframes = 2\nvariants = ['auto']\nmetrics = ['rmse']";
+        let definition = parse(text, "a", Path::new("")).expect("a definition");
+        let unit = plan(&definition).remove(0);
+        let labels = Labels { definition: &definition, scene: "default", unit: &unit, estimator: "", noise: "", temporal: "" };
+        let mut rows = Vec::new();
+        let error = labels.put(&mut rows, "auto", "flip-rate", Mark::frame(0), 1.0, None).expect_err("no such metric");
+        assert!(rows.is_empty() && error.to_string().contains("`flip_rate`"), "{error}");
+        // A metric that is not asked for is left out.
+        labels.put(&mut rows, "auto", metrics::FLIP, Mark::frame(0), 1.0, None).expect("a metric");
+        assert!(rows.is_empty());
+        labels.put(&mut rows, "auto", metrics::RMSE, Mark::frame(0), 1.0, None).expect("a metric");
+        assert_eq!((rows.len(), rows[0].metric.as_str(), rows[0].unit.as_str()), (1, "rmse", "linear albedo"));
+    }
 }

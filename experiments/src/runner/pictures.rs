@@ -16,8 +16,7 @@ use super::Labels;
 use crate::definition::setting_text;
 use crate::judge::flip::magma;
 use crate::judge::video::commands;
-use crate::report::{FOLDER, RunPicture};
-use crate::store::{VIDEO, write_with};
+use crate::store::{PICTURES, RunPicture, VIDEO, write_with};
 use crate::unit::Unit;
 
 /// What to do where a picture cannot be written.
@@ -63,7 +62,7 @@ impl Sheet {
     pub(super) fn new(run: &Path, unit: &Unit) -> Sheet {
         let setting = unit.setting.as_ref().map_or_else(String::new, setting_text);
         let blank = RunPicture { view: unit.view.clone(), setting, ..RunPicture::default() };
-        Sheet { folder: run.join(FOLDER), part: unit.id.clone(), blank, entries: Vec::new() }
+        Sheet { folder: run.join(PICTURES), part: unit.id.clone(), blank, entries: Vec::new() }
     }
 
     /// From here on pictures are of this variant.

@@ -22,8 +22,9 @@ use kernels::variant::{Flavour, Variant};
 use serde::{Deserialize, Serialize};
 
 use super::{Labels, Mark, Runner, pictures, truth, views};
-use crate::commands::check_interrupted;
 use crate::judge::Image;
+use crate::metrics;
+use crate::process::check_interrupted;
 use crate::store::{REFERENCE, write_with};
 use crate::unit::{Outcome, Unit};
 
@@ -92,7 +93,7 @@ impl Accumulated {
         let mut sums = vec![[0.0f64; 3]; self.batches.len()];
         for i in 0..BATCH {
             let jitter = sample_point(self.count, i);
-            let picture = renderer.render(&RenderRequest { jitter, ..request.clone() })?;
+            let picture = renderer.render(&request.with(|r| r.view.jitter = jitter))?;
             let albedo = picture.vectors("albedo").context("the albedo layer was asked for")?;
             for ((sum, texel), (terrain, hdr)) in sums.iter_mut().zip(albedo).zip(self.terrain.iter_mut().zip(&picture.hdr)) {
                 *sum = std::array::from_fn(|k| sum[k] + f64::from(texel[k]));
@@ -162,8 +163,8 @@ impl Runner<'_> {
             check_interrupted()?;
             pose = views::pose(definition, renderer, &unit.view, frame)?;
             let request = truth(&choices.request(pose, size, frame));
-            renderer.draw_flavours(&request, splat, &stage.layers)?;
-            let (sums, _) = renderer.measure(&request, &stage.layers, &mut meter, &[Some(splat)])?;
+            let shaded = renderer.draw_flavours(&request, splat, &stage.layers)?;
+            let (sums, _) = shaded.measure(&stage.layers, &mut meter, &[Some(splat)])?;
             if definition.video {
                 let texels: Vec<[f32; 3]> = meter.picture(gpu, 0, 0)?.iter().map(|s| signal::colour(*s)).collect();
                 pictures::write_frame(&pictures::sequence(folder, &unit.id, &unit.id, ""), frame, size, &texels)?;
@@ -173,7 +174,11 @@ impl Runner<'_> {
             histogram.iter_mut().zip(&sums[0].histogram).for_each(|(all, &n)| *all += u64::from(n));
         }
 
-        let request = RenderRequest { aovs: AovSet::from_names(&["albedo"])?, ..truth(&choices.request(pose, size, 0)) };
+        let request = {
+            let mut r = truth(&choices.request(pose, size, 0));
+            r.outputs.aovs = AovSet::from_names(&["albedo"])?;
+            r
+        };
         let single = renderer.render(&request)?;
         let single = single.vectors("albedo").context("the albedo layer was asked for")?.to_vec();
         let mut all = Accumulated::new(single.len());
@@ -226,25 +231,25 @@ impl Runner<'_> {
         let labels = Labels { definition, scene: &renderer.scene().name, unit, estimator: "", noise: "", temporal: "" };
         let mut rows = Vec::new();
         let last = Mark::frame(definition.frames - 1);
-        labels.put(&mut rows, "reference", "reference_spp", last, f64::from(record.spp), None);
-        labels.put(&mut rows, "reference", "reference_se", last, record.standard_error, None);
+        labels.put(&mut rows, "reference", metrics::REFERENCE_SPP, last, f64::from(record.spp), None)?;
+        labels.put(&mut rows, "reference", metrics::REFERENCE_SE, last, record.standard_error, None)?;
         let terrain = all.terrain.iter().filter(|on| **on).count() as f64 / all.terrain.len() as f64;
-        labels.put(&mut rows, "reference", "terrain", last, terrain, None);
+        labels.put(&mut rows, "reference", metrics::TERRAIN, last, terrain, None)?;
         for lag in 0..LAGS {
             let mut over = Moments::<f64>::new();
             for (frame, lags) in (0..).zip(&record.differences) {
                 if let Some(value) = lags[lag] {
                     over.add([value, 0.0]);
-                    labels.put(&mut rows, "reference", "reference_difference", Mark::frame(frame).lag(lag + 1), value, None);
+                    labels.put(&mut rows, "reference", metrics::REFERENCE_DIFFERENCE, Mark::frame(frame).lag(lag + 1), value, None)?;
                 }
             }
             if over.count > 0 {
                 let error = over.standard_error();
-                labels.put(&mut rows, "reference", "reference_difference", Mark::default().lag(lag + 1), over.mean(), error);
+                labels.put(&mut rows, "reference", metrics::REFERENCE_DIFFERENCE, Mark::default().lag(lag + 1), over.mean(), error)?;
             }
         }
         if let Some(p95) = record.difference_p95 {
-            labels.put(&mut rows, "reference", "reference_difference_p95", Mark::default().lag(1), p95, None);
+            labels.put(&mut rows, "reference", metrics::REFERENCE_DIFFERENCE_P95, Mark::default().lag(1), p95, None)?;
         }
         gpu.check()?;
         Ok(Outcome { rows, times: Vec::new() })

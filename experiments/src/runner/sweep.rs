@@ -18,9 +18,9 @@ use rayon::prelude::*;
 
 use super::reference::Reference;
 use super::{Labels, Mark, Runner, by_patch, composed, costs, flavours_of, pictures, split, views};
-use crate::commands::{check_interrupted, error_line};
 use crate::judge;
-use crate::metrics::SMALLEST_SIDE;
+use crate::metrics::{self, SMALLEST_SIDE};
+use crate::process::{check_interrupted, error_line};
 use crate::row::Row;
 use crate::unit::{Outcome, Unit};
 
@@ -104,11 +104,12 @@ impl Runner<'_> {
         let scene = stage.renderer.scene().name.clone();
         let labels = Labels { definition, scene: &scene, unit, estimator: &estimator, noise: &noise, temporal: &temporal };
         let of_frame = stage.choices;
-        let request = |pose, frame: u32| RenderRequest {
-            estimator: how.estimator,
-            noise: how.noise,
-            sample_pattern: how.resolve.sample_pattern(frame),
-            ..of_frame.request(pose, size, frame)
+        let request = |pose, frame: u32| {
+            of_frame.request(pose, size, frame).with(|r| {
+                r.shading.estimator = how.estimator;
+                r.shading.noise = how.noise;
+                r.shading.sample_pattern = how.resolve.sample_pattern(frame);
+            })
         };
 
         // Frames: each against 1 to 4 before.
@@ -120,7 +121,7 @@ impl Runner<'_> {
             let pose = views::pose(definition, &stage.renderer, &unit.view, frame)?;
             let request = request(pose, frame);
             let layers = stage.draw(&request, needed)?;
-            let (sums, _) = stage.renderer.measure(&request, &layers, &mut meter, &variants)?;
+            let (sums, _) = stage.renderer.drawn_as(&request)?.measure(&layers, &mut meter, &variants)?;
             let filmed = |choice: VariantChoice| definition.video && is_pictured(&labels, how, choice);
             for (stream, (name, _)) in choices.iter().enumerate().filter(|(_, (_, choice))| filmed(*choice)) {
                 let texels: Vec<[f32; 3]> = meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
@@ -131,11 +132,11 @@ impl Runner<'_> {
                 }
             }
             for (((name, _), sums), followed) in choices.iter().zip(&sums).zip(&mut followed) {
-                follow(&labels, &mut rows, name, frame, sums, &reference, how.resolve, followed);
+                follow(&labels, &mut rows, name, frame, sums, &reference, how.resolve, followed)?;
             }
         }
         for ((name, _), followed) in choices.iter().zip(&followed) {
-            over_frames(&labels, &mut rows, name, followed, &reference, how.resolve);
+            over_frames(&labels, &mut rows, name, followed, &reference, how.resolve)?;
         }
 
         // Errors and pictures at the last frame.
@@ -193,15 +194,15 @@ impl Runner<'_> {
             .collect::<Result<_>>()?;
         for (stream, ((name, choice), (texels, errors))) in choices.iter().zip(&judged).enumerate() {
             for (metric, value) in [
-                ("mse", Some(errors.mse)),
-                ("rmse", Some(errors.mse.sqrt())),
-                ("mrse", Some(errors.mrse)),
-                ("psnr", Some(errors.psnr)),
-                ("ssim", errors.ssim),
-                ("flip", Some(errors.flip.mean)),
+                (metrics::MSE, Some(errors.mse)),
+                (metrics::RMSE, Some(errors.mse.sqrt())),
+                (metrics::MRSE, Some(errors.mrse)),
+                (metrics::PSNR, Some(errors.psnr)),
+                (metrics::SSIM, errors.ssim),
+                (metrics::FLIP, Some(errors.flip.mean)),
             ] {
                 if let Some(value) = value {
-                    labels.put(rows, name, metric, mark, value, None);
+                    labels.put(rows, name, metric, mark, value, None)?;
                 }
             }
             if is_pictured(labels, how, *choice) {
@@ -232,7 +233,7 @@ impl Runner<'_> {
     ) -> Result<()> {
         let stage = self.stage.as_mut().context("prepared")?;
         let mark = Mark::frame(self.definition.frames - 1);
-        let prices = costs::Prices { estimator: judged.estimator, two_tilings: judged.two_tilings };
+        let prices = costs::Prices { estimator: judged.shading.estimator, two_tilings: judged.shading.two_tilings };
         let mut mapped = !labels.is_first_noise();
         for (stream, (name, choice)) in choices.iter().enumerate() {
             let cost = match composed(*choice) {
@@ -241,7 +242,12 @@ impl Runner<'_> {
                     let aovs = AovSet::from_names(if by_patch(&stage.choices) { &["mask", "position"][..] } else { &["mask"][..] })?;
                     // The cheapest shading there is: what is asked for are masks.
                     let cheap = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
-                    let request = RenderRequest { aovs, variant: cheap, lit: false, keep_geometry: true, ..judged.clone() };
+                    let request = judged.with(|r| {
+                        r.outputs.aovs = aovs;
+                        r.shading.variant = cheap;
+                        r.outputs.lit = false;
+                        r.outputs.keep_geometry = true;
+                    });
                     let picture = stage.renderer.render(&request)?;
                     let masks: Vec<u8> = picture.values("mask").context("asked for")?.iter().map(|&m| m as u8).collect();
                     match picture.vectors("position") {
@@ -251,19 +257,19 @@ impl Runner<'_> {
                             if !mapped {
                                 let albedo: Vec<[f32; 3]> =
                                     meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
-                                let sets = costs::tile_sets(&masks, judged.size, stage.choices.tile);
+                                let sets = costs::tile_sets(&masks, judged.view.size, stage.choices.tile);
                                 let map = pictures::tile_map(&sets, &pictures::display(&albedo));
                                 let (kind, legend) = (pictures::Kind::TileMap, pictures::TILE_MAP_LEGEND);
-                                sheet.of(labels, name).keep(kind, "tiles", "Tiles of automatic choice", legend, judged.size, &map)?;
+                                sheet.of(labels, name).keep(kind, "tiles", "Tiles of automatic choice", legend, judged.view.size, &map)?;
                                 mapped = true;
                             }
-                            costs::per_tile(&masks, judged.size, stage.choices.tile, prices)
+                            costs::per_tile(&masks, judged.view.size, stage.choices.tile, prices)
                         }
                     }
                 }
             };
             if let Some(cost) = cost {
-                labels.put(rows, name, "tile_fetches_per_px", mark, cost, None);
+                labels.put(rows, name, metrics::TILE_FETCHES_PER_PX, mark, cost, None)?;
             }
         }
         Ok(())
@@ -285,17 +291,20 @@ impl Runner<'_> {
         let gpu = self.gpu;
         let stage = self.stage.as_mut().context("prepared")?;
         let renderer = &mut stage.renderer;
-        let size = judged.size;
+        let size = judged.view.size;
         let pixels = size[0] * size[1];
         let [drawing, fixed] = split(needed, how.estimator);
 
         // The exact blend, once for a view and frame: no noise changes it.
-        let same = stage.exact.as_ref().is_some_and(|(pose, frame, _)| *pose == judged.pose && *frame == judged.frame);
+        let same = stage.exact.as_ref().is_some_and(|(pose, frame, _)| *pose == judged.view.pose && *frame == judged.shading.frame);
         if !same {
             let layers = Layers::new(gpu, size);
-            let request = RenderRequest { estimator: Estimator::Exact, noise: NoiseKind::HashedIsotropic, ..judged.clone() };
+            let request = judged.with(|r| {
+                r.shading.estimator = Estimator::Exact;
+                r.shading.noise = NoiseKind::HashedIsotropic;
+            });
             renderer.draw_flavours(&request, needed, &layers)?;
-            stage.exact = Some((judged.pose, judged.frame, layers));
+            stage.exact = Some((judged.view.pose, judged.shading.frame, layers));
         }
         let exact = &stage.exact.as_ref().context("made just above")?.2;
 
@@ -305,7 +314,7 @@ impl Runner<'_> {
         let into = |of: fn(&SeedStream) -> &wgpu::Buffer| -> Vec<Destination<'_>> {
             composition.iter().zip(&streams).map(|(&stream, s)| Destination { stream, signal: of(s), offset: 0 }).collect()
         };
-        renderer.compose(judged, exact, &into(|s| &s.exact))?;
+        renderer.drawn_as(judged)?.compose(exact, &into(|s| &s.exact))?;
         if let Some(fixed) = fixed {
             renderer.draw_flavours(judged, fixed, &stage.layers)?;
         }
@@ -317,11 +326,11 @@ impl Runner<'_> {
         for seed in 0..self.definition.seeds {
             done(seed);
             check_interrupted()?;
-            let request = RenderRequest { seed: judged.seed.wrapping_add(seed), ..judged.clone() };
+            let request = judged.with(|r| r.shading.seed = judged.shading.seed.wrapping_add(seed));
             if let Some(drawing) = drawing {
                 renderer.draw_flavours(&request, drawing, &stage.layers)?;
             }
-            renderer.compose(&request, &stage.layers, &into(|s| &s.signal))?;
+            renderer.drawn_as(&request)?.compose(&stage.layers, &into(|s| &s.signal))?;
             taken = seed + 1;
             let mut encoder = gpu.encoder("seeds");
             seeds.encode_add(gpu, &mut encoder, &streams, taken);
@@ -334,7 +343,7 @@ impl Runner<'_> {
                     clumping[i].add([value, 0.0]);
                 }
             }
-            if seed == 0 && self.definition.measures("power") {
+            if seed == 0 && self.definition.measures(metrics::POWER) {
                 for ((name, _), stream) in choices.iter().zip(&streams) {
                     let [now, exact] = [&stream.signal, &stream.exact].map(|buffer| read_signal(gpu, buffer, 0, pixels));
                     spectrum(labels, rows, name, size, &now?, &exact?)?;
@@ -349,14 +358,14 @@ impl Runner<'_> {
         seeds.encode_finish(gpu, &mut encoder, &streams, taken);
         gpu.submit_and_wait(encoder)?;
         let finished = seeds.read_finished(gpu, &streams)?;
-        let mark = Mark::frame(judged.frame);
+        let mark = Mark::frame(judged.shading.frame);
         for (i, (name, _)) in choices.iter().enumerate() {
             let numbers = (finished[i].terrain * 3.0).max(1.0);
-            labels.put(rows, name, "bias", mark, bias[i].mean(), bias[i].standard_error());
+            labels.put(rows, name, metrics::BIAS, mark, bias[i].mean(), bias[i].standard_error())?;
             // Where the estimator has no bias, seeds' squared errors scatter as their variances do.
-            labels.put(rows, name, "variance", mark, finished[i].variance / numbers, squared[i].standard_error());
+            labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, squared[i].standard_error())?;
             if clumping[i].count > 0 {
-                labels.put(rows, name, "clumping", mark, clumping[i].mean(), clumping[i].standard_error());
+                labels.put(rows, name, metrics::CLUMPING, mark, clumping[i].mean(), clumping[i].standard_error())?;
             }
         }
 
@@ -364,19 +373,19 @@ impl Runner<'_> {
         let cliffs = Variant::new(needed.mask() & (Flavour::NearCliff.bit() | Flavour::FarCliff.bit()));
         if let (Estimator::Fc5, Some(cliffs)) = (how.estimator, cliffs) {
             let theory = Layers::new(gpu, size);
-            renderer.draw_flavours(&RenderRequest { estimator: Estimator::Variance, ..judged.clone() }, cliffs, &theory)?;
+            let frame = renderer.draw_flavours(&judged.with(|r| r.shading.estimator = Estimator::Variance), cliffs, &theory)?;
             let mut squares = into(|s| &s.signal);
             squares.iter_mut().for_each(|to| to.stream.squared = 1);
-            renderer.compose(judged, &theory, &squares)?;
+            frame.compose(&theory, &squares)?;
             for ((name, choice), stream) in choices.iter().zip(&streams) {
                 if !cliffs.flavours().any(|flavour| choice.may_use(flavour)) {
-                    labels.put(rows, name, "variance_theory", mark, 0.0, None);
+                    labels.put(rows, name, metrics::VARIANCE_THEORY, mark, 0.0, None)?;
                     continue;
                 }
                 let texels = read_signal(gpu, &stream.signal, 0, pixels)?;
                 let on = texels.iter().filter(|s| signal::is_terrain(**s));
                 let (sum, n) = on.fold((0.0, 0.0f64), |(sum, n), s| (sum + signal::colour(*s).map(f64::from).iter().sum::<f64>(), n + 3.0));
-                labels.put(rows, name, "variance_theory", mark, sum / n.max(1.0) / VARIANCE_SCALE, None);
+                labels.put(rows, name, metrics::VARIANCE_THEORY, mark, sum / n.max(1.0) / VARIANCE_SCALE, None)?;
             }
         }
         Ok(())
@@ -399,13 +408,13 @@ fn follow(
     reference: &Reference,
     resolve: Resolve,
     followed: &mut Followed,
-) {
+) -> Result<()> {
     let mark = Mark::frame(frame);
     let terrain = (sums.terrain as f64).max(1.0);
-    labels.put(rows, name, "fetches_per_px", mark, add(&mut followed.fetches, sums.fetches as f64 / terrain), None);
+    labels.put(rows, name, metrics::FETCHES_PER_PX, mark, add(&mut followed.fetches, sums.fetches as f64 / terrain), None)?;
     if sums.tested > 0 && resolve == Resolve::Off {
         let share = add(&mut followed.rejections, sums.rejected as f64 / sums.tested as f64);
-        labels.put(rows, name, "taa_rejections", mark, share, None);
+        labels.put(rows, name, metrics::TAA_REJECTIONS, mark, share, None)?;
     }
     for (lag, (sums, followed)) in sums.lags.iter().zip(&mut followed.lags).enumerate().take(frame as usize) {
         let mark = mark.lag(lag + 1);
@@ -414,45 +423,55 @@ fn follow(
             continue;
         }
         let linked = sums.linked as f64;
-        labels.put(rows, name, "disoccluded", mark, add(&mut followed.disoccluded, 1.0 - linked / sums.terrain as f64), None);
+        labels.put(rows, name, metrics::DISOCCLUDED, mark, add(&mut followed.disoccluded, 1.0 - linked / sums.terrain as f64), None)?;
         if sums.linked == 0 {
             continue;
         }
         let difference = add(&mut followed.difference, sums.difference / linked);
-        labels.put(rows, name, "difference", mark, difference, None);
+        labels.put(rows, name, metrics::DIFFERENCE, mark, difference, None)?;
         if let Some(own) = reference.record.differences.get(frame as usize).and_then(|lags| lags[lag]) {
-            labels.put(rows, name, "flicker", mark, add(&mut followed.flicker, difference - own), None);
+            labels.put(rows, name, metrics::FLICKER, mark, add(&mut followed.flicker, difference - own), None)?;
         }
         if sums.chosen > 0 {
             let share = add(&mut followed.flips, sums.flipped as f64 / sums.chosen as f64);
-            labels.put(rows, name, "flip_rate", mark, share, None);
+            labels.put(rows, name, metrics::FLIP_RATE, mark, share, None)?;
         }
     }
     followed.histogram.iter_mut().zip(&sums.histogram).for_each(|(all, &n)| *all += u64::from(n));
+    Ok(())
 }
 
 /// Rows of all frames of one variant together.
-fn over_frames(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, followed: &Followed, reference: &Reference, resolve: Resolve) {
+fn over_frames(
+    labels: &Labels<'_>,
+    rows: &mut Vec<Row>,
+    name: &str,
+    followed: &Followed,
+    reference: &Reference,
+    resolve: Resolve,
+) -> Result<()> {
     let all = Mark::default();
     let mut put = |metric: &str, mark: Mark, moments: &Moments<f64>| {
-        if moments.count > 0 {
-            labels.put(rows, name, metric, mark, moments.mean(), moments.standard_error());
+        if moments.count == 0 {
+            return Ok(());
         }
+        labels.put(rows, name, metric, mark, moments.mean(), moments.standard_error())
     };
-    put("fetches_per_px", all, &followed.fetches);
+    put(metrics::FETCHES_PER_PX, all, &followed.fetches)?;
     if resolve == Resolve::Off {
-        put("taa_rejections", all, &followed.rejections);
+        put(metrics::TAA_REJECTIONS, all, &followed.rejections)?;
     }
     for (lag, sums) in followed.lags.iter().enumerate() {
         let mark = all.lag(lag + 1);
-        put("disoccluded", mark, &sums.disoccluded);
-        put("difference", mark, &sums.difference);
-        put("flicker", mark, &sums.flicker);
-        put("flip_rate", mark, &sums.flips);
+        put(metrics::DISOCCLUDED, mark, &sums.disoccluded)?;
+        put(metrics::DIFFERENCE, mark, &sums.difference)?;
+        put(metrics::FLICKER, mark, &sums.flicker)?;
+        put(metrics::FLIP_RATE, mark, &sums.flips)?;
     }
     if let (Some(p95), Some(own)) = (quantile(&followed.histogram, 0.95), reference.record.difference_p95) {
-        labels.put(rows, name, "flicker_p95", all.lag(1), p95 - own, None);
+        labels.put(rows, name, metrics::FLICKER_P95, all.lag(1), p95 - own, None)?;
     }
+    Ok(())
 }
 
 /// Rows of the spectrum of a picture's error in luminance, over the largest square of terrain at the middle of the lower edge. None where nothing varies.
@@ -478,7 +497,7 @@ fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2]
     let bands = BANDS.min(side / PIXELS_PER_BAND) as usize;
     for band in judge::spectrum::radial_power(&field, [side, side], bands)? {
         let mark = Mark { frequency: Some(band.frequency_cycles_per_px), ..mark };
-        labels.put(rows, name, "power", mark, band.power, Some(band.standard_error));
+        labels.put(rows, name, metrics::POWER, mark, band.power, Some(band.standard_error))?;
     }
     Ok(())
 }

@@ -10,8 +10,8 @@ use kernels::shared::noise::NoiseKind;
 use statrs::statistics::{Data, Median as _};
 
 use super::{Labels, Mark, Runner, views};
-use crate::commands::check_interrupted;
-use crate::metrics::TIME;
+use crate::metrics;
+use crate::process::check_interrupted;
 use crate::unit::{Outcome, Unit};
 
 /// Pictures that count, after one that warms pipelines, pages and caches.
@@ -34,14 +34,13 @@ impl Runner<'_> {
                 check_interrupted()?;
                 done += 1;
                 // Geometry is the same for all: one picture a round draws it anew.
-                let request = RenderRequest {
-                    variant: *choice,
-                    estimator,
-                    noise,
-                    keep_geometry: index > 0,
-                    ..choices.request(pose, definition.size, 0)
-                };
-                let report = renderer.draw(&request)?;
+                let request = choices.request(pose, definition.size, 0).with(|r| {
+                    r.shading.variant = *choice;
+                    r.shading.estimator = estimator;
+                    r.shading.noise = noise;
+                    r.outputs.keep_geometry = index > 0;
+                });
+                let report = renderer.draw(&request)?.into_report();
                 if round > 0 {
                     for pass in report.passes {
                         times.entry((index, pass.name)).or_default().push(pass.time_ms);
@@ -57,7 +56,7 @@ impl Runner<'_> {
             let mut spread = Moments::<f64>::new();
             ms.iter().for_each(|&v| spread.add([v, 0.0]));
             let name = &self.variants[index].0;
-            labels.put(&mut rows, name, &format!("{TIME}:{pass}"), Mark::frame(0), Data::new(ms).median(), spread.standard_error());
+            labels.put(&mut rows, name, &metrics::time_of(&pass), Mark::frame(0), Data::new(ms).median(), spread.standard_error())?;
         }
         Ok(Outcome { rows: Vec::new(), times: rows })
     }

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use super::Row;
 use super::noise::{Ask, Noise, ORIGINS, SECTOR_M, of_kind};
 use crate::judge::spectrum::radial_power;
+use crate::metrics;
 
 /// Picture, pixels.
 pub const SIZE: [u32; 2] = [384, 216];
@@ -178,7 +179,7 @@ pub struct Measured {
 impl Measured {
     /// Names and values.
     pub fn statistics(&self) -> [(&'static str, f64); 3] {
-        [("flip_rate", self.flip_rate), ("clumping", self.clumping), ("power 0.0625-0.125 cycles/px", self.power)]
+        [(metrics::FLIP_RATE, self.flip_rate), (metrics::CLUMPING, self.clumping), ("power 0.0625-0.125 cycles/px", self.power)]
     }
 }
 
@@ -226,8 +227,8 @@ fn low_power(picture: &[[u32; 2]]) -> f64 {
 /// theory: 3/4 of the choices among four flip, where they are drawn anew, and blocks have the variance of independent pixels.
 pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     match (kind, statistic) {
-        (NoiseKind::WhiteScreen, "flip_rate") => [0.747, 0.753],
-        (NoiseKind::WhiteScreen, "clumping") => [0.97, 1.03],
+        (NoiseKind::WhiteScreen, metrics::FLIP_RATE) => [0.747, 0.753],
+        (NoiseKind::WhiteScreen, metrics::CLUMPING) => [0.97, 1.03],
         _ => [value * (1.0 - SLACK), value * (1.0 + SLACK)],
     }
 }

@@ -26,13 +26,14 @@ use kernels::scene;
 
 use crate::definition::{self, Definition, setting_text};
 use crate::metrics;
-use crate::report;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Shard, Share, Unit, Work, plan, share};
 
 mod manifest;
+mod pictures;
 pub mod table;
 
+pub(crate) use pictures::RunPicture;
 pub(crate) use table::write_with;
 
 pub use manifest::{Manifest, Provenance};
@@ -43,6 +44,11 @@ const PARTS: &str = "parts";
 const SCENE: &str = "scene";
 /// Folder of converged references.
 pub(crate) const REFERENCE: &str = "reference";
+/// Folder of pictures; each list in it, a `.json`, tells what some of them are.
+pub(crate) const PICTURES: &str = "pictures";
+/// The report, and the same for a pull request.
+pub(crate) const REPORT_PAGE: &str = "report.html";
+pub(crate) const REPORT_TEXT: &str = "report.md";
 /// Folder of PNG sequences.
 pub(crate) const VIDEO: &str = "video";
 const NOTE_PART: &str = "scree.part";
@@ -372,11 +378,11 @@ fn is_leftover(name: &str) -> bool {
 /// Removes what a run made, and nothing else. The manifest goes last: until then the folder is a run's.
 fn remove_results(folder: &Path) -> Result<()> {
     let tables = [METRICS, TIMES].into_iter().flat_map(|name| ["parquet", "csv"].map(|extension| format!("{name}.{extension}")));
-    let reports = report::FILES.into_iter().map(str::to_owned);
+    let reports = [REPORT_PAGE, REPORT_TEXT].into_iter().map(str::to_owned);
     for name in tables.chain(reports) {
         remove(&folder.join(name))?;
     }
-    for name in [PARTS, SCENE, REFERENCE, VIDEO, report::FOLDER] {
+    for name in [PARTS, SCENE, REFERENCE, VIDEO, PICTURES] {
         remove(&folder.join(name))?;
     }
     remove(&folder.join(manifest::FILE))

@@ -25,6 +25,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use twox_hash::XxHash64;
 
+use crate::process::quietly;
 use crate::row::{COLUMNS, Column, Field, Row};
 
 /// Version of the columns and of what they mean; a file of another is refused.
@@ -220,11 +221,10 @@ pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<
         let what = one_line(&what);
         anyhow!("{}: {what}: it is damaged or no result of a run; run it again, or take the file from a copy", file.display())
     };
-    let reader =
-        crate::quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer does not hold together".to_owned()))?;
+    let reader = quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer does not hold together".to_owned()))?;
     let reader = reader.map_err(|error| damaged(format!("no Parquet file ({error})")))?;
     // The reader has bounds that a damaged file can make it run over.
-    match crate::quietly(|| read(&reader)) {
+    match quietly(|| read(&reader)) {
         Some(outcome) => outcome.map_err(|error| damaged(format!("{error:#}"))),
         None => Err(damaged("its pages do not hold together".to_owned())),
     }

@@ -6,3 +6,5 @@ pub mod error;
 pub mod files;
 pub mod names;
 pub mod progress;
+pub mod section;
+pub mod wgsl;

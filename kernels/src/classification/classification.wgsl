@@ -31,7 +31,7 @@ fn classification_append(tile: vec2<u32>, mask: u32) {
     if mask == 0u {
         return;
     }
-    let entry = tile.x | (tile.y << 12u) | (mask << 24u);
+    let entry = tile_entry(tile, mask);
     let capacity = frame.tiles.x * frame.tiles.y;
     tile_lists[mask * capacity + atomicAdd(&arguments[mask].instance_count, 1u)] = entry;
     tile_lists[atomicAdd(&arguments[0].instance_count, 1u)] = entry;

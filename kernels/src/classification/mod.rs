@@ -6,11 +6,15 @@
 use bytemuck::cast_slice;
 
 use crate::base::error::Result;
+use crate::base::section::{Section, row};
+use crate::base::wgsl::{Constant, Wgsl};
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer};
-use crate::shared;
-use crate::view::FRAME_WGSL;
+use crate::gpu::uses::PassUse;
+use crate::gpu::{Gpu, ShaderModule, Timer, constants, read_buffer};
+use crate::stage::{Build, Declaration, Stage};
+use crate::variant::Variant;
+use crate::view;
 
 pub mod reference;
 
@@ -18,6 +22,8 @@ pub mod reference;
 pub const TILE: u32 = 8;
 /// Edges of tiles that can be had, to tell what they cost.
 pub const TILES: [u32; 3] = [4, 8, 16];
+/// Bits of a tile's column, and of its row, in an entry of a list.
+pub const TILE_COORDINATE_BITS: u32 = 12;
 /// Lists: every terrain tile, and one a variant.
 pub const LISTS: u32 = 32;
 /// Bytes of one list's indirect draw arguments.
@@ -90,28 +96,71 @@ impl Lists {
 pub struct Classification {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
+    /// Tiles of each list in the last frame.
+    counts: [u32; LISTS as usize],
 }
 
-/// The files of the stage's shader module, by subgroup operations or plain.
-pub fn files(subgroups: bool) -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, ("classification/classification.wgsl", include_str!("classification.wgsl"))]);
-    files.push(if subgroups {
-        ("classification/subgroup.wgsl", include_str!("subgroup.wgsl"))
-    } else {
-        ("classification/plain.wgsl", include_str!("plain.wgsl"))
-    });
-    files
+/// Entries of the tile lists.
+pub static TILE_WGSL: Wgsl = Wgsl::new("classification/tile.wgsl", include_str!("tile.wgsl"), &[])
+    .with(&[("TILE_ROW_SHIFT", Constant::U32(TILE_COORDINATE_BITS)), ("TILE_MASK_SHIFT", Constant::U32(2 * TILE_COORDINATE_BITS))]);
+
+static WGSL: Wgsl = Wgsl::new("classification/classification.wgsl", include_str!("classification.wgsl"), &[&view::WGSL, &TILE_WGSL]);
+static PLAIN: Wgsl = Wgsl::new("classification/plain.wgsl", include_str!("plain.wgsl"), &[&WGSL]);
+static SUBGROUP: Wgsl = Wgsl::new("classification/subgroup.wgsl", include_str!("subgroup.wgsl"), &[&WGSL]);
+
+/// The stage's shader module, with workgroup atomics.
+pub static PLAIN_MODULE: ShaderModule = ShaderModule::new("classification, plain", &[&PLAIN]);
+/// The stage's shader module, with subgroup operations.
+pub static SUBGROUP_MODULE: ShaderModule = ShaderModule::new("classification, subgroups", &[&SUBGROUP]);
+
+/// With subgroup operations where the device has them.
+fn module(gpu: &Gpu) -> &'static ShaderModule {
+    if gpu.features.contains(wgpu::Features::SUBGROUP) { &SUBGROUP_MODULE } else { &PLAIN_MODULE }
+}
+
+/// `counts`: all tiles with terrain, then those of each variant.
+fn tiles_section(counts: &[u32; LISTS as usize]) -> Section {
+    let all = counts[0];
+    let mut rows = vec![row("Tiles with terrain", all)];
+    for variant in Variant::all() {
+        let tiles = counts[usize::from(variant.mask())];
+        if tiles > 0 {
+            let share = 100.0 * f64::from(tiles) / f64::from(all.max(1));
+            rows.push(row(&format!("    {variant}"), format!("{tiles} tiles, {share:.1} %")));
+        }
+    }
+    Section { name: "Tiles", about: "Classification: a tile runs the variant that has every flavour its pixels need", rows }
+}
+
+impl Stage for Classification {
+    const DECLARATION: Declaration = Declaration {
+        passes: |_| vec![PassUse::new("classification", 1, "tile list per variant")],
+        name: "classification",
+        about: "Reads mask and stencil; makes a tile list and indirect arguments for each variant",
+        modules: &[&SUBGROUP_MODULE, &PLAIN_MODULE],
+        ..Declaration::EMPTY
+    };
+
+    fn build(build: Build<'_>) -> Result<Classification> {
+        Classification::new(build.gpu, build.frame, build.tile)
+    }
+
+    fn modules(build: Build<'_>) -> Vec<&'static ShaderModule> {
+        vec![module(build.gpu)]
+    }
+
+    fn section(&self) -> Option<Section> {
+        Some(tiles_section(&self.counts))
+    }
 }
 
 impl Classification {
-    /// Compiles the pass, with subgroup operations where the device has them.
+    /// Compiles the pass for tiles of an edge in pixels.
     ///
     /// # Errors
     /// When the shader does not compile.
     pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, tile: u32) -> Result<Classification> {
-        let subgroups = gpu.features.contains(wgpu::Features::SUBGROUP);
-        let shader = Shader::new(gpu, "classification", &files(subgroups))?;
+        let shader = module(gpu).compile(gpu)?;
         let layout = gpu.layout(
             "classification",
             wgpu::ShaderStages::COMPUTE,
@@ -125,7 +174,16 @@ impl Classification {
             compilation_options: constants(&[("TILE", f64::from(tile))]),
             cache: None,
         });
-        Ok(Classification { pipeline, layout })
+        Ok(Classification { pipeline, layout, counts: [0; LISTS as usize] })
+    }
+
+    /// Tiles in each list of the frame that was submitted last.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read_counts(&mut self, gpu: &Gpu, lists: &Lists) -> Result<[u32; LISTS as usize]> {
+        self.counts = lists.read_counts(gpu)?;
+        Ok(self.counts)
     }
 
     /// Records the pass.
@@ -159,5 +217,19 @@ impl Classification {
         pass.set_bind_group(0, frame, &[]);
         pass.set_bind_group(1, &group, &[]);
         pass.dispatch_workgroups(x, y, 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_are_reported_by_variant_with_their_share() {
+        let mut counts = [0; LISTS as usize];
+        (counts[0], counts[1], counts[17]) = (8, 6, 2);
+        let rows = tiles_section(&counts).rows;
+        let rows: Vec<(&str, &str)> = rows.iter().map(|(name, value)| (name.trim(), value.as_str())).collect();
+        assert_eq!(rows, [("Tiles with terrain", "8"), ("vt", "6 tiles, 75.0 %"), ("vt+splat", "2 tiles, 25.0 %")]);
     }
 }

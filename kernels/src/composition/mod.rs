@@ -10,13 +10,15 @@
 use bytemuck::{Pod, Zeroable, cast_slice};
 
 use crate::base::error::Result;
+use crate::base::wgsl::Wgsl;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, Shader};
+use crate::gpu::{Gpu, ShaderModule};
 use crate::shading;
 use crate::shared;
+use crate::stage::{Build, Declaration, Stage};
 use crate::variant::{Flavour, Variant};
-use crate::view::FRAME_WGSL;
+use crate::view;
 
 /// What is composed into one picture; the layout matches `CompositionStream` in `composition.wgsl`.
 #[repr(C)]
@@ -102,26 +104,33 @@ pub struct Composition {
     modulated: bool,
 }
 
-/// The files of the stage's shader module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, shared::SIGNAL_WGSL, ("composition/composition.wgsl", include_str!("composition.wgsl"))]);
-    files
-}
+static WGSL: Wgsl = Wgsl::new(
+    "composition/composition.wgsl",
+    include_str!("composition.wgsl"),
+    &[&view::WGSL, &shared::FLAVOUR_WEIGHTS, &shared::SIGNAL, &shared::VIEW],
+);
 
-impl Composition {
-    /// Compiles the pass. `modulated`: whether the scene has colour modulation.
-    ///
-    /// # Errors
-    /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, modulated: bool) -> Result<Composition> {
+/// The stage's shader module.
+pub static MODULE: ShaderModule = ShaderModule::new("composition", &[&WGSL]);
+
+impl Stage for Composition {
+    const DECLARATION: Declaration = Declaration {
+        name: "composition",
+        about: "Reads each flavour's G-buffer; makes the pictures of any set of flavours, two words a pixel",
+        modules: &[&MODULE],
+        ..Declaration::EMPTY
+    };
+
+    fn build(build: Build<'_>) -> Result<Composition> {
+        let Build { gpu, frame: frame_layout, demands, .. } = build;
+        let modulated = demands.colour_modulation;
         let stage = wgpu::ShaderStages::COMPUTE;
         let mut layers = vec![Binding::Depth, Binding::TextureLoaded(FLAT)];
         layers.extend([Binding::TextureLoaded(FLAT); 5]);
         layers.extend([Binding::TextureUint(FLAT); 5]);
         let layers_layout = gpu.layout("flavour layers", stage, &layers);
         let stream_layout = gpu.layout("composed stream", stage, &[Binding::Storage, Binding::StorageWritten]);
-        let shader = Shader::new(gpu, "composition", &files())?;
+        let shader = MODULE.compile(gpu)?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("composition"),
             layout: Some(&gpu.pipeline_layout("composition", &[frame_layout, &layers_layout, &stream_layout])),
@@ -132,7 +141,9 @@ impl Composition {
         });
         Ok(Composition { pipeline, layers_layout, stream_layout, modulated })
     }
+}
 
+impl Composition {
     /// What a variant is composed of; `None` = each pixel what it needs.
     pub fn stream(&self, variant: Option<Variant>) -> CompositionStream {
         CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, pad_0: 0 }

@@ -1,12 +1,14 @@
 //! A scene that changes while it is drawn: what the change touches is made anew, and nothing else.
 
+use std::sync::Arc;
+
 use crate::base::error::Result;
 use crate::base::progress::Progress;
 use crate::frame::Renderer;
-use crate::frame::requirements::Requirements;
 use crate::materials::Palette;
 use crate::residency::Changes;
 use crate::scene;
+use crate::scene::demands::Demands;
 use crate::scene::{Blend, Scene};
 use crate::terrain::palette_means;
 use crate::variant::Flavour;
@@ -40,9 +42,9 @@ impl Renderer<'_> {
         if *scene == self.scene {
             return Ok(true);
         }
-        let requirements = Requirements::of(scene);
-        let has = |r: &Requirements| Flavour::ALL.map(|f| r.has(f));
-        if !self.can_take(scene) || has(&requirements) != has(&self.requirements) {
+        let demands = Demands::of(scene);
+        let has = |d: &Demands| Flavour::ALL.map(|f| d.has(f));
+        if !self.can_take(scene) || has(&demands) != has(&self.demands) {
             return Ok(false);
         }
         scene::validate(scene)?;
@@ -59,7 +61,7 @@ impl Renderer<'_> {
         let laid = |s: &Scene| (s.rules.clone(), s.strokes.clone(), names(s));
         let relaid = laid(scene) != laid(&self.scene);
         if relaid {
-            self.world.lay_by(scene);
+            self.world = Arc::new(self.world.laid_by(scene));
         }
         if relaid || palette.is_some() {
             self.replace_materials(relaid, palette);
@@ -67,14 +69,14 @@ impl Renderer<'_> {
         // Of these numbers the height blend enters the texels of pages; a mip bias only rounds them otherwise.
         let enters = |blend: &Blend| [blend.height_sharpness, blend.mip_bias];
         if enters(&scene.blend) != enters(&self.scene.blend) {
-            self.virtual_texture.forget();
+            self.stages.virtual_texture.forget();
         }
         // What the geometry pass writes: the flavours that pixels need.
         if scene.flavours != self.scene.flavours {
-            self.last = None;
+            self.drawn = None;
         }
         self.scene = scene.clone();
-        self.requirements = requirements;
+        self.demands = demands;
         Ok(true)
     }
 
@@ -130,7 +132,7 @@ impl Renderer<'_> {
                 means.push(before.and_then(|before| before.means.get(index)) != palette.means.get(index));
                 looks.push(before.and_then(|before| before.entries.get(index)) != Some(entry) || is_fresh(entry.albedo_layer));
             }
-            self.terrain.replace_palette(self.gpu, &self.streaming, &palette, fresh.as_deref());
+            self.terrain.replace_palette(&self.gpu, &self.streaming, &palette, fresh.as_deref());
             self.edited.textures += fresh.map_or(palette.arrays.albedo.len(), |fresh| fresh.len());
             self.means = palette_means(&palette);
             self.former = self.palette.replace(palette);
@@ -138,11 +140,11 @@ impl Renderer<'_> {
             means.resize(self.means.albedo.len(), false);
             looks.clone_from(&means);
         }
-        let nodes = self.streaming.lay_anew(self.gpu, &self.world, &self.means, &Changes { relaid, means, looks });
+        let nodes = self.streaming.lay_anew(&self.gpu, &self.world, &self.means, &Changes { relaid, means, looks });
         self.edited.nodes += nodes;
         if nodes > 0 {
             // Normals, which the geometry pass writes, share their texels with what materials are like.
-            self.last = None;
+            self.drawn = None;
         }
     }
 }

@@ -4,7 +4,7 @@ use half::f16;
 
 use crate::base::error::{Error, Result};
 use crate::base::names::nearest;
-use crate::frame::{FrameReport, RenderRequest, Renderer};
+use crate::frame::{Frame, FrameReport};
 use crate::gpu::read_texture;
 
 /// Names of the layers that can be asked for, in the order they are written.
@@ -84,15 +84,14 @@ fn rgba16(bytes: &[u8]) -> Vec<[f32; 4]> {
 }
 
 impl Picture {
-    /// Reads back what the renderer drew for `request`.
+    /// Reads a frame back.
     ///
     /// # Errors
     /// When the device is lost.
-    pub(crate) fn read(renderer: &Renderer<'_>, request: &RenderRequest, report: FrameReport) -> Result<Picture> {
-        let gpu = renderer.gpu();
-        let targets = renderer.targets().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
+    pub(super) fn read(frame: Frame<'_, '_>) -> Result<Picture> {
+        let (gpu, targets, request) = (frame.renderer().gpu(), frame.targets(), frame.request());
         let hdr = bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.image, wgpu::TextureAspect::All, 16)?);
-        let wanted = request.aovs;
+        let wanted = request.outputs.aovs;
         let mut layers = Vec::new();
         let mut add = |name: &str, layer: Layer| layers.push((name.to_owned(), layer));
         let rgb = |t: &[f32; 4]| [t[0], t[1], t[2]];
@@ -116,7 +115,7 @@ impl Picture {
             add("mask", Layer::Value(mask.into_iter().map(f32::from).collect()));
         }
         let mut fetches_per_px = None;
-        if wanted.needs_diagnostics() || request.count_fetches {
+        if wanted.needs_diagnostics() || request.outputs.count_fetches {
             let words: Vec<u32> =
                 bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.shading.diagnostics, wgpu::TextureAspect::All, 4)?);
             let layer = |shift: u32, bits: u32| Layer::Value(words.iter().map(|w| (w >> shift & ((1 << bits) - 1)) as f32).collect());
@@ -133,9 +132,8 @@ impl Picture {
             fetches_per_px = Some(shaded.iter().map(|&n| f64::from(n)).sum::<f64>() / (shaded.len().max(1) as f64));
         }
         if wanted.needs_inspection() {
-            let view = renderer.view(request);
-            let corner = view.pose.position - view.camera;
-            let inspected = renderer.inspect(request)?;
+            let corner = frame.view().pose.position - frame.view().camera;
+            let inspected = frame.inspect()?;
             let terrain = |i: &crate::inspect::Inspected| i.slot != 0;
             if wanted.has("position") {
                 let world = |p: [f32; 3]| std::array::from_fn(|k| (f64::from(p[k]) + corner[k]) as f32);
@@ -148,8 +146,10 @@ impl Picture {
                 add("ddy", Layer::Xyz(inspected.iter().map(|i| i.ddy).collect()));
             }
         }
+        let size = request.view.size;
+        let report = frame.into_report();
         let passes = report.passes.iter().map(|p| (p.name.clone(), p.time_ms)).collect();
-        Ok(Picture { size: request.size, hdr, layers, passes, fetches_per_px, report })
+        Ok(Picture { size, hdr, layers, passes, fetches_per_px, report })
     }
 
     /// A layer that was asked for.

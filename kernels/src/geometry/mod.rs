@@ -4,19 +4,22 @@
 //! mask (R8, one bit a flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One indexed draw, an instance a patch.
 //! Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8, 11.
 
-use std::fmt;
-use std::str::FromStr;
 use std::sync::OnceLock;
 
 use bytemuck::cast_slice;
 
 use crate::base::error::Result;
+use crate::base::wgsl::{Constant, Wgsl};
 use crate::culling::{PATCH_QUADS, Patch};
 use crate::gpu::bindings::{Binding, view};
-use crate::gpu::{Gpu, Shader, Timer, constants};
-use crate::shared::{self, normal_pair, octahedral};
-use crate::terrain::{self, Terrain};
-use crate::view::FRAME_WGSL;
+use crate::gpu::uses::{PassUse, TargetUse};
+use crate::gpu::{Gpu, Shader, ShaderModule, Timer, constants};
+use crate::shared;
+use crate::stage::{Build, Declaration, Stage};
+use crate::terrain;
+use crate::view;
+use crate::view::normals::NormalEncoding;
+use crate::world::NODE_QUADS;
 use crate::world::payload::diagonal_rises;
 
 pub mod reference;
@@ -31,6 +34,7 @@ pub struct Targets {
     pub normals: wgpu::Texture,
 }
 
+const MASK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Uint;
 /// Format of depth and stencil.
 pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32FloatStencil8;
 
@@ -39,104 +43,9 @@ impl Targets {
     pub fn new(gpu: &Gpu, size: [u32; 2], normals: NormalEncoding) -> Targets {
         Targets {
             depth_stencil: gpu.target("depth and stencil", size, DEPTH_FORMAT),
-            mask: gpu.target("classification mask", size, wgpu::TextureFormat::R8Uint),
+            mask: gpu.target("classification mask", size, MASK_FORMAT),
             normals: gpu.target("normals", size, normals.format()),
         }
-    }
-}
-
-/// How the two normals of a pixel are stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum NormalEncoding {
-    /// Two octahedral codes of 8 + 8 bits, as in Far Cry 5.
-    #[default]
-    Octahedral,
-    /// In the same 32 bits the triangle's plane 8 times finer, and the same code of the shading normal as what it adds to that: [`normal_pair`].
-    PlaneFirst,
-    /// Two points of the octahedron's square in f32: 128 bits, to tell what the others cost.
-    Exact,
-}
-
-/// Why a text is not an encoding of normals.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{given}` is not an encoding of normals: give one of {}", NormalEncoding::ALL.map(NormalEncoding::name).join(", "))]
-pub struct NotAnEncoding {
-    given: String,
-}
-
-impl NormalEncoding {
-    /// Every encoding, in the order of its code.
-    pub const ALL: [NormalEncoding; 3] = [NormalEncoding::Octahedral, NormalEncoding::PlaneFirst, NormalEncoding::Exact];
-
-    /// The encoding's number in shaders.
-    pub const fn code(self) -> u32 {
-        match self {
-            NormalEncoding::Octahedral => 0,
-            NormalEncoding::PlaneFirst => 1,
-            NormalEncoding::Exact => 2,
-        }
-    }
-
-    /// The name used in files and tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            NormalEncoding::Octahedral => "octahedral",
-            NormalEncoding::PlaneFirst => "plane-first",
-            NormalEncoding::Exact => "exact",
-        }
-    }
-
-    /// Format of the target.
-    pub const fn format(self) -> wgpu::TextureFormat {
-        match self {
-            NormalEncoding::Octahedral | NormalEncoding::PlaneFirst => wgpu::TextureFormat::Rgba8Unorm,
-            NormalEncoding::Exact => wgpu::TextureFormat::Rgba32Float,
-        }
-    }
-
-    /// Bytes of a texel.
-    pub const fn bytes(self) -> u32 {
-        match self {
-            NormalEncoding::Octahedral | NormalEncoding::PlaneFirst => 4,
-            NormalEncoding::Exact => 16,
-        }
-    }
-
-    /// Shading normal and normal of the triangle's plane in a texel of [`Self::bytes`] bytes, unit vectors: `frame_shading_normal`, `frame_plane`. The
-    /// plane's may be the opposite of the triangle's.
-    ///
-    /// # Panics
-    /// When the texel has another size.
-    pub fn decode(self, texel: &[u8]) -> [[f64; 3]; 2] {
-        let of_code = |code: [u32; 2]| octahedral::decode(octahedral::dequantise(code, 8));
-        match self {
-            NormalEncoding::Octahedral => {
-                let [x, y, z, w]: [u8; 4] = texel.try_into().expect("4 bytes");
-                [[x, y], [z, w]].map(|code| of_code(code.map(u32::from)))
-            }
-            NormalEncoding::PlaneFirst => {
-                let pair = normal_pair::decode(u32::from_le_bytes(texel.try_into().expect("4 bytes")));
-                [of_code(pair.shading), pair.plane]
-            }
-            NormalEncoding::Exact => {
-                let [x, y, z, w]: [f32; 4] = bytemuck::pod_read_unaligned(texel);
-                [[x, y], [z, w]].map(|e| octahedral::decode(e.map(f64::from)))
-            }
-        }
-    }
-}
-
-impl fmt::Display for NormalEncoding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for NormalEncoding {
-    type Err = NotAnEncoding;
-
-    fn from_str(text: &str) -> std::result::Result<Self, NotAnEncoding> {
-        NormalEncoding::ALL.into_iter().find(|encoding| encoding.name() == text).ok_or_else(|| NotAnEncoding { given: text.to_owned() })
     }
 }
 
@@ -158,14 +67,17 @@ pub struct Geometry {
 pub const STRIDES: [u32; 3] = [1, 2, 4];
 
 /// Stitching, without bindings.
-pub const STITCH_WGSL: (&str, &str) = ("geometry/stitch.wgsl", include_str!("stitch.wgsl"));
+pub static STITCH_WGSL: Wgsl =
+    Wgsl::new("geometry/stitch.wgsl", include_str!("stitch.wgsl"), &[]).with(&[("GEOMETRY_NODE_QUADS", Constant::U32(NODE_QUADS as u32))]);
 
-/// The files of the stage's shader module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, terrain::WGSL, STITCH_WGSL, ("geometry/geometry.wgsl", include_str!("geometry.wgsl"))]);
-    files
-}
+static WGSL: Wgsl = Wgsl::new(
+    "geometry/geometry.wgsl",
+    include_str!("geometry.wgsl"),
+    &[&terrain::WGSL, &view::WGSL, &STITCH_WGSL, &shared::FLAVOUR_WEIGHTS],
+);
+
+/// The stage's shader module.
+pub static MODULE: ShaderModule = ShaderModule::new("geometry", &[&WGSL]);
 
 /// Indices of a patch's 16 x 16 quads over its 17 x 17 vertices, or of fewer and larger ones over every `stride`-th of those, counter-clockwise from
 /// above, diagonals alternating.
@@ -217,20 +129,33 @@ fn pipeline(
             module: &shader.module,
             entry_point: Some("geometry_fragment"),
             compilation_options: constants(&overrides),
-            targets: &[Some(wgpu::TextureFormat::R8Uint.into()), Some(normals.into())],
+            targets: &[Some(MASK_FORMAT.into()), Some(normals.into())],
         }),
         multiview_mask: None,
         cache: None,
     })
 }
 
-impl Geometry {
-    /// Compiles the pass.
-    ///
-    /// # Errors
-    /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, has_holes: bool) -> Result<Geometry> {
-        let shader = Shader::new(gpu, "geometry", &files())?;
+impl Stage for Geometry {
+    const DECLARATION: Declaration = Declaration {
+        passes: |_| vec![PassUse::new("geometry", 1, "depth, stencil, mask, normals")],
+        targets: |normals| {
+            vec![
+                TargetUse::new("depth and stencil", DEPTH_FORMAT),
+                TargetUse::new("classification mask", MASK_FORMAT),
+                TargetUse::new("shading, triangle normal", normals.format()),
+            ]
+        },
+        name: "geometry",
+        about: "Reads patches, heights, normals and holes; makes depth, stencil, classification mask and two normals",
+        modules: &[&MODULE],
+        ..Declaration::EMPTY
+    };
+
+    fn build(build: Build<'_>) -> Result<Geometry> {
+        let Build { gpu, frame: frame_layout, terrain, demands, .. } = build;
+        let has_holes = demands.holes;
+        let shader = MODULE.compile(gpu)?;
         let layout = gpu.layout("patches", wgpu::ShaderStages::VERTEX, &[Binding::Storage]);
         let pipeline_layout = gpu.pipeline_layout("geometry", &[frame_layout, &terrain.layout, &layout]);
         let pipeline = pipeline(gpu, &shader, &pipeline_layout, has_holes, NormalEncoding::default().format());
@@ -241,7 +166,9 @@ impl Geometry {
         });
         Ok(Geometry { shader, pipeline_layout, has_holes, pipeline, exact: OnceLock::new(), layout, indices })
     }
+}
 
+impl Geometry {
     /// The pipeline for normals of a format.
     fn pipeline(&self, gpu: &Gpu, normals: wgpu::TextureFormat) -> &wgpu::RenderPipeline {
         if normals == NormalEncoding::default().format() {

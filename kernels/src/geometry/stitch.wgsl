@@ -1,8 +1,6 @@
 // Stitching: vertices on the border to a coarser node move to the nearest vertex that the neighbour has (rulings 3 and 8).
 // Free of bindings, so that it can be compared with its reference.
 
-const GEOMETRY_NODE_QUADS: u32 = 128u;
-
 // Nearest vertex that a neighbour `delta` levels coarser keeps; of two equally near the lower.
 fn geometry_weld(index: u32, delta: u32) -> u32 {
     let step = 1u << delta;

@@ -11,10 +11,11 @@ mod sources;
 mod specialise;
 mod timer;
 mod upload;
+pub mod uses;
 
 pub use readback::{read_buffer, read_texture};
-pub use shader::{Shader, constants};
-pub use sources::{Sources, shader_path};
+pub use shader::{Shader, ShaderModule, constants};
+pub use sources::Sources;
 pub(crate) use specialise::Template;
 pub use timer::{PassTime, Timer};
 pub use upload::upload;
@@ -50,7 +51,8 @@ pub struct AdapterReport {
     pub features: Vec<(String, bool)>,
 }
 
-/// A device, its queue, and what it can do.
+/// A device, its queue, and what it can do. Clones are the same device.
+#[derive(Clone)]
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
@@ -63,7 +65,7 @@ pub struct Gpu {
     /// First error that the device reported outside any call, if one did.
     failure: Arc<Mutex<Option<String>>>,
     /// What shaders are made of in place of the texts compiled in.
-    sources: RwLock<Arc<Sources>>,
+    sources: Arc<RwLock<Arc<Sources>>>,
 }
 
 fn instance() -> wgpu::Instance {
@@ -185,7 +187,7 @@ impl Gpu {
                 slot.get_or_insert_with(|| error.to_string().replace('\n', " "));
             }
         }));
-        Ok(Gpu { device, queue, info: adapter.get_info(), features, failure, sources: RwLock::default() })
+        Ok(Gpu { device, queue, info: adapter.get_info(), features, failure, sources: Arc::default() })
     }
 
     /// Whether the adapter is a CPU: then times are compared, never quoted alone.

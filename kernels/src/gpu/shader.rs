@@ -1,6 +1,7 @@
 //! Shader modules from lists of WGSL files. No preprocessor: a module is its files, one after the other.
 
 use crate::base::error::{Error, Result};
+use crate::base::wgsl::{self, Piece, Wgsl};
 use crate::gpu::{Gpu, Template};
 
 /// A WGSL module.
@@ -10,15 +11,51 @@ pub struct Shader {
     source: String,
 }
 
-impl Shader {
-    /// Concatenates `files` (name, text) and compiles them. Where the device's [`Sources`](crate::gpu::Sources) have a text for a file, it is taken.
+/// A shader module as a stage declares it: what it is called, and the files whose entry points it has.
+#[derive(Debug)]
+pub struct ShaderModule {
+    /// Its name in messages.
+    pub name: &'static str,
+    /// The files that hold its entry points; what they need in turn comes with them.
+    pub roots: &'static [&'static Wgsl],
+}
+
+impl ShaderModule {
+    /// A module of these files.
+    pub const fn new(name: &'static str, roots: &'static [&'static Wgsl]) -> ShaderModule {
+        ShaderModule { name, roots }
+    }
+
+    /// Its pieces as compiled in, in order.
+    pub fn pieces(&self) -> Vec<Piece> {
+        wgsl::pieces(self.roots)
+    }
+
+    /// Every file in it, in order.
+    pub fn files(&self) -> Vec<&'static Wgsl> {
+        wgsl::closure(self.roots)
+    }
+
+    /// Compiles it. Where the device's [`Sources`](crate::gpu::Sources) have a text for a file, it is taken.
     ///
     /// # Errors
     /// With file, line and message of the compiler's complaint.
-    pub fn new(gpu: &Gpu, label: &str, files: &[(&str, &str)]) -> Result<Shader> {
+    pub fn compile(&self, gpu: &Gpu) -> Result<Shader> {
+        Shader::new(gpu, self.name, self.pieces())
+    }
+}
+
+impl Shader {
+    /// Concatenates `pieces` and compiles them. Where the device's [`Sources`](crate::gpu::Sources) have a text for a file, it is taken.
+    ///
+    /// # Errors
+    /// With file, line and message of the compiler's complaint.
+    pub fn new(gpu: &Gpu, label: &str, mut pieces: Vec<Piece>) -> Result<Shader> {
         let sources = gpu.sources();
-        let files: Vec<(String, &str)> = files.iter().map(|&(name, text)| sources.file(name, text)).collect();
-        let source: String = files.iter().flat_map(|(_, text)| [*text, "\n"]).collect();
+        for piece in &mut pieces {
+            sources.replace(piece);
+        }
+        let source = wgsl::joined(&pieces);
         let (module, complaint) = gpu.caught(|| {
             let source = wgpu::ShaderSource::Wgsl(source.as_str().into());
             gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
@@ -26,7 +63,7 @@ impl Shader {
         let info = pollster::block_on(module.get_compilation_info());
         if let Some(message) = info.messages.iter().find(|m| m.message_type == wgpu::CompilationMessageType::Error) {
             let place = message.location.map_or_else(String::new, |location| {
-                let (file, line) = locate(&files, location.line_number as usize);
+                let (file, line) = locate(&pieces, location.line_number as usize);
                 format!("{file}:{line}: ")
             });
             return Err(Error::Gpu(format!("shader {label}: {place}{}", summary(&message.message))));
@@ -80,16 +117,16 @@ fn summary(complaint: &str) -> String {
 }
 
 /// The file and line (from 1) that hold line `line` (from 1) of the concatenation; beyond it, the end of the last file.
-fn locate<'a>(files: &'a [(String, &str)], line: usize) -> (&'a str, usize) {
+fn locate(pieces: &[Piece], line: usize) -> (&str, usize) {
     let mut left = line;
     let mut end: (&str, usize) = ("?", line);
-    for (name, text) in files {
+    for Piece { path, text } in pieces {
         let lines = text.matches('\n').count() + 1;
         if left <= lines {
-            return (name.as_str(), left);
+            return (path.as_str(), left);
         }
         left -= lines;
-        end = (name.as_str(), lines);
+        end = (path.as_str(), lines);
     }
     end
 }
@@ -101,11 +138,11 @@ pub fn constants<'a>(values: &'a [(&'a str, f64)]) -> wgpu::PipelineCompilationO
 
 #[cfg(test)]
 mod tests {
-    use super::{chain, locate, summary};
+    use super::{Piece, chain, locate, summary};
 
     #[test]
     fn lines_of_a_concatenation_map_back_to_their_files() {
-        let files = [("a.wgsl".to_owned(), "1\n2\n"), ("b.wgsl".to_owned(), "1\n2")];
+        let files = [Piece::new("a.wgsl", "1\n2\n"), Piece::new("b.wgsl", "1\n2")];
         // "1\n2\n" + "\n" makes three lines, the third one empty.
         assert_eq!(locate(&files, 2), ("a.wgsl", 2));
         assert_eq!(locate(&files, 4), ("b.wgsl", 1));

@@ -5,38 +5,27 @@ use std::path::Path;
 use std::sync::{Arc, PoisonError};
 
 use crate::base::error::{Error, Result};
+use crate::base::wgsl::{Piece, Wgsl};
 use crate::gpu::Gpu;
-use crate::shared;
 
-/// Where a shader file lies in `kernels/src`. Shared files are called by their topic, others by their path; texts made by the program have no file,
-/// and keep their names.
-pub fn shader_path(name: &str) -> String {
-    if shared::WGSL.iter().chain([&shared::SIGNAL_WGSL]).any(|(topic, _)| *topic == name) {
-        format!("shared/{name}.wgsl")
-    } else {
-        name.to_owned()
-    }
-}
-
-/// Texts that take the place of embedded ones, by [`shader_path`]. None by default.
+/// Texts that take the place of embedded ones, by [path](Wgsl::path). None by default.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sources {
     texts: BTreeMap<String, String>,
 }
 
 impl Sources {
-    /// What `folder`, laid out as `kernels/src`, has for `files` (name, embedded text). A text that equals the embedded one takes no place.
+    /// What `folder`, laid out as `kernels/src`, has for `files`. A text that equals the embedded one takes no place.
     ///
     /// # Errors
     /// When a file is not there, cannot be read, or is not UTF-8.
-    pub fn read(folder: &Path, files: &[(&str, &str)]) -> Result<Sources> {
+    pub fn read(folder: &Path, files: &[&Wgsl]) -> Result<Sources> {
         let mut texts = BTreeMap::new();
-        for &(name, embedded) in files {
-            let path = shader_path(name);
-            let file = folder.join(&path);
+        for wgsl in files {
+            let file = folder.join(wgsl.path);
             let text = std::fs::read_to_string(&file).map_err(|source| Error::File { file, source })?;
-            if text != embedded {
-                texts.insert(path, text);
+            if text != wgsl.text {
+                texts.insert(wgsl.path.to_owned(), text);
             }
         }
         Ok(Sources { texts })
@@ -53,11 +42,11 @@ impl Sources {
         paths.into_iter().filter(|path| self.texts.get(*path) != other.texts.get(*path)).cloned().collect()
     }
 
-    /// Path and text of a file, given its name and its embedded text.
-    pub(crate) fn file<'a>(&'a self, name: &str, embedded: &'a str) -> (String, &'a str) {
-        let path = shader_path(name);
-        let text = self.texts.get(&path).map_or(embedded, String::as_str);
-        (path, text)
+    /// Puts the text there is for a piece in its place.
+    pub(crate) fn replace(&self, piece: &mut Piece) {
+        if let Some(text) = self.texts.get(&piece.path) {
+            piece.text.clone_from(text);
+        }
     }
 }
 
@@ -82,26 +71,22 @@ mod tests {
     }
 
     #[test]
-    fn shared_files_have_a_folder_and_made_up_texts_none() {
-        assert_eq!(shader_path("hash"), "shared/hash.wgsl");
-        assert_eq!(shader_path("signal"), "shared/signal.wgsl");
-        assert_eq!(shader_path("shading/shading.wgsl"), "shading/shading.wgsl");
-        assert_eq!(shader_path("probe body"), "probe body");
-    }
-
-    #[test]
     fn what_differs_is_found_on_both_sides() {
         let (before, after) = (sources(&[("a", "1"), ("b", "1"), ("c", "1")]), sources(&[("b", "2"), ("c", "1"), ("d", "1")]));
         assert_eq!(before.differences(&after), ["a", "b", "d"]);
         assert_eq!(after.differences(&before), ["a", "b", "d"]);
         assert!(before.differences(&before).is_empty());
-        assert_eq!(before.file("b", "embedded"), ("b".to_owned(), "1"));
-        assert_eq!(before.file("d", "embedded"), ("d".to_owned(), "embedded"));
+        let replaced = |path: &str| {
+            let mut piece = Piece::new(path, "embedded");
+            before.replace(&mut piece);
+            piece.text
+        };
+        assert_eq!((replaced("b").as_str(), replaced("d").as_str()), ("1", "embedded"));
     }
 
     #[test]
     fn a_file_that_is_not_there_is_named() {
-        let error = Sources::read(Path::new("/nowhere"), &[("hash", "")]).expect_err("no such folder").to_string();
+        let error = Sources::read(Path::new("/nowhere"), &[&Wgsl::new("hash.wgsl", "", &[])]).expect_err("no such folder").to_string();
         assert!(error.contains("hash.wgsl: "), "{error}");
         assert!(Sources::read(Path::new("/nowhere"), &[]).expect("nothing is asked for").is_empty());
     }

@@ -5,12 +5,14 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::base::error::Result;
+use crate::base::wgsl::Wgsl;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, Shader, read_buffer};
+use crate::gpu::{Gpu, ShaderModule, read_buffer};
 use crate::shared;
-use crate::terrain::{self, Terrain};
-use crate::view::FRAME_WGSL;
+use crate::stage::{Build, Declaration, Stage};
+use crate::terrain;
+use crate::view;
 
 /// One pixel; the layout matches `Inspected` in `inspect.wgsl`. All zero where there is no terrain.
 #[repr(C)]
@@ -42,20 +44,26 @@ pub struct Inspect {
     layout: wgpu::BindGroupLayout,
 }
 
-/// The files of the stage's shader module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, terrain::WGSL, terrain::FOOTPRINT_WGSL, ("inspect/inspect.wgsl", include_str!("inspect.wgsl"))]);
-    files
-}
+static WGSL: Wgsl = Wgsl::new(
+    "inspect/inspect.wgsl",
+    include_str!("inspect.wgsl"),
+    &[&view::WGSL, &terrain::WGSL, &terrain::FOOTPRINT_WGSL, &shared::SPLAT_BLEND],
+);
 
-impl Inspect {
-    /// Compiles the pass.
-    ///
-    /// # Errors
-    /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain) -> Result<Inspect> {
-        let shader = Shader::new(gpu, "inspect", &files())?;
+/// The stage's shader module.
+pub static MODULE: ShaderModule = ShaderModule::new("inspect", &[&WGSL]);
+
+impl Stage for Inspect {
+    const DECLARATION: Declaration = Declaration {
+        name: "inspect",
+        about: "Reads depth, normals and terrain; makes position, derivatives and splat texels of each pixel, when they are asked for",
+        modules: &[&MODULE],
+        ..Declaration::EMPTY
+    };
+
+    fn build(build: Build<'_>) -> Result<Inspect> {
+        let Build { gpu, frame: frame_layout, terrain, .. } = build;
+        let shader = MODULE.compile(gpu)?;
         let layout = gpu.layout(
             "inspect",
             wgpu::ShaderStages::COMPUTE,
@@ -71,7 +79,9 @@ impl Inspect {
         });
         Ok(Inspect { pipeline, layout })
     }
+}
 
+impl Inspect {
     /// Runs the pass and reads it back, row by row from the top.
     ///
     /// # Errors

@@ -5,12 +5,15 @@
 //! Reads the G-buffer and depth. Writes RGBA32Float: radiance, alpha = 1 on terrain. One full-screen triangle.
 
 use crate::base::error::Result;
+use crate::base::wgsl::Wgsl;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, Shader, Timer};
+use crate::gpu::uses::{PassUse, TargetUse};
+use crate::gpu::{Gpu, ShaderModule, Timer};
 use crate::shading;
 use crate::shared;
-use crate::view::FRAME_WGSL;
+use crate::stage::{Build, Declaration, Stage};
+use crate::view;
 
 /// Format of the picture.
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
@@ -21,20 +24,24 @@ pub struct Lighting {
     layout: wgpu::BindGroupLayout,
 }
 
-/// The files of the stage's shader module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, ("lighting/lighting.wgsl", include_str!("lighting.wgsl"))]);
-    files
-}
+static WGSL: Wgsl = Wgsl::new("lighting/lighting.wgsl", include_str!("lighting.wgsl"), &[&view::WGSL, &shared::BRDF, &shared::OCTAHEDRAL]);
 
-impl Lighting {
-    /// Compiles the pass.
-    ///
-    /// # Errors
-    /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout) -> Result<Lighting> {
-        let shader = Shader::new(gpu, "lighting", &files())?;
+/// The stage's shader module.
+pub static MODULE: ShaderModule = ShaderModule::new("lighting", &[&WGSL]);
+
+impl Stage for Lighting {
+    const DECLARATION: Declaration = Declaration {
+        passes: |_| vec![PassUse::new("lighting", 1, "sun and sky")],
+        targets: |_| vec![TargetUse::new("linear image", FORMAT)],
+        name: "lighting",
+        about: "Reads the G-buffer and depth; makes linear HDR radiance",
+        modules: &[&MODULE],
+        ..Declaration::EMPTY
+    };
+
+    fn build(build: Build<'_>) -> Result<Lighting> {
+        let Build { gpu, frame: frame_layout, .. } = build;
+        let shader = MODULE.compile(gpu)?;
         let layout = gpu.layout(
             "lighting",
             wgpu::ShaderStages::FRAGMENT,
@@ -63,7 +70,9 @@ impl Lighting {
         });
         Ok(Lighting { pipeline, layout })
     }
+}
 
+impl Lighting {
     /// Records the pass.
     #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
     pub fn encode(

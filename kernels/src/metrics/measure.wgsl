@@ -34,10 +34,6 @@ struct MeasureTile {
 // Of absolute differences at lag 1: 16 bins an octave, the first for all below 2^-14.
 @group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 256>;
 
-const MEASURE_NO_LINK: u32 = 0xffffffffu;
-const MEASURE_BINS: f32 = 256.0;
-const MEASURE_LOWEST_OCTAVE: f32 = -14.0;
-const MEASURE_BINS_PER_OCTAVE: f32 = 16.0;
 // A history is rejected if a channel leaves the box by more than this: the rounding of f16 to both sides.
 const MEASURE_BOX_SLACK: f32 = 0.0009765625;
 

@@ -9,9 +9,11 @@
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
 use crate::base::error::Result;
+use crate::base::wgsl::{Constant, Wgsl};
 use crate::classification;
 use crate::gpu::bindings::Binding;
-use crate::gpu::{Gpu, Shader, Timer, read_buffer};
+use crate::gpu::{Gpu, ShaderModule, Timer, read_buffer};
+use crate::motion::NO_LINK;
 use crate::motion::{LAGS, Motion, SLOTS, Slots};
 use crate::shared;
 use crate::temporal::{Resolve, Temporal};
@@ -21,7 +23,7 @@ pub mod reference;
 mod seeds;
 
 pub use follow::{Followed, Point, Sample, Summary};
-pub use seeds::{BLOCK, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums, files as seeds_files};
+pub use seeds::{BLOCK, MODULE as SEEDS_MODULE, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums};
 
 /// Bins of the histogram of differences at lag 1: 16 an octave, from 2^-14 to 2^2.
 pub const BINS: usize = 256;
@@ -168,12 +170,15 @@ pub struct Meter {
     index: u32,
 }
 
-/// The files of the measuring module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([shared::SIGNAL_WGSL, ("metrics/measure.wgsl", include_str!("measure.wgsl"))]);
-    files
-}
+static WGSL: Wgsl = Wgsl::new("metrics/measure.wgsl", include_str!("measure.wgsl"), &[&shared::MOTION, &shared::SIGNAL]).with(&[
+    ("MEASURE_NO_LINK", Constant::U32(NO_LINK)),
+    ("MEASURE_BINS", Constant::real(BINS as f64)),
+    ("MEASURE_LOWEST_OCTAVE", Constant::real(LOWEST_OCTAVE)),
+    ("MEASURE_BINS_PER_OCTAVE", Constant::real(BINS_PER_OCTAVE)),
+]);
+
+/// The stage's shader module.
+pub static MODULE: ShaderModule = ShaderModule::new("measure", &[&WGSL]);
 
 impl Meter {
     /// Compiles the passes and allocates a stream for each resolve given.
@@ -184,7 +189,7 @@ impl Meter {
         let stage = wgpu::ShaderStages::COMPUTE;
         let frame_layout = gpu.layout("measured frame", stage, &[Binding::Storage, Binding::Storage]);
         let stream_layout = gpu.layout("measured stream", stage, &[Binding::Storage, Binding::StorageWritten, Binding::StorageWritten]);
-        let shader = Shader::new(gpu, "measure", &files())?;
+        let shader = MODULE.compile(gpu)?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("measure"),
             layout: Some(&gpu.pipeline_layout("measure", &[&frame_layout, &stream_layout])),

@@ -3,9 +3,10 @@
 use bytemuck::{Pod, Zeroable, bytes_of};
 
 use crate::base::error::Result;
+use crate::base::wgsl::Wgsl;
 use crate::classification;
 use crate::gpu::bindings::Binding;
-use crate::gpu::{Gpu, Shader, read_buffer};
+use crate::gpu::{Gpu, ShaderModule, read_buffer};
 use crate::shared;
 
 /// Edge of the blocks whose means tell clumping, pixels.
@@ -83,12 +84,10 @@ pub struct Seeds {
     layout: wgpu::BindGroupLayout,
 }
 
-/// The files of the passes' shader module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([shared::SIGNAL_WGSL, ("metrics/seeds.wgsl", include_str!("seeds.wgsl"))]);
-    files
-}
+static WGSL: Wgsl = Wgsl::new("metrics/seeds.wgsl", include_str!("seeds.wgsl"), &[&shared::MOMENTS, &shared::SIGNAL]);
+
+/// The stage's shader module.
+pub static MODULE: ShaderModule = ShaderModule::new("seeds", &[&WGSL]);
 
 impl Seeds {
     /// Compiles the passes.
@@ -100,7 +99,7 @@ impl Seeds {
         let frame_layout = gpu.layout("seed frame", stage, &[Binding::Uniform]);
         let (read, written) = (Binding::Storage, Binding::StorageWritten);
         let layout = gpu.layout("seed stream", stage, &[read, read, written, written, written]);
-        let shader = Shader::new(gpu, "seeds", &files())?;
+        let shader = MODULE.compile(gpu)?;
         let pipeline_layout = gpu.pipeline_layout("seeds", &[&frame_layout, &layout]);
         let pipeline = |entry_point: &str| {
             gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {

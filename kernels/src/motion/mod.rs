@@ -7,12 +7,13 @@
 use bytemuck::{Pod, Zeroable, bytes_of};
 
 use crate::base::error::Result;
+use crate::base::wgsl::{Constant, Wgsl};
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, Shader, Timer};
+use crate::gpu::{Gpu, ShaderModule, Timer};
 use crate::shared;
 use crate::shared::motion::{MotionPast, Past};
-use crate::view::FRAME_WGSL;
+use crate::view;
 use crate::view::camera::View;
 
 mod links;
@@ -61,12 +62,11 @@ pub struct MotionFrame {
     pub past_slots: [u32; LAGS],
 }
 
-/// The files of the pass's shader module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, ("motion/motion.wgsl", include_str!("motion.wgsl"))]);
-    files
-}
+static WGSL: Wgsl = Wgsl::new("motion/motion.wgsl", include_str!("motion.wgsl"), &[&view::WGSL, &shared::MOTION, &shared::VIEW])
+    .with(&[("MOTION_NO_LINK", Constant::U32(NO_LINK))]);
+
+/// The stage's shader module.
+pub static MODULE: ShaderModule = ShaderModule::new("motion", &[&WGSL]);
 
 /// The pass and what it keeps between frames.
 pub struct Motion {
@@ -92,7 +92,7 @@ impl Motion {
         let targets_layout = gpu.layout("motion targets", stage, &[Binding::Depth, Binding::TextureLoaded(FLAT)]);
         let written = Binding::StorageWritten;
         let layout = gpu.layout("motion", stage, &[Binding::Uniform, written, written, written]);
-        let shader = Shader::new(gpu, "motion", &files())?;
+        let shader = MODULE.compile(gpu)?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("motion"),
             layout: Some(&gpu.pipeline_layout("motion", &[frame_layout, &targets_layout, &layout])),

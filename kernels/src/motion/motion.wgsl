@@ -19,8 +19,6 @@ struct MotionFrame {
 // Where exactly it was one frame before, pixels; -1e9 = nowhere.
 @group(2) @binding(3) var<storage, read_write> positions: array<vec2<f32>>;
 
-const MOTION_NO_LINK: u32 = 0xffffffffu;
-
 // A surface point as it is seen now.
 struct MotionPoint {
     point: vec3<f32>,

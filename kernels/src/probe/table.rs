@@ -1,6 +1,7 @@
 //! Runs one WGSL function that needs no bindings over rows of numbers, so that the GPU can be compared with its f64 reference.
 
 use crate::base::error::Result;
+use crate::base::wgsl::{self, Piece};
 use crate::geometry;
 use crate::gpu::{Gpu, Shader, read_buffer};
 use crate::shared;
@@ -37,11 +38,10 @@ impl<'a> Table<'a> {
     /// When the WGSL does not compile (file and line) or the device is lost.
     pub fn new(gpu: &'a Gpu, body: &str, columns: [usize; 2], cells: Cells) -> Result<Table<'a>> {
         let main = main(columns, cells);
-        let mut files: Vec<(&str, &str)> = shared::WGSL.to_vec();
-        files.push(geometry::STITCH_WGSL);
-        files.push(("probe body", body));
-        files.push(("probe main", &main));
-        let shader = Shader::new(gpu, "probe", &files)?;
+        let mut pieces = wgsl::pieces(shared::WGSL);
+        pieces.extend(wgsl::pieces(&[&geometry::STITCH_WGSL]));
+        pieces.extend([Piece::new("probe body", body), Piece::new("probe main", main)]);
+        let shader = Shader::new(gpu, "probe", pieces)?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("probe"),
             layout: None,

@@ -10,8 +10,10 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use crate::base::error::{Error, Result};
+use crate::gpu::uses::TextureUse;
 use crate::gpu::{Gpu, texture_bytes, upload};
 use crate::quadtree::NodeBounds;
+use crate::scene::demands::Demands;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
 
@@ -85,6 +87,25 @@ fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::Textu
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     })
+}
+
+/// What the atlases of a scene take. Slots count from 1, since 0 means that nothing is loaded.
+pub fn textures(demands: &Demands) -> Vec<TextureUse> {
+    use wgpu::TextureFormat as Format;
+    let node = |name, format, texels: usize, reason| {
+        let edge = u32::try_from(texels).expect("some hundred texels");
+        TextureUse::new(name, format, edge, 1, CAPACITY + 1, reason)
+    };
+    let baked = "far atlas, and whatever is not resident yet";
+    vec![
+        node("node height", Format::R16Unorm, HEIGHT_SIDE, "the terrain's shape"),
+        node("node normal", Format::Bc3RgbaUnorm, TEXTURE_SIDE, baked),
+        node("node albedo", Format::Bc1RgbaUnormSrgb, TEXTURE_SIDE, baked),
+        node("node colour modulation", Format::Bc1RgbaUnorm, TEXTURE_SIDE, "colour modulation")
+            .unless(demands.colour_modulation, "world.colour_modulation = 0"),
+        // Also where no flavour samples it: every error is measured against the full blend.
+        node("node splat map", Format::R8Uint, SPLAT_SIDE, "cliffs, splat, pages, and the reference that errors are measured against"),
+    ]
 }
 
 impl Streaming {

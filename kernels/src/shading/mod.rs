@@ -8,16 +8,20 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 use crate::base::error::{Error, Result};
+use crate::base::wgsl::{Constant, Wgsl};
+use crate::classification;
 use crate::classification::{ARGUMENT_BYTES, Lists};
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, Shader, Template, Timer};
+use crate::gpu::uses::{PassUse, TargetUse};
+use crate::gpu::{Gpu, ShaderModule, Template, Timer};
 use crate::shared;
 use crate::shared::blue_noise;
 use crate::shared::noise::NoiseKind;
-use crate::terrain::{self, Terrain};
+use crate::stage::{Build, Declaration, Exchange, Stage};
+use crate::terrain;
 use crate::variant::{Flavour, Variant};
-use crate::view::FRAME_WGSL;
+use crate::view;
 use crate::virtual_texture::{self, VirtualTexture};
 
 mod estimator;
@@ -104,6 +108,7 @@ pub struct Targets {
     pub diagnostics: wgpu::Texture,
 }
 
+const DIAGNOSTICS_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
 /// Format of the G-buffer's colour targets.
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
@@ -113,7 +118,7 @@ impl Targets {
         Targets {
             albedo: gpu.target("albedo", size, FORMAT),
             normal: gpu.target("normal", size, FORMAT),
-            diagnostics: gpu.target("diagnostics", size, wgpu::TextureFormat::R32Uint),
+            diagnostics: gpu.target("diagnostics", size, DIAGNOSTICS_FORMAT),
         }
     }
 }
@@ -127,27 +132,90 @@ pub struct Shading {
     settings: Settings,
     /// [`blue_noise::ranks`] once a pipeline wants them; a few zeros before.
     noise_ranks: wgpu::Buffer,
+    /// Pipelines of the displayed view.
+    displayed: Vec<PipelineKey>,
 }
 
-/// The files of the stage's shader module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([
-        FRAME_WGSL,
-        terrain::WGSL,
-        terrain::FOOTPRINT_WGSL,
-        virtual_texture::WGSL,
-        ("shading/shading.wgsl", include_str!("shading.wgsl")),
-    ]);
-    files
+const fn estimator(estimator: Estimator) -> Constant {
+    Constant::U32(estimator as u32)
 }
 
-impl Shading {
-    /// Compiles the module; pipelines follow with [`Shading::warm`].
-    ///
-    /// # Errors
-    /// When the shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, settings: Settings) -> Result<Shading> {
+/// Place of a flavour in arrays of five.
+const fn place(flavour: Flavour) -> Constant {
+    Constant::U32(flavour.bit().trailing_zeros())
+}
+
+static WGSL: Wgsl = Wgsl::new(
+    "shading/shading.wgsl",
+    include_str!("shading.wgsl"),
+    &[
+        &terrain::WGSL,
+        &terrain::FOOTPRINT_WGSL,
+        &virtual_texture::WGSL,
+        &classification::TILE_WGSL,
+        &view::WGSL,
+        &shared::BIPLANAR,
+        &shared::FLAVOUR_WEIGHTS,
+        &shared::NOISE,
+        &shared::OCTAHEDRAL,
+        &shared::SELECT,
+        &shared::SNAPPED_PROJECTION,
+        &shared::SPLAT_BLEND,
+        &shared::TILING,
+        &shared::TRIPLANAR,
+        &shared::VIEW,
+    ],
+)
+.with(&[
+    ("ESTIMATOR_FC5", estimator(Estimator::Fc5)),
+    ("ESTIMATOR_EXACT", estimator(Estimator::Exact)),
+    ("ESTIMATOR_VARIANCE", estimator(Estimator::Variance)),
+    ("ESTIMATOR_BIPLANAR", estimator(Estimator::Biplanar)),
+    ("ESTIMATOR_HEX", estimator(Estimator::Hex)),
+    ("ESTIMATOR_STF", estimator(Estimator::Stf)),
+    ("ESTIMATOR_LAPLACIAN", estimator(Estimator::Laplacian)),
+    ("ESTIMATOR_LUNA8", estimator(Estimator::Luna8)),
+    ("ESTIMATOR_SNAPPED", estimator(Estimator::Snapped)),
+    ("ESTIMATOR_BIPLANAR_MEAN", estimator(Estimator::BiplanarMean)),
+    ("ESTIMATOR_HEX_MEAN", estimator(Estimator::HexMean)),
+    ("FLAVOUR_VT", place(Flavour::VirtualTexture)),
+    ("FLAVOUR_FAR_ATLAS", place(Flavour::FarAtlas)),
+    ("FLAVOUR_NEAR_CLIFF", place(Flavour::NearCliff)),
+    ("FLAVOUR_FAR_CLIFF", place(Flavour::FarCliff)),
+    ("FLAVOUR_SPLAT", place(Flavour::Splat)),
+    ("SHADING_VARIANCE_SCALE", Constant::real(VARIANCE_SCALE)),
+]);
+
+/// The stage's shader module: every variant is cut from it.
+pub static MODULE: ShaderModule = ShaderModule::new("shading", &[&WGSL]);
+
+impl Stage for Shading {
+    const DECLARATION: Declaration = Declaration {
+        passes: |demands| {
+            let variants = u32::try_from(demands.variants().len()).expect("at most 31");
+            vec![PassUse::new("shading", variants + 1, "a pipeline per variant that has tiles, and the generic kernel")]
+        },
+        targets: |_| {
+            vec![
+                TargetUse::new("G-buffer albedo, occlusion", FORMAT),
+                TargetUse::new("G-buffer normal, smoothness", FORMAT),
+                TargetUse::new("diagnostics", DIAGNOSTICS_FORMAT),
+            ]
+        },
+        name: "shading",
+        about: "Reads tile lists, depth, normals, terrain and pages; makes the G-buffer, by one variant a tile",
+        modules: &[&MODULE],
+        ..Declaration::EMPTY
+    };
+
+    fn build(build: Build<'_>) -> Result<Shading> {
+        let Build { gpu, frame: frame_layout, terrain, demands, tile } = build;
+        let settings = Settings {
+            colour_modulation: demands.colour_modulation,
+            anisotropic: demands.anisotropy > 1,
+            one_triangle: classification::tile_vertices(gpu) == 3,
+            tile,
+        };
         let layout = gpu.layout(
             "shading",
             wgpu::ShaderStages::VERTEX_FRAGMENT,
@@ -164,27 +232,19 @@ impl Shading {
             ],
         );
         Ok(Shading {
-            template: Shader::new(gpu, "shading", &files())?.template()?,
+            template: MODULE.compile(gpu)?.template()?,
             pipeline_layout: gpu.pipeline_layout("shading", &[frame_layout, &terrain.layout, &layout]),
             layout,
             pipelines: HashMap::new(),
             settings,
             noise_ranks: gpu.buffer_with("noise ranks, unused", wgpu::BufferUsages::STORAGE, &[0; 16]),
+            displayed: Vec::new(),
         })
     }
 
-    /// The stage compiled anew, with the pipelines of `keys`; without any, with the generic one, so that no mistake waits for the first picture.
-    ///
-    /// # Errors
-    /// When the shader does not compile, or one of the pipelines cannot be built.
-    pub(crate) fn rebuilt(
-        &self,
-        gpu: &Gpu,
-        frame_layout: &wgpu::BindGroupLayout,
-        terrain: &Terrain,
-        keys: &[PipelineKey],
-    ) -> Result<Shading> {
-        let mut shading = Shading::new(gpu, frame_layout, terrain, self.settings)?;
+    /// With the pipelines of the displayed view; without any, with the generic one, so that an error shows at once and not with the first picture.
+    fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<Shading>> {
+        let mut shading = Shading::build(build)?;
         let generic = PipelineKey {
             kernel: Kernel::Generic,
             estimator: Estimator::Fc5,
@@ -192,11 +252,23 @@ impl Shading {
             two_tilings: false,
             diagnostics: false,
         };
-        let keys = if keys.is_empty() { std::slice::from_ref(&generic) } else { keys };
-        for &key in keys {
-            shading.warm(gpu, key)?;
+        let keys = if self.displayed.is_empty() { vec![generic] } else { self.displayed.clone() };
+        for key in keys {
+            shading.warm(build.gpu, key)?;
         }
-        Ok(shading)
+        shading.displayed.clone_from(&self.displayed);
+        Ok(Box::new(move |stage| *stage = shading))
+    }
+}
+
+impl Shading {
+    /// Tracks the pipelines of the displayed view: those of a reload. `fresh`: a view begins, else `keys` are added to those of the same view.
+    pub fn display(&mut self, keys: &[PipelineKey], fresh: bool) {
+        if fresh {
+            self.displayed.clear();
+        }
+        let added: Vec<PipelineKey> = keys.iter().filter(|key| !self.displayed.contains(key)).copied().collect();
+        self.displayed.extend(added);
     }
 
     /// Builds a pipeline unless it is there; says whether it had to.
@@ -222,7 +294,7 @@ impl Shading {
         }
         let mut targets = vec![Some(FORMAT.into()), Some(FORMAT.into())];
         if key.diagnostics {
-            targets.push(Some(wgpu::TextureFormat::R32Uint.into()));
+            targets.push(Some(DIAGNOSTICS_FORMAT.into()));
         }
         let terrain_only = wgpu::StencilFaceState { compare: wgpu::CompareFunction::Equal, ..Default::default() };
         let descriptor = wgpu::RenderPipelineDescriptor {

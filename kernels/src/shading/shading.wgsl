@@ -24,18 +24,6 @@ override TWO_TILINGS: bool = false;
 @group(2) @binding(7) var page_sampler: sampler;
 @group(2) @binding(8) var<storage, read> noise_ranks: array<u32>;
 
-const ESTIMATOR_FC5: u32 = 0u;
-const ESTIMATOR_EXACT: u32 = 1u;
-const ESTIMATOR_VARIANCE: u32 = 2u;
-const ESTIMATOR_BIPLANAR: u32 = 3u;
-const ESTIMATOR_HEX: u32 = 4u;
-const ESTIMATOR_STF: u32 = 5u;
-const ESTIMATOR_LAPLACIAN: u32 = 6u;
-const ESTIMATOR_LUNA8: u32 = 7u;
-const ESTIMATOR_SNAPPED: u32 = 8u;
-const ESTIMATOR_BIPLANAR_MEAN: u32 = 9u;
-const ESTIMATOR_HEX_MEAN: u32 = 10u;
-
 // Cosine of the slope from which on the snapped projection is a vertical one: Terrain3D's default.
 const SHADING_SNAPPED_COSINE: f32 = 0.8;
 
@@ -52,12 +40,6 @@ override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATO
 override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
 // Whether all of an estimator's flavours are one blend of four (or eight) materials in each of its projections.
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
-
-const FLAVOUR_VT: u32 = 0u;
-const FLAVOUR_FAR_ATLAS: u32 = 1u;
-const FLAVOUR_NEAR_CLIFF: u32 = 2u;
-const FLAVOUR_FAR_CLIFF: u32 = 3u;
-const FLAVOUR_SPLAT: u32 = 4u;
 
 // Independent random numbers for each stochastic flavour (ruling 15).
 const SALT_NEAR_CLIFF: u32 = 1u;
@@ -87,10 +69,10 @@ fn shade_virtual_texture(pixel: Pixel) -> Surface {
         let address = virtual_texture_address(place, level);
         count_fetch();
         let entry = textureLoad(page_table, address.page & vec2<i32>(VIRTUAL_WINDOW - 1), level, 0).r;
-        if (entry & 2047u) == 0u || (entry & ~2047u) != virtual_texture_tag(address.page) {
+        if (entry & VIRTUAL_LAYER_MASK) == 0u || (entry & ~VIRTUAL_LAYER_MASK) != virtual_texture_tag(address.page) {
             continue;
         }
-        let layer = (entry & 2047u) - 1u;
+        let layer = (entry & VIRTUAL_LAYER_MASK) - 1u;
         let uv = (address.uv * VIRTUAL_PAGE_TEXELS + VIRTUAL_BORDER_TEXELS) / VIRTUAL_STORED_TEXELS;
         let per_m = frame.page_texels_per_m * frame.gradient_scale * exp2(-f32(level)) / VIRTUAL_STORED_TEXELS;
         let uv_dx = pixel.footprint.ddx.xy * per_m;
@@ -337,7 +319,7 @@ fn shading_ndc(pixel: vec2<f32>) -> vec2<f32> {
 @vertex
 fn shading_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> ShadingVarying {
     let entry = tile_lists[VARIANT * frame.tiles.x * frame.tiles.y + instance];
-    let tile = vec2<u32>(entry & 4095u, (entry >> 12u) & 4095u);
+    let tile = tile_place(entry);
     let tile_pixel = vec2<f32>(tile * TILE);
     if ONE_TRIANGLE {
         // Its sides pass 3/8 of a pixel outside the tile at the centres of its first row and 3/8 inside at those of its last, and meet far below.
@@ -347,12 +329,12 @@ fn shading_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) i
         var triangle = array<vec2<f32>, 3>(vec2<f32>(-outside, 0.0), vec2<f32>(edge + outside, 0.0), apex);
         let at = triangle[vertex];
         // Depth is clamped, not clipped: 0, behind all terrain, up to the centres of the last row, and 1 from those of the row below on.
-        return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), (at.y - edge + 0.25) * 4.0, 1.0), entry >> 24u);
+        return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), (at.y - edge + 0.25) * 4.0, 1.0), tile_variant(entry));
     }
     var corners = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);
     let corner = corners[vertex];
     let at = vec2<f32>(vec2<u32>(corner & 1u, corner >> 1u) * TILE);
-    return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), 0.0, 1.0), entry >> 24u);
+    return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), 0.0, 1.0), tile_variant(entry));
 }
 
 struct GBuffer {
@@ -374,8 +356,8 @@ fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> GBuffer {
         }
     }
     let modulation = terrain_colour_modulation(pixel.node);
-    // In units of 1/1024, so that f16 does not run into its denormals.
-    return GBuffer(vec4<f32>(variance * modulation * modulation * 1024.0, 0.0), vec4<f32>(pixel.normal, 0.0));
+    // Scaled, so that f16 does not run into its denormals.
+    return GBuffer(vec4<f32>(variance * modulation * modulation * SHADING_VARIANCE_SCALE, 0.0), vec4<f32>(pixel.normal, 0.0));
 }
 
 fn shade(index: vec2<u32>, tile_mask: u32) -> GBuffer {

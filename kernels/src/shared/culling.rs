@@ -7,6 +7,20 @@
 
 use super::octahedral::unit;
 use super::real::{Real, dot, length};
+use crate::base::wgsl::Constant;
+
+/// What `culling.wgsl` is handed.
+pub(super) const CONSTANTS: &[(&str, Constant)] = &[
+    ("CULLING_SLACK", Constant::real(SLACK)),
+    ("CULLING_ROUNDING", Constant::real(ROUNDING)),
+    ("CULLING_MOST", Constant::real(MOST)),
+    ("CULLING_LEAST", Constant::real(LEAST)),
+    ("CULLING_FLUSHED", Constant::real(FLUSHED)),
+    ("CULLING_KNOWN", Constant::real(KNOWN)),
+    ("CULLING_NEAREST", Constant::real(NEAREST)),
+    ("CULLING_OUTSIDE", Constant::real(OUTSIDE)),
+    ("CULLING_FEW", Constant::real(FEW)),
+];
 
 /// Rounding of three products and three sums to the nearest f32 is at most 4 of the sum of the terms' magnitudes times 2^-24; here twice that, 2^-21, which
 /// is what truncating them would be.

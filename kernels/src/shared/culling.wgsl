@@ -1,11 +1,5 @@
 // Whether a part of the terrain can be left out: it lies beyond a plane of the frustum, behind what is nearer, or all of it faces away.
-// All err to one side only: what is seen is never left out. culling.rs derives the margins.
-
-const CULLING_SLACK: f32 = 4.7683716e-7;
-const CULLING_ROUNDING: f32 = 1.1444092e-5;
-const CULLING_MOST: f32 = 1e15;
-const CULLING_LEAST: f32 = 1e-15;
-const CULLING_FLUSHED: f32 = 1e-22;
+// All err to one side only: what is seen is never left out. culling.rs derives the margins CULLING_..., which the host hands over.
 
 // Whether a box lies wholly beyond a plane, where n . p + w < 0 (`plane`: n, w). Never where a number is none, infinite or beyond 1e15.
 fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
@@ -34,11 +28,6 @@ fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>,
     let along = dot(octahedral_unit(axis), octahedral_unit(to_patch));
     return along > sines.x * cosines.y + cosines.x * sines.y + CULLING_ROUNDING;
 }
-
-const CULLING_KNOWN: f32 = 0.0078125;
-const CULLING_NEAREST: f32 = 1e-6;
-const CULLING_OUTSIDE: f32 = 4.0;
-const CULLING_FEW: f32 = 9.536743e-7;
 
 // What a box covers on the screen, rounded outwards.
 struct CullingCover {

@@ -8,11 +8,21 @@
 
 use super::bounded;
 use super::real::Real;
+use crate::base::wgsl::Constant;
+use crate::variant::Flavour;
 
 /// Weights up to this one count as zero: half a step of an 8-bit channel, not worth a flavour's cost.
 pub const MIN_WEIGHT: f64 = 1.0 / 512.0;
 /// Least weight, before normalisation, of each flavour of a forced variant.
 pub const FORCED_WEIGHT: f64 = 1e-3;
+
+/// What `flavour_weights.wgsl` is handed.
+pub(super) const CONSTANTS: &[(&str, Constant)] = &[
+    ("FLAVOUR_BITS", Constant::U32(31)),
+    ("FLAVOUR_FAR_ATLAS_BIT", Constant::U32(FAR_ATLAS)),
+    ("FLAVOUR_MIN_WEIGHT", Constant::real(MIN_WEIGHT)),
+    ("FLAVOUR_FORCED_WEIGHT", Constant::real(FORCED_WEIGHT)),
+];
 
 /// Where each flavour applies, as shaders read it (WGSL `FlavourParams`, 48 bytes).
 #[repr(C)]
@@ -80,7 +90,7 @@ pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] 
     w.map(|x| x / sum)
 }
 
-const FAR_ATLAS: u32 = 2;
+const FAR_ATLAS: u32 = Flavour::FarAtlas.bit() as u32;
 
 /// 0 below `low`, 1 above `high`, Hermite between; a step where they meet.
 fn ramp<T: Real>(x: T, low: T, high: T) -> T {

@@ -23,12 +23,8 @@ struct FlavourParams {
     padding: vec2<u32>,
 }
 
-const FLAVOUR_BITS: u32 = 31u;
-const FLAVOUR_FAR_ATLAS_BIT: u32 = 2u;
-// Weights up to this one count as zero: half a step of an 8-bit channel, not worth a flavour's cost.
-const FLAVOUR_MIN_WEIGHT: f32 = 0.001953125;
-// Least weight, before normalisation, of each flavour of a forced variant.
-const FLAVOUR_FORCED_WEIGHT: f32 = 1e-3;
+// FLAVOUR_MIN_WEIGHT: weights up to this one count as zero. FLAVOUR_FORCED_WEIGHT: the least weight, before normalisation, of each flavour of a forced
+// variant. flavour_weights.rs gives their reasons.
 
 // 0 below `low`, 1 above `high`, Hermite between; a step where they meet.
 fn flavour_ramp(x: f32, low: f32, high: f32) -> f32 {

@@ -2,8 +2,6 @@
 // Source: Luna, "Introduction to 3D Game Programming with DirectX 12", 2016, terrain rendering. What a layer contributes in the end is
 // w_i = p_i prod_{j > i} (1 - p_j).
 
-const LAYERS: u32 = 8u;
-
 // Share of a layer in the four texels around a point: what an artist would have painted.
 fn layers_share(weights: vec4<f32>, layers: vec4<u32>, layer: u32) -> f32 {
     let w = usable_positive_4(weights, 1.0);

@@ -1,7 +1,7 @@
 //! What several stages share: pairs of a WGSL file and its reference of the same name.
 //!
 //! A WGSL file holds free functions, prefixed by its topic, without bindings, overrides or directives, so that any
-//! shader can be made by joining [`WGSL`] with its own text. The Rust functions are generic over [`real::Real`]: f64 is the
+//! shader can use it. The Rust functions are generic over [`real::Real`]: f64 is the
 //! truth, f32 the yardstick for the shader's error. `hash::pcg4d` here is `hash_pcg4d` there, and so on.
 //! Nothing in either returns NaN or infinity, whatever it is given, unless its documentation says that it only moves numbers.
 
@@ -30,32 +30,49 @@ pub mod triplanar;
 mod usable;
 pub mod view;
 
-/// The shared shader sources as (name, text), in the order in which they are joined.
-pub const WGSL: &[(&str, &str)] = &[
-    ("usable", include_str!("usable.wgsl")),
-    ("hash", include_str!("hash.wgsl")),
-    ("noise", include_str!("noise.wgsl")),
-    ("octahedral", include_str!("octahedral.wgsl")),
-    ("normal_pair", include_str!("normal_pair.wgsl")),
-    ("moments", include_str!("moments.wgsl")),
-    ("motion", include_str!("motion.wgsl")),
-    ("view", include_str!("view.wgsl")),
-    ("derivatives", include_str!("derivatives.wgsl")),
-    ("splat_blend", include_str!("splat_blend.wgsl")),
-    ("triplanar", include_str!("triplanar.wgsl")),
-    ("biplanar", include_str!("biplanar.wgsl")),
-    ("snapped_projection", include_str!("snapped_projection.wgsl")),
-    ("select", include_str!("select.wgsl")),
-    ("tiling", include_str!("tiling.wgsl")),
-    ("hex_tiling", include_str!("hex_tiling.wgsl")),
-    ("texel_choice", include_str!("texel_choice.wgsl")),
-    ("layers", include_str!("layers.wgsl")),
-    ("flavour_weights", include_str!("flavour_weights.wgsl")),
-    ("brdf", include_str!("brdf.wgsl")),
-    ("culling", include_str!("culling.wgsl")),
-];
+use crate::base::wgsl::{Constant, Wgsl};
 
-/// The packing of measured pixels. Not part of [`WGSL`]: it converts to f16, which a validator counts as a capability of its own.
-pub const SIGNAL_WGSL: (&str, &str) = ("signal", include_str!("signal.wgsl"));
+macro_rules! shared_files {
+    ($($name:ident = $topic:literal needs [$($need:ident),*] $(with $constants:expr)?,)*) => {
+        $(
+            #[doc = concat!("`", $topic, ".wgsl`.")]
+            pub static $name: Wgsl =
+                Wgsl::new(concat!("shared/", $topic, ".wgsl"), include_str!(concat!($topic, ".wgsl")), &[$(&$need),*])$(.with($constants))?;
+        )*
+        /// Every shared WGSL file.
+        pub static WGSL: &[&Wgsl] = &[$(&$name),*];
+    };
+}
+
+shared_files! {
+    USABLE = "usable" needs [],
+    HASH = "hash" needs [],
+    NOISE = "noise" needs [HASH, USABLE] with noise::CONSTANTS,
+    OCTAHEDRAL = "octahedral" needs [USABLE],
+    NORMAL_PAIR = "normal_pair" needs [OCTAHEDRAL],
+    MOMENTS = "moments" needs [USABLE],
+    MOTION = "motion" needs [USABLE] with &[
+        ("MOTION_MIN_DISTANCE", Constant::real(motion::MIN_DISTANCE)),
+        ("MOTION_FAR", Constant::real(motion::FAR)),
+    ],
+    VIEW = "view" needs [USABLE],
+    DERIVATIVES = "derivatives" needs [OCTAHEDRAL, USABLE],
+    SPLAT_BLEND = "splat_blend" needs [USABLE],
+    TRIPLANAR = "triplanar" needs [OCTAHEDRAL, USABLE],
+    BIPLANAR = "biplanar" needs [OCTAHEDRAL, USABLE],
+    SNAPPED_PROJECTION = "snapped_projection" needs [OCTAHEDRAL, TRIPLANAR, USABLE],
+    SELECT = "select" needs [USABLE],
+    TILING = "tiling" needs [USABLE],
+    HEX_TILING = "hex_tiling" needs [HASH, NOISE, USABLE],
+    TEXEL_CHOICE = "texel_choice" needs [USABLE],
+    LAYERS = "layers" needs [USABLE] with &[("LAYERS", Constant::U32(layers::LAYERS as u32))],
+    FLAVOUR_WEIGHTS = "flavour_weights" needs [USABLE] with flavour_weights::CONSTANTS,
+    BRDF = "brdf" needs [USABLE],
+    CULLING = "culling" needs [OCTAHEDRAL, USABLE] with culling::CONSTANTS,
+}
+
+/// `signal.wgsl`: the packing of measured pixels. Not part of [`WGSL`]: it converts to f16, which a validator counts as a capability of its own.
+pub static SIGNAL: Wgsl = Wgsl::new("shared/signal.wgsl", include_str!("signal.wgsl"), &[&USABLE])
+    .with(&[("SIGNAL_TERRAIN", Constant::U32(signal::TERRAIN)), ("SIGNAL_LARGEST", Constant::F32(signal::LARGEST))]);
 
 use usable::{bounded, usable};

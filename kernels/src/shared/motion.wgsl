@@ -13,9 +13,7 @@ struct MotionPast {
     pad_1: f32,
 }
 
-// Nearest and farthest distance along the view direction at which a pixel is told, metres.
-const MOTION_MIN_DISTANCE: f32 = 1e-4;
-const MOTION_FAR: f32 = 1e9;
+// MOTION_MIN_DISTANCE, MOTION_FAR: nearest and farthest distance along the view direction at which a pixel is told, metres.
 
 // Pixel (x, y; whole numbers are pixel centres) and distance along the earlier view direction of a point that is `point` from this frame's eye.
 // Behind the earlier camera, or where the input is not finite: distance 0, pixel -1e9.

@@ -23,6 +23,7 @@ use std::str::FromStr;
 
 use super::real::{Real, length};
 use super::{blue_noise, bounded, hash, usable};
+use crate::base::wgsl::Constant;
 
 /// Coarsest scale: log2 of cells per metre.
 pub const LEVEL_MIN: i32 = -5;
@@ -67,6 +68,27 @@ pub enum NoiseKind {
 pub struct NotANoise {
     given: String,
 }
+
+/// What `noise.wgsl` is handed.
+pub(super) const CONSTANTS: &[(&str, Constant)] = &[
+    ("NOISE_HASHED_ISOTROPIC", Constant::U32(NoiseKind::HashedIsotropic.code())),
+    ("NOISE_HASHED_ANISOTROPIC", Constant::U32(NoiseKind::HashedAnisotropic.code())),
+    ("NOISE_WHITE_SCREEN", Constant::U32(NoiseKind::WhiteScreen.code())),
+    ("NOISE_WHITE_WORLD", Constant::U32(NoiseKind::WhiteWorld.code())),
+    ("NOISE_INTERLEAVED_GRADIENT", Constant::U32(NoiseKind::InterleavedGradient.code())),
+    ("NOISE_BLUE", Constant::U32(NoiseKind::Blue.code())),
+    ("NOISE_SPATIO_TEMPORAL_BLUE", Constant::U32(NoiseKind::SpatioTemporalBlue.code())),
+    ("NOISE_LEVEL_MIN", Constant::real(LEVEL_MIN as f64)),
+    ("NOISE_LEVEL_MAX", Constant::real(LEVEL_MAX as f64)),
+    ("NOISE_MASK_EDGE", Constant::U32(blue_noise::EDGE)),
+    ("NOISE_MASK_RANKS", Constant::U32(blue_noise::RANKS)),
+    ("NOISE_MASK_SLICES", Constant::U32(blue_noise::SLICES)),
+    ("NOISE_IGN_SLOPE_X", Constant::U32(IGN_SLOPES[0])),
+    ("NOISE_IGN_SLOPE_Y", Constant::U32(IGN_SLOPES[1])),
+    ("NOISE_IGN_FRAME", Constant::U32(IGN_FRAME)),
+    ("NOISE_IGN_WHOLE", Constant::U32(IGN_WHOLE)),
+    ("NOISE_IGN_REST", Constant::U32(IGN_REST)),
+];
 
 impl NoiseKind {
     /// Every kind, in the order of its code.

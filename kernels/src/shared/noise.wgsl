@@ -3,36 +3,15 @@
 // anisotropic), two discrete scales blended, and the CDF that makes the blend uniform again.
 // Cells are exact integers (sector index times cells per sector, plus cell in sector), so the noise is the
 // same 0 and 1000 km from the origin.
-// The other kinds: see noise.rs.
+// The other kinds, and the constants NOISE_... that the host hands over: see noise.rs.
 
-const NOISE_HASHED_ISOTROPIC: u32 = 0u;
-const NOISE_HASHED_ANISOTROPIC: u32 = 1u;
-const NOISE_WHITE_SCREEN: u32 = 2u;
-const NOISE_WHITE_WORLD: u32 = 3u;
-const NOISE_INTERLEAVED_GRADIENT: u32 = 4u;
-const NOISE_BLUE: u32 = 5u;
-const NOISE_SPATIO_TEMPORAL_BLUE: u32 = 6u;
+// Scales are 2^k cells per metre, k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. With sectors of 32 m or more, a sector is a whole number of cells for every k.
+// The buffer of ranks holds a blue mask, then the slices of the spatio-temporal one, each NOISE_MASK_EDGE squared, row by row.
 
-// Scales are 2^k cells per metre. With sectors of 32 m or more, a sector is a whole number of cells for every k.
-const NOISE_LEVEL_MIN: f32 = -5.0;
-const NOISE_LEVEL_MAX: f32 = 16.0;
 // The largest f32 below 1.
+const NOISE_BELOW_ONE: f32 = 0.99999994;
 // 2^-100 m: times a number of cells it is not denormal.
 const NOISE_LEAST_M: f32 = 7.8886091e-31;
-const NOISE_BELOW_ONE: f32 = 0.99999994;
-
-// The buffer of ranks: a blue mask, then the slices of the spatio-temporal one, each EDGE x EDGE, row by row.
-const NOISE_MASK_EDGE: u32 = 64u;
-const NOISE_MASK_RANKS: u32 = 4096u;
-const NOISE_MASK_SLICES: u32 = 16u;
-
-// Jimenez' interleaved gradient noise in units of 2^-32: the slopes 0.06711056 and 0.00583715, what a frame's step of 5.588238
-// pixels along both axes adds, and the factor 52.9829189 as whole and rest.
-const NOISE_IGN_SLOPE_X: u32 = 288237660u;
-const NOISE_IGN_SLOPE_Y: u32 = 25070368u;
-const NOISE_IGN_FRAME: u32 = 1750839832u;
-const NOISE_IGN_WHOLE: u32 = 52u;
-const NOISE_IGN_REST: u32 = 4221604530u;
 
 // The scale, log2(cells per metre), at which a cell is `footprint` metres wide. Finest where the footprint
 // is zero or not a number.

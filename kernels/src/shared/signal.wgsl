@@ -1,9 +1,7 @@
 // A pixel of a measured sequence in two words: linear colour as f16, and what the shading pass knew of it.
 // Word 0: red, green. Word 1: blue, then 10 bits of fetches, 5 of the first random choice (0 = none), 1 that says terrain.
 
-const SIGNAL_TERRAIN: u32 = 0x80000000u;
-// Largest colour that f16 has.
-const SIGNAL_LARGEST: f32 = 65504.0;
+// SIGNAL_TERRAIN: the bit of the second word that says terrain. SIGNAL_LARGEST: the largest colour that f16 has.
 
 // A colour as f16 has it; what is not finite counts as zero.
 fn signal_held(colour: vec3<f32>) -> vec3<f32> {

@@ -16,9 +16,10 @@ use bytemuck::{Pod, Zeroable, bytes_of};
 
 use crate::base::error::{Error, Result};
 use crate::base::names::nearest;
+use crate::base::wgsl::{Constant, Wgsl};
 use crate::gpu::bindings::Binding;
-use crate::gpu::{Gpu, Shader};
-use crate::motion::{Motion, Slots};
+use crate::gpu::{Gpu, ShaderModule};
+use crate::motion::{Motion, NO_LINK, Slots};
 use crate::shared;
 
 pub mod reference;
@@ -174,12 +175,11 @@ impl TemporalFrame {
     }
 }
 
-/// The files of the stage's shader module.
-pub fn files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([shared::SIGNAL_WGSL, ("temporal/temporal.wgsl", include_str!("temporal.wgsl"))]);
-    files
-}
+static WGSL: Wgsl = Wgsl::new("temporal/temporal.wgsl", include_str!("temporal.wgsl"), &[&shared::SIGNAL])
+    .with(&[("TEMPORAL_NO_LINK", Constant::U32(NO_LINK))]);
+
+/// The stage's shader module.
+pub static MODULE: ShaderModule = ShaderModule::new("temporal", &[&WGSL]);
 
 /// The pass.
 pub struct Temporal {
@@ -197,7 +197,7 @@ impl Temporal {
         let stage = wgpu::ShaderStages::COMPUTE;
         let frame_layout = gpu.layout("resolved frame", stage, &[Binding::Uniform, Binding::Storage, Binding::Storage]);
         let layout = gpu.layout("resolved stream", stage, &[Binding::Storage, Binding::StorageWritten, Binding::StorageWritten]);
-        let shader = Shader::new(gpu, "temporal", &files())?;
+        let shader = MODULE.compile(gpu)?;
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("temporal"),
             layout: Some(&gpu.pipeline_layout("temporal", &[&frame_layout, &layout])),

@@ -25,8 +25,6 @@ struct TemporalFrame {
 // Colour, 1 where there is any.
 @group(1) @binding(2) var<storage, read_write> history: array<vec4<f32>>;
 
-const TEMPORAL_NO_LINK: u32 = 0xffffffffu;
-
 fn temporal_index(pixel: vec2<u32>) -> u32 {
     return pixel.y * temporal.size.x + pixel.x;
 }

@@ -5,17 +5,41 @@
 
 use bytemuck::{Zeroable, cast_slice};
 
+use crate::base::wgsl::{Constant, Wgsl};
 use crate::gpu::bindings::{ARRAY, Binding, array};
+use crate::gpu::uses::TextureUse;
 use crate::gpu::{Gpu, upload};
 use crate::materials::{CompressedChain, MAX_MATERIALS, Palette, PaletteEntry};
 use crate::quadtree;
 use crate::residency::Streaming;
-use crate::world::{NodeId, PaletteMeans, SECTORS};
+use crate::scene::demands::Demands;
+use crate::shared;
+use crate::view;
+use crate::world::{LODS, NodeId, PaletteMeans, SECTORS};
 
-/// The WGSL of this module.
-pub const WGSL: (&str, &str) = ("terrain/terrain.wgsl", include_str!("terrain.wgsl"));
+/// From a position to the texels of a material.
+pub static WGSL: Wgsl = Wgsl::new(
+    "terrain/terrain.wgsl",
+    include_str!("terrain.wgsl"),
+    &[
+        &view::WGSL,
+        &shared::HEX_TILING,
+        &shared::LAYERS,
+        &shared::SNAPPED_PROJECTION,
+        &shared::SPLAT_BLEND,
+        &shared::TEXEL_CHOICE,
+        &shared::TILING,
+        &shared::TRIPLANAR,
+    ],
+)
+.with(&[
+    ("TERRAIN_SECTORS", Constant::I32(SECTORS as i32)),
+    ("TERRAIN_LODS", Constant::U32(LODS as u32)),
+    ("TERRAIN_SLOT_BITS", Constant::U32(quadtree::SLOT_BITS)),
+]);
 /// World position and derivatives of a pixel of the geometry pass.
-pub const FOOTPRINT_WGSL: (&str, &str) = ("terrain/footprint.wgsl", include_str!("footprint.wgsl"));
+pub static FOOTPRINT_WGSL: Wgsl =
+    Wgsl::new("terrain/footprint.wgsl", include_str!("footprint.wgsl"), &[&WGSL, &view::WGSL, &shared::DERIVATIVES, &shared::VIEW]);
 
 /// The bind group and what it holds besides the atlases.
 pub struct Terrain {
@@ -61,12 +85,16 @@ fn upload_chain(gpu: &Gpu, texture: &wgpu::Texture, layer: u32, chain: &Compress
     }
 }
 
+/// Formats of the detail textures: albedo, normal, height.
+const DETAIL_FORMATS: [wgpu::TextureFormat; 3] =
+    [wgpu::TextureFormat::Bc1RgbaUnormSrgb, wgpu::TextureFormat::Bc3RgbaUnorm, wgpu::TextureFormat::Bc1RgbaUnorm];
+
 fn detail_arrays(gpu: &Gpu, palette: &Palette) -> [wgpu::Texture; 3] {
-    use wgpu::TextureFormat as Format;
+    let [albedo, normal, height] = DETAIL_FORMATS;
     [
-        detail_array(gpu, "detail albedo", &palette.arrays.albedo, Format::Bc1RgbaUnormSrgb),
-        detail_array(gpu, "detail normal", &palette.arrays.normal, Format::Bc3RgbaUnorm),
-        detail_array(gpu, "detail height", &palette.arrays.height, Format::Bc1RgbaUnorm),
+        detail_array(gpu, "detail albedo", &palette.arrays.albedo, albedo),
+        detail_array(gpu, "detail normal", &palette.arrays.normal, normal),
+        detail_array(gpu, "detail height", &palette.arrays.height, height),
     ]
 }
 
@@ -84,6 +112,15 @@ pub fn palette_means(palette: &Palette) -> PaletteMeans {
         smoothness: palette.means.iter().map(|m| m.smoothness).collect(),
         specular_occlusion: palette.means.iter().map(|m| m.specular_occlusion).collect(),
     }
+}
+
+/// What the detail textures of a scene take. They exist also where no flavour samples them: every error is measured against the full blend.
+pub fn textures(demands: &Demands) -> Vec<TextureUse> {
+    let textured = "cliffs, splat, pages, and the reference that errors are measured against";
+    let [full, half] = [demands.detail_size, demands.detail_size / 2];
+    let array = |name, format, edge: u32| TextureUse::new(name, format, edge, edge.max(1).ilog2() + 1, demands.detail_layers, textured);
+    let [albedo, normal, height] = DETAIL_FORMATS;
+    vec![array("detail albedo", albedo, full), array("detail normal", normal, full), array("detail height", height, half)]
 }
 
 impl Terrain {

@@ -42,9 +42,6 @@ fn count_fetch() {
     }
 }
 
-const TERRAIN_SECTORS: i32 = 160;
-const TERRAIN_LODS: u32 = 6u;
-
 // A place on the terrain: exact sector, and metres inside it.
 struct Place {
     sector: vec2<i32>,
@@ -66,14 +63,14 @@ fn terrain_node(place: Place) -> NodePlace {
     let sector = clamp(place.sector, vec2<i32>(0), vec2<i32>(TERRAIN_SECTORS - 1));
     let packed = sector_data[sector.y * TERRAIN_SECTORS + sector.x];
     for (var lod = 0u; lod < TERRAIN_LODS; lod++) {
-        let bit = lod * 10u;
+        let bit = lod * TERRAIN_SLOT_BITS;
         var slot = 0u;
         if bit < 30u {
-            slot = (packed.x >> bit) & 1023u;
+            slot = (packed.x >> bit) & ((1u << TERRAIN_SLOT_BITS) - 1u);
         } else if bit == 30u {
             slot = (packed.x >> 30u) | ((packed.y & 255u) << 2u);
         } else {
-            slot = (packed.y >> (bit - 32u)) & 1023u;
+            slot = (packed.y >> (bit - 32u)) & ((1u << TERRAIN_SLOT_BITS) - 1u);
         }
         if slot != 0u {
             let edge = 1 << lod;

@@ -35,10 +35,8 @@ struct Frame {
     normals: u32,               // how the geometry pass stores its two normals: NORMALS_...
 }
 
-// Two octahedral codes of 8 + 8 bits; the plane and what the shading normal adds to it, see normal_pair.wgsl; two octahedral points in f32.
-const NORMALS_OCTAHEDRAL: u32 = 0u;
-const NORMALS_PLANE_FIRST: u32 = 1u;
-const NORMALS_EXACT: u32 = 2u;
+// NORMALS_OCTAHEDRAL: two octahedral codes of 8 + 8 bits. NORMALS_PLANE_FIRST: the plane and what the shading normal adds to it, see normal_pair.wgsl.
+// NORMALS_EXACT: two octahedral points in f32.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 

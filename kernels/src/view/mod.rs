@@ -2,14 +2,22 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::base::wgsl::Wgsl;
+use crate::shared;
 use crate::shared::flavour_weights::FlavourParams;
 
 pub mod camera;
 mod flavours;
+pub mod normals;
 mod reprojection;
 
-/// The uniforms that every stage knows.
-pub const FRAME_WGSL: (&str, &str) = ("frame.wgsl", include_str!("frame.wgsl"));
+/// The uniforms that every stage knows, and the normals that the geometry pass stores.
+pub static WGSL: Wgsl = Wgsl::new(
+    "view/frame.wgsl",
+    include_str!("frame.wgsl"),
+    &[&shared::FLAVOUR_WEIGHTS, &shared::NORMAL_PAIR, &shared::OCTAHEDRAL, &shared::VIEW],
+)
+.with(normals::CONSTANTS);
 
 /// Uniforms of a frame; the layout matches `Frame` in `frame.wgsl`, where each field is explained.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]

@@ -15,12 +15,16 @@ use bytemuck::{Pod, Zeroable, cast_slice};
 use glam::IVec2;
 
 use crate::base::error::Result;
+use crate::base::section::{Section, mebibytes, row};
+use crate::base::wgsl::{Constant, Wgsl};
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, array, aspect, view};
-use crate::gpu::{Gpu, Shader, Timer, constants, read_buffer, texture_bytes};
-use crate::shared;
-use crate::terrain::{self, Terrain};
-use crate::view::FRAME_WGSL;
+use crate::gpu::uses::{PassUse, TextureUse};
+use crate::gpu::{Gpu, ShaderModule, Timer, constants, read_buffer, texture_bytes};
+use crate::stage::{Build, Declaration, Exchange, Stage};
+use crate::terrain;
+use crate::variant::Flavour;
+use crate::view;
 use crate::world::{Layout, NodeId, SECTORS};
 
 /// Payload texels along a page's edge.
@@ -39,8 +43,35 @@ pub const WINDOW: u32 = 64;
 pub const CAPACITY: u32 = 256;
 const TAG_BITS: u32 = 10;
 
-/// The addresses' WGSL.
-pub const WGSL: (&str, &str) = ("virtual_texture/virtual_texture.wgsl", include_str!("virtual_texture.wgsl"));
+/// Bits of a page-table cell that hold the physical layer + 1; a tag follows, row above column.
+const LAYER_BITS: u32 = 11;
+const LAYER_MASK: u32 = (1 << LAYER_BITS) - 1;
+const TAG_MASK: u32 = (1 << TAG_BITS) - 1;
+
+/// Addresses of pages.
+pub static WGSL: Wgsl =
+    Wgsl::new("virtual_texture/virtual_texture.wgsl", include_str!("virtual_texture.wgsl"), &[&terrain::WGSL, &view::WGSL]).with(&[
+        ("VIRTUAL_PAGE_TEXELS", Constant::real(PAGE_TEXELS as f64)),
+        ("VIRTUAL_BORDER_TEXELS", Constant::real(BORDER_TEXELS as f64)),
+        ("VIRTUAL_STORED_TEXELS", Constant::real(STORED_TEXELS as f64)),
+        ("VIRTUAL_WINDOW", Constant::I32(WINDOW as i32)),
+        ("VIRTUAL_WINDOW_BITS", Constant::U32(WINDOW.trailing_zeros())),
+        ("VIRTUAL_LAYER_BITS", Constant::U32(LAYER_BITS)),
+        ("VIRTUAL_LAYER_MASK", Constant::U32(LAYER_MASK)),
+        ("VIRTUAL_TAG_BITS", Constant::U32(TAG_BITS)),
+        ("VIRTUAL_TAG_MASK", Constant::U32(TAG_MASK)),
+    ]);
+static PAGE_WGSL: Wgsl = Wgsl::new("virtual_texture/page.wgsl", include_str!("page.wgsl"), &[&terrain::WGSL, &view::WGSL]);
+static REQUEST_WGSL: Wgsl = Wgsl::new(
+    "virtual_texture/request.wgsl",
+    include_str!("request.wgsl"),
+    &[&WGSL, &terrain::WGSL, &terrain::FOOTPRINT_WGSL, &view::WGSL],
+);
+
+/// The module that renders pages.
+pub static PAGE_MODULE: ShaderModule = ShaderModule::new("pages", &[&PAGE_WGSL]);
+/// The module that asks for pages.
+pub static REQUEST_MODULE: ShaderModule = ShaderModule::new("page requests", &[&REQUEST_WGSL]);
 
 /// A page: its level and its place, counted from the world's south-west corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -66,15 +97,15 @@ impl PageId {
 
     /// What its cell holds besides the physical layer.
     fn tag(self) -> u32 {
-        let wrap = (1 << TAG_BITS) - 1;
-        ((self.y / WINDOW) & wrap) << 21 | ((self.x / WINDOW) & wrap) << 11
+        let wrap = TAG_MASK;
+        ((self.y / WINDOW) & wrap) << (LAYER_BITS + TAG_BITS) | ((self.x / WINDOW) & wrap) << LAYER_BITS
     }
 
     /// The page of a non-zero request. A tag wraps around after 2^16 pages; of the pages it can mean, the one nearest `camera` (the finest
     /// page the camera stands on) is meant: no picture asks for fine pages 32 km away.
     fn of_request(index: usize, request: u32, camera: [i64; 2]) -> PageId {
         let index = u32::try_from(index).unwrap_or(0);
-        let wrap = (1 << TAG_BITS) - 1;
+        let wrap = TAG_MASK;
         let level = index / (WINDOW * WINDOW);
         let unwrap = |low: u32, camera: i64| {
             let period = i64::from(WINDOW) << TAG_BITS;
@@ -84,8 +115,8 @@ impl PageId {
         };
         PageId {
             level,
-            x: unwrap(((request >> 11) & wrap) * WINDOW + index % WINDOW, camera[0]),
-            y: unwrap(((request >> 21) & wrap) * WINDOW + index / WINDOW % WINDOW, camera[1]),
+            x: unwrap(((request >> LAYER_BITS) & wrap) * WINDOW + index % WINDOW, camera[0]),
+            y: unwrap(((request >> (LAYER_BITS + TAG_BITS)) & wrap) * WINDOW + index / WINDOW % WINDOW, camera[1]),
         }
     }
 
@@ -142,7 +173,7 @@ struct Physical {
 }
 
 /// What is compiled only for scenes that have a virtual texture.
-pub(crate) struct Passes {
+struct Passes {
     request_pipeline: wgpu::ComputePipeline,
     request_layout: wgpu::BindGroupLayout,
     page_pipeline: wgpu::RenderPipeline,
@@ -162,6 +193,8 @@ pub struct VirtualTexture {
     cache: HashMap<PageId, Physical>,
     free: Vec<u32>,
     frame: u64,
+    /// Of the last frame.
+    counts: PageCounts,
 }
 
 /// Anisotropy of page filtering: what the scene asks for, as far as the border of 4 texels reaches.
@@ -169,41 +202,29 @@ pub fn anisotropy(scene: u16) -> u16 {
     scene.clamp(1, 4)
 }
 
+/// Why its passes and textures are, or are not, required.
+const fn reason(required: bool) -> &'static str {
+    if required { "virtual texture" } else { "no virtual texture" }
+}
+
+/// Mip levels of a page.
+const PAGE_MIPS: u32 = 2;
 const PAGE_FORMATS: [wgpu::TextureFormat; 3] =
     [wgpu::TextureFormat::Rgba8UnormSrgb, wgpu::TextureFormat::Rg8Unorm, wgpu::TextureFormat::Rg8Unorm];
-
-/// The files of the page-rendering module.
-pub fn page_files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([FRAME_WGSL, terrain::WGSL, ("virtual_texture/page.wgsl", include_str!("page.wgsl"))]);
-    files
-}
-
-/// The files of the request module.
-pub fn request_files() -> Vec<(&'static str, &'static str)> {
-    let mut files = shared::WGSL.to_vec();
-    files.extend([
-        FRAME_WGSL,
-        terrain::WGSL,
-        terrain::FOOTPRINT_WGSL,
-        WGSL,
-        ("virtual_texture/request.wgsl", include_str!("request.wgsl")),
-    ]);
-    files
-}
 
 impl Passes {
     /// Compiles both.
     ///
     /// # Errors
     /// When a shader does not compile.
-    pub(crate) fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, terrain: &Terrain, colour_modulation: bool) -> Result<Passes> {
+    fn new(build: Build<'_>) -> Result<Passes> {
+        let Build { gpu, frame: frame_layout, terrain, demands, .. } = build;
         let request_layout = gpu.layout(
             "page requests",
             wgpu::ShaderStages::COMPUTE,
             &[Binding::Depth, Binding::TextureLoaded(FLAT), Binding::TextureUint(FLAT), Binding::StorageWritten],
         );
-        let request_shader = Shader::new(gpu, "page requests", &request_files())?;
+        let request_shader = REQUEST_MODULE.compile(gpu)?;
         let request_pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("page requests"),
             layout: Some(&gpu.pipeline_layout("page requests", &[frame_layout, &terrain.layout, &request_layout])),
@@ -213,8 +234,8 @@ impl Passes {
             cache: None,
         });
         let job_layout = gpu.layout("page jobs", wgpu::ShaderStages::FRAGMENT, &[Binding::Storage]);
-        let page_shader = Shader::new(gpu, "pages", &page_files())?;
-        let overrides = [("COLOUR_MODULATION", f64::from(u8::from(colour_modulation)))];
+        let page_shader = PAGE_MODULE.compile(gpu)?;
+        let overrides = [("COLOUR_MODULATION", f64::from(u8::from(demands.colour_modulation)))];
         let page_pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("pages"),
             layout: Some(&gpu.pipeline_layout("pages", &[frame_layout, &terrain.layout, &job_layout])),
@@ -240,21 +261,57 @@ impl Passes {
     }
 }
 
-impl VirtualTexture {
-    /// Compiles the passes and allocates `capacity` physical pages; with 0 the scene has no virtual texture, nothing is compiled, and the
-    /// textures are there only because the shading pass must have something bound.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(
-        gpu: &Gpu,
-        frame_layout: &wgpu::BindGroupLayout,
-        terrain: &Terrain,
-        colour_modulation: bool,
-        anisotropic: u16,
-        capacity: u32,
-    ) -> Result<VirtualTexture> {
-        let passes = if capacity > 0 { Some(Passes::new(gpu, frame_layout, terrain, colour_modulation)?) } else { None };
+fn pages_section(wanted: &PageCounts, cache: &CacheCounts) -> Section {
+    let mut rows = Vec::new();
+    if cache.capacity == 0 {
+        rows.push(row("Virtual texture", "none in this scene"));
+    } else {
+        rows.push(row("Pages wanted", wanted.wanted));
+        rows.push(row("Pages rendered for this frame", wanted.rendered));
+        rows.push(row("Pages given up for coarser ones", wanted.coarsened));
+        rows.push(row("Pages kept", format!("{} of {}", cache.resident, cache.capacity)));
+        for (level, (wanted, kept)) in (0..).zip(wanted.wanted_by_level.iter().zip(&cache.by_level)) {
+            if *wanted > 0 || *kept > 0 {
+                let edge_m = PageId { level, x: 0, y: 0 }.edge_m();
+                rows.push(row(&format!("    level {level}, {edge_m} m"), format!("{wanted} wanted, {kept} kept")));
+            }
+        }
+        rows.push(row("Memory of the pages", mebibytes(cache.bytes)));
+    }
+    Section { name: "Pages", about: "Virtual texture: what pixels ask for is rendered once, from above, and kept", rows }
+}
+
+impl Stage for VirtualTexture {
+    const DECLARATION: Declaration = Declaration {
+        passes: |demands| {
+            let required = demands.has(Flavour::VirtualTexture);
+            ["page requests", "pages"].map(|name| PassUse { name, pipelines: 1, required, reason: reason(required) }).into()
+        },
+        textures: |demands| {
+            let required = demands.has(Flavour::VirtualTexture);
+            let page = |name, format| TextureUse::new(name, format, STORED_TEXELS, PAGE_MIPS, CAPACITY, reason(required));
+            let [albedo, properties, normal] = PAGE_FORMATS;
+            let all = [
+                page("page albedo", albedo),
+                page("page normal", normal),
+                page("page smoothness, occlusion", properties),
+                TextureUse::new("page table", wgpu::TextureFormat::R32Uint, WINDOW, 1, LEVELS, reason(required)),
+            ];
+            all.map(|texture| texture.unless(required, reason(required))).into()
+        },
+        name: "virtual texture",
+        about: "Reads depth, normals, mask, then splat map and detail textures; makes page requests, the missing pages and the page table",
+        modules: &[&REQUEST_MODULE, &PAGE_MODULE],
+        ..Declaration::EMPTY
+    };
+
+    /// Compiles the passes and allocates the physical pages. Without a virtual texture in the scene nothing is compiled, and the textures are there only
+    /// because the shading pass must have something bound.
+    fn build(build: Build<'_>) -> Result<VirtualTexture> {
+        let gpu = build.gpu;
+        let capacity = if build.demands.has(Flavour::VirtualTexture) { CAPACITY } else { 0 };
+        let anisotropic = build.demands.anisotropy;
+        let passes = if capacity > 0 { Some(Passes::new(build)?) } else { None };
         let capacity = capacity.clamp(1, gpu.device.limits().max_texture_array_layers.min(2046));
         let texture = |label, size, layers, mips, format, usage| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -269,7 +326,7 @@ impl VirtualTexture {
             })
         };
         let table = texture("page table", WINDOW, LEVELS, 1, wgpu::TextureFormat::R32Uint, wgpu::TextureUsages::COPY_DST);
-        let pages = PAGE_FORMATS.map(|f| texture("pages", STORED_TEXELS, capacity, 2, f, wgpu::TextureUsages::RENDER_ATTACHMENT));
+        let pages = PAGE_FORMATS.map(|f| texture("pages", STORED_TEXELS, capacity, PAGE_MIPS, f, wgpu::TextureUsages::RENDER_ATTACHMENT));
         let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("pages"),
             mag_filter: wgpu::FilterMode::Linear,
@@ -291,9 +348,29 @@ impl VirtualTexture {
             cache: HashMap::new(),
             free: (0..capacity).rev().collect(),
             frame: 0,
+            counts: PageCounts::default(),
         })
     }
 
+    fn modules(build: Build<'_>) -> Vec<&'static ShaderModule> {
+        if build.demands.has(Flavour::VirtualTexture) { Self::DECLARATION.modules.to_vec() } else { Vec::new() }
+    }
+
+    /// The passes. The cache stays, but its pages are rendered again.
+    fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<VirtualTexture>> {
+        let passes = Some(Passes::new(build)?);
+        Ok(Box::new(move |stage| {
+            stage.passes = passes;
+            stage.forget();
+        }))
+    }
+
+    fn section(&self) -> Option<Section> {
+        Some(pages_section(&self.counts, &self.cache_counts()))
+    }
+}
+
+impl VirtualTexture {
     /// Forgets all pages: what they were rendered with has changed.
     pub fn forget(&mut self) {
         self.free.extend(self.cache.drain().map(|(_, physical)| physical.layer));
@@ -301,10 +378,10 @@ impl VirtualTexture {
         self.free.sort_unstable_by_key(|&layer| std::cmp::Reverse(layer));
     }
 
-    /// Draws with passes compiled anew; what the former ones rendered is forgotten.
-    pub(crate) fn replace_passes(&mut self, passes: Passes) {
-        self.passes = Some(passes);
-        self.forget();
+    /// A frame that looks at no page.
+    pub fn rest(&mut self) -> PageCounts {
+        self.counts = PageCounts::default();
+        self.counts
     }
 
     /// Whether the scene has a virtual texture.
@@ -419,6 +496,7 @@ impl VirtualTexture {
         counts.rendered = jobs.len();
         self.render_pages(gpu, groups, layout, &jobs)?;
         self.write_table(gpu);
+        self.counts = counts;
         Ok(counts)
     }
 
@@ -552,6 +630,30 @@ fn source_of(page: PageId, layout: &Layout, finest: &[(u8, u64)]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pages_are_reported_by_level_and_levels_without_any_are_left_out() {
+        let value = |wanted: &PageCounts, cache: &CacheCounts, name: &str| {
+            let rows = pages_section(wanted, cache).rows;
+            rows.into_iter().find(|(n, _)| n.trim() == name).map(|(_, value)| value)
+        };
+        let none = (PageCounts::default(), CacheCounts::default());
+        assert_eq!(value(&none.0, &none.1, "Virtual texture").as_deref(), Some("none in this scene"));
+        let mut wanted = PageCounts { wanted: 5, rendered: 2, ..PageCounts::default() };
+        wanted.wanted_by_level[3] = 5;
+        let mut cache = CacheCounts { resident: 9, capacity: 256, bytes: 1 << 20, ..CacheCounts::default() };
+        (cache.by_level[3], cache.by_level[4]) = (7, 2);
+        for (name, expected) in [
+            ("Pages kept", Some("9 of 256")),
+            ("level 3, 8 m", Some("5 wanted, 7 kept")),
+            ("level 4, 16 m", Some("0 wanted, 2 kept")),
+            ("level 5, 32 m", None),
+            ("Memory of the pages", Some("1.0 MiB")),
+            ("Virtual texture", None),
+        ] {
+            assert_eq!(value(&wanted, &cache, name).as_deref(), expected, "{name}");
+        }
+    }
 
     #[test]
     fn a_page_survives_the_way_through_its_request() {

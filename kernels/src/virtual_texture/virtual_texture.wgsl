@@ -1,10 +1,6 @@
 // Virtual-texture addresses: where a place's page lies in the page table, and which level its footprint asks for.
 
-const VIRTUAL_PAGE_TEXELS: f32 = 256.0;
-const VIRTUAL_BORDER_TEXELS: f32 = 4.0;
-const VIRTUAL_STORED_TEXELS: f32 = 264.0;
-// The page table of each level is a torus of 64 x 64 pages around the camera.
-const VIRTUAL_WINDOW: i32 = 64;
+// The page table of each level is a torus of VIRTUAL_WINDOW squared pages around the camera.
 
 struct VirtualAddress {
     page: vec2<i32>,            // page of that level, from the world's south-west corner
@@ -34,6 +30,6 @@ fn virtual_texture_address(place: Place, level: u32) -> VirtualAddress {
 
 // What a page-table cell must hold besides the layer, so that a page 64 further on is not taken for this one.
 fn virtual_texture_tag(page: vec2<i32>) -> u32 {
-    let wrap = vec2<u32>(page >> vec2<u32>(6u)) & vec2<u32>(1023u);
-    return (wrap.y << 21u) | (wrap.x << 11u);
+    let wrap = vec2<u32>(page >> vec2<u32>(VIRTUAL_WINDOW_BITS)) & vec2<u32>(VIRTUAL_TAG_MASK);
+    return (wrap.y << (VIRTUAL_LAYER_BITS + VIRTUAL_TAG_BITS)) | (wrap.x << VIRTUAL_LAYER_BITS);
 }

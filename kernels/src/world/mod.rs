@@ -4,8 +4,8 @@
 //! function of position and never one array: 34 125 nodes can exist, some 500 are asked for at a time (SYSTEMS A, Ruling 12).
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Data".
 
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -127,9 +127,10 @@ impl Layout {
     }
 }
 
+#[derive(Clone)]
 enum Source {
     Generated(Box<Generator>),
-    Data { map: Heightmap, detail_m: f64, relief: generator::Relief },
+    Data { map: Arc<Heightmap>, detail_m: f64, relief: generator::Relief },
 }
 
 /// A node, and what it was made from.
@@ -226,7 +227,7 @@ impl World {
             height_range_m: (low - detail_m, high + detail_m),
             half_extent_m: extent.map(|e| e / 2.0),
             footprint_m,
-            source: Source::Data { relief: generator::Relief::new(seed, spacing), map, detail_m },
+            source: Source::Data { relief: generator::Relief::new(seed, spacing), map: Arc::new(map), detail_m },
             holes,
             colour_modulation,
             seed,
@@ -415,10 +416,23 @@ impl World {
         payload::bake(self, ground, cover, palette)
     }
 
-    /// Lays materials by the rules and strokes of another scene of this world.
-    pub fn lay_by(&mut self, scene: &Scene) {
-        self.rules = Rules::new(scene);
-        self.material_count = scene.materials.len();
+    /// This world with materials laid by the rules and strokes of another scene. The heightmap is shared.
+    #[must_use]
+    pub fn laid_by(&self, scene: &Scene) -> World {
+        World {
+            layout: self.layout,
+            source: self.source.clone(),
+            height_range_m: self.height_range_m,
+            half_extent_m: self.half_extent_m,
+            footprint_m: self.footprint_m,
+            holes: self.holes.clone(),
+            colour_modulation: self.colour_modulation,
+            seed: self.seed,
+            rules: Rules::new(scene),
+            material_count: scene.materials.len(),
+            max_slope_deg: self.max_slope_deg.clone(),
+            reached_deg: AtomicU64::new(self.reached_deg.load(Ordering::Relaxed)),
+        }
     }
 
     /// Makes many nodes on rayon's worker threads, in the order given; the result does not depend on their number.

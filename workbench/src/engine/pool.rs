@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use kernels::scene::Scene;
 
-use super::{Boxes, Engine, News, Wake, lock};
+use super::{Boxes, Engine, Wake, lock};
+use crate::model::picture::News;
 
 /// Threads that wait, at most: each holds a device and the textures of a scene.
 const MOST: usize = 4;
@@ -94,8 +95,9 @@ mod tests {
 
     use kernels::scene;
 
-    use super::super::{Adapter, Next};
+    use super::super::Next;
     use super::*;
+    use crate::model::picture::Adapter;
 
     /// A thread that keeps to the rules without drawing: whatever it is asked for, it is slow, and fails.
     fn pretended(scene: &Scene, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {

@@ -4,8 +4,8 @@ use eframe::egui::{self, Button, Role, Ui, WidgetInfo};
 use kernels::scene::{Stroke, StrokeKind};
 
 use super::{Number, choose, number};
-use crate::app::Workbench;
-use crate::brush::{Brush, Ground, MOST_AMOUNT, RADII_M, length_m};
+use crate::model::brush::{Brush, Ground, MOST_AMOUNT, RADII_M, length_m};
+use crate::model::state::Model;
 
 /// Both kinds, in the order of the menu.
 const KINDS: [StrokeKind; 2] = [StrokeKind::Splat, StrokeKind::Mask];
@@ -24,20 +24,20 @@ const fn about(kind: StrokeKind) -> &'static str {
     }
 }
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
-    app.brush.fit(&app.settings.scene);
-    ui.checkbox(&mut app.brush.paints, "Paint")
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
+    model.brush.fit(&model.settings.scene);
+    ui.checkbox(&mut model.brush.paints, "Paint")
         .on_hover_text("A drag or a click in the picture paints on the ground, and Shift and a drag looks around (B)");
-    settings(app, ui);
-    notes(app, ui);
+    settings(model, ui);
+    notes(model, ui);
     ui.separator();
-    strokes(app, ui);
+    strokes(model, ui);
 }
 
 /// What the next stroke is like.
-fn settings(app: &mut Workbench, ui: &mut Ui) {
-    let names: Vec<String> = app.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
-    let (brush, usual) = (&mut app.brush, Brush::default());
+fn settings(model: &mut Model, ui: &mut Ui) {
+    let names: Vec<String> = model.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
+    let (brush, usual) = (&mut model.brush, Brush::default());
     egui::Grid::new("brush").num_columns(3).show(ui, |ui| {
         let all = KINDS.into_iter().map(|kind| (kind, name(kind).to_owned(), about(kind))).collect();
         let shown = name(brush.kind);
@@ -62,14 +62,14 @@ fn settings(app: &mut Workbench, ui: &mut Ui) {
 }
 
 /// Why a drag may not do what is expected.
-fn notes(app: &Workbench, ui: &mut Ui) {
-    let brush = &app.brush;
-    let has_rule = app.settings.scene.rules.iter().any(|rule| rule.material == brush.material);
+fn notes(model: &Model, ui: &mut Ui) {
+    let brush = &model.brush;
+    let has_rule = model.settings.scene.rules.iter().any(|rule| rule.material == brush.material);
     let warn = ui.visuals().warn_fg_color;
     if brush.kind == StrokeKind::Mask && !has_rule {
         ui.colored_label(warn, format!("No rule lays `{}`, so that a mask of it changes nothing.", brush.material));
     }
-    if brush.paints && app.shown_here().is_none_or(|shown| Ground::of(shown).is_none()) {
+    if brush.paints && model.shown_here().is_none_or(|shown| Ground::of(shown).is_none()) {
         ui.label("The ground is not known yet: wait for the picture.");
     }
     if let Some(full) = brush.full() {
@@ -78,8 +78,8 @@ fn notes(app: &Workbench, ui: &mut Ui) {
 }
 
 /// The strokes there are, in the order in which they lie.
-fn strokes(app: &mut Workbench, ui: &mut Ui) {
-    let strokes = &mut app.settings.scene.strokes;
+fn strokes(model: &mut Model, ui: &mut Ui) {
+    let strokes = &mut model.settings.scene.strokes;
     let count = strokes.len();
     ui.horizontal_wrapped(|ui| {
         ui.label(format!("{}, a later one over an earlier one", counted(count, "stroke")));

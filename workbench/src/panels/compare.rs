@@ -4,68 +4,68 @@ use eframe::egui::{self, Ui};
 use experiments::judge;
 
 use super::choose;
-use crate::app::Workbench;
-use crate::compare::{Mode, Other, label};
-use crate::engine::{Second, Shown};
+use crate::model::compare::{Mode, Other, label};
+use crate::model::picture::{Second, Shown};
+use crate::model::state::Model;
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.label("A is what the panels edit. B is what it is held against.");
     egui::Grid::new("compare").num_columns(2).show(ui, |ui| {
         let all = Mode::ALL.into_iter().map(|m| (m, m.name().to_owned(), m.about())).collect();
-        let shown = app.compare.mode.name();
-        choose(ui, "Show", &mut app.compare.mode, shown, all);
+        let shown = model.compare.mode.name();
+        choose(ui, "Show", &mut model.compare.mode, shown, all);
         ui.end_row();
         let mut others = vec![
             (Other::Exact, Other::Exact.name().to_owned(), "The mean of what A's estimator draws: no noise"),
             (Other::Full, Other::Full.name().to_owned(), "Exact, on every pixel: what cheaper shading is judged by"),
         ];
-        if let Other::Kept(kept) = &app.compare.other {
-            others.push((Other::Kept(kept.clone()), app.compare.other.name().to_owned(), ""));
+        if let Other::Kept(kept) = &model.compare.other {
+            others.push((Other::Kept(kept.clone()), model.compare.other.name().to_owned(), ""));
         }
-        let shown = app.compare.other.name();
-        choose(ui, "B is", &mut app.compare.other, shown, others);
+        let shown = model.compare.other.name();
+        choose(ui, "B is", &mut model.compare.other, shown, others);
         ui.end_row();
     });
     ui.horizontal_wrapped(|ui| {
         if ui.button("Keep A as B").on_hover_text("Then change A, and see what that does").clicked() {
-            app.compare.keep(&app.settings);
+            model.compare.keep(&model.settings);
         }
-        let drawn = app.compare.mode != Mode::Off;
+        let drawn = model.compare.mode != Mode::Off;
         if ui.add_enabled(drawn, egui::Button::new("Swap A and B")).on_hover_text("To edit B").clicked() {
-            app.compare.swap(&mut app.settings);
-            app.keep_viewpoint();
+            model.compare.swap(&mut model.settings);
+            model.keep_viewpoint();
         }
         if ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text("A or B, one at a time (X)").clicked() {
-            flick(app);
+            flick(model);
         }
     });
     ui.separator();
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Zoom");
-        ui.add(egui::Slider::new(&mut app.looking.zoom, 1.0..=64.0).logarithmic(true).suffix(" x"))
+        ui.add(egui::Slider::new(&mut model.looking.zoom, 1.0..=64.0).logarithmic(true).suffix(" x"))
             .labelled_by(label.id)
             .on_hover_text("Of both alike; Ctrl and the wheel over the picture");
         if ui.button("Fit").clicked() {
-            (app.looking.zoom, app.looking.centre) = (1.0, [0.5; 2]);
+            (model.looking.zoom, model.looking.centre) = (1.0, [0.5; 2]);
         }
-        ui.checkbox(&mut app.looking.loupe, "Loupe").on_hover_text("Eight times what is under the pointer, of A and of B (L)");
+        ui.checkbox(&mut model.looking.loupe, "Loupe").on_hover_text("Eight times what is under the pointer, of A and of B (L)");
     });
-    if app.compare.mode == Mode::Wipe {
+    if model.compare.mode == Mode::Wipe {
         let label = ui.label("Wipe at");
-        ui.add(egui::Slider::new(&mut app.looking.wipe, 0.0..=1.0)).labelled_by(label.id);
+        ui.add(egui::Slider::new(&mut model.looking.wipe, 0.0..=1.0)).labelled_by(label.id);
     }
-    if let Some(shown) = app.shown().cloned() {
+    if let Some(shown) = model.shown().cloned() {
         numbers(&shown, ui);
     }
 }
 
 /// Shows the other one of two pictures; where both are up or none is compared, begins to show one at a time.
-pub(crate) fn flick(app: &mut Workbench) {
-    if app.compare.mode == Mode::Flicker {
-        app.looking.b ^= true;
+pub(crate) fn flick(model: &mut Model) {
+    if model.compare.mode == Mode::Flicker {
+        model.looking.b ^= true;
     } else {
-        app.compare.mode = Mode::Flicker;
-        app.looking.b = true;
+        model.compare.mode = Mode::Flicker;
+        model.looking.b = true;
     }
 }
 

@@ -7,9 +7,9 @@ use anyhow::{Context, Result, ensure};
 use eframe::egui::{self, Button, DragValue, RichText, TextEdit, Ui};
 
 use super::{from_here, outcome};
-use crate::app::Workbench;
 use crate::engine::PROGRESS;
-use crate::experiment::{self, Extent, Run};
+use crate::engine::experiment::{self, Extent, Run};
+use crate::model::state::Model;
 
 /// Width of a text field, points.
 const FIELD: f32 = 220.0;
@@ -101,12 +101,12 @@ impl ExperimentsPanel {
     }
 }
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
-    saving(app, ui);
+pub(crate) fn show(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
+    saving(panel, model, ui);
     ui.separator();
-    list(&mut app.experiments, ui);
+    list(panel, ui);
     ui.separator();
-    running(&mut app.experiments, ui);
+    running(panel, ui);
 }
 
 fn field(ui: &mut Ui, label: &str, text: &mut String, about: &str) {
@@ -126,8 +126,7 @@ fn count(ui: &mut Ui, label: &str, value: &mut u32, range: [u32; 2], about: &str
 }
 
 /// What is on screen becomes a definition.
-fn saving(app: &mut Workbench, ui: &mut Ui) {
-    let panel = &mut app.experiments;
+fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
     egui::Grid::new("saving").num_columns(2).show(ui, |ui| {
         place(ui, "Folder", &mut panel.folder, "Receives a folder for each experiment that is saved");
         field(ui, "Experiment name", &mut panel.name, "Name of its folder and of the .toml file in it: letters a to z, digits, - and _");
@@ -148,25 +147,27 @@ fn saving(app: &mut Workbench, ui: &mut Ui) {
     });
     let hint = "Scene with its numbers, view, size, variant, estimator and noise, as `experiments run` and `check` read them";
     if ui.button("Save as experiment").on_hover_text(hint).clicked() {
-        let saved = save(app);
+        let saved = save(panel, model);
         // A folder may have appeared.
-        app.experiments.listed.places = None;
-        app.experiments.note(saved);
+        panel.listed.places = None;
+        panel.note(saved);
     }
-    outcome(ui, "experiment", app.experiments.said.as_ref());
+    outcome(ui, "experiment", panel.said.as_ref());
 }
 
-fn save(app: &Workbench) -> Result<String> {
-    let size = app.shown().context("there is no picture yet: wait for it")?.wish.size;
-    ensure!(app.culled_from.is_none(), "a run draws what its own camera sees, and culling is frozen elsewhere: let go of `Freeze culling`");
+fn save(panel: &ExperimentsPanel, model: &Model) -> Result<String> {
+    let size = model.shown().context("there is no picture yet: wait for it")?.wish.size;
     ensure!(
-        !app.news.shaders_edited,
+        model.culled_from.is_none(),
+        "a run draws what its own camera sees, and culling is frozen elsewhere: let go of `Freeze culling`"
+    );
+    ensure!(
+        !model.news.shaders_edited,
         "a run draws with the program's own shaders, and edited ones are on screen: take the edits back, or build with them"
     );
-    let panel = &app.experiments;
     let extent = Extent { size, frames: panel.frames, seeds: panel.seeds };
     let folder = Path::new(&panel.folder).join(&panel.name);
-    let file = experiment::save(&folder, &panel.name, &app.settings, &app.viewpoint, extent)?;
+    let file = experiment::save(&folder, &panel.name, &model.settings, &model.viewpoint, extent)?;
     Ok(format!("Saved {}", file.display()))
 }
 

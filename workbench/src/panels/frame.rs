@@ -7,15 +7,15 @@ use eframe::egui::{self, Color32, Sense, Ui, vec2};
 use kernels::gpu::PassTime;
 
 use super::variants::PASS;
-use crate::app::Workbench;
+use crate::model::state::Model;
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
-    let Some(shown) = app.shown().cloned() else {
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
+    let Some(shown) = model.shown().cloned() else {
         ui.label("No picture yet.");
         return;
     };
     let report = &shown.picture.report;
-    times(app, ui);
+    times(model, ui);
     let row = |ui: &mut Ui, name: &str, value: String| {
         ui.label(name);
         ui.label(value);
@@ -62,24 +62,24 @@ fn median_and_longest(times: &VecDeque<Duration>) -> Option<[f64; 2]> {
 }
 
 /// From picture to picture, a bar each.
-fn times(app: &Workbench, ui: &mut Ui) {
-    let Some([median, worst]) = median_and_longest(&app.times) else { return };
+fn times(model: &Model, ui: &mut Ui) {
+    let Some([median, worst]) = median_and_longest(&model.times) else { return };
     ui.label(format!(
         "{:.1} pictures a second; median {median:.0} ms, longest {worst:.0} ms of the last {}",
         1e3 / median,
-        app.times.len()
+        model.times.len()
     ));
-    if let Some([median, worst]) = median_and_longest(&app.answers) {
+    if let Some([median, worst]) = median_and_longest(&model.answers) {
         let hint = "What the window itself took to draw, apart from the pictures: as long as a click waits at most";
-        ui.label(format!("Window: median {median:.0} ms, longest {worst:.0} ms of the last {}", app.answers.len())).on_hover_text(hint);
+        ui.label(format!("Window: median {median:.0} ms, longest {worst:.0} ms of the last {}", model.answers.len())).on_hover_text(hint);
     }
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 48.0), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Frame times"));
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
     let top = (median * 3.0).max(1e-3);
-    let width = rect.width() / app.times.len() as f32;
-    for (i, time) in app.times.iter().enumerate() {
+    let width = rect.width() / model.times.len() as f32;
+    for (i, time) in model.times.iter().enumerate() {
         let ms = time.as_secs_f64() * 1e3;
         let height = ((ms / top).min(1.0) as f32) * rect.height();
         let left = rect.left() + i as f32 * width;

@@ -2,8 +2,6 @@
 
 use eframe::egui::{Label, Ui};
 
-use crate::app::Workbench;
-
 const TEXT: &str = "A terrain shaded as in Far Cry 5: every 8 x 8 tile of the screen runs the cheapest shader that its pixels allow, out of 31. \
     Far ground comes from textures baked into the quadtree, near ground from virtual-texture pages, cliffs from a few texture samples \
     chosen at random. Force another variant, estimator or noise on every tile, and see what it costs and what it does to the picture.";
@@ -36,7 +34,7 @@ const KEYS: [(&str, &str); 22] = [
 /// Width of the keys' column, points.
 const KEY_COLUMN: f32 = 170.0;
 
-pub(crate) fn show(_: &mut Workbench, ui: &mut Ui) {
+pub(crate) fn show(ui: &mut Ui) {
     ui.label(TEXT);
     ui.separator();
     for (key, does) in KEYS {

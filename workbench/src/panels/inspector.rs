@@ -3,9 +3,9 @@
 use eframe::egui::{self, Button, DragValue, Ui};
 use kernels::variant::{Flavour, Variant};
 
-use crate::app::Workbench;
-use crate::inspector::{Derivative, Pixel, chosen, pixel_at, probe_of};
-use crate::settings::Settings;
+use crate::model::settings::Settings;
+use crate::model::state::Model;
+use kernels::oracle::{Derivative, Pixel, chosen, pixel_at, probe_of};
 
 /// Splat texels of a cell, in their order.
 const CORNERS: [&str; 4] = ["south-west", "south-east", "north-west", "north-east"];
@@ -19,16 +19,16 @@ struct Row {
     about: &'static str,
 }
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
-    let Some(shown) = app.shown().cloned() else {
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
+    let Some(shown) = model.shown().cloned() else {
         ui.label("No picture yet.");
         return;
     };
     let rows = shown.pixel.as_ref().map(|pixel| rows(pixel, &shown.wish.settings)).unwrap_or_default();
-    place(app, ui, shown.wish.size, &rows);
-    if app.probe.is_none() {
+    place(model, ui, shown.wish.size, &rows);
+    if model.probe.is_none() {
         ui.label("Click a place in the picture, or give a pixel's column and row.");
-    } else if shown.wish.probe != app.probe {
+    } else if shown.wish.probe != model.probe {
         ui.label("...").on_hover_text("The table is of the pixel before");
     } else if shown.draft {
         ui.label("A first look is not taken apart: wait for the scene's textures.");
@@ -45,8 +45,8 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
 }
 
 /// Which pixel, and what is done with its table.
-fn place(app: &mut Workbench, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
-    let mut pixel = app.probe.map_or(size.map(|side| side / 2), |probe| pixel_at(probe, size));
+fn place(model: &mut Model, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
+    let mut pixel = model.probe.map_or(size.map(|side| side / 2), |probe| pixel_at(probe, size));
     let mut moved = false;
     ui.horizontal_wrapped(|ui| {
         for ((at, side), (name, from)) in pixel.iter_mut().zip(size).zip([("Pixel x", "left"), ("Pixel y", "top")]) {
@@ -57,7 +57,7 @@ fn place(app: &mut Workbench, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
         }
     });
     if moved {
-        app.probe = Some(probe_of(pixel, size));
+        model.probe = Some(probe_of(pixel, size));
     }
     ui.horizontal_wrapped(|ui| {
         if ui.add_enabled(!rows.is_empty(), Button::new("Copy")).on_hover_text("The table as lines of name, tabulator, value").clicked() {
@@ -65,11 +65,11 @@ fn place(app: &mut Workbench, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
             ui.ctx().copy_text(text);
         }
         if ui
-            .add_enabled(app.probe.is_some(), Button::new("Let go"))
+            .add_enabled(model.probe.is_some(), Button::new("Let go"))
             .on_hover_text("Follows no pixel any more: each picture is shaded only once")
             .clicked()
         {
-            app.probe = None;
+            model.probe = None;
         }
     });
 }
@@ -242,7 +242,7 @@ mod tests {
     use kernels::virtual_texture::PageId;
 
     use super::*;
-    use crate::inspector::{Draw, Page, Texel, Triangle};
+    use kernels::oracle::{Draw, Page, Texel, Triangle};
 
     fn pixel() -> Pixel {
         let texel = |index: u32, weight: f64| Texel { material: format!("rock {index}"), index, weight, blended: weight };

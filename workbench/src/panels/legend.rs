@@ -2,7 +2,7 @@
 
 use eframe::egui::{Align2, Color32, FontId, Mesh, Rect, Role, Sense, Stroke, Ui, WidgetInfo, pos2, vec2};
 
-use crate::display::{Legend, Scale, Swatch};
+use crate::model::display::{Legend, Scale, Swatch};
 
 /// Width and height of a bar of colours, points.
 const BAR: [f32; 2] = [240.0, 10.0];

@@ -1,6 +1,4 @@
-//! What each stage made of the frame: the nodes drawn on a map, with the frustum seen from outside, and a section of numbers a stage.
-//!
-//! A stage to come adds a function that makes its [`Section`] of the report, and its line in [`sections`].
+//! What each stage made of the frame: the nodes drawn on a map, with the frustum seen from outside, and the sections of numbers that stages report.
 
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Slider, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::DVec2;
@@ -11,8 +9,8 @@ use kernels::view::camera::Pose;
 use kernels::virtual_texture::{CacheCounts, PageCounts, PageId};
 use kernels::world::{LODS, Layout, NodeId};
 
-use crate::app::Workbench;
-use crate::engine::Shown;
+use crate::model::picture::Shown;
+use crate::model::state::Model;
 
 /// The narrowest span of the map, and the one it begins with, metres.
 const NARROWEST_M: f64 = 200.0;
@@ -41,14 +39,6 @@ impl Default for MachinePanel {
     }
 }
 
-/// What one stage has to say of the frame.
-struct Section {
-    name: &'static str,
-    about: &'static str,
-    /// Names and values. A name that is indented belongs to the row above.
-    rows: Vec<(String, String)>,
-}
-
 /// One level of the quadtree.
 #[derive(Debug, PartialEq)]
 struct Level {
@@ -62,15 +52,15 @@ struct Level {
     nodes: usize,
 }
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
-    let Some(shown) = app.shown().cloned() else {
+pub(crate) fn show(panel: &mut MachinePanel, model: &Model, ui: &mut Ui) {
+    let Some(shown) = model.shown().cloned() else {
         ui.label("No picture yet.");
         return;
     };
     let report = &shown.picture.report;
-    map(&mut app.machine.span_m, &shown, ui);
+    map(&mut panel.span_m, &shown, ui);
     legend(&levels(&report.drawn, &shown.layout), ui);
-    for section in sections(report) {
+    for section in &report.sections {
         let header = egui::CollapsingHeader::new(section.name).default_open(true).show(ui, |ui| {
             egui::Grid::new(section.name).num_columns(2).striped(true).show(ui, |ui| {
                 for (name, value) in &section.rows {
@@ -82,74 +72,6 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
         });
         header.header_response.on_hover_text(section.about);
     }
-}
-
-/// The sections of a frame, in the order of its stages.
-fn sections(report: &FrameReport) -> Vec<Section> {
-    vec![nodes(report), atlas(&report.atlas, report.loaded), pages(&report.pages, &report.page_cache), tiles(&report.tiles)]
-}
-
-fn row(name: &str, value: impl ToString) -> (String, String) {
-    (name.to_owned(), value.to_string())
-}
-
-fn nodes(report: &FrameReport) -> Section {
-    Section {
-        name: "Nodes and patches",
-        about: "Quadtree and culling: nodes are visited from the coarsest down, and each node drawn is cut into patches of 16 x 16 quads",
-        rows: vec![row("Nodes visited", report.visited), row("Nodes drawn", report.nodes), row("Patches in the frustum", report.patches)],
-    }
-}
-
-fn atlas(counts: &AtlasCounts, loaded: usize) -> Section {
-    Section {
-        name: "Atlas",
-        about: "Streaming: a node that is visited has a slot; the one that was not for longest gives way",
-        rows: vec![
-            row("Slots used", format!("{} of {}", counts.resident, counts.capacity)),
-            row("Nodes loaded for this frame", loaded),
-            row("Memory of the atlases", mebibytes(counts.bytes)),
-        ],
-    }
-}
-
-fn pages(wanted: &PageCounts, cache: &CacheCounts) -> Section {
-    let mut rows = Vec::new();
-    if cache.capacity == 0 {
-        rows.push(row("Virtual texture", "none in this scene"));
-    } else {
-        rows.push(row("Pages wanted", wanted.wanted));
-        rows.push(row("Pages rendered for this frame", wanted.rendered));
-        rows.push(row("Pages given up for coarser ones", wanted.coarsened));
-        rows.push(row("Pages kept", format!("{} of {}", cache.resident, cache.capacity)));
-        for (level, (wanted, kept)) in (0..).zip(wanted.wanted_by_level.iter().zip(&cache.by_level)) {
-            if *wanted > 0 || *kept > 0 {
-                let edge_m = PageId { level, x: 0, y: 0 }.edge_m();
-                rows.push(row(&format!("    level {level}, {edge_m} m"), format!("{wanted} wanted, {kept} kept")));
-            }
-        }
-        rows.push(row("Memory of the pages", mebibytes(cache.bytes)));
-    }
-    Section { name: "Pages", about: "Virtual texture: what pixels ask for is rendered once, from above, and kept", rows }
-}
-
-/// `counts`: all tiles with terrain, then those of each variant.
-fn tiles(counts: &[u32]) -> Section {
-    let of = |mask: u8| counts.get(usize::from(mask)).copied().unwrap_or(0);
-    let all = of(0);
-    let mut rows = vec![row("Tiles with terrain", all)];
-    for variant in Variant::all() {
-        let tiles = of(variant.mask());
-        if tiles > 0 {
-            let share = 100.0 * f64::from(tiles) / f64::from(all.max(1));
-            rows.push(row(&format!("    {variant}"), format!("{tiles} tiles, {share:.1} %")));
-        }
-    }
-    Section { name: "Tiles", about: "Classification: a tile runs the variant that has every flavour its pixels need", rows }
-}
-
-fn mebibytes(bytes: u64) -> String {
-    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
 /// The levels that this world has, the finest first, and how many nodes of each are drawn.
@@ -424,7 +346,7 @@ mod tests {
     fn level_colours_darken_from_fine_to_coarse() {
         let luminance = |lod| {
             let [r, g, b, _] = level_colour(lod).to_array().map(f64::from);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
+            kernels::base::colour::luminance([r, g, b])
         };
         for lod in 1..LODS {
             assert!(luminance(lod) + 15.0 < luminance(lod - 1), "{lod}");
@@ -439,43 +361,5 @@ mod tests {
         for (span_m, bar_m) in [(200.0, 50.0), (799.0, 100.0), (4100.0, 1000.0), (9000.0, 2000.0), (30_000.0, 5000.0)] {
             assert!((round_length_m(span_m / 4.0) - bar_m).abs() < 1e-9, "{span_m}");
         }
-    }
-
-    #[test]
-    fn every_stage_has_its_section_with_what_was_reported() {
-        let mut report = FrameReport { nodes: 12, visited: 17, patches: 345, loaded: 3, ..FrameReport::default() };
-        report.atlas = AtlasCounts { resident: 20, capacity: 512, bytes: 3 << 20 };
-        report.tiles = vec![0; 32];
-        (report.tiles[0], report.tiles[1], report.tiles[17]) = (8, 6, 2);
-        let value = |report: &FrameReport, section: &str, name: &str| {
-            let sections = sections(report);
-            let section = sections.iter().find(|s| s.name == section).expect("a section");
-            section.rows.iter().find(|(n, _)| n.trim() == name).map(|(_, value)| value.clone())
-        };
-        let is = |section: &str, name: &str, wanted: &str| {
-            assert_eq!(value(&report, section, name).as_deref(), Some(wanted), "{section}: {name}")
-        };
-        is("Nodes and patches", "Nodes visited", "17");
-        is("Nodes and patches", "Nodes drawn", "12");
-        is("Atlas", "Slots used", "20 of 512");
-        is("Atlas", "Nodes loaded for this frame", "3");
-        is("Atlas", "Memory of the atlases", "3.0 MiB");
-        is("Tiles", "Tiles with terrain", "8");
-        is("Tiles", &Variant::new(1).expect("a set").to_string(), "6 tiles, 75.0 %");
-        is("Tiles", &Variant::new(17).expect("a set").to_string(), "2 tiles, 25.0 %");
-        assert_eq!(value(&report, "Tiles", &Variant::new(2).expect("a set").to_string()), None);
-        is("Pages", "Virtual texture", "none in this scene");
-        // With a virtual texture, levels that have nothing are left out.
-        report.pages = PageCounts { wanted: 5, rendered: 2, ..PageCounts::default() };
-        report.pages.wanted_by_level[3] = 5;
-        report.page_cache = CacheCounts { resident: 9, capacity: 256, bytes: 1 << 20, ..CacheCounts::default() };
-        report.page_cache.by_level[3] = 7;
-        report.page_cache.by_level[4] = 2;
-        let is = |name: &str, wanted: Option<&str>| assert_eq!(value(&report, "Pages", name).as_deref(), wanted, "{name}");
-        is("Pages kept", Some("9 of 256"));
-        is("level 3, 8 m", Some("5 wanted, 7 kept"));
-        is("level 4, 16 m", Some("0 wanted, 2 kept"));
-        is("level 5, 32 m", None);
-        is("Virtual texture", None);
     }
 }

@@ -1,15 +1,15 @@
 //! The scene's materials, and the scene with its changes as a file.
 
-use std::path::{self, Path, PathBuf};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{TryRecvError, channel};
 
 use eframe::egui::{self, Button, Color32, DragValue, Key, Rgba, Role, Sense, StrokeKind, TextEdit, Ui, WidgetInfo, vec2};
 use kernels::materials::procedural::NAMES;
-use kernels::scene;
 
 use super::{Number, choose, from_here, number, outcome, reset};
-use crate::app::Workbench;
-use crate::editing;
+use crate::model::drafts::Dialog;
+use crate::model::editing;
+use crate::model::state::Model;
 
 /// Width of the text fields, points.
 const FIELD: f32 = 170.0;
@@ -18,51 +18,6 @@ const SWATCH: f32 = 14.0;
 /// Largest tint that a scene file accepts.
 const MOST_TINT: f64 = 16.0;
 
-/// What is selected and typed.
-#[derive(Default)]
-pub(crate) struct MaterialsPanel {
-    selected: usize,
-    /// The name in its field, and the one that it stands for: they differ while a name is typed that cannot be given.
-    name: [String; 2],
-    /// Why it cannot.
-    misnamed: Option<String>,
-    /// The folder in its field.
-    folder: String,
-    /// Whose folder was put there last.
-    foldered: Option<PathBuf>,
-    /// What came of the last click on a material.
-    said: Option<Result<String, String>>,
-    /// The folder that is being chosen.
-    dialog: Option<Dialog>,
-    /// The scene file in its field.
-    file: String,
-    overwrites: bool,
-    /// What came of saving.
-    saved: Option<Result<String, String>>,
-    /// Files that are this scene's: the one that was opened, and those that it was saved into.
-    own: Vec<PathBuf>,
-}
-
-/// A choice of a folder, in a window of the system's on a thread of its own.
-struct Dialog {
-    /// Name of the material that it is for.
-    material: String,
-    chosen: Receiver<Option<PathBuf>>,
-}
-
-impl MaterialsPanel {
-    /// Takes note of what the scene was opened from, as [`scene::load`] takes it; nothing of it is written over unless asked for.
-    pub(crate) fn opened(&mut self, given: &str) {
-        if given == scene::DEFAULT {
-            return;
-        }
-        let given = Path::new(given);
-        let file = if given.is_dir() { given.join(scene::FILE) } else { given.to_owned() };
-        // Without an absolute path it is not told from another file, and not written over.
-        self.own.extend(path::absolute(file).ok().filter(|file| !self.own.contains(file)));
-    }
-}
-
 /// Where textures come from.
 #[derive(Clone, PartialEq)]
 enum Source {
@@ -70,62 +25,62 @@ enum Source {
     Folder,
 }
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
-    list(app, ui);
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
+    list(model, ui);
     ui.separator();
-    let index = app.materials.selected;
-    if index < app.settings.scene.materials.len() {
+    let index = model.materials.selected;
+    if index < model.settings.scene.materials.len() {
         egui::Grid::new("material").num_columns(3).show(ui, |ui| {
-            name(app, ui, index);
-            textures(app, ui, index);
-            numbers(app, ui, index);
+            name(model, ui, index);
+            textures(model, ui, index);
+            numbers(model, ui, index);
         });
     }
-    if let Some(why) = &app.materials.misnamed {
+    if let Some(why) = &model.materials.misnamed {
         ui.colored_label(ui.visuals().error_fg_color, why);
     }
-    outcome(ui, "material", app.materials.said.as_ref());
+    outcome(ui, "material", model.materials.said.as_ref());
     ui.separator();
-    saving(app, ui);
+    saving(model, ui);
 }
 
 /// Takes over the folder that was chosen in the system's window, as soon as one is: to be called with every drawing of the window.
-pub(crate) fn listen(app: &mut Workbench) {
-    let Some(dialog) = app.materials.dialog.take() else { return };
+pub(crate) fn listen(model: &mut Model) {
+    let Some(dialog) = model.materials.dialog.take() else { return };
     let folder = match dialog.chosen.try_recv() {
         Err(TryRecvError::Empty) => {
-            app.materials.dialog = Some(dialog);
+            model.materials.dialog = Some(dialog);
             return;
         }
         Ok(Some(folder)) => folder,
         Ok(None) | Err(TryRecvError::Disconnected) => {
-            app.materials.said = Some(Ok("No folder was chosen; one can be typed under `Texture folder`, too.".to_owned()));
+            model.materials.said = Some(Ok("No folder was chosen; one can be typed under `Texture folder`, too.".to_owned()));
             return;
         }
     };
-    match app.settings.scene.materials.iter().position(|material| material.name == dialog.material) {
-        Some(index) => take_folder(app, index, folder),
-        None => app.materials.said = Some(Err(format!("`{}` is not there any more: choose another material", dialog.material))),
+    match model.settings.scene.materials.iter().position(|material| material.name == dialog.material) {
+        Some(index) => take_folder(model, index, folder),
+        None => model.materials.said = Some(Err(format!("`{}` is not there any more: choose another material", dialog.material))),
     }
 }
 
 /// A folder was dropped on the window: the selected material takes its textures from there.
-pub(crate) fn dropped(app: &mut Workbench, path: &Path) {
-    take_folder(app, app.materials.selected, path.to_owned());
+pub(crate) fn dropped(model: &mut Model, path: &Path) {
+    take_folder(model, model.materials.selected, path.to_owned());
 }
 
 /// Lets a material take its textures from a folder, and says what came of it.
-fn take_folder(app: &mut Workbench, index: usize, folder: PathBuf) {
-    let Some(name) = app.settings.scene.materials.get(index).map(|material| material.name.clone()) else { return };
+fn take_folder(model: &mut Model, index: usize, folder: PathBuf) {
+    let Some(name) = model.settings.scene.materials.get(index).map(|material| material.name.clone()) else { return };
     let done = format!("`{name}` is made of {}.", folder.display());
-    app.materials.said = Some(editing::take_folder(&mut app.settings.scene, index, folder).map(|()| done));
+    model.materials.said = Some(editing::take_folder(&mut model.settings.scene, index, folder).map(|()| done));
 }
 
 /// Which materials there are, which is selected, and what is done with it.
-fn list(app: &mut Workbench, ui: &mut Ui) {
-    let shown = app.shown_here().cloned();
-    let panel = &mut app.materials;
-    let scene = &mut app.settings.scene;
+fn list(model: &mut Model, ui: &mut Ui) {
+    let shown = model.shown_here().cloned();
+    let panel = &mut model.materials;
+    let scene = &mut model.settings.scene;
     panel.selected = panel.selected.min(scene.materials.len().saturating_sub(1));
     ui.horizontal_wrapped(|ui| {
         for (i, material) in scene.materials.iter().enumerate() {
@@ -152,7 +107,7 @@ fn list(app: &mut Workbench, ui: &mut Ui) {
         if ui.button("Remove material").on_hover_text("Only what no rule and no stroke uses").clicked() {
             panel.said = editing::remove_material(scene, panel.selected).err().map(Err);
         }
-        let original = &app.original;
+        let original = &model.original;
         let origin = editing::origin(scene, original, panel.selected);
         let changed = origin.is_some() && scene.materials.get(panel.selected) != origin;
         let reset = ui.add_enabled(changed, Button::new("Reset material"));
@@ -177,9 +132,9 @@ fn swatch(ui: &mut Ui, name: &str, albedo: Option<[f32; 3]>) {
 }
 
 /// The name, which rules and strokes follow.
-fn name(app: &mut Workbench, ui: &mut Ui, index: usize) {
-    let panel = &mut app.materials;
-    let present = app.settings.scene.materials[index].name.clone();
+fn name(model: &mut Model, ui: &mut Ui, index: usize) {
+    let panel = &mut model.materials;
+    let present = model.settings.scene.materials[index].name.clone();
     if panel.name[1] != present {
         panel.name = [present.clone(), present.clone()];
         panel.misnamed = None;
@@ -188,10 +143,10 @@ fn name(app: &mut Workbench, ui: &mut Ui, index: usize) {
     let field = ui.add(TextEdit::singleline(&mut panel.name[0]).desired_width(FIELD)).labelled_by(label.id);
     if field.on_hover_text("1 to 100 characters; rules and strokes follow").changed() {
         let wanted = panel.name[0].clone();
-        panel.misnamed = editing::rename_material(&mut app.settings.scene, index, &wanted).err();
+        panel.misnamed = editing::rename_material(&mut model.settings.scene, index, &wanted).err();
         if panel.misnamed.is_none() {
-            if app.brush.material == present {
-                app.brush.material.clone_from(&wanted);
+            if model.brush.material == present {
+                model.brush.material.clone_from(&wanted);
             }
             panel.name[1] = wanted;
         }
@@ -200,12 +155,12 @@ fn name(app: &mut Workbench, ui: &mut Ui, index: usize) {
 }
 
 /// Where its textures come from.
-fn textures(app: &mut Workbench, ui: &mut Ui, index: usize) {
-    let material = &app.settings.scene.materials[index];
-    if app.materials.foldered != material.folder {
-        app.materials.foldered.clone_from(&material.folder);
+fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
+    let material = &model.settings.scene.materials[index];
+    if model.materials.foldered != material.folder {
+        model.materials.foldered.clone_from(&material.folder);
         if let Some(folder) = &material.folder {
-            app.materials.folder = folder.display().to_string();
+            model.materials.folder = folder.display().to_string();
         }
     }
     let before = material.procedural.clone().map_or(Source::Folder, Source::Procedural);
@@ -220,43 +175,43 @@ fn textures(app: &mut Workbench, ui: &mut Ui, index: usize) {
     if source != before {
         match source {
             Source::Procedural(name) => {
-                let material = &mut app.settings.scene.materials[index];
+                let material = &mut model.settings.scene.materials[index];
                 (material.procedural, material.folder) = (Some(name), None);
-                app.materials.said = None;
+                model.materials.said = None;
             }
-            Source::Folder => take_typed_folder(app, index),
+            Source::Folder => take_typed_folder(model, index),
         }
     }
     ui.end_row();
 
     let label = ui.label("Texture folder");
-    let field = ui.add(TextEdit::singleline(&mut app.materials.folder).desired_width(FIELD)).labelled_by(label.id);
+    let field = ui.add(TextEdit::singleline(&mut model.materials.folder).desired_width(FIELD)).labelled_by(label.id);
     let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
     field.on_hover_text("Holds albedo, normal, height and roughness (.png, .jpg or .jpeg); relative to the scene's folder, or absolute");
     ui.end_row();
 
     ui.label("");
     if ui.button("Use texture folder").on_hover_text("Takes the textures from the folder that is typed").clicked() || entered {
-        take_typed_folder(app, index);
+        take_typed_folder(model, index);
     }
     ui.end_row();
 
     ui.label("");
-    let idle = app.materials.dialog.is_none();
+    let idle = model.materials.dialog.is_none();
     let load = ui.add_enabled(idle, Button::new("Load texture folder..."));
     if load.on_hover_text("Chooses a folder of textures, which can be dropped on the window, too").clicked() {
-        app.materials.dialog = Some(choose_folder(app.settings.scene.materials[index].name.clone(), ui.ctx().clone()));
+        model.materials.dialog = Some(choose_folder(model.settings.scene.materials[index].name.clone(), ui.ctx().clone()));
     }
     ui.end_row();
 }
 
 /// Takes the folder in the field for a material.
-fn take_typed_folder(app: &mut Workbench, index: usize) {
-    let typed = app.materials.folder.trim().to_owned();
+fn take_typed_folder(model: &mut Model, index: usize) {
+    let typed = model.materials.folder.trim().to_owned();
     if typed.is_empty() {
-        app.materials.said = Some(Err("type the name of a folder under `Texture folder` first, or load one".to_owned()));
+        model.materials.said = Some(Err("type the name of a folder under `Texture folder` first, or load one".to_owned()));
     } else {
-        take_folder(app, index, PathBuf::from(typed));
+        take_folder(model, index, PathBuf::from(typed));
     }
 }
 
@@ -274,10 +229,10 @@ fn choose_folder(material: String, ctx: egui::Context) -> Dialog {
 }
 
 /// How its textures lie on the ground.
-fn numbers(app: &mut Workbench, ui: &mut Ui, index: usize) {
-    let usual = editing::origin(&app.settings.scene, &app.original, index).cloned();
+fn numbers(model: &mut Model, ui: &mut Ui, index: usize) {
+    let usual = editing::origin(&model.settings.scene, &model.original, index).cloned();
     let usual = usual.as_ref();
-    let material = &mut app.settings.scene.materials[index];
+    let material = &mut model.settings.scene.materials[index];
     let about = "Edge of one repeat of the texture on the ground.";
     let row = Number { name: "Texture tile", unit: "m", range: [0.1, 1000.0], logarithmic: true, about };
     number(ui, &row, &mut material.tile_m, usual.map(|usual| usual.tile_m));
@@ -313,9 +268,9 @@ fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
 }
 
 /// The scene as a file.
-fn saving(app: &mut Workbench, ui: &mut Ui) {
+fn saving(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
-        let panel = &mut app.materials;
+        let panel = &mut model.materials;
         let label = ui.label("Scene file");
         let field = TextEdit::singleline(&mut panel.file).desired_width(FIELD).hint_text("scene.toml");
         ui.add(field)
@@ -326,15 +281,15 @@ fn saving(app: &mut Workbench, ui: &mut Ui) {
     });
     let hint = "Writes the scene with its materials, rules, strokes and numbers as a file, which this program and `experiments` read";
     if ui.button("Save scene as...").on_hover_text(hint).clicked() {
-        let panel = &app.materials;
+        let panel = &model.materials;
         let saved = match panel.file.trim() {
             "" => Err("type the name of a .toml file under `Scene file` first".to_owned()),
-            file => editing::save(&app.settings.scene, Path::new(file), &panel.own, panel.overwrites),
+            file => editing::save(&model.settings.scene, Path::new(file), &panel.own, panel.overwrites),
         };
-        app.materials.saved = Some(saved.map(|file| {
-            app.saved_as(&file);
+        model.materials.saved = Some(saved.map(|file| {
+            model.saved_as(&file);
             format!("Saved {}", file.display())
         }));
     }
-    outcome(ui, "scene", app.materials.saved.as_ref());
+    outcome(ui, "scene", model.materials.saved.as_ref());
 }

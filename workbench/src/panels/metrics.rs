@@ -4,8 +4,8 @@ use eframe::egui::{self, Slider, Ui};
 use egui_plot::{Legend, Line, Plot, PlotPoints};
 use kernels::metrics::Summary;
 
-use crate::app::Workbench;
-use crate::live::{Metrics, Reading, WINDOWS};
+use crate::model::metrics::{Metrics, Reading, WINDOWS};
+use crate::model::state::Model;
 
 /// One number of a summary.
 struct Quantity {
@@ -38,8 +38,8 @@ const QUANTITIES: [Quantity; 5] = [
     },
 ];
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
-    let Metrics { on, window, frozen, resets, region } = &mut app.metrics;
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
+    let Metrics { on, window, frozen, resets, region } = &mut model.metrics;
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(on, "Measure").on_hover_text("By shaders that record choices: times are not those of the plain ones");
         ui.checkbox(frozen, "Freeze").on_hover_text("The numbers stay as they are; let go, they begin anew");
@@ -60,7 +60,7 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
             .labelled_by(label.id)
             .on_hover_text("How far back numbers go: a frame weighs one part in so many");
     });
-    let Some(shown) = app.shown().cloned() else { return };
+    let Some(shown) = model.shown().cloned() else { return };
     let Some(last) = shown.readings.last() else {
         ui.label("Nothing measured yet: `Measure`, or one of the layers Deviation, Flicker, Flips and Bias, and let time run.");
         return;

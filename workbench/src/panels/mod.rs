@@ -1,4 +1,4 @@
-//! What the window is made of. A panel is a function of the application and a place.
+//! What the window is made of. A panel is a function of the model, of what it remembers itself, and of a place.
 
 pub(crate) mod brush;
 pub(crate) mod compare;
@@ -17,7 +17,49 @@ pub(crate) mod scenes;
 pub(crate) mod variants;
 pub(crate) mod viewport;
 
-use eframe::egui::{Button, ComboBox, Label, Response, RichText, Role, Slider, SliderClamping, Ui, WidgetInfo};
+use eframe::egui::{self, Button, ComboBox, Label, Response, RichText, Role, Slider, SliderClamping, Ui, WidgetInfo};
+
+use experiments::ExperimentsPanel;
+use machine::MachinePanel;
+
+use crate::model::panes::Pane;
+use crate::model::state::Model;
+
+/// What panels remember themselves, whatever scene is open.
+#[derive(Default)]
+pub(crate) struct Panels {
+    machine: MachinePanel,
+    experiments: ExperimentsPanel,
+}
+
+impl Panels {
+    /// Draws a pane's panel.
+    pub(crate) fn show(&mut self, pane: Pane, model: &mut Model, ui: &mut Ui) {
+        if pane == Pane::Viewport {
+            // The picture fills its pane.
+            viewport::show(model, ui);
+            return;
+        }
+        egui::Frame::new().inner_margin(8.0).show(ui, |ui| {
+            egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| match pane {
+                Pane::Viewport => {}
+                Pane::Variants => variants::show(model, ui),
+                Pane::Materials => materials::show(model, ui),
+                Pane::Rules => rules::show(model, ui),
+                Pane::Brush => brush::show(model, ui),
+                Pane::Compare => compare::show(model, ui),
+                Pane::Metrics => metrics::show(model, ui),
+                Pane::Parameters => parameters::show(model, ui),
+                Pane::Frame => frame::show(model, ui),
+                Pane::Inspector => inspector::show(model, ui),
+                Pane::Machine => machine::show(&mut self.machine, model, ui),
+                Pane::Experiments => experiments::show(&mut self.experiments, model, ui),
+                Pane::Places => places::show(model, ui),
+                Pane::Help => help::show(ui),
+            });
+        });
+    }
+}
 
 /// A labelled list of which one is chosen; `items` are values with their names and what is said of them.
 pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, shown: &str, items: Vec<(T, String, &str)>) -> Response {

@@ -4,14 +4,8 @@ use eframe::egui::{self, Button, CollapsingHeader, DragValue, Role, Ui, WidgetIn
 use kernels::scene::Rule;
 
 use super::{choose, outcome};
-use crate::app::Workbench;
-use crate::editing::usual_rules;
-
-/// What came of the last click that could fail.
-#[derive(Default)]
-pub(crate) struct RulesPanel {
-    said: Option<Result<String, String>>,
-}
+use crate::model::editing::usual_rules;
+use crate::model::state::Model;
 
 /// A band of a rule: what it is of, and what a scene file accepts.
 struct Band {
@@ -63,12 +57,12 @@ enum Wanted {
     Gone,
 }
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.label("Of these, the rule of the largest weight lays its material; of two alike, the later one.");
-    buttons(app, ui);
+    buttons(model, ui);
     ui.separator();
-    let names: Vec<String> = app.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
-    let rules = &mut app.settings.scene.rules;
+    let names: Vec<String> = model.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
+    let rules = &mut model.settings.scene.rules;
     let count = rules.len();
     let mut wanted = None;
     for (i, rule) in rules.iter_mut().enumerate() {
@@ -99,27 +93,27 @@ pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
 }
 
 /// What is done with all of them.
-fn buttons(app: &mut Workbench, ui: &mut Ui) {
+fn buttons(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
-        let rules = &mut app.settings.scene.rules;
+        let rules = &mut model.settings.scene.rules;
         let add = ui.add_enabled(!rules.is_empty(), Button::new("Add rule"));
         if add.on_hover_text("A copy of the last one, which changes nothing until it is edited").clicked() {
             let last = rules.last().cloned();
             rules.extend(last);
         }
-        let changed = *rules != app.original.rules;
+        let changed = *rules != model.original.rules;
         let reset = ui.add_enabled(changed, Button::new("Reset rules"));
         if reset.on_hover_text("Back to those of the scene's file").clicked() {
-            app.rules.said = match usual_rules(&app.settings.scene, &app.original) {
+            model.rules.said = match usual_rules(&model.settings.scene, &model.original) {
                 Ok(rules) => {
-                    app.settings.scene.rules = rules;
+                    model.settings.scene.rules = rules;
                     None
                 }
                 Err(why) => Some(Err(why)),
             };
         }
     });
-    outcome(ui, "rule", app.rules.said.as_ref());
+    outcome(ui, "rule", model.rules.said.as_ref());
 }
 
 /// The controls of a rule, in a grid of two columns.

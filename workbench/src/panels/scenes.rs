@@ -6,52 +6,23 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use eframe::egui::{self, Button, Ui};
 use kernels::scene;
 
-use crate::app::Workbench;
-use crate::kept::MOST_RECENT;
-
-/// Scenes to choose from, and what is being chosen.
-#[derive(Default)]
-pub(crate) struct ScenesPanel {
-    /// Scenes that were open, the newest first, as [`scene::load`] takes them.
-    pub(crate) recent: Vec<String>,
-    /// What is done if somebody says that edits may be lost.
-    pub(crate) waits: Option<Waiting>,
-    /// The file that is being chosen in a window of the system's.
-    dialog: Option<Receiver<Option<PathBuf>>>,
-}
-
-/// What would lose edits.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Waiting {
-    /// Opening the scene of this name.
-    Open(String),
-    /// Closing the window.
-    Close,
-}
-
-impl ScenesPanel {
-    /// Takes note of the scene that is open.
-    pub(crate) fn opened(&mut self, name: &str) {
-        self.recent.retain(|other| other != name);
-        self.recent.insert(0, name.to_owned());
-        self.recent.truncate(MOST_RECENT);
-    }
-}
+use crate::model::drafts::Waiting;
+use crate::model::state::Model;
 
 /// The menu of scenes.
-pub(crate) fn menu(app: &mut Workbench, ui: &mut Ui) {
-    let given = app.given().map(str::to_owned);
+pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
+    let given = model.given().map(str::to_owned);
     let about = match &given {
         Some(name) => format!("On show: {name}"),
-        None => format!("On show: {}, of no file", app.settings.scene.name),
+        None => format!("On show: {}, of no file", model.settings.scene.name),
     };
     let mut wanted = None;
     let menu = ui.menu_button("Scene", |ui| {
-        let idle = app.scenes.dialog.is_none();
+        let idle = model.scenes.dialog.is_none();
         let open = ui.add_enabled(idle, Button::new("Open..."));
         if open.on_hover_text("Chooses a scene's .toml file, which can be dropped on the window, too").clicked() {
             let folder = given.as_deref().and_then(|name| Path::new(name).parent()).map(Path::to_owned);
-            app.scenes.dialog = Some(choose_file(folder, ui.ctx().clone()));
+            model.scenes.dialog = Some(choose_file(folder, ui.ctx().clone()));
             ui.close();
         }
         if ui.button("Default scene").on_hover_text("The built-in one").clicked() {
@@ -62,10 +33,10 @@ pub(crate) fn menu(app: &mut Workbench, ui: &mut Ui) {
         let hint = "Reads its file and all that it names again: the scene is what they say, and undo brings back edits";
         if reload.on_hover_text(hint).clicked() {
             // What is wrong is in a note.
-            let _ = app.reload(ui.ctx());
+            let _ = model.reload(ui.ctx());
             ui.close();
         }
-        let others = app.scenes.recent.iter().filter(|name| **name != scene::DEFAULT && Some(*name) != given.as_ref());
+        let others = model.scenes.recent.iter().filter(|name| **name != scene::DEFAULT && Some(*name) != given.as_ref());
         let others: Vec<String> = others.cloned().collect();
         if others.is_empty() {
             return;
@@ -81,31 +52,31 @@ pub(crate) fn menu(app: &mut Workbench, ui: &mut Ui) {
     });
     menu.response.on_hover_text(about);
     if let Some(name) = wanted {
-        open(app, &name);
+        open(model, &name);
     }
 }
 
 /// Opens a scene; what is wrong, or may be lost, is said in the window.
-fn open(app: &mut Workbench, name: &str) {
-    let _ = app.open(name);
+fn open(model: &mut Model, name: &str) {
+    let _ = model.open(name);
 }
 
 /// Opens the scene of a file that was chosen or dropped.
-pub(crate) fn open_file(app: &mut Workbench, file: &Path) {
+pub(crate) fn open_file(model: &mut Model, file: &Path) {
     match file.to_str() {
-        Some(name) => open(app, name),
-        None => app.say(format!("{} cannot be opened: its name is no Unicode; give it another", file.display())),
+        Some(name) => open(model, name),
+        None => model.say(format!("{} cannot be opened: its name is no Unicode; give it another", file.display())),
     }
 }
 
 /// Opens what was chosen in the system's window, as soon as something is: to be called with every drawing of the window.
-pub(crate) fn listen(app: &mut Workbench) {
-    let Some(dialog) = app.scenes.dialog.take() else { return };
+pub(crate) fn listen(model: &mut Model) {
+    let Some(dialog) = model.scenes.dialog.take() else { return };
     match dialog.try_recv() {
-        Err(TryRecvError::Empty) => app.scenes.dialog = Some(dialog),
-        Ok(Some(file)) => open_file(app, &file),
+        Err(TryRecvError::Empty) => model.scenes.dialog = Some(dialog),
+        Ok(Some(file)) => open_file(model, &file),
         Ok(None) | Err(TryRecvError::Disconnected) => {
-            app.say("No scene was chosen; a file can be dropped on the window, or named where the program is started, too.".to_owned());
+            model.say("No scene was chosen; a file can be dropped on the window, or named where the program is started, too.".to_owned());
         }
     }
 }
@@ -127,25 +98,25 @@ fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<P
 }
 
 /// Asks whether edits may be lost, where something waits for it.
-pub(crate) fn ask(app: &mut Workbench, ui: &mut Ui) {
-    let Some(waiting) = app.scenes.waits.clone() else { return };
+pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
+    let Some(waiting) = model.scenes.waits.clone() else { return };
     let (then, yes) = match &waiting {
         Waiting::Open(name) => (format!("with {name} in its place they are lost, and undo does not help"), "Open without saving"),
         Waiting::Close => ("once the window is closed they are lost".to_owned(), "Close without saving"),
     };
     egui::Panel::top("unsaved").show(ui, |ui| {
-        let text = format!("`{}` has materials, rules or strokes that are in no file: {then}.", app.original.name);
+        let text = format!("`{}` has materials, rules or strokes that are in no file: {then}.", model.original.name);
         ui.colored_label(ui.visuals().warn_fg_color, text);
         ui.horizontal_wrapped(|ui| {
             if ui.button(yes).on_hover_text("The edits are lost").clicked() {
                 match &waiting {
                     // What is wrong is in a note.
-                    Waiting::Open(name) => drop(app.open_anyway(name)),
-                    Waiting::Close => app.close_anyway(ui.ctx()),
+                    Waiting::Open(name) => drop(model.open_anyway(name)),
+                    Waiting::Close => model.close_anyway(ui.ctx()),
                 }
             }
             if ui.button("Keep this scene").on_hover_text("`Save scene as...` under Materials writes it").clicked() {
-                app.scenes.waits = None;
+                model.scenes.waits = None;
             }
         });
     });

@@ -2,14 +2,14 @@
 
 use eframe::egui::{self, Color32, RichText, Ui};
 use kernels::frame::FrameReport;
-use kernels::geometry::NormalEncoding;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
+use kernels::view::normals::NormalEncoding;
 
 use super::choose;
-use crate::app::Workbench;
-use crate::settings::Settings;
+use crate::model::settings::Settings;
+use crate::model::state::Model;
 
 /// Columns of the 31.
 const COLUMNS: usize = 4;
@@ -51,73 +51,73 @@ fn promised(settings: &Settings, variant: Variant) -> u32 {
     settings.estimator.promised_fetches_of(variant)
 }
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
-        if ui.selectable_label(app.settings.forced.is_none(), "Automatic").on_hover_text("Each tile what its pixels need (0)").clicked() {
-            app.settings.forced = None;
+        if ui.selectable_label(model.settings.forced.is_none(), "Automatic").on_hover_text("Each tile what its pixels need (0)").clicked() {
+            model.settings.forced = None;
         }
-        ui.checkbox(&mut app.settings.generic, "Generic kernel")
+        ui.checkbox(&mut model.settings.generic, "Generic kernel")
             .on_hover_text("One shader that takes the set at run time: what specialised ones are measured against (G)");
     });
     ui.separator();
     ui.label("Flavours on every tile");
     ui.horizontal_wrapped(|ui| {
         for (key, flavour) in (1..).zip(Flavour::ALL) {
-            let on = app.settings.forced.is_some_and(|v| v.has(flavour));
+            let on = model.settings.forced.is_some_and(|v| v.has(flavour));
             let text = RichText::new(format!("{key} {}", flavour.name()));
-            let hint = format!("{}: {} fetches a pixel (key {key})", about(flavour), app.settings.estimator.promised_fetches(flavour));
+            let hint = format!("{}: {} fetches a pixel (key {key})", about(flavour), model.settings.estimator.promised_fetches(flavour));
             if ui.selectable_label(on, text).on_hover_text(hint).clicked() {
-                app.settings.toggle(flavour);
+                model.settings.toggle(flavour);
             }
         }
     });
     ui.separator();
-    let tiles = app.shown().map(|shown| shown.picture.report.tiles.clone()).unwrap_or_default();
+    let tiles = model.shown().map(|shown| shown.picture.report.tiles.clone()).unwrap_or_default();
     let all = tiles.first().copied().unwrap_or(0).max(1);
-    let times = app.shown().map(|shown| timed(&shown.picture.report)).unwrap_or_default();
+    let times = model.shown().map(|shown| timed(&shown.picture.report)).unwrap_or_default();
     egui::Grid::new("31 variants").num_columns(COLUMNS).spacing([4.0, 4.0]).show(ui, |ui| {
         for (i, variant) in Variant::all().enumerate() {
             let own = times.iter().find(|timed| timed.variant == Some(variant));
-            cell(app, ui, variant, [tiles.get(usize::from(variant.mask())).copied().unwrap_or(0), all], own);
+            cell(model, ui, variant, [tiles.get(usize::from(variant.mask())).copied().unwrap_or(0), all], own);
             if i % COLUMNS == COLUMNS - 1 {
                 ui.end_row();
             }
         }
     });
     let hint = "Shades each variant in a pass of its own: how variants compare, but the sum is not what one pass for all takes";
-    ui.checkbox(&mut app.settings.times_variants, "Time variants").on_hover_text(hint);
-    if app.settings.times_variants {
-        table(app, ui, &times, all);
+    ui.checkbox(&mut model.settings.times_variants, "Time variants").on_hover_text(hint);
+    if model.settings.times_variants {
+        table(model, ui, &times, all);
     }
     ui.separator();
     egui::Grid::new("estimator and noise").num_columns(2).show(ui, |ui| {
-        let shown = app.settings.estimator.name();
+        let shown = model.settings.estimator.name();
         let all = Estimator::ALL.into_iter().map(|e| (e, e.name().to_owned(), "")).collect();
-        choose(ui, "Estimator", &mut app.settings.estimator, shown, all);
+        choose(ui, "Estimator", &mut model.settings.estimator, shown, all);
         ui.end_row();
-        let shown = app.settings.noise.name();
+        let shown = model.settings.noise.name();
         let all = NoiseKind::ALL.into_iter().map(|n| (n, n.name().to_owned(), "")).collect();
-        choose(ui, "Noise", &mut app.settings.noise, shown, all);
+        choose(ui, "Noise", &mut model.settings.noise, shown, all);
         ui.end_row();
-        let shown = app.settings.normals.name();
+        let shown = model.settings.normals.name();
         let all = NormalEncoding::ALL.into_iter().map(|n| (n, n.name().to_owned(), of_normals(n))).collect();
-        choose(ui, "Stored normals", &mut app.settings.normals, shown, all).on_hover_text(
+        choose(ui, "Stored normals", &mut model.settings.normals, shown, all).on_hover_text(
             "How the geometry pass stores a pixel's shading normal and its triangle's plane, which derivatives are taken on",
         );
         ui.end_row();
         let label = ui.label("Seed");
-        ui.add(egui::DragValue::new(&mut app.settings.seed)).labelled_by(label.id);
+        ui.add(egui::DragValue::new(&mut model.settings.seed)).labelled_by(label.id);
         ui.end_row();
     });
-    ui.checkbox(&mut app.settings.reseeds, "A seed a frame")
+    ui.checkbox(&mut model.settings.reseeds, "A seed a frame")
         .on_hover_text("Seed plus frame: what noise looks like that nothing holds still");
-    ui.checkbox(&mut app.settings.two_tilings, "Two tilings").on_hover_text("Full splat at two scales of texture: 96 fetches");
-    ui.checkbox(&mut app.settings.counts, "Count fetches").on_hover_text("By a slower shader; its time is not that of the plain one");
+    ui.checkbox(&mut model.settings.two_tilings, "Two tilings").on_hover_text("Full splat at two scales of texture: 96 fetches");
+    ui.checkbox(&mut model.settings.counts, "Count fetches").on_hover_text("By a slower shader; its time is not that of the plain one");
 }
 
 /// What each variant took, the longest first; `all`: tiles with terrain.
-fn table(app: &Workbench, ui: &mut Ui, times: &[Timed], all: u32) {
-    let Some(shown) = app.shown().filter(|shown| shown.wish.settings.times_variants && !shown.draft) else { return };
+fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
+    let Some(shown) = model.shown().filter(|shown| shown.wish.settings.times_variants && !shown.draft) else { return };
     if times.is_empty() {
         ui.label("No times: the picture shows no terrain, or the device tells none.");
         return;
@@ -150,11 +150,11 @@ fn table(app: &Workbench, ui: &mut Ui, times: &[Timed], all: u32) {
 }
 
 /// One of the 31: its number, its flavours as five stripes, its tiles of all, and what it took if that is known.
-fn cell(app: &mut Workbench, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2], timed: Option<&Timed>) {
-    let forced = app.settings.forced == Some(variant);
+fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2], timed: Option<&Timed>) {
+    let forced = model.settings.forced == Some(variant);
     let [r, g, b] = variant.colour();
     let share = if tiles > 0 { format!("{:.0} %", 100.0 * f64::from(tiles) / f64::from(all)) } else { String::new() };
-    let fetches = promised(&app.settings, variant);
+    let fetches = promised(&model.settings, variant);
     let took = timed.map_or_else(String::new, |timed| format!(", {:.3} ms, {:.0} ns a tile", timed.ms, timed.ns_a_tile()));
     let dark = u32::from(r) * 3 + u32::from(g) * 6 + u32::from(b) < 1100;
     let running = tiles > 0;
@@ -174,7 +174,7 @@ fn cell(app: &mut Workbench, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 
     let name = variant.to_string();
     response.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, forced, format!("Variant {name}")));
     if response.on_hover_text(format!("{name}: {fetches} fetches a pixel, {tiles} of {all} tiles{took}")).clicked() {
-        app.settings.forced = if forced { None } else { Some(variant) };
+        model.settings.forced = if forced { None } else { Some(variant) };
     }
 }
 

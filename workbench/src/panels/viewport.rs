@@ -5,13 +5,13 @@ use glam::DVec3;
 use kernels::view::camera::Pose;
 
 use super::{choose, legend};
-use crate::app::{Looking, Workbench};
-use crate::brush::Ground;
-use crate::compare::{Mode, label};
-use crate::display::{Layer, difference_legend};
-use crate::engine::Viewpoint;
-use crate::flight::{self, Orbit};
-use crate::settings::Settings;
+use crate::model::brush::Ground;
+use crate::model::compare::{Mode, label};
+use crate::model::display::{Layer, difference_legend};
+use crate::model::flight::{self, Orbit};
+use crate::model::settings::Settings;
+use crate::model::state::{Looking, Model};
+use crate::model::viewpoint::Viewpoint;
 
 /// Longest step of the camera between two frames of the window, seconds: a stall must not throw it across the map.
 const LONGEST_STEP_S: f32 = 0.25;
@@ -25,55 +25,55 @@ const CROSS: [f32; 2] = [4.0, 12.0];
 /// Edge of the loupe, points, and how much it magnifies.
 const LOUPE: [f32; 2] = [150.0, 8.0];
 
-pub(crate) fn show(app: &mut Workbench, ui: &mut Ui) {
+pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Picture"));
     let pixels = ui.ctx().pixels_per_point();
-    app.room = [rect.width(), rect.height()].map(|side| (side * pixels).round().max(0.0) as u32);
+    model.room = [rect.width(), rect.height()].map(|side| (side * pixels).round().max(0.0) as u32);
     let painter = ui.painter_at(rect);
     // Nothing is painted below the picture: a processor would take as long for it, and the window is black. Why there is no picture says the status.
-    if app.textures[0].is_none() && app.failure().is_none() {
-        let text = app.news.progress.as_ref().map_or("starting", |p| p.stage.as_str());
+    if model.textures[0].is_none() && model.failure().is_none() {
+        let text = model.news.progress.as_ref().map_or("starting", |p| p.stage.as_str());
         painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(16.0), Color32::GRAY);
     }
     if response.clicked() || response.drag_started() {
         response.request_focus();
     }
-    let parts = parts(app, rect);
+    let parts = parts(model, rect);
     if let [left, right] = &parts[..] {
         // The gap between two that stand side by side, for those without a window.
         painter.rect_filled(Rect::from_min_max(left.clip.right_top(), right.clip.left_bottom()), 0.0, Color32::BLACK);
     }
     for part in &parts {
-        if let Some(texture) = &app.textures[part.texture] {
+        if let Some(texture) = &model.textures[part.texture] {
             painter.with_clip_rect(part.clip).image(texture.id(), part.place, part.uv, Color32::WHITE);
         }
-        let region = app.metrics.region.filter(|_| app.shown().is_some_and(|shown| shown.wish.is_measured()));
+        let region = model.metrics.region.filter(|_| model.shown().is_some_and(|shown| shown.wish.is_measured()));
         if let Some([left, top, right, bottom]) = region {
             let measured = Rect::from_min_max(part.on_screen(pos2(left, top)), part.on_screen(pos2(right, bottom)));
             let stroke = egui::Stroke::new(1.5, Color32::YELLOW);
             painter.with_clip_rect(part.clip).rect_stroke(measured, 0.0, stroke, egui::StrokeKind::Outside);
         }
-        if let Some([x, y]) = app.probe {
+        if let Some([x, y]) = model.probe {
             crosshair(&painter.with_clip_rect(part.clip), part.on_screen(pos2(x, y)));
         }
     }
-    let paints = app.brush.paints && ui.input(|i| !i.modifiers.shift && !i.modifiers.command);
+    let paints = model.brush.paints && ui.input(|i| !i.modifiers.shift && !i.modifiers.command);
     if response.clicked()
         && !paints
         && let Some(at) = response.interact_pointer_pos()
         && let Some(part) = parts.iter().find(|part| part.clip.contains(at))
     {
         let at = part.in_picture(at);
-        app.probe = Some([at.x, at.y]);
+        model.probe = Some([at.x, at.y]);
     }
-    let on_line = wipe(app, ui, rect);
-    captions(app, ui, rect, &parts);
-    loupe(app, ui, &response, &parts);
-    let measuring = measure_region(app, ui, &response, &parts);
-    paint(app, ui, &response, &parts, paints && !on_line && !measuring);
+    let on_line = wipe(model, ui, rect);
+    captions(model, ui, rect, &parts);
+    loupe(model, ui, &response, &parts);
+    let measuring = measure_region(model, ui, &response, &parts);
+    paint(model, ui, &response, &parts, paints && !on_line && !measuring);
     if !on_line && !measuring {
-        navigate(app, ui, &response, rect);
+        navigate(model, ui, &response, rect);
     }
 }
 
@@ -107,22 +107,22 @@ impl Part {
 }
 
 /// What the viewport is divided into.
-fn parts(app: &Workbench, rect: Rect) -> Vec<Part> {
+fn parts(model: &Model, rect: Rect) -> Vec<Part> {
     // What is up is what was drawn: a mode that was only just chosen has no second picture yet.
-    let mode = app.shown().filter(|shown| shown.second.is_some()).map_or(Mode::Off, |shown| shown.wish.compare.mode);
-    let whole = |texture, clip| Part { texture, place: rect, clip, uv: cut_out(&app.looking, 1.0) };
+    let mode = model.shown().filter(|shown| shown.second.is_some()).map_or(Mode::Off, |shown| shown.wish.compare.mode);
+    let whole = |texture, clip| Part { texture, place: rect, clip, uv: cut_out(&model.looking, 1.0) };
     match mode {
         Mode::Off => vec![whole(0, rect)],
-        Mode::Flicker if app.looking.b => vec![whole(1, rect)],
+        Mode::Flicker if model.looking.b => vec![whole(1, rect)],
         Mode::Flicker => vec![whole(0, rect)],
         Mode::Difference => vec![whole(2, rect)],
         Mode::Wipe => {
-            let (left, right) = rect.split_left_right_at_fraction(app.looking.wipe.clamp(0.0, 1.0));
+            let (left, right) = rect.split_left_right_at_fraction(model.looking.wipe.clamp(0.0, 1.0));
             vec![whole(0, left), whole(1, right)]
         }
         Mode::SideBySide => {
             let (left, right) = rect.split_left_right_at_fraction(0.5);
-            let half = |texture, place: Rect| Part { texture, place, clip: place, uv: cut_out(&app.looking, 0.5) };
+            let half = |texture, place: Rect| Part { texture, place, clip: place, uv: cut_out(&model.looking, 0.5) };
             vec![half(0, left), half(1, right.translate(vec2(1.0, 0.0)))]
         }
     }
@@ -136,24 +136,24 @@ fn cut_out(looking: &Looking, width: f32) -> Rect {
 }
 
 /// The line between A and B; says whether it is being dragged.
-fn wipe(app: &mut Workbench, ui: &Ui, rect: Rect) -> bool {
-    if app.compare.mode != Mode::Wipe || app.textures[1].is_none() {
+fn wipe(model: &mut Model, ui: &Ui, rect: Rect) -> bool {
+    if model.compare.mode != Mode::Wipe || model.textures[1].is_none() {
         return false;
     }
-    let x = rect.left() + rect.width() * app.looking.wipe;
+    let x = rect.left() + rect.width() * model.looking.wipe;
     let grip = Rect::from_center_size(pos2(x, rect.center().y), vec2(GRASP, rect.height()));
     let response = ui.interact(grip, ui.scope_id().with("wipe"), Sense::drag()).on_hover_cursor(egui::CursorIcon::ResizeHorizontal);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Splitter, true, "Wipe line"));
-    app.looking.wipe = (app.looking.wipe + response.drag_delta().x / rect.width().max(1.0)).clamp(0.0, 1.0);
+    model.looking.wipe = (model.looking.wipe + response.drag_delta().x / rect.width().max(1.0)).clamp(0.0, 1.0);
     ui.painter_at(rect).vline(x, rect.y_range(), egui::Stroke::new(1.5, Color32::WHITE));
     response.dragged()
 }
 
 /// Says which picture is which, and what its colours mean.
-fn captions(app: &mut Workbench, ui: &mut Ui, rect: Rect, parts: &[Part]) {
-    let Some(shown) = app.shown().cloned() else { return };
+fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
+    let Some(shown) = model.shown().cloned() else { return };
     let settings = &shown.wish.settings;
-    let stale = if app.is_settled() { "" } else { " ..." };
+    let stale = if model.is_settled() { "" } else { " ..." };
     let both = |own: &Settings, other: &Settings, side: &str| format!("{side}: {}{stale}", label(own, other));
     let difference = difference_legend();
     for (i, part) in parts.iter().enumerate() {
@@ -197,14 +197,14 @@ fn captions(app: &mut Workbench, ui: &mut Ui, rect: Rect, parts: &[Part]) {
 }
 
 /// What is under the pointer, magnified, of A and of B.
-fn loupe(app: &Workbench, ui: &Ui, response: &egui::Response, parts: &[Part]) {
-    let Some(pointer) = response.hover_pos().filter(|_| app.looking.loupe) else { return };
+fn loupe(model: &Model, ui: &Ui, response: &egui::Response, parts: &[Part]) {
+    let Some(pointer) = response.hover_pos().filter(|_| model.looking.loupe) else { return };
     let Some(part) = parts.iter().find(|part| part.clip.contains(pointer)) else { return };
     let [edge, magnification] = LOUPE;
     let at = part.in_picture(pointer);
     let uv = Rect::from_center_size(at, part.uv.size() / part.place.size() * (edge / magnification));
     let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, ui.scope_id().with("loupe")));
-    let textures = app.textures.iter().take(2).flatten();
+    let textures = model.textures.iter().take(2).flatten();
     for (i, (texture, name)) in textures.zip(["A", "B"]).enumerate() {
         let place = Rect::from_min_size(pointer + vec2(16.0 + i as f32 * (edge + 4.0), 16.0), vec2(edge, edge));
         painter.rect_filled(place.expand(2.0), 0.0, Color32::WHITE);
@@ -214,26 +214,26 @@ fn loupe(app: &Workbench, ui: &Ui, response: &egui::Response, parts: &[Part]) {
 }
 
 /// Ctrl and a drag: the rectangle that is measured. Says whether one is being drawn.
-fn measure_region(app: &mut Workbench, ui: &Ui, response: &egui::Response, parts: &[Part]) -> bool {
+fn measure_region(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part]) -> bool {
     if response.drag_started() {
-        app.looking.measures = ui.input(|i| i.modifiers.command);
+        model.looking.measures = ui.input(|i| i.modifiers.command);
     }
-    let dragged = response.dragged_by(egui::PointerButton::Primary) && app.looking.measures;
+    let dragged = response.dragged_by(egui::PointerButton::Primary) && model.looking.measures;
     let origin = ui.input(|i| i.pointer.press_origin());
     let (Some(from), Some(to)) = (origin, response.interact_pointer_pos()) else { return false };
     let Some(part) = parts.iter().find(|part| part.clip.contains(from)).filter(|_| dragged) else { return false };
     let corners = [from, to].map(|at| part.in_picture(at.clamp(part.clip.min, part.clip.max)));
     let region = Rect::from_two_pos(corners[0], corners[1]).intersect(Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)));
     if region.is_positive() {
-        app.metrics.region = Some([region.left(), region.top(), region.right(), region.bottom()]);
-        app.metrics.on = true;
+        model.metrics.region = Some([region.left(), region.top(), region.right(), region.bottom()]);
+        model.metrics.on = true;
     }
     true
 }
 
 /// What the brush paints, and its ring on the ground. `may_begin`: a drag or a click that begins now is the brush's.
-fn paint(app: &mut Workbench, ui: &Ui, response: &egui::Response, parts: &[Part], may_begin: bool) {
-    let Some(shown) = app.shown_here().cloned().filter(|_| app.brush.paints) else { return };
+fn paint(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part], may_begin: bool) {
+    let Some(shown) = model.shown_here().cloned().filter(|_| model.brush.paints) else { return };
     let primary = egui::PointerButton::Primary;
     let pointer = response.interact_pointer_pos();
     let pressed = match (response.clicked(), response.drag_started_by(primary)) {
@@ -245,18 +245,19 @@ fn paint(app: &mut Workbench, ui: &Ui, response: &egui::Response, parts: &[Part]
         && let Some(i) = parts.iter().position(|part| part.clip.contains(from))
     {
         // What was changed just before is taken back for itself.
-        app.undo_point(ui.ctx());
-        app.brush.begin(i, parts[i].in_picture(from).into());
+        model.undo_point(ui.ctx());
+        model.brush.begin(i, parts[i].in_picture(from).into());
     }
     let Some(ground) = Ground::of(&shown) else { return };
-    if let (Some(to), Some(part)) = (pointer, app.brush.part().and_then(|i| parts.get(i))) {
+    if let (Some(to), Some(part)) = (pointer, model.brush.part().and_then(|i| parts.get(i))) {
         let to = part.clip.contains(to).then(|| part.in_picture(to).into());
-        app.brush.drag(&mut app.settings.scene, &ground, to);
+        model.brush.drag(&mut model.settings.scene, &ground, to);
     }
     let hover = response.hover_pos().or(pointer);
     let Some((at, part)) = hover.and_then(|at| Some((at, parts.iter().find(|part| part.clip.contains(at))?))) else { return };
     let Some(centre) = ground.at(part.in_picture(at).into()) else { return };
-    let ring: Vec<_> = ground.ring(centre, app.brush.radius_m).into_iter().map(|at| at.map(|[x, y]| part.on_screen(pos2(x, y)))).collect();
+    let ring: Vec<_> =
+        ground.ring(centre, model.brush.radius_m).into_iter().map(|at| at.map(|[x, y]| part.on_screen(pos2(x, y)))).collect();
     for (width, colour) in [(3.0, Color32::BLACK), (1.5, Color32::WHITE)] {
         for pair in ring.windows(2) {
             if let [Some(from), Some(to)] = *pair {
@@ -266,92 +267,92 @@ fn paint(app: &mut Workbench, ui: &Ui, response: &egui::Response, parts: &[Part]
     }
 }
 
-fn navigate(app: &mut Workbench, ui: &Ui, response: &egui::Response, rect: Rect) {
-    let Some(mut pose) = app.pose() else { return };
-    let target = orbited(app, &pose);
+fn navigate(model: &mut Model, ui: &Ui, response: &egui::Response, rect: Rect) {
+    let Some(mut pose) = model.pose() else { return };
+    let target = orbited(model, &pose);
     let drag = |button| if response.dragged_by(button) { response.drag_delta() } else { vec2(0.0, 0.0) };
-    let turn = if app.brush.is_drawing() { vec2(0.0, 0.0) } else { drag(egui::PointerButton::Primary) };
-    let height = rect.height() * app.looking.zoom;
+    let turn = if model.brush.is_drawing() { vec2(0.0, 0.0) } else { drag(egui::PointerButton::Primary) };
+    let height = rect.height() * model.looking.zoom;
     let mut moved = match target {
         Some(target) => flight::swing(&mut pose, target, turn, height),
-        None => app.flight.turn(&mut pose, turn, height),
+        None => model.flight.turn(&mut pose, turn, height),
     };
-    let pan = drag(egui::PointerButton::Middle) / rect.size() / app.looking.zoom;
-    app.looking.centre = [app.looking.centre[0] - pan.x, app.looking.centre[1] - pan.y];
+    let pan = drag(egui::PointerButton::Middle) / rect.size() / model.looking.zoom;
+    model.looking.centre = [model.looking.centre[0] - pan.x, model.looking.centre[1] - pan.y];
     if response.hovered() {
-        app.looking.zoom = (app.looking.zoom * ui.input(egui::InputState::zoom_delta)).clamp(1.0, 64.0);
+        model.looking.zoom = (model.looking.zoom * ui.input(egui::InputState::zoom_delta)).clamp(1.0, 64.0);
         let notches = f64::from(ui.input(|i| i.smooth_scroll_delta().y) / NOTCH_POINTS);
         match target {
             _ if notches == 0.0 => {}
             Some(target) => moved |= flight::approach(&mut pose, target, notches),
-            None => app.flight.hasten(notches),
+            None => model.flight.hasten(notches),
         }
     }
     if !ui.ctx().text_edit_focused() {
         let seconds = ui.input(|i| i.stable_dt).min(LONGEST_STEP_S);
-        if ui.input(|i| app.flight.advance(&mut pose, i, f64::from(seconds))) {
+        if ui.input(|i| model.flight.advance(&mut pose, i, f64::from(seconds))) {
             moved = true;
             ui.ctx().request_repaint();
         }
     }
-    let margin = 0.5 / app.looking.zoom.max(1.0);
-    app.looking.centre = app.looking.centre.map(|c| c.clamp(margin, 1.0 - margin));
-    let walks = matches!(app.viewpoint, Viewpoint::Free { walking, .. } if walking != app.flight.walking);
+    let margin = 0.5 / model.looking.zoom.max(1.0);
+    model.looking.centre = model.looking.centre.map(|c| c.clamp(margin, 1.0 - margin));
+    let walks = matches!(model.viewpoint, Viewpoint::Free { walking, .. } if walking != model.flight.walking);
     if moved || walks {
-        app.fly(pose);
+        model.fly(pose);
     }
 }
 
 /// What is orbited, as long as it is: whoever walks, or goes to another view, does so no more.
-fn orbited(app: &mut Workbench, pose: &Pose) -> Option<DVec3> {
-    let target = app.flight.target()?;
-    if app.flight.walking || !flight::is_centred(pose, target) {
-        app.flight.orbit = Orbit::Off;
+fn orbited(model: &mut Model, pose: &Pose) -> Option<DVec3> {
+    let target = model.flight.target()?;
+    if model.flight.walking || !flight::is_centred(pose, target) {
+        model.flight.orbit = Orbit::Off;
         return None;
     }
     Some(target)
 }
 
 /// Cameras and paths of the scene, the layer on show, and how fast the camera is.
-pub(crate) fn viewpoints(app: &mut Workbench, ui: &mut Ui) {
-    let name = match &app.viewpoint {
+pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
+    let name = match &model.viewpoint {
         Viewpoint::Camera(name) => format!("camera {name}"),
         Viewpoint::Path(name) => format!("path {name}"),
         Viewpoint::Recorded(path) => format!("replay of {}", path.name),
         Viewpoint::Free { walking: true, .. } => "walking".to_owned(),
-        Viewpoint::Free { walking: false, .. } if app.flight.target().is_some() => "orbiting".to_owned(),
+        Viewpoint::Free { walking: false, .. } if model.flight.target().is_some() => "orbiting".to_owned(),
         Viewpoint::Free { walking: false, .. } => "flying".to_owned(),
     };
-    let scene = &app.settings.scene;
+    let scene = &model.settings.scene;
     let cameras = scene.cameras.iter().map(|c| (Viewpoint::Camera(c.name.clone()), format!("camera {}", c.name), ""));
     let paths = scene.paths.iter().map(|p| (Viewpoint::Path(p.name.clone()), format!("path {}", p.name), ""));
     let all = cameras.chain(paths).collect();
-    choose(ui, "View", &mut app.viewpoint, &name, all).on_hover_text("Cameras and paths of the scene; drag or W A S D to leave them");
+    choose(ui, "View", &mut model.viewpoint, &name, all).on_hover_text("Cameras and paths of the scene; drag or W A S D to leave them");
     let all = Layer::ALL.into_iter().map(|l| (l, l.name().to_owned(), l.legend())).collect();
-    let shown = app.settings.layer.name();
-    choose(ui, "Layer", &mut app.settings.layer, shown, all);
-    ui.checkbox(&mut app.flight.walking, "Walk").on_hover_text("Keep the eye 1.7 m over the ground (F)");
-    let mut orbits = app.flight.orbit != Orbit::Off;
+    let shown = model.settings.layer.name();
+    choose(ui, "Layer", &mut model.settings.layer, shown, all);
+    ui.checkbox(&mut model.flight.walking, "Walk").on_hover_text("Keep the eye 1.7 m over the ground (F)");
+    let mut orbits = model.flight.orbit != Orbit::Off;
     let hint = "Move about the pixel that is taken apart, or else what is in the middle of the picture (O): a drag turns, the wheel nears, \
                 W A S D take it along";
     if ui.checkbox(&mut orbits, "Orbit").on_hover_text(hint).changed() {
-        app.orbit(orbits);
+        model.orbit(orbits);
     }
-    match app.flight.target().zip(app.pose()) {
+    match model.flight.target().zip(model.pose()) {
         Some((target, pose)) => {
             let distance_m = pose.position.distance(target);
             ui.label(format!("{distance_m:.2} m away")).on_hover_text("From what is orbited: the wheel over the picture changes it");
         }
         None => {
-            ui.label(format!("{:.3} m/s", app.flight.speed_m_s)).on_hover_text("Speed: the wheel over the picture changes it");
+            ui.label(format!("{:.3} m/s", model.flight.speed_m_s)).on_hover_text("Speed: the wheel over the picture changes it");
         }
     }
-    let frozen = app.culled_from.is_some();
-    let able = frozen || app.pose().is_some();
+    let frozen = model.culled_from.is_some();
+    let able = frozen || model.pose().is_some();
     let button = ui.add_enabled(able, egui::Button::new("Freeze culling").selected(frozen));
     button.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, able, frozen, "Freeze culling"));
     let hint = "Goes on drawing the nodes and patches of this moment, so that what culling leaves out is seen from elsewhere (C)";
     if button.on_hover_text(hint).clicked() {
-        app.freeze_culling();
+        model.freeze_culling();
     }
 }

@@ -9,8 +9,8 @@ use glam::{DVec2, DVec3};
 use kernels::scene::{Scene, Stroke, StrokeKind};
 use kernels::view::camera::{NEAR_M, View};
 
-use crate::engine::Shown;
-use crate::inspector::{pixel_at, place_at};
+use super::picture::Shown;
+use kernels::oracle::{pixel_at, place_at};
 
 /// Smallest and largest radius of a brush, metres.
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
@@ -366,7 +366,7 @@ mod tests {
             let depths = plane(&view, rise);
             let ground = Ground::new(view, &depths).expect("of its size");
             for pixel in [[0, 89], [80, 45], [159, 60]] {
-                let at = crate::inspector::probe_of(pixel, SIZE);
+                let at = kernels::oracle::probe_of(pixel, SIZE);
                 let place = ground.at(at).expect("ground");
                 assert!((place.z - rise.dot(place.truncate())).abs() < 1e-4, "{place}");
                 let back = ground.seen(place).expect("before the camera");

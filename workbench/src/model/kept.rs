@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::fs::{self, File};
-use std::io::{ErrorKind, Write};
+use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -15,23 +15,23 @@ use std::time::{Duration, Instant};
 use eframe::egui;
 use egui_tiles::Tree;
 use kernels::base::document;
-use kernels::base::error::{Error, one_line};
-use kernels::base::files::write_whole;
+use kernels::base::error::one_line;
 use kernels::base::names::suggestion;
-use kernels::geometry::{NormalEncoding, STRIDES};
+use kernels::geometry::STRIDES;
 use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene};
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::Variant;
+use kernels::view::normals::NormalEncoding;
 use serde::{Deserialize, Serialize};
 
-use crate::app::Pane;
-use crate::display::Layer;
-use crate::layout::Layout;
-use crate::parameters::{GROUPS, Parameter, differences};
-use crate::places::{Place, Places, Recorded};
-use crate::settings::{SCALES, Settings};
+use super::display::Layer;
+use super::files;
+use super::panes::{Layout, Pane};
+use super::parameters::{GROUPS, Parameter, differences};
+use super::places::{Place, Places, Recorded};
+use super::settings::{SCALES, Settings};
 
 /// Version of the file. Raised when a key is added or changes its meaning: an older program then leaves the file alone.
 pub const VERSION: u32 = 2;
@@ -331,7 +331,7 @@ impl Kept {
             };
             fs::create_dir_all(folder).map_err(cannot)?;
         }
-        write(path, text.as_bytes())
+        files::write(path, text.as_bytes())
     }
 }
 
@@ -403,24 +403,6 @@ fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
         }
         number += 1;
     }
-}
-
-/// Writes a file under a temporary name, brings it to the disk, and gives it its name: it is whole, or what was there before.
-pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
-    let done = write_whole(path, |temporary| {
-        let written = || -> std::io::Result<()> {
-            let mut file = File::create(temporary)?;
-            file.write_all(bytes)?;
-            file.sync_all()
-        };
-        written().map_err(|source| Error::File { file: path.to_owned(), source })
-    });
-    done.map_err(|error| match error {
-        Error::File { source, .. } => {
-            format!("cannot write {}: {source}: make room if the disk is full, or choose a folder that can be written", path.display())
-        }
-        other => format!("cannot write {}: {other}", path.display()),
-    })
 }
 
 /// The file of what is kept: `$SCREE_STATE`, or `scree/workbench.toml` in `$XDG_STATE_HOME` or `~/.local/state`, on Windows in `%APPDATA%`, on

@@ -3,22 +3,24 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, BufRead as _, BufReader, PipeReader};
-use std::path::{self, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Error, Result, bail, ensure};
 use experiments::definition::{self, Definition, Reference, Small, Times, variant_name};
 use kernels::base::error::one_line;
 use kernels::base::files::WholeFolder;
-use kernels::scene::{self, CameraPose, Scene, World};
+use kernels::scene::{self, CameraPose, Scene};
 use toml::Value;
 
-use crate::engine::{EYE_M, Viewpoint, lock};
-use crate::parameters::GROUPS;
-use crate::settings::Settings;
+use super::lock;
+use crate::model::editing::with_absolute_paths;
+use crate::model::parameters::GROUPS;
+use crate::model::settings::Settings;
+use crate::model::viewpoint::{EYE_M, Viewpoint};
 
 /// Name of the camera that stands for a place that no camera of the scene has.
 const CAMERA: &str = "workbench";
@@ -60,7 +62,7 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     let source = if changes.is_some() {
         scene::DEFAULT
     } else {
-        let mut copy = with_absolute_paths(&settings.scene)?;
+        let mut copy = with_absolute_paths(&settings.scene).map_err(Error::msg)?;
         copy.cameras.extend(camera);
         write_in(&staging, scene::FILE, &toml::to_string(&copy).context("the scene cannot be written as TOML")?)?;
         scene::FILE
@@ -168,24 +170,6 @@ fn changes(scene: &Scene) -> Option<BTreeMap<String, Value>> {
         }
     }
     (built_in == wanted).then_some(changes)
-}
-
-/// The scene as it can be read from anywhere.
-///
-/// # Errors
-/// A file that it names has no absolute path.
-pub(crate) fn with_absolute_paths(scene: &Scene) -> Result<Scene> {
-    let mut copy = scene.clone();
-    let material_folders = copy.materials.iter_mut().filter_map(|material| material.folder.as_mut());
-    let heightmap = match &mut copy.world {
-        World::Heightmap { file, .. } => Some(file),
-        World::Procedural { .. } => None,
-    };
-    for relative in material_folders.chain(heightmap) {
-        let from_here = scene.folder.join(&*relative);
-        *relative = path::absolute(&from_here).with_context(|| format!("{} has no absolute path", from_here.display()))?;
-    }
-    Ok(copy)
 }
 
 fn write_in(staging: &WholeFolder, name: &str, text: &str) -> Result<()> {
@@ -459,12 +443,12 @@ fn excerpt(page: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use kernels::geometry::NormalEncoding;
-    use kernels::scene::{Stroke, StrokeKind};
+    use kernels::scene::{Stroke, StrokeKind, World};
     use kernels::shading::Estimator;
     use kernels::shared::noise::NoiseKind;
     use kernels::variant::{Flavour, Variant};
     use kernels::view::camera::Pose;
+    use kernels::view::normals::NormalEncoding;
 
     use super::*;
     use crate::test_folder::Folder;
@@ -623,7 +607,9 @@ mod tests {
         let pose = Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: 0.0, fov: 1.0 };
         for frame in [0, 3] {
             let (run, seen) = (choices.request(pose, EXTENT.size, frame), settings.request(pose, EXTENT.size, frame, &[]));
-            let of = |r: &kernels::frame::RenderRequest| (r.frame, r.seed, r.two_tilings, r.lod_bias, r.vertex_stride, r.normals);
+            let of = |r: &kernels::frame::RenderRequest| {
+                (r.shading.frame, r.shading.seed, r.shading.two_tilings, r.geometry.lod_bias, r.geometry.vertex_stride, r.geometry.normals)
+            };
             assert_eq!(of(&run), of(&seen));
         }
     }

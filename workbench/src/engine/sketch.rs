@@ -91,12 +91,11 @@ impl Drop for Sketch {
 
 /// The picture that is drawn in place of another for a first look.
 pub fn draft(request: &RenderRequest) -> RenderRequest {
-    RenderRequest {
-        variant: VariantChoice::Forced(Variant::only(Flavour::FarAtlas)),
-        lod_bias: LOD_BIASES[1],
-        aovs: AovSet::default(),
-        count_fetches: false,
-        time_variants: false,
-        ..request.clone()
-    }
+    request.with(|r| {
+        r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+        r.geometry.lod_bias = LOD_BIASES[1];
+        r.outputs.aovs = AovSet::default();
+        r.outputs.count_fetches = false;
+        r.outputs.time_variants = false;
+    })
 }

@@ -5,20 +5,16 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use eframe::egui;
 use eframe::egui::util::undoer::Undoer;
-use glam::DVec3;
 use kernels::scene::{self, Scene};
 use kernels::view::camera::Pose;
 
-use super::{Clock, Workbench};
-use crate::compare::{Compare, Other};
-use crate::engine::Viewpoint;
-use crate::flight::Orbit;
-use crate::kept;
-use crate::panels::materials::MaterialsPanel;
-use crate::panels::places::PlacesPanel;
-use crate::panels::rules::RulesPanel;
-use crate::panels::scenes::Waiting;
-use crate::settings::Settings;
+use super::{Clock, Model};
+use crate::model::compare::{Compare, Other};
+use crate::model::drafts::{MaterialsDraft, PlacesDraft, RulesDraft, Waiting};
+use crate::model::flight::Orbit;
+use crate::model::kept;
+use crate::model::settings::Settings;
+use crate::model::viewpoint::{Viewpoint, usual_viewpoint};
 
 /// The number of the next opening, of all windows; every window begins with 0.
 static NEXT: AtomicU32 = AtomicU32::new(1);
@@ -33,20 +29,8 @@ pub(super) struct Before {
     clock: Clock,
     probe: Option<[f32; 2]>,
     given: Option<String>,
-    /// Panels that were emptied, if they were.
-    panels: Option<(PlacesPanel, MaterialsPanel, RulesPanel)>,
-}
-
-/// From where a scene is seen first.
-pub(super) fn usual_viewpoint(scene: &Scene) -> Viewpoint {
-    match (scene.paths.iter().find(|p| p.name == "forwards").or(scene.paths.first()), scene.cameras.first()) {
-        (Some(path), _) => Viewpoint::Path(path.name.clone()),
-        (None, Some(camera)) => Viewpoint::Camera(camera.name.clone()),
-        (None, None) => {
-            let pose = Pose { position: DVec3::ZERO, yaw: 0.0, pitch: -0.1, fov: 1.0 };
-            Viewpoint::Free { pose, walking: true }
-        }
-    }
+    /// Drafts that were emptied, if they were.
+    panels: Option<(PlacesDraft, MaterialsDraft, RulesDraft)>,
 }
 
 /// Reads a scene; what is wrong with it is one line.
@@ -54,7 +38,7 @@ fn load(name: &str) -> Result<Scene, String> {
     scene::load(name).map_err(|error| error.to_string().replace('\n', " "))
 }
 
-impl Workbench {
+impl Model {
     /// Opens another scene, as [`scene::load`] takes it. What is kept of the one that is open is kept first. Files that the scene names are read
     /// afterwards: if that fails, the window goes back to the scene before, and a note says why.
     ///
@@ -69,7 +53,7 @@ impl Workbench {
         Err(format!("`{}` has edits that are in no file: save it, or choose `Open without saving`", self.original.name))
     }
 
-    /// As [`Workbench::open`], whatever is lost.
+    /// As [`Model::open`], whatever is lost.
     pub(crate) fn open_anyway(&mut self, given: &str) -> Result<(), String> {
         self.scenes.waits = None;
         let name = kept::scene_name(given);
@@ -86,7 +70,7 @@ impl Workbench {
     }
 
     /// Keeps the window open and asks, if it is about to be closed and edits would be lost.
-    pub(super) fn watch_closing(&mut self, ctx: &egui::Context) {
+    pub(crate) fn watch_closing(&mut self, ctx: &egui::Context) {
         if ctx.input(|i| i.viewport().close_requested()) && !self.leaves && self.has_unsaved_edits() {
             ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
             self.scenes.waits = Some(Waiting::Close);
@@ -226,7 +210,7 @@ impl Workbench {
     }
 
     /// Takes note of whether the scene that was opened could be loaded, and goes back to the one before if not.
-    pub(super) fn settle_opening(&mut self) {
+    pub(crate) fn settle_opening(&mut self) {
         if self.news.loaded == Some(self.opened) {
             self.before = None;
         }

@@ -1,11 +1,110 @@
-//! How panes are arranged, as it is kept: by their titles and shares. The window library's own format would not do: TOML holds neither its
+//! The panes of the window and how they are arranged; as it is kept, by their titles and shares. The window library's own format would not do: TOML holds neither its
 //! identifiers (64 bits, unsigned) nor its empty values, and a pane that came or went with a version would make it unreadable.
 
 use eframe::egui;
 use egui_tiles::{Container, Grid, GridLayout, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
 use serde::{Deserialize, Serialize};
 
-use crate::app::Pane;
+/// A part of the window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pane {
+    /// The picture.
+    Viewport,
+    /// Which shaders.
+    Variants,
+    /// Textures and how they lie on the ground.
+    Materials,
+    /// Which material lies where.
+    Rules,
+    /// What is painted over that.
+    Brush,
+    /// A beside B.
+    Compare,
+    /// What is measured of the pictures.
+    Metrics,
+    /// The scene's numbers.
+    Parameters,
+    /// What the frame took.
+    Frame,
+    /// One pixel, taken apart.
+    Inspector,
+    /// What each stage made of it: nodes on a map, atlases, pages, tiles.
+    Machine,
+    /// Experiments to save and to run.
+    Experiments,
+    /// Places to go back to, and paths to fly again.
+    Places,
+    /// What is to be seen, and the keys.
+    Help,
+}
+
+impl Pane {
+    /// All of them.
+    pub const ALL: [Pane; 14] = [
+        Pane::Viewport,
+        Pane::Variants,
+        Pane::Materials,
+        Pane::Rules,
+        Pane::Brush,
+        Pane::Compare,
+        Pane::Places,
+        Pane::Help,
+        Pane::Parameters,
+        Pane::Metrics,
+        Pane::Frame,
+        Pane::Inspector,
+        Pane::Machine,
+        Pane::Experiments,
+    ];
+
+    /// Its title.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Pane::Viewport => "Viewport",
+            Pane::Variants => "Variants",
+            Pane::Materials => "Materials",
+            Pane::Rules => "Rules",
+            Pane::Brush => "Brush",
+            Pane::Compare => "Compare",
+            Pane::Metrics => "Metrics",
+            Pane::Parameters => "Parameters",
+            Pane::Frame => "Frame",
+            Pane::Inspector => "Inspector",
+            Pane::Machine => "Machine",
+            Pane::Experiments => "Experiments",
+            Pane::Places => "Places",
+            Pane::Help => "Help",
+        }
+    }
+}
+
+/// What the window's panes are remembered by.
+pub(crate) fn tree_id() -> egui::Id {
+    egui::Id::unique("workbench")
+}
+
+/// The picture on the left, everything else in two stacks on the right.
+pub(crate) fn usual() -> Tree<Pane> {
+    let mut tiles = Tiles::default();
+    let viewport = tiles.insert_pane(Pane::Viewport);
+    let upper: Vec<TileId> = [Pane::Variants, Pane::Materials, Pane::Rules, Pane::Brush, Pane::Compare, Pane::Places, Pane::Help]
+        .into_iter()
+        .map(|p| tiles.insert_pane(p))
+        .collect();
+    let lower: Vec<TileId> = [Pane::Parameters, Pane::Metrics, Pane::Frame, Pane::Inspector, Pane::Machine, Pane::Experiments]
+        .into_iter()
+        .map(|p| tiles.insert_pane(p))
+        .collect();
+    let (upper, lower) = (tiles.insert_tab_tile(upper), tiles.insert_tab_tile(lower));
+    let right = tiles.insert_vertical_tile(vec![upper, lower]);
+    let root = tiles.insert_horizontal_tile(vec![viewport, right]);
+    if let Some(Tile::Container(Container::Linear(linear))) = tiles.get_mut(root) {
+        debug_assert_eq!(linear.dir, LinearDir::Horizontal, "made just above");
+        linear.shares.set_share(viewport, 0.66);
+        linear.shares.set_share(right, 0.34);
+    }
+    Tree::new(tree_id(), root, tiles)
+}
 
 /// A pane, or what holds several. Shares are relative to each other, above 0; where one is missing or none, it is 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

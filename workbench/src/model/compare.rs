@@ -3,8 +3,8 @@
 use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 
-use crate::parameters::differences;
-use crate::settings::Settings;
+use super::parameters::differences;
+use super::settings::Settings;
 
 /// How A and B share the viewport.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -10,44 +10,11 @@ use kernels::motion::{Links, NO_LINK};
 use kernels::shared::signal::luminance;
 use rayon::prelude::*;
 
-use crate::settings::Settings;
+use crate::model::metrics::{LAYERS, Metrics, Reading};
+use crate::model::settings::Settings;
 
-/// Layers of a picture that metrics are taken from.
-pub const LAYERS: [&str; 2] = ["albedo", "choice"];
-/// Windows on offer, frames.
-pub const WINDOWS: [u32; 2] = [2, 1024];
 /// Frames that plots go back.
 const HISTORY: usize = 240;
-
-/// What is measured of the pictures.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Metrics {
-    /// Whether anything is.
-    pub on: bool,
-    /// Frames that a number goes back, exponentially.
-    pub window: u32,
-    /// Whether the numbers stay as they are.
-    pub frozen: bool,
-    /// How often they were begun anew.
-    pub resets: u32,
-    /// Left, top, right and bottom of what is summed, as shares of the picture; `None` = all.
-    pub region: Option<[f32; 4]>,
-}
-
-impl Default for Metrics {
-    fn default() -> Self {
-        Metrics { on: false, window: 32, frozen: false, resets: 0, region: None }
-    }
-}
-
-/// One frame's numbers, of A and of B.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reading {
-    /// The frame.
-    pub frame: u32,
-    /// A, and B if it was drawn.
-    pub sides: [Option<Summary>; 2],
-}
 
 /// What is followed from picture to picture.
 #[derive(Default)]
@@ -76,9 +43,9 @@ impl Live {
         settings: [Option<&Settings>; 2],
         pictures: [Option<&Picture>; 2],
     ) -> Result<()> {
-        let same_size = self.links.as_ref().is_some_and(|links| links.size() == request.size);
+        let same_size = self.links.as_ref().is_some_and(|links| links.size() == request.view.size);
         if metrics.frozen && same_size && self.of.as_ref().is_some_and(|of| of.1 == metrics.resets) {
-            self.sum_again(metrics, request.size);
+            self.sum_again(metrics, request.view.size);
             return Ok(());
         }
         let kept = |of: &([Option<Settings>; 2], u32)| {
@@ -96,16 +63,19 @@ impl Live {
             self.of = Some((settings.map(|s| s.cloned()), metrics.resets));
         }
         if !same_size {
-            self.links = Some(renderer.links(request.size)?);
+            self.links = Some(renderer.links(request.view.size)?);
         }
-        let again = self.last.as_ref().is_some_and(|last| (last.frame, last.pose) == (request.frame, request.pose));
+        let again =
+            self.last.as_ref().is_some_and(|last| (last.shading.frame, last.view.pose) == (request.shading.frame, request.view.pose));
         let Some(links) = self.links.as_mut().filter(|_| !again) else {
-            self.sum_again(metrics, request.size);
+            self.sum_again(metrics, request.view.size);
             return Ok(());
         };
         // Flips and flicker are told from one frame to the next: over a gap, nothing is followed.
-        let mut found = renderer.link(request, links)?;
-        let follows = |last: &RenderRequest| request.frame == last.frame || request.frame == last.frame.wrapping_add(1);
+        let mut found = renderer.drawn_as(request)?.link(links)?;
+        let follows = |last: &RenderRequest| {
+            request.shading.frame == last.shading.frame || request.shading.frame == last.shading.frame.wrapping_add(1)
+        };
         if !self.last.as_ref().is_some_and(follows) {
             found.fill(NO_LINK);
             self.history.clear();
@@ -116,16 +86,16 @@ impl Live {
         if let (Some(a), Some(b)) = (&a, &b) {
             let against = |a: &Sample, b: &Sample| Sample { error: a.luminance - b.luminance, ..*a };
             let a: Vec<Sample> = a.par_iter().zip(b).map(|(a, b)| against(a, b)).collect();
-            self.followed[0].take(request.size, &a, &links, metrics.window, true);
-            self.followed[1].take(request.size, b, &links, metrics.window, false);
+            self.followed[0].take(request.view.size, &a, &links, metrics.window, true);
+            self.followed[1].take(request.view.size, b, &links, metrics.window, false);
         } else if let Some(a) = &a {
-            self.followed[0].take(request.size, a, &links, metrics.window, false);
+            self.followed[0].take(request.view.size, a, &links, metrics.window, false);
         }
         if self.region != metrics.region {
             self.history.clear();
             self.region = metrics.region;
         }
-        self.history.push_back(Reading { frame: request.frame, sides: self.summaries(metrics, request.size) });
+        self.history.push_back(Reading { frame: request.shading.frame, sides: self.summaries(metrics, request.view.size) });
         if self.history.len() > HISTORY {
             self.history.pop_front();
         }

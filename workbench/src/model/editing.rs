@@ -6,9 +6,7 @@ use std::path::{self, Path, PathBuf};
 
 use kernels::base::error::Error;
 use kernels::base::files::write_whole;
-use kernels::scene::{self, Material, Rule, Scene};
-
-use crate::experiment::with_absolute_paths;
+use kernels::scene::{self, Material, Rule, Scene, World};
 
 /// Materials that the index of a splat map tells apart.
 pub const MOST_MATERIALS: usize = 256;
@@ -17,6 +15,24 @@ const LONGEST_NAME: usize = 100;
 /// Images that a folder of textures must hold, and what their names may end in: those that [`kernels::materials::folder::load`] looks for.
 const MAPS: [&str; 4] = ["albedo", "normal", "height", "roughness"];
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// The scene as it can be read from anywhere.
+///
+/// # Errors
+/// A file that it names has no absolute path.
+pub(crate) fn with_absolute_paths(scene: &Scene) -> Result<Scene, String> {
+    let mut copy = scene.clone();
+    let material_folders = copy.materials.iter_mut().filter_map(|material| material.folder.as_mut());
+    let heightmap = match &mut copy.world {
+        World::Heightmap { file, .. } => Some(file),
+        World::Procedural { .. } => None,
+    };
+    for relative in material_folders.chain(heightmap) {
+        let from_here = scene.folder.join(&*relative);
+        *relative = path::absolute(&from_here).map_err(|error| format!("{} has no absolute path: {error}", from_here.display()))?;
+    }
+    Ok(copy)
+}
 
 /// Gives a material another name, by which rules and strokes know it from then on.
 ///
@@ -158,7 +174,7 @@ pub fn holds_textures(folder: &Path) -> Result<(), String> {
 fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
     let place = |folder: &Path| fs::canonicalize(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }).ok();
     let stays = place(&scene.folder).is_some_and(|own| place(folder) == Some(own));
-    let copy = if stays { scene.clone() } else { with_absolute_paths(scene).map_err(|error| format!("{error:#}"))? };
+    let copy = if stays { scene.clone() } else { with_absolute_paths(scene)? };
     Ok(Scene { folder: folder.to_owned(), ..copy })
 }
 
@@ -218,7 +234,7 @@ mod tests {
     use kernels::scene::{Stroke, StrokeKind, World};
 
     use super::*;
-    use crate::brush::{MOST_IN_ALL, MOST_STROKES};
+    use crate::model::brush::{MOST_IN_ALL, MOST_STROKES};
     use crate::test_folder::Folder;
 
     fn plain() -> Scene {

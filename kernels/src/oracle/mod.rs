@@ -8,26 +8,25 @@
 //!
 //! Weights modified by height come from the device, which alone has the heights of detail textures: in the projection with the largest weight.
 
-use eframe::wgpu;
+use crate::base::error::{Error, Result};
+use crate::culling::{PATCH_QUADS, pack_deltas};
+use crate::frame::picture::AovSet;
+use crate::frame::{Frame, RenderRequest, Renderer, VariantChoice};
+use crate::geometry::reference::stitch;
+use crate::gpu::read_texture;
+use crate::quadtree::lod_map;
+use crate::scene::{Blend, Scene};
+use crate::shading::Estimator;
+use crate::shared::flavour_weights::{self, FlavourParams};
+use crate::shared::noise::{self, HashedPoint};
+use crate::shared::{biplanar, select, triplanar};
+use crate::variant::{Flavour, Variant};
+use crate::view::camera::View;
+use crate::view::normals::NormalEncoding;
+use crate::virtual_texture::{LEVELS, PAGE_TEXELS, PageId, TEXELS_PER_M, anisotropy};
+use crate::world::payload::diagonal_rises;
+use crate::world::{LODS, Layout, NODE_QUADS, NodeId, World};
 use glam::{DVec2, DVec3};
-use kernels::base::error::{Error, Result};
-use kernels::culling::{PATCH_QUADS, pack_deltas};
-use kernels::frame::picture::AovSet;
-use kernels::frame::{RenderRequest, Renderer, VariantChoice};
-use kernels::geometry::NormalEncoding;
-use kernels::geometry::reference::stitch;
-use kernels::gpu::read_texture;
-use kernels::quadtree::lod_map;
-use kernels::scene::{Blend, Scene};
-use kernels::shading::Estimator;
-use kernels::shared::flavour_weights::{self, FlavourParams};
-use kernels::shared::noise::{self, HashedPoint};
-use kernels::shared::{biplanar, select, triplanar};
-use kernels::variant::{Flavour, Variant};
-use kernels::view::camera::View;
-use kernels::virtual_texture::{LEVELS, PAGE_TEXELS, PageId, TEXELS_PER_M, anisotropy};
-use kernels::world::payload::diagonal_rises;
-use kernels::world::{LODS, Layout, NODE_QUADS, NodeId, World};
 
 /// Layers that are read of the picture.
 const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
@@ -199,19 +198,26 @@ pub fn place_at(view: &View, [x, y]: [u32; 2], depth_m: f64) -> DVec3 {
 /// # Errors
 /// When the pixel lies outside the picture or the device fails.
 pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32; 2]) -> Result<Option<Pixel>> {
-    let ([x, y], [width, height]) = (pixel, request.size);
+    let ([x, y], [width, height]) = (pixel, request.view.size);
     if x >= width || y >= height {
         return Err(Error::Request(format!("a picture of {width}x{height} has no pixel {x}, {y}: columns and rows count from 0")));
     }
-    let again = RenderRequest { aovs: AovSet::from_names(&LAYERS)?, lit: false, keep_geometry: true, ..request.clone() };
-    let picture = renderer.render(&again)?;
+    let again = {
+        let mut r = *request;
+        r.outputs.aovs = AovSet::from_names(&LAYERS)?;
+        r.outputs.lit = false;
+        r.outputs.keep_geometry = true;
+        r
+    };
     let index = y as usize * width as usize + x as usize;
+    let frame = renderer.draw(&again)?;
+    let inspected = frame.inspect()?[index];
+    let [shading_normal, plane] = stored_normals(&frame, index)?;
+    let picture = frame.read()?;
     let [depth_m, mask, variant, choice] = LAYERS.map(|name| picture.values(name).map_or(0.0, |values| values[index]));
     if depth_m <= 0.0 {
         return Ok(None);
     }
-    let inspected = renderer.inspect(&again)?[index];
-    let [shading_normal, plane] = stored_normals(renderer, request.normals, index)?;
     let (scene, world, view) = (renderer.scene(), renderer.world(), renderer.view(&again));
 
     let depth_m = f64::from(depth_m);
@@ -229,14 +235,14 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
         beside_m: BESIDE[0] + BESIDE[1] * longest,
         off_plane_m: OFF_PLANE[0] + OFF_PLANE[1] * depth_m * view.ray_dy.length(),
     };
-    let triangle = spot.triangle(world, &picture.report.drawn, request.vertex_stride);
+    let triangle = spot.triangle(world, &picture.report.drawn, request.geometry.vertex_stride);
     let steps = [(ddx, view.ray_dx), (ddy, view.ray_dy)].map(|(shader, ray_step)| Derivative {
         shader,
         exact: triangle.and_then(|triangle| step_on_plane(ray, ray_step, depth_m, triangle.normal)),
     });
 
     let (mask, variant, choice) = (mask as u8, variant as u8, choice as u32);
-    let forced = matches!(request.variant, VariantChoice::Forced(_) | VariantChoice::GenericForced(_));
+    let forced = matches!(request.shading.variant, VariantChoice::Forced(_) | VariantChoice::GenericForced(_));
     let all = flavour_weights::weights(distance_m, shading_normal[2], &FlavourParams::new(&scene.flavours));
     let flavours = flavour_weights::weights_for(all, u32::from(variant), forced);
 
@@ -244,11 +250,11 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
     let sector_m = world.layout().sector_m;
     let place = Place::of(view.sector.to_array(), inspected.position.map(f64::from), sector_m);
     let weights = inspected.bilinear.map(f64::from);
-    let draw = drawing(request.estimator, flavours).map(|drawing| {
+    let draw = drawing(request.shading.estimator, flavours).map(|drawing| {
         let point = HashedPoint { sector: place.sector, position: place.position, sector_m, ddx, ddy, hash_scale: scene.blend.hash_scale };
-        let (seed, frame) = (request.seed, request.frame);
-        let u = noise::thresholds(request.noise, &point, noise::WORLD_LEVEL, pixel, frame, seed, drawing.salt);
-        drawing.draw(u, projections(request.estimator, shading_normal, scene.blend.triplanar_sharpness), weights)
+        let (seed, frame) = (request.shading.seed, request.shading.frame);
+        let u = noise::thresholds(request.shading.noise, &point, noise::WORLD_LEVEL, pixel, frame, seed, drawing.salt);
+        drawing.draw(u, projections(request.shading.estimator, shading_normal, scene.blend.triplanar_sharpness), weights)
     });
     let samples_pages = flavours[place_of(Flavour::VirtualTexture)] > 0.0;
     let page = samples_pages.then(|| {
@@ -277,9 +283,9 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
 }
 
 /// Shading normal and triangle's plane of a pixel of the last frame.
-fn stored_normals(renderer: &Renderer<'_>, encoding: NormalEncoding, index: usize) -> Result<[[f64; 3]; 2]> {
-    let targets = renderer.targets().ok_or_else(|| Error::Request("nothing has been drawn yet".to_owned()))?;
-    let texels = read_texture(renderer.gpu(), &targets.geometry.normals, wgpu::TextureAspect::All, encoding.bytes())?;
+fn stored_normals(frame: &Frame<'_, '_>, index: usize) -> Result<[[f64; 3]; 2]> {
+    let encoding = frame.request().geometry.normals;
+    let texels = read_texture(frame.renderer().gpu(), &frame.targets().geometry.normals, wgpu::TextureAspect::All, encoding.bytes())?;
     let bytes = encoding.bytes() as usize;
     Ok(encoding.decode(&texels[bytes * index..bytes * (index + 1)]))
 }
@@ -453,14 +459,14 @@ impl Page {
 
 #[cfg(test)]
 mod tests {
-    use kernels::scene;
-    use kernels::shared::derivatives::on_plane;
+    use crate::scene;
+    use crate::shared::derivatives::on_plane;
 
     use super::*;
 
     /// Numbers in [0, 1) that look random.
     fn unit(i: u32, k: u32) -> f64 {
-        f64::from(kernels::shared::hash::pcg4d([i, k, 3, 9])[0]) / 4_294_967_296.0
+        f64::from(crate::shared::hash::pcg4d([i, k, 3, 9])[0]) / 4_294_967_296.0
     }
 
     #[test]

@@ -2,14 +2,14 @@
 
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
-use kernels::geometry::NormalEncoding;
 use kernels::scene::Scene;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
+use kernels::view::normals::NormalEncoding;
 
-use crate::display::Layer;
+use super::display::Layer;
 
 /// Smallest and largest side of a picture relative to its place on the screen.
 pub const SCALES: [f64; 2] = [0.1, 2.0];
@@ -102,21 +102,20 @@ impl Settings {
     /// The picture of one frame, with the layer on show and `others`.
     pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32, others: &[&str]) -> RenderRequest {
         let layers: Vec<&str> = self.layer.aov().into_iter().chain(others.iter().copied()).collect();
-        RenderRequest {
-            variant: self.choice(),
-            estimator: self.estimator,
-            noise: self.noise,
-            seed: if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed },
-            frame,
-            two_tilings: self.two_tilings,
-            normals: self.normals,
-            aovs: AovSet::from_names(&layers).unwrap_or_default(),
-            count_fetches: self.counts,
-            time_variants: self.times_variants,
-            lod_bias: self.lod_bias,
-            vertex_stride: self.vertex_stride,
-            ..RenderRequest::new(pose, size)
-        }
+        RenderRequest::new(pose, size).with(|r| {
+            r.shading.variant = self.choice();
+            r.shading.estimator = self.estimator;
+            r.shading.noise = self.noise;
+            r.shading.seed = if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed };
+            r.shading.frame = frame;
+            r.shading.two_tilings = self.two_tilings;
+            r.geometry.normals = self.normals;
+            r.outputs.aovs = AovSet::from_names(&layers).unwrap_or_default();
+            r.outputs.count_fetches = self.counts;
+            r.outputs.time_variants = self.times_variants;
+            r.geometry.lod_bias = self.lod_bias;
+            r.geometry.vertex_stride = self.vertex_stride;
+        })
     }
 }
 

@@ -13,7 +13,7 @@ use kernels::scene::CameraPose;
 use kernels::view::camera::Pose;
 use serde::{Deserialize, Serialize};
 
-use crate::kept;
+use super::files;
 
 /// Longest path, frames: 28 minutes at 60 a second, 5 MB.
 pub const MOST_FRAMES: usize = 100_000;
@@ -215,7 +215,7 @@ impl Recorded {
         if file.symlink_metadata().is_ok() {
             return Err(format!("{} exists: give another name, or remove it first", file.display()));
         }
-        kept::write(file, self.to_csv().as_bytes())
+        files::write(file, self.to_csv().as_bytes())
     }
 
     /// Reads a table from a file; the path is called like the file.

@@ -21,19 +21,25 @@ use kernels::shared::signal::luminance;
 use kernels::variant::Variant;
 use kernels::view::camera::{Pose, along};
 
-use crate::compare::{Compare, Mode};
-use crate::display::{self, Legend};
-use crate::inspector::{self, Pixel};
-use crate::live::{LAYERS, Live, Metrics, Reading};
-use crate::places::Recorded;
-use crate::reload::{INTERVAL, Reload};
-use crate::settings::Settings;
-use crate::sketch::{self, Sketch};
+use crate::model::compare::Mode;
+use crate::model::display;
+use crate::model::metrics::LAYERS;
+use crate::model::picture::{Adapter, News, Second, Shown, Wish};
+use crate::model::settings::Settings;
+use crate::model::viewpoint::{EYE_M, Viewpoint};
+use kernels::oracle;
+
+pub mod experiment;
+pub mod live;
+pub mod reload;
+pub mod sketch;
 
 mod pool;
 
-/// Height of the eye when walking, metres.
-pub const EYE_M: f64 = 1.7;
+use live::Live;
+use reload::{INTERVAL, Reload};
+use sketch::Sketch;
+
 /// Edge of the picture that is drawn only to have a shader compiled.
 const WARMING_SIDE: u32 = 16;
 /// How long the window waits before it is drawn again for a picture, or for what cannot wait. Without any wait it would be drawn twice for each, and where a
@@ -44,162 +50,6 @@ const SOON: Duration = Duration::from_micros(1);
 pub(crate) const PROGRESS: Duration = Duration::from_millis(500);
 /// Times in a row that a lost device is made anew before giving up.
 const DEVICES: u32 = 3;
-
-/// Where a picture is taken from.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Viewpoint {
-    /// A camera of the scene.
-    Camera(String),
-    /// The frame's place on a path of the scene, over and over.
-    Path(String),
-    /// A path that was flown: the frame's place on it, over and over.
-    Recorded(Arc<Recorded>),
-    /// Anywhere.
-    Free {
-        /// Where.
-        pose: Pose,
-        /// Whether the eye keeps its height over the ground.
-        walking: bool,
-    },
-}
-
-/// A picture that is wanted.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Wish {
-    /// How it looks: A.
-    pub settings: Settings,
-    /// What it is held against.
-    pub compare: Compare,
-    /// What is measured of it.
-    pub metrics: Metrics,
-    /// From where.
-    pub viewpoint: Viewpoint,
-    /// Pixels.
-    pub size: [u32; 2],
-    /// The only time there is.
-    pub frame: u32,
-    /// Place of a pixel that is taken apart, in shares of the picture; `None` = none is.
-    pub probe: Option<[f32; 2]>,
-    /// Whether places on the ground are looked for, by the picture's depth: for a brush, and for what is orbited.
-    pub seeks: bool,
-    /// Where nodes and patches are selected from in place of the viewpoint; `None` = from there.
-    pub culled_from: Option<Pose>,
-    /// Number of the opening that the scene comes from: another one is loaded anew, with the files that it names, also if the scene is equal.
-    pub opened: u32,
-}
-
-impl Wish {
-    /// Whether pictures are followed from frame to frame.
-    pub fn is_measured(&self) -> bool {
-        self.metrics.on || self.settings.layer.is_measured()
-    }
-
-    /// Layers that are wanted besides the one on show.
-    fn layers(&self) -> Vec<&'static str> {
-        let measured: &[&str] = if self.is_measured() { &LAYERS } else { &[] };
-        let sought: &[&str] = if self.seeks { &["depth"] } else { &[] };
-        [measured, sought].concat()
-    }
-
-    /// The picture of A, with these layers besides the one on show.
-    fn request(&self, pose: Pose, layers: &[&str]) -> RenderRequest {
-        RenderRequest { culled_from: self.culled_from, ..self.settings.request(pose, self.size, self.frame, layers) }
-    }
-}
-
-/// The picture compared with.
-pub struct Second {
-    /// What it was drawn by.
-    pub settings: Settings,
-    /// sRGB, row by row from the top.
-    pub texels: Vec<[u8; 3]>,
-    /// What its colours mean.
-    pub legend: Legend,
-    /// How much it differs from the first, as colours, where that is shown.
-    pub difference: Option<Vec<[u8; 3]>>,
-    /// Root mean squared difference of lit linear colour over terrain.
-    pub rmse: f64,
-    /// Mean of A less B over terrain, luminance.
-    pub mean: f64,
-    /// Largest absolute difference over terrain, luminance.
-    pub largest: f64,
-    /// The picture and its numbers.
-    pub picture: Picture,
-}
-
-/// A picture that was drawn.
-pub struct Shown {
-    /// As it was wanted.
-    pub wish: Wish,
-    /// Where the camera stood.
-    pub pose: Pose,
-    /// sRGB, row by row from the top.
-    pub texels: Vec<[u8; 3]>,
-    /// What its colours mean.
-    pub legend: Legend,
-    /// Whether it is a first look, which shows only where everything is.
-    pub draft: bool,
-    /// The picture and its numbers.
-    pub picture: Picture,
-    /// B, if it was wanted.
-    pub second: Option<Second>,
-    /// The pixel that was to be taken apart, of A; `None` = none was, or it is sky.
-    pub pixel: Option<Pixel>,
-    /// Why there is no B though it was wanted; one line.
-    pub alone: Option<String>,
-    /// Elevation of the ground below the camera, metres.
-    pub ground_m: f64,
-    /// Elevation of the ground below the pose that culling is frozen at, metres; `None` = it is not frozen.
-    pub culled_ground_m: Option<f64>,
-    /// How the quadtree lies over the world.
-    pub layout: kernels::world::Layout,
-    /// Mean linear albedo of each material of the wish's scene, tint included.
-    pub mean_albedos: Vec<[f32; 3]>,
-    /// What was measured since the numbers were begun, the newest last.
-    pub readings: Vec<Reading>,
-    /// From the wish to the texels.
-    pub took: Duration,
-}
-
-impl Shown {
-    /// Mean linear albedo of a material of this name, tint included; `None` = the picture's scene has none.
-    pub fn mean_albedo(&self, material: &str) -> Option<[f32; 3]> {
-        let place = self.wish.settings.scene.materials.iter().position(|known| known.name == material)?;
-        self.mean_albedos.get(place).copied()
-    }
-}
-
-/// The device that draws.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Adapter {
-    /// Name given by the driver.
-    pub name: String,
-    /// Whether it is a processor that only behaves as a graphics card: its times are good for ratios only.
-    pub software: bool,
-}
-
-/// What the thread has to say.
-#[derive(Clone, Default)]
-pub struct News {
-    /// The last picture.
-    pub shown: Option<Arc<Shown>>,
-    /// The device.
-    pub adapter: Option<Adapter>,
-    /// What is being done that takes a while.
-    pub progress: Option<Progress>,
-    /// Shaders that are compiled, of those that a click may ask for.
-    pub warm: [usize; 2],
-    /// Why the last wish was not fulfilled; one line.
-    pub failure: Option<String>,
-    /// Number of the opening whose scene was loaded last, with all that it names.
-    pub loaded: Option<u32>,
-    /// Number of the opening whose scene could not be loaded, if that was the last one; the failure says why.
-    pub unloaded: Option<u32>,
-    /// Why the shaders of the folder are not those that draw; one line with file, line and message. The last that compiled draw.
-    pub shader_error: Option<String>,
-    /// Whether other shaders draw than the program's own.
-    pub shaders_edited: bool,
-}
 
 #[derive(Default)]
 struct Mail {
@@ -643,7 +493,7 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::b
     // Before B, whose tints may be others.
     let mean_albedos = renderer.mean_albedos().to_vec();
     let pixel = match wish.probe {
-        Some(probe) => inspector::inspect(renderer, &request, inspector::pixel_at(probe, wish.size))?,
+        Some(probe) => oracle::inspect(renderer, &request, oracle::pixel_at(probe, wish.size))?,
         None => None,
     };
     let b = wish.compare.b(&wish.settings);
@@ -696,8 +546,11 @@ fn draw_second(
                     keep B anew, or undo that";
         return Err(kernels::base::error::Error::Request(text.to_owned()));
     }
-    let request = settings.request(a.pose, a.size, a.frame, if measured { &LAYERS } else { &[] });
-    renderer.render(&RenderRequest { keep_geometry: true, culled_from: a.culled_from, ..request })
+    let request = settings.request(a.view.pose, a.view.size, a.shading.frame, if measured { &LAYERS } else { &[] });
+    renderer.render(&request.with(|r| {
+        r.outputs.keep_geometry = true;
+        r.geometry.culled_from = a.geometry.culled_from;
+    }))
 }
 
 /// What B looks like, and how far A is from it.
@@ -768,8 +621,8 @@ impl Warmed {
     /// Takes note of what a picture was drawn by.
     fn drew(&mut self, request: &RenderRequest, picture: &Picture) {
         let same = |like: &RenderRequest| {
-            (like.estimator, like.noise, like.two_tilings, like.wants_diagnostics())
-                == (request.estimator, request.noise, request.two_tilings, request.wants_diagnostics())
+            (like.shading.estimator, like.shading.noise, like.shading.two_tilings, like.wants_diagnostics())
+                == (request.shading.estimator, request.shading.noise, request.shading.two_tilings, request.wants_diagnostics())
         };
         if !self.like.as_ref().is_some_and(same) {
             self.ready.clear();
@@ -778,7 +631,7 @@ impl Warmed {
             self.missing.reverse();
         }
         self.like = Some(request.clone());
-        match request.variant {
+        match request.shading.variant {
             VariantChoice::GenericAuto | VariantChoice::GenericForced(_) => {
                 self.ready.insert(VariantChoice::GenericAuto);
             }
@@ -809,7 +662,11 @@ impl Warmed {
     fn step(&mut self, renderer: &mut Renderer<'_>) -> kernels::base::error::Result<()> {
         let (Some(like), Some(&choice)) = (&self.like, self.missing.last()) else { return Ok(()) };
         let size = [WARMING_SIDE; 2];
-        renderer.draw(&RenderRequest { variant: choice, size, lit: false, ..like.clone() })?;
+        renderer.draw(&like.with(|r| {
+            r.shading.variant = choice;
+            r.view.size = size;
+            r.outputs.lit = false;
+        }))?;
         self.missing.pop();
         self.ready.insert(choice);
         Ok(())

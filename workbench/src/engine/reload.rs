@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
 use kernels::frame::{ReloadReport, Renderer, shader_files};
-use kernels::gpu::{Gpu, Sources, shader_path};
+use kernels::gpu::{Gpu, Sources};
 
 /// Pause between two looks at the files.
 pub const INTERVAL: Duration = Duration::from_millis(250);
@@ -91,7 +91,7 @@ pub struct Reload {
 impl Reload {
     /// Follows the WGSL files of `folder`, which is laid out as `kernels/src`.
     pub fn new(folder: PathBuf) -> Reload {
-        let watcher = Watcher::new(folder.clone(), shader_files().iter().map(|(name, _)| shader_path(name)));
+        let watcher = Watcher::new(folder.clone(), shader_files().iter().map(|file| file.path.to_owned()));
         Reload { folder, watcher, tried: None }
     }
 

@@ -1,0 +1,123 @@
+//! A frame that was drawn: what can be asked of it.
+
+use crate::base::error::Result;
+use crate::composition::{Destination, Layers};
+use crate::frame::picture::Picture;
+use crate::frame::{FrameReport, RenderRequest, Renderer, Targets};
+use crate::gpu::{PassTime, Timer};
+use crate::inspect::Inspected;
+use crate::metrics::{FrameSums, Meter};
+use crate::motion::Links;
+use crate::variant::Variant;
+use crate::view::camera::View;
+
+/// A frame as it lies on the device, with the request that made it. It borrows the renderer, so that nothing else can be drawn while it is looked at.
+pub struct Frame<'f, 'a> {
+    renderer: &'f Renderer<'a>,
+    targets: &'f Targets,
+    request: RenderRequest,
+    view: View,
+    report: FrameReport,
+}
+
+impl<'f, 'a> Frame<'f, 'a> {
+    pub(super) fn new(renderer: &'f Renderer<'a>, targets: &'f Targets, request: RenderRequest, report: FrameReport) -> Frame<'f, 'a> {
+        Frame { view: renderer.view(&request), renderer, targets, request, report }
+    }
+
+    /// The request that made it.
+    pub fn request(&self) -> &RenderRequest {
+        &self.request
+    }
+
+    /// The view that it shows.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// What it was made of.
+    pub fn report(&self) -> &FrameReport {
+        &self.report
+    }
+
+    /// The renderer that drew it.
+    pub fn renderer(&self) -> &'f Renderer<'a> {
+        self.renderer
+    }
+
+    /// Its targets, for tests and inspection.
+    pub fn targets(&self) -> &'f Targets {
+        self.targets
+    }
+
+    /// What it was made of, without the frame.
+    pub fn into_report(self) -> FrameReport {
+        self.report
+    }
+
+    /// Reads it back: the linear picture and the layers asked for.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn read(self) -> Result<Picture> {
+        Picture::read(self)
+    }
+
+    /// Where each pixel's surface point was in the frame that `links` was last asked for: an index a pixel, [`NO_LINK`](crate::motion::NO_LINK) = not seen
+    /// there.
+    ///
+    /// # Errors
+    /// When `links` are of another size or the device fails.
+    pub fn link(&self, links: &mut Links) -> Result<Vec<u32>> {
+        links.find(&self.renderer.gpu, &self.uniforms(), &self.targets.geometry, self.view)
+    }
+
+    /// Composes pictures from its flavours' layers: each stream into its buffer.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn compose(&self, layers: &Layers, destinations: &[Destination<'_>]) -> Result<()> {
+        let gpu = &self.renderer.gpu;
+        let mut encoder = gpu.encoder("composition");
+        self.renderer.stages.composition.encode(gpu, &mut encoder, &self.uniforms(), &self.targets.geometry, layers, destinations);
+        gpu.submit_and_wait(encoder)
+    }
+
+    /// Composes the streams of `meter` (`variants`: one each, `None` = each pixel what it needs) and measures them against the frames before.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn measure(&self, layers: &Layers, meter: &mut Meter, variants: &[Option<Variant>]) -> Result<(Vec<FrameSums>, Vec<PassTime>)> {
+        let (gpu, composition) = (&self.renderer.gpu, &self.renderer.stages.composition);
+        let uniforms = self.uniforms();
+        let mut timer = Timer::new(gpu);
+        let mut encoder = gpu.encoder("metrics");
+        let slots = meter.slots();
+        meter.motion.encode(gpu, &mut encoder, &mut timer, &uniforms, &self.targets.geometry, &self.view, &slots);
+        let destinations: Vec<_> = variants
+            .iter()
+            .zip(&meter.streams)
+            .map(|(&v, s)| Destination { stream: composition.stream(v), signal: &s.signal, offset: slots.now })
+            .collect();
+        composition.encode(gpu, &mut encoder, &uniforms, &self.targets.geometry, layers, &destinations);
+        meter.encode(gpu, &mut encoder, &mut timer);
+        timer.resolve(&mut encoder);
+        gpu.submit_and_wait(encoder)?;
+        let sums = meter.read(gpu)?;
+        meter.motion.advance(self.view);
+        Ok((sums, timer.read(gpu)?))
+    }
+
+    /// Position, derivatives and splat texels of each pixel, row by row from the top.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn inspect(&self) -> Result<Vec<Inspected>> {
+        let groups = [&self.uniforms(), &self.renderer.terrain.group];
+        self.renderer.stages.inspect.run(&self.renderer.gpu, groups, &self.targets.geometry)
+    }
+
+    fn uniforms(&self) -> wgpu::BindGroup {
+        self.renderer.frame_group(&self.request)
+    }
+}

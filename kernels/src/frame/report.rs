@@ -1,0 +1,37 @@
+//! What one frame was made of.
+
+use crate::base::section::Section;
+use crate::frame::edit::EditCounts;
+use crate::gpu::PassTime;
+use crate::residency::AtlasCounts;
+use crate::virtual_texture::{CacheCounts, PageCounts};
+use crate::world::NodeId;
+
+/// What one frame was made of.
+#[derive(Clone, Debug, Default)]
+pub struct FrameReport {
+    /// Time of each pass on the device.
+    pub passes: Vec<PassTime>,
+    /// Nodes visited: those drawn, and those above them.
+    pub visited: usize,
+    /// Nodes that were not resident and were baked for this frame.
+    pub loaded: usize,
+    /// What edits of the scene had made anew since the frame before.
+    pub edited: EditCounts,
+    /// Nodes drawn.
+    pub nodes: usize,
+    /// Patches drawn.
+    pub patches: usize,
+    /// The nodes drawn, each covering what no other does.
+    pub drawn: Vec<NodeId>,
+    /// The atlases after this frame's loading.
+    pub atlas: AtlasCounts,
+    /// Virtual-texture pages.
+    pub pages: PageCounts,
+    /// The pages kept after this frame's rendering.
+    pub page_cache: CacheCounts,
+    /// Tiles: all that hold terrain, then per variant 1..=31.
+    pub tiles: Vec<u32>,
+    /// Numbers for people to read, stage by stage.
+    pub sections: Vec<Section>,
+}

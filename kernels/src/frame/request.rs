@@ -1,0 +1,192 @@
+//! What is asked for: a view, how its geometry is made, how it is shaded, and what is to come out.
+
+use crate::base::error::{Error, Result};
+use crate::classification;
+use crate::frame::picture::AovSet;
+use crate::geometry;
+use crate::quadtree;
+use crate::shading::Estimator;
+use crate::shared::noise::NoiseKind;
+use crate::temporal::SamplePattern;
+use crate::variant::{Flavour, Variant};
+use crate::view::camera::Pose;
+use crate::view::normals::NormalEncoding;
+
+/// Which shader shades which tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum VariantChoice {
+    /// Each tile by the variant its pixels need.
+    Auto,
+    /// Every tile by this variant; each of its flavours is evaluated on every pixel.
+    Forced(Variant),
+    /// The generic kernel on every tile, with the mask that `Auto` would give it.
+    GenericAuto,
+    /// The generic kernel on every tile, with this mask.
+    GenericForced(Variant),
+}
+
+impl VariantChoice {
+    /// Whether some pixel may be shaded by this flavour.
+    pub fn may_use(self, flavour: Flavour) -> bool {
+        match self {
+            VariantChoice::Auto | VariantChoice::GenericAuto => true,
+            VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant) => variant.has(flavour),
+        }
+    }
+}
+
+/// From where a picture is taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewRequest {
+    /// Where the camera is.
+    pub pose: Pose,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Shift of the sample points in pixels, for supersampling.
+    pub jitter: [f64; 2],
+}
+
+/// How the terrain's geometry is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GeometryRequest {
+    /// Bias of the terrain's LOD: each whole one halves the distance at which nodes are split.
+    pub lod_bias: f64,
+    /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`geometry::STRIDES`]. The ground's textures stay as fine.
+    pub vertex_stride: u32,
+    /// Selects nodes and patches as seen from there instead of from the camera: to look at what culling leaves.
+    pub culled_from: Option<Pose>,
+    /// How the geometry pass stores its two normals.
+    pub normals: NormalEncoding,
+}
+
+/// What decides the geometry pass's results for one renderer: two requests with equal keys have the same depth, mask and normals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GeometryKey {
+    /// From where.
+    pub view: ViewRequest,
+    /// How.
+    pub geometry: GeometryRequest,
+}
+
+/// How pixels are shaded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadingRequest {
+    /// Which shaders.
+    pub variant: VariantChoice,
+    /// How stochastic flavours arrive at a value.
+    pub estimator: Estimator,
+    /// Their noise.
+    pub noise: NoiseKind,
+    /// Their seed.
+    pub seed: u32,
+    /// Frame index: the only time there is.
+    pub frame: u32,
+    /// Full splat with two tiling scales: 96 fetches.
+    pub two_tilings: bool,
+    /// Where in its pixel the terrain is shaded, for temporal supersampling.
+    pub sample_pattern: SamplePattern,
+}
+
+/// What is to come out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outputs {
+    /// Layers wanted besides the picture.
+    pub aovs: AovSet,
+    /// Whether fetches are counted (a slower shader; never timed).
+    pub count_fetches: bool,
+    /// Whether the picture is lit; without, only the G-buffer is made.
+    pub lit: bool,
+    /// Whether each variant is shaded, and timed, in a pass of its own; never so where the whole is timed.
+    pub time_variants: bool,
+    /// Shades the geometry of the last frame again instead of drawing it, if its [`GeometryKey`] is the same: for many seeds or variants of one view.
+    pub keep_geometry: bool,
+}
+
+/// One picture to make.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderRequest {
+    /// From where.
+    pub view: ViewRequest,
+    /// How its geometry is made.
+    pub geometry: GeometryRequest,
+    /// How it is shaded.
+    pub shading: ShadingRequest,
+    /// What is to come out.
+    pub outputs: Outputs,
+}
+
+impl RenderRequest {
+    /// A picture with everything at its default: automatic variants, Far Cry 5's estimators, isotropic hashed noise, seed 0.
+    pub fn new(pose: Pose, size: [u32; 2]) -> RenderRequest {
+        RenderRequest {
+            view: ViewRequest { pose, size, jitter: [0.0; 2] },
+            geometry: GeometryRequest { lod_bias: 0.0, vertex_stride: 1, culled_from: None, normals: NormalEncoding::default() },
+            shading: ShadingRequest {
+                variant: VariantChoice::Auto,
+                estimator: Estimator::Fc5,
+                noise: NoiseKind::HashedIsotropic,
+                seed: 0,
+                frame: 0,
+                two_tilings: false,
+                sample_pattern: SamplePattern::Centre,
+            },
+            outputs: Outputs { aovs: AovSet::default(), count_fetches: false, lit: true, time_variants: false, keep_geometry: false },
+        }
+    }
+
+    /// The request after a change.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut RenderRequest)) -> RenderRequest {
+        change(&mut self);
+        self
+    }
+
+    /// What decides its geometry.
+    pub fn geometry_key(&self) -> GeometryKey {
+        GeometryKey { view: self.view, geometry: self.geometry }
+    }
+
+    /// Whether the shading pass has to count fetches and record choices.
+    pub fn wants_diagnostics(&self) -> bool {
+        self.outputs.count_fetches || self.outputs.aovs.needs_diagnostics()
+    }
+
+    /// Refuses what no device can draw.
+    ///
+    /// # Errors
+    /// When the size, the LOD bias or the vertex stride is out of range.
+    pub fn check(&self, limits: &wgpu::Limits, tile: u32) -> Result<()> {
+        check_size(self.view.size, limits, tile)?;
+        let [finest, coarsest] = quadtree::LOD_BIASES;
+        if !(finest..=coarsest).contains(&self.geometry.lod_bias) {
+            return Err(Error::Request(format!("an LOD bias of {} cannot be drawn: give {finest} to {coarsest}", self.geometry.lod_bias)));
+        }
+        if !geometry::STRIDES.contains(&self.geometry.vertex_stride) {
+            return Err(Error::Request(format!("every {}th vertex cannot be drawn: give 1, 2 or 4", self.geometry.vertex_stride)));
+        }
+        Ok(())
+    }
+}
+
+/// The largest picture side, pixels: 12 bits of tile coordinates would allow more, textures do not.
+pub const MAX_SIDE: u32 = 16_384;
+/// The largest picture, pixels.
+pub const MAX_PIXELS: u64 = 1 << 26;
+
+/// Refuses sizes that no picture can have on a device with these limits.
+///
+/// # Errors
+/// When a side is 0 or above [`MAX_SIDE`], there are more than [`MAX_PIXELS`], or the device cannot hold the targets or tile lists.
+pub fn check_size(size: [u32; 2], limits: &wgpu::Limits, tile: u32) -> Result<()> {
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    let side = MAX_SIDE.min(limits.max_texture_dimension_2d);
+    let [columns, rows] = classification::tiles_of(size, tile).map(u64::from);
+    let lists = columns * rows * u64::from(classification::LISTS) * 4;
+    if size.contains(&0) || size.iter().any(|&n| n > side) || pixels > MAX_PIXELS || lists > limits.max_storage_buffer_binding_size {
+        return Err(Error::Request(format!(
+            "a picture of {}x{} cannot be made here: each side must be 1 to {side} pixels, {MAX_PIXELS} in all; make it smaller",
+            size[0], size[1]
+        )));
+    }
+    Ok(())
+}

@@ -1,0 +1,112 @@
+//! What passes and textures of a scene take, for people to read.
+
+use serde::Serialize;
+
+/// A pass of the frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PassUse {
+    /// The pass's name, as in timings.
+    pub name: &'static str,
+    /// Most pipelines it can bind: the shading pass has one per variant.
+    pub pipelines: u32,
+    /// Whether the scene requires it.
+    pub required: bool,
+    /// Why it is, or is not, required.
+    pub reason: &'static str,
+}
+
+impl PassUse {
+    /// A pass that every scene requires.
+    pub const fn new(name: &'static str, pipelines: u32, reason: &'static str) -> PassUse {
+        PassUse { name, pipelines, required: true, reason }
+    }
+}
+
+/// A texture whose size follows from the scene alone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TextureUse {
+    /// What it holds.
+    pub name: &'static str,
+    /// Format, spelled as in WebGPU.
+    pub format: String,
+    /// Width and height of one layer or slot, texels.
+    pub size: [u32; 2],
+    /// Mip levels.
+    pub mips: u32,
+    /// Layers or slots.
+    pub layers: u32,
+    /// All mips of all layers, bytes.
+    pub bytes: u64,
+    /// Whether the scene requires it.
+    pub required: bool,
+    /// Why it is, or is not, required.
+    pub reason: &'static str,
+}
+
+impl TextureUse {
+    /// A square texture of this edge, texels, that the scene requires for this reason.
+    pub fn new(name: &'static str, format: wgpu::TextureFormat, edge: u32, mips: u32, layers: u32, reason: &'static str) -> TextureUse {
+        let (block, bytes) = (u64::from(format.block_dimensions().0), u64::from(format.block_copy_size(None).unwrap_or(0)));
+        let chain: u64 = (0..mips).map(|mip| u64::from((edge >> mip).max(1)).div_ceil(block).pow(2) * bytes).sum();
+        TextureUse {
+            name,
+            format: spelled(format),
+            size: [edge, edge],
+            mips,
+            layers,
+            bytes: chain * u64::from(layers),
+            required: true,
+            reason,
+        }
+    }
+
+    /// The same, if the scene does not require it.
+    #[must_use]
+    pub fn unless(self, required: bool, reason: &'static str) -> TextureUse {
+        if required { self } else { TextureUse { required, reason, ..self } }
+    }
+}
+
+/// A texture of the picture's size.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TargetUse {
+    /// What it holds.
+    pub name: &'static str,
+    /// Format, spelled as in WebGPU.
+    pub format: String,
+    /// Bytes per pixel.
+    pub bytes_per_px: u32,
+}
+
+impl TargetUse {
+    /// A target of this format.
+    pub fn new(name: &'static str, format: wgpu::TextureFormat) -> TargetUse {
+        let bytes_per_px = match format {
+            wgpu::TextureFormat::Depth32FloatStencil8 => 5,
+            _ => format.block_copy_size(None).unwrap_or(0),
+        };
+        TargetUse { name, format: spelled(format), bytes_per_px }
+    }
+}
+
+/// A format as WebGPU spells it: `bc1-rgba-unorm-srgb`, `depth32float-stencil8`, `r16unorm`.
+fn spelled(format: wgpu::TextureFormat) -> String {
+    let name = format!("{format:?}").replace("Srgb", "-srgb").replace("Stencil8", "-stencil8");
+    let name = if name.starts_with("Bc") { name.replace("Rgba", "-rgba-") } else { name };
+    name.to_lowercase()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_are_spelled_as_in_webgpu() {
+        use wgpu::TextureFormat as F;
+        let all =
+            [F::Bc1RgbaUnormSrgb, F::Bc3RgbaUnorm, F::Depth32FloatStencil8, F::R16Unorm, F::Rgba8UnormSrgb, F::Rgba16Float, F::R32Uint];
+        let names =
+            ["bc1-rgba-unorm-srgb", "bc3-rgba-unorm", "depth32float-stencil8", "r16unorm", "rgba8unorm-srgb", "rgba16float", "r32uint"];
+        assert_eq!(all.map(spelled), names);
+    }
+}

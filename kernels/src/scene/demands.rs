@@ -1,0 +1,100 @@
+//! What a scene demands of the stages: flavours, holes, modulation, textures. It follows from the scene file alone, before any world data is read.
+
+use std::collections::BTreeSet;
+
+use super::{Scene, World};
+use crate::variant::{Flavour, Variant};
+
+/// A flavour, whether a scene can ask for it, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlavourDemand {
+    /// The flavour.
+    pub flavour: Flavour,
+    /// Whether some pixel of the scene can be shaded by it.
+    pub required: bool,
+    /// Why it is, or is not, required.
+    pub reason: String,
+}
+
+/// What a scene demands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Demands {
+    /// All five flavours, in the order of their bits.
+    pub flavours: Vec<FlavourDemand>,
+    /// Whether the terrain has holes: the vertex stage then reads the baked albedo's alpha.
+    pub holes: bool,
+    /// Whether the colour modulation map is made and sampled.
+    pub colour_modulation: bool,
+    /// Anisotropy of detail textures, 1 = none.
+    pub anisotropy: u16,
+    /// Edge of detail textures, texels.
+    pub detail_size: u32,
+    /// Layers of detail textures: materials of one source share them.
+    pub detail_layers: u32,
+}
+
+impl Demands {
+    /// Everything that follows from a (valid) scene.
+    pub fn of(scene: &Scene) -> Demands {
+        let (holes, colour_modulation) = match &scene.world {
+            World::Procedural { holes, colour_modulation, .. } => (!holes.is_empty(), *colour_modulation > 0.0),
+            // Beyond the data there is no ground, and data seldom end where a sector does.
+            World::Heightmap { colour_modulation, .. } => (true, *colour_modulation > 0.0),
+        };
+        let sources: BTreeSet<_> = scene.materials.iter().map(|m| (&m.procedural, &m.folder)).collect();
+        Demands {
+            flavours: flavours_of(scene),
+            holes,
+            colour_modulation,
+            anisotropy: scene.blend.anisotropy,
+            detail_size: scene.detail_size,
+            detail_layers: u32::try_from(sources.len()).expect("a valid scene has at most 256 materials"),
+        }
+    }
+
+    /// Whether the scene can ask for this flavour.
+    pub fn has(&self, flavour: Flavour) -> bool {
+        self.flavours.iter().any(|demand| demand.required && demand.flavour == flavour)
+    }
+
+    /// The variants that classification can produce: every non-empty set of required flavours, by number.
+    pub fn variants(&self) -> Vec<Variant> {
+        let mask = self.flavours.iter().filter(|demand| demand.required).fold(0, |mask, demand| mask | demand.flavour.bit());
+        Variant::all().filter(|variant| variant.mask() & !mask == 0).collect()
+    }
+}
+
+fn flavours_of(scene: &Scene) -> Vec<FlavourDemand> {
+    let rules = &scene.flavours;
+    let cliffs = rules.has_cliffs();
+    let no_cliffs = || format!("flavours.cliff_slope_deg = {}: nothing is cliff", rules.cliff_slope_deg);
+    let decide = |flavour: Flavour| match flavour {
+        Flavour::VirtualTexture if rules.far_atlas_m > 0.0 => (true, format!("ground nearer than {} m", rules.far_atlas_m)),
+        Flavour::VirtualTexture => (false, "flavours.far_atlas_m = 0: all ground is shaded from the far atlas".to_owned()),
+        Flavour::FarAtlas => (true, format!("ground beyond {} m, and whatever is not resident yet", rules.far_atlas_m)),
+        Flavour::NearCliff if cliffs => {
+            (true, format!("slopes above {} degrees nearer than {} m", rules.cliff_slope_deg, rules.cliff_near_m))
+        }
+        Flavour::FarCliff if cliffs => {
+            (true, format!("slopes above {} degrees from {} m to {} m", rules.cliff_slope_deg, rules.cliff_near_m, rules.cliff_far_atlas_m))
+        }
+        Flavour::Splat if cliffs && rules.splat_band_deg > 0.0 => (
+            true,
+            format!(
+                "slopes of {} to {} degrees nearer than {} m",
+                rules.cliff_slope_deg - rules.splat_band_deg,
+                rules.cliff_slope_deg,
+                rules.cliff_near_m
+            ),
+        ),
+        Flavour::Splat if cliffs => (false, "flavours.splat_band_deg = 0".to_owned()),
+        Flavour::NearCliff | Flavour::FarCliff | Flavour::Splat => (false, no_cliffs()),
+    };
+    Flavour::ALL
+        .into_iter()
+        .map(|flavour| {
+            let (required, reason) = decide(flavour);
+            FlavourDemand { flavour, required, reason }
+        })
+        .collect()
+}

@@ -1,0 +1,441 @@
+//! The floors of the crates: a module imports from itself and from lower floors, never from its own floor or from a higher one.
+//!
+//! The sources are parsed, so comments and strings do not count; what stands under `#[cfg(test)]` does not count either.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use proc_macro2::{Span, TokenStream, TokenTree};
+use syn::visit::{self, Visit};
+use syn::{Attribute, Item, ItemMod, ItemUse, Meta, UseTree, Visibility};
+
+use crate::bad_input::Folder;
+
+/// The modules of a folder, floor by floor from the lowest: those of one floor do not know each other.
+type Floors = [&'static [&'static str]];
+
+/// A run goes from its definition to its parts, its files and its report; the command line drives it.
+const EXPERIMENTS: &Floors = &[
+    &["process", "metrics", "row"], // words that everything else uses
+    &["definition", "judge"],       // what is asked, and how pictures are judged
+    &["unit", "expectations", "stability"],
+    &["store"],            // the folder of a run
+    &["runner", "report"], // what fills it, and what reads it
+    &["cli"],
+    &["commands"],
+];
+
+/// The window shows the model and asks the engine for its pictures; panels know neither the window nor each other's state.
+const WORKBENCH: &Floors = &[&["inspector"], &["model"], &["engine"], &["panels"], &["window"], &["script"]];
+
+/// The parts of the model, each made of those below.
+const WORKBENCH_MODEL: &Floors = &[
+    &["files", "display", "parameters", "panes", "flight", "editing", "metrics"],
+    &["settings", "places"],
+    &["compare", "viewpoint", "kept"],
+    &["picture"], // what is asked of the engine, and what comes back
+    &["brush", "drafts"],
+    &["state"],
+];
+
+/// The order of `kernels`: from what knows nothing of terrain, over the stages in the order of the frame, to the frame itself.
+#[expect(dead_code, reason = "the modules of kernels are being put into this order; the test that holds it is added with them")]
+const KERNELS: &Floors = &[
+    &["base"],
+    &["shared"],
+    &["gpu"],
+    &["scene"],
+    &["import"],
+    &["view"],
+    &["world", "materials", "blocks"],
+    &["quadtree", "culling"],
+    &["residency"],
+    &["terrain"],
+    &["geometry"],
+    &["virtual_texture"],
+    &["classification"],
+    &["shading"],
+    &["lighting"],
+    &["antialiasing", "display"],
+    &["composition", "metrics", "inspect", "probe"],
+    &["frame"],
+];
+
+#[test]
+fn experiments_keeps_its_floors() {
+    check("experiments/src", EXPERIMENTS);
+}
+
+#[test]
+fn workbench_keeps_its_floors() {
+    check("workbench/src", WORKBENCH);
+    check("workbench/src/model", WORKBENCH_MODEL);
+}
+
+/// Fails with a line for each import that goes up, and for each module that the list lacks or that does not exist. `folder`: from the workspace's root,
+/// the `src` of a crate or a folder of a module inside it.
+fn check(folder: &str, floors: &Floors) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder);
+    let faults = faults(&root, floors);
+    assert!(faults.is_empty(), "{folder}:\n{}", faults.join("\n"));
+}
+
+/// What is wrong with a folder, a line each.
+fn faults(folder: &Path, floors: &Floors) -> Vec<String> {
+    let mut floor_of: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut faults = Vec::new();
+    for (number, floor) in (1..).zip(floors) {
+        for name in *floor {
+            if floor_of.insert(name, number).is_some() {
+                faults.push(format!("`{name}` is listed twice"));
+            }
+        }
+    }
+    let root = ["lib.rs", "mod.rs"].map(|name| folder.join(name)).into_iter().find(|file| file.is_file());
+    let root = root.unwrap_or_else(|| panic!("{} holds neither lib.rs nor mod.rs", folder.display()));
+    let inside: Vec<String> = folder.iter().map(|name| name.to_string_lossy().into_owned()).collect();
+    let source = inside.iter().rposition(|name| name == "src").expect("folders are inside a `src`");
+    let mut reading = Reading { prefix: inside[source + 1..].to_vec(), imports: Vec::new(), faults: Vec::new() };
+    let modules: Vec<ItemMod> = modules_of(&parsed(&root)).cloned().collect();
+    for module in &modules {
+        let name = module.ident.to_string();
+        if !floor_of.contains_key(name.as_str()) {
+            faults.push(format!("`{name}` is not in the list: give it a floor"));
+        }
+        reading.module(&root, folder, &reading.prefix.clone(), module);
+    }
+    let exists = |name: &str| modules.iter().any(|module| module.ident == name);
+    faults.extend(floor_of.keys().filter(|name| !exists(name)).map(|name| format!("the list names `{name}`, which does not exist")));
+    for Import { file, line, path, from, to } in &reading.imports {
+        let place = format!("{}:{line}: `{path}`", file.strip_prefix(folder).unwrap_or(file).display());
+        if !exists(to) {
+            faults.push(format!("{place}: `{from}` imports from the root, where only the root's own file may look"));
+        } else if let (Some(own), Some(other)) = (floor_of.get(from.as_str()), floor_of.get(to.as_str()))
+            && own <= other
+            && from != to
+        {
+            let how = if own == other { "the same floor" } else { "a higher floor" };
+            faults.push(format!("{place}: `{from}` (floor {own}) imports from `{to}` (floor {other}), {how}"));
+        }
+    }
+    faults.extend(reading.faults);
+    faults
+}
+
+/// Something that a module of the folder takes from another place of the folder.
+struct Import {
+    file: PathBuf,
+    line: usize,
+    /// As resolved from the crate's root.
+    path: String,
+    /// The module of the folder that it stands in.
+    from: String,
+    /// The first name of the path inside the folder: a module, or an item of the folder's root.
+    to: String,
+}
+
+/// Reads the modules of a folder.
+struct Reading {
+    /// The folder's own module, from the crate's root.
+    prefix: Vec<String>,
+    imports: Vec<Import>,
+    faults: Vec<String>,
+}
+
+impl Reading {
+    /// Reads a module that `file` declares, whose files of submodules lie in `folder`; `path` = the module that declares it.
+    fn module(&mut self, file: &Path, folder: &Path, path: &[String], module: &ItemMod) {
+        let name = module.ident.to_string();
+        let path = [path, std::slice::from_ref(&name)].concat();
+        let below = folder.join(&name);
+        if let Some((_, items)) = &module.content {
+            self.items(file, &below, &path, items);
+            return;
+        }
+        let files = [folder.join(format!("{name}.rs")), below.join("mod.rs")];
+        match files.iter().find(|file| file.is_file()) {
+            Some(file) => self.items(file, &below, &path, &parsed(file)),
+            None => self.faults.push(format!("{}: the file of module `{name}` was not found", file.display())),
+        }
+    }
+
+    fn items(&mut self, file: &Path, folder: &Path, path: &[String], items: &[Item]) {
+        for item in items {
+            let mut paths = Paths { module: path, found: Vec::new(), inner: Vec::new() };
+            paths.visit_item(item);
+            let Paths { found, inner, .. } = paths;
+            for (full, span) in found {
+                self.import(file, path, &full, span);
+            }
+            for module in inner {
+                self.module(file, folder, path, &module);
+            }
+        }
+    }
+
+    fn import(&mut self, file: &Path, module: &[String], full: &[String], span: Span) {
+        let depth = self.prefix.len();
+        // What lies outside of the folder is of the list of the folder above.
+        if !full.starts_with(&self.prefix) {
+            return;
+        }
+        let to = full.get(depth).cloned().unwrap_or_else(|| "self".to_owned());
+        let path = ["crate"].into_iter().chain(full.iter().map(String::as_str)).collect::<Vec<_>>().join("::");
+        self.imports.push(Import { file: file.to_owned(), line: span.start().line, path, from: module[depth].clone(), to });
+    }
+}
+
+fn parsed(file: &Path) -> Vec<Item> {
+    let text = fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+    syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display())).items
+}
+
+/// The modules that items declare, without those of tests.
+fn modules_of(items: &[Item]) -> impl Iterator<Item = &ItemMod> {
+    items.iter().filter_map(|item| match item {
+        Item::Mod(module) if !is_of_tests(&module.attrs) => Some(module),
+        _ => None,
+    })
+}
+
+/// Whether an item is compiled for tests only.
+fn is_of_tests(attributes: &[Attribute]) -> bool {
+    attributes.iter().any(|attribute| match &attribute.meta {
+        Meta::List(list) => list.path.is_ident("cfg") && list.tokens.to_string() == "test",
+        _ => false,
+    })
+}
+
+/// Finds the paths of an item that begin at the crate, at a module above, or at the module itself. Modules inside are collected, not entered.
+struct Paths<'a> {
+    /// The module that the item stands in.
+    module: &'a [String],
+    /// Paths from the crate's root.
+    found: Vec<(Vec<String>, Span)>,
+    inner: Vec<ItemMod>,
+}
+
+impl Paths<'_> {
+    /// Takes a path, if it begins where imports of this crate begin.
+    fn take(&mut self, names: &[String], span: Span) {
+        let mut base = match names.first().map(String::as_str) {
+            Some("crate") => Vec::new(),
+            Some("super" | "self") => self.module.to_vec(),
+            _ => return,
+        };
+        let mut rest = names;
+        while let Some((first, others)) = rest.split_first() {
+            match first.as_str() {
+                "super" => drop(base.pop()),
+                "crate" | "self" => {}
+                _ => break,
+            }
+            rest = others;
+        }
+        base.extend_from_slice(rest);
+        self.found.push((base, span));
+    }
+
+    fn take_use(&mut self, before: &[String], tree: &UseTree) {
+        let with = |name: String| [before, &[name]].concat();
+        match tree {
+            UseTree::Path(path) => self.take_use(&with(path.ident.to_string()), &path.tree),
+            UseTree::Name(name) => self.take(&with(name.ident.to_string()), name.ident.span()),
+            UseTree::Rename(rename) => self.take(&with(rename.ident.to_string()), rename.ident.span()),
+            UseTree::Glob(glob) => self.take(&with("*".to_owned()), glob.star_token.spans[0]),
+            UseTree::Group(group) => group.items.iter().for_each(|tree| self.take_use(before, tree)),
+        }
+    }
+
+    /// Paths in what is given to a macro, which is no syntax yet.
+    fn take_tokens(&mut self, tokens: TokenStream) {
+        let tokens: Vec<TokenTree> = tokens.into_iter().collect();
+        let is_colon = |at: usize| matches!(tokens.get(at), Some(TokenTree::Punct(mark)) if mark.as_char() == ':');
+        let mut at = 0;
+        while at < tokens.len() {
+            match &tokens[at] {
+                TokenTree::Group(group) => self.take_tokens(group.stream()),
+                TokenTree::Ident(first) => {
+                    let span = first.span();
+                    let mut names = vec![first.to_string()];
+                    while is_colon(at + 1)
+                        && is_colon(at + 2)
+                        && let Some(TokenTree::Ident(next)) = tokens.get(at + 3)
+                    {
+                        names.push(next.to_string());
+                        at += 3;
+                    }
+                    if names.len() > 1 {
+                        self.take(&names, span);
+                    }
+                }
+                _ => {}
+            }
+            at += 1;
+        }
+    }
+}
+
+impl<'ast> Visit<'ast> for Paths<'_> {
+    fn visit_item(&mut self, item: &'ast Item) {
+        let attributes: &[Attribute] = match item {
+            Item::Const(item) => &item.attrs,
+            Item::Enum(item) => &item.attrs,
+            Item::ExternCrate(item) => &item.attrs,
+            Item::Fn(item) => &item.attrs,
+            Item::ForeignMod(item) => &item.attrs,
+            Item::Impl(item) => &item.attrs,
+            Item::Macro(item) => &item.attrs,
+            Item::Mod(item) => &item.attrs,
+            Item::Static(item) => &item.attrs,
+            Item::Struct(item) => &item.attrs,
+            Item::Trait(item) => &item.attrs,
+            Item::TraitAlias(item) => &item.attrs,
+            Item::Type(item) => &item.attrs,
+            Item::Union(item) => &item.attrs,
+            Item::Use(item) => &item.attrs,
+            _ => &[],
+        };
+        if !is_of_tests(attributes) {
+            visit::visit_item(self, item);
+        }
+    }
+
+    fn visit_impl_item(&mut self, item: &'ast syn::ImplItem) {
+        let attributes: &[Attribute] = match item {
+            syn::ImplItem::Const(item) => &item.attrs,
+            syn::ImplItem::Fn(item) => &item.attrs,
+            syn::ImplItem::Type(item) => &item.attrs,
+            syn::ImplItem::Macro(item) => &item.attrs,
+            _ => &[],
+        };
+        if !is_of_tests(attributes) {
+            visit::visit_impl_item(self, item);
+        }
+    }
+
+    fn visit_item_mod(&mut self, module: &'ast ItemMod) {
+        self.inner.push(module.clone());
+    }
+
+    fn visit_item_use(&mut self, item: &'ast ItemUse) {
+        if item.leading_colon.is_none() {
+            self.take_use(&[], &item.tree);
+        }
+    }
+
+    fn visit_path(&mut self, path: &'ast syn::Path) {
+        let names: Vec<String> = path.segments.iter().map(|segment| segment.ident.to_string()).collect();
+        if path.leading_colon.is_none()
+            && names.len() > 1
+            && let Some(first) = path.segments.first()
+        {
+            self.take(&names, first.ident.span());
+        }
+        visit::visit_path(self, path);
+    }
+
+    fn visit_macro(&mut self, of: &'ast syn::Macro) {
+        visit::visit_macro(self, of);
+        self.take_tokens(of.tokens.clone());
+    }
+
+    /// Who may see something imports nothing.
+    fn visit_visibility(&mut self, _: &'ast Visibility) {}
+}
+
+/// A folder that holds `src` with these files.
+fn crate_of(name: &str, files: &[(&str, &str)]) -> Folder {
+    let folder = Folder::new(&format!("floors-{name}"));
+    for (file, text) in files {
+        let file = folder.0.join("src").join(file);
+        fs::create_dir_all(file.parent().expect("it lies in a folder")).expect("a temporary folder can be made");
+        fs::write(file, text).expect("a temporary file can be written");
+    }
+    folder
+}
+
+/// The faults of these floors in such a folder.
+fn faults_of(name: &str, files: &[(&str, &str)], floors: &Floors) -> Vec<String> {
+    let folder = crate_of(name, files);
+    faults(&folder.0.join("src"), floors)
+}
+
+#[test]
+fn imports_that_go_up_or_sideways_are_found_wherever_they_hide() {
+    const FLOORS: &Floors = &[&["low", "beside"], &["high"]];
+    let of = |name: &str, low: &str| {
+        let files = [("lib.rs", "mod low; mod beside; mod high; pub use low::X;"), ("low.rs", low), ("beside.rs", ""), ("high.rs", "")];
+        faults_of(name, &files, FLOORS)
+    };
+    let higher = "`low` (floor 1) imports from `high` (floor 2), a higher floor";
+    for (name, low, expected) in [
+        ("upward", "\nuse crate::high::X;", vec![("low.rs:2: `crate::high::X`", higher)]),
+        ("sideways", "use super::beside::X;", vec![("low.rs:1: `crate::beside::X`", "imports from `beside` (floor 1), the same floor")]),
+        (
+            "group",
+            "use std::{fs, io};\nuse crate::{low::{A, B},\n beside as b, high::{self, inner::{X, Y as Z}}};",
+            vec![
+                ("low.rs:3: `crate::beside`", "the same floor"),
+                ("low.rs:3: `crate::high::self`", higher),
+                ("low.rs:3: `crate::high::inner::X`", higher),
+                ("low.rs:3: `crate::high::inner::Y`", higher),
+            ],
+        ),
+        ("glob", "use crate::high::*;", vec![("low.rs:1: `crate::high::*`", higher)]),
+        ("path", "fn f() { crate::high::f(); }", vec![("low.rs:1: `crate::high::f`", higher)]),
+        ("type", "struct S(Vec<super::high::T>);", vec![("low.rs:1: `crate::high::T`", higher)]),
+        ("macro", "fn f() { println!(\"{}\", [crate::high::X][0]); }", vec![("low.rs:1: `crate::high::X`", higher)]),
+        ("inline", "mod a { mod b { use super::super::super::high; } }", vec![("low.rs:1: `crate::high`", higher)]),
+        ("root", "use crate::X;", vec![("low.rs:1: `crate::X`", "imports from the root")]),
+        ("root-glob", "use super::*;", vec![("low.rs:1: `crate::*`", "imports from the root")]),
+    ] {
+        let found = of(name, low);
+        assert_eq!(found.len(), expected.len(), "{name}: {found:?}");
+        for (place, what) in expected {
+            assert!(found.iter().any(|line| line.starts_with(place) && line.contains(what)), "{name}: {place}, {what}: {found:?}");
+        }
+    }
+    for (name, low) in [
+        ("own", "use crate::low::inner::X; use self::inner::Y; mod inner { pub use super::Z; }"),
+        ("comment", "// use crate::high::X;\n/// See [`crate::high::X`].\nconst T: &str = \"use crate::high::X;\";"),
+        ("test", "#[cfg(test)] use crate::high::X; #[cfg(test)] mod tests { use crate::high::Y; } #[cfg(test)] mod elsewhere;"),
+        ("visibility", "pub(crate) fn f() {} pub(super) fn g() {}"),
+        ("other-crate", "use ::high::X; use high::Y;"),
+    ] {
+        assert_eq!(of(name, low), [""; 0], "{name}");
+    }
+}
+
+#[test]
+fn nested_files_are_followed_and_folders_inside_a_crate_have_their_own_lists() {
+    let files = [
+        ("lib.rs", "mod low; mod high;"),
+        ("low/mod.rs", "mod one; mod two; pub struct Own;"),
+        ("low/one.rs", "use super::two::X; use crate::high::Z;"),
+        ("low/two/mod.rs", "mod deep;"),
+        ("low/two/deep.rs", "use super::super::Own; use crate::low::one::Y; use super::super::super::high;"),
+        ("high.rs", "use crate::low::Own;"),
+    ];
+    let upward = faults_of("nested", &files, &[&["low"], &["high"]]);
+    assert_eq!(upward.len(), 2, "{upward:?}");
+    assert!(
+        upward[0].starts_with("low/one.rs:1: `crate::high::Z`") && upward[1].starts_with("low/two/deep.rs:1: `crate::high`"),
+        "{upward:?}"
+    );
+    let folder = crate_of("inside", &files);
+    let inside = faults(&folder.0.join("src/low"), &[&["one"], &["two"]]);
+    assert_eq!(inside.len(), 2, "{inside:?}");
+    assert!(inside[0].contains("`one` (floor 1) imports from `two` (floor 2)"), "{inside:?}");
+    assert!(inside[1].contains("`crate::low::Own`") && inside[1].contains("imports from the root"), "{inside:?}");
+}
+
+#[test]
+fn the_list_names_each_module_once_and_no_other() {
+    let files = [("lib.rs", "mod a; mod b; #[cfg(test)] mod fixture;"), ("a.rs", ""), ("b.rs", "")];
+    assert_eq!(faults_of("list", &files, &[&["a"], &["b"]]), [""; 0]);
+    assert_eq!(faults_of("unlisted", &files, &[&["a"]]), ["`b` is not in the list: give it a floor"]);
+    assert_eq!(faults_of("gone", &files, &[&["a"], &["b", "c"]]), ["the list names `c`, which does not exist"]);
+    assert_eq!(faults_of("twice", &files, &[&["a"], &["b"], &["a"]]), ["`a` is listed twice"]);
+}

@@ -1,0 +1,18 @@
+//! What the panels show and change, without the window and without the thread that draws: [`state::Model`] and its parts.
+
+pub mod brush;
+pub mod compare;
+pub mod display;
+pub(crate) mod drafts;
+pub mod editing;
+pub(crate) mod files;
+pub mod flight;
+pub mod kept;
+pub mod metrics;
+pub mod panes;
+pub mod parameters;
+pub mod picture;
+pub mod places;
+pub mod settings;
+pub mod state;
+pub mod viewpoint;
