@@ -208,6 +208,15 @@ fn explain_prints_both_lists_and_json() {
     let json: serde_json::Value = serde_json::from_str(&success(&["explain", "default", "--json"])).expect("JSON");
     assert_eq!(json["variants"].as_array().map(Vec::len), Some(31));
     assert!(json["texture_bytes"].as_u64().is_some_and(|bytes| bytes > 0));
+    // The settings, with value, default, range and unit.
+    let line = printed.lines().find(|line| line.trim_start().starts_with("blend.hash_scale ")).expect("a setting");
+    assert!(line.contains(" 1 px ") && line.contains("default 1") && line.contains("0.01 to 100"), "{line}");
+    let setting = json["settings"].as_array().and_then(|all| all.iter().find(|row| row["key"] == "blend.hash_scale")).expect("a setting");
+    let expected = serde_json::json!({
+        "key": "blend.hash_scale", "group": "Blend", "value": 1.0, "default": 1.0, "accepts": "0.01 to 100", "range": [0.01, 100.0], "unit": "px",
+        "about": setting["about"]
+    });
+    assert_eq!(*setting, expected);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use kernels::composition::{Destination, Layers};
 use kernels::frame::picture::AovSet;
-use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::frame::{Renderer, RendererOptions, VariantChoice};
 use kernels::metrics::read_signal;
 use kernels::motion::{LAGS, NO_LINK};
 use kernels::shared::motion::{Past, expected_distance, in_quarter, past_ray, reproject};

@@ -226,7 +226,7 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     assert!(fine.report.nodes > plain.report.nodes, "{} of {}", fine.report.nodes, plain.report.nodes);
     for bias in [f64::NAN, 5.0, -3.0] {
         let error = renderer.render(&base.with(|r| r.geometry.lod_bias = bias)).expect_err("out of range").to_string();
-        assert!(error.contains("LOD") && error.contains("-2"), "{error}");
+        assert!(error.contains("`frame.lod_bias`") && error.contains("-2 to 4"), "{error}");
     }
 
     // Turned away, what was seen before is still what is drawn, and seen from the right place: turned back it is the same picture.

@@ -6,7 +6,7 @@ use std::sync::MutexGuard;
 
 use kernels::base::wgsl::{self, Piece};
 use kernels::frame::picture::{AovSet, Picture};
-use kernels::frame::{RenderRequest, Renderer, VariantChoice};
+use kernels::frame::{Renderer, VariantChoice};
 use kernels::gpu::{Gpu, GpuOptions};
 use kernels::materials::{LAYER_SHIFT, Palette};
 use kernels::shading::Estimator;

@@ -9,12 +9,13 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
-use ::experiments::definition::{self, Definition, FrameChoices};
+use ::experiments::definition::{self, Definition};
 use ::experiments::expectations;
 use ::experiments::row::{COLUMNS, Row};
 use ::experiments::store::table::{read_parquet, write_csv, write_parquet};
 use ::experiments::store::{Existing, Place, Provenance, Run, RunData, read_run};
 use ::experiments::unit::{Measure, Outcome, Shard, Unit, Work, plan, share};
+use kernels::frame::FrameSettings;
 use kernels::view::camera::Pose;
 use kernels::view::normals::NormalEncoding;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
@@ -114,18 +115,18 @@ fn choices_of_the_frame_are_set_and_varied() {
         text.replace("[0.05, 1.0]", "[4, 16]").replace("values = [1.0]", "values = [8]").replace("setting = 1.0", "variant = \"auto\"");
     let text = text.replace("variant = \"auto\", variant = \"auto\"", "variant = \"auto\"");
     let definition = parse(&text).unwrap();
-    let choices = definition.frame_choices(&Some(toml::Value::Integer(16))).unwrap();
+    let choices = definition.frame_settings(&Some(toml::Value::Integer(16))).unwrap();
     assert_eq!((choices.tile, choices.normals), (16, NormalEncoding::Exact));
     let wrong = text.replace("[4, 16]", "[4, 5]");
     assert!(parse(&wrong).unwrap_err().contains("4, 8 or 16"));
     assert!(parse(&text.replace("frame.tile", "frame.tiles")).unwrap_err().contains("did you mean `frame.tile`"));
     let of_normals = |name: &str| parse(&text.replace("\"exact\"\n", &format!("{name}\n")));
-    let choices = of_normals("\"plane-first\"").unwrap().frame_choices(&None).unwrap();
-    assert_eq!((choices.normals, FrameChoices::default().normals), (NormalEncoding::PlaneFirst, NormalEncoding::Octahedral));
+    let choices = of_normals("\"plane-first\"").unwrap().frame_settings(&None).unwrap();
+    assert_eq!((choices.normals, FrameSettings::default().normals), (NormalEncoding::PlaneFirst, NormalEncoding::Octahedral));
     let pose = Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: 0.0, fov: 1.0 };
     assert_eq!(choices.request(pose, [8, 8], 0).geometry.normals, NormalEncoding::PlaneFirst);
     assert!(of_normals("\"planefirst\"").unwrap_err().contains("did you mean `plane-first`?"));
-    assert!(of_normals("true").unwrap_err().contains("there are octahedral, plane-first, exact"));
+    assert!(of_normals("true").unwrap_err().contains("`frame.normals` is true, must be octahedral, plane-first or exact"));
 }
 
 /// What is changed, and what the refusal must name; the line is that of the change.
@@ -160,9 +161,9 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("parameter = \"blend.hash_scale\"", "parameter = \"blend.hash_scal\"", &["vary, parameter", "did you mean `hash_scale`"]),
     ("parameter = \"blend.hash_scale\"", "parameter = \"blendd.hash_scale\"", &["vary, parameter", "did you mean `blend`"]),
     ("parameter = \"blend.hash_scale\"", "parameter = \"flavours.cliff_near_m\"", &["vary, parameter", "set in [set], too"]),
-    ("values = [0.05, 1.0]", "values = [0.05, 1.0, 1000.0]", &["vary, values 3", "must lie in 0.01..=100"]),
+    ("values = [0.05, 1.0]", "values = [0.05, 1.0, 1000.0]", &["vary, values 3", "`blend.hash_scale` is 1000, must be 0.01 to 100"]),
     ("values = [0.05, 1.0]", "values = [0.05, 1.0, nan]", &["vary, values 3", "finite"]),
-    ("values = [0.05, 1.0]", "values = [\"a\", 1.0]", &["vary, values 1", "invalid type"]),
+    ("values = [0.05, 1.0]", "values = [\"a\", 1.0]", &["vary, values 1", "`blend.hash_scale` is \"a\", must be 0.01 to 100"]),
     ("values = [0.05, 1.0]", "values = [1, 1.0]", &["vary, values 2", "number 1"]),
     ("values = [0.05, 1.0]", "values = []", &["vary, values", "at least one"]),
     ("camera = \"ground\"", "camera = \"groud\"", &["view 1, camera", "did you mean `ground`"]),

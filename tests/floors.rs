@@ -17,8 +17,8 @@ type Floors = [&'static [&'static str]];
 
 /// A run goes from its definition to its parts, its files and its report; the command line drives it.
 const EXPERIMENTS: &Floors = &[
-    &["process", "metrics", "row"], // words that everything else uses
-    &["definition", "judge"],       // what is asked, and how pictures are judged
+    &["process", "metrics", "row", "settings"], // words that everything else uses
+    &["definition", "judge"],                   // what is asked, and how pictures are judged
     &["unit", "expectations", "stability"],
     &["store"],            // the folder of a run
     &["runner", "report"], // what fills it, and what reads it
@@ -27,11 +27,11 @@ const EXPERIMENTS: &Floors = &[
 ];
 
 /// The window shows the model and asks the engine for its pictures; panels know neither the window nor each other's state.
-const WORKBENCH: &Floors = &[&["inspector"], &["model"], &["engine"], &["panels"], &["window"], &["script"]];
+const WORKBENCH: &Floors = &[&["model"], &["engine"], &["panels"], &["window"], &["script"]];
 
 /// The parts of the model, each made of those below.
 const WORKBENCH_MODEL: &Floors = &[
-    &["files", "display", "parameters", "panes", "flight", "editing", "metrics"],
+    &["files", "display", "panes", "flight", "editing", "metrics"],
     &["settings", "places"],
     &["compare", "viewpoint", "kept"],
     &["picture"], // what is asked of the engine, and what comes back
@@ -39,28 +39,33 @@ const WORKBENCH_MODEL: &Floors = &[
     &["state"],
 ];
 
-/// The order of `kernels`: from what knows nothing of terrain, over the stages in the order of the frame, to the frame itself.
-#[expect(dead_code, reason = "the modules of kernels are being put into this order; the test that holds it is added with them")]
+/// The order of `kernels`: from what knows nothing of terrain, over the stages in the order of the frame, to the frame and what looks at it.
 const KERNELS: &Floors = &[
-    &["base"],
-    &["shared"],
-    &["gpu"],
-    &["scene"],
-    &["import"],
-    &["view"],
-    &["world", "materials", "blocks"],
-    &["quadtree", "culling"],
-    &["residency"],
-    &["terrain"],
+    &["base"],                     // errors, names, files, colour: no terrain
+    &["settings"],                 // how a setting is declared, checked and shown
+    &["variant"],                  // five flavours and their sets
+    &["shared"],                   // functions that stages share, WGSL and f64
+    &["gpu"],                      // the device
+    &["scene"],                    // what a scene file says
+    &["view", "decode", "blocks"], // the camera; files into arrays; block compression
+    &["world", "materials"],       // node payloads and textures, on the processor
+    &["import", "quadtree"],       // a heightmap becomes a scene; which nodes
+    &["culling", "residency"],
+    &["terrain"], // what stages share of terrain on the device
+    &["stage"],   // what a stage declares
     &["geometry"],
-    &["virtual_texture"],
-    &["classification"],
-    &["shading"],
-    &["lighting"],
-    &["antialiasing", "display"],
-    &["composition", "metrics", "inspect", "probe"],
-    &["frame"],
+    &["virtual_texture", "classification", "motion"],
+    &["shading", "temporal"],
+    &["lighting", "composition", "metrics", "inspect"],
+    &["display"],
+    &["frame"],           // the stages in their order
+    &["oracle", "probe"], // who asks whether all that is right
 ];
+
+#[test]
+fn kernels_keeps_its_floors() {
+    check("kernels/src", KERNELS);
+}
 
 #[test]
 fn experiments_keeps_its_floors() {

@@ -250,7 +250,7 @@ fn written(folder: &Folder, name: &str, change: impl FnOnce(&mut Scene)) -> Stri
 /// Standing still, seen through the cheapest shader.
 fn stand(model: &mut Model) {
     model.clock.paused = true;
-    model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+    model.settings.frame.variant = Some(Variant::only(Flavour::FarAtlas));
     model.settings.scale = 0.2;
 }
 
@@ -285,7 +285,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     let first = shown(&mut stage).texels.clone();
     stage.model().clock.frame = 3;
     stage.model().probe = Some([0.5, 0.5]);
-    stage.model().settings.seed = 7;
+    stage.model().settings.frame.seed = 7;
     stage.settle().expect("a picture");
 
     // The other scene, from where it is first seen, as the old one was looked at; undo does not lead back into that.
@@ -293,7 +293,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     assert_eq!((name(&mut stage).as_str(), stage.model().given()), ("other", Some(other.as_str())));
     let model = stage.model();
     assert_eq!((model.viewpoint.clone(), model.clock.frame, model.probe), (Viewpoint::Path("forwards".to_owned()), 0, None));
-    assert_eq!((model.settings.seed, model.settings.forced), (7, Some(Variant::only(Flavour::FarAtlas))));
+    assert_eq!((model.settings.frame.seed, model.settings.frame.variant), (7, Some(Variant::only(Flavour::FarAtlas))));
     let lit = shown(&mut stage).texels.clone();
     assert!(lit != first, "another sun");
     take(&mut stage, "click Undo");
@@ -459,7 +459,7 @@ fn what_is_kept_of_each_scene_comes_back_with_it() {
     assert!(!stage.has("Go to place") && (stage.model().settings.scene.blend.hash_scale - usual).abs() < 1e-9);
     open(&mut stage, &a).expect("a scene");
     assert!(stage.has("Go to place") && (stage.model().settings.scene.blend.hash_scale - usual - 1.0).abs() < 1e-9);
-    assert_eq!(stage.model().settings.forced, Some(Variant::only(Flavour::FarAtlas)));
+    assert_eq!(stage.model().settings.frame.variant, Some(Variant::only(Flavour::FarAtlas)));
     // What cannot be opened is not what the next start opens.
     let broken = folder.write("broken.toml", "name = ");
     open(&mut stage, &broken).expect_err("no scene");

@@ -48,6 +48,8 @@ mod runs;
 #[cfg(test)]
 mod scene;
 #[cfg(test)]
+mod settings;
+#[cfg(test)]
 mod shaders;
 #[cfg(test)]
 mod shared;

@@ -6,8 +6,8 @@
 
 use experiments::stability::statistics::{Random, coverage_p, independent_p, sidak, uncorrelated_p};
 use kernels::base::wgsl;
+use kernels::frame::VariantChoice;
 use kernels::frame::picture::AovSet;
-use kernels::frame::{RenderRequest, VariantChoice};
 use kernels::shared::blue_noise::{self, EDGE, RANKS, SLICES};
 use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
 use kernels::shared::{hash, select};

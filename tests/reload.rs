@@ -213,7 +213,11 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
     let first = draw(&mut renderer, &atlas);
     // Divides by 0 where the pipeline of all five flavours is specialised.
     let shading = "shading/shading.wgsl";
-    folder.edit(shading, "override VARIANT: u32 = 0u;", "override VARIANT: u32 = 0u;\noverride BROKEN: u32 = 1u / (VARIANT ^ 31u);");
+    folder.edit(
+        "shading/pixel.wgsl",
+        "override VARIANT: u32 = 0u;",
+        "override VARIANT: u32 = 0u;\noverride BROKEN: u32 = 1u / (VARIANT ^ 31u);",
+    );
     folder.edit(
         shading,
         "return shade(vec2<u32>(in.clip.xy), in.mask);",
@@ -227,7 +231,7 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
     gpu.check().expect("the device has nothing to complain about");
     assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
     // Once it was drawn, a change that breaks it is refused as a whole.
-    folder.edit(shading, "(VARIANT ^ 31u)", "(VARIANT ^ 2u)");
+    folder.edit("shading/pixel.wgsl", "(VARIANT ^ 31u)", "(VARIANT ^ 2u)");
     let error = folder.refused(&mut renderer);
     assert!(error.contains(shading), "{error}");
     assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
@@ -237,7 +241,7 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
 fn stage(folder: &Folder) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), [1100, 700], Some(folder.0.clone()), |app| {
         app.model.clock.paused = true;
-        app.model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.model.settings.frame.variant = Some(Variant::only(Flavour::FarAtlas));
         app.model.settings.scale = 0.2;
         app.model.viewpoint = Viewpoint::Camera("ground".to_owned());
     });

@@ -16,8 +16,8 @@ use kernels::world::payload::PAYLOAD_BYTES;
 use workbench::engine::sketch;
 use workbench::model::compare::{Mode, Other};
 use workbench::model::display::Layer;
-use workbench::model::parameters::GROUPS;
 use workbench::model::picture::Shown;
+use workbench::model::settings::numbers;
 use workbench::model::state::Model;
 use workbench::model::viewpoint::{EYE_M, Viewpoint};
 use workbench::script::{Stage, Step, steps};
@@ -40,7 +40,7 @@ pub(crate) fn cheap_stage() -> Stage {
 fn standing(forced: Option<Variant>) -> Stage {
     let mut stage = Stage::prepared(small_scene(), WINDOW, |app| {
         app.model.clock.paused = true;
-        app.model.settings.forced = forced;
+        app.model.settings.frame.variant = forced;
         app.model.settings.scale = 0.2;
         app.model.viewpoint = Viewpoint::Camera("ground".to_owned());
     });
@@ -90,24 +90,25 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
         stage.settle().expect("a picture");
     }
     take(&mut stage, "click Undo");
-    assert_eq!(stage.model().settings.forced, None);
+    assert_eq!(stage.model().settings.frame.variant, None);
     take(&mut stage, "click Redo");
-    assert_eq!(stage.model().settings.forced, Some(Variant::only(Flavour::FarAtlas)));
+    assert_eq!(stage.model().settings.frame.variant, Some(Variant::only(Flavour::FarAtlas)));
 }
 
 #[test]
 fn every_parameter_is_set_and_reset_by_its_name() {
     let mut stage = cheap_stage();
     let original = stage.model().settings.scene.clone();
-    for parameter in GROUPS.iter().flat_map(|g| g.parameters) {
-        let usual = *(parameter.at)(&mut original.clone());
+    for (setting, slider) in numbers() {
+        let (name, value) = (setting.label(), |scene: &Scene| setting.get(scene).and_then(|value| value.as_float()).expect("a number"));
+        let usual = value(&original);
         // A little, so that the scene stays possible.
-        let wanted = usual + 0.01 * (parameter.range[1] - usual).abs().max(0.1);
-        stage.take(&Step::Set(parameter.name.to_owned(), wanted)).unwrap_or_else(|e| panic!("{}: {e:#}", parameter.name));
-        let now = *(parameter.at)(&mut stage.model().shown().expect("a picture").wish.settings.scene.clone());
-        assert!(now != usual && (now - wanted).abs() <= 0.02 * wanted.abs(), "{}: {now}, wanted {wanted}", parameter.name);
-        stage.take(&Step::Click(format!("Reset {}", parameter.name))).unwrap_or_else(|e| panic!("{}: {e:#}", parameter.name));
-        assert!(stage.model().settings.scene == original, "{}", parameter.name);
+        let wanted = usual + 0.01 * (slider.ends[1] - usual).abs().max(0.1);
+        stage.take(&Step::Set(name.to_owned(), wanted)).unwrap_or_else(|e| panic!("{name}: {e:#}"));
+        let now = value(&stage.model().shown().expect("a picture").wish.settings.scene);
+        assert!(now != usual && (now - wanted).abs() <= 0.02 * wanted.abs(), "{name}: {now}, wanted {wanted}");
+        stage.take(&Step::Click(format!("Reset {name}"))).unwrap_or_else(|e| panic!("{name}: {e:#}"));
+        assert!(stage.model().settings.scene == original, "{name}");
     }
 }
 
@@ -116,7 +117,7 @@ fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
     let drawn = |chosen: Option<f64>| {
         let mut stage = Stage::prepared(small_scene(), [640, 480], |app| {
             app.model.clock.paused = true;
-            app.model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+            app.model.settings.frame.variant = Some(Variant::only(Flavour::FarAtlas));
             app.model.settings.scale = chosen.unwrap_or(app.model.settings.scale);
         });
         stage.settle().expect("a picture");
@@ -181,26 +182,10 @@ fn a_scene_that_cannot_be_is_refused_and_the_picture_stays() {
 }
 
 #[test]
-fn numbers_are_where_their_keys_say_and_within_what_is_offered() {
-    let plain = small_scene();
-    let value = |scene: &kernels::scene::Scene, key: &str| {
-        let document = toml::Value::try_from(scene).expect("a scene is a document");
-        key.split('.').fold(document, |at, step| at[step].clone()).as_float().expect("a number")
-    };
-    for parameter in GROUPS.iter().flat_map(|g| g.parameters) {
-        let usual = value(&plain, parameter.key);
-        assert!((parameter.range[0]..=parameter.range[1]).contains(&usual), "{}: {usual}", parameter.key);
-        let mut changed = plain.clone();
-        *(parameter.at)(&mut changed) = usual + 1.0;
-        assert!((value(&changed, parameter.key) - usual - 1.0).abs() < 1e-9, "{}", parameter.key);
-    }
-}
-
-#[test]
 fn a_lost_device_is_made_anew_and_nothing_is_lost_with_it() {
     let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
         app.model.clock.paused = true;
-        app.model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.model.settings.frame.variant = Some(Variant::only(Flavour::FarAtlas));
         app.model.settings.scale = 0.2;
         app.model.viewpoint = Viewpoint::Camera("ground".to_owned());
     });
@@ -221,7 +206,7 @@ fn a_device_that_is_lost_again_and_again_is_given_up_until_another_picture_is_wa
     let scene = Scene { detail_size: 2 * sketch::TEXELS, ..small_scene() };
     let mut stage = Stage::with_shaders(scene, WINDOW, None, |app| {
         app.model.clock.paused = true;
-        app.model.settings.forced = Some(Variant::only(Flavour::FarAtlas));
+        app.model.settings.frame.variant = Some(Variant::only(Flavour::FarAtlas));
         app.model.settings.scale = 0.2;
         app.model.viewpoint = Viewpoint::Camera("ground".to_owned());
     });
@@ -382,7 +367,7 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     let model = stage.model();
     model.settings.scale = 0.1;
     model.settings.layer = Layer::Albedo;
-    model.settings.noise = NoiseKind::WhiteScreen;
+    model.settings.frame.noise = NoiseKind::WhiteScreen;
     model.settings.scene.blend.mip_bias = 0.5;
     model.clock.frame = 2;
     // Beside the camera, and on foot: a view that the scene has no name for.
@@ -525,7 +510,7 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     take(&mut stage, "key X");
     assert_eq!(stage.model().compare.mode, Mode::Flicker);
     // Of one variant: the exact blend of each would be another shader to compile.
-    stage.model().settings.forced = Some(Variant::only(Flavour::NearCliff));
+    stage.model().settings.frame.variant = Some(Variant::only(Flavour::NearCliff));
     take(&mut stage, "click B is; click exact blend of A");
     assert_eq!(stage.model().compare.other, Other::Exact);
     let shown = stage.model().shown().expect("a picture").clone();
@@ -537,13 +522,13 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     let mut stage = cheap_stage();
     let last = |stage: &mut Stage| stage.model().shown().expect("a picture").readings.last().copied().expect("measured");
     stage.model().viewpoint = Viewpoint::Camera("cliff".to_owned());
-    stage.model().settings.forced = Some(Variant::only(Flavour::FarCliff));
+    stage.model().settings.frame.variant = Some(Variant::only(Flavour::FarCliff));
     take(&mut stage, "click Metrics; click Measure; key Period; key Period; key Period");
     let still = last(&mut stage).sides[0].expect("terrain");
     // Noise that is fixed to the ground, seen by a camera that stands: nothing changes.
     assert_eq!((still.flip_rate, still.flicker, still.variance), (Some(0.0), 0.0, 0.0));
     assert_eq!(still.frames, 4.0);
-    stage.model().settings.reseeds = true;
+    stage.model().settings.frame.reseeds = true;
     take(&mut stage, "key Period; key Period; key Period");
     let reseeded = last(&mut stage).sides[0].expect("terrain");
     assert!(reseeded.frames <= 4.0 && reseeded.flip_rate.expect("choices") > 0.3 && reseeded.flicker > 1e-3, "{reseeded:?}");
@@ -584,7 +569,7 @@ fn the_machine_shows_what_each_stage_reported() {
     for (camera, step) in [("ground", "key Period"), ("vista", "set Map span = 9000")] {
         stage.model().viewpoint = Viewpoint::Camera(camera.to_owned());
         // Far off it is the nodes that differ: by one cheap variant.
-        stage.model().settings.forced = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
+        stage.model().settings.frame.variant = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
         take(&mut stage, step);
         let shown = stage.model().shown().expect("a picture").clone();
         let report = &shown.picture.report;

@@ -10,10 +10,8 @@ use clap::{ArgGroup, Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use kernels::base::error::one_line;
 use kernels::frame::picture::AOV_NAMES;
 use kernels::frame::{MAX_PIXELS, MAX_SIDE};
-use kernels::shading::Estimator;
-use kernels::shared::noise::NoiseKind;
-use kernels::variant::Variant;
 
+use crate::settings::{FrameArgs, SceneArgs, scene_number};
 use crate::unit::Shard;
 
 /// Measures what a cheaper terrain material blend saves, and what it lets you see.
@@ -52,7 +50,7 @@ pub(crate) enum Command {
     Stability(StabilityArgs),
     /// Judge a picture against a reference: FLIP, MSE, MRSE, PSNR, SSIM
     Compare(CompareArgs),
-    /// Say what a scene requires, and what it does not: flavours, variants, textures, passes, bytes
+    /// Say what a scene requires, and what it does not (flavours, variants, textures, passes, bytes), and list its settings
     Explain(ExplainArgs),
     /// Write the report of a run anew, from its rows
     Report(ReportArgs),
@@ -199,21 +197,12 @@ pub(crate) struct RenderArgs {
     /// Size of the picture, pixels: at most 16384 a side and 2^26 in all
     #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = size)]
     pub(crate) size: [u32; 2],
-    /// Which flavours shade: `auto` = the tiles' own variants; a variant's name or number = that one everywhere; `generic` =
-    /// the tiles' own, by the one pipeline that takes the mask at run time
-    #[arg(long, value_name = "auto|NAME|1..31|generic", default_value = "auto", allow_negative_numbers = true, value_parser = variant)]
-    pub(crate) variant: VariantArg,
-    /// How near cliff, far cliff and splat are made, each explained below
-    #[arg(long, value_name = "NAME", default_value_t = Estimator::Fc5, value_parser = estimator)]
-    pub(crate) estimator: Estimator,
-    /// Source of the random numbers: hashed, hashed-anisotropic, white, world, ign, blue or stbn
-    #[arg(long, value_name = "KIND", default_value_t = NoiseKind::HashedIsotropic, value_parser = noise)]
-    pub(crate) noise: NoiseKind,
-    /// Seed of the random numbers
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    pub(crate) seed: u32,
+    #[command(flatten)]
+    pub(crate) frame: FrameArgs,
+    #[command(flatten)]
+    pub(crate) scene_settings: SceneArgs,
     /// Render the converged 96-fetch truth with this many samples per pixel instead
-    #[arg(long, value_name = "SPP", conflicts_with_all = ["variant", "estimator", "noise"], value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    #[arg(long, value_name = "SPP", conflicts_with_all = ["variant", "generic", "estimator", "noise", "two-tilings"], value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub(crate) reference: Option<u32>,
     /// Layers to write beside the picture: albedo, normal, depth, mask, variant, fetches, choice, position, ddx, ddy (.exr only;
     /// each is explained below)
@@ -407,27 +396,6 @@ pub(crate) struct AdaptersArgs {
     pub(crate) json: bool,
 }
 
-/// What `--variant` chose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum VariantArg {
-    /// Every tile its own.
-    Auto,
-    /// One everywhere.
-    Forced(Variant),
-    /// Every tile its own, by the generic pipeline.
-    Generic,
-}
-
-impl std::fmt::Display for VariantArg {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            VariantArg::Auto => f.write_str("auto"),
-            VariantArg::Forced(variant) => variant.fmt(f),
-            VariantArg::Generic => f.write_str("generic"),
-        }
-    }
-}
-
 /// Where `probe` evaluates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum On {
@@ -536,12 +504,12 @@ fn fov(text: &str) -> Result<f64, String> {
 
 fn spacing(text: &str) -> Result<f64, String> {
     let [spacing] = numbers(text, "M")?;
-    if spacing > 0.0 && spacing <= 1.0e5 { Ok(spacing) } else { Err("must be above 0 and at most 100000 metres".to_owned()) }
+    scene_number("world.metres_per_texel", spacing)
 }
 
 fn detail(text: &str) -> Result<f64, String> {
     let [detail] = numbers(text, "M")?;
-    if (0.0..=1000.0).contains(&detail) { Ok(detail) } else { Err("must lie in 0..=1000 metres".to_owned()) }
+    scene_number("world.detail_m", detail)
 }
 
 fn height_range(text: &str) -> Result<[f64; 2], String> {
@@ -554,25 +522,6 @@ fn window(text: &str) -> Result<[u32; 4], String> {
     let parts: Vec<u32> = text.split(',').map(|part| part.trim().parse().map_err(|_| shape.to_owned())).collect::<Result<_, _>>()?;
     let all: [u32; 4] = parts.try_into().map_err(|_| shape.to_owned())?;
     if all[2] >= 2 && all[3] >= 2 { Ok(all) } else { Err(shape.to_owned()) }
-}
-
-fn variant(text: &str) -> Result<VariantArg, String> {
-    match text {
-        "auto" => Ok(VariantArg::Auto),
-        "generic" => Ok(VariantArg::Generic),
-        _ => text
-            .parse()
-            .map(VariantArg::Forced)
-            .map_err(|e: kernels::variant::NotAVariant| format!("{e}; `auto` and `generic` are accepted, too")),
-    }
-}
-
-fn estimator(text: &str) -> Result<Estimator, String> {
-    text.parse().map_err(|e: kernels::base::error::Error| e.to_string())
-}
-
-fn noise(text: &str) -> Result<NoiseKind, String> {
-    text.parse().map_err(|_| format!("must be one of {}", NoiseKind::ALL.map(|kind| kind.to_string()).join(", ")))
 }
 
 fn metric(text: &str) -> Result<Metric, String> {
@@ -599,6 +548,7 @@ fn picture(text: &str) -> Result<PathBuf, String> {
 
 #[cfg(test)]
 mod tests {
+    use kernels::shading::Estimator;
     use kernels::variant::Flavour;
 
     use super::*;
@@ -633,21 +583,6 @@ mod tests {
             let counts = [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat].map(|f| e.promised_fetches(f).to_string());
             let line = help.lines().find(|l| l.trim_start().starts_with(&format!("{e} "))).unwrap_or_else(|| panic!("{}", e.name()));
             assert!(line.ends_with(&format!("({})", counts.join(", "))), "{line}");
-            assert_eq!(estimator(e.name()), Ok(e));
-        }
-        let wrong = estimator("snaped").expect_err("no such");
-        assert!(wrong.contains("did you mean `snapped`?") && wrong.contains("laplacian"), "{wrong}");
-        // What measures others is no choice.
-        assert!(estimator("variance").is_err() && estimator("").is_err());
-    }
-
-    #[test]
-    fn variants() {
-        assert_eq!(variant("auto"), Ok(VariantArg::Auto));
-        assert_eq!(variant("generic"), Ok(VariantArg::Generic));
-        assert_eq!(variant("near-cliff+vt").map(|v| v.to_string()), Ok("vt+near-cliff".to_owned()));
-        for wrong in ["0", "32", "-1", "vt+vt2", "", "all", "4294967297"] {
-            assert!(variant(wrong).is_err(), "{wrong}");
         }
     }
 }

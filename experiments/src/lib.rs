@@ -16,6 +16,7 @@ mod cli;
 mod commands;
 mod process;
 mod report;
+mod settings;
 
 use std::panic;
 use std::process::ExitCode;

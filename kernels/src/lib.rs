@@ -3,7 +3,7 @@
 //! Read [`frame`] first: it calls the stages in their order. A stage is a folder: host module, WGSL, and where it has mathematics of its own a
 //! `reference`. [`shared`] holds the functions that several stages use, each as WGSL and as Rust. Only [`gpu`] knows devices.
 //!
-//! Modules stand in floors, listed here from the lowest to the highest. A module imports only from modules above it in this list; a test holds them to it.
+//! Modules stand in floors: a module imports only from lower ones. The list `KERNELS` in `tests/floors.rs` gives the order and holds them to it.
 
 pub mod base;
 pub mod blocks;
@@ -11,6 +11,7 @@ pub mod classification;
 pub mod composition;
 pub mod culling;
 pub mod decode;
+pub mod display;
 pub mod frame;
 pub mod geometry;
 pub mod gpu;
@@ -25,6 +26,7 @@ pub mod probe;
 pub mod quadtree;
 pub mod residency;
 pub mod scene;
+pub mod settings;
 pub mod shading;
 pub mod shared;
 pub mod stage;

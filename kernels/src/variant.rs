@@ -63,11 +63,13 @@ pub struct Variant(u8);
 /// Why a text or number is not a variant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{given}` is not a variant: give a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat (as in `vt+near-cliff`){hint}"
+    "`{given}` is not a variant: give a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat (as in `vt+near-cliff`){}{hint}",
+    if hint.is_empty() { "" } else { "; " }
 )]
 pub struct NotAVariant {
     given: String,
-    hint: String,
+    /// What was probably meant; may be empty.
+    pub hint: String,
 }
 
 impl Variant {
@@ -133,7 +135,7 @@ impl FromStr for Variant {
             let part = part.trim();
             let Some(flavour) = Flavour::ALL.into_iter().find(|f| f.name() == part) else {
                 let names = Flavour::ALL.map(Flavour::name);
-                let hint = nearest(part, &names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+                let hint = nearest(part, &names).map_or_else(String::new, |near| format!("did you mean `{near}`?"));
                 return Err(wrong(hint));
             };
             mask |= flavour.bit();

@@ -115,10 +115,10 @@ impl Workbench {
             }
         }
         if pressed(Key::Num0) {
-            self.model.settings.forced = None;
+            self.model.settings.frame.variant = None;
         }
         if pressed(Key::G) {
-            self.model.settings.generic ^= true;
+            self.model.settings.frame.generic ^= true;
         }
         if pressed(Key::Space) {
             self.model.clock.paused ^= true;

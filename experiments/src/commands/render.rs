@@ -7,9 +7,9 @@ use kernels::base::names::nearest;
 use kernels::base::progress::Progress;
 use kernels::frame::export;
 use kernels::frame::picture::{AovSet, Layer, Picture};
-use kernels::frame::{RenderRequest, Renderer, VariantChoice};
+use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::gpu::Gpu;
-use kernels::scene::{self, CameraPath, CameraPose, Scene};
+use kernels::scene::{CameraPath, CameraPose, Scene};
 use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera;
@@ -17,7 +17,8 @@ use kernels::view::camera::Pose;
 use serde::Serialize;
 
 use super::{Reporter, check_output_file, print, print_json};
-use crate::cli::{RenderArgs, VariantArg, extension};
+use crate::cli::{RenderArgs, extension};
+use crate::definition::variant_name;
 use crate::process::{check_interrupted, watch_interrupts};
 
 #[derive(Serialize)]
@@ -47,7 +48,7 @@ struct FrameSummary {
     /// Mean fetches over terrain pixels only (sky does not count); absent unless the layer `fetches` was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     fetches_per_px: Option<f64>,
-    /// 8 x 8 tiles shaded by each variant that has any.
+    /// Tiles of the screen shaded by each variant that has any.
     tiles: serde_json::Map<String, serde_json::Value>,
 }
 
@@ -60,7 +61,8 @@ enum Shot<'a> {
 /// Renders and writes all frames, each whole or not at all.
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     check_output_file(&args.out)?;
-    let scene = scene::load(&args.scene)?;
+    let scene = args.scene_settings.scene(&args.scene)?;
+    let frame_settings = args.frame.0;
     let shot = shot(args, &scene)?;
     let frames = match (&shot, args.frames) {
         (_, Some(frames)) => frames,
@@ -73,15 +75,17 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let gpu = Gpu::new()?;
     let reporter = Reporter::new();
     let show = |p: Progress| reporter.report(&p.stage, p.done, p.total);
-    let mut renderer = Renderer::new(&gpu, &scene, &show)?;
+    let options = RendererOptions { tile: frame_settings.tile, ..RendererOptions::default() };
+    let mut renderer = Renderer::with(&gpu, &scene, options, &show)?;
     let aovs = AovSet::from_names(&args.aov)?;
+    let is_png = extension(&args.out) == "png";
     let mut summary = Summary {
         scene: scene.name.clone(),
         size: args.size,
-        variant: args.reference.map_or_else(|| args.variant.to_string(), |_| Flavour::Splat.name().to_owned()),
-        estimator: args.reference.map_or(args.estimator, |_| Estimator::Exact).to_string(),
-        noise: args.noise.to_string(),
-        seed: args.seed,
+        variant: args.reference.map_or_else(|| variant_name(frame_settings.choice()), |_| Flavour::Splat.name().to_owned()),
+        estimator: args.reference.map_or(frame_settings.estimator, |_| Estimator::Exact).to_string(),
+        noise: frame_settings.noise.to_string(),
+        seed: frame_settings.seed,
         reference: args.reference,
         adapter: gpu.info.name.clone(),
         software: gpu.is_software(),
@@ -94,17 +98,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             Shot::Along(path) => camera::along(path, frame, |x, y| renderer.ground_m(x, y)),
         };
         pose.fov = args.fov.map_or(pose.fov, f64::to_radians);
-        let request = RenderRequest::new(pose, args.size).with(|r| {
-            r.shading.variant = match args.variant {
-                VariantArg::Auto => VariantChoice::Auto,
-                VariantArg::Forced(variant) => VariantChoice::Forced(variant),
-                VariantArg::Generic => VariantChoice::GenericAuto,
-            };
-            r.shading.estimator = args.estimator;
-            r.shading.noise = args.noise;
-            r.shading.seed = args.seed;
-            r.shading.frame = frame;
+        let request = frame_settings.request(pose, args.size, frame).with(|r| {
             r.outputs.aovs = aovs;
+            // What is averaged is displayed afterwards.
+            r.outputs.display = (is_png && args.reference.is_none()).then(|| frame_settings.display());
         });
         let picture = match args.reference {
             None => {
@@ -119,8 +116,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             eprintln!("note: frame {frame} shows no terrain: the camera looks past it, stands outside the world, or is under ground");
         }
         let file = if numbered { numbered_file(&args.out, frame) } else { args.out.clone() };
-        if extension(&file) == "png" {
-            export::write_png(&file, &picture)?;
+        if is_png {
+            export::write_png(&file, &picture, frame_settings.display())?;
         } else {
             export::write_exr(&file, &picture)?;
         }

@@ -16,7 +16,6 @@ mod parse;
 mod validate;
 
 pub(crate) use parameters::hash;
-pub use parameters::{ClassifyBy, FrameChoices};
 pub use parse::{load, parse, stored};
 
 /// Everything a definition file says.

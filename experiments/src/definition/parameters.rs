@@ -1,4 +1,4 @@
-//! Parameters that a definition sets or varies: keys of the scene file, and choices of the frame.
+//! Parameters that a definition sets or varies: keys of the scene file, and settings of the frame.
 
 use std::ffi::OsString;
 use std::fs;
@@ -8,151 +8,41 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow};
 use kernels::base::names::suggestion;
 use kernels::decode::heightmap::ReadOptions;
-use kernels::frame::RenderRequest;
-use kernels::geometry::STRIDES;
-use kernels::quadtree::LOD_BIASES;
+use kernels::frame::{self, FRAME, FrameSettings};
 use kernels::scene::{self, Scene, SceneText};
-use kernels::view::camera::Pose;
-use kernels::view::normals::NormalEncoding;
+use kernels::settings::Home;
 use toml::{Table, Value};
 use twox_hash::XxHash64;
 
 use super::{Definition, Import, Setting};
 
-/// Parameters that begin with this are choices of the frame; all others are keys of the scene.
-pub(super) const FRAME: &str = "frame.";
-
-/// What has a variant of its own (`frame.classification`).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ClassifyBy {
-    /// A tile of the screen.
-    #[default]
-    Tile,
-    /// A patch of the terrain.
-    Patch,
-}
-
-/// Choices of the frame, which no scene makes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameChoices {
-    /// How the geometry pass stores normals (`frame.normals`).
-    pub normals: NormalEncoding,
-    /// Edge of a tile, pixels: 4, 8 or 16 (`frame.tile`).
-    pub tile: u32,
-    /// What is classified.
-    pub classification: ClassifyBy,
-    /// Levels that terrain nodes are drawn coarser, below 0 finer (`frame.lod_bias`).
-    pub lod_bias: f64,
-    /// Of a node's vertices along a side every so many-th is drawn: 1, 2 or 4 (`frame.vertex_stride`).
-    pub vertex_stride: u32,
-    /// The first seed of all (`frame.seed`).
-    pub seed: u32,
-    /// Whether each frame has a seed of its own: that seed plus the frame (`frame.reseeds`).
-    pub reseeds: bool,
-    /// Whether full splat blends two tiling scales (`frame.two_tilings`).
-    pub two_tilings: bool,
-}
-
-impl Default for FrameChoices {
-    fn default() -> Self {
-        FrameChoices {
-            normals: NormalEncoding::default(),
-            tile: 8,
-            classification: ClassifyBy::default(),
-            lod_bias: 0.0,
-            vertex_stride: 1,
-            seed: 0,
-            reseeds: false,
-            two_tilings: false,
+/// Gives the frame's settings what a definition sets; all other parameters are passed by.
+pub(super) fn apply(settings: &mut FrameSettings, parameter: &str, value: &Value) -> Result<(), String> {
+    match value {
+        // `frame.tile = 4` without quotes is a table to TOML.
+        Value::Table(table) if is_of_frame(parameter, value) => {
+            table.iter().try_for_each(|(key, value)| set_of_frame(settings, &format!("{FRAME}{key}"), value))
         }
+        _ if is_of_frame(parameter, value) => set_of_frame(settings, parameter, value),
+        _ => Ok(()),
     }
 }
 
-impl FrameChoices {
-    /// The parameters there are.
-    pub const NAMES: [&str; 8] = [
-        "frame.normals",
-        "frame.tile",
-        "frame.classification",
-        "frame.lod_bias",
-        "frame.vertex_stride",
-        "frame.seed",
-        "frame.reseeds",
-        "frame.two_tilings",
-    ];
-
-    /// The request of a frame, as far as these choices decide it.
-    pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
-        RenderRequest::new(pose, size).with(|r| {
-            r.shading.frame = frame;
-            r.geometry.lod_bias = self.lod_bias;
-            r.geometry.vertex_stride = self.vertex_stride;
-            r.shading.seed = if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed };
-            r.shading.two_tilings = self.two_tilings;
-            r.geometry.normals = self.normals;
-        })
-    }
-
-    /// Takes a parameter of the frame over; all others are passed by.
-    pub(super) fn apply(&mut self, parameter: &str, value: &Value) -> Result<(), String> {
-        match value {
-            // `frame.tile = 4` without quotes is a table to TOML.
-            Value::Table(table) if is_of_frame(parameter, value) => {
-                table.iter().try_for_each(|(key, value)| self.set(&format!("{FRAME}{key}"), value))
-            }
-            _ if is_of_frame(parameter, value) => self.set(parameter, value),
-            _ => Ok(()),
+fn set_of_frame(settings: &mut FrameSettings, parameter: &str, value: &Value) -> Result<(), String> {
+    let lists = |home: &Home| if let Home::DefinitionList(list) = home { Some(*list) } else { None };
+    match frame::setting(parameter) {
+        Some(setting) if setting.has_home(Home::Definition) => setting.set(settings, value),
+        Some(setting) => {
+            let list = setting.listing.homes.iter().find_map(lists).unwrap_or_default();
+            Err(format!("`{parameter}` is not set here: a definition gives it in `{list}`"))
         }
+        None => Err(format!("`{parameter}` is no setting of the frame: {}", suggestion(parameter, &frame_parameters()))),
     }
+}
 
-    fn set(&mut self, parameter: &str, value: &Value) -> Result<(), String> {
-        let text = value.as_str().unwrap_or_default();
-        let wrong = |kinds: &str| Err(format!("`{parameter}` cannot be {value}: give {kinds}"));
-        match parameter.strip_prefix(FRAME).unwrap_or_default() {
-            "normals" => match text.parse() {
-                Ok(normals) => self.normals = normals,
-                Err(_) => {
-                    let names = NormalEncoding::ALL.map(NormalEncoding::name);
-                    return Err(format!("`{parameter}` cannot be {value}: {}", suggestion(text, &names)));
-                }
-            },
-            "tile" => match value.as_integer().and_then(|edge| u32::try_from(edge).ok()) {
-                Some(edge @ (4 | 8 | 16)) => self.tile = edge,
-                _ => return wrong("4, 8 or 16"),
-            },
-            "classification" => match text {
-                "tile" => self.classification = ClassifyBy::Tile,
-                "patch" => self.classification = ClassifyBy::Patch,
-                _ => return wrong("\"tile\" or \"patch\""),
-            },
-            "lod_bias" => {
-                let [least, most] = LOD_BIASES;
-                let number = value.as_float().or_else(|| value.as_integer().map(|n| n as f64));
-                match number.filter(|bias| (least..=most).contains(bias)) {
-                    Some(bias) => self.lod_bias = bias,
-                    None => return wrong(&format!("a number from {least} to {most}")),
-                }
-            }
-            "vertex_stride" => match value.as_integer().and_then(|stride| u32::try_from(stride).ok()) {
-                Some(stride) if STRIDES.contains(&stride) => self.vertex_stride = stride,
-                _ => return wrong("1, 2 or 4"),
-            },
-            "seed" => match value.as_integer().and_then(|seed| u32::try_from(seed).ok()) {
-                Some(seed) => self.seed = seed,
-                None => return wrong(&format!("a whole number from 0 to {}", u32::MAX)),
-            },
-            "reseeds" => match value.as_bool() {
-                Some(on) => self.reseeds = on,
-                None => return wrong("true or false"),
-            },
-            "two_tilings" => match value.as_bool() {
-                Some(on) => self.two_tilings = on,
-                None => return wrong("true or false"),
-            },
-            _ => return Err(format!("`{parameter}` is no choice of the frame: {}", suggestion(parameter, &FrameChoices::NAMES))),
-        }
-        Ok(())
-    }
+/// The settings of the frame that a definition sets or varies.
+pub(super) fn frame_parameters() -> Vec<&'static str> {
+    FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Definition)).map(|setting| setting.key).collect()
 }
 
 /// Most steps from a scene to a number of it: `material.grass.tint.2` has four. Tables within tables would overflow the stack some thousand deep.
@@ -298,19 +188,19 @@ impl Definition {
         self.altered(&text, setting).map_err(|refused| anyhow!("experiment `{}`: scene: {}", self.name, refused.what))
     }
 
-    /// The choices of the frame, with the value `setting` of what the definition varies.
+    /// The settings of the frame, with the value `setting` of what the definition varies.
     ///
     /// # Errors
-    /// An unknown choice or value.
-    pub fn frame_choices(&self, setting: &Setting) -> Result<FrameChoices, String> {
-        let mut choices = FrameChoices::default();
+    /// An unknown setting or a value that it does not accept.
+    pub fn frame_settings(&self, setting: &Setting) -> Result<FrameSettings, String> {
+        let mut settings = FrameSettings::default();
         for (parameter, value) in &self.settings {
-            choices.apply(parameter, value)?;
+            apply(&mut settings, parameter, value)?;
         }
         if let (Some(vary), Some(value)) = (&self.vary, setting) {
-            choices.apply(&vary.parameter, value)?;
+            apply(&mut settings, &vary.parameter, value)?;
         }
-        Ok(choices)
+        Ok(settings)
     }
 
     /// A number that changes with what the scene is made from: its text, or the imported heightmap's bytes. 16 hexadecimal digits of xxHash64.

@@ -6,17 +6,17 @@ use anyhow::{Result, anyhow};
 use kernels::base::document::{At, Checked, Problem, Step};
 use kernels::base::names::suggestion;
 use kernels::frame::requirements::Requirements;
-use kernels::frame::{MAX_PIXELS, MAX_SIDE, VariantChoice};
+use kernels::frame::{FRAME, FrameSettings, MAX_PIXELS, MAX_SIDE, VariantChoice};
 use kernels::import::viewpoints;
-use kernels::scene::{Scene, SceneText};
+use kernels::scene::{self, Scene, SceneText};
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
 use kernels::temporal::Resolve;
 use kernels::variant::Flavour;
 use toml::Value;
 
-use super::parameters::FRAME;
-use super::{ALL_VARIANTS, Definition, Expectation, FrameChoices, Import, Motion, Small, Times, setting_text, variant_name};
+use super::parameters::{apply, frame_parameters};
+use super::{ALL_VARIANTS, Definition, Expectation, Import, Motion, Small, Times, setting_text, variant_name};
 use crate::metrics::{self, Axis, LAGS, Needs};
 use crate::row::{Field, Row};
 
@@ -54,7 +54,7 @@ impl Facts {
 
     /// Before the import: it makes four cameras, no path, and the defaults of everything that is not its data.
     fn before_import() -> Result<Facts, String> {
-        let like = kernels::scene::load(kernels::scene::DEFAULT).map_err(|error| error.to_string())?;
+        let like = scene::load(scene::DEFAULT).map_err(|error| error.to_string())?;
         Ok(Facts {
             cameras: viewpoints::NAMES.iter().map(|&name| (name.to_owned(), None)).collect(),
             paths: Vec::new(),
@@ -73,7 +73,7 @@ impl Definition {
             Facts::before_import().or_else(|what| refuse(&scene, what))?
         } else {
             let text = self.scene_text(None).or_else(|what| refuse(&scene, what))?;
-            let plain = kernels::scene::parse(&text.text, &text.name, &text.folder).or_else(|error| refuse(&scene, error.to_string()))?;
+            let plain = scene::parse(&text.text, &text.name, &text.folder).or_else(|error| refuse(&scene, error.to_string()))?;
             Facts::of(&plain, text)
         };
         self.check_with(&facts)
@@ -86,7 +86,7 @@ impl Definition {
     pub(crate) fn check_imported(&self, folder: &Path) -> Result<()> {
         let fail = |what: String| anyhow!("experiment `{}`: {what}", self.name);
         let text = self.scene_text(Some(folder)).map_err(fail)?;
-        let plain = kernels::scene::parse(&text.text, &text.name, &text.folder)?;
+        let plain = scene::parse(&text.text, &text.name, &text.folder)?;
         self.check_with(&Facts::of(&plain, text)).map_err(|problem| fail(problem.to_string()))
     }
 
@@ -226,15 +226,19 @@ fn plan_size(definition: &Definition) -> u64 {
 }
 
 fn import_of(at: &At, import: &Import, folder: &Path) -> Checked {
-    at.key("metres_per_texel").positive(import.metres_per_texel, 1.0e5)?;
+    let of_world = |key: &'static str, value: Value| {
+        let mut of_key = scene::settings().filter(|setting| setting.key.strip_prefix("world.") == Some(key));
+        of_key.try_for_each(|setting| setting.accept(&value)).map_err(|what| at.key(key).problem(what))
+    };
+    of_world("metres_per_texel", Value::Float(import.metres_per_texel))?;
     if let Some([low, high]) = import.height_range_m {
         let range = at.key("height_range_m");
-        range.all_within(&[low, high], -1.0e7, 1.0e7)?;
+        of_world("height_range_m", Value::Array([low, high].map(Value::Float).to_vec()))?;
         if low >= high {
             range.fail(format!("[{low}, {high}] must go from low to high: the elevations of the smallest and largest sample"))?;
         }
     }
-    at.key("detail_m").within(import.detail_m, 0.0, 1000.0)?;
+    of_world("detail_m", Value::Float(import.detail_m))?;
     let job = import.job(folder).or_else(|what| refuse(&at.key("heightmap"), what))?;
     if !job.heightmap.is_file() {
         at.key("heightmap")
@@ -325,14 +329,14 @@ fn one_of(what: &str, text: &str, known: &[&str]) -> Result<String, String> {
 fn parameters(top: &At, definition: &Definition) -> Checked {
     let at = top.key("set");
     for (parameter, value) in &definition.settings {
-        FrameChoices::default().apply(parameter, value).or_else(|what| at.key(parameter.clone()).fail(what))?;
+        apply(&mut FrameSettings::default(), parameter, value).map_err(|what| at.key(parameter.clone()).sentence(what))?;
         finite(&at.key(parameter.clone()), value)?;
     }
     let Some(vary) = &definition.vary else { return Ok(()) };
     let at = top.key("vary");
     let texts: Vec<String> = vary.values.iter().map(setting_text).collect();
     if vary.parameter.trim().is_empty() {
-        at.key("parameter").fail("is empty: name a key of the scene, as `blend.hash_scale`, or a choice of the frame, as `frame.tile`")?;
+        at.key("parameter").fail("is empty: name a key of the scene, as `blend.hash_scale`, or a setting of the frame, as `frame.tile`")?;
     }
     if definition.settings.contains_key(&vary.parameter) {
         at.key("parameter").fail(format!("`{}` is set in [set], too: remove one", vary.parameter))?;
@@ -342,8 +346,8 @@ fn parameters(top: &At, definition: &Definition) -> Checked {
         let at = at.key("values").index(i);
         finite(&at, value)?;
         if vary.parameter.starts_with(FRAME) {
-            let place = if FrameChoices::NAMES.contains(&vary.parameter.as_str()) { at } else { top.key("vary").key("parameter") };
-            FrameChoices::default().apply(&vary.parameter, value).or_else(|what| place.fail(what))?;
+            let place = if frame_parameters().contains(&vary.parameter.as_str()) { at } else { top.key("vary").key("parameter") };
+            apply(&mut FrameSettings::default(), &vary.parameter, value).or_else(|what| place.fail(what))?;
         }
     }
     Ok(())
@@ -414,7 +418,7 @@ fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
             if varied || definition.settings.keys().any(|parameter| data(parameter)) {
                 return Ok(());
             }
-            like = kernels::scene::text(kernels::scene::DEFAULT).or_else(|error| refuse(&top.key("import"), error.to_string()))?;
+            like = scene::text(scene::DEFAULT).or_else(|error| refuse(&top.key("import"), error.to_string()))?;
             &like
         }
     };

@@ -137,7 +137,7 @@ pub(super) fn shading_base(table: &Table, view: &str) -> Option<usize> {
 fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
     let definition = &run.definition;
     let value = |vary: &Vary| vary.values.iter().find(|value| setting_text(value) == summary.key.setting).cloned();
-    let choices = definition.frame_choices(&definition.vary.as_ref().and_then(value));
+    let choices = definition.frame_settings(&definition.vary.as_ref().and_then(value));
     let twice = flavour == Flavour::Splat && choices.is_ok_and(|choices| choices.two_tilings);
     Estimator::Fc5.promised_fetches(flavour) * if twice { 2 } else { 1 }
 }

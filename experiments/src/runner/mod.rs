@@ -17,7 +17,7 @@ use std::str::FromStr;
 use anyhow::{Context, Error, Result, anyhow};
 use kernels::base::progress::Progress;
 use kernels::composition::Layers;
-use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::frame::{ClassifyBy, FrameSettings, RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::gpu::Gpu;
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
@@ -25,7 +25,7 @@ use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
 
-use crate::definition::{ClassifyBy, Definition, FrameChoices, Setting, setting_text};
+use crate::definition::{Definition, Setting, setting_text};
 use crate::metrics;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Unit, Work, plan};
@@ -45,7 +45,7 @@ pub struct Runner<'a> {
 /// What serves as long as the setting is the same.
 struct Stage<'a> {
     setting: Setting,
-    choices: FrameChoices,
+    choices: FrameSettings,
     renderer: Renderer<'a>,
     layers: Layers,
     /// Layers of the exact blend, and the pose and frame that they show.
@@ -92,7 +92,7 @@ impl<'a> Runner<'a> {
             return Ok(());
         }
         let scene = self.definition.scene(setting, self.imported.as_deref())?;
-        let choices = self.definition.frame_choices(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
+        let choices = self.definition.frame_settings(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
         if let Some(stage) = self.stage.as_mut().filter(|stage| stage.choices == choices) {
             // Only numbers of the blend, the flavours' distances or the light differ: world and textures serve again.
             if stage.renderer.retune(&scene)? {
@@ -261,7 +261,7 @@ fn truth(request: &RenderRequest) -> RenderRequest {
 }
 
 /// Whether the classification is by patch.
-fn by_patch(choices: &FrameChoices) -> bool {
+fn by_patch(choices: &FrameSettings) -> bool {
     choices.classification == ClassifyBy::Patch
 }
 

@@ -211,7 +211,15 @@ impl Runner<'_> {
         let own = folder.join(REFERENCE);
         fs::create_dir_all(&own).with_context(|| format!("cannot make the folder {}", own.display()))?;
         let hdr = albedo.iter().zip(&all.terrain).map(|(c, &on)| [c[0], c[1], c[2], f32::from(u8::from(on))]).collect();
-        let picture = Picture { size, hdr, layers: Vec::new(), passes: Vec::new(), fetches_per_px: None, report: Default::default() };
+        let picture = Picture {
+            size,
+            hdr,
+            displayed: None,
+            layers: Vec::new(),
+            passes: Vec::new(),
+            fetches_per_px: None,
+            report: Default::default(),
+        };
         export::write_exr(&file, &picture).context("make room if the disk is full")?;
         let json = file.with_extension("json");
         let bytes = serde_json::to_vec_pretty(&record).context("the reference cannot be put into JSON")?;

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result};
-use kernels::frame::RenderRequest;
 use kernels::shading::Estimator;
 use kernels::shared::moments::Moments;
 use kernels::shared::noise::NoiseKind;

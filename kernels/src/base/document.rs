@@ -92,7 +92,7 @@ fn surplus(given: &toml::Value, taken: &toml::Value, path: &mut Vec<Step>) -> Op
             given.iter().find_map(|(key, value)| within(Step::Key(key.clone().into()), value, taken.get(key)?))
         }
         (toml::Value::Array(given), toml::Value::Array(taken)) if given.len() > taken.len() => {
-            Some(Problem { path: path.clone(), what: format!("has {} entries, must have {}", given.len(), taken.len()) })
+            Some(At(path.clone()).problem(format!("has {} entries, must have {}", given.len(), taken.len())))
         }
         (toml::Value::Array(given), toml::Value::Array(taken)) => {
             given.iter().zip(taken).enumerate().find_map(|(i, (given, taken))| within(Step::Index(i), given, taken))
@@ -117,11 +117,16 @@ pub struct Problem {
     pub path: Vec<Step>,
     /// What is wrong and how to mend it.
     pub what: String,
+    /// Whether that is a whole sentence, which names the value itself.
+    is_sentence: bool,
 }
 
 impl fmt::Display for Problem {
     /// `material 3, tile_m: ...`, counting from 1 as people do, on one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_sentence {
+            return f.write_str(&one_line(&self.what));
+        }
         let mut text = String::new();
         for step in &self.path {
             match step {
@@ -166,7 +171,12 @@ impl At {
 
     /// What is wrong here and how to mend it.
     pub fn problem(&self, what: impl Into<String>) -> Problem {
-        Problem { path: self.0.clone(), what: what.into() }
+        Problem { path: self.0.clone(), what: what.into(), is_sentence: false }
+    }
+
+    /// What is wrong here, said by a sentence that names the value itself.
+    pub fn sentence(&self, what: String) -> Problem {
+        Problem { path: self.0.clone(), what, is_sentence: true }
     }
 
     /// # Errors

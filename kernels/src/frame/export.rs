@@ -4,20 +4,10 @@ use std::path::{Path, PathBuf};
 
 use exr::prelude as e;
 
-use crate::base::colour::{luminance, srgb_code};
 use crate::base::error::{Error, Result};
 use crate::base::files::write_whole;
+use crate::display::Exposure;
 use crate::frame::picture::{Layer, Picture};
-
-/// Linear radiance to sRGB for people: Reinhard's curve on luminance, white at radiance 4, colour kept.
-/// Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
-pub fn tone_map(radiance: [f32; 3]) -> [u8; 3] {
-    const WHITE: f32 = 4.0;
-    let luminance = luminance(radiance);
-    let mapped = luminance * (1.0 + luminance / (WHITE * WHITE)) / (1.0 + luminance);
-    let factor = if luminance > 0.0 { mapped / luminance } else { 0.0 };
-    radiance.map(|c| srgb_code(c * factor))
-}
 
 /// Writes 8-bit RGB texels as PNG.
 ///
@@ -37,13 +27,13 @@ pub fn write_png_texels(file: &Path, size: [u32; 2], texels: &[[u8; 3]]) -> Resu
     })
 }
 
-/// Writes the tone-mapped picture.
+/// Writes the picture for people: as the device displayed it, else (it was averaged on the processor) tone-mapped by the reference with the default
+/// exposure.
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_png(file: &Path, picture: &Picture) -> Result<()> {
-    let texels: Vec<[u8; 3]> = picture.hdr.iter().map(|t| tone_map([t[0], t[1], t[2]])).collect();
-    write_png_texels(file, picture.size, &texels)
+pub fn write_png(file: &Path, picture: &Picture, exposure: Exposure) -> Result<()> {
+    write_png_texels(file, picture.size, &picture.displayed(exposure))
 }
 
 fn image_error(file: &Path, error: &dyn std::fmt::Display) -> Error {

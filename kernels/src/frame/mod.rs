@@ -9,6 +9,7 @@ use crate::base::section::{Section, mebibytes, row};
 use crate::classification::{self, Lists};
 use crate::composition::{Composition, Layers};
 use crate::culling::{self, Patch};
+use crate::display;
 use crate::geometry;
 use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, Sources, Timer};
@@ -38,6 +39,7 @@ mod reload;
 mod report;
 mod request;
 pub mod requirements;
+mod settings;
 mod stages;
 mod uniforms;
 
@@ -48,6 +50,7 @@ pub use report::FrameReport;
 pub use request::{
     GeometryKey, GeometryRequest, MAX_PIXELS, MAX_SIDE, Outputs, RenderRequest, ShadingRequest, VariantChoice, ViewRequest, check_size,
 };
+pub use settings::{ClassifyBy, FRAME, FrameSettings, setting};
 pub use stages::{DECLARATIONS, FOLLOWING, shader_files};
 
 use picture::Picture;
@@ -63,6 +66,8 @@ pub struct Targets {
     pub shading: shading::Targets,
     /// Linear HDR.
     pub image: wgpu::Texture,
+    /// Tone-mapped sRGB.
+    pub displayed: wgpu::Texture,
     size: [u32; 2],
 }
 
@@ -135,9 +140,7 @@ impl<'a> Renderer<'a> {
     pub fn with(gpu: &Gpu, scene: &Scene, options: RendererOptions, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         let world = World::new(scene)?;
         check_cliffs(scene, &world)?;
-        if !classification::TILES.contains(&options.tile) {
-            return Err(Error::Request(format!("tiles of {} pixels cannot be had: give 4, 8 or 16", options.tile)));
-        }
+        FrameSettings { tile: options.tile, ..FrameSettings::default() }.check().map_err(|wrong| Error::Request(wrong.to_string()))?;
         let demands = Demands::of(scene);
         let size = options.sketch.unwrap_or(scene.detail_size);
         let palette = Palette::sketch(scene, size, world.layout().sector_m, edit::on_texture(progress))?;
@@ -313,6 +316,10 @@ impl<'a> Renderer<'a> {
         );
         if request.outputs.lit {
             self.stages.lighting.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.shading, &targets.image);
+        }
+        // display: tone-mapped sRGB
+        if let Some(exposure) = request.outputs.display.filter(|_| request.outputs.lit) {
+            self.stages.display.encode(gpu, &mut encoder, &mut timer, exposure, &targets.image, &targets.displayed);
         }
         timer.resolve(&mut encoder);
         gpu.submit_and_wait(encoder)?;
@@ -496,6 +503,7 @@ impl Targets {
             lists: Lists::new(gpu, size, tile),
             shading: shading::Targets::new(gpu, size),
             image: gpu.target("image", size, lighting::FORMAT),
+            displayed: gpu.target("displayed picture", size, display::FORMAT),
             size,
         }
     }

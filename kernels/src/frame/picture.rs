@@ -4,6 +4,7 @@ use half::f16;
 
 use crate::base::error::{Error, Result};
 use crate::base::names::nearest;
+use crate::display::{Exposure, reference};
 use crate::frame::{Frame, FrameReport};
 use crate::gpu::read_texture;
 
@@ -68,6 +69,8 @@ pub struct Picture {
     pub size: [u32; 2],
     /// Linear radiance; alpha 1 = terrain, 0 = sky.
     pub hdr: Vec<[f32; 4]>,
+    /// Tone-mapped sRGB codes for people, alpha as in `hdr`; `None` where the request did not ask for them.
+    pub displayed: Option<Vec<[u8; 4]>>,
     /// The layers asked for, by name.
     pub layers: Vec<(String, Layer)>,
     /// Device time of each pass, milliseconds.
@@ -91,6 +94,12 @@ impl Picture {
     pub(super) fn read(frame: Frame<'_, '_>) -> Result<Picture> {
         let (gpu, targets, request) = (frame.renderer().gpu(), frame.targets(), frame.request());
         let hdr = bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.image, wgpu::TextureAspect::All, 16)?);
+        let displayed = match request.outputs.display {
+            Some(_) if request.outputs.lit => {
+                Some(bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.displayed, wgpu::TextureAspect::All, 4)?))
+            }
+            _ => None,
+        };
         let wanted = request.outputs.aovs;
         let mut layers = Vec::new();
         let mut add = |name: &str, layer: Layer| layers.push((name.to_owned(), layer));
@@ -149,7 +158,15 @@ impl Picture {
         let size = request.view.size;
         let report = frame.into_report();
         let passes = report.passes.iter().map(|p| (p.name.clone(), p.time_ms)).collect();
-        Ok(Picture { size, hdr, layers, passes, fetches_per_px, report })
+        Ok(Picture { size, hdr, displayed, layers, passes, fetches_per_px, report })
+    }
+
+    /// What people are shown: the device's own tone mapping, or the reference's with `exposure` where the device was not asked for it.
+    pub fn displayed(&self, exposure: Exposure) -> Vec<[u8; 3]> {
+        match &self.displayed {
+            Some(codes) => codes.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+            None => self.hdr.iter().map(|&[r, g, b, _]| reference::codes([r, g, b], exposure)).collect(),
+        }
     }
 
     /// A layer that was asked for.

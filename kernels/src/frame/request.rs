@@ -1,10 +1,10 @@
 //! What is asked for: a view, how its geometry is made, how it is shaded, and what is to come out.
 
+use super::FrameSettings;
 use crate::base::error::{Error, Result};
 use crate::classification;
+use crate::display::Exposure;
 use crate::frame::picture::AovSet;
-use crate::geometry;
-use crate::quadtree;
 use crate::shading::Estimator;
 use crate::shared::noise::NoiseKind;
 use crate::temporal::SamplePattern;
@@ -51,7 +51,7 @@ pub struct ViewRequest {
 pub struct GeometryRequest {
     /// Bias of the terrain's LOD: each whole one halves the distance at which nodes are split.
     pub lod_bias: f64,
-    /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`geometry::STRIDES`]. The ground's textures stay as fine.
+    /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The ground's textures stay as fine.
     pub vertex_stride: u32,
     /// Selects nodes and patches as seen from there instead of from the camera: to look at what culling leaves.
     pub culled_from: Option<Pose>,
@@ -96,6 +96,8 @@ pub struct Outputs {
     pub count_fetches: bool,
     /// Whether the picture is lit; without, only the G-buffer is made.
     pub lit: bool,
+    /// Exposure and tone curve of the picture for people; `None` = it is not displayed.
+    pub display: Option<Exposure>,
     /// Whether each variant is shaded, and timed, in a pass of its own; never so where the whole is timed.
     pub time_variants: bool,
     /// Shades the geometry of the last frame again instead of drawing it, if its [`GeometryKey`] is the same: for many seeds or variants of one view.
@@ -116,22 +118,9 @@ pub struct RenderRequest {
 }
 
 impl RenderRequest {
-    /// A picture with everything at its default: automatic variants, Far Cry 5's estimators, isotropic hashed noise, seed 0.
+    /// A picture with every setting at its default: automatic variants, Far Cry 5's estimators, isotropic hashed noise, seed 0.
     pub fn new(pose: Pose, size: [u32; 2]) -> RenderRequest {
-        RenderRequest {
-            view: ViewRequest { pose, size, jitter: [0.0; 2] },
-            geometry: GeometryRequest { lod_bias: 0.0, vertex_stride: 1, culled_from: None, normals: NormalEncoding::default() },
-            shading: ShadingRequest {
-                variant: VariantChoice::Auto,
-                estimator: Estimator::Fc5,
-                noise: NoiseKind::HashedIsotropic,
-                seed: 0,
-                frame: 0,
-                two_tilings: false,
-                sample_pattern: SamplePattern::Centre,
-            },
-            outputs: Outputs { aovs: AovSet::default(), count_fetches: false, lit: true, time_variants: false, keep_geometry: false },
-        }
+        FrameSettings::default().request(pose, size, 0)
     }
 
     /// The request after a change.
@@ -157,14 +146,10 @@ impl RenderRequest {
     /// When the size, the LOD bias or the vertex stride is out of range.
     pub fn check(&self, limits: &wgpu::Limits, tile: u32) -> Result<()> {
         check_size(self.view.size, limits, tile)?;
-        let [finest, coarsest] = quadtree::LOD_BIASES;
-        if !(finest..=coarsest).contains(&self.geometry.lod_bias) {
-            return Err(Error::Request(format!("an LOD bias of {} cannot be drawn: give {finest} to {coarsest}", self.geometry.lod_bias)));
-        }
-        if !geometry::STRIDES.contains(&self.geometry.vertex_stride) {
-            return Err(Error::Request(format!("every {}th vertex cannot be drawn: give 1, 2 or 4", self.geometry.vertex_stride)));
-        }
-        Ok(())
+        self.outputs.display.map_or(Ok(()), Exposure::check)?;
+        let GeometryRequest { lod_bias, vertex_stride, .. } = self.geometry;
+        let settings = FrameSettings { lod_bias, vertex_stride, ..FrameSettings::default() };
+        settings.check().map_err(|wrong| Error::Request(wrong.to_string()))
     }
 }
 

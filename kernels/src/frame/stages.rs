@@ -5,6 +5,7 @@ use crate::base::section::Section;
 use crate::base::wgsl::Wgsl;
 use crate::classification::Classification;
 use crate::composition::Composition;
+use crate::display::Display;
 use crate::geometry::Geometry;
 use crate::gpu::ShaderModule;
 use crate::inspect::Inspect;
@@ -62,6 +63,8 @@ stages! {
     shading: Shading,
     /// Linear HDR.
     lighting: Lighting,
+    /// Tone-mapped sRGB, where a picture is shown.
+    display: Display,
     /// Numbers of each pixel, on request.
     inspect: Inspect,
     /// Pictures of any set of flavours, on request.

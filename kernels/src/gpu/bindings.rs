@@ -1,7 +1,7 @@
 //! Explicit bind-group layouts, said in one line a binding. Never derived from a shader: textures that only dead branches
 //! use must be bound all the same.
 
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Shader};
 
 /// What is bound at one place.
 #[derive(Clone, Copy)]
@@ -70,6 +70,38 @@ impl Gpu {
             label: Some(label),
             bind_group_layouts: &groups,
             immediate_size: 0,
+        })
+    }
+
+    /// A pipeline that draws one full-screen triangle into a target of `format`: entry points `LABEL_vertex` and `LABEL_fragment`.
+    pub fn full_screen(
+        &self,
+        label: &str,
+        shader: &Shader,
+        groups: &[&wgpu::BindGroupLayout],
+        format: wgpu::TextureFormat,
+    ) -> wgpu::RenderPipeline {
+        let [vertex, fragment] = ["vertex", "fragment"].map(|stage| format!("{label}_{stage}"));
+        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(label),
+            layout: Some(&self.pipeline_layout(label, groups)),
+            vertex: wgpu::VertexState {
+                module: &shader.module,
+                entry_point: Some(&vertex),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &shader.module,
+                entry_point: Some(&fragment),
+                compilation_options: Default::default(),
+                targets: &[Some(format.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
         })
     }
 

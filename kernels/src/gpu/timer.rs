@@ -1,6 +1,6 @@
 //! Time per pass, by timestamp queries at the beginning and the end of each.
 
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::gpu::{Gpu, read_buffer};
 
 /// What one pass took.
@@ -12,6 +12,7 @@ pub struct PassTime {
     pub time_ms: f64,
 }
 
+/// Passes that one timer can hold.
 const CAPACITY: u32 = 64;
 
 /// Collects the passes of one frame. On a device without timestamps it collects nothing.
@@ -19,6 +20,8 @@ pub struct Timer {
     queries: Option<wgpu::QuerySet>,
     resolved: wgpu::Buffer,
     names: Vec<String>,
+    /// Passes that were not timed, since the timer was full.
+    missed: u32,
     period_ns: f64,
 }
 
@@ -34,12 +37,15 @@ impl Timer {
         });
         let resolved =
             gpu.buffer("pass times", wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC, u64::from(CAPACITY * 2) * 8);
-        Timer { queries, resolved, names: Vec::new(), period_ns: f64::from(gpu.queue.get_timestamp_period()) }
+        Timer { queries, resolved, names: Vec::new(), missed: 0, period_ns: f64::from(gpu.queue.get_timestamp_period()) }
     }
 
     fn next(&mut self, name: &str) -> Option<(u32, u32)> {
-        let index = u32::try_from(self.names.len()).ok().filter(|&i| i < CAPACITY)?;
         self.queries.as_ref()?;
+        let Some(index) = u32::try_from(self.names.len()).ok().filter(|&i| i < CAPACITY) else {
+            self.missed += 1;
+            return None;
+        };
         self.names.push(name.to_owned());
         Some((index * 2, index * 2 + 1))
     }
@@ -75,10 +81,17 @@ impl Timer {
     /// The times, in the order of the passes; call after the submission is done.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// When the device is lost, or there were more passes than the timer holds: times that leave some out would look whole.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>> {
         if self.names.is_empty() {
             return Ok(Vec::new());
+        }
+        if self.missed > 0 {
+            return Err(Error::Gpu(format!(
+                "{} of {} passes were not timed: a timer holds {CAPACITY}; time fewer at once",
+                self.missed,
+                self.missed + CAPACITY
+            )));
         }
         let bytes = read_buffer(gpu, &self.resolved, self.names.len() as u64 * 16)?;
         let stamps: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);

@@ -47,27 +47,7 @@ impl Stage for Lighting {
             wgpu::ShaderStages::FRAGMENT,
             &[Binding::TextureLoaded(FLAT), Binding::TextureLoaded(FLAT), Binding::Depth],
         );
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("lighting"),
-            layout: Some(&gpu.pipeline_layout("lighting", &[frame_layout, &layout])),
-            vertex: wgpu::VertexState {
-                module: &shader.module,
-                entry_point: Some("lighting_vertex"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &shader.module,
-                entry_point: Some("lighting_fragment"),
-                compilation_options: Default::default(),
-                targets: &[Some(FORMAT.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let pipeline = gpu.full_screen("lighting", &shader, &[frame_layout, &layout], FORMAT);
         Ok(Lighting { pipeline, layout })
     }
 }

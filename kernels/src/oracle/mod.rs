@@ -22,7 +22,6 @@ use crate::shared::noise::{self, HashedPoint};
 use crate::shared::{biplanar, select, triplanar};
 use crate::variant::{Flavour, Variant};
 use crate::view::camera::View;
-use crate::view::normals::NormalEncoding;
 use crate::virtual_texture::{LEVELS, PAGE_TEXELS, PageId, TEXELS_PER_M, anisotropy};
 use crate::world::payload::diagonal_rises;
 use crate::world::{LODS, Layout, NODE_QUADS, NodeId, World};

@@ -9,9 +9,11 @@ use serde::{Deserialize, Serialize};
 
 pub mod demands;
 mod parse;
+mod settings;
 mod validate;
 
 pub use parse::{DEFAULT, DEFAULT_TEXT, FILE, SceneText, load, parse, text};
+pub use settings::{Blend, FlavourRules, Sky, Sun, setting, settings};
 pub use validate::{validate, validate_against_world};
 
 /// Everything a scene file says.
@@ -61,7 +63,7 @@ pub struct Scene {
 }
 
 fn default_detail_size() -> u32 {
-    1024
+    settings::DETAIL_SIZE
 }
 
 /// Where heights come from.
@@ -214,106 +216,6 @@ pub enum StrokeKind {
 
 fn half() -> f64 {
     0.5
-}
-
-/// Where each flavour applies (SYSTEMS C and F). Distances in metres along the view ray, slopes in degrees of the shading normal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct FlavourRules {
-    /// Beyond this distance ground is shaded from the far atlas; virtual texture before it. 0 = no virtual texture.
-    pub far_atlas_m: f64,
-    /// Beyond this distance cliffs, too, are shaded from the far atlas.
-    pub cliff_far_atlas_m: f64,
-    /// Near stochastic cliff before, far stochastic cliff behind (Far Cry 5: 30 m).
-    pub cliff_near_m: f64,
-    /// Width of every distance blend, as a share of its distance.
-    pub distance_blend: f64,
-    /// Slopes above this one are cliff. 90 or more = no cliff flavours.
-    pub cliff_slope_deg: f64,
-    /// Width of slope blends, degrees.
-    pub slope_blend_deg: f64,
-    /// Width of the band of slopes just below `cliff_slope_deg` that is too steep for one projection and borders on contrasting
-    /// materials: full tri-planar splat, up to `cliff_near_m`. 0 = flavour not used.
-    pub splat_band_deg: f64,
-}
-
-impl FlavourRules {
-    /// Whether any slope is cliff.
-    pub fn has_cliffs(&self) -> bool {
-        self.cliff_slope_deg < 90.0
-    }
-}
-
-impl Default for FlavourRules {
-    fn default() -> Self {
-        FlavourRules {
-            far_atlas_m: 300.0,
-            cliff_far_atlas_m: 1500.0,
-            cliff_near_m: 30.0,
-            distance_blend: 0.15,
-            cliff_slope_deg: 45.0,
-            slope_blend_deg: 4.0,
-            splat_band_deg: 8.0,
-        }
-    }
-}
-
-/// Parameters of the material blend.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Blend {
-    /// k in w' = w 2^(k h): how strongly height wins over the bilinear weight. 0 = plain bilinear.
-    pub height_sharpness: f64,
-    /// k in w = |n|^k: tri-planar sharpness.
-    pub triplanar_sharpness: f64,
-    /// Scale of hashed-alpha noise: cell size in pixels (Wyman & McGuire's g_HashScale).
-    pub hash_scale: f64,
-    /// Anisotropic filtering of detail textures, 1..=16. 1 = trilinear: software Vulkan compiles anything more for minutes.
-    pub anisotropy: u16,
-    /// Bias added to mip levels by scaling gradients by 2^bias.
-    pub mip_bias: f64,
-    /// How far materials' mean colours lie from 18 % grey, relative to how they were made: 0 = all alike, 1 = as made, up to 2.
-    pub material_contrast: f64,
-}
-
-impl Default for Blend {
-    fn default() -> Self {
-        Blend { height_sharpness: 8.0, triplanar_sharpness: 4.0, hash_scale: 1.0, anisotropy: 1, mip_bias: 0.0, material_contrast: 1.0 }
-    }
-}
-
-/// The sun: a directional light.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Sun {
-    /// Compass bearing the light comes from, degrees clockwise from north.
-    pub azimuth_deg: f64,
-    /// Height above the horizon, degrees.
-    pub elevation_deg: f64,
-    /// Linear RGB irradiance on a surface facing it.
-    pub irradiance: [f64; 3],
-}
-
-impl Default for Sun {
-    fn default() -> Self {
-        Sun { azimuth_deg: 190.0, elevation_deg: 34.0, irradiance: [4.8, 4.4, 3.8] }
-    }
-}
-
-/// The sky: radiance linear in the sine of elevation, over the whole sphere, so that its irradiance is exact.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Sky {
-    /// Linear RGB radiance at the zenith.
-    pub zenith: [f64; 3],
-    /// Linear RGB radiance at the horizon.
-    pub horizon: [f64; 3],
-}
-
-impl Default for Sky {
-    fn default() -> Self {
-        Sky { zenith: [0.10, 0.20, 0.42], horizon: [0.28, 0.34, 0.42] }
-    }
 }
 
 /// A camera: where it stands and looks.

@@ -68,10 +68,23 @@ pub fn text(path_or_name: &str) -> Result<SceneText> {
 /// place is given as `where_:line`.
 pub fn parse(text: &str, where_: &str, folder: &Path) -> Result<Scene> {
     let refuse = |wrong: document::Wrong| Error::Scene { where_: wrong.place(where_), what: wrong.what };
-    let mut scene: Scene = document::read(text, remedy_of_missing).map_err(refuse)?;
+    let mut scene: Scene = document::read(text, remedy_of_missing).map_err(|wrong| refuse(in_words_of_settings(wrong, text)))?;
     scene.folder = folder.to_owned();
     check(&scene).map_err(|problem| refuse(problem.wrong(text)))?;
     Ok(scene)
+}
+
+/// What is wrong by the type of a setting's value, said as [`Setting::accept`](crate::settings::Setting::accept) says it.
+fn in_words_of_settings(wrong: document::Wrong, text: &str) -> document::Wrong {
+    let Ok(document) = text.parse::<toml::Table>() else { return wrong };
+    let mut said = super::settings().filter_map(|setting| {
+        let (tables, key) = setting.key.rsplit_once('.').map_or((None, setting.key), |(table, key)| (Some(table), key));
+        let table = tables.map_or(Some(&document), |table| document.get(table)?.as_table())?;
+        let what = setting.accept(table.get(key)?).err()?;
+        Some(setting.place().sentence(what).wrong(text))
+    });
+    // Of another line is another mistake.
+    said.find(|said| said.line == wrong.line).unwrap_or(wrong)
 }
 
 fn remedy_of_missing(key: &str) -> &'static str {

@@ -1,9 +1,11 @@
 //! What a scene file must satisfy beyond its types.
 
+use super::settings::FAR_M;
 use super::{CameraPose, Hole, Rule, Scene, Stroke, World};
 use crate::base::document::{At, Checked};
 use crate::base::error::{Error, Result, one_line};
 use crate::base::names::suggestion;
+use crate::settings;
 
 /// Checks a scene made by hand or read from a file: sizes, ranges, names that must be unique, names that must exist, files that
 /// must exist.
@@ -35,54 +37,37 @@ pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     })
 }
 
-/// Elevations, coordinates and the like beyond this many metres are mistakes.
-const FAR_M: f64 = 1.0e7;
 /// Points of one stroke: every splat texel near it is held against each of them.
 const MOST_POINTS: usize = 65_536;
 
 pub(super) fn check(scene: &Scene) -> Checked {
     let top = At::top();
     top.key("name").name(&scene.name)?;
+    settings::check(super::settings(), scene)?;
     world(&top.key("world"), scene)?;
     materials(&top.key("material"), scene)?;
     rules(&top.key("rule"), scene)?;
     strokes(&top.key("stroke"), scene)?;
-    let size = scene.detail_size;
-    if !(64..=2048).contains(&size) || !size.is_power_of_two() {
-        top.key("detail_size").fail(format!("is {size}, must be 64, 128, 256, 512, 1024 or 2048"))?;
-    }
     flavours(&top.key("flavours"), scene)?;
-    blend(&top.key("blend"), scene)?;
-    let sun = top.key("sun");
-    sun.key("azimuth_deg").within(scene.sun.azimuth_deg, -360.0, 360.0)?;
-    sun.key("elevation_deg").within(scene.sun.elevation_deg, -90.0, 90.0)?;
-    sun.key("irradiance").all_within(&scene.sun.irradiance, 0.0, 1.0e4)?;
-    let sky = top.key("sky");
-    sky.key("zenith").all_within(&scene.sky.zenith, 0.0, 1.0e4)?;
-    sky.key("horizon").all_within(&scene.sky.horizon, 0.0, 1.0e4)?;
     cameras(&top, scene)
 }
 
 fn world(at: &At, scene: &Scene) -> Checked {
-    let (hole_list, modulation) = match &scene.world {
-        World::Procedural { seed: _, holes, colour_modulation } => (holes, *colour_modulation),
-        World::Heightmap { file, metres_per_texel, height_range_m, detail_m, seed: _, holes, colour_modulation } => {
-            at.key("metres_per_texel").positive(*metres_per_texel, 1.0e5)?;
-            let range = at.key("height_range_m");
+    let hole_list = match &scene.world {
+        World::Procedural { holes, .. } => holes,
+        World::Heightmap { file, height_range_m, holes, .. } => {
             let [low, high] = *height_range_m;
-            range.all_within(height_range_m, -FAR_M, FAR_M)?;
             if low >= high {
-                range.fail(format!("[{low}, {high}] must go from low to high: the elevations of sample values 0 and 65535"))?;
+                at.key("height_range_m")
+                    .fail(format!("[{low}, {high}] must go from low to high: the elevations of sample values 0 and 65535"))?;
             }
-            at.key("detail_m").within(*detail_m, 0.0, 1000.0)?;
             let path = scene.folder.join(file);
             if !path.is_file() {
                 at.key("file").fail(format!("there is no file {}: the name is relative to the scene file's folder", path.display()))?;
             }
-            (holes, *colour_modulation)
+            holes
         }
     };
-    at.key("colour_modulation").within(modulation, 0.0, 1.0)?;
     holes(&at.key("holes"), hole_list)
 }
 
@@ -187,16 +172,9 @@ fn one_stroke(at: &At, stroke: &Stroke, materials: &[&str]) -> Checked {
     at.key("amount").within(stroke.amount, 0.0, 1.0e6)
 }
 
+/// What the distances and slopes must be to each other.
 fn flavours(at: &At, scene: &Scene) -> Checked {
     let f = &scene.flavours;
-    at.key("far_atlas_m").within(f.far_atlas_m, 0.0, FAR_M)?;
-    at.key("cliff_slope_deg").within(f.cliff_slope_deg, 1.0, 180.0)?;
-    // Blends of no width would make the shaders divide by zero; a thousandth cannot be told from a step.
-    at.key("distance_blend").within(f.distance_blend, 0.001, 0.9)?;
-    at.key("slope_blend_deg").within(f.slope_blend_deg, 0.001, 45.0)?;
-    at.key("splat_band_deg").within(f.splat_band_deg, 0.0, 89.0)?;
-    at.key("cliff_near_m").positive(f.cliff_near_m, FAR_M)?;
-    at.key("cliff_far_atlas_m").positive(f.cliff_far_atlas_m, FAR_M)?;
     if !f.has_cliffs() {
         return Ok(());
     }
@@ -219,16 +197,6 @@ fn flavours(at: &At, scene: &Scene) -> Checked {
         ))?;
     }
     Ok(())
-}
-
-fn blend(at: &At, scene: &Scene) -> Checked {
-    let b = &scene.blend;
-    at.key("height_sharpness").within(b.height_sharpness, 0.0, 1.0e4)?;
-    at.key("triplanar_sharpness").within(b.triplanar_sharpness, 0.0, 1.0e3)?;
-    at.key("hash_scale").within(b.hash_scale, 0.01, 100.0)?;
-    at.key("anisotropy").within(f64::from(b.anisotropy), 1.0, 16.0)?;
-    at.key("mip_bias").within(b.mip_bias, -16.0, 16.0)?;
-    at.key("material_contrast").within(b.material_contrast, 0.0, 2.0)
 }
 
 fn cameras(top: &At, scene: &Scene) -> Checked {

@@ -8,23 +8,20 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 use crate::base::error::{Error, Result};
-use crate::base::wgsl::{Constant, Wgsl};
 use crate::classification;
 use crate::classification::{ARGUMENT_BYTES, Lists};
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
 use crate::gpu::uses::{PassUse, TargetUse};
 use crate::gpu::{Gpu, ShaderModule, Template, Timer};
-use crate::shared;
 use crate::shared::blue_noise;
 use crate::shared::noise::NoiseKind;
 use crate::stage::{Build, Declaration, Exchange, Stage};
-use crate::terrain;
 use crate::variant::{Flavour, Variant};
-use crate::view;
-use crate::virtual_texture::{self, VirtualTexture};
+use crate::virtual_texture::VirtualTexture;
 
 mod estimator;
+mod modules;
 
 pub use estimator::{Estimator, VARIANCE_SCALE};
 
@@ -136,58 +133,8 @@ pub struct Shading {
     displayed: Vec<PipelineKey>,
 }
 
-const fn estimator(estimator: Estimator) -> Constant {
-    Constant::U32(estimator as u32)
-}
-
-/// Place of a flavour in arrays of five.
-const fn place(flavour: Flavour) -> Constant {
-    Constant::U32(flavour.bit().trailing_zeros())
-}
-
-static WGSL: Wgsl = Wgsl::new(
-    "shading/shading.wgsl",
-    include_str!("shading.wgsl"),
-    &[
-        &terrain::WGSL,
-        &terrain::FOOTPRINT_WGSL,
-        &virtual_texture::WGSL,
-        &classification::TILE_WGSL,
-        &view::WGSL,
-        &shared::BIPLANAR,
-        &shared::FLAVOUR_WEIGHTS,
-        &shared::NOISE,
-        &shared::OCTAHEDRAL,
-        &shared::SELECT,
-        &shared::SNAPPED_PROJECTION,
-        &shared::SPLAT_BLEND,
-        &shared::TILING,
-        &shared::TRIPLANAR,
-        &shared::VIEW,
-    ],
-)
-.with(&[
-    ("ESTIMATOR_FC5", estimator(Estimator::Fc5)),
-    ("ESTIMATOR_EXACT", estimator(Estimator::Exact)),
-    ("ESTIMATOR_VARIANCE", estimator(Estimator::Variance)),
-    ("ESTIMATOR_BIPLANAR", estimator(Estimator::Biplanar)),
-    ("ESTIMATOR_HEX", estimator(Estimator::Hex)),
-    ("ESTIMATOR_STF", estimator(Estimator::Stf)),
-    ("ESTIMATOR_LAPLACIAN", estimator(Estimator::Laplacian)),
-    ("ESTIMATOR_LUNA8", estimator(Estimator::Luna8)),
-    ("ESTIMATOR_SNAPPED", estimator(Estimator::Snapped)),
-    ("ESTIMATOR_BIPLANAR_MEAN", estimator(Estimator::BiplanarMean)),
-    ("ESTIMATOR_HEX_MEAN", estimator(Estimator::HexMean)),
-    ("FLAVOUR_VT", place(Flavour::VirtualTexture)),
-    ("FLAVOUR_FAR_ATLAS", place(Flavour::FarAtlas)),
-    ("FLAVOUR_NEAR_CLIFF", place(Flavour::NearCliff)),
-    ("FLAVOUR_FAR_CLIFF", place(Flavour::FarCliff)),
-    ("FLAVOUR_SPLAT", place(Flavour::Splat)),
-    ("SHADING_VARIANCE_SCALE", Constant::real(VARIANCE_SCALE)),
-]);
-
 /// The stage's shader module: every variant is cut from it.
-pub static MODULE: ShaderModule = ShaderModule::new("shading", &[&WGSL]);
+pub static MODULE: ShaderModule = ShaderModule::new("shading", modules::ROOTS);
 
 impl Stage for Shading {
     const DECLARATION: Declaration = Declaration {

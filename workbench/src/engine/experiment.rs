@@ -13,12 +13,13 @@ use anyhow::{Context, Error, Result, bail, ensure};
 use experiments::definition::{self, Definition, Reference, Small, Times, variant_name};
 use kernels::base::error::one_line;
 use kernels::base::files::WholeFolder;
+use kernels::frame::FrameSettings;
 use kernels::scene::{self, CameraPose, Scene};
+use kernels::settings::Home;
 use toml::Value;
 
 use super::lock;
 use crate::model::editing::with_absolute_paths;
-use crate::model::parameters::GROUPS;
 use crate::model::settings::Settings;
 use crate::model::viewpoint::{EYE_M, Viewpoint};
 
@@ -72,8 +73,8 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
         name: name.to_owned(),
         question: format!(
             "What does {choice} cost and show by {} and {} noise, seen from {view}?",
-            settings.estimator,
-            settings.noise.name()
+            settings.frame.estimator,
+            settings.frame.noise.name()
         ),
         analysis: String::new(),
         scene: Some(source.to_owned()),
@@ -84,11 +85,11 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
         frames: extent.frames,
         seeds: extent.seeds,
         variants: vec![choice],
-        estimators: vec![settings.estimator.name().to_owned()],
-        noises: vec![settings.noise.name().to_owned()],
+        estimators: vec![settings.frame.estimator.name().to_owned()],
+        noises: vec![settings.frame.noise.name().to_owned()],
         temporal: vec!["off".to_owned()],
         vary: None,
-        settings: changes.unwrap_or_default().into_iter().chain(frame_choices(settings)).collect(),
+        settings: changes.unwrap_or_default().into_iter().chain(frame_settings(settings)).collect(),
         metrics: Vec::new(),
         video: false,
         reference: Reference::default(),
@@ -106,18 +107,14 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     Ok(folder.join(file))
 }
 
-/// The choices of the frame that are not a run's own, by their names in a definition.
-fn frame_choices(settings: &Settings) -> BTreeMap<String, Value> {
-    let usual = Settings::new(settings.scene.clone());
-    let all = [
-        ("frame.seed", settings.seed != usual.seed, Value::Integer(settings.seed.into())),
-        ("frame.reseeds", settings.reseeds, Value::Boolean(true)),
-        ("frame.two_tilings", settings.two_tilings, Value::Boolean(true)),
-        ("frame.normals", settings.normals != usual.normals, Value::String(settings.normals.to_string())),
-        ("frame.lod_bias", settings.lod_bias != usual.lod_bias, Value::Float(settings.lod_bias)),
-        ("frame.vertex_stride", settings.vertex_stride != usual.vertex_stride, Value::Integer(settings.vertex_stride.into())),
-    ];
-    all.into_iter().filter(|(_, differs, _)| *differs).map(|(name, _, value)| (name.to_owned(), value)).collect()
+/// The settings of the frame that are not a run's own, by their keys in a definition.
+fn frame_settings(settings: &Settings) -> BTreeMap<String, Value> {
+    let usual = FrameSettings::default();
+    let all = FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Definition));
+    let differing = all.filter_map(|setting| {
+        setting.get(&settings.frame).filter(|value| setting.get(&usual).as_ref() != Some(value)).map(|value| (setting, value))
+    });
+    differing.map(|(setting, value)| (setting.key.to_owned(), value)).collect()
 }
 
 /// Name of the view, and the camera that the scene needs for it.
@@ -155,18 +152,17 @@ fn view(scene: &Scene, viewpoint: &Viewpoint) -> Result<(String, Option<CameraPo
     }
 }
 
-/// The numbers in which a scene differs from the built-in one, by their keys; `None` if it differs in anything else.
+/// The settings in which a scene differs from the built-in one, by their keys; `None` if it differs in anything else.
 fn changes(scene: &Scene) -> Option<BTreeMap<String, Value>> {
     let mut built_in = scene::load(scene::DEFAULT).ok()?;
     // The built-in scene names no files, and so it makes no difference where they would be.
-    let mut wanted = Scene { folder: built_in.folder.clone(), ..scene.clone() };
+    let wanted = Scene { folder: built_in.folder.clone(), ..scene.clone() };
     let mut changes = BTreeMap::new();
-    for parameter in GROUPS.iter().flat_map(|group| group.parameters) {
-        let to = *(parameter.at)(&mut wanted);
-        let from = (parameter.at)(&mut built_in);
-        if *from != to {
-            *from = to;
-            changes.insert(parameter.key.to_owned(), Value::Float(to));
+    for setting in scene::settings() {
+        let (Some(from), Some(to)) = (setting.get(&built_in), setting.get(&wanted)) else { continue };
+        if from != to {
+            setting.set(&mut built_in, &to).ok()?;
+            changes.insert(setting.key.to_owned(), to);
         }
     }
     (built_in == wanted).then_some(changes)
@@ -472,9 +468,9 @@ mod tests {
     fn a_saved_definition_says_what_is_on_screen() {
         let folder = Folder::new("same");
         let mut settings = settings();
-        settings.forced = Variant::new(Flavour::Splat.bit() | Flavour::NearCliff.bit());
-        settings.estimator = Estimator::Biplanar;
-        settings.noise = NoiseKind::WhiteScreen;
+        settings.frame.variant = Variant::new(Flavour::Splat.bit() | Flavour::NearCliff.bit());
+        settings.frame.estimator = Estimator::Biplanar;
+        settings.frame.noise = NoiseKind::WhiteScreen;
         settings.scene.blend.hash_scale = 0.1 + 0.2;
         settings.scene.sun.azimuth_deg = 200.5;
         let file = save(&folder.0.join("seen"), "seen", &settings, &camera("cliff"), EXTENT).expect("it is saved");
@@ -512,7 +508,8 @@ mod tests {
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
         // Automatic choice by either kernel has a name; a path has its own frames.
         for (generic, name) in [(false, "auto"), (true, "generic")] {
-            let settings = Settings { forced: None, generic, ..settings.clone() };
+            let mut settings = settings.clone();
+            (settings.frame.variant, settings.frame.generic) = (None, generic);
             let path = Viewpoint::Path("sideways".to_owned());
             let file = save(&folder.0.join(name), name, &settings, &path, EXTENT).expect("it is saved");
             let definition = definition::load(&file).expect("it is read");
@@ -597,13 +594,14 @@ mod tests {
     fn choices_of_the_frame_are_saved_as_a_run_makes_them() {
         let folder = Folder::new("frame-choices");
         let mut settings = settings();
-        settings.forced = Some(Variant::only(Flavour::Splat));
-        (settings.generic, settings.seed, settings.reseeds, settings.two_tilings) = (true, u32::MAX, true, true);
-        (settings.lod_bias, settings.vertex_stride, settings.normals) = (0.75, 4, NormalEncoding::PlaneFirst);
+        settings.frame.variant = Some(Variant::only(Flavour::Splat));
+        let frame = &mut settings.frame;
+        (frame.generic, frame.seed, frame.reseeds, frame.two_tilings) = (true, u32::MAX, true, true);
+        (frame.lod_bias, frame.vertex_stride, frame.normals) = (0.75, 4, NormalEncoding::PlaneFirst);
         let file = save(&folder.0.join("seen"), "seen", &settings, &camera("cliff"), EXTENT).expect("it is saved");
         let definition = definition::load(&file).expect("it is read");
         assert_eq!(definition.variant_choices().expect("a variant"), [("generic-splat".to_owned(), settings.choice())]);
-        let choices = definition.frame_choices(&None).expect("choices");
+        let choices = definition.frame_settings(&None).expect("choices");
         let pose = Pose { position: glam::DVec3::ZERO, yaw: 0.0, pitch: 0.0, fov: 1.0 };
         for frame in [0, 3] {
             let (run, seen) = (choices.request(pose, EXTENT.size, frame), settings.request(pose, EXTENT.size, frame, &[]));

@@ -1,10 +1,10 @@
 //! Two ways to shade one view, beside each other: A is what the panels edit, B what it is held against.
 
+use kernels::frame::FrameSettings;
 use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 
-use super::parameters::differences;
-use super::settings::Settings;
+use super::settings::{Settings, differences};
 
 /// How A and B share the viewport.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -88,10 +88,11 @@ impl Compare {
         let looked_at_as_a = |b: &Settings| Settings { layer, scale, counts, times_variants, ..b.clone() };
         match (self.mode, &self.other) {
             (Mode::Off, _) => None,
-            (_, Other::Exact) => Some(Settings { estimator: Estimator::Exact, ..a.clone() }),
+            (_, Other::Exact) => Some(Settings { frame: FrameSettings { estimator: Estimator::Exact, ..a.frame }, ..a.clone() }),
             (_, Other::Full) => {
-                let forced = Some(Variant::only(Flavour::Splat));
-                Some(Settings { estimator: Estimator::Exact, forced, generic: false, two_tilings: true, ..a.clone() })
+                let variant = Some(Variant::only(Flavour::Splat));
+                let frame = FrameSettings { estimator: Estimator::Exact, variant, generic: false, two_tilings: true, ..a.frame };
+                Some(Settings { frame, ..a.clone() })
             }
             (_, Other::Kept(b)) => Some(looked_at_as_a(b)),
         }
@@ -120,27 +121,28 @@ pub fn label(own: &Settings, other: &Settings) -> String {
     if own.choice() != other.choice() {
         parts.push(own.choice_name());
     }
-    if own.estimator != other.estimator {
-        parts.push(own.estimator.name().to_owned());
+    let (mine, theirs) = (&own.frame, &other.frame);
+    if mine.estimator != theirs.estimator {
+        parts.push(mine.estimator.name().to_owned());
     }
-    if own.noise != other.noise {
-        parts.push(own.noise.name().to_owned());
+    if mine.noise != theirs.noise {
+        parts.push(mine.noise.name().to_owned());
     }
-    if own.seed != other.seed {
-        parts.push(format!("seed {}", own.seed));
+    if mine.seed != theirs.seed {
+        parts.push(format!("seed {}", mine.seed));
     }
-    if own.reseeds != other.reseeds {
-        parts.push(if own.reseeds { "a seed a frame" } else { "one seed" }.to_owned());
+    if mine.reseeds != theirs.reseeds {
+        parts.push(if mine.reseeds { "a seed a frame" } else { "one seed" }.to_owned());
     }
-    if own.two_tilings != other.two_tilings {
-        parts.push(if own.two_tilings { "two tilings" } else { "one tiling" }.to_owned());
+    if mine.two_tilings != theirs.two_tilings {
+        parts.push(if mine.two_tilings { "two tilings" } else { "one tiling" }.to_owned());
     }
-    if own.normals != other.normals {
-        parts.push(format!("{} normals", own.normals));
+    if mine.normals != theirs.normals {
+        parts.push(format!("{} normals", mine.normals));
     }
-    for (parameter, [mine, _]) in differences(&own.scene, &other.scene) {
-        let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
-        parts.push(format!("{} {}{unit}", parameter.name, (mine * 1000.0).round() / 1000.0));
+    for (setting, [number, _]) in differences(&own.scene, &other.scene) {
+        let unit = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
+        parts.push(format!("{} {}{unit}", setting.label(), (number * 1000.0).round() / 1000.0));
     }
     if own.scene.materials != other.scene.materials {
         parts.push("other materials".to_owned());
@@ -168,17 +170,17 @@ mod tests {
     #[test]
     fn b_is_what_it_is_called_and_looked_at_as_a_is() {
         let mut a = settings();
-        a.noise = NoiseKind::WhiteScreen;
+        a.frame.noise = NoiseKind::WhiteScreen;
         let mut compare = Compare::default();
         assert_eq!(compare.b(&a), None, "off");
         compare.keep(&a);
         assert_eq!((compare.mode, compare.b(&a)), (Mode::Wipe, Some(a.clone())));
         let kept = a.clone();
-        a.noise = NoiseKind::WhiteWorld;
+        a.frame.noise = NoiseKind::WhiteWorld;
         a.scale = 0.25;
         a.scene.blend.hash_scale = 2.0;
         let b = compare.b(&a).expect("drawn");
-        assert_eq!((b.noise, b.scale), (NoiseKind::WhiteScreen, 0.25));
+        assert_eq!((b.frame.noise, b.scale), (NoiseKind::WhiteScreen, 0.25));
         assert_eq!(
             (label(&a, &b), label(&b, &a)),
             ("world, Noise cell 2 px".to_owned(), format!("white, Noise cell {} px", kept.scene.blend.hash_scale))
@@ -188,11 +190,11 @@ mod tests {
         painted.scene.rules.pop();
         assert_eq!(label(&painted, &b), "other materials, other rules");
         compare.other = Other::Exact;
-        assert_eq!(compare.b(&a).map(|b| (b.estimator, b.noise)), Some((Estimator::Exact, NoiseKind::WhiteWorld)));
+        assert_eq!(compare.b(&a).map(|b| (b.frame.estimator, b.frame.noise)), Some((Estimator::Exact, NoiseKind::WhiteWorld)));
         compare.other = Other::Full;
         let full = compare.b(&a).expect("drawn");
         assert_eq!(
-            (full.choice_name().as_str(), full.two_tilings, label(&full, &a).as_str()),
+            (full.choice_name().as_str(), full.frame.two_tilings, label(&full, &a).as_str()),
             ("splat", true, "splat, exact, two tilings")
         );
     }
@@ -201,10 +203,10 @@ mod tests {
     fn a_swap_and_another_one_are_none() {
         let (mut a, mut compare) = (settings(), Compare::default());
         compare.keep(&a);
-        a.noise = NoiseKind::Blue;
+        a.frame.noise = NoiseKind::Blue;
         let (before, was) = (a.clone(), compare.clone());
         compare.swap(&mut a);
-        assert_eq!(a.noise, NoiseKind::HashedIsotropic);
+        assert_eq!(a.frame.noise, NoiseKind::HashedIsotropic);
         compare.swap(&mut a);
         assert_eq!((a, compare), (before, was));
     }

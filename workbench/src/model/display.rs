@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use experiments::judge::flip::magma;
 use kernels::base::colour::srgb_code;
-use kernels::frame::export::tone_map;
+use kernels::display::Exposure;
 use kernels::frame::picture::{Layer as Values, Picture};
 use kernels::metrics::{Followed, Point};
 use kernels::shared::signal::luminance;
@@ -169,10 +169,6 @@ pub struct Swatch {
     pub name: String,
 }
 
-fn lit(texel: &[f32; 4]) -> [u8; 3] {
-    tone_map([texel[0], texel[1], texel[2]])
-}
-
 /// Blue below 0, grey at 0, orange above, as far apart for those who tell red and green with trouble; -1 to 1.
 fn diverging(value: f32) -> [u8; 3] {
     const ENDS: [[f32; 3]; 3] = [[0.0, 114.0, 178.0], [70.0, 70.0, 70.0], [240.0, 160.0, 0.0]];
@@ -328,7 +324,7 @@ impl Layer {
 
     /// The colours of what was followed, over a darkened picture where there is no terrain or nothing to say yet.
     fn measured(self, picture: &Picture, followed: &Followed) -> Vec<[u8; 3]> {
-        let colour = |(point, seen): (&Point, &[f32; 4])| {
+        let colour = |(point, seen): (&Point, &[u8; 3])| {
             let value = match self {
                 Layer::Deviation => (point.frames > 1.0).then(|| point.variance.max(0.0).sqrt()),
                 Layer::Flicker => (point.frames > 1.0).then_some(point.flicker),
@@ -337,10 +333,10 @@ impl Layer {
             };
             match (value, self.scales()) {
                 (Some(value), [scale]) => scale.colour(value),
-                _ => lit(seen).map(|c| c / 3),
+                _ => seen.map(|c| c / 3),
             }
         };
-        followed.points().par_iter().zip(&picture.hdr).map(colour).collect()
+        followed.points().par_iter().zip(&picture.displayed(Exposure::default())).map(colour).collect()
     }
 
     /// The colours of a picture that was made with this layer, row by row from the top. Where the layer is missing, the lit picture.
@@ -358,17 +354,16 @@ impl Layer {
                 metres.par_iter().map(|&m| if m > 0.0 { DEPTH[0].colour(m) } else { [0; 3] }).collect()
             }
             (Layer::Mask | Layer::Tiles, Some(Values::Value(masks))) => {
-                let colour = |(&mask, seen): (&f32, &[f32; 4])| {
-                    let seen = lit(seen);
+                let colour = |(&mask, &seen): (&f32, &[u8; 3])| {
                     let Some(variant) = flavours(mask) else { return seen };
                     let own = variant.colour();
                     std::array::from_fn(|k| own[k].midpoint(seen[k]))
                 };
-                masks.par_iter().zip(&picture.hdr).map(colour).collect()
+                masks.par_iter().zip(&picture.displayed(Exposure::default())).map(colour).collect()
             }
             (Layer::Fetches, Some(Values::Value(counts))) => counts.par_iter().map(|&n| FETCHES[0].colour(n)).collect(),
             (Layer::Choice, Some(Values::Value(choices))) => choices.par_iter().map(|&code| choice(code)).collect(),
-            _ => picture.hdr.par_iter().map(lit).collect(),
+            _ => picture.displayed(Exposure::default()),
         }
     }
 }
@@ -386,6 +381,7 @@ mod tests {
         Picture {
             size: [width, 1],
             hdr: vec![[0.2, 0.2, 0.2, 1.0]; pixels],
+            displayed: None,
             layers: vec![(name.to_owned(), values)],
             passes: Vec::new(),
             fetches_per_px: None,
@@ -496,7 +492,7 @@ mod tests {
             let names: Vec<&str> = swatches.iter().map(|swatch| swatch.name.as_str()).collect();
             assert_eq!(names, ["vt (1)", "vt+far-atlas (3)", "splat (16)"]);
             // Pixels are halfway from their swatch to the picture.
-            let seen = lit(&picture.hdr[0]);
+            let seen = picture.displayed(Exposure::default())[0];
             let colours = layer.colours(&picture, &Followed::default());
             let mixed = |swatch: &Swatch| std::array::from_fn(|k| swatch.colour[k].midpoint(seen[k]));
             assert_eq!(colours, [mixed(&swatches[2]), seen, mixed(&swatches[1]), mixed(&swatches[2]), mixed(&swatches[0])]);

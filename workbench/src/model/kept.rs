@@ -16,22 +16,16 @@ use eframe::egui;
 use egui_tiles::Tree;
 use kernels::base::document;
 use kernels::base::error::one_line;
-use kernels::base::names::suggestion;
-use kernels::geometry::STRIDES;
-use kernels::quadtree::LOD_BIASES;
 use kernels::scene::{self, Scene};
-use kernels::shading::Estimator;
-use kernels::shared::noise::NoiseKind;
-use kernels::variant::Variant;
-use kernels::view::normals::NormalEncoding;
-use serde::{Deserialize, Serialize};
+use kernels::settings::Field as _;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+use toml::Value;
 
-use super::display::Layer;
 use super::files;
 use super::panes::{Layout, Pane};
-use super::parameters::{GROUPS, Parameter, differences};
 use super::places::{Place, Places, Recorded};
-use super::settings::{SCALES, Settings};
+use super::settings::{Settings, differences, kept_names, numbers};
 
 /// Version of the file. Raised when a key is added or changes its meaning: an older program then leaves the file alone.
 pub const VERSION: u32 = 2;
@@ -39,8 +33,8 @@ pub const VERSION: u32 = 2;
 pub const MOST_RECENT: usize = 10;
 /// How often changes are looked for.
 pub const EVERY: Duration = Duration::from_secs(3);
-/// The choice that is no variant.
-const AUTOMATIC: &str = "auto";
+/// The choices that an adapter makes where nobody else does: the scale of the picture and the vertex stride.
+const OF_ADAPTER: [&str; 2] = ["scale", "vertex_stride"];
 
 /// Everything that is kept.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,24 +53,21 @@ pub struct Kept {
     scenes: BTreeMap<String, OfScene>,
 }
 
-/// Choices, by their names. What is left out stays as it is.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Look {
-    variant: Option<String>,
-    generic: Option<bool>,
-    estimator: Option<String>,
-    noise: Option<String>,
-    seed: Option<u32>,
-    reseeds: Option<bool>,
-    two_tilings: Option<bool>,
-    normals: Option<String>,
-    scale: Option<f64>,
-    layer: Option<String>,
-    lod_bias: Option<f64>,
-    vertex_stride: Option<u32>,
-    counts: Option<bool>,
-    times_variants: Option<bool>,
+/// Choices, by the names of their settings ([`Settings::kept`]). What is left out stays as it is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+struct Look(BTreeMap<String, Value>);
+
+impl<'de> Deserialize<'de> for Look {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Look, D::Error> {
+        let choices = BTreeMap::<String, Value>::deserialize(deserializer)?;
+        let known = kept_names();
+        let unknown = choices.keys().find(|name| !known.contains(&name.as_str())).cloned();
+        match unknown {
+            // In the words of the reader's own errors, which are explained by them.
+            Some(name) => Err(D::Error::custom(format!("unknown field `{name}`, expected one of `{}`", known.join("`, `")))),
+            None => Ok(Look(choices)),
+        }
+    }
 }
 
 /// What belongs to one scene.
@@ -100,77 +91,19 @@ impl Default for Kept {
 
 impl Look {
     fn of(settings: &Settings) -> Look {
-        Look {
-            variant: Some(settings.forced.map_or_else(|| AUTOMATIC.to_owned(), |variant| variant.to_string())),
-            generic: Some(settings.generic),
-            estimator: Some(settings.estimator.to_string()),
-            noise: Some(settings.noise.to_string()),
-            seed: Some(settings.seed),
-            reseeds: Some(settings.reseeds),
-            two_tilings: Some(settings.two_tilings),
-            normals: Some(settings.normals.to_string()),
-            scale: Some(settings.scale),
-            layer: Some(settings.layer.name().to_owned()),
-            lod_bias: Some(settings.lod_bias),
-            vertex_stride: Some(settings.vertex_stride),
-            counts: Some(settings.counts),
-            times_variants: Some(settings.times_variants),
-        }
+        Look(settings.kept().map(|(name, value)| (name.to_owned(), value)).collect())
     }
 
     /// Makes the choices, and says what could not be chosen.
     fn apply(&self, settings: &mut Settings) -> Vec<String> {
-        let variant = |text: &str| match text {
-            AUTOMATIC => Ok(None),
-            _ => text.parse::<Variant>().map(Some).map_err(|error| error.to_string()),
-        };
-        let estimator = |text: &str| text.parse::<Estimator>().map_err(|error| error.to_string());
-        let noise = |text: &str| text.parse::<NoiseKind>().map_err(|error| error.to_string());
-        let normals = |text: &str| text.parse::<NormalEncoding>().map_err(|error| error.to_string());
-        let layer = |text: &str| {
-            let known = Layer::ALL.into_iter().find(|layer| layer.name() == text);
-            known.ok_or_else(|| format!("`{text}` is no layer: {}", suggestion(text, &Layer::ALL.map(Layer::name))))
-        };
-        let mut said: Vec<String> = [
-            take("variant", self.variant.as_deref(), variant, &mut settings.forced),
-            take("estimator", self.estimator.as_deref(), estimator, &mut settings.estimator),
-            take("noise", self.noise.as_deref(), noise, &mut settings.noise),
-            take("normal encoding", self.normals.as_deref(), normals, &mut settings.normals),
-            take("layer", self.layer.as_deref(), layer, &mut settings.layer),
-        ]
-        .into_iter()
-        .flatten()
-        .collect();
-        let within = |[low, high]: [f64; 2]| {
-            move |x: f64| if (low..=high).contains(&x) { Ok(x) } else { Err(format!("it is {x}, must lie in {low}..={high}")) }
-        };
-        let stride = |n: u32| if STRIDES.contains(&n) { Ok(n) } else { Err(format!("it is {n}, must be one of {STRIDES:?}")) };
-        said.extend(take("scale", self.scale, within(SCALES), &mut settings.scale));
-        said.extend(take("LOD bias", self.lod_bias, within(LOD_BIASES), &mut settings.lod_bias));
-        said.extend(take("vertex stride", self.vertex_stride, stride, &mut settings.vertex_stride));
-        settings.generic = self.generic.unwrap_or(settings.generic);
-        settings.seed = self.seed.unwrap_or(settings.seed);
-        settings.reseeds = self.reseeds.unwrap_or(settings.reseeds);
-        settings.two_tilings = self.two_tilings.unwrap_or(settings.two_tilings);
-        settings.counts = self.counts.unwrap_or(settings.counts);
-        settings.times_variants = self.times_variants.unwrap_or(settings.times_variants);
-        said
+        let refused = self.0.iter().filter_map(|(name, value)| settings.take(name, value).err());
+        refused.map(|why| left_out(&why)).collect()
     }
 }
 
-/// Puts what was kept, as a name or as it is, into its place, or says why that stays as it is.
-fn take<K, T>(what: &str, kept: Option<K>, read: impl FnOnce(K) -> Result<T, String>, place: &mut T) -> Option<String> {
-    match read(kept?) {
-        Ok(value) => {
-            *place = value;
-            None
-        }
-        Err(why) => Some(format!("the kept {what} is left out: {}", one_line(&why))),
-    }
-}
-
-fn parameters() -> impl Iterator<Item = &'static Parameter> {
-    GROUPS.into_iter().flat_map(|group| group.parameters)
+/// The warning about a value that stays as it is.
+fn left_out(why: &str) -> String {
+    format!("a kept value is left out: {}", one_line(why))
 }
 
 impl Kept {
@@ -206,11 +139,11 @@ impl Kept {
         let mut said = Vec::new();
         let mut changed = scene.clone();
         for (key, &number) in self.scenes.get(scene_name).into_iter().flat_map(|scene| &scene.numbers) {
-            match parameters().find(|parameter| parameter.key == key) {
-                Some(parameter) if number.is_finite() => *(parameter.at)(&mut changed) = number,
-                Some(_) => said.push(format!("the kept {key} is left out: {number} is no finite number")),
-                None => said.push(format!("the kept {} is left out: no number of a scene is called so", one_line(key))),
-            }
+            let set = match numbers().find(|(setting, _)| setting.key == key) {
+                Some((setting, _)) => setting.set(&mut changed, &Value::Float(number)),
+                None => Err(format!("no number of a scene is called `{key}`")),
+            };
+            said.extend(set.err().map(|why| left_out(&why)));
         }
         match scene::validate(&changed) {
             Ok(()) => *scene = changed,
@@ -222,15 +155,19 @@ impl Kept {
     /// The same, with the scale of the picture and the vertex stride that were kept before.
     #[must_use]
     pub fn with_scale_and_stride_of(mut self, before: &Kept) -> Kept {
-        (self.look.scale, self.look.vertex_stride) = (before.look.scale, before.look.vertex_stride);
+        for name in OF_ADAPTER {
+            self.look.0.remove(name);
+            self.look.0.extend(before.look.0.get(name).map(|value| (name.to_owned(), value.clone())));
+        }
         self
     }
 
     /// The same, but for the scale of the picture and the vertex stride where they are these: where nobody chose them, the adapter of the next start does.
     #[must_use]
     pub fn without_usual(mut self, scale: f64, stride: u32) -> Kept {
-        self.look.scale.take_if(|kept| *kept == scale);
-        self.look.vertex_stride.take_if(|kept| *kept == stride);
+        for (name, usual) in OF_ADAPTER.into_iter().zip([scale.value(), stride.value()]) {
+            self.look.0.retain(|kept, value| kept != name || *value != usual);
+        }
         self
     }
 
@@ -251,7 +188,7 @@ impl Kept {
 
     /// Whether a scale of the picture and a vertex stride are kept, which no adapter should change then.
     pub fn has_scale_and_stride(&self) -> [bool; 2] {
-        [self.look.scale.is_some(), self.look.vertex_stride.is_some()]
+        OF_ADAPTER.map(|name| self.look.0.contains_key(name))
     }
 
     /// Reads what is kept, and a line where somebody should know of it. Without a file: nothing kept, and no line. A file that is not of this
@@ -507,10 +444,15 @@ impl Keeper {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use kernels::variant::Flavour;
+    use kernels::frame::FrameSettings;
+    use kernels::shading::Estimator;
+    use kernels::shared::noise::NoiseKind;
+    use kernels::variant::{Flavour, Variant};
     use kernels::view::camera::Pose;
+    use kernels::view::normals::NormalEncoding;
 
     use super::*;
+    use crate::model::display::Layer;
     use crate::test_folder::Folder;
 
     const ELSEWHERE: &str = "/elsewhere/scene.toml";
@@ -547,8 +489,8 @@ mod tests {
         let mut settings = Settings::new(plain());
         settings.scene.blend.hash_scale = 2.0 / 3.0;
         settings.scene.sun.azimuth_deg = 12.5;
-        Settings {
-            forced: Variant::new(Flavour::Splat.bit() | Flavour::VirtualTexture.bit()),
+        settings.frame = FrameSettings {
+            variant: Variant::new(Flavour::Splat.bit() | Flavour::VirtualTexture.bit()),
             generic: true,
             estimator: Estimator::Stf,
             noise: NoiseKind::Blue,
@@ -556,14 +498,11 @@ mod tests {
             reseeds: true,
             two_tilings: true,
             normals: NormalEncoding::PlaneFirst,
-            scale: 0.7,
-            layer: Layer::Tiles,
             lod_bias: -1.5,
             vertex_stride: 4,
-            counts: true,
-            times_variants: true,
-            ..settings
-        }
+            ..settings.frame
+        };
+        Settings { scale: 0.7, layer: Layer::Tiles, counts: true, times_variants: true, ..settings }
     }
 
     fn kept() -> Kept {
@@ -671,12 +610,13 @@ mod tests {
         assert_eq!(line, None);
         let mut settings = Settings::new(plain());
         let said = apply(&kept, scene::DEFAULT, &mut settings);
-        let parts = ["vt+lava", "pink", "Tile", "scale", "LOD bias", "vertex stride", "blend.gone", "sun.azimuth_deg"];
+        let parts = ["Tile", "frame.lod_bias", "pink", "look.scale", "vt+lava", "frame.vertex_stride", "blend.gone", "sun.azimuth_deg"];
         assert_eq!(said.len(), parts.len(), "{said:?}");
         for (line, part) in said.iter().zip(parts) {
             assert!(line.contains(part) && line.contains("left out") && !line.contains('\n'), "{line}");
         }
-        let mut expected = Settings { estimator: Estimator::Stf, seed: 5, ..Settings::new(plain()) };
+        let mut expected = Settings::new(plain());
+        (expected.frame.estimator, expected.frame.seed) = (Estimator::Stf, 5);
         expected.scene.blend.hash_scale = 3.0;
         assert_eq!(settings, expected);
         // Numbers that the scene cannot have, as its file is now.

@@ -10,7 +10,6 @@ pub mod flight;
 pub mod kept;
 pub mod metrics;
 pub mod panes;
-pub mod parameters;
 pub mod picture;
 pub mod places;
 pub mod settings;

@@ -1,96 +1,153 @@
-//! What is on screen, but for where the camera stands: what undo takes back, together with the comparison.
+//! What is on screen, except where the camera stands: undo takes it back, together with the comparison.
 
+use kernels::base::names::suggestion;
 use kernels::frame::picture::AovSet;
-use kernels::frame::{RenderRequest, VariantChoice};
-use kernels::scene::Scene;
-use kernels::shading::Estimator;
-use kernels::shared::noise::NoiseKind;
+use kernels::frame::{FrameSettings, RenderRequest, VariantChoice};
+use kernels::scene::{self, Scene};
+use kernels::settings::{self, Field, Home, Kind, Listing, Range, Setting, Slider};
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
-use kernels::view::normals::NormalEncoding;
+use toml::Value;
 
 use super::display::Layer;
-
-/// Smallest and largest side of a picture relative to its place on the screen.
-pub const SCALES: [f64; 2] = [0.1, 2.0];
 
 /// Everything that decides how the terrain looks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// The scene, with the numbers that were changed.
     pub scene: Scene,
-    /// The variant on every tile; `None` = each tile what its pixels need.
-    pub forced: Option<Variant>,
-    /// Whether the generic kernel shades in place of the variants' own.
-    pub generic: bool,
-    /// How stochastic flavours arrive at a value.
-    pub estimator: Estimator,
-    /// Their noise.
-    pub noise: NoiseKind,
-    /// Their seed.
-    pub seed: u32,
-    /// Whether each frame has a seed of its own: the seed above, plus the frame.
-    pub reseeds: bool,
-    /// Full splat with two tiling scales.
-    pub two_tilings: bool,
-    /// How the geometry pass stores normals.
-    pub normals: NormalEncoding,
+    /// Choices of the frame.
+    pub frame: FrameSettings,
     /// Pixels drawn per pixel of the screen, along a side.
     pub scale: f64,
     /// What the viewport shows.
     pub layer: Layer,
-    /// Levels that the terrain's nodes are drawn coarser, below 0 finer.
-    pub lod_bias: f64,
-    /// Of a node's vertices along a side every so many-th is drawn: 1, 2 or 4.
-    pub vertex_stride: u32,
     /// Whether fetches are counted (a slower shader).
     pub counts: bool,
     /// Whether each variant is shaded, and timed, in a pass of its own.
     pub times_variants: bool,
 }
 
+const VIEW: Listing = Listing::new("Workbench", &[Home::Workbench]);
+
+/// Pixels drawn per pixel of the screen.
+pub const SCALE: Setting<Settings> = Setting {
+    key: "look.scale",
+    unit: "",
+    kind: Kind::Number(Range::new(0.1, 2.0)),
+    default: || Some(Value::Float(1.0)),
+    about: "Pixels drawn per pixel of the screen, along a side. On a software adapter it is usually less.",
+    listing: VIEW.logarithmic("Render scale", 0.1, 2.0),
+    field: |settings| Some(&settings.scale),
+    field_mut: |settings| Some(&mut settings.scale),
+};
+
+/// Whether fetches are counted.
+pub const COUNTS: Setting<Settings> = Setting {
+    key: "look.counts",
+    unit: "",
+    kind: Kind::Flag,
+    default: || Some(Value::Boolean(false)),
+    about: "Count texture fetches, by a slower shader: its time is not that of the plain one.",
+    listing: VIEW.shown("Count fetches"),
+    field: |settings| Some(&settings.counts),
+    field_mut: |settings| Some(&mut settings.counts),
+};
+
+/// Whether variants are timed one by one.
+pub const TIMES_VARIANTS: Setting<Settings> = Setting {
+    key: "look.times_variants",
+    unit: "",
+    kind: Kind::Flag,
+    default: || Some(Value::Boolean(false)),
+    about: "Shade each variant in a pass of its own, to compare their times. Their sum is not the time of one pass for all.",
+    listing: VIEW.shown("Time variants"),
+    field: |settings| Some(&settings.times_variants),
+    field_mut: |settings| Some(&mut settings.times_variants),
+};
+
+/// What the viewport shows.
+pub const LAYER: Setting<Settings> = Setting {
+    key: "look.layer",
+    unit: "",
+    kind: Kind::Name(|| Layer::ALL.map(Layer::name).to_vec()),
+    default: || Some(Layer::Lit.value()),
+    about: "The layer of the picture that the viewport shows.",
+    listing: VIEW.shown("Layer"),
+    field: |settings| Some(&settings.layer),
+    field_mut: |settings| Some(&mut settings.layer),
+};
+
+/// The settings that only the workbench has: how a picture is looked at.
+pub const OWN: [&Setting<Settings>; 4] = [&SCALE, &LAYER, &COUNTS, &TIMES_VARIANTS];
+
+impl Field for Layer {
+    fn value(&self) -> Value {
+        Value::String(self.name().to_owned())
+    }
+
+    fn store(&mut self, value: &Value) -> Result<(), String> {
+        let known = Layer::ALL.into_iter().find(|layer| value.as_str() == Some(layer.name()));
+        *self = known.ok_or_else(String::new)?;
+        Ok(())
+    }
+}
+
+/// The numbers of a scene that the workbench shows, with their sliders.
+pub fn numbers() -> impl Iterator<Item = (&'static Setting<Scene>, Slider)> {
+    scene::settings().filter_map(|setting| setting.listing.slider.map(|slider| (setting, slider)))
+}
+
+/// The numbers in which `own` differs from `other`, with both values.
+pub fn differences(own: &Scene, other: &Scene) -> Vec<(&'static Setting<Scene>, [f64; 2])> {
+    let both = numbers().filter_map(|(setting, _)| {
+        let value = |scene: &Scene| setting.get(scene)?.as_float();
+        Some((setting, [value(own)?, value(other)?]))
+    });
+    both.filter(|(_, [a, b])| a.to_bits() != b.to_bits()).collect()
+}
+
 impl Settings {
-    /// A scene as its file says, automatic variants, the estimators of Far Cry 5.
+    /// A scene as its file says; everything else has its default.
     pub fn new(scene: Scene) -> Settings {
-        Settings {
-            scene,
-            forced: None,
-            generic: false,
-            estimator: Estimator::default(),
-            noise: NoiseKind::HashedIsotropic,
-            seed: 0,
-            reseeds: false,
-            two_tilings: false,
-            normals: NormalEncoding::default(),
-            scale: 1.0,
-            layer: Layer::Lit,
-            lod_bias: 0.0,
-            vertex_stride: 1,
-            counts: false,
-            times_variants: false,
+        Settings { scene, frame: FrameSettings::default(), scale: 1.0, layer: Layer::Lit, counts: false, times_variants: false }
+    }
+
+    /// The settings that are kept from one start to the next, by the last part of their keys. Those of the scene are kept apart.
+    pub fn kept(&self) -> impl Iterator<Item = (&'static str, Value)> {
+        let of_frame = frame_settings().filter_map(move |setting| Some((setting.name(), setting.get(&self.frame)?)));
+        of_frame.chain(OWN.into_iter().filter_map(move |setting| Some((setting.name(), setting.get(self)?))))
+    }
+
+    /// Sets what was kept under a name.
+    ///
+    /// # Errors
+    /// One sentence: there is no such setting, or it does not accept the value. Nothing has changed then.
+    pub fn take(&mut self, name: &str, value: &Value) -> Result<(), String> {
+        if let Some(setting) = frame_settings().find(|setting| setting.name() == name) {
+            return setting.set(&mut self.frame, value);
+        }
+        match OWN.into_iter().find(|setting| setting.name() == name) {
+            Some(setting) => setting.set(self, value),
+            None => Err(format!("no setting is called `{name}`: {}", suggestion(name, &kept_names()))),
         }
     }
 
     /// Which shader shades which tile.
     pub fn choice(&self) -> VariantChoice {
-        match (self.forced, self.generic) {
-            (None, false) => VariantChoice::Auto,
-            (None, true) => VariantChoice::GenericAuto,
-            (Some(variant), false) => VariantChoice::Forced(variant),
-            (Some(variant), true) => VariantChoice::GenericForced(variant),
-        }
+        self.frame.choice()
     }
 
     /// What the choice of shaders is called: `auto`, `splat`, `generic vt+splat`.
     pub fn choice_name(&self) -> String {
-        let what = self.forced.map_or_else(|| "auto".to_owned(), |variant| variant.to_string());
-        if self.generic { format!("generic {what}") } else { what }
+        let what = self.frame.variant.map_or_else(|| "auto".to_owned(), |variant| variant.to_string());
+        if self.frame.generic { format!("generic {what}") } else { what }
     }
 
     /// Adds a flavour to those forced, or takes it away; without any left the choice is automatic again.
     pub fn toggle(&mut self, flavour: Flavour) {
-        let mask = self.forced.map_or(0, Variant::mask) ^ flavour.bit();
-        self.forced = Variant::new(mask);
+        let mask = self.frame.variant.map_or(0, Variant::mask) ^ flavour.bit();
+        self.frame.variant = Variant::new(mask);
     }
 
     /// Whether both make the same pictures, however those are looked at.
@@ -102,21 +159,30 @@ impl Settings {
     /// The picture of one frame, with the layer on show and `others`.
     pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32, others: &[&str]) -> RenderRequest {
         let layers: Vec<&str> = self.layer.aov().into_iter().chain(others.iter().copied()).collect();
-        RenderRequest::new(pose, size).with(|r| {
-            r.shading.variant = self.choice();
-            r.shading.estimator = self.estimator;
-            r.shading.noise = self.noise;
-            r.shading.seed = if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed };
-            r.shading.frame = frame;
-            r.shading.two_tilings = self.two_tilings;
-            r.geometry.normals = self.normals;
+        self.frame.request(pose, size, frame).with(|r| {
             r.outputs.aovs = AovSet::from_names(&layers).unwrap_or_default();
             r.outputs.count_fetches = self.counts;
+            r.outputs.display = Some(self.frame.display());
             r.outputs.time_variants = self.times_variants;
-            r.geometry.lod_bias = self.lod_bias;
-            r.geometry.vertex_stride = self.vertex_stride;
         })
     }
+}
+
+/// The settings of a frame that the workbench shows and keeps.
+pub fn frame_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
+    FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Workbench))
+}
+
+/// The text of `docs/settings.md`: every setting of a scene, of a frame, and of the workbench.
+pub fn reference() -> String {
+    let rows = scene::settings().map(|setting| setting.row(None)).chain(FrameSettings::SETTINGS.iter().map(|setting| setting.row(None)));
+    let rows: Vec<_> = rows.chain(OWN.into_iter().map(|setting| setting.row(None))).collect();
+    settings::reference(&rows)
+}
+
+/// The names that [`Settings::kept`] has.
+pub fn kept_names() -> Vec<&'static str> {
+    frame_settings().map(Setting::name).chain(OWN.into_iter().map(Setting::name)).collect()
 }
 
 #[cfg(test)]
@@ -134,7 +200,7 @@ mod tests {
             (settings.choice_name().as_str(), settings.choice()),
             ("vt+splat", VariantChoice::Forced(Variant::new(17).expect("a set")))
         );
-        settings.generic = true;
+        settings.frame.generic = true;
         assert_eq!(settings.choice_name(), "generic vt+splat");
         settings.toggle(Flavour::Splat);
         settings.toggle(Flavour::VirtualTexture);
@@ -146,7 +212,9 @@ mod tests {
         let settings = Settings::new(scene::load(scene::DEFAULT).expect("built in"));
         let otherwise = Settings { scale: 0.5, layer: Layer::Depth, counts: true, times_variants: true, ..settings.clone() };
         assert!(settings.looks_like(&otherwise) && otherwise.looks_like(&settings));
-        assert!(!settings.looks_like(&Settings { seed: 1, ..settings.clone() }));
+        let mut otherwise = settings.clone();
+        otherwise.frame.seed = 1;
+        assert!(!settings.looks_like(&otherwise));
     }
 
     #[test]
@@ -156,5 +224,34 @@ mod tests {
                 assert!(AovSet::from_names(&[name]).is_ok(), "{name}");
             }
         }
+    }
+
+    #[test]
+    fn own_settings_are_what_their_table_says() {
+        let settings = Settings::new(scene::load(scene::DEFAULT).expect("built in"));
+        for setting in OWN {
+            assert_eq!(setting.get(&settings), (setting.default)(), "{}", setting.key);
+        }
+        let names = kept_names();
+        assert!(names.iter().enumerate().all(|(i, name)| !names[..i].contains(name)), "{names:?}");
+    }
+
+    #[test]
+    fn no_label_comes_twice_and_sliders_lie_within_what_is_accepted() {
+        let labels =
+            scene::settings().filter_map(|s| s.listing.label).chain(FrameSettings::SETTINGS.iter().filter_map(|s| s.listing.label));
+        let labels: Vec<&str> = labels.chain(OWN.into_iter().filter_map(|s| s.listing.label)).collect();
+        assert!(labels.iter().enumerate().all(|(i, label)| !labels[..i].contains(label)), "{labels:?}");
+        let kinds = scene::settings().map(|s| (s.key, s.kind, s.listing.slider));
+        let kinds = kinds.chain(FrameSettings::SETTINGS.iter().map(|s| (s.key, s.kind, s.listing.slider)));
+        let kinds: Vec<_> = kinds.chain(OWN.into_iter().map(|s| (s.key, s.kind, s.listing.slider))).collect();
+        let sliders = kinds.into_iter().filter_map(|(key, kind, slider)| Some((key, kind, slider?)));
+        let mut count = 0;
+        for (key, kind, slider) in sliders {
+            let Kind::Number(range) = kind else { panic!("{key} is no number") };
+            assert!(slider.ends.iter().all(|&end| range.contains(end)) && slider.ends[0] < slider.ends[1], "{key}");
+            count += 1;
+        }
+        assert!(count > 10, "{count} sliders");
     }
 }

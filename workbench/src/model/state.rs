@@ -28,7 +28,7 @@ mod opening;
 const TIMES: usize = 120;
 /// Pixels drawn per pixel of the screen, along a side, where a processor draws.
 const SOFTWARE_SCALE: f64 = 0.5;
-/// Vertices of the terrain that are drawn there, see [`Settings::vertex_stride`]: a processor takes its time by vertices; relief
+/// Vertices of the terrain that are drawn there, see [`FrameSettings::vertex_stride`](kernels::frame::FrameSettings::vertex_stride): a processor takes its time by vertices; relief
 /// near the eye and the edges of steep steps look coarser for it.
 const SOFTWARE_STRIDE: u32 = 4;
 
@@ -291,14 +291,14 @@ impl Model {
     /// Chooses what suits the adapter, once it is known and where nobody chose otherwise.
     pub(crate) fn adapt(&mut self) {
         let Some(adapter) = &self.news.adapter else { return };
-        let untouched = [self.settings.scale == self.usual_scale, self.settings.vertex_stride == self.usual_stride];
+        let untouched = [self.settings.scale == self.usual_scale, self.settings.frame.vertex_stride == self.usual_stride];
         (self.usual_scale, self.usual_stride) = if adapter.software { (SOFTWARE_SCALE, SOFTWARE_STRIDE) } else { (1.0, 1) };
         if !std::mem::replace(&mut self.adapted, true) {
             if !self.chosen[0] && untouched[0] {
                 self.settings.scale = self.usual_scale;
             }
             if !self.chosen[1] && untouched[1] {
-                self.settings.vertex_stride = self.usual_stride;
+                self.settings.frame.vertex_stride = self.usual_stride;
             }
             // Nobody did this, so nobody takes it back.
             self.undoer = Undoer::default();

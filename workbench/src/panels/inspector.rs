@@ -175,7 +175,7 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
     if let Some(draw) = pixel.draw {
         row(
             "Drawn by",
-            format!("{}, {} noise", draw.flavour.name(), settings.noise.name()),
+            format!("{}, {} noise", draw.flavour.name(), settings.frame.noise.name()),
             "The flavour that draws a random number first, and where the number is from",
         );
         if let Some(threshold) = draw.projection {

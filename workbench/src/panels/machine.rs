@@ -2,11 +2,7 @@
 
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Slider, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::DVec2;
-use kernels::frame::FrameReport;
-use kernels::residency::AtlasCounts;
-use kernels::variant::Variant;
 use kernels::view::camera::Pose;
-use kernels::virtual_texture::{CacheCounts, PageCounts, PageId};
 use kernels::world::{LODS, Layout, NodeId};
 
 use crate::model::picture::Shown;

@@ -2,6 +2,7 @@
 
 pub(crate) mod brush;
 pub(crate) mod compare;
+pub(crate) mod control;
 pub(crate) mod experiments;
 pub(crate) mod frame;
 pub(crate) mod help;

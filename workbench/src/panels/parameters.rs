@@ -1,12 +1,12 @@
-//! The scene's numbers, each with its unit, range, and a way back.
+//! The scene's numbers and those of the frame, each with its unit, range, and a way back.
 
 use eframe::egui::{self, Slider, Ui};
-use kernels::geometry::STRIDES;
-use kernels::quadtree::LOD_BIASES;
+use kernels::scene::Scene;
+use kernels::settings::{Field as _, Kind, Setting, Slider as Ends};
 
-use super::{choose, reset};
-use crate::model::parameters::{GROUPS, Parameter};
-use crate::model::settings::SCALES;
+use super::control::{control, reset_setting};
+use super::reset;
+use crate::model::settings::{SCALE, frame_settings, numbers};
 use crate::model::state::Model;
 
 /// Points that a row takes beside its slider, and the slider's narrowest and widest.
@@ -16,38 +16,31 @@ const SLIDER: [f32; 2] = [30.0, 200.0];
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.spacing_mut().slider_width = (ui.available_width() - BESIDE).clamp(SLIDER[0], SLIDER[1]);
     ui.horizontal(|ui| {
-        let label = ui.label("Render scale");
-        ui.add(Slider::new(&mut model.settings.scale, SCALES[0]..=SCALES[1]).logarithmic(true).clamping(egui::SliderClamping::Always))
-            .labelled_by(label.id)
-            .on_hover_text("Pixels drawn per pixel of the screen, along a side");
-        reset(ui, "Render scale", &mut model.settings.scale, Some(&model.usual_scale));
+        control(ui, &SCALE, &mut model.settings, |_| "");
+        reset_setting(ui, &SCALE, &mut model.settings, &model.usual_scale.value());
     });
-    ui.horizontal(|ui| {
-        let label = ui.label("Node LOD bias");
-        let [finest, coarsest] = LOD_BIASES;
-        ui.add(
-            Slider::new(&mut model.settings.lod_bias, finest..=coarsest)
-                .clamping(egui::SliderClamping::Always)
-                .suffix(" levels")
-                .max_decimals(2),
-        )
-        .labelled_by(label.id)
-        .on_hover_text("Levels that the terrain's nodes are drawn coarser, below 0 finer: geometry, splat map and baked colours alike");
-        reset(ui, "Node LOD bias", &mut model.settings.lod_bias, Some(&0.0));
-    });
-    ui.horizontal(|ui| {
-        let about =
-            "Of a node's vertices along a side every so many-th is drawn. The ground's textures stay as fine; ridges lose their detail";
-        let shown = model.settings.vertex_stride.to_string();
-        let all = STRIDES.into_iter().map(|stride| (stride, stride.to_string(), "")).collect();
-        choose(ui, "Vertex stride", &mut model.settings.vertex_stride, &shown, all).on_hover_text(about);
-        reset(ui, "Vertex stride", &mut model.settings.vertex_stride, Some(&model.usual_stride));
-    });
-    for group in &GROUPS {
-        egui::CollapsingHeader::new(group.name).default_open(true).show(ui, |ui| {
-            egui::Grid::new(group.name).num_columns(3).show(ui, |ui| {
-                for parameter in group.parameters {
-                    row(model, ui, parameter);
+    // The other settings of a frame are in the panel of variants.
+    for setting in frame_settings().filter(|setting| matches!(setting.kind, Kind::Number(_) | Kind::OneOf(_))) {
+        let usual = if setting.name() == "vertex_stride" { Some(model.usual_stride.value()) } else { (setting.default)() };
+        ui.horizontal(|ui| {
+            control(ui, setting, &mut model.settings.frame, |_| "");
+            if let Some(usual) = usual {
+                reset_setting(ui, setting, &mut model.settings.frame, &usual);
+            }
+        });
+    }
+    let mut groups: Vec<(&str, Vec<(&Setting<Scene>, Ends)>)> = Vec::new();
+    for (setting, ends) in numbers() {
+        match groups.last_mut() {
+            Some((group, rows)) if *group == setting.listing.group => rows.push((setting, ends)),
+            _ => groups.push((setting.listing.group, vec![(setting, ends)])),
+        }
+    }
+    for (group, rows) in groups {
+        egui::CollapsingHeader::new(group).default_open(true).show(ui, |ui| {
+            egui::Grid::new(group).num_columns(3).show(ui, |ui| {
+                for (setting, ends) in rows {
+                    row(model, ui, setting, ends);
                     ui.end_row();
                 }
             });
@@ -55,23 +48,20 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     }
 }
 
-fn row(model: &mut Model, ui: &mut Ui, parameter: &Parameter) {
-    let usual = *(parameter.at)(&mut model.original);
-    let value = (parameter.at)(&mut model.settings.scene);
-    let hint = format!(
-        "{}\n{} in a scene or an experiment; here from {} to {}, {usual} in this scene.",
-        parameter.about, parameter.key, parameter.range[0], parameter.range[1]
-    );
-    let label = ui.label(parameter.name).on_hover_text(&hint);
-    let suffix = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
+fn row(model: &mut Model, ui: &mut Ui, setting: &Setting<Scene>, ends: Ends) {
+    let (Some(usual), Some(value)) =
+        (setting.get(&model.original).and_then(|value| value.as_float()), setting.number(&mut model.settings.scene))
+    else {
+        return;
+    };
+    let hint = format!("{}\n`{}` in a scene or an experiment: {}; {usual} in this scene.", setting.about, setting.key, setting.kind);
+    let label = ui.label(setting.label()).on_hover_text(&hint);
+    let suffix = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
+    let [least, most] = ends.ends;
     ui.add(
-        Slider::new(value, parameter.range[0]..=parameter.range[1])
-            .logarithmic(parameter.logarithmic)
-            .clamping(egui::SliderClamping::Never)
-            .suffix(suffix)
-            .max_decimals(3),
+        Slider::new(value, least..=most).logarithmic(ends.logarithmic).clamping(egui::SliderClamping::Never).suffix(suffix).max_decimals(3),
     )
     .labelled_by(label.id)
     .on_hover_text(&hint);
-    reset(ui, parameter.name, value, Some(&usual));
+    reset(ui, setting.label(), value, Some(&usual));
 }

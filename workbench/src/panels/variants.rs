@@ -2,13 +2,12 @@
 
 use eframe::egui::{self, Color32, RichText, Ui};
 use kernels::frame::FrameReport;
-use kernels::shading::Estimator;
-use kernels::shared::noise::NoiseKind;
+use kernels::settings::Kind;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::normals::NormalEncoding;
 
-use super::choose;
-use crate::model::settings::Settings;
+use super::control::control;
+use crate::model::settings::{COUNTS, Settings, TIMES_VARIANTS, frame_settings};
 use crate::model::state::Model;
 
 /// Columns of the 31.
@@ -48,24 +47,29 @@ pub(super) const PASS: &str = "shading: ";
 
 /// Fetches a pixel that are promised of a variant.
 fn promised(settings: &Settings, variant: Variant) -> u32 {
-    settings.estimator.promised_fetches_of(variant)
+    settings.frame.estimator.promised_fetches_of(variant)
 }
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
-        if ui.selectable_label(model.settings.forced.is_none(), "Automatic").on_hover_text("Each tile what its pixels need (0)").clicked() {
-            model.settings.forced = None;
+        if ui
+            .selectable_label(model.settings.frame.variant.is_none(), "Automatic")
+            .on_hover_text("Each tile what its pixels need (0)")
+            .clicked()
+        {
+            model.settings.frame.variant = None;
         }
-        ui.checkbox(&mut model.settings.generic, "Generic kernel")
+        ui.checkbox(&mut model.settings.frame.generic, "Generic kernel")
             .on_hover_text("One shader that takes the set at run time: what specialised ones are measured against (G)");
     });
     ui.separator();
     ui.label("Flavours on every tile");
     ui.horizontal_wrapped(|ui| {
         for (key, flavour) in (1..).zip(Flavour::ALL) {
-            let on = model.settings.forced.is_some_and(|v| v.has(flavour));
+            let on = model.settings.frame.variant.is_some_and(|v| v.has(flavour));
             let text = RichText::new(format!("{key} {}", flavour.name()));
-            let hint = format!("{}: {} fetches a pixel (key {key})", about(flavour), model.settings.estimator.promised_fetches(flavour));
+            let hint =
+                format!("{}: {} fetches a pixel (key {key})", about(flavour), model.settings.frame.estimator.promised_fetches(flavour));
             if ui.selectable_label(on, text).on_hover_text(hint).clicked() {
                 model.settings.toggle(flavour);
             }
@@ -84,35 +88,23 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             }
         }
     });
-    let hint = "Shades each variant in a pass of its own: how variants compare, but the sum is not what one pass for all takes";
-    ui.checkbox(&mut model.settings.times_variants, "Time variants").on_hover_text(hint);
+    control(ui, &TIMES_VARIANTS, &mut model.settings, |_| "");
     if model.settings.times_variants {
         table(model, ui, &times, all);
     }
     ui.separator();
     egui::Grid::new("estimator and noise").num_columns(2).show(ui, |ui| {
-        let shown = model.settings.estimator.name();
-        let all = Estimator::ALL.into_iter().map(|e| (e, e.name().to_owned(), "")).collect();
-        choose(ui, "Estimator", &mut model.settings.estimator, shown, all);
-        ui.end_row();
-        let shown = model.settings.noise.name();
-        let all = NoiseKind::ALL.into_iter().map(|n| (n, n.name().to_owned(), "")).collect();
-        choose(ui, "Noise", &mut model.settings.noise, shown, all);
-        ui.end_row();
-        let shown = model.settings.normals.name();
-        let all = NormalEncoding::ALL.into_iter().map(|n| (n, n.name().to_owned(), of_normals(n))).collect();
-        choose(ui, "Stored normals", &mut model.settings.normals, shown, all).on_hover_text(
-            "How the geometry pass stores a pixel's shading normal and its triangle's plane, which derivatives are taken on",
-        );
-        ui.end_row();
-        let label = ui.label("Seed");
-        ui.add(egui::DragValue::new(&mut model.settings.seed)).labelled_by(label.id);
-        ui.end_row();
+        for setting in frame_settings().filter(|setting| matches!(setting.kind, Kind::Name(_) | Kind::Whole(..))) {
+            let about: fn(&str) -> &'static str = if setting.name() == "normals" { of_normals } else { |_| "" };
+            control(ui, setting, &mut model.settings.frame, about);
+            ui.end_row();
+        }
     });
-    ui.checkbox(&mut model.settings.reseeds, "A seed a frame")
-        .on_hover_text("Seed plus frame: what noise looks like that nothing holds still");
-    ui.checkbox(&mut model.settings.two_tilings, "Two tilings").on_hover_text("Full splat at two scales of texture: 96 fetches");
-    ui.checkbox(&mut model.settings.counts, "Count fetches").on_hover_text("By a slower shader; its time is not that of the plain one");
+    // The generic kernel is chosen above.
+    for setting in frame_settings().filter(|setting| matches!(setting.kind, Kind::Flag) && setting.name() != "generic") {
+        control(ui, setting, &mut model.settings.frame, |_| "");
+    }
+    control(ui, &COUNTS, &mut model.settings, |_| "");
 }
 
 /// What each variant took, the longest first; `all`: tiles with terrain.
@@ -140,7 +132,7 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
             ui.label(timed.tiles.to_string());
             ui.label(format!("{:.1} %", 100.0 * f64::from(timed.tiles) / f64::from(all)));
             // The generic kernel takes what each tile needs, unless all are made to need the same.
-            let fetches = timed.variant.or(settings.forced).map(|variant| promised(settings, variant));
+            let fetches = timed.variant.or(settings.frame.variant).map(|variant| promised(settings, variant));
             ui.label(fetches.map_or_else(|| "-".to_owned(), |fetches| fetches.to_string()));
             ui.label(format!("{:.3}", timed.ms));
             ui.label(format!("{:.0}", timed.ns_a_tile()));
@@ -151,7 +143,7 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
 
 /// One of the 31: its number, its flavours as five stripes, its tiles of all, and what it took if that is known.
 fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2], timed: Option<&Timed>) {
-    let forced = model.settings.forced == Some(variant);
+    let forced = model.settings.frame.variant == Some(variant);
     let [r, g, b] = variant.colour();
     let share = if tiles > 0 { format!("{:.0} %", 100.0 * f64::from(tiles) / f64::from(all)) } else { String::new() };
     let fetches = promised(&model.settings, variant);
@@ -174,7 +166,7 @@ fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2]
     let name = variant.to_string();
     response.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, forced, format!("Variant {name}")));
     if response.on_hover_text(format!("{name}: {fetches} fetches a pixel, {tiles} of {all} tiles{took}")).clicked() {
-        model.settings.forced = if forced { None } else { Some(variant) };
+        model.settings.frame.variant = if forced { None } else { Some(variant) };
     }
 }
 
@@ -188,11 +180,13 @@ const fn about(flavour: Flavour) -> &'static str {
     }
 }
 
-const fn of_normals(encoding: NormalEncoding) -> &'static str {
-    match encoding {
-        NormalEncoding::Octahedral => "8 + 8 bits each, as in Far Cry 5",
-        NormalEncoding::PlaneFirst => "In the same 32 bits the plane 8 times finer; the shading normal stays what it is",
-        NormalEncoding::Exact => "In 128 bits: what the others cost",
+/// What is said of a way to store normals.
+fn of_normals(name: &str) -> &'static str {
+    match name.parse() {
+        Ok(NormalEncoding::Octahedral) => "8 + 8 bits each, as in Far Cry 5",
+        Ok(NormalEncoding::PlaneFirst) => "In the same 32 bits the plane 8 times finer; the shading normal stays what it is",
+        Ok(NormalEncoding::Exact) => "In 128 bits: what the others cost",
+        Err(_) => "",
     }
 }
 

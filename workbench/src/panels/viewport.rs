@@ -158,7 +158,9 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
     let difference = difference_legend();
     for (i, part) in parts.iter().enumerate() {
         let text = match (&shown.second, part.texture) {
-            (None, _) => format!("{} | {} | {}{stale}", settings.choice_name(), settings.estimator.name(), settings.noise.name()),
+            (None, _) => {
+                format!("{} | {} | {}{stale}", settings.choice_name(), settings.frame.estimator.name(), settings.frame.noise.name())
+            }
             (Some(second), 0) => both(settings, &second.settings, "A"),
             (Some(second), 1) => both(&second.settings, settings, "B"),
             (Some(second), _) => format!("{}, {}", both(settings, &second.settings, "|A - B|, A"), both(&second.settings, settings, "B")),

@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use eframe::egui;
 use eframe::egui::util::undoer::Undoer;
 use kernels::scene::{self, Scene};
-use kernels::view::camera::Pose;
 
 use super::{Clock, Model};
 use crate::model::compare::{Compare, Other};

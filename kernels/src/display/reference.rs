@@ -1,0 +1,55 @@
+//! Tone mapping in f64 and f32: what `display.wgsl` is held to, and what maps pictures that were averaged on the processor.
+
+use super::{Exposure, ToneCurve, WHITE};
+use crate::base::colour::{luminance, srgb_from_linear};
+use crate::shared::real::Real;
+
+/// Linear radiance to sRGB-encoded values, 0..=1; 0 for what is not a number.
+pub fn tone_map<T: Real>(radiance: [T; 3], exposure: Exposure) -> [T; 3] {
+    let radiance = radiance.map(|c| c * T::of(exposure.factor()));
+    let mapped = match exposure.curve {
+        ToneCurve::Reinhard => {
+            let luminance = luminance(radiance);
+            let white = T::of(WHITE);
+            let factor = (T::one() + luminance / (white * white)) / (T::one() + luminance);
+            if luminance > T::zero() { radiance.map(|c| c * factor) } else { [T::zero(); 3] }
+        }
+        ToneCurve::Clip => radiance,
+    };
+    mapped.map(srgb_from_linear)
+}
+
+/// The same as 8-bit codes.
+pub fn codes(radiance: [f32; 3], exposure: Exposure) -> [u8; 3] {
+    tone_map(radiance, exposure).map(crate::base::colour::unorm8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLAIN: Exposure = Exposure { stops: 0.0, curve: ToneCurve::Reinhard };
+
+    #[test]
+    fn white_is_mapped_to_white_and_black_to_black() {
+        assert_eq!(codes([0.0; 3], PLAIN), [0; 3]);
+        assert_eq!(codes([WHITE as f32; 3], PLAIN), [255; 3]);
+        assert_eq!(codes([1.0; 3], Exposure { curve: ToneCurve::Clip, ..PLAIN }), [255; 3]);
+        assert_eq!(codes([f32::NAN, 1.0, -1.0], PLAIN), [0; 3]);
+    }
+
+    #[test]
+    fn a_stop_doubles_radiance() {
+        let brighter = Exposure { stops: 1.0, ..PLAIN };
+        assert_eq!(tone_map([0.1, 0.2, 0.3], brighter), tone_map([0.2, 0.4, 0.6], PLAIN));
+        let darker = Exposure { stops: -3.0, ..PLAIN };
+        assert_eq!(tone_map([0.8, 1.6, 2.4], darker), tone_map([0.1, 0.2, 0.3], PLAIN));
+    }
+
+    #[test]
+    fn the_curve_keeps_the_ratios_of_channels() {
+        use crate::base::colour::linear_from_srgb;
+        let [r, g, b] = tone_map([0.2f64, 0.4, 0.1], PLAIN).map(linear_from_srgb);
+        assert!((g / r - 2.0).abs() < 1e-3 && (r / b - 2.0).abs() < 1e-3, "{r} {g} {b}");
+    }
+}

@@ -1,0 +1,189 @@
+//! The settings of a frame: choices that no scene makes.
+
+use toml::Value;
+
+use super::{GeometryRequest, Outputs, RenderRequest, ShadingRequest, VariantChoice, ViewRequest};
+use crate::base::document::Checked;
+use crate::classification;
+use crate::display::{Exposure, STOPS, ToneCurve};
+use crate::frame::picture::AovSet;
+use crate::geometry;
+use crate::quadtree::LOD_BIASES;
+use crate::settings::{self, Field, Home, Kind, Listing, Range, Setting, table};
+use crate::shading::Estimator;
+use crate::shared::noise::NoiseKind;
+use crate::temporal::SamplePattern;
+use crate::variant::Variant;
+use crate::view::camera::Pose;
+use crate::view::normals::NormalEncoding;
+
+/// What keys of these settings begin with.
+pub const FRAME: &str = "frame.";
+
+/// The choice that is no variant.
+const AUTOMATIC: &str = "auto";
+
+const SHADING: Listing = Listing::new("Shading", &[Home::Definition, Home::Option, Home::Workbench]);
+const GEOMETRY: Listing = Listing::new("Geometry", &[Home::Definition, Home::Option, Home::Workbench]);
+/// A definition gives several of them in a list of its own.
+const VARIANTS: Listing = Listing::new("Shading", &[Home::DefinitionList("variants"), Home::Option, Home::Workbench]);
+const ESTIMATORS: Listing = Listing::new("Shading", &[Home::DefinitionList("estimators"), Home::Option, Home::Workbench]);
+const DISPLAY: Listing = Listing::new("Display", &[Home::Option, Home::Workbench]);
+const NOISES: Listing = Listing::new("Shading", &[Home::DefinitionList("noises"), Home::Option, Home::Workbench]);
+
+table! {
+    /// Choices of a frame, which no scene makes.
+    #[derive(Copy)]
+    FrameSettings of FrameSettings as "frame" at |frame| frame, {
+        /// The variant that shades every tile. `auto`: each tile by the variant its pixels need.
+        variant: Option<Variant> = None, "", Kind::Text(VARIANT), VARIANTS.shown("Automatic");
+        /// Shade by the one pipeline that takes the flavours at run time, instead of by the variants' own pipelines.
+        generic: bool = false, "", Kind::Flag, VARIANTS.shown("Generic kernel");
+        /// How near cliff, far cliff and splat arrive at a value.
+        estimator: Estimator = Estimator::Fc5, "", Kind::Name(|| Estimator::ALL.map(Estimator::name).to_vec()), ESTIMATORS.shown("Estimator");
+        /// Source of the random numbers.
+        noise: NoiseKind = NoiseKind::HashedIsotropic, "", Kind::Name(|| NoiseKind::ALL.map(NoiseKind::name).to_vec()), NOISES.shown("Noise");
+        /// How the geometry pass stores a pixel's shading normal and its triangle's plane, on which derivatives are taken.
+        normals: NormalEncoding = NormalEncoding::Octahedral, "", Kind::Name(|| NormalEncoding::ALL.map(NormalEncoding::name).to_vec()),
+            GEOMETRY.shown("Stored normals");
+        /// Seed of the random numbers.
+        seed: u32 = 0, "", Kind::Whole(0, u32::MAX), SHADING.shown("Seed");
+        /// Give each frame a seed of its own: the seed plus the frame's number.
+        reseeds: bool = false, "", Kind::Flag, SHADING.shown("A seed a frame");
+        /// Blend full splat at two scales of texture: 96 fetches.
+        two_tilings: bool = false, "", Kind::Flag, SHADING.shown("Two tilings");
+        /// Draw terrain nodes this many levels coarser, below 0 finer: geometry, splat map and baked colours alike.
+        lod_bias: f64 = 0.0, "levels", Kind::Number(Range::new(LOD_BIASES[0], LOD_BIASES[1])),
+            GEOMETRY.slider("Node LOD bias", LOD_BIASES[0], LOD_BIASES[1]);
+        /// Vertex decimation: draw every 1st, 2nd or 4th vertex along a node's side. Textures stay as fine; ridges lose detail.
+        vertex_stride: u32 = 1, "", Kind::OneOf(&geometry::STRIDES), GEOMETRY.shown("Vertex stride");
+        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. Metrics and OpenEXR files are not exposed.
+        exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
+        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip` above 1. Metrics and OpenEXR files are not mapped.
+        tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
+        /// Edge of a tile of the screen.
+        tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
+            Listing::new("Classification", &[Home::Definition, Home::Option]);
+        /// What has a variant of its own: a tile of the screen or a patch of the terrain.
+        classification: ClassifyBy = ClassifyBy::Tile, "", Kind::Name(|| ClassifyBy::ALL.map(ClassifyBy::name).to_vec()),
+            Listing::new("Classification", &[Home::Definition]);
+    }
+}
+
+/// What has a variant of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ClassifyBy {
+    /// A tile of the screen.
+    #[default]
+    Tile,
+    /// A patch of the terrain.
+    Patch,
+}
+
+impl ClassifyBy {
+    /// Both.
+    pub const ALL: [ClassifyBy; 2] = [ClassifyBy::Tile, ClassifyBy::Patch];
+
+    /// The name used in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            ClassifyBy::Tile => "tile",
+            ClassifyBy::Patch => "patch",
+        }
+    }
+}
+
+const VARIANT: &str = "auto, a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat";
+
+impl Field for Option<Variant> {
+    fn value(&self) -> Value {
+        Value::String(self.map_or_else(|| AUTOMATIC.to_owned(), |variant| variant.to_string()))
+    }
+
+    fn store(&mut self, value: &Value) -> Result<(), String> {
+        *self = match value.as_str().unwrap_or_default() {
+            AUTOMATIC => None,
+            text => Some(text.parse().map_err(|error: crate::variant::NotAVariant| error.hint)?),
+        };
+        Ok(())
+    }
+}
+
+/// Types whose values have names.
+macro_rules! named {
+    ($($Type:ty),+) => {
+        $(
+            impl Field for $Type {
+                fn value(&self) -> Value {
+                    Value::String(self.name().to_owned())
+                }
+
+                fn store(&mut self, value: &Value) -> Result<(), String> {
+                    let known = <$Type>::ALL.into_iter().find(|known| value.as_str() == Some(known.name()));
+                    *self = known.ok_or_else(String::new)?;
+                    Ok(())
+                }
+            }
+        )+
+    };
+}
+
+named!(Estimator, NoiseKind, NormalEncoding, ClassifyBy, ToneCurve);
+
+/// The setting of a frame that has this key.
+pub fn setting(key: &str) -> Option<&'static Setting<FrameSettings>> {
+    FrameSettings::SETTINGS.iter().find(|setting| setting.key == key)
+}
+
+impl FrameSettings {
+    /// # Errors
+    /// The first value that its setting does not accept.
+    pub fn check(&self) -> Checked {
+        settings::check(FrameSettings::SETTINGS.iter(), self)
+    }
+
+    /// How the picture is shown to people.
+    pub fn display(&self) -> Exposure {
+        Exposure { stops: self.exposure, curve: self.tone_curve }
+    }
+
+    /// Which shader shades which tile.
+    pub fn choice(&self) -> VariantChoice {
+        match (self.variant, self.generic) {
+            (None, false) => VariantChoice::Auto,
+            (None, true) => VariantChoice::GenericAuto,
+            (Some(variant), false) => VariantChoice::Forced(variant),
+            (Some(variant), true) => VariantChoice::GenericForced(variant),
+        }
+    }
+
+    /// The request of a frame by these settings. The size of a tile is a renderer's ([`super::RendererOptions`]).
+    pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
+        RenderRequest {
+            view: ViewRequest { pose, size, jitter: [0.0; 2] },
+            geometry: GeometryRequest {
+                lod_bias: self.lod_bias,
+                vertex_stride: self.vertex_stride,
+                culled_from: None,
+                normals: self.normals,
+            },
+            shading: ShadingRequest {
+                variant: self.choice(),
+                estimator: self.estimator,
+                noise: self.noise,
+                seed: if self.reseeds { self.seed.wrapping_add(frame) } else { self.seed },
+                frame,
+                two_tilings: self.two_tilings,
+                sample_pattern: SamplePattern::Centre,
+            },
+            outputs: Outputs {
+                aovs: AovSet::default(),
+                count_fetches: false,
+                lit: true,
+                display: None,
+                time_variants: false,
+                keep_geometry: false,
+            },
+        }
+    }
+}

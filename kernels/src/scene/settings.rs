@@ -1,0 +1,208 @@
+//! The settings of a scene: its single values, each declared once. Values in lists (materials, rules, strokes, cameras) are not settings.
+
+use serde::{Deserialize, Serialize};
+use toml::Value;
+
+use super::{Scene, World};
+use crate::settings::{Field, Home, Kind, Listing, Range, Setting, table};
+
+/// Elevations, coordinates and distances beyond this many metres are mistakes.
+pub(super) const FAR_M: f64 = 1.0e7;
+
+/// Every setting of a scene can be set in these; those that the workbench shows, there as well.
+const HOMES: &[Home] = &[Home::SceneFile, Home::Definition, Home::Set];
+
+const FLAVOURS: Listing = Listing::new("Where flavours apply", HOMES);
+const BLEND: Listing = Listing::new("Blend", HOMES);
+const LIGHT: Listing = Listing::new("Light", HOMES);
+const WORLD: Listing = Listing::new("World", HOMES);
+
+/// Numbers from `least` to `most`.
+const fn number(least: f64, most: f64) -> Kind {
+    Kind::Number(Range::new(least, most))
+}
+
+/// Numbers above 0, up to `most`.
+const fn positive(most: f64) -> Kind {
+    Kind::Number(Range::above(0.0, most))
+}
+
+table! {
+    /// Where each flavour applies (SYSTEMS C and F). Distances along the view ray, slopes of the shading normal.
+    #[derive(Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
+        /// Ground beyond this distance is shaded from the far atlas, nearer ground from the virtual texture. 0: no virtual texture.
+        far_atlas_m: f64 = 300.0, "m", number(0.0, FAR_M), FLAVOURS.logarithmic("Far atlas from", 1.0, 5000.0);
+        /// Cliffs nearer than this take near stochastic shading, cliffs beyond it far stochastic shading (Far Cry 5: 30 m).
+        cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);
+        /// Beyond this distance cliffs, too, are shaded from the far atlas.
+        cliff_far_atlas_m: f64 = 1500.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Cliff far atlas from", 10.0, 10_000.0);
+        /// Width of every blend between distances, as a share of the distance.
+        // Blends of no width would make the shaders divide by zero; a thousandth cannot be told from a step.
+        distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
+        /// Slopes steeper than this are cliff. 90 or more: there are no cliffs.
+        cliff_slope_deg: f64 = 45.0, "deg", number(1.0, 180.0), FLAVOURS.slider("Cliffs above", 5.0, 90.0);
+        /// Width of the blend between ground and cliff.
+        slope_blend_deg: f64 = 4.0, "deg", number(0.001, 45.0), FLAVOURS.slider("Slope blend", 0.001, 20.0);
+        /// Width of the band of slopes just below `cliff_slope_deg` that takes full tri-planar splat, up to the distance `cliff_near_m`:
+        /// it is too steep for one projection and borders on contrasting materials. 0: no splat.
+        splat_band_deg: f64 = 8.0, "deg", number(0.0, 89.0), FLAVOURS.slider("Splat band", 0.0, 30.0);
+    }
+}
+
+impl FlavourRules {
+    /// Whether any slope is cliff.
+    pub fn has_cliffs(&self) -> bool {
+        self.cliff_slope_deg < 90.0
+    }
+}
+
+table! {
+    /// Parameters of the material blend.
+    #[derive(Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    Blend of Scene as "blend" at |scene| scene.blend, {
+        /// Size of the cells of hashed noise on the screen (g_HashScale of Wyman and McGuire). Larger cells flip less and clump more.
+        hash_scale: f64 = 1.0, "px", number(0.01, 100.0), BLEND.logarithmic("Noise cell", 0.05, 8.0);
+        /// k in w' = w 2^(k h): how strongly the higher material wins over the bilinear weight. 0: plain bilinear.
+        height_sharpness: f64 = 8.0, "", number(0.0, 1.0e4), BLEND.slider("Height blend", 0.0, 64.0);
+        /// k in w = abs(n)^k: how sharply the three projections meet.
+        triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
+        /// Added to mip levels, by scaling gradients by 2^bias. Below 0 the picture is sharper and flickers, above 0 it is blurrier.
+        mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("LOD bias", -4.0, 4.0);
+        /// Anisotropic filtering of detail textures. 1: trilinear. Software Vulkan takes minutes to compile anything more.
+        anisotropy: u16 = 1, "", Kind::Whole(1, 16), BLEND;
+        /// Distance of the materials' mean colours from 18 % grey, relative to the distance they were made with. 0: all alike, 1: as made.
+        material_contrast: f64 = 1.0, "x", number(0.0, 2.0), BLEND;
+    }
+}
+
+table! {
+    /// The sun: a directional light.
+    #[derive(Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    Sun of Scene as "sun" at |scene| scene.sun, {
+        /// Compass bearing the light comes from, clockwise from north.
+        azimuth_deg: f64 = 190.0, "deg", number(-360.0, 360.0), LIGHT.slider("Sun from", 0.0, 360.0);
+        /// Height of the sun above the horizon.
+        elevation_deg: f64 = 34.0, "deg", number(-90.0, 90.0), LIGHT.slider("Sun above", 0.5, 90.0);
+        /// Irradiance on a surface that faces the sun, linear RGB.
+        irradiance: [f64; 3] = [4.8, 4.4, 3.8], "", Kind::Numbers(3, Range::new(0.0, 1.0e4)), LIGHT;
+    }
+}
+
+table! {
+    /// The sky: radiance linear in the sine of elevation, over the whole sphere, so that its irradiance is exact.
+    #[derive(Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    Sky of Scene as "sky" at |scene| scene.sky, {
+        /// Radiance of the sky at the zenith, linear RGB.
+        zenith: [f64; 3] = [0.10, 0.20, 0.42], "", Kind::Numbers(3, Range::new(0.0, 1.0e4)), LIGHT;
+        /// Radiance of the sky at the horizon, linear RGB.
+        horizon: [f64; 3] = [0.28, 0.34, 0.42], "", Kind::Numbers(3, Range::new(0.0, 1.0e4)), LIGHT;
+    }
+}
+
+/// Edge of detail textures where a scene file gives none, texels.
+pub(super) const DETAIL_SIZE: u32 = 1024;
+
+/// Those of no optional table. Of a world's settings, each world has those that its kind has.
+const OTHERS: &[Setting<Scene>] = &[
+    Setting {
+        key: "world.seed",
+        unit: "",
+        kind: Kind::Whole(0, u32::MAX),
+        default: || None,
+        about: "Seed of the procedural world, and of a heightmap's added relief and rule noise (there 0 if left out).",
+        listing: WORLD,
+        field: |scene| match &scene.world {
+            World::Procedural { seed, .. } | World::Heightmap { seed, .. } => Some(seed),
+        },
+        field_mut: |scene| match &mut scene.world {
+            World::Procedural { seed, .. } | World::Heightmap { seed, .. } => Some(seed),
+        },
+    },
+    Setting {
+        key: "world.colour_modulation",
+        unit: "",
+        kind: number(0.0, 1.0),
+        default: || Some(Value::Float(0.0)),
+        about: "Peak-to-peak strength of the colour modulation map. 0: there is none, and it is not sampled.",
+        listing: WORLD,
+        field: |scene| match &scene.world {
+            World::Procedural { colour_modulation, .. } | World::Heightmap { colour_modulation, .. } => Some(colour_modulation),
+        },
+        field_mut: |scene| match &mut scene.world {
+            World::Procedural { colour_modulation, .. } | World::Heightmap { colour_modulation, .. } => Some(colour_modulation),
+        },
+    },
+    Setting {
+        key: "world.metres_per_texel",
+        unit: "m",
+        kind: positive(1.0e5),
+        default: || None,
+        about: "Spacing of a heightmap's samples.",
+        listing: WORLD,
+        field: |scene| match &scene.world {
+            World::Procedural { .. } => None,
+            World::Heightmap { metres_per_texel, .. } => Some(metres_per_texel),
+        },
+        field_mut: |scene| match &mut scene.world {
+            World::Procedural { .. } => None,
+            World::Heightmap { metres_per_texel, .. } => Some(metres_per_texel),
+        },
+    },
+    Setting {
+        key: "world.height_range_m",
+        unit: "m",
+        kind: Kind::Numbers(2, Range::new(-FAR_M, FAR_M)),
+        default: || None,
+        about: "Elevations of a heightmap's sample values 0 and 65535, the lower one first.",
+        listing: WORLD,
+        field: |scene| match &scene.world {
+            World::Procedural { .. } => None,
+            World::Heightmap { height_range_m, .. } => Some(height_range_m),
+        },
+        field_mut: |scene| match &mut scene.world {
+            World::Procedural { .. } => None,
+            World::Heightmap { height_range_m, .. } => Some(height_range_m),
+        },
+    },
+    Setting {
+        key: "world.detail_m",
+        unit: "m",
+        kind: number(0.0, 1000.0),
+        default: || Some(Value::Float(0.0)),
+        about: "Procedural relief added below a heightmap's resolution. 0: there is none, and LODs are only as deep as the data.",
+        listing: WORLD,
+        field: |scene| match &scene.world {
+            World::Procedural { .. } => None,
+            World::Heightmap { detail_m, .. } => Some(detail_m),
+        },
+        field_mut: |scene| match &mut scene.world {
+            World::Procedural { .. } => None,
+            World::Heightmap { detail_m, .. } => Some(detail_m),
+        },
+    },
+    Setting {
+        key: "detail_size",
+        unit: "texels",
+        kind: Kind::OneOf(&[64, 128, 256, 512, 1024, 2048]),
+        default: || Some(Field::value(&DETAIL_SIZE)),
+        about: "Edge length of detail textures. The texture of heights and colour masks has half of it.",
+        listing: Listing::new("Textures", HOMES),
+        field: |scene| Some(&scene.detail_size),
+        field_mut: |scene| Some(&mut scene.detail_size),
+    },
+];
+
+/// Every setting of a scene.
+pub fn settings() -> impl Iterator<Item = &'static Setting<Scene>> {
+    [Blend::SETTINGS, FlavourRules::SETTINGS, Sun::SETTINGS, Sky::SETTINGS, OTHERS].into_iter().flatten()
+}
+
+/// The setting of this key.
+pub fn setting(key: &str) -> Option<&'static Setting<Scene>> {
+    settings().find(|setting| setting.key == key)
+}

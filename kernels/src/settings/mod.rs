@@ -1,0 +1,412 @@
+//! Settings: values that a user chooses. Each is declared once, with its key, unit, accepted values, default, description and accessor.
+//!
+//! A table is an array of [`Setting`] over the type that owns the values: [`crate::scene::settings`] over a scene, [`crate::frame::settings`] over
+//! the choices of a frame. Scene files, definitions of experiments, the command line, the workbench with its state file, and the reference
+//! documentation read these tables. A value that is not accepted is described by the same sentence everywhere ([`Setting::accept`]).
+
+use std::fmt;
+
+use toml::Value;
+
+use crate::base::document::{At, Checked};
+use crate::base::names::suggestion;
+
+mod reference;
+
+pub use reference::{Home, Row, reference, values};
+
+/// The numbers that a setting accepts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Smallest number.
+    pub least: f64,
+    /// Largest number; accepted.
+    pub most: f64,
+    /// Whether the smallest number itself is not accepted.
+    above: bool,
+}
+
+impl Range {
+    /// From `least` to `most`, both accepted.
+    pub const fn new(least: f64, most: f64) -> Range {
+        Range { least, most, above: false }
+    }
+
+    /// Above `least`, up to `most`.
+    pub const fn above(least: f64, most: f64) -> Range {
+        Range { least, most, above: true }
+    }
+
+    /// Whether a number is accepted. NaN is not.
+    pub fn contains(self, value: f64) -> bool {
+        (self.least..=self.most).contains(&value) && !(self.above && value <= self.least)
+    }
+}
+
+impl fmt::Display for Range {
+    /// What a number must be: `-2 to 4`, `above 0 and at most 1000`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.above { write!(f, "above {} and at most {}", self.least, self.most) } else { write!(f, "{} to {}", self.least, self.most) }
+    }
+}
+
+/// The values that a setting accepts.
+#[derive(Clone, Copy, Debug)]
+pub enum Kind {
+    /// A number.
+    Number(Range),
+    /// So many numbers.
+    Numbers(usize, Range),
+    /// A whole number, from the first to the last.
+    Whole(u32, u32),
+    /// One of these whole numbers.
+    OneOf(&'static [u32]),
+    /// True or false.
+    Flag,
+    /// One of these names.
+    Name(fn() -> Vec<&'static str>),
+    /// A text of several parts, described in words; its field knows what it accepts.
+    Text(&'static str),
+}
+
+/// `a, b or c`.
+fn alternatives<T: fmt::Display>(items: &[T]) -> String {
+    match items {
+        [] => String::new(),
+        [only] => only.to_string(),
+        [first @ .., last] => format!("{} or {last}", first.iter().map(T::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+impl fmt::Display for Kind {
+    /// What a value must be.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Kind::Number(range) => range.fmt(f),
+            Kind::Numbers(count, range) => write!(f, "{count} numbers, each {range}"),
+            Kind::Whole(least, most) => write!(f, "a whole number from {least} to {most}"),
+            Kind::OneOf(numbers) => f.write_str(&alternatives(numbers)),
+            Kind::Flag => f.write_str("true or false"),
+            Kind::Name(names) => f.write_str(&alternatives(&names())),
+            Kind::Text(what) => f.write_str(what),
+        }
+    }
+}
+
+impl Kind {
+    /// The value that a text on the command line stands for. A text that stands for no value of this kind is a text.
+    pub fn read(self, text: &str) -> Value {
+        let value = match self {
+            Kind::Number(_) => text.parse().ok().map(Value::Float),
+            Kind::Whole(..) | Kind::OneOf(_) => text.parse().ok().map(Value::Integer),
+            Kind::Flag => text.parse().ok().map(Value::Boolean),
+            Kind::Numbers(..) => {
+                let numbers: Option<Vec<Value>> = text.split(',').map(|part| part.trim().parse().ok().map(Value::Float)).collect();
+                numbers.map(Value::Array)
+            }
+            Kind::Name(_) | Kind::Text(_) => None,
+        };
+        value.unwrap_or_else(|| Value::String(text.to_owned()))
+    }
+
+    fn accepts(self, value: &Value) -> bool {
+        let within = |range: Range, value: &Value| number(value).is_some_and(|number| range.contains(number));
+        match self {
+            Kind::Number(range) => within(range, value),
+            Kind::Numbers(count, range) => {
+                value.as_array().is_some_and(|values| values.len() == count && values.iter().all(|v| within(range, v)))
+            }
+            Kind::Whole(least, most) => value.as_integer().is_some_and(|n| (i64::from(least)..=i64::from(most)).contains(&n)),
+            Kind::OneOf(numbers) => value.as_integer().is_some_and(|n| numbers.iter().any(|&known| i64::from(known) == n)),
+            Kind::Flag => value.is_bool(),
+            Kind::Name(names) => value.as_str().is_some_and(|name| names().contains(&name)),
+            Kind::Text(_) => value.is_str(),
+        }
+    }
+}
+
+/// A number, whole or not.
+fn number(value: &Value) -> Option<f64> {
+    #[allow(clippy::cast_precision_loss, reason = "whole numbers of settings have at most 32 bits")]
+    value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
+}
+
+/// A value as people write it: numbers in the fewest digits.
+pub fn shown(value: &Value) -> String {
+    match value {
+        Value::Float(number) => number.to_string(),
+        Value::Array(items) => format!("[{}]", items.iter().map(shown).collect::<Vec<_>>().join(", ")),
+        other => other.to_string(),
+    }
+}
+
+/// A value where it is stored.
+pub trait Field {
+    /// The value as TOML has it.
+    fn value(&self) -> Value;
+
+    /// Stores a value of the setting's [`Kind`].
+    ///
+    /// # Errors
+    /// It is not one of this type: a hint, which may be empty.
+    fn store(&mut self, value: &Value) -> Result<(), String>;
+
+    /// The number itself, where the value is one that can be moved continuously.
+    fn number(&mut self) -> Option<&mut f64> {
+        None
+    }
+}
+
+impl Field for f64 {
+    fn value(&self) -> Value {
+        Value::Float(*self)
+    }
+
+    fn store(&mut self, value: &Value) -> Result<(), String> {
+        *self = number(value).ok_or_else(String::new)?;
+        Ok(())
+    }
+
+    fn number(&mut self) -> Option<&mut f64> {
+        Some(self)
+    }
+}
+
+impl<const N: usize> Field for [f64; N] {
+    fn value(&self) -> Value {
+        Value::Array(self.iter().map(|&number| Value::Float(number)).collect())
+    }
+
+    fn store(&mut self, value: &Value) -> Result<(), String> {
+        let numbers: Option<Vec<f64>> = value.as_array().and_then(|values| values.iter().map(number).collect());
+        *self = numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(String::new)?;
+        Ok(())
+    }
+}
+
+impl Field for u32 {
+    fn value(&self) -> Value {
+        Value::Integer((*self).into())
+    }
+
+    fn store(&mut self, value: &Value) -> Result<(), String> {
+        *self = value.as_integer().and_then(|whole| whole.try_into().ok()).ok_or_else(String::new)?;
+        Ok(())
+    }
+}
+
+impl Field for u16 {
+    fn value(&self) -> Value {
+        Value::Integer((*self).into())
+    }
+
+    fn store(&mut self, value: &Value) -> Result<(), String> {
+        *self = value.as_integer().and_then(|whole| whole.try_into().ok()).ok_or_else(String::new)?;
+        Ok(())
+    }
+}
+
+impl Field for bool {
+    fn value(&self) -> Value {
+        Value::Boolean(*self)
+    }
+
+    fn store(&mut self, value: &Value) -> Result<(), String> {
+        *self = value.as_bool().ok_or_else(String::new)?;
+        Ok(())
+    }
+}
+
+/// A setting's place: what it belongs to, where it can be set, and how the workbench shows it.
+#[derive(Clone, Copy, Debug)]
+pub struct Listing {
+    /// What it belongs to.
+    pub group: &'static str,
+    /// Where it can be set.
+    pub homes: &'static [Home],
+    /// The workbench's short label, unique in the window; `None` = the workbench does not show it.
+    pub label: Option<&'static str>,
+    /// Its slider; `None` = another control.
+    pub slider: Option<Slider>,
+}
+
+/// How a number is moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slider {
+    /// The ends, within the accepted range. A number outside them may be typed.
+    pub ends: [f64; 2],
+    /// Whether it is logarithmic.
+    pub logarithmic: bool,
+}
+
+impl Listing {
+    /// Not shown by the workbench.
+    pub const fn new(group: &'static str, homes: &'static [Home]) -> Listing {
+        Listing { group, homes, label: None, slider: None }
+    }
+
+    /// The same, shown by the workbench under a label.
+    #[must_use]
+    pub const fn shown(self, label: &'static str) -> Listing {
+        Listing { label: Some(label), ..self }
+    }
+
+    /// The same, shown as a slider.
+    #[must_use]
+    pub const fn slider(self, label: &'static str, least: f64, most: f64) -> Listing {
+        Listing { slider: Some(Slider { ends: [least, most], logarithmic: false }), ..self.shown(label) }
+    }
+
+    /// The same, shown as a logarithmic slider.
+    #[must_use]
+    pub const fn logarithmic(self, label: &'static str, least: f64, most: f64) -> Listing {
+        Listing { slider: Some(Slider { ends: [least, most], logarithmic: true }), ..self.shown(label) }
+    }
+}
+
+/// A setting of a `T`.
+pub struct Setting<T: 'static> {
+    /// Its key: the way to it in a scene file, or `frame.` and its name.
+    pub key: &'static str,
+    /// Its unit; empty = none.
+    pub unit: &'static str,
+    /// What it accepts.
+    pub kind: Kind,
+    /// The value where none is given; `None` = it must be given.
+    pub default: fn() -> Option<Value>,
+    /// What it does, in sentences.
+    pub about: &'static str,
+    /// Its place.
+    pub listing: Listing,
+    /// Where the value is stored; `None` = this `T` does not have it.
+    pub field: fn(&T) -> Option<&dyn Field>,
+    /// The same, to change it.
+    pub field_mut: fn(&mut T) -> Option<&mut dyn Field>,
+}
+
+/// Declares a type whose fields are settings: the type, its default values, and the table `SETTINGS`.
+///
+/// `Name of Owner as "prefix" at |owner| place` says that `place` is where an owner keeps the `Name`, and that keys begin with `prefix`. Then come the
+/// fields: documentation, which is the setting's description, name, type, default, and `unit, kind, listing`.
+macro_rules! table {
+    (
+        $(#[$meta:meta])*
+        $Table:ident of $Owner:ty as $prefix:literal at |$owner:ident| $place:expr, {
+            $(
+                $(#[doc = $about:literal])+
+                $field:ident: $type:ty = $default:expr, $unit:literal, $kind:expr, $listing:expr;
+            )+
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $Table {
+            $(
+                $(#[doc = $about])+
+                pub $field: $type,
+            )+
+        }
+
+        impl Default for $Table {
+            fn default() -> Self {
+                $Table { $($field: $default,)+ }
+            }
+        }
+
+        impl $Table {
+            /// The settings of these values.
+            pub const SETTINGS: &[$crate::settings::Setting<$Owner>] = &[
+                $(
+                    $crate::settings::Setting {
+                        key: concat!($prefix, ".", stringify!($field)),
+                        unit: $unit,
+                        kind: $kind,
+                        default: || Some($crate::settings::Field::value(&$Table::default().$field)),
+                        about: concat!($($about,)+).trim_ascii(),
+                        listing: $listing,
+                        field: |$owner| Some(&$place.$field),
+                        field_mut: |$owner| Some(&mut $place.$field),
+                    },
+                )+
+            ];
+        }
+    };
+}
+
+pub(crate) use table;
+
+impl<T> Setting<T> {
+    /// The last step of its key.
+    pub fn name(&self) -> &'static str {
+        self.key.rsplit('.').next().unwrap_or(self.key)
+    }
+
+    /// Its place in a document.
+    pub fn place(&self) -> At {
+        self.key.split('.').fold(At::top(), |at, step| at.key(step))
+    }
+
+    /// The value that an owner has.
+    pub fn get(&self, owner: &T) -> Option<Value> {
+        (self.field)(owner).map(Field::value)
+    }
+
+    /// What the workbench calls it; its name where the workbench does not show it.
+    pub fn label(&self) -> &'static str {
+        self.listing.label.unwrap_or_else(|| self.name())
+    }
+
+    /// The number that an owner has, where a slider can move it.
+    pub fn number<'a>(&self, owner: &'a mut T) -> Option<&'a mut f64> {
+        (self.field_mut)(owner)?.number()
+    }
+
+    /// Gives an owner a value.
+    ///
+    /// # Errors
+    /// One sentence, the same wherever the value comes from: the key, the value, and what it must be. The owner stays as it was.
+    pub fn set(&self, owner: &mut T, value: &Value) -> Result<(), String> {
+        self.accept(value)?;
+        match (self.field_mut)(owner) {
+            Some(field) => field.store(value).map_err(|hint| self.refusal(value, &hint)),
+            None => Err(format!("`{}` does not exist here", self.key)),
+        }
+    }
+
+    /// Checks a value without storing it, as far as that can be told without its type.
+    ///
+    /// # Errors
+    /// As [`Setting::set`].
+    pub fn accept(&self, value: &Value) -> Result<(), String> {
+        if self.kind.accepts(value) {
+            return Ok(());
+        }
+        let hint = match (self.kind, value) {
+            (Kind::Name(names), Value::String(name)) => {
+                let hint = suggestion(name, &names());
+                // All names are in the sentence already.
+                if hint.starts_with("there are") { String::new() } else { hint }
+            }
+            _ => String::new(),
+        };
+        Err(self.refusal(value, &hint))
+    }
+
+    /// The one sentence about a value that is not accepted.
+    fn refusal(&self, value: &Value, hint: &str) -> String {
+        let colon = if hint.is_empty() { "" } else { ": " };
+        format!("`{}` is {}, must be {}{colon}{hint}", self.key, shown(value), self.kind)
+    }
+}
+
+/// Checks every value of an owner.
+///
+/// # Errors
+/// The first that its setting does not accept, in the order of the table, as [`Setting::set`] says it.
+pub fn check<T: 'static>(mut table: impl Iterator<Item = &'static Setting<T>>, owner: &T) -> Checked {
+    let wrong = |setting: &'static Setting<T>| {
+        let value = setting.get(owner)?;
+        setting.accept(&value).err().map(|what| setting.place().sentence(what))
+    };
+    table.find_map(wrong).map_or(Ok(()), Err)
+}

@@ -1,0 +1,165 @@
+//! Settings as documentation: a table in Markdown, made from the declarations.
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+use toml::Value;
+
+use super::{Kind, Setting, shown};
+
+/// Where a setting can be set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Home {
+    /// The scene file, under its key.
+    SceneFile,
+    /// `[set]` and `[vary]` of an experiment's definition, under its key.
+    Definition,
+    /// A list of an experiment's definition, under this key.
+    DefinitionList(&'static str),
+    /// `experiments render`, by an option named after the setting.
+    Option,
+    /// `experiments render --set KEY=VALUE`.
+    Set,
+    /// A panel of the workbench, which keeps the value in its state file.
+    Workbench,
+}
+
+/// A setting without its owner's type, for people and programs to read.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Its key.
+    pub key: &'static str,
+    /// What it belongs to.
+    pub group: &'static str,
+    /// The value that an owner has.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub value: Option<Value>,
+    /// The value where none is given; absent = it must be given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub default: Option<Value>,
+    /// What a value must be.
+    pub accepts: String,
+    /// Smallest and largest number, where the setting is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// Its unit; empty = none.
+    pub unit: &'static str,
+    /// What it does.
+    pub about: &'static str,
+    /// Where it can be set.
+    #[serde(skip)]
+    pub places: Vec<String>,
+}
+
+impl<T> Setting<T> {
+    /// The option of `experiments render` that sets it, without dashes in front: `lod-bias`.
+    pub fn option(&self) -> String {
+        self.name().replace('_', "-")
+    }
+
+    /// Where it can be set.
+    pub fn has_home(&self, home: Home) -> bool {
+        self.listing.homes.contains(&home) || home == Home::Workbench && self.listing.label.is_some()
+    }
+
+    /// The setting, and the value that `owner` has.
+    pub fn row(&self, owner: Option<&T>) -> Row {
+        let mut places: Vec<String> = self
+            .listing
+            .homes
+            .iter()
+            .filter(|home| **home != Home::Workbench)
+            .map(|home| match home {
+                Home::SceneFile => "scene file".to_owned(),
+                Home::Definition => "definition".to_owned(),
+                Home::DefinitionList(list) => format!("definition (`{list}`)"),
+                Home::Option => format!("`render --{}`", self.option()),
+                Home::Set => "`render --set`".to_owned(),
+                Home::Workbench => String::new(),
+            })
+            .collect();
+        if self.has_home(Home::Workbench) {
+            places.push("workbench".to_owned());
+        }
+        Row {
+            key: self.key,
+            group: self.listing.group,
+            value: owner.and_then(|owner| self.get(owner)),
+            default: (self.default)(),
+            accepts: self.kind.to_string(),
+            range: match self.kind {
+                Kind::Number(range) | Kind::Numbers(_, range) => Some([range.least, range.most]),
+                Kind::Whole(least, most) => Some([least, most].map(f64::from)),
+                Kind::OneOf(_) | Kind::Flag | Kind::Name(_) | Kind::Text(_) => None,
+            },
+            unit: self.unit,
+            about: self.about,
+            places,
+        }
+    }
+}
+
+/// Rows by their groups, in the order in which those appear.
+fn by_group(rows: &[Row]) -> Vec<(&'static str, Vec<&Row>)> {
+    let mut groups: Vec<(&'static str, Vec<&Row>)> = Vec::new();
+    for row in rows {
+        match groups.iter_mut().find(|(group, _)| *group == row.group) {
+            Some((_, members)) => members.push(row),
+            None => groups.push((row.group, vec![row])),
+        }
+    }
+    groups
+}
+
+/// Values as a table in plain text: each with its unit, default and accepted values.
+pub fn values(rows: &[Row]) -> String {
+    let mut text = String::new();
+    for (group, rows) in by_group(rows) {
+        let _ = writeln!(text, "  {group}");
+        for row in rows {
+            let value = row.value.as_ref().map_or_else(|| "none".to_owned(), shown);
+            let default = row.default.as_ref().map_or_else(|| "no default".to_owned(), |value| format!("default {}", shown(value)));
+            let _ = writeln!(text, "    {:<28} {value:>18} {:<6} {default}; {}", row.key, row.unit, row.accepts);
+        }
+    }
+    text
+}
+
+/// The text of `docs/settings.md`.
+pub fn reference(rows: &[Row]) -> String {
+    let mut text = INTRODUCTION.to_owned();
+    let cell = |text: &str| text.replace('|', "\\|");
+    for (group, rows) in by_group(rows) {
+        let _ = write!(
+            text,
+            "\n## {group}\n\n| key | unit | accepted values | default | where | description |\n| --- | --- | --- | --- | --- | --- |\n"
+        );
+        for row in rows {
+            let default = row.default.as_ref().map_or_else(|| "none".to_owned(), |value| format!("`{}`", shown(value)));
+            let (accepts, about) = (cell(&row.accepts), cell(row.about));
+            let _ = writeln!(text, "| `{}` | {} | {accepts} | {default} | {} | {about} |", row.key, row.unit, row.places.join(", "));
+        }
+    }
+    text
+}
+
+const INTRODUCTION: &str = "\
+# Settings
+
+This file is made from the tables of settings in the code. Do not edit it: change the tables, then run
+`SCREE_RECORD=1 cargo test --release --test scree settings_reference`.
+
+A setting has the same key, accepted values and default wherever it is set:
+
+- **scene file**: under its key. `blend.hash_scale` is the key `hash_scale` in the table `[blend]`.
+- **definition** of an experiment: under its key in `[set]`, as `\"blend.hash_scale\" = 2.0`, or as `parameter` in `[vary]`. Where a list is
+  named, the definition gives several values in that list instead.
+- **render**: `experiments render --set blend.hash_scale=2`, or an option of its own, as `--lod-bias 1`.
+- **workbench**: a control in a panel. The value is kept in the state file, by the last part of its key in `[look]`, or by its whole key in the
+  numbers of the scene.
+
+A value that is not accepted is refused with the same sentence everywhere, as \"`frame.lod_bias` is 9, must be -2 to 4\". From the state file the
+sentence is a warning, and the value is left out.
+
+A scene file has more values, in lists: materials, rules, strokes, cameras and paths. `kernels/src/scene/mod.rs` explains them.
+";

@@ -1,0 +1,35 @@
+// Far Cry 5's estimator (Moore, GDC 2018, "Cliff Shading"): random choices on cliffs. Also what biplanar projection and, near, hex tiling keep.
+
+// Alpha-blended projections, one random splat material each: 12 fetches, with two projections 8, hex-tiled 30.
+fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
+    var sum = surface_zero();
+    let thresholds = shade_noise(pixel, SALT_NEAR_CLIFF);
+    let weights = splat_blend_bilinear(pixel.cell.fraction);
+    for (var i = 0u; i < shade_projections(); i++) {
+        let texel = select_of_4(weights, thresholds[i]);
+        if i == 0u {
+            // The material alone: all projections are seen.
+            shade_choose(texel, 0u);
+        }
+        let tap = terrain_tap(pixel.cell, texel, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
+        sum = surface_add(sum, pixel.projections[i], tap);
+    }
+    return sum;
+}
+
+// Two alpha-blended tiling scales, each one random projection and material: 8 fetches.
+fn shade_fc5_far_cliff(pixel: Pixel) -> Surface {
+    let lower = u32(pixel.tiling.x);
+    let shares = vec2<f32>(1.0 - pixel.tiling.y, pixel.tiling.y);
+    var sum = surface_zero();
+    let thresholds = shade_noise(pixel, SALT_FAR_CLIFF);
+    let weights = splat_blend_bilinear(pixel.cell.fraction);
+    for (var t = 0u; t < frame.taps - 2u; t++) {
+        let plane = pixel.planes[select_of_3(pixel.projections, thresholds[2u * t])];
+        let texel = select_of_4(weights, thresholds[2u * t + 1u]);
+        shade_choose(texel, plane);
+        let tap = terrain_tap(pixel.cell, texel, terrain_projection(plane, pixel.footprint), lower + t);
+        sum = surface_add(sum, shares[t], tap);
+    }
+    return sum;
+}

@@ -1,0 +1,14 @@
+// Hex-tiled textures in place of the second tiling scale (Mikkelsen, JCGT 11(2), 2022). Near cliffs are those of `fc5`, hex-tiled.
+
+// One scale, by chance one of the two: 10 fetches.
+fn shade_hex_far_cliff(pixel: Pixel) -> Surface {
+    let lower = u32(pixel.tiling.x);
+    let thresholds = shade_noise(pixel, SALT_FAR_CLIFF);
+    let weights = splat_blend_bilinear(pixel.cell.fraction);
+    // Random offsets hide the repetition that the second scale is there to hide; chance keeps the scale from stepping.
+    let plane = pixel.planes[select_of_3(pixel.projections, thresholds.x)];
+    let texel = select_of_4(weights, thresholds.y);
+    shade_choose(texel, plane);
+    let scale = lower + select(0u, 1u, thresholds.z < pixel.tiling.y);
+    return terrain_tap(pixel.cell, texel, terrain_projection(plane, pixel.footprint), scale);
+}

@@ -1,0 +1,17 @@
+// Two bands of a Laplacian pyramid (Burt and Adelson, 1983).
+
+// 20 fetches a projection.
+fn shade_laplacian_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
+    return terrain_splat_bands(pixel.cell, projection, scale);
+}
+
+fn shade_laplacian_far_cliff(pixel: Pixel) -> Surface {
+    let lower = u32(pixel.tiling.x);
+    var sum = surface_zero();
+    // Blending both scales would double the price; the lower one alone jumps where the scale steps.
+    for (var i = 0u; i < shade_projections(); i++) {
+        let blend = shade_laplacian_blend(pixel, terrain_projection(pixel.planes[i], pixel.footprint), lower);
+        sum = surface_add(sum, pixel.projections[i], blend);
+    }
+    return sum;
+}

@@ -1,0 +1,9 @@
+// Four materials in one projection: from above, or on steep ground a vertical plane of eight directions (after Terrain3D).
+
+// Cosine of the slope from which on the snapped projection is a vertical one: Terrain3D's default.
+const SHADING_SNAPPED_COSINE: f32 = 0.8;
+
+fn shade_snapped_project(pixel: ptr<function, Pixel>) {
+    (*pixel).planes.x = snapped_plane((*pixel).normal, SHADING_SNAPPED_COSINE);
+    (*pixel).projections = vec3<f32>(1.0, 0.0, 0.0);
+}

@@ -1,0 +1,19 @@
+// Stochastic texture filtering (Fajardo et al., 2023).
+
+// One projection, one material, and at one of two scales if `share` of the upper one is above 0, all by chance; and one texel of each of its
+// textures: 4 fetches.
+fn shade_stf(pixel: Pixel, salt: u32, scale: u32, share: f32) -> Surface {
+    let u = shade_noise(pixel, salt);
+    let plane = pixel.planes[select_of_3(pixel.projections, u.x)];
+    let texel = select_of_4(splat_blend_bilinear(pixel.cell.fraction), u.y);
+    shade_choose(texel, plane);
+    let chosen = scale + select(0u, 1u, u.z < share);
+    return terrain_tap_chosen(
+        pixel.cell,
+        texel,
+        terrain_projection(plane, pixel.footprint),
+        chosen,
+        shade_noise(pixel, salt + SALT_TEXEL),
+        shade_noise(pixel, salt + SALT_HEIGHT_TEXEL),
+    );
+}

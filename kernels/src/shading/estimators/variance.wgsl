@@ -1,0 +1,30 @@
+// The variance over seeds that theory gives `fc5`, in place of albedo.
+
+fn shade_variance_near_cliff(pixel: Pixel) -> Surface {
+    var sum = surface_zero();
+    // Independent choices per projection: variances add with squared weights.
+    for (var i = 0u; i < shade_projections(); i++) {
+        let moments = terrain_splat_moments(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
+        let w = pixel.projections[i];
+        sum.albedo += w * w * max(moments.square - moments.mean * moments.mean, vec3<f32>(0.0));
+    }
+    return sum;
+}
+
+fn shade_variance_far_cliff(pixel: Pixel) -> Surface {
+    let lower = u32(pixel.tiling.x);
+    let shares = vec2<f32>(1.0 - pixel.tiling.y, pixel.tiling.y);
+    var sum = surface_zero();
+    // One choice among 3 x 4 per tiling, independent between tilings.
+    for (var t = 0u; t < frame.taps - 2u; t++) {
+        var mean = vec3<f32>(0.0);
+        var square = vec3<f32>(0.0);
+        for (var i = 0u; i < shade_projections(); i++) {
+            let moments = terrain_splat_moments(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), lower + t);
+            mean += pixel.projections[i] * moments.mean;
+            square += pixel.projections[i] * moments.square;
+        }
+        sum.albedo += shares[t] * shares[t] * max(square - mean * mean, vec3<f32>(0.0));
+    }
+    return sum;
+}

@@ -1,0 +1,78 @@
+//! The WGSL files of shading: a file a flavour and a file an estimator, behind `shade_surface`.
+
+use super::{Estimator, VARIANCE_SCALE};
+use crate::base::wgsl::{Constant, Wgsl};
+use crate::variant::Flavour;
+use crate::{classification, shared, terrain, view, virtual_texture};
+
+const fn estimator(estimator: Estimator) -> Constant {
+    Constant::U32(estimator as u32)
+}
+
+/// Place of a flavour in arrays of five.
+const fn place(flavour: Flavour) -> Constant {
+    Constant::U32(flavour.bit().trailing_zeros())
+}
+
+macro_rules! files {
+    ($($name:ident = $path:literal needs [$($need:path),* $(,)?] $(with $constants:expr)?,)*) => {
+        $(
+            static $name: Wgsl =
+                Wgsl::new(concat!("shading/", $path), include_str!($path), &[$(&$need),*])$(.with($constants))?;
+        )*
+    };
+}
+
+files! {
+    PIXEL = "pixel.wgsl" needs [terrain::WGSL, view::WGSL, shared::NOISE] with &[
+        ("ESTIMATOR_FC5", estimator(Estimator::Fc5)),
+        ("ESTIMATOR_EXACT", estimator(Estimator::Exact)),
+        ("ESTIMATOR_VARIANCE", estimator(Estimator::Variance)),
+        ("ESTIMATOR_BIPLANAR", estimator(Estimator::Biplanar)),
+        ("ESTIMATOR_HEX", estimator(Estimator::Hex)),
+        ("ESTIMATOR_STF", estimator(Estimator::Stf)),
+        ("ESTIMATOR_LAPLACIAN", estimator(Estimator::Laplacian)),
+        ("ESTIMATOR_LUNA8", estimator(Estimator::Luna8)),
+        ("ESTIMATOR_SNAPPED", estimator(Estimator::Snapped)),
+        ("ESTIMATOR_BIPLANAR_MEAN", estimator(Estimator::BiplanarMean)),
+        ("ESTIMATOR_HEX_MEAN", estimator(Estimator::HexMean)),
+        ("FLAVOUR_VT", place(Flavour::VirtualTexture)),
+        ("FLAVOUR_FAR_ATLAS", place(Flavour::FarAtlas)),
+        ("FLAVOUR_NEAR_CLIFF", place(Flavour::NearCliff)),
+        ("FLAVOUR_FAR_CLIFF", place(Flavour::FarCliff)),
+        ("FLAVOUR_SPLAT", place(Flavour::Splat)),
+    ],
+    BIPLANAR = "estimators/biplanar.wgsl" needs [PIXEL, view::WGSL, shared::BIPLANAR],
+    SNAPPED = "estimators/snapped.wgsl" needs [PIXEL, shared::SNAPPED_PROJECTION],
+    LUNA8 = "estimators/luna8.wgsl" needs [PIXEL, terrain::WGSL],
+    LAPLACIAN = "estimators/laplacian.wgsl" needs [PIXEL, terrain::WGSL],
+    FC5 = "estimators/fc5.wgsl" needs [PIXEL, terrain::WGSL, view::WGSL, shared::SELECT, shared::SPLAT_BLEND],
+    MEAN = "estimators/mean.wgsl" needs [PIXEL, terrain::WGSL, view::WGSL],
+    VARIANCE = "estimators/variance.wgsl" needs [PIXEL, terrain::WGSL, view::WGSL],
+    HEX = "estimators/hex.wgsl" needs [PIXEL, terrain::WGSL, shared::SELECT, shared::SPLAT_BLEND],
+    STF = "estimators/stf.wgsl" needs [PIXEL, terrain::WGSL, shared::SELECT, shared::SPLAT_BLEND],
+    PROJECTIONS = "projections.wgsl" needs [PIXEL, BIPLANAR, SNAPPED, LUNA8, LAPLACIAN, terrain::WGSL, view::WGSL, shared::TRIPLANAR],
+    FAR_ATLAS = "flavours/far_atlas.wgsl" needs [PIXEL, terrain::WGSL],
+    VIRTUAL_TEXTURE = "flavours/virtual_texture.wgsl" needs [PIXEL, FAR_ATLAS, virtual_texture::WGSL, terrain::WGSL, view::WGSL],
+    SPLAT = "flavours/splat.wgsl" needs [PIXEL, PROJECTIONS, STF, terrain::WGSL, view::WGSL],
+    NEAR_CLIFF = "flavours/near_cliff.wgsl" needs [PIXEL, SPLAT, STF, MEAN, VARIANCE, FC5, terrain::WGSL],
+    FAR_CLIFF = "flavours/far_cliff.wgsl" needs [PIXEL, SPLAT, STF, LAPLACIAN, MEAN, VARIANCE, HEX, FC5, terrain::WGSL],
+    SURFACE = "surface.wgsl" needs [PIXEL, VIRTUAL_TEXTURE, FAR_ATLAS, NEAR_CLIFF, FAR_CLIFF, SPLAT, terrain::WGSL, shared::TRIPLANAR] with
+        &[("SHADING_VARIANCE_SCALE", Constant::real(VARIANCE_SCALE))],
+    SHADING = "shading.wgsl" needs [
+        PIXEL,
+        PROJECTIONS,
+        SURFACE,
+        classification::TILE_WGSL,
+        terrain::WGSL,
+        terrain::FOOTPRINT_WGSL,
+        view::WGSL,
+        shared::FLAVOUR_WEIGHTS,
+        shared::OCTAHEDRAL,
+        shared::TILING,
+        shared::VIEW,
+    ],
+}
+
+/// The files with the entry points.
+pub(super) const ROOTS: &[&Wgsl] = &[&SHADING];

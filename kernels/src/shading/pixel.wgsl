@@ -1,0 +1,94 @@
+// A pixel to shade: what every flavour and estimator starts from. The overrides that shading is specialised by.
+
+// Mask of the flavours compiled in, 1..31; 0 = the generic kernel, which takes each tile's mask at run time.
+override VARIANT: u32 = 0u;
+// How near cliff, far cliff and splat arrive at their value; `Estimator` in estimator.rs explains each.
+override ESTIMATOR: u32 = 0u;
+// Noise kind of the stochastic choices, see noise.wgsl.
+override NOISE: u32 = 0u;
+// Whether a tile is one triangle, cut off below the tile by the depth test: then two must not share the diagonal, where 2 x 2 pixels
+// (and whatever else a device shades together) would be shaded for either.
+override ONE_TRIANGLE: bool = false;
+// Edge of a tile, pixels.
+override TILE: u32 = 8u;
+// Splat with two tiling scales: 96 fetches, the reference look.
+override TWO_TILINGS: bool = false;
+
+@group(2) @binding(0) var depth_target: texture_depth_2d;
+@group(2) @binding(1) var normal_target: texture_2d<f32>;
+@group(2) @binding(2) var<storage, read> tile_lists: array<u32>;
+@group(2) @binding(3) var page_table: texture_2d_array<u32>;
+@group(2) @binding(4) var page_albedo: texture_2d_array<f32>;
+@group(2) @binding(5) var page_properties: texture_2d_array<f32>;
+@group(2) @binding(6) var page_normal: texture_2d_array<f32>;
+@group(2) @binding(7) var page_sampler: sampler;
+@group(2) @binding(8) var<storage, read> noise_ranks: array<u32>;
+
+// What the constants above decide, as conditions that are theirs alone: code behind a false one is cut out before a driver sees it.
+override RUNS_VT: bool = (VARIANT == 0u) | ((VARIANT & 1u) != 0u);
+override RUNS_FAR_ATLAS: bool = (VARIANT == 0u) | ((VARIANT & 2u) != 0u);
+override RUNS_NEAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & 4u) != 0u);
+override RUNS_FAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & 8u) != 0u);
+override RUNS_SPLAT: bool = (VARIANT == 0u) | ((VARIANT & 16u) != 0u);
+override PROJECTS: bool = (VARIANT == 0u) | ((VARIANT & 28u) != 0u);
+override IS_BIPLANAR: bool = (ESTIMATOR == ESTIMATOR_BIPLANAR) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN);
+override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATOR == ESTIMATOR_LUNA8);
+// Whether random choices are replaced by their mean.
+override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
+// Whether all of an estimator's flavours are one blend of four (or eight) materials in each of its projections.
+override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
+
+// Independent random numbers for each stochastic flavour (ruling 15).
+const SALT_NEAR_CLIFF: u32 = 1u;
+const SALT_FAR_CLIFF: u32 = 2u;
+const SALT_SPLAT: u32 = 3u;
+// Added to a flavour's, for the two choices of texels.
+const SALT_TEXEL: u32 = 4u;
+const SALT_HEIGHT_TEXEL: u32 = 8u;
+
+struct Pixel {
+    index: vec2<u32>,
+    footprint: Footprint,
+    node: NodePlace,
+    cell: SplatCell,
+    normal: vec3<f32>,          // shading normal
+    planes: vec3<u32>,          // of the projections
+    projections: vec3<f32>,     // their weights
+    tiling: vec2<f32>,          // lower scale exponent, blend towards the next
+}
+
+// First stochastic choice of the pixel + 1, for inspection: splat texel, and 4 times the projection.
+var<private> choice: u32;
+
+// Thresholds of the pixel's noise.
+fn shade_noise(pixel: Pixel, salt: u32) -> vec4<f32> {
+    let f = pixel.footprint;
+    var ranks = vec4<u32>(0u);
+    if noise_needs_mask(NOISE) {
+        for (var i = 0u; i < 4u; i++) {
+            ranks[i] = noise_ranks[noise_rank_index(NOISE, pixel.index, frame.frame, frame.seed, salt, i)];
+        }
+    }
+    return noise_thresholds(
+        NOISE, f.place.sector, f.place.position, frame.sector_m, f.ddx, f.ddy, frame.hash_scale, frame.noise_world_level,
+        pixel.index, frame.frame, frame.seed, salt, ranks,
+    );
+}
+
+// Records the first random choice.
+fn shade_choose(texel: u32, plane: u32) {
+    if choice == 0u {
+        choice = 1u + texel + 4u * plane;
+    }
+}
+
+// Projections that the estimator has.
+fn shade_projections() -> u32 {
+    if IS_BIPLANAR {
+        return frame.taps - 2u;
+    }
+    if HAS_ONE_PROJECTION {
+        return frame.taps - 3u;
+    }
+    return frame.taps - 1u;
+}

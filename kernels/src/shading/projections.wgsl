@@ -1,0 +1,26 @@
+// Projections of an estimator, and its blend of all materials in one of them.
+
+// Which projections an estimator has, and their weights.
+fn shade_project(pixel: ptr<function, Pixel>) {
+    (*pixel).planes = vec3<u32>(0u, 1u, 2u);
+    if IS_BIPLANAR {
+        shade_biplanar_project(pixel);
+    } else if ESTIMATOR == ESTIMATOR_SNAPPED {
+        shade_snapped_project(pixel);
+    } else if ESTIMATOR == ESTIMATOR_LUNA8 {
+        shade_luna8_project(pixel);
+    } else {
+        (*pixel).projections = triplanar_weights((*pixel).normal, frame.triplanar_sharpness);
+    }
+}
+
+// All materials of a splat cell, blended the estimator's way: 16 fetches, hex-tiled 40, in bands 20, in layers 28.
+fn shade_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
+    if ESTIMATOR == ESTIMATOR_LAPLACIAN {
+        return shade_laplacian_blend(pixel, projection, scale);
+    }
+    if ESTIMATOR == ESTIMATOR_LUNA8 {
+        return shade_luna8_blend(pixel, projection, scale);
+    }
+    return terrain_splat_blend(pixel.cell, projection, scale);
+}
