@@ -4,108 +4,11 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-use std::sync::OnceLock;
-use std::time::SystemTime;
+use std::process::Command;
 
 use kernels::probe::PROBES;
 
-/// The program, built beside this test's own binary, and not older than its sources: a stale one would be tested in vain.
-pub(crate) fn program() -> &'static Path {
-    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    PROGRAM.get_or_init(|| {
-        let here = std::env::current_exe().expect("a test knows where it is");
-        let folder = here.parent().and_then(Path::parent).expect("tests lie in target/PROFILE/deps");
-        let program = folder.join(format!("experiments{}", std::env::consts::EXE_SUFFIX));
-        let profile = if folder.ends_with("release") { " --release" } else { "" };
-        let remedy = format!("run `cargo build{profile} -p experiments` first, or `make test`");
-        assert!(program.is_file(), "{} is missing: {remedy}", program.display());
-        let built = fs::metadata(&program).and_then(|m| m.modified()).expect("the program has a time");
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let newest = newest_source(&root.join("experiments/src")).max(newest_source(&root.join("kernels/src")));
-        if let Some((time, source)) = newest {
-            assert!(time <= built, "{} is older than {}: {remedy}", program.display(), source.display());
-        }
-        program
-    })
-}
-
-/// The source file of a folder and those in it that was changed last.
-fn newest_source(folder: &Path) -> Option<(SystemTime, PathBuf)> {
-    let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok).map(|entry| entry.path());
-    let newest = entries.filter_map(|path| match path.extension().and_then(|e| e.to_str()) {
-        None if path.is_dir() => newest_source(&path),
-        Some("rs" | "wgsl" | "toml") => Some((fs::metadata(&path).and_then(|m| m.modified()).ok()?, path)),
-        _ => None,
-    });
-    newest.max()
-}
-
-pub(crate) fn run(arguments: &[&str]) -> Output {
-    Command::new(program()).args(arguments).output().expect("the program can be started")
-}
-
-pub(crate) fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).expect("the program writes UTF-8")
-}
-
-/// The call is wrong: exit 2, and stderr names what.
-pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
-    let output = run(arguments);
-    let stderr = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
-    assert!(output.stdout.is_empty(), "{arguments:?} wrote to stdout");
-    for part in says {
-        assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
-    }
-    // Only the call without any arguments is answered with the help text.
-    assert!(arguments.is_empty() || stderr.lines().count() == 1, "{arguments:?}: {stderr:?}");
-    assert!(!stderr.contains("internal error"), "{arguments:?}: {stderr}");
-}
-
-/// The work fails: exit 1, and one line on stderr that names what.
-pub(crate) fn failure(arguments: &[&str], says: &[&str]) {
-    let output = run(arguments);
-    let stderr = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {stderr}");
-    assert!(stderr.starts_with("error: ") && stderr.ends_with('\n') && stderr.lines().count() == 1, "{arguments:?}: {stderr:?}");
-    for part in says {
-        assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
-    }
-}
-
-/// Exit 0; what was written to stdout.
-pub(crate) fn success(arguments: &[&str]) -> String {
-    let output = run(arguments);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-/// A folder of its own, removed at the end.
-pub(crate) struct Folder(pub(crate) PathBuf);
-
-impl Folder {
-    pub(crate) fn new(name: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("scree-bad-input-{name}-{}", std::process::id()));
-        fs::create_dir_all(&path).expect("the temporary folder can be made");
-        Folder(path)
-    }
-
-    pub(crate) fn path(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-
-    pub(crate) fn write(&self, name: &str, contents: &str) -> String {
-        fs::write(self.0.join(name), contents).expect("a temporary file can be written");
-        self.path(name)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
+use crate::fixtures::{Folder, failure, program, success, text, usage_error};
 
 #[test]
 fn wrong_calls_are_usage_errors() {

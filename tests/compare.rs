@@ -7,7 +7,7 @@ use std::path::Path;
 use exr::prelude as e;
 use serde_json::Value;
 
-use crate::bad_input::{Folder, failure, success, usage_error};
+use crate::fixtures::{Folder, failure, success, usage_error};
 
 const SIZE: [u32; 2] = [16, 12];
 

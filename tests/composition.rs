@@ -12,7 +12,7 @@ use kernels::temporal::{Resolve, SamplePattern};
 use kernels::variant::Variant;
 use kernels::view::normals::NormalEncoding;
 
-use crate::frame::{SIZE, gpu, pose, renderer, request, second_renderer, small_scene, terrain};
+use crate::fixtures::{SIZE, gpu, pose, renderer, request, second_renderer, small_scene, terrain};
 
 const PIXELS: u32 = SIZE[0] * SIZE[1];
 

@@ -9,7 +9,7 @@ use kernels::materials::Palette;
 use kernels::scene::{Scene, Stroke, StrokeKind};
 use kernels::variant::{Flavour, Variant};
 
-use crate::frame::{SIZE, gpu, pose, small_scene};
+use crate::fixtures::{SIZE, gpu, pose, small_scene};
 
 fn editable(scene: &Scene, sketch: Option<u32>) -> Renderer<'static> {
     let options = RendererOptions { editable: true, sketch, ..RendererOptions::default() };
@@ -178,7 +178,7 @@ fn a_sketch_becomes_the_scene_when_its_textures_come() {
 
 #[test]
 fn a_renderer_that_is_not_editable_says_so() {
-    let mut renderer = crate::frame::renderer();
+    let mut renderer = crate::fixtures::renderer();
     let mut scene = small_scene();
     scene.materials[0].tint = [0.5; 3];
     assert!(!renderer.retune(&scene).expect("valid"));
@@ -187,7 +187,7 @@ fn a_renderer_that_is_not_editable_says_so() {
 
 #[test]
 fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
-    let mut renderer = crate::frame::renderer();
+    let mut renderer = crate::fixtures::renderer();
     let far = Variant::only(Flavour::FarAtlas);
     let base = RenderRequest::new(pose(&renderer, "ground"), SIZE).with(|r| r.shading.variant = VariantChoice::Forced(far));
     let plain = renderer.render(&base).expect("renders");

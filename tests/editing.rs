@@ -16,9 +16,9 @@ use workbench::model::picture::Shown;
 use workbench::model::viewpoint::Viewpoint;
 use workbench::script::{Stage, Step};
 
-use crate::bad_input::Folder;
-use crate::frame::gpu;
 use crate::workbench::{cheap_stage, take};
+
+use crate::fixtures::{Folder, gpu};
 
 /// The application before a few metres of ground, looked down at, with the pixel in the middle of the picture taken apart.
 fn stage() -> Stage {

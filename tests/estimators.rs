@@ -15,8 +15,9 @@ use kernels::shared::{biplanar, hash, hex_tiling, layers, octahedral, snapped_pr
 use kernels::variant::{Flavour, Variant};
 use kernels::view::FrameUniforms;
 
-use crate::frame::{gpu, largest_difference, p_of_zero_mean, renderer, request, second_renderer, sign, small_scene, terrain};
 use crate::layouts::constants;
+
+use crate::fixtures::{gpu, largest_difference, p_of_zero_mean, renderer, request, second_renderer, sign, small_scene, terrain};
 
 /// The flavours that estimators differ in.
 const FLAVOURS: [Flavour; 3] = [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat];

@@ -23,7 +23,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
-use crate::bad_input::{Folder, failure, usage_error};
+use crate::fixtures::{Folder, failure, usage_error};
 
 /// A definition that has one of everything.
 const TEXT: &str = r#"name = "trial"
@@ -417,7 +417,13 @@ fn value_of(lag: u32) -> f64 {
 }
 
 fn machine() -> Provenance {
-    Provenance { adapter: "none".to_owned(), driver: "0".to_owned(), software: true, command: "experiments run trial.toml".to_owned() }
+    Provenance {
+        adapter: "none".to_owned(),
+        driver: "0".to_owned(),
+        software: true,
+        without_anisotropy: None,
+        command: "experiments run trial.toml".to_owned(),
+    }
 }
 
 fn place(out: &Path) -> Place<'_> {
@@ -1026,14 +1032,14 @@ fn wrong_calls_of_run_and_check() {
     let nothing = folder.write("nothing.toml", nothing);
     failure(&["check", &nothing], &["expects nothing"]);
     let data = folder.write("data.toml", &format!("scene = \"$SCREE_DATA/x.toml\"\n{TEXT}"));
-    let output = Command::new(crate::bad_input::program()).args(["run", &data]).env_remove("SCREE_DATA").output().unwrap();
+    let output = Command::new(crate::fixtures::program()).args(["run", &data]).env_remove("SCREE_DATA").output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
         output.status.code() == Some(1) && stderr.contains("data.toml:1") && stderr.contains("SCREE_DATA, which is not set"),
         "{stderr}"
     );
     // Of several, each failure is said, and all are counted.
-    let output = Command::new(crate::bad_input::program()).args(["run", &wrong, "nowhere.toml"]).output().unwrap();
+    let output = Command::new(crate::fixtures::program()).args(["run", &wrong, "nowhere.toml"]).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.code() == Some(1) && stderr.lines().count() == 3 && stderr.contains("2 of 2 experiments failed"), "{stderr}");
 }

@@ -10,7 +10,7 @@ use proc_macro2::{Span, TokenStream, TokenTree};
 use syn::visit::{self, Visit};
 use syn::{Attribute, Item, ItemMod, ItemUse, Meta, UseTree, Visibility};
 
-use crate::bad_input::Folder;
+use crate::fixtures::Folder;
 
 /// The modules of a folder, floor by floor from the lowest: those of one floor do not know each other.
 type Floors = [&'static [&'static str]];

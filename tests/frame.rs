@@ -1,75 +1,15 @@
 //! The whole frame on the GPU: variants against the generic kernel, counted fetches, the statistics of random choice, cracks, history.
-//!
-//! Two renderers of a small scene serve all tests: a pipeline takes software Vulkan two seconds to compile.
-
-use std::path::Path;
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
-use kernels::gpu::Gpu;
 use kernels::scene;
 use kernels::shading::{Estimator, VARIANCE_SCALE};
 use kernels::shared::noise::NoiseKind;
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
 use kernels::view::normals::NormalEncoding;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
-pub(crate) const SIZE: [u32; 2] = [96, 64];
-
-/// The built-in scene with small textures.
-pub(crate) fn small_scene() -> scene::Scene {
-    let mut scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
-    scene.detail_size = 64;
-    scene
-}
-
-pub(crate) fn gpu() -> &'static Gpu {
-    static GPU: OnceLock<Gpu> = OnceLock::new();
-    GPU.get_or_init(|| Gpu::new().expect("these tests need an adapter; `make setup` installs a software one"))
-}
-
-fn shared(index: usize) -> MutexGuard<'static, Renderer<'static>> {
-    static RENDERERS: [OnceLock<Mutex<Renderer<'static>>>; 2] = [OnceLock::new(), OnceLock::new()];
-    let make = || Mutex::new(Renderer::new(gpu(), &small_scene(), &|_| {}).expect("the small scene renders"));
-    RENDERERS[index].get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// The small scene, for one test at a time.
-pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
-    shared(0)
-}
-
-/// The same once more, for tests that want other shaders than those of the 31 variants, and need not wait until these are compiled.
-pub(crate) fn second_renderer() -> MutexGuard<'static, Renderer<'static>> {
-    shared(1)
-}
-
-pub(crate) fn pose(renderer: &Renderer<'_>, camera: &str) -> Pose {
-    let scene = renderer.scene();
-    let camera = scene.cameras.iter().find(|c| c.name == camera).expect("a camera of the built-in scene");
-    Pose::of(camera, |x, y| renderer.ground_m(x, y))
-}
-
-pub(crate) fn request(renderer: &Renderer<'_>, camera: &str) -> RenderRequest {
-    let aovs = AovSet::from_names(&["albedo"]).expect("known layers");
-    RenderRequest::new(pose(renderer, camera), SIZE).with(|r| {
-        r.outputs.aovs = aovs;
-        r.outputs.keep_geometry = true;
-    })
-}
-
-pub(crate) fn terrain(picture: &Picture) -> Vec<bool> {
-    picture.hdr.iter().map(|t| t[3] > 0.0).collect()
-}
-
-/// Largest difference of two albedo layers over terrain, in units of the last place of f16 (the G-buffer's format).
-pub(crate) fn largest_difference(a: &Picture, b: &Picture) -> f64 {
-    let (left, right) = (a.vectors("albedo").expect("asked for"), b.vectors("albedo").expect("asked for"));
-    let pairs = left.iter().flatten().zip(right.iter().flatten());
-    pairs.map(|(&l, &r)| f64::from((l - r).abs()) / (f64::from(l.abs().max(r.abs())).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
-}
+use crate::fixtures::{SIZE, gpu, largest_difference, p_of_zero_mean, pose, renderer, request, sign, small_scene, terrain};
 
 #[test]
 fn every_variant_equals_the_generic_kernel_and_takes_the_fetches_promised() {
@@ -144,22 +84,6 @@ fn automatic_tiles_hold_what_their_pixels_need() {
     let counting = request(&renderer, "cliff").with(|r| r.outputs.count_fetches = true);
     let counted = renderer.render(&counting).expect("renders");
     assert!(counted.fetches_per_px.expect("counted") < 16.0);
-}
-
-/// Two-sided p-value of the hypothesis that independent samples have mean zero (Student's t).
-pub(crate) fn p_of_zero_mean(samples: &[f64]) -> f64 {
-    let n = samples.len() as f64;
-    let mean = samples.iter().sum::<f64>() / n;
-    let variance = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let t = mean / (variance / n).sqrt();
-    let student = StudentsT::new(0.0, 1.0, n - 1.0).expect("more than one sample");
-    2.0 * student.cdf(-t.abs())
-}
-
-/// Sign of a pixel in the `pattern`-th of a few fixed random patterns; pattern 0 is all +1.
-pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
-    let hash = kernels::shared::hash::pcg4d([u32::try_from(pixel).expect("small picture"), pattern, 11, 5])[0];
-    if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use kernels::geometry::{STITCH_WGSL, reference};
 use kernels::probe::table;
 
-use crate::frame::gpu;
+use crate::fixtures::gpu;
 
 /// Every border vertex of a node, a few inside, against every delta on every side.
 fn rows() -> Vec<([u32; 2], u32)> {

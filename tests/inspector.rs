@@ -12,7 +12,7 @@ use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
 use kernels::view::normals::NormalEncoding;
 
-use crate::frame::{pose, renderer, request, second_renderer, terrain};
+use crate::fixtures::{pose, renderer, request, second_renderer, terrain};
 
 fn place(index: usize, size: [u32; 2]) -> [u32; 2] {
     let index = u32::try_from(index).expect("a small picture");

@@ -6,6 +6,7 @@ use kernels::base::wgsl::{self, Piece};
 use kernels::classification;
 use kernels::composition::CompositionStream;
 use kernels::culling::Patch;
+use kernels::display::DisplayUniforms;
 use kernels::inspect::Inspected;
 use kernels::materials::PaletteEntry;
 use kernels::metrics;
@@ -168,6 +169,7 @@ fn pairs() -> Vec<(&'static str, Layout)> {
             }),
         ),
         ("Inspected", host!(Inspected { position, slot, ddx, corner, ddy, plane, splat, bilinear, blended })),
+        ("DisplayUniforms", host!(DisplayUniforms { exposure, curve, pad_0, pad_1 })),
         ("PageJob", host!(PageJob { sector, origin, texel_m, border })),
         ("CompositionStream", host!(CompositionStream { mask, modulated, squared, pad_0 })),
         ("MotionPast", host!(MotionPast { offset, x_shift, forward, y_shift, x_row, pad_0, y_row, pad_1 })),

@@ -21,9 +21,9 @@ use workbench::model::viewpoint::Viewpoint;
 use workbench::script::{Stage, Step};
 use workbench::window::Workbench;
 
-use crate::bad_input::Folder;
-use crate::frame::small_scene;
 use crate::workbench::{cheap_stage, take};
+
+use crate::fixtures::{Folder, small_scene};
 
 const WINDOW: [u32; 2] = [1100, 1500];
 

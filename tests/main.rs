@@ -9,6 +9,8 @@ mod compare;
 #[cfg(test)]
 mod composition;
 #[cfg(test)]
+mod display;
+#[cfg(test)]
 mod edit;
 #[cfg(test)]
 mod editing;
@@ -16,6 +18,8 @@ mod editing;
 mod estimators;
 #[cfg(test)]
 mod experiments;
+#[cfg(test)]
+mod fixtures;
 #[cfg(test)]
 mod floors;
 #[cfg(test)]

@@ -13,7 +13,7 @@ use kernels::shared::signal;
 use kernels::temporal::{self, Resolve, SamplePattern};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::frame::gpu;
+use crate::fixtures::gpu;
 
 const SIZE: [u32; 2] = [96, 64];
 const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;

@@ -13,8 +13,9 @@ use kernels::shared::noise::{self, HashedPoint, NoiseKind, WORLD_LEVEL};
 use kernels::shared::{hash, select};
 use kernels::variant::{Flavour, Variant};
 
-use crate::frame::{renderer, request};
 use crate::layouts::constants;
+
+use crate::fixtures::{renderer, request};
 
 /// Samples of a statistic: all pixels of five masks' area.
 const SAMPLES: u32 = 5 * RANKS;

@@ -13,8 +13,9 @@ use workbench::model::state::Model;
 use workbench::model::viewpoint::Viewpoint;
 use workbench::script::Stage;
 
-use crate::frame::{request, small_scene, terrain};
 use crate::workbench::take;
+
+use crate::fixtures::{request, small_scene, terrain};
 
 const LIGHTING: &str = "lighting/lighting.wgsl";
 const LIT: &str = "return vec4<f32>(sun + sky_diffuse + sky_specular, 1.0);";

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use experiments::row::Row;
 use experiments::store::read_run;
 
-use crate::bad_input::{Folder, failure, program, success};
+use crate::fixtures::{Folder, failure, program, success};
 
 const TEXT: &str = r#"name = "tiny"
 question = "Is a run the same however it came about?"

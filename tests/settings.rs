@@ -11,7 +11,7 @@ use toml::Value;
 use workbench::model::kept::Kept;
 use workbench::model::settings::{Settings, numbers};
 
-use crate::bad_input::{Folder, run, text};
+use crate::fixtures::{Folder, run, text};
 
 fn default_scene() -> Scene {
     scene::load(scene::DEFAULT).expect("built in")

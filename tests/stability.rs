@@ -10,8 +10,7 @@ use experiments::stability::kernels::{Finding, measure};
 use experiments::stability::{Row, directions};
 use kernels::probe::{Draw, PROBES, Verdict};
 
-use crate::bad_input::{Folder, program};
-use crate::frame::gpu;
+use crate::fixtures::{Folder, gpu, program};
 
 /// Of the rows of each case.
 const SHARE: f64 = 1.0 / 16.0;

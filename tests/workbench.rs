@@ -22,8 +22,7 @@ use workbench::model::state::Model;
 use workbench::model::viewpoint::{EYE_M, Viewpoint};
 use workbench::script::{Stage, Step, steps};
 
-use crate::bad_input::{Folder, program};
-use crate::frame::{gpu, small_scene};
+use crate::fixtures::{Folder, gpu, program, small_scene};
 
 const WINDOW: [u32; 2] = [1100, 1500];
 
@@ -282,7 +281,7 @@ fn the_camera_flies_turns_and_walks() {
     assert!((after.position - walking.position).length() > 0.1);
     // The eye is at its height over the ground, which only the drawing thread knows: held to a renderer of the same scene.
     {
-        let renderer = crate::frame::renderer();
+        let renderer = crate::fixtures::renderer();
         for p in [walking.position, after.position] {
             let above = p.z - renderer.ground_m(p.x, p.y);
             assert!((above - EYE_M).abs() < 1e-9, "{above} m above the ground");

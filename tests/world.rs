@@ -143,17 +143,23 @@ fn neighbours_share_the_bits_of_their_edges() {
 }
 
 #[test]
-fn parents_take_every_second_height_and_splat_texel_of_their_children() {
+fn parents_share_their_edges_and_splat_texels_with_their_children() {
     let world = alps();
-    for (lod, x, y) in [(1, 30, 41), (3, 9, 12)] {
+    for (lod, x, y) in [(1, 30, 41), (3, 9, 12), (5, 2, 3)] {
         let parent = bake(&world, lod, x, y);
+        let mut inner = 0;
         for (q, child) in parent.id.children().into_iter().enumerate() {
             let child = world.bake(child, &palette());
             let half = |side: usize, i: usize, q: usize| i + q * (side - 1) / 2;
             for j in 0..=64 {
                 for i in 0..=64 {
-                    let at = half(HEIGHT_SIDE, j, q / 2) * HEIGHT_SIDE + half(HEIGHT_SIDE, i, q % 2);
-                    assert_eq!(child.height[2 * j * HEIGHT_SIDE + 2 * i], parent.height[at], "child {q}, {i}, {j}");
+                    let (column, row) = (half(HEIGHT_SIDE, i, q % 2), half(HEIGHT_SIDE, j, q / 2));
+                    let (of_child, of_parent) = (child.height[2 * j * HEIGHT_SIDE + 2 * i], parent.height[row * HEIGHT_SIDE + column]);
+                    if column.is_multiple_of(128) || row.is_multiple_of(128) {
+                        assert_eq!(of_child, of_parent, "child {q}, {i}, {j}");
+                    } else {
+                        inner += usize::from(of_child != of_parent);
+                    }
                 }
             }
             for j in 0..=32 {
@@ -162,6 +168,29 @@ fn parents_take_every_second_height_and_splat_texel_of_their_children() {
                     assert_eq!(child.splat[2 * j * SPLAT_SIDE + 2 * i], parent.splat[at], "materials of child {q}, {i}, {j}");
                 }
             }
+        }
+        assert!(inner > 1000, "negative control: heights inside a node of LOD {lod} are filtered, {inner} of them");
+    }
+}
+
+#[test]
+fn coarse_nodes_are_smoother_than_samples_of_their_ground() {
+    let world = alps();
+    for lod in 0..LODS {
+        let payload = world.bake(steep_node(&world, lod), &palette());
+        let (origin, spacing) = (payload.id.origin_m(world.layout()), world.layout().spacing_m(lod));
+        let bend = |row: &[f64]| row.windows(3).map(|h| (h[0] - 2.0 * h[1] + h[2]).abs()).sum::<f64>();
+        let (mut drawn, mut sampled) = (0.0, 0.0);
+        for j in 3..HEIGHT_SIDE - 3 {
+            let row = 3..HEIGHT_SIDE - 3;
+            drawn += bend(&row.clone().map(|i| world.elevation_m(payload.height[j * HEIGHT_SIDE + i])).collect::<Vec<_>>());
+            let sample = |i: usize| world.height_m(origin.x + i as f64 * spacing, origin.y + j as f64 * spacing);
+            sampled += bend(&row.map(sample).collect::<Vec<_>>());
+        }
+        if lod == 0 {
+            assert!((drawn / sampled - 1.0).abs() < 0.02, "the finest nodes are as the ground is: {drawn} of {sampled}");
+        } else {
+            assert!(drawn < 0.7 * sampled, "LOD {lod}: bends of {drawn} m in all, of samples {sampled} m");
         }
     }
 }
@@ -362,14 +391,12 @@ fn normals_decode_near_the_surface_and_flat_ground_near_zero() {
     let id = steep_node(&world, 2);
     let payload = world.bake(id, &palette());
     let rgba = blocks::decode(BlockFormat::Bc3, &payload.normal, TEXTURE_SIDE, TEXTURE_SIDE);
-    let (origin, spacing) = (id.origin_m(world.layout()), world.layout().spacing_m(2));
+    let spacing = world.layout().spacing_m(2);
     let (mut sum, mut swapped) = (0.0, 0.0);
     for k in 0..400 {
-        let (i, j) = (k * 37 % TEXTURE_SIDE, k * 91 % TEXTURE_SIDE);
+        let (i, j) = (2 + k * 37 % 128, 2 + k * 91 % 128);
         // Texel (i, j) lies between vertices i - 2 and i - 1.
-        let h = |di: usize, dj: usize| {
-            world.height_m(origin.x + ((i + di) as f64 - 2.0) * spacing, origin.y + ((j + dj) as f64 - 2.0) * spacing)
-        };
+        let h = |di: usize, dj: usize| world.elevation_m(payload.height[(j + dj - 2) * HEIGHT_SIDE + i + di - 2]);
         let [sw, se, nw, ne] = [h(0, 0), h(1, 0), h(0, 1), h(1, 1)];
         let normal = glam::DVec3::new(-(se - sw + ne - nw), -(nw - sw + ne - se), 2.0 * spacing).normalize();
         let texel = &rgba[(j * TEXTURE_SIDE + i) * 4..][..4];
@@ -412,6 +439,55 @@ fn the_generator_makes_mountains_with_cliffs_and_valley_floors() {
     assert!(world.max_slope_deg() > 75.0);
     let other = World::new(&scene_with("seed = 8")).expect("valid");
     assert!((other.height_m(100.0, 200.0) - world.height_m(100.0, 200.0)).abs() > 1e-3, "another seed, another world");
+}
+
+/// Teeth of combs in a row of heights: places where the slope changes to and fro at three vertices running. A grid of vertices draws such
+/// combs where a crest or an edge is thinner than its spacing.
+fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
+    // A change of slope that can be seen, as a difference of tangents.
+    const VISIBLE: f64 = 0.6;
+    let bends: Vec<f64> = heights.windows(3).map(|h| (h[0] - 2.0 * h[1] + h[2]) / spacing_m).collect();
+    let opposed = |a: f64, b: f64| a * b < 0.0 && a.abs().min(b.abs()) > VISIBLE;
+    bends.windows(3).filter(|b| b.windows(2).all(|pair| opposed(pair[0], pair[1]))).count()
+}
+
+/// Teeth in 10 000 vertices of a LOD, by rows and columns of 65 x 65 vertices at 144 places.
+fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
+    const PLACES: u32 = 12;
+    const SIDE: usize = 65;
+    let spacing_m = Layout::of(10_240.0, None).spacing_m(lod);
+    let reach = 10_240.0 - SIDE as f64 * spacing_m;
+    let mut found = 0;
+    for place in 0..PLACES * PLACES {
+        let corner = |i: u32| ((f64::from(i) + 0.5) / f64::from(PLACES) * reach / spacing_m).floor() * spacing_m - 5120.0;
+        let (x, y) = (corner(place % PLACES), corner(place / PLACES));
+        let at = |i: usize| height_m(x + (i % SIDE) as f64 * spacing_m, y + (i / SIDE) as f64 * spacing_m);
+        let grid: Vec<f64> = (0..SIDE * SIDE).map(at).collect();
+        for k in 0..SIDE {
+            let column: Vec<f64> = grid.iter().skip(k).step_by(SIDE).copied().collect();
+            found += teeth_in(&grid[k * SIDE..][..SIDE], spacing_m) + teeth_in(&column, spacing_m);
+        }
+    }
+    found as f64 * 1e4 / (f64::from(PLACES * PLACES) * 2.0 * (SIDE * (SIDE - 2)) as f64)
+}
+
+#[test]
+fn no_lod_draws_crests_and_edges_as_combs() {
+    let world = alps();
+    // Half as much again as is there: 7.4, 8.5, 6.3 and 21.8. LOD 5 is drawn from 4 km on, where its teeth are a pixel or two.
+    for (lod, most) in [(2, 11.0), (3, 13.0), (4, 9.5), (5, 33.0)] {
+        let found = teeth(|x, y| world.height_m(x, y), lod);
+        assert!(found < most, "LOD {lod}: {found} teeth in 10 000 vertices");
+    }
+    // Negative control: fins 6 m wide and 30 m tall, 80 m apart, askew to the grid.
+    let fins = |x: f64, y: f64| {
+        let across = (x + 0.7 * y + 1e5).rem_euclid(80.0) - 40.0;
+        world.height_m(x, y) + 30.0 * (1.0 - across.abs() / 3.0).max(0.0)
+    };
+    for lod in [2, 3] {
+        let found = teeth(fins, lod);
+        assert!(found > 40.0, "LOD {lod} has a comb, and {found} teeth are found");
+    }
 }
 
 #[test]

@@ -206,6 +206,9 @@ impl Workbench {
                 ui.separator();
                 let kind = if adapter.software { ", a software adapter: compare times, do not quote them" } else { "" };
                 ui.label(format!("{}{kind}", adapter.name));
+                if let Some(why) = adapter.without_anisotropy {
+                    ui.label("anisotropy 1").on_hover_text(why);
+                }
             }
             if let Some(failure) = self.model.keeping_failure() {
                 ui.separator();

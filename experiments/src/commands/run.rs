@@ -62,6 +62,7 @@ impl Session {
             adapter: info.name.clone(),
             driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
             software: self.gpu.is_software(),
+            without_anisotropy: self.gpu.without_anisotropy().map(str::to_owned),
             command: exact_command(),
         };
         let mut run = Run::open(definition, place, &provenance)?;

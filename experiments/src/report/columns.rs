@@ -300,6 +300,9 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
         ("Noises", list(&table.noises)),
         ("Temporal", list(&table.temporal)),
     ];
+    if let Some(why) = run.recorded("without_anisotropy") {
+        facts.push(("Filtering", why));
+    }
     if !table.parameter.is_empty() {
         facts.push(("Varied", format!("{}: {}", table.parameter, table.settings.join(", "))));
     }

@@ -26,6 +26,9 @@ pub struct Provenance {
     pub driver: String,
     /// Whether the adapter is a processor: then times are good for ratios only.
     pub software: bool,
+    /// Why scenes were drawn without anisotropic filtering, if they were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub without_anisotropy: Option<String>,
     /// The command line.
     pub command: String,
 }

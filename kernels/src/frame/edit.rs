@@ -42,7 +42,7 @@ impl Renderer<'_> {
         if *scene == self.scene {
             return Ok(true);
         }
-        let demands = Demands::of(scene);
+        let demands = super::demands_on(&self.gpu, scene);
         let has = |d: &Demands| Flavour::ALL.map(|f| d.has(f));
         if !self.can_take(scene) || has(&demands) != has(&self.demands) {
             return Ok(false);

@@ -141,7 +141,7 @@ impl<'a> Renderer<'a> {
         let world = World::new(scene)?;
         check_cliffs(scene, &world)?;
         FrameSettings { tile: options.tile, ..FrameSettings::default() }.check().map_err(|wrong| Error::Request(wrong.to_string()))?;
-        let demands = Demands::of(scene);
+        let demands = demands_on(gpu, scene);
         let size = options.sketch.unwrap_or(scene.detail_size);
         let palette = Palette::sketch(scene, size, world.layout().sector_m, edit::on_texture(progress))?;
         let streaming = Streaming::new(gpu, demands.colour_modulation, options.editable);
@@ -507,6 +507,12 @@ impl Targets {
             size,
         }
     }
+}
+
+/// What a scene demands, as far as the device can do it in time.
+fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
+    let demands = Demands::of(scene);
+    Demands { anisotropy: gpu.anisotropy(demands.anisotropy), ..demands }
 }
 
 /// Refuses cliffs that the world does not have.

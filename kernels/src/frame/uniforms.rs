@@ -51,7 +51,7 @@ impl Renderer<'_> {
             triplanar_sharpness: blend.triplanar_sharpness as f32,
             gradient_scale: blend.mip_bias.exp2() as f32,
             page_texels_per_m: virtual_texture::TEXELS_PER_M as f32,
-            page_anisotropy: f32::from(virtual_texture::anisotropy(blend.anisotropy)),
+            page_anisotropy: f32::from(virtual_texture::anisotropy(self.demands.anisotropy)),
             flavours: FlavourParams::new(&self.scene.flavours),
             sun_direction: f(sun_direction),
             taps: 4,

@@ -136,6 +136,13 @@ fn ranked() -> Result<Vec<wgpu::Adapter>> {
     Ok(found)
 }
 
+/// Whether a driver is llvmpipe of a Mesa before 23, by the texts that Vulkan gives of it: `llvmpipe`, `Mesa 22.3.6 (LLVM 15.0.6)`. With Mesa 22.3.6 an
+/// anisotropic shading pipeline did not finish compiling in 500 s; with 25.0.7 it takes seconds.
+fn compiles_anisotropy_in_minutes(driver: &str, driver_info: &str) -> bool {
+    let version = driver_info.split_once("Mesa ").and_then(|(_, rest)| rest.split('.').next()?.parse::<u32>().ok());
+    driver == "llvmpipe" && version.is_some_and(|major| major < 23)
+}
+
 /// How a device is chosen.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GpuOptions {
@@ -195,6 +202,18 @@ impl Gpu {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
+    /// Why detail textures are filtered without anisotropy on this device, one sentence; `None` where they are filtered as their scene asks.
+    pub fn without_anisotropy(&self) -> Option<&'static str> {
+        compiles_anisotropy_in_minutes(&self.info.driver, &self.info.driver_info).then_some(
+            "scenes are drawn with anisotropy 1: Mesa's software driver before version 23 takes minutes to compile anisotropic shaders; install a newer Mesa",
+        )
+    }
+
+    /// The anisotropy of detail textures that a scene gets which asks for `wanted`.
+    pub fn anisotropy(&self, wanted: u16) -> u16 {
+        if self.without_anisotropy().is_some() { 1 } else { wanted }
+    }
+
     /// The error that the device reported since the last call, if any.
     ///
     /// # Errors
@@ -248,6 +267,20 @@ pub fn texture_bytes(texture: &wgpu::Texture) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_old_software_drivers_are_spared_anisotropy() {
+        assert!(compiles_anisotropy_in_minutes("llvmpipe", "Mesa 22.3.6 (LLVM 15.0.6)"));
+        for (driver, info) in [
+            ("llvmpipe", "Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"),
+            ("llvmpipe", "Mesa 23.0.0"),
+            ("llvmpipe", ""),
+            ("radv", "Mesa 22.3.6"),
+            ("NVIDIA", "550.1"),
+        ] {
+            assert!(!compiles_anisotropy_in_minutes(driver, info), "{driver} {info}");
+        }
+    }
 
     #[test]
     fn an_adapter_without_block_compression_is_refused_by_name() {

@@ -732,11 +732,11 @@ fn limestone(bench: &Bench) -> Sketch {
             - 0.10 * pit(i)
     });
     let albedo = bench.par(|i| {
-        let bed = mix3([0.50, 0.45, 0.36], [0.42, 0.40, 0.36], unit(beds.id[i]));
-        let rock = times(bed, 1.0 + 0.09 * lamina.v[i] + 0.09 * facet(&blocks, i, 0.0) + 0.07 * rough.v[i]);
+        let bed = mix3([0.56, 0.49, 0.37], [0.34, 0.325, 0.295], unit(beds.id[i]));
+        let rock = times(bed, 1.0 + 0.15 * lamina.v[i] + 0.13 * facet(&blocks, i, 0.0) + 0.10 * rough.v[i]);
         let ochre = mix3(rock, [0.42, 0.29, 0.16], 0.4 * ramp(0.05, 0.6, tone.v[i]));
-        let grey = mix3(ochre, [0.17, 0.165, 0.155], 0.5 * ramp(0.15, 0.8, streak.v[i]));
-        times(grey, (1.0 - 0.4 * crack(i)) * (1.0 - 0.3 * pit(i)))
+        let grey = mix3(ochre, [0.15, 0.147, 0.14], 0.6 * ramp(0.15, 0.8, streak.v[i]));
+        times(grey, (1.0 - 0.6 * crack(i)) * (1.0 - 0.3 * pit(i)))
     });
     let smoothness = bench.field(|i| 0.3 + 0.05 * lamina.v[i] - 0.12 * crack(i) - 0.1 * pit(i));
     let mut sketch = Sketch { albedo, height, smoothness, mask: bench.field(|_| 1.0) };

@@ -257,7 +257,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
     });
     let samples_pages = flavours[place_of(Flavour::VirtualTexture)] > 0.0;
     let page = samples_pages.then(|| {
-        let asked = Page::of(&place, [ddx, ddy], sector_m, &scene.blend);
+        let asked = Page::of(&place, [ddx, ddy], sector_m, &Blend { anisotropy: renderer.demands().anisotropy, ..scene.blend.clone() });
         Page { served: renderer.page_serving(asked.id), ..asked }
     });
 

@@ -71,8 +71,8 @@ table! {
         triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
         /// Added to mip levels, by scaling gradients by 2^bias. Below 0 the picture is sharper and flickers, above 0 it is blurrier.
         mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("LOD bias", -4.0, 4.0);
-        /// Anisotropic filtering of detail textures. 1: trilinear. Software Vulkan takes minutes to compile anything more.
-        anisotropy: u16 = 1, "", Kind::Whole(1, 16), BLEND;
+        /// Anisotropic filtering of detail textures. 1: trilinear, by which near ground is blurred. Mesa's software driver before version 23 draws with 1.
+        anisotropy: u16 = 8, "", Kind::Whole(1, 16), BLEND;
         /// Distance of the materials' mean colours from 18 % grey, relative to the distance they were made with. 0: all alike, 1: as made.
         material_contrast: f64 = 1.0, "x", number(0.0, 2.0), BLEND;
     }

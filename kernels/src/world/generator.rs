@@ -2,9 +2,9 @@
 //!
 //! Layers, each fed by the ones above: domain warp; a network of broad valleys (zero lines of noise); ridged multifractal massifs whose
 //! octaves fade where the ground is already steep (Musgrave 1994; the damping by accumulated slope is Quilez's "derivative" fBm);
-//! gullies that run down the local slope; belts of rock faces, 20 to 120 m tall with talus at their foot, where steep ground crosses the
-//! zero lines of further noises; ledges along bent beds; fine relief
-//! down to a metre. Everything is made of sums, products, square roots and floors, so that all machines agree on every bit.
+//! gullies that run down the local slope; buttresses; strata of three thicknesses, whose hard beds stand as rock faces, 3 to 120 m tall,
+//! and whose soft beds lie as ledges; fine relief down to a metre. Everything is made of sums, products, square roots and floors, so
+//! that all machines agree on every bit.
 
 /// Edge of the world, metres.
 pub const EXTENT_M: f64 = 10_240.0;
@@ -93,6 +93,11 @@ impl Octave {
         let [cosine, sine] = TURNS[(index % 8) as usize];
         let shift = [seed & 0xffff, seed >> 16].map(|bits| f64::from(bits) / 64.0);
         Octave { c: cosine / wavelength_m, s: sine / wavelength_m, shift, seed }
+    }
+
+    /// Square of the lattice's points per metre.
+    fn frequency_squared(&self) -> f64 {
+        self.c * self.c + self.s * self.s
     }
 
     fn lattice(&self, x: f64, y: f64) -> (u32, u32, f64, f64) {
@@ -216,57 +221,49 @@ fn stairs(t: f64, riser: f64, tread: f64) -> f64 {
     tread * s + rise * (step * (0.55 + step * (0.9 - 0.45 * step))) - s
 }
 
-/// A belt of rock faces: steps along the zero line of a noise, where that line runs across the slope.
+/// A sequence of hard and soft beds: the ground's own height, remapped so that hard beds stand as walls and soft ones lie as ledges.
+///
+/// The remapping never falls, so a ridge stays a ridge and a wall follows the contours of the ground below it: no crest becomes thinner
+/// than the ground makes it, which a coarse grid of vertices would draw as a row of needles.
 #[derive(Clone, Copy, Debug)]
-struct Faces {
-    octave: Octave,
-    /// Height of a face, metres.
-    rise_m: f64,
-    /// Horizontal depth of a face, metres.
-    run_m: f64,
-    /// Length over which the ground behind the brink falls back to what it was, metres.
-    back_m: f64,
+struct Strata {
+    seed: u32,
+    /// Height from one hard bed to the next, metres.
+    period_m: f64,
+    /// Tangent that a wall has on average; ground that is as steep already stays as it is.
+    wall: f64,
+    /// Share of a period that its wall rises through: of the softest bed, of the hardest.
+    rise: [f64; 2],
 }
 
-impl Faces {
-    /// What the faces add to ground of this height and gradient; `crenels` moves the brink to and fro (metres).
-    fn on(&self, x: f64, y: f64, ground: Dual, crenels: f64, strength: f64) -> Dual {
-        let n = self.octave.noise(x, y);
-        let gradient = (n.slope_squared() + 1e-12).sqrt();
-        // Distance from the zero line, positive on the high side, to first order; the floor keeps flat spots of the noise from making
-        // distances of nothing.
-        let steepness = gradient.max(0.6 * (self.octave.c * self.octave.c + self.octave.s * self.octave.s).sqrt());
-        let distance = n.v / steepness + crenels;
-        if distance < -0.5 * self.run_m || distance > 3.0 * self.back_m {
-            return Dual::constant(0.0);
-        }
-        let slope = (ground.slope_squared() + 1e-12).sqrt();
-        let aligned = (n.x * ground.x + n.y * ground.y) / (gradient * slope);
-        let height = self.rise_m * strength * smoothstep(0.1, 0.75, aligned);
-        let (value, rate) = self.profile(distance);
-        let rate = height * rate / steepness;
-        Dual { v: height * value, x: rate * n.x, y: rate * n.y }
-    }
-
-    /// Height share and its rate per metre at a distance behind the middle of the face.
-    fn profile(&self, distance: f64) -> (f64, f64) {
-        let t = distance / self.run_m + 0.5;
-        let fall = (1.0 - (distance / (3.0 * self.back_m)).max(0.0)).max(0.0);
-        let back = fall * fall * fall;
-        let back_rate = if distance > 0.0 { -fall * fall / self.back_m } else { 0.0 };
-        if t < 1.0 {
-            // A concave foot of talus under a straight face and a sharp brink.
-            let t = t.max(0.0);
-            let value = t * t * (1.6 - 0.6 * t);
-            (value * back, (3.2 * t - 1.8 * t * t) / self.run_m * back + value * back_rate)
-        } else {
-            (back, back_rate)
-        }
+impl Strata {
+    /// Ground with its beds worked out by erosion. `bend`: how far the beds lie below their level here, metres; `strength`, 0..=1.
+    fn on(&self, ground: Dual, bend: f64, strength: f64) -> Dual {
+        let t = (ground.v + bend) / self.period_m;
+        let bed = t.floor();
+        let s = t - bed;
+        let h = pcg((bed as i32 as u32) ^ self.seed);
+        let part = |bits: u32| f64::from(bits & 0xffff) * (1.0 / 65535.0);
+        let rise = self.rise[0] + (self.rise[1] - self.rise[0]) * part(h);
+        // Share of the ground's own rise that the wall takes: as little as the wall's slope asks for, but no less than a third, so that
+        // gentle ground has steps and no walls.
+        let slope = ground.slope_squared().sqrt();
+        let width = rise * (slope / self.wall).clamp(0.3, 1.0);
+        let start = 0.5 + 0.2 * (part(h >> 16) - 0.5) - 0.5 * width;
+        let q = ((s - start) / width).clamp(0.0, 1.0);
+        let tread = (1.0 - rise) / (1.0 - width);
+        // A long foot below and a short round brink above, both as steep as the ledges where they meet them: a sharp edge would run over a
+        // grid of vertices in teeth.
+        let extra = rise - tread * width;
+        let stepped = tread * s + extra * (q * q * (2.0 - q * q));
+        let rate = tread + extra / width * (4.0 * q * (1.0 - q * q));
+        let rate = 1.0 + strength * (rate - 1.0);
+        Dual { v: ground.v + strength * self.period_m * (stepped - s), x: ground.x * rate, y: ground.y * rate }
     }
 }
 
 /// Octaves of fine relief that slope and curvature are measured with.
-const BROAD_OCTAVES: usize = 2;
+const BROAD_OCTAVES: usize = 1;
 
 /// The generator.
 #[derive(Clone, Debug)]
@@ -276,9 +273,10 @@ pub struct Generator {
     valleys: [Octave; 2],
     massifs: [Octave; 4],
     gullies: [Gullies; 3],
-    faces: [Faces; 3],
-    crenels: [Octave; 2],
-    beds: Octave,
+    buttresses: [Octave; 3],
+    bend: Octave,
+    hardness: [Octave; 2],
+    strata: [Strata; 3],
     fine: [Octave; 5],
 }
 
@@ -287,21 +285,17 @@ impl Generator {
     pub fn new(seed: u32) -> Generator {
         let octave = |index: u32, wavelength_m: f64| Octave::new(seed, index, wavelength_m);
         let gullies = |index: u32, wavelength_m: f64| Gullies::new(seed, index, wavelength_m);
-        let faces = |index: u32, wavelength_m: f64, rise_m: f64, run_m: f64| Faces {
-            octave: octave(index, wavelength_m),
-            rise_m,
-            run_m,
-            back_m: 0.16 * wavelength_m,
-        };
+        let strata = |index: u32, period_m: f64, wall: f64, rise: [f64; 2]| Strata { seed: pcg(seed ^ pcg(index)), period_m, wall, rise };
         Generator {
             warp: [octave(0, 2300.0), octave(1, 2300.0)],
             uplift: octave(3, 9100.0),
             valleys: [octave(4, 6100.0), octave(5, 2700.0)],
             massifs: [octave(6, 2900.0), octave(7, 1350.0), octave(8, 620.0), octave(9, 290.0)],
-            gullies: [gullies(11, 330.0), gullies(12, 140.0), gullies(13, 61.0)],
-            faces: [faces(14, 760.0, 120.0, 38.0), faces(15, 370.0, 60.0, 20.0), faces(16, 170.0, 26.0, 9.0)],
-            crenels: [octave(17, 90.0), octave(18, 33.0)],
-            beds: octave(25, 240.0),
+            gullies: [gullies(11, 430.0), gullies(12, 150.0), gullies(13, 62.0)],
+            buttresses: [octave(14, 210.0), octave(17, 97.0), octave(18, 43.0)],
+            bend: octave(25, 1300.0),
+            hardness: [octave(15, 1500.0), octave(16, 420.0)],
+            strata: [strata(26, 290.0, 2.1, [0.15, 0.6]), strata(27, 66.0, 2.5, [0.1, 0.65]), strata(28, 15.0, 2.8, [0.3, 0.6])],
             fine: [octave(19, 31.0), octave(20, 14.0), octave(21, 6.3), octave(22, 2.9), octave(23, 1.3)],
         }
     }
@@ -314,18 +308,24 @@ impl Generator {
     /// Elevation without the relief finer than some 10 m: what slope and curvature are measured on, since differences over a few
     /// metres would take boulders for cliffs.
     pub fn broad_height_m(&self, x: f64, y: f64) -> f64 {
-        saturate(self.broad(x, y).0)
+        saturate(self.broad(x, y).height)
     }
 
     /// [`Generator::height_m`] and [`Generator::broad_height_m`], in the time of the first.
     pub fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
-        let (broad, rock, amplitude) = self.broad(x, y);
-        let (height, _) = relieved(&self.fine[BROAD_OCTAVES..], x, y, rock, (broad, amplitude));
-        [saturate(height), saturate(broad)]
+        let broad = self.broad(x, y);
+        let mut height = broad.height;
+        // Thin beds, on rock only, and fainter where a wall would squeeze them to less than a few vertices.
+        if broad.rock > 0.0 {
+            let squeezed = smoothstep(1.1, 2.3, broad.beds.slope_squared().sqrt());
+            let strength = broad.rock * (0.55 - 0.4 * squeezed);
+            height += self.strata[2].on(broad.beds, broad.bend + 0.6 * (height - broad.beds.v), strength).v - broad.beds.v;
+        }
+        let (height, _) = relieved(&self.fine[BROAD_OCTAVES..], x, y, broad.rock, (height, broad.amplitude));
+        [saturate(height), saturate(broad.height)]
     }
 
-    /// Elevation without the finest relief, how far the ground is rock, and the amplitude of the octave that follows.
-    fn broad(&self, x: f64, y: f64) -> (f64, f64, f64) {
+    fn broad(&self, x: f64, y: f64) -> Broad {
         // Domain warp, with its Jacobian for the derivatives of what follows.
         let (wx, wy) = (self.warp[0].noise(x, y).scale(330.0), self.warp[1].noise(x, y).scale(330.0));
         let (px, py) = (x + wx.v, y + wy.v);
@@ -347,16 +347,22 @@ impl Generator {
         height.v += 470.0;
         let room = lift.v / (lift.v + 0.12);
         let mut weight = lift.map(room, 0.12 / ((lift.v + 0.12) * (lift.v + 0.12)));
-        let mut amplitude = 1080.0;
-        for octave in &self.massifs {
+        let mut amplitude = 860.0;
+        // Gullies end below a crest: they run down either side of it, and between them it would be cut into teeth.
+        let mut below_crest = 1.0;
+        for (octave, k) in self.massifs.iter().zip(0..) {
             let n = warped(octave.noise(px, py));
-            let fold = (n.v * n.v + 0.0012).sqrt();
+            // A crest is rounded over some 30 m to either side, whatever the octave.
+            let fold = (n.v * n.v + 1100.0 * octave.frequency_squared()).sqrt();
             let ridge = 1.0 - fold;
             let ridge = n.map(ridge * ridge, -2.0 * ridge * n.v / fold);
-            let damping = 1.0 / (1.0 + 0.8 * height.slope_squared());
+            let damping = 1.0 / (1.0 + 0.7 * height.slope_squared());
             height = height.plus(ridge.times(weight).scale(amplitude * damping));
             weight = weight.times(Dual { v: 0.3 + 0.9 * ridge.v, x: 0.9 * ridge.x, y: 0.9 * ridge.y });
-            amplitude *= 0.4;
+            amplitude *= 0.5;
+            if k < 2 {
+                below_crest *= smoothstep(0.0, 40.0 * 40.0 * 4.0, n.v * n.v / octave.frequency_squared());
+            }
         }
 
         // Summits stand out: what rises above the middle ground rises a third higher.
@@ -366,35 +372,47 @@ impl Generator {
         height = height.plus(stretch);
 
         // Gullies down the slope: deeper where it is steep, none on valley floors.
-        for (gully, depth) in self.gullies[..2].iter().zip([30.0, 12.0]) {
-            height = height.plus(cut(gully, x, y, height, depth));
+        for (gully, depth) in self.gullies.iter().zip([48.0, 16.0, 3.5]) {
+            height = height.plus(cut(gully, x, y, height, depth * (0.3 + 0.7 * below_crest)));
         }
 
-        // Rock faces where the slope is steep already, and more in some regions than in others.
-        let steep = smoothstep(0.45, 0.85, height.slope_squared().sqrt() + 0.3 * region.v);
-        let crenels = if steep > 0.0 { 11.0 * self.crenels[0].value(x, y) + 5.0 * self.crenels[1].value(x, y) } else { 0.0 };
-        if steep > 0.0 {
-            let ground = height;
-            for faces in &self.faces {
-                height = height.plus(faces.on(x, y, ground, crenels, steep));
-            }
-        }
-        height = height.plus(cut(&self.gullies[2], x, y, height, 4.5));
-
-        // Ledges along bent beds, on faces only; some beds are hard and most are not.
-        let mut h = height.v;
+        // Buttresses and bays, which the walls then follow.
         let slope = height.slope_squared().sqrt();
-        let face = smoothstep(0.9, 1.8, slope);
-        if face > 0.0 {
-            let bed = (h + 55.0 * self.beds.value(x, y) + crenels) / 24.0;
-            let hardness = f64::from(pcg((bed.floor() as i32 as u32) ^ self.beds.seed) >> 16) / 65535.0;
-            h += face * hardness * hardness * 24.0 * 0.8 * stairs(bed, 0.3, 0.3);
+        let steep = smoothstep(0.35, 0.75, slope + 0.15 * region.v);
+        let mut bend = 0.0;
+        if steep > 0.0 {
+            for (octave, depth) in self.buttresses.iter().zip([22.0, 11.0, 4.5]) {
+                // Spurs are sharper than the bays between them, but not as sharp as a crease.
+                let n = octave.noise(x, y);
+                let fold = (n.v * n.v + 0.012).sqrt();
+                height = height.plus(n.map(0.35 - fold, -n.v / fold).scale(depth * steep));
+            }
+            let [walls, benches] = [0, 1].map(|k| self.hardness[k].value(x, y));
+            bend = 18.0 * self.bend.value(x, y);
+            height = self.strata[0].on(height, bend, steep * (0.2 + 0.8 * below_crest) * smoothstep(-0.3, 0.25, walls));
+            height = self.strata[1].on(height, bend, 0.75 * steep * smoothstep(-0.25, 0.3, benches + 0.3 * walls));
         }
 
-        let rock = smoothstep(0.4, 0.9, slope);
-        let (h, amplitude) = relieved(&self.fine[..BROAD_OCTAVES], x, y, rock, (h, 0.3 + 1.2 * rock + 2.6 * face));
-        (h, rock, amplitude)
+        let slope = height.slope_squared().sqrt();
+        let (rock, face) = (smoothstep(0.6, 1.1, slope), smoothstep(1.0, 2.0, slope));
+        let (h, amplitude) = relieved(&self.fine[..BROAD_OCTAVES], x, y, rock, (height.v, 0.3 + 1.7 * rock + 1.6 * face));
+        Broad { height: h, beds: height, bend, rock, amplitude }
     }
+}
+
+/// Ground without its finest relief, and what that relief depends on.
+#[derive(Clone, Copy, Debug)]
+struct Broad {
+    /// Elevation, metres, before it is bent into [`HEIGHT_RANGE_M`].
+    height: f64,
+    /// The same without noise: what thin beds run along.
+    beds: Dual,
+    /// How far beds lie below their level, metres.
+    bend: f64,
+    /// How far the ground is rock, 0..=1.
+    rock: f64,
+    /// Amplitude of the octave that follows, metres.
+    amplitude: f64,
 }
 
 /// An elevation and the amplitude of its next octave, after some octaves of fine relief: hummocks on turf; on `rock`, creases between blocks.
@@ -402,7 +420,7 @@ fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -
     octaves.iter().fold(ground, |(height, amplitude), octave| {
         let n = octave.value(x, y);
         let creased = 1.5 * n.abs() - 0.35;
-        (height + amplitude * (n + rock * (creased - n)), amplitude * 0.47)
+        (height + amplitude * (n + rock * (creased - n)), amplitude * 0.5)
     })
 }
 

@@ -1,7 +1,12 @@
 //! A node's payload: everything streaming loads for one quadtree node (SYSTEMS A).
 //!
-//! One grid of heights, wider than the node by a border, serves heights, normals and cones, so that they agree. Slope and curvature
-//! for the splat rules are measured with a fixed footprint in metres whatever the node's LOD: a coarse node lays the same materials.
+//! One grid of heights, wider than the node by a border, serves heights, normals and cones, so that they agree. Nodes coarser than the
+//! finest LOD filter it: samples of ground that is rougher than their spacing would be drawn as combs. Heights on a node's edges are
+//! never filtered. Those are all that nodes of different LODs weld to each other (see `geometry/stitch.wgsl`), and they must be the same
+//! in both.
+//!
+//! Slope and curvature for the splat rules are measured with a fixed footprint in metres whatever the node's LOD, and so is the height:
+//! a coarse node lays the same materials.
 
 use std::sync::LazyLock;
 
@@ -70,18 +75,26 @@ impl NodePayload {
     }
 }
 
-/// What is under a node's materials: what rules decide by, and what stays when they change. Some 210 KB.
+/// What is under a node's materials: what rules decide by, and what stays when they change. Some 250 KB.
 pub struct Ground {
     id: NodeId,
     grid: Grid,
+    /// Elevation at splat texels -1..=65, unfiltered.
+    source: Vec<f64>,
     relief: RuleRelief,
 }
 
 impl Ground {
     pub(super) fn of(world: &World, id: NodeId) -> Ground {
-        let (grid, broad) = Grid::of(world, id);
+        let (mut grid, broad) = Grid::of(world, id);
         let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing, &broad);
-        Ground { id, grid, relief }
+        // As in [`Grid::of`].
+        let texels = (0..SPLAT_GRID_SIDE).flat_map(|j| (0..SPLAT_GRID_SIDE).map(move |i| (2 * i, 2 * j)));
+        let source = texels.map(|(i, j)| grid.height(i, j)).collect();
+        if id.lod > world.layout().finest_lod {
+            grid.filter();
+        }
+        Ground { id, grid, source, relief }
     }
 
     /// Which node.
@@ -164,6 +177,25 @@ impl Grid {
         self.heights[j * GRID_SIDE + i]
     }
 
+    /// Replaces heights by means over the neighbouring vertices, weighted 1 2 1 along either axis, which leaves nothing of what changes to
+    /// and fro from vertex to vertex. The node's edges, prolonged through the border, keep their heights, and the vertices next to them
+    /// half of theirs; so neighbours agree on the border, too.
+    fn filter(&mut self) {
+        // Vertices from the nearest edge of a node, at most 2, over 2.
+        let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;
+        let last = GRID_SIDE - 1;
+        let along_x = |i: usize, j: usize| 0.25 * (self.height(i - 1, j) + self.height(i + 1, j)) + 0.5 * self.height(i, j);
+        let mut filtered = self.heights.clone();
+        for j in 1..last {
+            for i in 1..last {
+                let mean = 0.25 * (along_x(i, j - 1) + along_x(i, j + 1)) + 0.5 * along_x(i, j);
+                let height = self.height(i, j);
+                filtered[j * GRID_SIDE + i] = height + share(i).min(share(j)) * (mean - height);
+            }
+        }
+        self.heights = filtered;
+    }
+
     fn quantised(&self, world: &World) -> Vec<u16> {
         let mut height = Vec::with_capacity(HEIGHT_SIDE * HEIGHT_SIDE);
         for j in 0..HEIGHT_SIDE {
@@ -185,14 +217,14 @@ impl Grid {
 
 /// Materials of splat texels -1..=65.
 pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
-    let Ground { grid, relief, .. } = ground;
+    let Ground { grid, source, relief, .. } = ground;
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
     for j in 0..SPLAT_GRID_SIDE {
         for i in 0..SPLAT_GRID_SIDE {
             // As in [`Grid::of`].
             let [x, y] = grid.vertex(2 * i, 2 * j);
             let (slope_deg, curvature) = relief.at(i, j);
-            splat.push(world.rules().material_at(grid.height(2 * i, 2 * j), slope_deg, curvature, x, y));
+            splat.push(world.rules().material_at(source[j * SPLAT_GRID_SIDE + i], slope_deg, curvature, x, y));
         }
     }
     splat

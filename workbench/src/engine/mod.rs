@@ -244,7 +244,10 @@ fn draw_on_devices(boxes: &Arc<Boxes>, mut reload: Option<Reload>) {
             Ok(gpu) => gpu,
             Err(error) => return boxes.tell(|news| news.failure = Some(error.to_string())),
         };
-        boxes.tell(|news| news.adapter = Some(Adapter { name: gpu.info.name.clone(), software: gpu.is_software() }));
+        boxes.tell(|news| {
+            news.adapter =
+                Some(Adapter { name: gpu.info.name.clone(), without_anisotropy: gpu.without_anisotropy(), software: gpu.is_software() })
+        });
         match draw_scenes(boxes, &gpu, pending.take(), &mut losses, &mut reload) {
             End::Stop => return,
             End::Scene(wish) | End::Device(wish) => {

@@ -104,7 +104,7 @@ mod tests {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
         let thread = std::thread::spawn(move || {
-            own.tell(|news| news.adapter = Some(Adapter { name: "pretended".to_owned(), software: true }));
+            own.tell(|news| news.adapter = Some(Adapter { name: "pretended".to_owned(), software: true, without_anisotropy: None }));
             loop {
                 std::thread::sleep(Duration::from_millis(30));
                 own.tell(|news| (news.failure, news.warm) = (Some("it failed".to_owned()), [1, 2]));

@@ -128,6 +128,8 @@ pub struct Adapter {
     pub name: String,
     /// Whether it is a processor that only behaves as a graphics card: its times are good for ratios only.
     pub software: bool,
+    /// Why scenes are drawn without anisotropic filtering, if they are.
+    pub without_anisotropy: Option<&'static str>,
 }
 
 /// What the thread has to say.

@@ -1,0 +1,62 @@
+//! Display: tone mapping on the device against its reference, and what it leaves alone.
+
+use kernels::display::{Exposure, ToneCurve, reference};
+use kernels::frame::picture::Picture;
+
+use crate::fixtures::{renderer, request};
+
+/// Codes by which a picture as the device displayed it may differ from the rounded reference. WGSL gives `pow` the error of exp2(y log2(x)): log2 has an
+/// absolute error of 2^-21 near 1 and 3 ulp elsewhere, so the relative error stays below 1e-5, that is 0.003 of a code at 255.
+const CODE: f64 = 0.01;
+
+/// The largest distance of a code from the reference's value, beyond the half code that rounding costs.
+fn worst(picture: &Picture, exposure: Exposure) -> f64 {
+    let codes = picture.displayed.as_ref().expect("asked for");
+    let pairs = picture.hdr.iter().zip(codes);
+    let distances = pairs.flat_map(|(texel, code)| {
+        let value = reference::tone_map([texel[0], texel[1], texel[2]].map(f64::from), exposure);
+        (0..3).map(move |k| (value[k] * 255.0 - f64::from(code[k])).abs() - 0.5)
+    });
+    distances.fold(0.0, f64::max)
+}
+
+#[test]
+fn displayed_pictures_agree_with_the_reference() {
+    let mut renderer = renderer();
+    for stops in [0.0, -3.0, 2.5] {
+        for curve in ToneCurve::ALL {
+            let exposure = Exposure { stops, curve };
+            let request = request(&renderer, "ground").with(|r| r.outputs.display = Some(exposure));
+            let picture = renderer.render(&request).expect("renders");
+            assert!(worst(&picture, exposure) <= CODE, "{exposure:?}: {}", worst(&picture, exposure));
+            // Negative controls: a third of a stop, and the other curve.
+            let off = Exposure { stops: stops + 1.0 / 3.0, curve };
+            let other = Exposure { stops, curve: if curve == ToneCurve::Clip { ToneCurve::Reinhard } else { ToneCurve::Clip } };
+            assert!(worst(&picture, off) > 1.0 && worst(&picture, other) > 1.0, "{exposure:?}: a wrong exposure was not noticed");
+        }
+    }
+}
+
+#[test]
+fn exposure_changes_nothing_that_is_measured() {
+    let mut renderer = renderer();
+    let plain = request(&renderer, "ground");
+    let shown = plain.with(|r| r.outputs.display = Some(Exposure { stops: 4.0, curve: ToneCurve::Clip }));
+    let (plain, shown) = (renderer.render(&plain).expect("renders"), renderer.render(&shown).expect("renders"));
+    assert!(plain.displayed.is_none() && shown.displayed.is_some());
+    assert_eq!(plain.hdr, shown.hdr);
+    assert_eq!(plain.vectors("albedo"), shown.vectors("albedo"));
+    // The display of the small scene is not black or white throughout.
+    let codes = shown.displayed.expect("asked for");
+    assert!(codes.iter().any(|code| code[1] > 20) && codes.iter().any(|code| code[1] < 255));
+}
+
+#[test]
+fn an_exposure_out_of_range_is_refused() {
+    let mut renderer = renderer();
+    for stops in [17.0, f64::NAN, f64::NEG_INFINITY] {
+        let wrong = request(&renderer, "ground").with(|r| r.outputs.display = Some(Exposure { stops, curve: ToneCurve::Reinhard }));
+        let error = renderer.render(&wrong).expect_err("no such exposure").to_string();
+        assert!(error.contains("-16 to 16"), "{error}");
+    }
+}

@@ -1,0 +1,185 @@
+//! What several tests start from: the small scene and its renderers, statistics, the built program, a folder of its own.
+//!
+//! Two renderers of a small scene serve all tests: a pipeline takes software Vulkan a tenth of a second to two seconds to compile.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::SystemTime;
+
+use kernels::frame::picture::{AovSet, Picture};
+use kernels::frame::{RenderRequest, Renderer};
+use kernels::gpu::Gpu;
+use kernels::scene;
+use kernels::view::camera::Pose;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+pub(crate) const SIZE: [u32; 2] = [96, 64];
+
+/// The built-in scene with small textures, filtered without anisotropy: stochastic texture filtering has none, and is compared with the others.
+pub(crate) fn small_scene() -> scene::Scene {
+    let mut scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
+    scene.detail_size = 64;
+    scene.blend.anisotropy = 1;
+    scene
+}
+
+pub(crate) fn gpu() -> &'static Gpu {
+    static GPU: OnceLock<Gpu> = OnceLock::new();
+    GPU.get_or_init(|| Gpu::new().expect("these tests need an adapter; `make setup` installs a software one"))
+}
+
+fn shared(index: usize) -> MutexGuard<'static, Renderer<'static>> {
+    static RENDERERS: [OnceLock<Mutex<Renderer<'static>>>; 2] = [OnceLock::new(), OnceLock::new()];
+    let make = || Mutex::new(Renderer::new(gpu(), &small_scene(), &|_| {}).expect("the small scene renders"));
+    RENDERERS[index].get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The small scene, for one test at a time.
+pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
+    shared(0)
+}
+
+/// The same once more, for tests that want other shaders than those of the 31 variants, and need not wait until these are compiled.
+pub(crate) fn second_renderer() -> MutexGuard<'static, Renderer<'static>> {
+    shared(1)
+}
+
+pub(crate) fn pose(renderer: &Renderer<'_>, camera: &str) -> Pose {
+    let scene = renderer.scene();
+    let camera = scene.cameras.iter().find(|c| c.name == camera).expect("a camera of the built-in scene");
+    Pose::of(camera, |x, y| renderer.ground_m(x, y))
+}
+
+pub(crate) fn request(renderer: &Renderer<'_>, camera: &str) -> RenderRequest {
+    let aovs = AovSet::from_names(&["albedo"]).expect("known layers");
+    RenderRequest::new(pose(renderer, camera), SIZE).with(|r| {
+        r.outputs.aovs = aovs;
+        r.outputs.keep_geometry = true;
+    })
+}
+
+pub(crate) fn terrain(picture: &Picture) -> Vec<bool> {
+    picture.hdr.iter().map(|t| t[3] > 0.0).collect()
+}
+
+/// Largest difference of two albedo layers over terrain, in units of the last place of f16 (the G-buffer's format).
+pub(crate) fn largest_difference(a: &Picture, b: &Picture) -> f64 {
+    let (left, right) = (a.vectors("albedo").expect("asked for"), b.vectors("albedo").expect("asked for"));
+    let pairs = left.iter().flatten().zip(right.iter().flatten());
+    pairs.map(|(&l, &r)| f64::from((l - r).abs()) / (f64::from(l.abs().max(r.abs())).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
+}
+
+/// Two-sided p-value of the hypothesis that independent samples have mean zero (Student's t).
+pub(crate) fn p_of_zero_mean(samples: &[f64]) -> f64 {
+    let n = samples.len() as f64;
+    let mean = samples.iter().sum::<f64>() / n;
+    let variance = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let t = mean / (variance / n).sqrt();
+    let student = StudentsT::new(0.0, 1.0, n - 1.0).expect("more than one sample");
+    2.0 * student.cdf(-t.abs())
+}
+
+/// Sign of a pixel in the `pattern`-th of a few fixed random patterns; pattern 0 is all +1.
+pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
+    let hash = kernels::shared::hash::pcg4d([u32::try_from(pixel).expect("small picture"), pattern, 11, 5])[0];
+    if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }
+}
+
+/// The program, built beside this test's own binary, and not older than its sources: a stale one would be tested in vain.
+pub(crate) fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let here = std::env::current_exe().expect("a test knows where it is");
+        let folder = here.parent().and_then(Path::parent).expect("tests lie in target/PROFILE/deps");
+        let program = folder.join(format!("experiments{}", std::env::consts::EXE_SUFFIX));
+        let profile = if folder.ends_with("release") { " --release" } else { "" };
+        let remedy = format!("run `cargo build{profile} -p experiments` first, or `make test`");
+        assert!(program.is_file(), "{} is missing: {remedy}", program.display());
+        let built = fs::metadata(&program).and_then(|m| m.modified()).expect("the program has a time");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let newest = newest_source(&root.join("experiments/src")).max(newest_source(&root.join("kernels/src")));
+        if let Some((time, source)) = newest {
+            assert!(time <= built, "{} is older than {}: {remedy}", program.display(), source.display());
+        }
+        program
+    })
+}
+
+/// The source file of a folder and those in it that was changed last.
+fn newest_source(folder: &Path) -> Option<(SystemTime, PathBuf)> {
+    let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok).map(|entry| entry.path());
+    let newest = entries.filter_map(|path| match path.extension().and_then(|e| e.to_str()) {
+        None if path.is_dir() => newest_source(&path),
+        Some("rs" | "wgsl" | "toml") => Some((fs::metadata(&path).and_then(|m| m.modified()).ok()?, path)),
+        _ => None,
+    });
+    newest.max()
+}
+
+pub(crate) fn run(arguments: &[&str]) -> Output {
+    Command::new(program()).args(arguments).output().expect("the program can be started")
+}
+
+pub(crate) fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("the program writes UTF-8")
+}
+
+/// The call is wrong: exit 2, and stderr names what.
+pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
+    let output = run(arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+    assert!(output.stdout.is_empty(), "{arguments:?} wrote to stdout");
+    for part in says {
+        assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
+    }
+    // Only the call without any arguments is answered with the help text.
+    assert!(arguments.is_empty() || stderr.lines().count() == 1, "{arguments:?}: {stderr:?}");
+    assert!(!stderr.contains("internal error"), "{arguments:?}: {stderr}");
+}
+
+/// The work fails: exit 1, and one line on stderr that names what.
+pub(crate) fn failure(arguments: &[&str], says: &[&str]) {
+    let output = run(arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {stderr}");
+    assert!(stderr.starts_with("error: ") && stderr.ends_with('\n') && stderr.lines().count() == 1, "{arguments:?}: {stderr:?}");
+    for part in says {
+        assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
+    }
+}
+
+/// Exit 0; what was written to stdout.
+pub(crate) fn success(arguments: &[&str]) -> String {
+    let output = run(arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// A folder of its own, removed at the end.
+pub(crate) struct Folder(pub(crate) PathBuf);
+
+impl Folder {
+    pub(crate) fn new(name: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("scree-bad-input-{name}-{}", std::process::id()));
+        fs::create_dir_all(&path).expect("the temporary folder can be made");
+        Folder(path)
+    }
+
+    pub(crate) fn path(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+
+    pub(crate) fn write(&self, name: &str, contents: &str) -> String {
+        fs::write(self.0.join(name), contents).expect("a temporary file can be written");
+        self.path(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
