@@ -1,7 +1,7 @@
-# Two commands to know: `make demo` shows what Scree does, `make test` checks that it does it. Both do their own set-up.
+# The two main commands: `make demo` shows what Scree does, and `make test` checks it. Both do their own set-up.
 #
-# Everything is built with --release into the one target folder: the references, the world and the software rasteriser are
-# too slow otherwise, and a second profile would compile every dependency twice.
+# Everything is built with --release into one target folder: otherwise the references, the world and the software rasteriser are too slow, and a
+# second profile would compile every dependency twice.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
@@ -10,7 +10,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 # Folder of the demo's results: `make demo OUT=somewhere/else`.
 OUT ?= out/demo
-# Seconds that `make fuzz` gives each target.
+# Seconds that `make fuzz` spends on each target.
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS := scene definition heightmap texture cache
 
@@ -25,15 +25,15 @@ endif
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: ## looks for cargo and a Vulkan driver; installs Mesa's software driver on Debian and Ubuntu where there is none (Debian 12: from backports)
+setup: ## checks for cargo and a Vulkan driver; installs Mesa's software driver on Debian and Ubuntu if there is none (Debian 12: from backports)
 	@scripts/setup.sh
 
-demo: setup ## the main job in small, on the built-in world; writes a report
+demo: setup ## runs a small experiment on the built-in world; writes a report
 	$(CARGO) build --release --locked -p experiments
 	$(CARGO) run --release --locked -q -p experiments -- demo --out "$(OUT)"
 	@echo "The report is $(OUT)/report.html"
 
-app: setup ## opens the workbench; edited shaders are drawn with at once
+app: setup ## opens the workbench; edited shaders are reloaded at once
 	$(CARGO) build --release --locked -p experiments
 	$(CARGO) run --release --locked -p workbench -- --shaders kernels/src
 
@@ -41,17 +41,18 @@ test: export RUSTC_WORKSPACE_WRAPPER = $(CURDIR)/scripts/lints.sh
 test: setup ## format, lints, documentation, every test, the notebook
 	@scripts/test_setup.sh
 	$(CARGO) fmt --all --check
-# The whole workspace, as the tests are built: one program alone would be built with other features of its libraries, and all of them twice.
+# The whole workspace is built, as for the tests: a single program would be built with other features of its libraries, so all of them would be built
+# twice.
 	$(CARGO) build --release --locked --workspace --all-targets
 	$(CARGO) test --release --locked --workspace
 	@scripts/notebook.sh
-	@if [ -z "$${SCREE_DATA:-}" ]; then echo "Left out, since SCREE_DATA is not set: the tests on real elevation and real materials."; fi
+	@if [ -z "$${SCREE_DATA:-}" ]; then echo "Skipped, because SCREE_DATA is not set: the tests on real elevation and real materials."; fi
 
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench
 
-# Dependencies have the workspace's versions. What is found goes to out/, beside the corpus that is kept; a crash to fuzz/artifacts.
-fuzz: ## gives every reader of files arbitrary bytes, FUZZ_SECONDS each; needs cargo-fuzz and a nightly compiler
+# Dependencies have the workspace's versions. New inputs are written to out/, next to the corpus that is kept; crashes to fuzz/artifacts.
+fuzz: ## feeds arbitrary bytes to every file reader, FUZZ_SECONDS each; needs cargo-fuzz and a nightly compiler
 	cp Cargo.lock fuzz/Cargo.lock
 	for target in $(FUZZ_TARGETS); do \
 	    mkdir -p out/fuzz/$$target; \
@@ -62,6 +63,6 @@ audit: ## licences, advisories, spelling; needs cargo-deny and typos
 	$(CARGO) deny check
 	typos
 
-clean: ## removes what was built and what the demo wrote
+clean: ## removes build output and the demo's results
 	$(CARGO) clean
 	rm -rf out fuzz/target

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Whether two builds of the command line give identical results: `scripts/identical.sh BEFORE AFTER`, each an `experiments` program.
-# Compares `metrics.csv` of a small run byte by byte, and the linear picture of every camera of the built-in scene pixel by pixel.
-# To check a restructuring, build the commit before it in a second checkout and give both programs.
+# Checks whether two builds of the command line give identical results: `scripts/identical.sh BEFORE AFTER`, where each is an `experiments` program.
+# It compares `metrics.csv` of a small run byte by byte, and the linear picture of every camera of the built-in scene pixel by pixel. To check a
+# restructuring, build the commit before it in a second checkout and pass both programs.
 set -euo pipefail
 
 [ "$#" -eq 2 ] || { echo "usage: scripts/identical.sh BEFORE AFTER (two builds of target/release/experiments)" >&2; exit 2; }
@@ -23,7 +23,7 @@ done
 
 differ=0
 say() { echo "$1: $2"; [ "$2" = identical ] || differ=1; }
-# Not `cmp`: the order of a file's chunks is that in which threads finished them.
+# Not `cmp`: the chunks of a file are in the order in which threads finished them.
 for camera in cliff ground vista grazing; do
     if "$after" compare "$work/before/$camera.exr" "$work/after/$camera.exr" --metric mse | grep -q 'identical'; then
         say "$camera" identical

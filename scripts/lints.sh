@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Stands in for rustc where cargo compiles this workspace's own crates (RUSTC_WORKSPACE_WRAPPER): clippy lints while it compiles, and rustdoc reads what
-# libraries say of themselves. `cargo clippy` and `cargo doc` find the same, after they have checked every dependency once more without compiling it, which
-# takes minutes.
+# Replaces rustc when cargo compiles this workspace's own crates (RUSTC_WORKSPACE_WRAPPER): clippy lints the code while it compiles it, and rustdoc
+# checks the documentation of libraries. `cargo clippy` and `cargo doc` find the same problems, but they first check every dependency again without
+# compiling it, which takes minutes.
 set -euo pipefail
 
 rustc="$1"
 shift
 clippy-driver "$rustc" "$@" -D warnings
 
-# What rustdoc has to know of a library's compilation.
+# The arguments of a library's compilation that rustdoc needs.
 told=() out="" library=false
 arguments=("$@")
 for ((i = 0; i < ${#arguments[@]}; i++)); do

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Executes a notebook's code cells in order, in the notebook's folder, and fails where one of them does.
+"""Executes a notebook's code cells in order, in the notebook's folder, and fails if one of them fails.
 
-Needs nothing but Python: no kernel, no server. Figures are drawn without a display. With --write the outputs (text, pictures) are put into the
-notebook, so that it can be read without being run.
+Needs only Python: no kernel, no server. Figures are drawn without a display. With --write the outputs (text, pictures) are written into
+the notebook, so that it can be read without being run.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from pathlib import Path
 
 
 def run(source: str, names: dict, label: str):
-    """Runs one cell as a notebook does: the value of a last line that is an expression is shown."""
+    """Runs one cell like a notebook: if the last statement is an expression, its value is shown."""
     import ast
 
     tree = ast.parse(source, label)
@@ -33,7 +33,7 @@ def run(source: str, names: dict, label: str):
 
 
 def figures():
-    """The figures that a cell left open, as PNG."""
+    """The open figures of a cell, as PNG."""
     plt = sys.modules.get("matplotlib.pyplot")
     pictures = []
     if plt is not None:

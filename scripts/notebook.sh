@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# Executes the notebook over the recorded run, in a Python environment of its own below target/ that is made when it is missing or its list has changed.
+# Executes the notebook on the recorded run, in its own Python environment below target/. The environment is made if it is missing or its list of
+# packages has changed.
 set -euo pipefail
 root="$(cd "$(dirname "$0")/.." && pwd)"
 venv="$root/target/notebook"
 list="$root/notebooks-data/requirements.txt"
 
 fail() { printf 'notebook: %s\n' "$*" >&2; exit 1; }
-# A fresh Debian or Ubuntu has no Python, or one without its venv module.
+# A new Debian or Ubuntu has no Python, or one without its venv module.
 if ! python3 -c 'import ensurepip, venv' 2>/dev/null && command -v apt-get >/dev/null; then
     as_root=()
     [ "$(id -u)" -eq 0 ] || as_root=(sudo)
@@ -14,7 +15,7 @@ if ! python3 -c 'import ensurepip, venv' 2>/dev/null && command -v apt-get >/dev
     install_python() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends python3 python3-venv >&2; }
     install_python || { "${as_root[@]}" apt-get update >&2 && install_python; } || fail "apt-get could not install python3 and python3-venv"
 fi
-command -v python3 >/dev/null || fail "python3 was not found: install it, with its venv module"
+command -v python3 >/dev/null || fail "python3 was not found: install it and its venv module"
 if ! cmp -s "$list" "$venv/requirements.txt"; then
     rm -rf "$venv"
     python3 -m venv "$venv" ||

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the small record of a run that notebooks-data keeps: the rows that are not of single frames, and what describes them.
+"""Makes the small record of a run for notebooks-data: its rows without those of single frames, and the files that describe the run.
 
 Usage: record.py RUN_FOLDER notebooks-data/NAME   (in the environment that scripts/notebook.sh makes)
 """
@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-# Their rows of single frames are left out: those over all frames say the same.
+# The rows of single frames are omitted for these metrics: the rows over all frames contain the same information.
 PER_FRAME = ["fetches_per_px", "flip_rate", "difference", "flicker", "taa_rejections", "disoccluded", "reference_difference"]
 
 

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# What a fresh machine needs before `make demo` or `make test`: Rust, and a Vulkan driver.
-# Where there is no driver, this script installs Mesa's software driver on Debian and Ubuntu and says so; elsewhere it says what to install.
+# Provides what a new machine needs before `make demo` or `make test`: Rust and a Vulkan driver. If there is no driver, this script installs Mesa's
+# software driver on Debian and Ubuntu and reports it; on other systems it says what to install.
 #
 # Debian 12 has Mesa 22.3.6, which takes minutes to compile a shading pipeline with anisotropic filtering. There the driver comes from bookworm-backports.
 # Variables that change this:
 #   SCREE_NO_BACKPORTS=1         never use bookworm-backports
-#   SCREE_BACKPORTS=1, CI=true   replace an older Mesa that is already installed; CI leaves a machine with a GPU driver alone
+# SCREE_BACKPORTS=1, CI=true   replace an older Mesa that is already installed; CI does not change a machine with a GPU driver
 set -euo pipefail
 
-# scripts/test_setup.sh puts a folder of its own in front of every path of the system.
+# scripts/test_setup.sh puts its own folder in front of every system path.
 root="${SCREE_SETUP_ROOT:-}"
 sources="$root/etc/apt/sources.list.d"
 own_source="$sources/scree-backports.sources"
@@ -19,7 +19,7 @@ say() { printf 'setup: %s\n' "$*" >&2; }
 fail() { say "$*"; exit 1; }
 is_set() { case "${!1:-}" in '' | 0 | false) return 1 ;; esac }
 
-# --- What is there ---
+# --- Checks of the machine ---
 
 check_compilers() {
     if ! command -v cargo >/dev/null; then
@@ -29,14 +29,14 @@ check_compilers() {
         fail "cargo was not found: install Rust from https://rustup.rs, open a new shell, and call make again"
     fi
     if ! command -v cc >/dev/null && ! command -v clang >/dev/null && ! command -v gcc >/dev/null; then
-        fail "no C compiler was found, which Rust links with: install one (Debian and Ubuntu: apt-get install build-essential)"
+        fail "no C compiler was found; Rust needs one to link: install one (Debian and Ubuntu: apt-get install build-essential)"
     fi
     if ! command -v c++ >/dev/null && ! command -v clang++ >/dev/null && ! command -v g++ >/dev/null && [ -z "${CXX:-}" ]; then
-        fail "no C++ compiler was found, which FLIP is built with: install one (Debian and Ubuntu: apt-get install g++)"
+        fail "no C++ compiler was found; FLIP needs one: install one (Debian and Ubuntu: apt-get install g++)"
     fi
 }
 
-# The manifests of Vulkan drivers, one a line. A driver that is named by a variable replaces those of the system.
+# The manifests of Vulkan drivers, one per line. Drivers that an environment variable names replace those of the system.
 driver_manifests() {
     local named="${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}"
     if [ -n "$named" ]; then
@@ -48,7 +48,7 @@ driver_manifests() {
 }
 has_driver() { [ -n "$(driver_manifests)" ]; }
 
-# The driver's manifest is of no use without the loader that reads it; a driver that VK_DRIVER_FILES names may bring its own.
+# A driver's manifest is useless without the loader that reads it. A driver that VK_DRIVER_FILES names may bring its own loader.
 has_loader() {
     local ldconfig
     ldconfig="$(command -v ldconfig || echo /sbin/ldconfig)"
@@ -77,7 +77,7 @@ is_old() {
     [ "${upstream%%.*}" -lt "$good_mesa" ]
 }
 
-# The version of the installed package, without Debian's part; nothing where it is not installed.
+# The version of the installed package without Debian's part; empty if it is not installed.
 mesa_version() {
     # shellcheck disable=SC2016 # the fields are dpkg-query's
     dpkg-query -W -f '${db:Status-Status} ${Version}\n' mesa-vulkan-drivers 2>/dev/null | awk '$1 == "installed" { sub(/-[^-]*$/, "", $2); print $2; exit }' || true
@@ -88,7 +88,7 @@ mesa_is_old() {
     [ -n "$version" ] && is_old "$version"
 }
 
-# Whether a GPU draws: a driver that is not Mesa's, or a GPU that an old Mesa has a Vulkan driver for. Asked only where Mesa is installed.
+# Whether a GPU is used: there is a driver that is not Mesa's, or a GPU for which an old Mesa has a Vulkan driver. Called only if Mesa is installed.
 has_gpu_driver() {
     grep -sE '^DRIVER=(amdgpu|i915|msm|v3d)' "$root"/sys/class/drm/renderD*/device/uevent >/dev/null && return
     local manifests manifest mesa_files
@@ -100,7 +100,7 @@ has_gpu_driver() {
     return 1
 }
 
-# What to do about Mesa on Debian 12: use `backports`, `tell` of them, or `nothing`.
+# Decides about Mesa on Debian 12: use `backports`, `tell` the user about them, or do `nothing`.
 plan_for_mesa() {
     if ! is_debian_12 || is_set SCREE_NO_BACKPORTS; then
         echo nothing
@@ -126,7 +126,7 @@ as_root() { if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi; }
 update_lists() { as_root apt-get update "$@" >&2; }
 install_packages() { as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$@" >&2; }
 
-# Whether a source of backports that apt knows offers a Mesa that is new enough.
+# Whether a source of backports that apt knows offers a sufficiently new Mesa.
 newer_mesa_is_offered() {
     local version
     for version in $(apt-cache madison mesa-vulkan-drivers 2>/dev/null | awk -F ' *[|] *' '$3 ~ /-backports\// { print $2 }'); do
@@ -135,21 +135,21 @@ newer_mesa_is_offered() {
     return 1
 }
 
-# The file of apt's sources that already names the backports, if there is one.
+# The file in apt's sources that already names the backports, if there is one.
 backports_source() {
     local files
     files="$(grep -lsE '^[^#]*(bookworm|stable)-backports' "$root/etc/apt/sources.list" "$sources"/*.list "$sources"/*.sources || true)"
     head -n 1 <<<"$files"
 }
 
-# The mirror that the machine has Debian 12 from. A URI with a password is left out: the new file is readable by everyone.
+# The mirror from which the machine gets Debian 12. A URI with a password is not used, because every user can read the new file.
 debian_mirror() {
     # shellcheck disable=SC2016 # the fields are apt's
     apt-get indextargets --format '$(ORIGIN)|$(CODENAME)|$(COMPONENT)|$(REPO_URI)' 'Created-By: Packages' |
         awk -F '|' '$1 == "Debian" && $2 == "bookworm" && $3 == "main" && $4 !~ /^cdrom:|@/ && !found { sub(/\/$/, "", $4); print $4; found = 1 }'
 }
 
-# Adds the source: the file is written whole under a name that apt ignores, then renamed.
+# Adds the source: the file is written completely under a name that apt ignores, then renamed.
 write_own_source() {
     local text
     text="$(printf '%s\n' "# Added by Scree's scripts/setup.sh for mesa-vulkan-drivers." 'Types: deb' "URIs: $1" 'Suites: bookworm-backports' 'Components: main' \
@@ -159,7 +159,7 @@ write_own_source() {
         if printf "%s\n" "$3" >"$new" && mv -f "$new" "$2"; then exit 0; fi
         rm -f "$new"; exit 1' sh "$sources" "$own_source" "$text"
 }
-# Takes away the source that this run added, if it did: the last step of every run that does not succeed.
+# Removes the source if this run added it. This is the last step of every run that does not succeed.
 source_added=false
 drop_added_source() {
     $source_added || return 0
@@ -169,34 +169,34 @@ drop_added_source() {
 }
 trap drop_added_source EXIT
 
-# Makes sure that apt offers a newer Mesa, with a source of our own where the machine has none.
+# Makes sure that apt offers a newer Mesa; adds a package source if the machine has none.
 offer_newer_mesa() {
     newer_mesa_is_offered && return
-    # A source that has nothing to do with this may fail: what counts is what is offered afterwards.
+    # An unrelated source may fail: only what is offered afterwards matters.
     update_lists || true
     newer_mesa_is_offered && return
 
     local present mirror
     present="$(backports_source)"
     if [ -n "$present" ]; then
-        say "$present names the backports of Debian 12, but apt offers no newer Mesa from there"
+        say "$present names the backports of Debian 12, but apt offers no newer Mesa from it"
         return 1
     fi
     mirror="$(debian_mirror)" || mirror=""
     if [ -z "$mirror" ]; then
-        say "apt's sources name no mirror of Debian 12 that bookworm-backports could come from"
+        say "apt's sources name no Debian 12 mirror from which bookworm-backports could be used"
         return 1
     fi
 
     source_added=true
     write_own_source "$mirror" || return
     say "added the package source bookworm-backports in $own_source; to remove it: delete that file as root and run 'apt-get update'"
-    # The lists of this source alone, any failure of which counts.
+    # Updates the lists of this source only; any failure of it counts.
     update_lists -o Dir::Etc::sourcelist="$own_source" -o Dir::Etc::sourceparts=/dev/null -o APT::Get::List-Cleanup=0 -o APT::Update::Error-Mode=any &&
         newer_mesa_is_offered
 }
 
-# -t lets apt take from the backports what the driver depends on, too; packages that have nothing to do with it stay as they are, and none is removed.
+# -t lets apt also take dependencies of the driver from the backports. Unrelated packages are not changed, and none is removed.
 install_newer_mesa() {
     local wanted=(--no-remove -t bookworm-backports mesa-vulkan-drivers libvulkan1)
     if offer_newer_mesa && { install_packages "${wanted[@]}" || { update_lists && install_packages "${wanted[@]}"; }; }; then
@@ -207,15 +207,15 @@ install_newer_mesa() {
     return 1
 }
 
-# --- The steps ---
+# --- Steps ---
 
-# An interruption ends the script, and is not taken for a failure of apt's.
+# An interruption ends the script and is not treated as a failure of apt.
 trap 'exit 130' INT
 trap 'exit 143' TERM HUP
 
 check_compilers
 
-# Metal and Direct3D 12 belong to the operating system.
+# On other systems Metal and Direct3D 12 are part of the operating system.
 [ "$(uname -s)" = Linux ] || exit 0
 
 missing="$(missing_packages)"
@@ -229,7 +229,7 @@ if [ -z "$missing" ] && [ "$plan" != backports ]; then
 fi
 
 if ! command -v apt-get >/dev/null; then
-    fail "no Vulkan driver (or no Vulkan loader) was found: install your GPU's, or Mesa's software driver" \
+    fail "no Vulkan driver (or no Vulkan loader) was found: install your GPU's driver, or Mesa's software driver" \
         "(Fedora: mesa-vulkan-drivers vulkan-loader; Arch: vulkan-swrast vulkan-icd-loader; Alpine: mesa-vulkan-swrast vulkan-loader)"
 fi
 if ! may_install; then
@@ -237,7 +237,7 @@ if ! may_install; then
         fail "no Vulkan driver (or no Vulkan loader) was found, and there is no sudo to install it with:" \
             "as root, run 'apt-get install $missing'$([ "$plan" != backports ] || echo ", best with '-t bookworm-backports'")"
     fi
-    say "Mesa $(mesa_version) stays: it would be replaced by the one of bookworm-backports, but there is no sudo to install it with"
+    say "Mesa $(mesa_version) is kept: the one of bookworm-backports would replace it, but there is no sudo to install it with"
     exit 0
 fi
 
@@ -245,7 +245,7 @@ if [ "$plan" = backports ]; then
     if ! has_driver; then
         say "no Vulkan driver was found; installing Mesa's software Vulkan from bookworm-backports with apt-get (SCREE_NO_BACKPORTS=1 declines)"
     else
-        say "replacing Mesa $(mesa_version) by the one of bookworm-backports with apt-get (SCREE_NO_BACKPORTS=1 declines)"
+        say "replacing Mesa $(mesa_version) by the version of bookworm-backports with apt-get (SCREE_NO_BACKPORTS=1 declines)"
     fi
     install_newer_mesa || say "Mesa could not be installed from bookworm-backports (messages above): the driver of Debian 12 is used instead"
     missing="$(missing_packages)"
@@ -253,13 +253,13 @@ fi
 if [ -n "$missing" ]; then
     say "no Vulkan driver (or no Vulkan loader) was found; installing Mesa's software Vulkan with apt-get: $missing"
     read -ra packages <<<"$missing"
-    # The package lists of a fresh image are empty or old: fetch them when the first attempt fails.
+    # The package lists of a new image are empty or old: they are fetched if the first attempt fails.
     install_packages "${packages[@]}" || { update_lists && install_packages "${packages[@]}"; } ||
-        fail "apt-get could not install $missing: its messages are above; install them by hand and call make again"
+        fail "apt-get could not install $missing: its messages are above; install the packages by hand and call make again"
 fi
 
-has_driver || fail "mesa-vulkan-drivers is installed, yet there is no driver in /usr/share/vulkan/icd.d: install your GPU's Vulkan driver"
+has_driver || fail "mesa-vulkan-drivers is installed, but there is no driver in /usr/share/vulkan/icd.d: install your GPU's Vulkan driver"
 if is_debian_12 && [ "$plan" != tell ] && mesa_is_old && ! has_gpu_driver; then
     say "Mesa $(mesa_version) takes minutes to compile anisotropic shading pipelines, so scenes are drawn with anisotropy 1"
 fi
-say "Vulkan is there now; on a software driver pictures are right, and times are good for ratios only"
+say "Vulkan is available now; with a software driver pictures are correct, but only ratios of times are meaningful"

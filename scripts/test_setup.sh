@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# What scripts/setup.sh decides on a machine without Vulkan, with an old Mesa, and where the backports of Debian 12 cannot be had.
-# Nothing is installed: apt, dpkg and sudo are stand-ins that act on a folder, which is all of the system that the script sees.
+# Tests what scripts/setup.sh decides on a machine without Vulkan, with an old Mesa, and where the backports of Debian 12 are not available. Nothing
+# is installed: apt, dpkg and sudo are replaced by stand-ins that act on a folder, and the script sees no other part of the system.
 set -euo pipefail
 
 if [ "$(uname -s)" != Linux ]; then
-    echo "Left out, since this is not Linux: the test of scripts/setup.sh, which installs nothing here."
+    echo "Skipped, because this is not Linux: the test of scripts/setup.sh, which installs nothing here."
     exit 0
 fi
 
@@ -18,7 +18,7 @@ failures=0
 
 stand_in() { cat >"$bin/$1" && chmod +x "$bin/$1"; }
 
-# Programs that the script may use as they are; it finds no others.
+# Programs that the script may use unchanged; it finds no others.
 mkdir "$bin"
 for program in awk bash cat dirname env grep head mkdir mv rm sed sh tr uname; do
     ln -s "$(type -P "$program")" "$bin/$program"
@@ -37,7 +37,7 @@ case "$1" in
     *) echo "installed $(cat "$TEST_ROOT/installed")" ;;
 esac
 END
-# Backports are offered once a source names them and the lists were fetched. TEST_BROKEN says which step fails.
+# Backports are offered once a source names them and the lists have been fetched. TEST_BROKEN names the step that fails.
 stand_in apt-cache <<'END'
 #!/bin/sh
 [ ! -e "$TEST_ROOT/lists" ] || echo " mesa-vulkan-drivers | $TEST_NEW | http://mirror.test/debian bookworm-backports/main amd64 Packages"
@@ -70,7 +70,7 @@ END
 with_sudo() { stand_in sudo <<<'#!/bin/sh
 exec "$@"'; }
 
-# machine DISTRIBUTION RELEASE [INSTALLED]: a new machine.
+# machine DISTRIBUTION RELEASE [INSTALLED]: makes a new machine.
 machine() {
     rm -rf "$root"
     mkdir -p "$root/etc/apt/sources.list.d" "$root/usr/share/vulkan/icd.d"
@@ -80,7 +80,7 @@ machine() {
         : >"$root/usr/share/vulkan/icd.d/lvp_icd.json"
     fi
 }
-# setup [VARIABLE=VALUE]...: runs the script there, as root unless TEST_USER says otherwise.
+# setup [VARIABLE=VALUE]...: runs the script on the machine, as root unless TEST_USER says otherwise.
 setup() {
     : >"$calls"
     status=0

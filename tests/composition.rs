@@ -78,7 +78,7 @@ fn links_lead_to_the_same_surface_point() {
     let steps = [0.0, 0.0, 0.07, 0.14, 0.21, 0.28];
     let flavour = Variant::new(2).expect("a variant");
     for (index, step) in steps.into_iter().enumerate() {
-        let mut request = base.clone();
+        let mut request = base;
         request.view.pose.position += right * step;
         request.shading.variant = VariantChoice::Forced(flavour);
         let picture = renderer.render(&request).expect("renders");

@@ -174,8 +174,8 @@ fn random_estimators_have_their_means() {
     // Estimator and flavour; a camera; the flavour of the mean; what must not pass for it. (On the ground, three projections are hardly more
     // than one.)
     for (estimator, flavour, camera, of, wrong) in [
-        (Biplanar, NearCliff, "cliff", NearCliff, (Exact, NearCliff)),
-        (Biplanar, FarCliff, "cliff", FarCliff, (Exact, FarCliff)),
+        (Biplanar, NearCliff, "cliff", NearCliff, (Exact, Splat)),
+        (Biplanar, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
         (Hex, NearCliff, "ground", NearCliff, (Exact, Splat)),
         (Hex, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
         (Stf, NearCliff, "ground", NearCliff, (Exact, Splat)),
@@ -240,7 +240,7 @@ fn estimators_agree_where_they_are_defined_alike() {
             uniform.push(i);
         }
     }
-    assert!(flat.len() > 500 && uniform.len() > 500, "{} flat and {} uniform pixels", flat.len(), uniform.len());
+    assert!(flat.len() > 250 && uniform.len() > 500, "{} flat and {} uniform pixels", flat.len(), uniform.len());
     let within =
         |a: &Picture, b: &Picture, at: &[usize]| at.iter().filter(|&&i| difference(a, b, i) <= 2.0).count() as f64 / at.len() as f64;
     // A normal near 30 degrees off may still mix; a hundredth of the pixels.

@@ -270,7 +270,7 @@ fn a_picture_does_not_depend_on_what_was_looked_at_before() {
     let mut request = request(&renderer, "cliff");
     request.outputs.keep_geometry = false;
     let first = renderer.render(&request).expect("renders");
-    let mut elsewhere = request.clone();
+    let mut elsewhere = request;
     elsewhere.view.pose = pose(&renderer, "vista");
     let other = renderer.render(&elsewhere).expect("renders");
     let again = renderer.render(&request).expect("renders");

@@ -18,7 +18,7 @@ fn rows() -> Vec<([u32; 2], u32)> {
 
 fn on_gpu(wgsl: &str) -> Vec<[u32; 2]> {
     // Probes have the stage's own text already.
-    let wgsl = wgsl.replace("geometry_", "stitching_").replace("GEOMETRY_", "STITCHING_");
+    let wgsl = wgsl.replace("geometry_", "stitching_");
     let body = format!(
         "{wgsl}\nfn probe(row: array<f32, 3>) -> array<f32, 2> {{
     let kept = stitching_stitch(vec2<u32>(u32(row[0]), u32(row[1])), u32(row[2]));

@@ -110,11 +110,12 @@ fn derivatives_before_the_eye_are_as_exact_high_up_as_at_the_sea() {
     let picture = renderer.render(&request).expect("renders");
     let on = terrain(&picture);
     let mut errors = Vec::new();
-    for i in (0..on.len()).step_by(97).filter(|&i| on[i]) {
+    for i in (0..on.len()).step_by(29).filter(|&i| on[i]) {
         let pixel = inspect(&mut renderer, &request, place(i, request.view.size)).expect("inspects").expect("terrain");
         let Some(triangle) = pixel.triangle else { continue };
         let towards = (DVec3::from_array(pixel.position) - pose.position) / pixel.distance_m;
-        if pixel.distance_m < 8.0 && towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
+        // Within 60 degrees of the normal a plane's slant at most doubles what the code's error makes of a step.
+        if pixel.distance_m < 8.0 && towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.5 {
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
     }

@@ -17,6 +17,8 @@ mod editing;
 #[cfg(test)]
 mod estimators;
 #[cfg(test)]
+mod examples;
+#[cfg(test)]
 mod experiments;
 #[cfg(test)]
 mod fixtures;

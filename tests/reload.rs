@@ -185,7 +185,7 @@ fn stages_are_built_anew_whose_files_changed_and_pages_with_them() {
         ("virtual_texture/page.wgsl", &["virtual texture"], true),
         ("virtual_texture/virtual_texture.wgsl", &["virtual texture", "shading"], true),
         ("shared/signal.wgsl", &["composition"], false),
-        ("frame.wgsl", &all, true),
+        ("view/frame.wgsl", &all, true),
     ];
     for (file, stages, pages_anew) in cases {
         folder.append(file, "// A remark.\n");

@@ -285,9 +285,10 @@ fn settings_reference_is_current() {
 
 #[test]
 fn the_built_in_scene_is_not_changed_by_its_settings() {
-    // The text that is written out has the defaults; a setting of another default would show here.
+    // The text that is written out has the defaults; a setting of another default would show here. The built-in scene has a light of its own.
     let written = scene::parse(DEFAULT_TEXT, scene::DEFAULT, Path::new("")).expect("built in");
-    for setting in scene::settings() {
+    let has_default = |key: &str| !key.starts_with("sun.") && !key.starts_with("sky.");
+    for setting in scene::settings().filter(|setting| has_default(setting.key)) {
         if let (Some(value), Some(default)) = (setting.get(&written), (setting.default)()) {
             assert_eq!(value, default, "{}", setting.key);
         }

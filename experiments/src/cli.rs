@@ -1,6 +1,6 @@
-//! The command line: a contract that scripts rely on.
+//! The command line. Scripts rely on it, so its options and output are stable.
 //!
-//! What can be told wrong without opening a file is refused here, as a usage error (exit 2).
+//! Everything that can be found wrong without opening a file is refused here, as a usage error (exit 2).
 
 use std::path::PathBuf;
 
@@ -14,11 +14,11 @@ use kernels::frame::{MAX_PIXELS, MAX_SIDE};
 use crate::settings::{FrameArgs, SceneArgs, scene_number};
 use crate::unit::Shard;
 
-/// Measures what a cheaper terrain material blend saves, and what it lets you see.
+/// Measures what a cheaper terrain material blend saves, and what visible errors it causes
 #[derive(Parser, Debug)]
 #[command(name = "experiments", version, subcommand_required = true, arg_required_else_help = true)]
 #[command(after_help = "\
-Exit status: 0 = done; 1 = the work failed (what, where and how to mend it is on stderr); 2 = the call was wrong.
+Exit status: 0 = done; 1 = the work failed (stderr says what failed, where, and how to fix it); 2 = the command line was wrong.
 
 Examples:
   experiments adapters
@@ -32,13 +32,13 @@ pub(crate) struct Cli {
 
 #[derive(Subcommand, Debug)]
 pub(crate) enum Command {
-    /// The main job in small, on the built-in world: frames, metrics, plots, report
+    /// Run a small experiment on the built-in world: frames, metrics, plots, report
     Demo(DemoArgs),
-    /// Run experiments from definition files: measure everything they ask for
+    /// Run experiments from definition files and measure everything that they ask for
     Run(RunArgs),
-    /// Run experiments small and fail where a result leaves its expected range
+    /// Run the small version of experiments; fail if a result is outside its expected range
     Check(CheckArgs),
-    /// Measure the ratios that the design promises, in one run
+    /// Measure the ratios that the design promises in one run
     Bench(BenchArgs),
     /// Render pictures of a scene
     Render(Box<RenderArgs>),
@@ -46,22 +46,22 @@ pub(crate) enum Command {
     Import(ImportArgs),
     /// Apply one shared function to the rows of a table, on the GPU or with its references
     Probe(ProbeArgs),
-    /// Hold shared functions at their extremes to f64, and codes, derivatives, hashes and noise to what is known of them; write tables and a report
+    /// Compare shared functions at extreme values with f64, and codes, derivatives, hashes and noise with known results; write tables and a report
     Stability(StabilityArgs),
-    /// Judge a picture against a reference: FLIP, MSE, MRSE, PSNR, SSIM
+    /// Compare a picture with a reference: FLIP, MSE, MRSE, PSNR, SSIM
     Compare(CompareArgs),
-    /// Say what a scene requires, and what it does not (flavours, variants, textures, passes, bytes), and list its settings
+    /// Show what a scene requires and what it does not (flavours, variants, textures, passes, bytes), and list its settings
     Explain(ExplainArgs),
-    /// Write the report of a run anew, from its rows
+    /// Write the report of a run again from its rows
     Report(ReportArgs),
-    /// List the graphics adapters of this machine and whether they will do
+    /// List the graphics adapters of this machine and whether they are usable
     Adapters(AdaptersArgs),
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-The demo is an experiment that is built in, experiments/definitions/demo.toml; DIR receives what `experiments run` writes for one. What was
-stopped goes on when the demo is called again in the same way; a finished demo, or one of other options, makes way.
+The demo is a built-in experiment, experiments/definitions/demo.toml. DIR receives the same files as those of `experiments run`. An
+interrupted demo continues when it is started again with the same options. A finished demo, or one with other options, is replaced.
 
 Example:
   experiments demo --out out/demo --seeds 32")]
@@ -72,7 +72,7 @@ pub(crate) struct DemoArgs {
     /// Size of the pictures, pixels
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     pub(crate) size: [u32; 2],
-    /// Number of seeds over which bias and variance are taken
+    /// Number of seeds for bias and variance
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=4096))]
     pub(crate) seeds: u32,
     /// Camera of the built-in scene
@@ -83,50 +83,50 @@ pub(crate) struct DemoArgs {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Results go to DIR/<name of the experiment>: report.html, report.md, metrics.parquet, metrics.csv, times.parquet, times.csv,
-manifest.json, pictures/, reference/. An expectation that does not hold is said and changes nothing; `experiments check` fails over one.
-What was stopped, by Ctrl-C or worse, goes on with --resume, and its metrics are the same as if it had not been. Shards may run on
-several machines with equal adapters; `experiments report DIR/<name>` reads them together.
+manifest.json, pictures/, reference/. An expectation that does not hold is only reported; `experiments check` fails because of it.
+--resume continues a run that was stopped, by Ctrl-C or a crash; its metrics are those of an uninterrupted run. Shards may run on
+several machines with equal adapters; `experiments report DIR/<name>` combines them.
 
 Examples:
   experiments run experiments/definitions/noise.toml --out out
   experiments run experiments/definitions/noise.toml --out out --resume
   experiments run experiments/definitions/noise.toml --out out --shard 2/4")]
 pub(crate) struct RunArgs {
-    /// Definition files, run one after the other
+    /// Definition files, run one after another
     #[arg(value_name = "DEFINITION.toml", required = true)]
     pub(crate) definitions: Vec<PathBuf>,
-    /// Folder that receives a folder for each experiment; created if missing
+    /// Folder in which each experiment gets its own folder; created if missing
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub(crate) out: PathBuf,
-    /// Go on with a run that was stopped
+    /// Continue a run that was stopped
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Do only the K-th of N pieces, 1 <= K <= N
+    /// Run only the K-th of N shards, 1 <= K <= N
     #[arg(long, value_name = "K/N")]
     pub(crate) shard: Option<Shard>,
-    /// Worker threads for what the processor makes [default: one for each of its cores]
+    /// Number of worker threads on the CPU [default: one for each core]
     #[arg(long, value_name = "J", value_parser = jobs)]
     pub(crate) jobs: Option<usize>,
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Each definition is run with what its [small] changes. Exit 1 names the claims that do not hold.
+Each definition is run with the changes of its [small] section. On exit status 1, stderr names the claims that do not hold.
 
 Example:
   experiments check experiments/definitions/*.toml")]
 pub(crate) struct CheckArgs {
-    /// Definition files, checked one after the other
+    /// Definition files, checked one after another
     #[arg(value_name = "DEFINITION.toml", required = true)]
     pub(crate) definitions: Vec<PathBuf>,
-    /// Folder that keeps the results; without it they are removed
+    /// Folder for the results; without it they are deleted
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Times of a software adapter are only comparable with each other; that is why ratios are printed.
+Times of a software adapter can only be compared with each other, so ratios are printed.
 
 Example:
   experiments bench --size 960x540 --record notebooks-data/bench.csv")]
@@ -134,7 +134,7 @@ pub(crate) struct BenchArgs {
     /// Size of the pictures, pixels
     #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = size)]
     pub(crate) size: [u32; 2],
-    /// Times each picture is taken; the median counts
+    /// Number of times that each picture is rendered; the median is used
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeats: u32,
     /// CSV file that receives every median
@@ -145,25 +145,25 @@ pub(crate) struct BenchArgs {
 #[derive(Args, Debug)]
 #[command(group = ArgGroup::new("view").required(true).args(["camera", "pose", "path"]))]
 #[command(after_help = "\
-A picture in .exr is linear, with a layer per AOV; one in .png is for looking at.
-With --path or --frames, frame numbers go between stem and extension: out.exr becomes out-0000.exr, out-0001.exr, ...
+An .exr picture is linear and has a layer for each AOV; a .png picture is for viewing.
+With --path or --frames, the frame number is inserted before the extension: out.exr becomes out-0000.exr, out-0001.exr, ...
 
 Estimators (fetches on near cliff, far cliff, splat):
   fc5        Far Cry 5: random choices on cliffs (12, 8, 48)
-  exact      their mean (48, 96, 48)
-  biplanar   as fc5, by the two projections faced most (8, 8, 32)
+  exact      mean of those choices (48, 96, 48)
+  biplanar   as fc5, with the two projections of largest weight (8, 8, 32)
   hex        as fc5, hex-tiled instead of a second tiling scale (30, 10, 120)
-  stf        one tap of one texel, all by chance (4, 4, 4)
-  laplacian  coarse and fine blended apart (60, 60, 60)
-  luna8      eight layers from above, one over the other (28, 28, 28)
-  snapped    one projection, of five (16, 16, 16)
+  stf        one random tap of one texel (4, 4, 4)
+  laplacian  coarse and fine detail blended separately (60, 60, 60)
+  luna8      eight layers projected from above and blended over one another (28, 28, 28)
+  snapped    one of five projections (16, 16, 16)
 
 Layers of --aov:
   albedo    linear colour before lighting
   normal    unit normal, world axes
   depth     metres along the view direction; 0 = no terrain
-  mask      flavours the rules give the pixel: sum of vt 1, far-atlas 2, near-cliff 4, far-cliff 8, splat 16
-  variant   flavours the pixel's tile ran, summed alike
+  mask      flavours that the rules give the pixel: sum of vt 1, far-atlas 2, near-cliff 4, far-cliff 8, splat 16
+  variant   flavours that the pixel's tile was shaded with, as the same sum
   fetches   texture fetches of the pixel
   choice    first random choice: 1 + splat texel + 4 x projection; 0 = none
   position  world position, metres
@@ -182,7 +182,7 @@ pub(crate) struct RenderArgs {
     /// A camera of the scene
     #[arg(long, value_name = "NAME")]
     pub(crate) camera: Option<String>,
-    /// Where to stand and look: metres (Z is elevation), compass bearing and degrees above the horizon
+    /// Camera position in metres (Z is elevation), compass bearing and degrees above the horizon
     #[arg(long, value_name = "X,Y,Z,YAW,PITCH", allow_hyphen_values = true, value_parser = pose)]
     pub(crate) pose: Option<[f64; 5]>,
     /// A camera path of the scene
@@ -201,17 +201,17 @@ pub(crate) struct RenderArgs {
     pub(crate) frame: FrameArgs,
     #[command(flatten)]
     pub(crate) scene_settings: SceneArgs,
-    /// Render the converged 96-fetch truth with this many samples per pixel instead
+    /// Render the converged 96-fetch reference instead, with this many samples per pixel
     #[arg(long, value_name = "SPP", conflicts_with_all = ["variant", "generic", "estimator", "noise", "two-tilings"], value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub(crate) reference: Option<u32>,
-    /// Layers to write beside the picture: albedo, normal, depth, mask, variant, fetches, choice, position, ddx, ddy (.exr only;
-    /// each is explained below)
+    /// Layers to write into the picture: albedo, normal, depth, mask, variant, fetches, choice, position, ddx, ddy (.exr only; each is explained
+    /// below)
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true, value_parser = AOV_NAMES)]
     pub(crate) aov: Vec<String>,
-    /// The picture: .exr or .png
+    /// Output file: .exr or .png
     #[arg(long, value_name = "FILE.exr|FILE.png", value_parser = picture)]
     pub(crate) out: PathBuf,
-    /// Print a summary that a program can read
+    /// Print a summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -234,58 +234,58 @@ pub(crate) struct ImportArgs {
     /// Elevations of the smallest and largest sample value, metres
     #[arg(long, value_name = "LO,HI", allow_hyphen_values = true, value_parser = height_range)]
     pub(crate) height_range: Option<[f64; 2]>,
-    /// Folder of material folders (albedo, normal, height, roughness images); without it, procedural materials
+    /// Folder with a folder of images per material (albedo, normal, height, roughness); without it, procedural materials are used
     #[arg(long, value_name = "DIR")]
     pub(crate) materials: Option<PathBuf>,
     /// Width and height of a .raw file; without it, it must be square
     #[arg(long, value_name = "WxH", value_parser = raw_size)]
     pub(crate) raw_size: Option<[u32; 2]>,
-    /// A .raw file's samples are big-endian
+    /// The samples of a .raw file are big-endian
     #[arg(long)]
     pub(crate) raw_big_endian: bool,
     /// Read only this part: left, top, width, height, in samples
     #[arg(long, value_name = "X,Y,W,H", value_parser = window)]
     pub(crate) window: Option<[u32; 4]>,
-    /// Procedural relief added below the data's resolution, metres; without it, walls in coarse data are ramps
+    /// Procedural relief added below the resolution of the data, metres; without it, cliffs in coarse data are smooth ramps
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true, value_parser = detail)]
     pub(crate) detail: f64,
-    /// Folder of the new scene; must be empty or not exist
+    /// Folder of the new scene; must be empty or not exist yet
     #[arg(long, value_name = "SCENE_DIR")]
     pub(crate) out: PathBuf,
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-The table is CSV with a header; columns are found by name, others are passed over. `probe --list` prints kernels, columns and units.
+The table is CSV with a header. Columns are found by name; others are ignored. `probe --list` prints kernels, columns and units.
 
 Examples:
   experiments probe --list
   experiments probe octahedral --on f64 --input normals.csv --output decoded.csv")]
 pub(crate) struct ProbeArgs {
-    /// Which function
+    /// Shared function to evaluate
     #[arg(value_name = "KERNEL", required_unless_present = "list")]
     pub(crate) kernel: Option<String>,
-    /// Where: the GPU, or the reference in f32 or f64
+    /// Evaluate on the GPU, or with the reference in f32 or f64
     #[arg(long, value_enum, default_value_t = On::Gpu)]
     pub(crate) on: On,
     /// Table to read
     #[arg(long, value_name = "IN.csv", required_unless_present = "list")]
     pub(crate) input: Option<PathBuf>,
-    /// Table to write: the input's columns, then the results
+    /// Table to write: the columns of the input, then the results
     #[arg(long, value_name = "OUT.csv", required_unless_present = "list")]
     pub(crate) output: Option<PathBuf>,
     /// Print kernels, columns, units
     #[arg(long, conflicts_with_all = ["kernel", "input", "output"])]
     pub(crate) list: bool,
-    /// Print the list for a program
+    /// Print the list as JSON
     #[arg(long, requires = "list")]
     pub(crate) json: bool,
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Fails where a result is not finite or farther from the reference than is derived, or a number is out of its range; tables and report
-are written all the same. The table of extremes is TOML: copy experiments/src/stability/extremes.toml.
+Fails if a result is not finite, if its error exceeds the derived tolerance, or if a number is outside its range;
+tables and report are written in any case. The table of extremes is TOML: copy experiments/src/stability/extremes.toml.
 
 Examples:
   experiments stability
@@ -294,13 +294,13 @@ pub(crate) struct StabilityArgs {
     /// Table of extremes [default: built in]
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) extremes: Option<PathBuf>,
-    /// Parts to measure, separated by commas [default: all; with --extremes `kernels`]
+    /// Parts to measure, separated by commas [default: all; `kernels` with --extremes]
     #[arg(long, value_enum, value_name = "PARTS", value_delimiter = ',')]
     pub(crate) only: Vec<Part>,
-    /// Measure kernels on every usable adapter of this machine, and say what differs
+    /// Measure kernels on every usable adapter of this machine, and report differences
     #[arg(long)]
     pub(crate) every_adapter: bool,
-    /// Folder for results.csv, directions.csv, noise.csv, report.md and report.html; tables of parts that are not measured stay as they are there
+    /// Folder for results.csv, directions.csv, noise.csv, report.md and report.html; existing tables of parts that are not measured are kept
     #[arg(long, value_name = "DIR", default_value = "out/stability")]
     pub(crate) out: PathBuf,
 }
@@ -324,12 +324,12 @@ impl Part {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 With t the test and r the reference, linear colour (PNG and JPEG are decoded from sRGB):
-  flip  what a viewer sees who flips between the two, 0 (nothing) to 1: LDR-FLIP of their sRGB encodings in 8 bits; mean over
+  flip  difference that a viewer sees when flipping between the two, 0 (none) to 1: LDR-FLIP of 8-bit sRGB encodings; mean over
         pixels, quartiles of the sum of errors, and maximum
   mse   mean of (t - r)^2 over pixels and channels
   mrse  mean of (t - r)^2 / (r^2 + 0.01) over pixels and channels
   psnr  10 log10(1 / mse) of their sRGB encodings, dB; infinite (null in JSON) where they are equal
-  ssim  structural similarity of their sRGB encodings, -1 to 1 (alike): Gaussian window of 11x11, sigma 1.5; none (null in JSON)
+  ssim  structural similarity of their sRGB encodings, -1 to 1 (equal): Gaussian window of 11x11, sigma 1.5; none (null in JSON)
         where no window fits
 Encodings are clamped to 0..1. Layers of vectors and numbers have no encoding: they are compared by mse and mrse.
 
@@ -343,22 +343,22 @@ pub(crate) struct CompareArgs {
     /// The reference: what the test should look like
     #[arg(value_name = "B")]
     pub(crate) reference: PathBuf,
-    /// What to measure, from flip, mse, mrse, psnr, ssim [default: all that the channels allow]
+    /// Metrics, from flip, mse, mrse, psnr, ssim [default: all that are possible for the channels]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = metric)]
     pub(crate) metric: Vec<Metric>,
-    /// Layer of both, such as `albedo` (.exr only) [default: the picture itself]
+    /// Layer to compare in both pictures, such as `albedo` (.exr only) [default: the picture itself]
     #[arg(long, value_name = "NAME")]
     pub(crate) layer: Option<String>,
-    /// Count only pixels of terrain, whose alpha in B is 1; elsewhere A is made equal to B before flip and ssim look
+    /// Compare only terrain pixels, whose alpha in B is 1; elsewhere A is set equal to B before flip and ssim are computed
     #[arg(long)]
     pub(crate) terrain: bool,
-    /// Write the map of FLIP errors in the colours of magma (0 is black, 1 pale yellow), whatever --metric prints
+    /// Write a map of FLIP errors in the magma colour map (0 is black, 1 pale yellow), for any --metric
     #[arg(long, value_name = "FILE.png", value_parser = png)]
     pub(crate) map: Option<PathBuf>,
-    /// Pixels in a degree of the viewer's sight, for flip, 4 to 400
+    /// Pixels per degree of the viewer's field of view, for flip, 4 to 400
     #[arg(long, value_name = "N", default_value_t = flip::PIXELS_PER_DEGREE, allow_hyphen_values = true, value_parser = pixels_per_degree)]
     pub(crate) pixels_per_degree: f32,
-    /// Print for a program
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -372,31 +372,31 @@ pub(crate) struct ExplainArgs {
     /// `default`, a .toml file, or a folder with scene.toml
     #[arg(value_name = "SCENE")]
     pub(crate) scene: String,
-    /// Print for a program
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Writes report.html, one file that can be mailed, and report.md, for a pull request, into the folder.
+Writes report.html, a single file that can be mailed, and report.md, for pull requests, into the folder.
 
 Example:
   experiments report out/hash-scale")]
 pub(crate) struct ReportArgs {
-    /// Folder that a run was written to
+    /// Folder of a run
     #[arg(value_name = "DIR")]
     pub(crate) run: PathBuf,
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct AdaptersArgs {
-    /// Print for a program
+    /// Print the list as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// Where `probe` evaluates.
+/// Where `probe` evaluates a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum On {
     /// The shader
@@ -408,7 +408,7 @@ pub(crate) enum On {
 }
 
 impl Cli {
-    /// Parses the command line; a wrong call ends the process here with one line and exit 2.
+    /// Parses the command line; on a wrong command line it prints one line and ends the process with exit status 2.
     pub(crate) fn read() -> Cli {
         let cli = Cli::try_parse().unwrap_or_else(|error| refuse(&error));
         if let Err((command, what)) = cli.check() {
@@ -419,35 +419,35 @@ impl Cli {
         cli
     }
 
-    /// What clap's attributes cannot say.
+    /// Checks that clap's attributes cannot express.
     fn check(&self) -> Result<(), (&'static str, String)> {
         match &self.command {
             Command::Render(args) if !args.aov.is_empty() && extension(&args.out) == "png" => {
-                Err(("render", "--aov needs an .exr: a .png holds no layers".to_owned()))
+                Err(("render", "--aov needs an .exr: a .png has no layers".to_owned()))
             }
             Command::Stability(args)
                 if !args.only.is_empty() && !args.only.contains(&Part::Kernels) && (args.every_adapter || args.extremes.is_some()) =>
             {
-                Err(("stability", "--extremes and --every-adapter are of kernels: add `kernels` to --only, or leave them out".to_owned()))
+                Err(("stability", "--extremes and --every-adapter apply to kernels: add `kernels` to --only, or omit them".to_owned()))
             }
             _ => Ok(()),
         }
     }
 }
 
-/// Ends the process: help and version as they are, an error as one line and exit 2.
+/// Ends the process: help and version are printed unchanged; an error is printed as one line, with exit status 2.
 fn refuse(error: &clap::Error) -> ! {
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         error.exit();
     }
     let text = error.to_string();
-    // What follows the first of these is about calls in general; `--help` says it better.
+    // Everything after the first of these marks is general usage advice; `--help` explains it better.
     let end = ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| text.find(mark)).min().unwrap_or(text.len());
     eprintln!("{} (`--help` explains)", one_line(&text[..end]));
     std::process::exit(2)
 }
 
-/// A file's extension in small letters.
+/// A file's extension in lower case.
 pub(crate) fn extension(path: &std::path::Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase()
 }
@@ -478,9 +478,9 @@ fn raw_size(text: &str) -> Result<[u32; 2], String> {
     if width >= 2 && height >= 2 { Ok([width, height]) } else { Err("a heightmap has at least 2 samples a side".to_owned()) }
 }
 
-/// `N` numbers joined by commas, all finite.
+/// Parses `N` finite numbers separated by commas.
 fn numbers<const N: usize>(text: &str, shape: &str) -> Result<[f64; N], String> {
-    let wrong = || format!("give {shape}: {N} numbers joined by commas");
+    let wrong = || format!("give {shape}: {N} numbers separated by commas");
     let parts: Vec<f64> = text.split(',').map(|part| part.trim().parse::<f64>().map_err(|_| wrong())).collect::<Result<_, _>>()?;
     let all: [f64; N] = parts.try_into().map_err(|_| wrong())?;
     if all.iter().all(|v| v.is_finite()) { Ok(all) } else { Err(format!("{shape} must be finite numbers")) }
@@ -492,7 +492,7 @@ fn pose(text: &str) -> Result<[f64; 5], String> {
         return Err("X, Y and Z are metres, at most 10 000 000 from the origin".to_owned());
     }
     if pose[3].abs() > 3600.0 || pose[4].abs() > 90.0 {
-        return Err("YAW is a compass bearing in degrees, PITCH lies in -90..=90".to_owned());
+        return Err("YAW is a compass bearing in degrees, PITCH must lie in -90..=90".to_owned());
     }
     Ok(pose)
 }
@@ -518,7 +518,7 @@ fn height_range(text: &str) -> Result<[f64; 2], String> {
 }
 
 fn window(text: &str) -> Result<[u32; 4], String> {
-    let shape = "give X,Y,W,H: 4 whole numbers joined by commas, W and H at least 2";
+    let shape = "give X,Y,W,H: 4 whole numbers separated by commas, W and H at least 2";
     let parts: Vec<u32> = text.split(',').map(|part| part.trim().parse().map_err(|_| shape.to_owned())).collect::<Result<_, _>>()?;
     let all: [u32; 4] = parts.try_into().map_err(|_| shape.to_owned())?;
     if all[2] >= 2 && all[3] >= 2 { Ok(all) } else { Err(shape.to_owned()) }

@@ -1,4 +1,4 @@
-//! What a definition expects, held against what was measured.
+//! Compares what a definition expects with what was measured.
 
 use std::collections::BTreeMap;
 
@@ -9,20 +9,20 @@ use crate::definition::{Definition, Expectation, setting_text};
 use crate::metrics;
 use crate::row::{Field, Row};
 
-/// What became of an expectation.
+/// The result of an expectation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// What was claimed.
     pub claim: String,
-    /// Of which metric.
+    /// The metric that the claim is about.
     pub metric: String,
-    /// What was found; NaN where nothing could be.
+    /// The measured value; NaN if there is none.
     pub value: f64,
     /// Smallest and largest value expected.
     pub range: [f64; 2],
-    /// Whether the value lies in the range. Nothing found, or no number, does not.
+    /// Whether the value lies in the range; false if there is no value or it is NaN.
     pub met: bool,
-    /// How the value came about, or why there is none.
+    /// How the value was computed, or why there is none.
     pub why: String,
 }
 
@@ -34,7 +34,7 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// A number in six digits.
+/// A number with six digits.
 fn short(value: f64) -> String {
     match value.abs() {
         size if size == 0.0 || (1.0e-3..1.0e6).contains(&size) => {
@@ -45,11 +45,11 @@ fn short(value: f64) -> String {
     }
 }
 
-/// One verdict for each expectation, in their order.
+/// One verdict for each expectation, in order.
 ///
-/// The value is the mean over the rows of the metric that agree with `where`; with `over`, divided by that of the rows which agree with `where` as
-/// `over` changes it. Where no `frame` is named and the metric has rows over all frames, those count alone. A selection that finds nothing, a mean that
-/// is no finite number, and a ratio to 0 are failures.
+/// The value is the mean over the rows of the metric that match `where`. With `over`, it is divided by the mean over the rows that match `where` as
+/// changed by `over`. If no `frame` is named and the metric has rows over all frames, only those are used. A selection without rows, a mean that is
+/// not finite, and a ratio to 0 are failures.
 pub fn evaluate(definition: &Definition, rows: &[Row], times: &[Row]) -> Vec<Verdict> {
     definition.expectations.iter().map(|expectation| judge(expectation, rows, times)).collect()
 }
@@ -82,7 +82,7 @@ fn value(expectation: &Expectation, rows: &[Row], times: &[Row]) -> Result<(f64,
     let (second, other_count) = of(&metric, &selection)?;
     let ratio = first / second;
     if !ratio.is_finite() {
-        return Err(format!("{} over {} is no number", short(first), short(second)));
+        return Err(format!("{} over {} is not a number", short(first), short(second)));
     }
     Ok((ratio, format!("{} over {}, means of {count} and {other_count} rows", short(first), short(second))))
 }
@@ -108,7 +108,7 @@ fn agrees(row: &Row, column: &str, value: &Value) -> bool {
         Some(Field::Count(get, _)) => get(row).map(i64::from) == value.as_integer(),
         Some(Field::Number(get, _)) => {
             let wanted = value.as_float().or_else(|| value.as_integer().map(|number| number as f64));
-            // A band's centre, written in a few digits.
+            // The centre of a band is written with a few digits only.
             get(row).zip(wanted).is_some_and(|(found, wanted)| (found - wanted).abs() <= 1e-6 * wanted.abs().max(1.0))
         }
         Some(Field::Value(..)) | None => false,
@@ -151,7 +151,7 @@ mod tests {
         let mean = of("rmse", "variant = 'auto'", None, [2.0, 2.0]);
         assert!(mean.met && mean.value == 2.0, "{mean}");
         assert!(!of("rmse", "variant = 'auto'", None, [2.1, 9.0]).met);
-        // Rows over all frames count alone, unless a frame is named.
+        // Only rows over all frames are used, unless a frame is named.
         assert_eq!(of("rmse", "variant = 'splat'", None, [0.0, 9.0]).value, 8.0);
         assert_eq!(of("rmse", "variant = 'splat'\nframe = 0", None, [0.0, 9.0]).value, 100.0);
         assert_eq!(of("flicker", "variant = 'auto'\nlag = 2", None, [0.0, 1.0]).value, 0.25);

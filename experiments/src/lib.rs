@@ -1,6 +1,7 @@
-//! Experiments on the terrain stack: what they are ([`definition`]), the numbers they make ([`row`]), where those are kept, and the command line.
+//! Experiments on the terrain stack: their definitions ([`definition`]), the numbers that they measure ([`row`]), the folders that hold those
+//! numbers, and the command line.
 //!
-//! The program is [`main`]; everything else is a library, so that an application can run the same experiments.
+//! The program is [`main`]; everything else is a library, so that other applications can run the same experiments.
 
 pub mod definition;
 pub mod expectations;
@@ -23,7 +24,7 @@ use std::process::ExitCode;
 
 use crate::cli::Cli;
 
-/// The program: reads the command line, runs the command, says in one line what failed.
+/// The program: reads the command line and runs the command; on failure it prints one line that says what failed.
 pub fn main() -> ExitCode {
     process::report_panics();
     let outcome = panic::catch_unwind(|| {

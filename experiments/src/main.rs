@@ -1,4 +1,4 @@
-//! The command line of Scree; see the library of the same name.
+//! The command line of Scree; see the library `experiments`.
 
 use std::process::ExitCode;
 

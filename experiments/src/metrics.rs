@@ -1,8 +1,8 @@
-//! Everything that is measured, in one table: names, units, what is needed. METHODOLOGY has the formulas.
+//! All metrics in one table: names, units, and what each needs. METHODOLOGY has the formulas.
 
 use kernels::base::names::suggestion;
 
-/// What a metric cannot be measured without.
+/// What is needed to measure a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Needs {
     /// A picture.
@@ -11,11 +11,11 @@ pub enum Needs {
     Seeds,
     /// At least two frames.
     Frames,
-    /// A clock: the number is another each time.
+    /// A clock: the number is different each time.
     Clock,
 }
 
-/// What further column tells the metric's rows apart.
+/// The additional column that distinguishes the rows of a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// None.
@@ -26,28 +26,28 @@ pub enum Axis {
     Frequency,
 }
 
-/// Smallest side of the square that spectra are taken of, pixels.
+/// Smallest side of the square from which spectra are computed, pixels.
 pub const SMALLEST_SIDE: u32 = 64;
-/// Frames between two that are compared: 1 to this many.
+/// Largest number of frames between two compared frames: lags are 1 to this.
 pub const LAGS: u32 = 4;
 
 /// A metric.
 #[derive(Clone, Copy, Debug)]
 pub struct Metric {
-    /// Name in tables and definitions. Of device times it is what stands before the colon: `gpu_ms:shading`.
+    /// Name in tables and definitions. For device times it is the part before the colon of `gpu_ms:shading`.
     pub name: &'static str,
     /// Unit of its value; `1` = a pure number.
     pub unit: &'static str,
     /// What it needs.
     pub needs: Needs,
-    /// What tells its rows apart.
+    /// The additional column that distinguishes its rows.
     pub axis: Axis,
-    /// What it says, one sentence.
+    /// Its meaning, one sentence.
     pub meaning: &'static str,
 }
 
 impl Metric {
-    /// Whether it is the same whenever it is measured again on the same adapter.
+    /// Whether the value is the same whenever it is measured again on the same adapter.
     pub fn is_deterministic(&self) -> bool {
         self.needs != Needs::Clock
     }
@@ -72,9 +72,9 @@ metrics! {
     FETCHES_PER_PX = "fetches_per_px", "fetches/px", Picture, None,
         "Texture fetches counted in the shader, mean over terrain pixels.";
     TILE_FETCHES_PER_PX = "tile_fetches_per_px", "fetches/px", Picture, None,
-        "Promised fetches of the variant that a pixel's tile runs, mean over terrain pixels: what lanes that march together pay.";
+        "Promised fetches of the variant that shades a pixel's tile, mean over terrain pixels: the cost of lanes that run in lockstep.";
     BIAS = "bias", "linear albedo", Seeds, None,
-        "Mean over seeds less the exact blend of the same flavours, mean over pixels.";
+        "Mean over seeds minus the exact blend of the same flavours, mean over pixels.";
     VARIANCE = "variance", "linear albedo^2", Seeds, None,
         "Unbiased variance over seeds, mean over pixels and channels.";
     VARIANCE_THEORY = "variance_theory", "linear albedo^2", Seeds, None,
@@ -92,13 +92,13 @@ metrics! {
     FLIP = "flip", "1", Picture, None,
         "Mean FLIP difference from the converged reference, of display values; 0 = the same.";
     FLIP_RATE = "flip_rate", "1", Frames, Lag,
-        "Share of surface points whose stochastic choice differs from that some frames before, by exact reprojection.";
+        "Share of surface points whose stochastic choice differs from that of an earlier frame, by exact reprojection.";
     DIFFERENCE = "difference", "linear luminance", Frames, Lag,
-        "Mean absolute luminance difference from some frames before, by exact reprojection.";
+        "Mean absolute luminance difference from an earlier frame, by exact reprojection.";
     FLICKER = "flicker", "linear luminance", Frames, Lag,
-        "That difference less the difference of the reference sequence.";
+        "Metric `difference` minus that of the reference sequence.";
     FLICKER_P95 = "flicker_p95", "linear luminance", Frames, Lag,
-        "As flicker, the 95th percentile in place of the mean.";
+        "Like flicker, but the 95th percentile instead of the mean.";
     CLUMPING = "clumping", "1", Picture, None,
         "Variance of block means of the noise relative to that of white noise of the same variance; 1 = white, more = blotches.";
     POWER = "power", "1", Picture, Frequency,
@@ -106,7 +106,7 @@ metrics! {
     TAA_REJECTIONS = "taa_rejections", "1", Frames, None,
         "Share of history samples that a 3 x 3 colour box clips.";
     DISOCCLUDED = "disoccluded", "1", Frames, Lag,
-        "Share of the terrain pixels followed that have no history some frames before.";
+        "Share of the followed terrain pixels that have no history in an earlier frame.";
     REFERENCE_SE = "reference_se", "linear albedo", Picture, None,
         "Standard error of the reference, root mean square over pixels.";
     REFERENCE_SPP = "reference_spp", "samples/px", Picture, None,
@@ -114,14 +114,14 @@ metrics! {
     REFERENCE_DIFFERENCE = "reference_difference", "linear luminance", Frames, Lag,
         "The difference of the reference sequence.";
     REFERENCE_DIFFERENCE_P95 = "reference_difference_p95", "linear luminance", Frames, Lag,
-        "As reference_difference, the 95th percentile.";
+        "Like reference_difference, but the 95th percentile.";
     TERRAIN = "terrain", "1", Picture, None,
-        "Share of pixels that show terrain: those that everything else is taken over.";
+        "Share of pixels that show terrain; all other metrics are computed over these pixels.";
     TIME = "gpu_ms", "ms", Clock, None,
-        "Device time of a pass; a software adapter's is good for ratios only.";
+        "Device time of a pass; on a software adapter only ratios are meaningful.";
 }
 
-/// What is taken against the converged reference.
+/// Metrics that compare with the converged reference.
 pub const ERRORS: [&str; 6] = [MSE, RMSE, MRSE, PSNR, SSIM, FLIP];
 
 /// Name of the shading pass's device time.
@@ -140,7 +140,7 @@ pub fn timed_pass(name: &str) -> Option<&str> {
     }
 }
 
-/// The metric of this name; `gpu_ms:PASS` is one whatever the pass.
+/// The metric of this name; `gpu_ms:PASS` is accepted for every pass.
 pub fn find(name: &str) -> Option<&'static Metric> {
     let stem = match timed_pass(name) {
         Some(_) => TIME,
@@ -150,14 +150,14 @@ pub fn find(name: &str) -> Option<&'static Metric> {
     METRICS.iter().find(|metric| metric.name == stem)
 }
 
-/// The metric of this name, or what to say where there is none.
+/// The metric of this name, or a message if there is none.
 ///
 /// # Errors
 /// One line that names the nearest known metric.
 pub fn known(name: &str) -> Result<&'static Metric, String> {
     find(name).ok_or_else(|| {
         if name == TIME {
-            return format!("`{TIME}` is of a pass: write `{SHADING_TIME}`");
+            return format!("`{TIME}` needs a pass: write `{SHADING_TIME}`");
         }
         let names = METRICS.map(|metric| metric.name);
         format!("`{name}` is no metric: {}", suggestion(name, &names))

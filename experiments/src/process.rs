@@ -1,4 +1,4 @@
-//! State of the whole process: the request to stop, and how panics and errors are reported.
+//! State of the whole process: requests to stop, and how panics and errors are reported.
 
 use std::cell::Cell;
 use std::panic;
@@ -19,7 +19,7 @@ pub(crate) fn quietly<T>(work: impl FnOnce() -> T) -> Option<T> {
     outcome.ok()
 }
 
-/// Reports panics in one line, as defects of this program: they must not look like the user's fault, nor fill the terminal with a trace.
+/// Reports panics in one line, as bugs of this program: they must not look like the user's mistake or fill the terminal with a stack trace.
 pub(crate) fn report_panics() {
     panic::set_hook(Box::new(|info| {
         if QUIET.get() {
@@ -28,7 +28,7 @@ pub(crate) fn report_panics() {
         let text = info.payload().downcast_ref::<&str>().map(|s| (*s).to_owned());
         let text = text.or_else(|| info.payload().downcast_ref::<String>().cloned()).unwrap_or_else(|| "no text".to_owned());
         let place = info.location().map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
-        eprintln!("internal error: {}{place}; please report it, with the command that was run", one_line(&text));
+        eprintln!("internal error: {}{place}; please report it with the command that you ran", one_line(&text));
     }));
 }
 
@@ -40,14 +40,14 @@ pub(crate) fn error_line(error: &anyhow::Error) -> String {
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// From here on Ctrl-C asks for a clean stop ([`check_interrupted`]); a second one ends the process at once.
+/// After this call, Ctrl-C requests a clean stop ([`check_interrupted`]); a second Ctrl-C ends the process at once.
 pub(crate) fn watch_interrupts() -> Result<()> {
     ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            // 128 + SIGINT, as shells expect.
+            // 128 + SIGINT, the exit status that shells expect.
             std::process::exit(130);
         }
-        eprintln!("stopping; what is under way is not kept; once more to stop at once");
+        eprintln!("stopping; unfinished work is discarded; press Ctrl-C again to stop at once");
     })
     .context("cannot watch for Ctrl-C")
 }
@@ -55,7 +55,7 @@ pub(crate) fn watch_interrupts() -> Result<()> {
 /// Fails once Ctrl-C was pressed.
 pub(crate) fn check_interrupted() -> Result<()> {
     if INTERRUPTED.load(Ordering::SeqCst) {
-        bail!("stopped by Ctrl-C; what was finished before is complete");
+        bail!("stopped by Ctrl-C; finished parts are complete");
     }
     Ok(())
 }

@@ -1,12 +1,12 @@
-//! One measured number and all it takes to know what it is: the row of `metrics.parquet` and `metrics.csv`.
+//! One measured number with everything that identifies it: the row of `metrics.parquet` and `metrics.csv`.
 
 use std::cmp::Ordering;
 
 use serde::{Deserialize, Serialize};
 
-/// A number of a run. Tidy: one value a row; a column that does not apply is empty (text) or absent (number).
+/// A number of a run. Tables are tidy: one value per row. A column that does not apply is empty (text) or absent (number).
 ///
-/// The order of the fields is the order of the columns ([`COLUMNS`]), and [`Row::order`] sorts by them in turn.
+/// The order of the fields is the order of the columns ([`COLUMNS`]); [`Row::order`] sorts by the columns in this order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Name of the definition.
@@ -15,23 +15,23 @@ pub struct Row {
     pub scene: String,
     /// Name of the view: a camera, a path, or a camera with a motion.
     pub view: String,
-    /// `auto`, `generic`, or the variant forced on every tile, as `vt+near-cliff`.
+    /// `auto`, `generic`, or the variant forced on every tile, such as `vt+near-cliff`.
     pub variant: String,
-    /// Estimator of the stochastic flavours, as `fc5`.
+    /// Estimator of the stochastic flavours, such as `fc5`.
     pub estimator: String,
-    /// Noise of the stochastic flavours, as `hashed`.
+    /// Noise of the stochastic flavours, such as `hashed`.
     pub noise: String,
-    /// Temporal resolve, as `off`.
+    /// Temporal resolve, such as `off`.
     pub temporal: String,
-    /// The parameter that the definition varies, as `blend.hash_scale`; empty = none.
+    /// The parameter that the definition varies, such as `blend.hash_scale`; empty = none.
     pub parameter: String,
     /// Its value, as text; empty = none.
     pub setting: String,
-    /// Frame index; absent = over all frames.
+    /// Frame index; absent = the value is over all frames.
     pub frame: Option<u32>,
-    /// Frames between the two that are compared, k = 1..4; absent = the metric compares none.
+    /// Number of frames between the two compared frames, k = 1..4; absent = the metric does not compare frames.
     pub lag: Option<u32>,
-    /// Centre of a band of a spectrum, cycles per pixel; absent = the metric is no spectrum.
+    /// Centre of a frequency band of a spectrum, cycles per pixel; absent = the metric is not a spectrum.
     pub frequency: Option<f64>,
     /// Name of the metric, as METHODOLOGY defines it.
     pub metric: String,
@@ -39,20 +39,20 @@ pub struct Row {
     pub unit: String,
     /// The number.
     pub value: f64,
-    /// Standard error of the value, in its unit; absent = not known or none.
+    /// Standard error of the value, in its unit; absent = unknown or none.
     pub standard_error: Option<f64>,
 }
 
-/// What a column holds, and how it is reached.
+/// The type of a column, and the functions that read and write it.
 #[derive(Clone, Copy, Debug)]
 pub enum Field {
-    /// A text; empty = does not apply.
+    /// A text; empty = the column does not apply.
     Text(fn(&Row) -> &str, fn(&mut Row) -> &mut String),
     /// A whole number, or none.
     Count(fn(&Row) -> Option<u32>, fn(&mut Row) -> &mut Option<u32>),
     /// A number, or none.
     Number(fn(&Row) -> Option<f64>, fn(&mut Row) -> &mut Option<f64>),
-    /// A number; NaN where the metric has no value.
+    /// A number; NaN if the metric has no value.
     Value(fn(&Row) -> f64, fn(&mut Row) -> &mut f64),
 }
 
@@ -61,9 +61,9 @@ pub enum Field {
 pub struct Column {
     /// Its name.
     pub name: &'static str,
-    /// What it says, with its unit.
+    /// Its meaning and unit.
     pub meaning: &'static str,
-    /// What it holds.
+    /// Its type and accessors.
     pub field: Field,
 }
 
@@ -77,24 +77,24 @@ pub const COLUMNS: [Column; 16] = [
     column("scene", "name of the scene", Field::Text(|r| &r.scene, |r| &mut r.scene)),
     column("view", "name of the camera, path, or camera with a motion", Field::Text(|r| &r.view, |r| &mut r.view)),
     column("variant", "`auto`, `generic`, or the variant forced on every tile", Field::Text(|r| &r.variant, |r| &mut r.variant)),
-    column("estimator", "estimator of the stochastic flavours; empty = of none", Field::Text(|r| &r.estimator, |r| &mut r.estimator)),
-    column("noise", "noise of the stochastic flavours; empty = of none", Field::Text(|r| &r.noise, |r| &mut r.noise)),
-    column("temporal", "temporal resolve; empty = of none", Field::Text(|r| &r.temporal, |r| &mut r.temporal)),
+    column("estimator", "estimator of the stochastic flavours; empty = none", Field::Text(|r| &r.estimator, |r| &mut r.estimator)),
+    column("noise", "noise of the stochastic flavours; empty = none", Field::Text(|r| &r.noise, |r| &mut r.noise)),
+    column("temporal", "temporal resolve; empty = none", Field::Text(|r| &r.temporal, |r| &mut r.temporal)),
     column("parameter", "parameter that the definition varies; empty = none", Field::Text(|r| &r.parameter, |r| &mut r.parameter)),
     column("setting", "the parameter's value, as text; empty = none", Field::Text(|r| &r.setting, |r| &mut r.setting)),
-    column("frame", "frame index, from 0; absent = over all frames", Field::Count(|r| r.frame, |r| &mut r.frame)),
-    column("lag", "frames between the two that are compared, 1 to 4; absent = none are", Field::Count(|r| r.lag, |r| &mut r.lag)),
+    column("frame", "frame index, from 0; absent = value over all frames", Field::Count(|r| r.frame, |r| &mut r.frame)),
+    column("lag", "frames between the two compared frames, 1 to 4; absent = none are compared", Field::Count(|r| r.lag, |r| &mut r.lag)),
     column(
         "frequency",
-        "centre of a band of a spectrum, cycles per pixel; absent = no spectrum",
+        "centre of a frequency band of a spectrum, cycles per pixel; absent = not a spectrum",
         Field::Number(|r| r.frequency, |r| &mut r.frequency),
     ),
     column("metric", "name of the metric", Field::Text(|r| &r.metric, |r| &mut r.metric)),
     column("unit", "unit of value and standard error", Field::Text(|r| &r.unit, |r| &mut r.unit)),
-    column("value", "the number; NaN where the metric has none", Field::Value(|r| r.value, |r| &mut r.value)),
+    column("value", "the number; NaN if the metric has none", Field::Value(|r| r.value, |r| &mut r.value)),
     column(
         "standard_error",
-        "standard error of the value, in its unit; absent = not known or none",
+        "standard error of the value, in its unit; absent = unknown or none",
         Field::Number(|r| r.standard_error, |r| &mut r.standard_error),
     ),
 ];
@@ -105,7 +105,7 @@ impl Row {
         COLUMNS.iter().find(|column| column.name == name)
     }
 
-    /// The order of rows: by the columns in turn; absent before present. Total, NaN included.
+    /// The order of rows: by the columns from left to right, absent before present. A total order that includes NaN.
     pub fn order(&self, other: &Row) -> Ordering {
         let number = |a: Option<f64>, b: Option<f64>| match (a, b) {
             (Some(a), Some(b)) => a.total_cmp(&b),
@@ -135,7 +135,7 @@ mod tests {
         let text = String::from_utf8(writer.into_inner().unwrap()).unwrap();
         let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
         assert_eq!(header, COLUMNS.map(|column| column.name));
-        // Each accessor reaches the field of its own name: a value set through one column is seen in that column of the file, and in no other.
+        // Each accessor must reach the field of its own name: a value set through one column appears in that column of the file and in no other.
         for (i, column) in COLUMNS.iter().enumerate() {
             let mut row = Row::default();
             match column.field {

@@ -1,5 +1,5 @@
-//! Settings on the command line: an option for each setting of a frame, and `--set` for those of a scene. Names, accepted values, defaults and
-//! descriptions are those of the tables.
+//! Settings on the command line: an option for each setting of a frame, and `--set` for settings of a scene. Names, accepted values, defaults and
+//! descriptions come from the tables of settings.
 
 use anyhow::{Context, Result};
 use clap::error::ErrorKind;
@@ -10,10 +10,10 @@ use kernels::scene::{self, Scene};
 use kernels::settings::{Home, Kind, Setting, shown};
 use toml::Value;
 
-/// What `--variant` takes besides the setting's values: automatic variants by the generic pipeline.
+/// A value of `--variant` that the setting itself does not have: automatic variants by the generic pipeline.
 const GENERIC: &str = "generic";
 
-/// The settings of a frame, from options.
+/// The settings of a frame, read from options.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct FrameArgs(pub(crate) FrameSettings);
 
@@ -21,7 +21,7 @@ fn options() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
     FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Option))
 }
 
-/// The value of an option, or the sentence about one that is not accepted.
+/// The value of an option, or a message if it is not accepted.
 fn read(setting: &Setting<FrameSettings>, text: &str) -> Result<Value, String> {
     let value = setting.kind.read(text);
     if setting.name() == "variant" && text == GENERIC {
@@ -68,7 +68,7 @@ impl FromArgMatches for FrameArgs {
         for setting in options() {
             let option = setting.option();
             if let Kind::Flag = setting.kind {
-                // Left out, a flag stays what `--variant generic` made it.
+                // A flag that is not given keeps the value that `--variant generic` set.
                 if matches.get_flag(&option) {
                     self.set(setting, &Value::Boolean(true))?;
                 }
@@ -90,19 +90,19 @@ impl FrameArgs {
     }
 }
 
-/// Settings of the scene that differ from its file.
+/// Settings of the scene that replace those of its file.
 #[derive(Args, Clone, Debug, Default)]
 pub(crate) struct SceneArgs {
-    /// A setting of the scene in place of its file's, as `blend.hash_scale=2`; may be given several times. docs/settings.md lists them
+    /// Replace a setting of the scene file, such as `blend.hash_scale=2`; may be given several times. docs/settings.md lists the settings
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = assignment)]
     settings: Vec<(&'static str, Value)>,
 }
 
 impl SceneArgs {
-    /// The scene that `name` names, with these settings.
+    /// The scene named `name`, with these settings applied.
     ///
     /// # Errors
-    /// The scene cannot be read, does not have such a setting, or is wrong with them.
+    /// The scene cannot be read, does not have such a setting, or is invalid with these settings.
     pub(crate) fn scene(&self, name: &str) -> Result<Scene> {
         let mut scene = scene::load(name)?;
         for (key, value) in &self.settings {
@@ -116,20 +116,20 @@ impl SceneArgs {
 
 fn unknown(key: &str) -> String {
     let known: Vec<&str> = scene::settings().map(|setting| setting.key).collect();
-    format!("`{key}` is no setting of a scene: {}", suggestion(key, &known))
+    format!("`{key}` is not a setting of a scene: {}", suggestion(key, &known))
 }
 
 fn assignment(text: &str) -> Result<(&'static str, Value), String> {
-    let (key, value) = text.split_once('=').ok_or("give KEY=VALUE, as blend.hash_scale=2")?;
+    let (key, value) = text.split_once('=').ok_or("give KEY=VALUE, such as blend.hash_scale=2")?;
     let setting = scene::setting(key.trim()).ok_or_else(|| unknown(key.trim()))?;
     let value = setting.kind.read(value.trim());
     setting.accept(&value).map(|()| (setting.key, value))
 }
 
-/// A number that a setting of the scene accepts.
+/// Checks that a setting of the scene accepts a number.
 ///
 /// # Errors
-/// The sentence about one that it does not.
+/// A message if it does not.
 pub(crate) fn scene_number(key: &str, number: f64) -> Result<f64, String> {
     scene::setting(key).ok_or_else(|| unknown(key))?.accept(&Value::Float(number)).map(|()| number)
 }
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn every_option_is_read_into_its_setting() {
         let all = "--variant vt+splat --generic --estimator stf --noise blue --seed 7 --reseeds --two-tilings --normals exact --lod-bias -1.5 \
-                   --vertex-stride 4 --tile 16";
+                   --vertex-stride 4 --exposure 1.5 --tone-curve clip --tile 16";
         let arguments: Vec<&str> = all.split_whitespace().collect();
         let read = frame(&arguments).expect("accepted");
         let usual = FrameSettings::default();
@@ -185,7 +185,7 @@ mod tests {
         }
         let wrong = frame(&["--estimator", "snaped"]).expect_err("no such");
         assert!(wrong.contains("did you mean `snapped`?") && wrong.contains("laplacian"), "{wrong}");
-        // What measures others is no choice.
+        // Estimators that serve as yardsticks cannot be chosen.
         assert!(frame(&["--estimator", "variance"]).is_err() && frame(&["--estimator", ""]).is_err());
     }
 

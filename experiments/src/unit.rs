@@ -1,4 +1,4 @@
-//! The parts that a run is cut into: each is done whole or not at all, so that a run can be stopped anywhere, resumed, and split over machines.
+//! The parts of a run. Each part is done completely or not at all, so that a run can be stopped anywhere, resumed, and split over machines.
 
 use std::fmt;
 use std::path::Path;
@@ -12,9 +12,9 @@ use crate::row::Row;
 /// What a part of a run does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
-    /// The converged reference of a view, and how the reference sequence flickers. Written to the run's folder for the parts that need it.
+    /// The converged reference of a view, and the flicker of the reference sequence. It is written to the run's folder for the parts that need it.
     Reference,
-    /// All variants of the definition over all frames and seeds.
+    /// All variants of the definition, over all frames and seeds.
     Sweep {
         /// Estimator of the stochastic flavours.
         estimator: String,
@@ -35,7 +35,7 @@ pub enum Work {
 /// A part of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
-    /// Its place in the run, from 0: the order in which rows are kept.
+    /// Its index in the run, from 0: the order in which rows are stored.
     pub index: usize,
     /// Name for files and progress: letters, digits, `-`, `_`, `+` and `.`.
     pub id: String,
@@ -43,31 +43,32 @@ pub struct Unit {
     pub view: String,
     /// Value of the varied parameter.
     pub setting: Setting,
-    /// What is done.
+    /// What the part does.
     pub work: Work,
 }
 
-/// What a part yields.
+/// The result of a part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// Metrics: the same whenever the part is done again on the same adapter.
+    /// Metrics: identical whenever the part is done again on the same adapter.
     pub rows: Vec<Row>,
     /// Times: different each time.
     pub times: Vec<Row>,
 }
 
-/// Who does the parts.
+/// Carries out the parts.
 pub trait Measure {
-    /// Does one part. Files (pictures) go into `folder`, each written whole. `step(done, total)` reports progress within the part; an interrupt is to
-    /// be looked for between steps.
+    /// Does one part. Files (pictures) go into `folder`; each is written completely. `step(done, total)` reports progress within the part.
+    /// Implementations check for an interrupt between steps.
     ///
     /// # Errors
-    /// What cannot be rendered or written; the part then counts as not done.
+    /// A part that cannot be rendered or written; the part then counts as not done.
     fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome>;
 }
 
-/// The parts of a definition that was found right, in the order they are done: for each value of the varied parameter and each view its reference,
-/// then what is measured against it, then times. Nothing is left out because it cannot matter: a table without gaps is easier to read than to explain.
+/// The parts of a valid definition, in the order in which they are done: for each value of the varied parameter and each view, first the reference,
+/// then the measurements against it, then times. Redundant combinations are not omitted: a table without gaps is easier to read than one whose gaps
+/// need an explanation.
 pub fn plan(definition: &Definition) -> Vec<Unit> {
     let settings: Vec<Setting> = match &definition.vary {
         None => vec![None],
@@ -110,7 +111,7 @@ pub fn plan(definition: &Definition) -> Vec<Unit> {
     units
 }
 
-/// The text as part of a file name: other characters become `_`, and it ends after 30, so that six of them fit a file name.
+/// The text as part of a file name: other characters become `_`, and it is cut after 30, so that six such texts fit into a file name.
 fn file_word(text: &str) -> String {
     text.chars().take(30).map(|c| if c.is_ascii_alphanumeric() || "-_+.".contains(c) { c } else { '_' }).collect()
 }
@@ -118,14 +119,14 @@ fn file_word(text: &str) -> String {
 /// One of several pieces that a run is split into, for several machines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Shard {
-    /// Which, 1 to `count`.
+    /// Its number, 1 to `count`.
     pub number: u32,
-    /// How many there are, 1 to [`Shard::MAX`].
+    /// The number of pieces, 1 to [`Shard::MAX`].
     pub count: u32,
 }
 
 impl Shard {
-    /// The most pieces.
+    /// The largest number of pieces.
     pub const MAX: u32 = 1000;
 }
 
@@ -139,7 +140,7 @@ impl FromStr for Shard {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Shard, String> {
-        let wrong = || format!("`{text}` is not K/N, as in 2/4, with 1 <= K <= N <= {}", Shard::MAX);
+        let wrong = || format!("`{text}` is not K/N, such as 2/4, with 1 <= K <= N <= {}", Shard::MAX);
         let (number, count) = text.split_once('/').ok_or_else(wrong)?;
         let parse = |digits: &str| digits.parse::<u32>().map_err(|_| wrong());
         let shard = Shard { number: parse(number)?, count: parse(count)? };
@@ -147,17 +148,17 @@ impl FromStr for Shard {
     }
 }
 
-/// A part that a run does.
+/// A part that a run or shard does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Share {
     /// The part.
     pub unit: Unit,
-    /// Whether its rows are this run's to keep. A reference is made by every shard that measures against it, and its rows are kept by one.
+    /// Whether this run stores the part's rows. A reference is made by every shard that measures against it, and its rows are stored by one of them.
     pub kept: bool,
 }
 
-/// What a shard does of a plan; everything where there is none. Sweeps and times are dealt out in turn, and so are the rows of references: all shards
-/// together keep the rows of each part exactly once.
+/// The parts that a shard does, or all parts if there is no shard. Sweeps and times are distributed in turn, and so are the rows of references. All
+/// shards together store the rows of each part exactly once.
 pub fn share(units: &[Unit], shard: Option<Shard>) -> Vec<Share> {
     let Some(shard) = shard else { return units.iter().cloned().map(|unit| Share { unit, kept: true }).collect() };
     let (count, own) = (shard.count as usize, shard.number as usize - 1);

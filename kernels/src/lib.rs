@@ -1,7 +1,15 @@
 //! The terrain stack of *Far Cry 5* as a measuring instrument: every stage of the frame, its shaders, and their f64 references.
 //!
-//! Read [`frame`] first: it calls the stages in their order. A stage is a folder: host module, WGSL, and where it has mathematics of its own a
-//! `reference`. [`shared`] holds the functions that several stages use, each as WGSL and as Rust. Only [`gpu`] knows devices.
+//! A [`scene`] says what there is. A [`Renderer`] makes it ready on a [`Gpu`]; a [`RenderRequest`] asks for one picture of it; [`Renderer::draw`] returns a
+//! [`Frame`], which can be read back, measured, composed or inspected. `examples/render_png.rs` does that in under 40 lines;
+//! `examples/probe_table.rs` runs one shared function over a table, on the device and in f64.
+//!
+//! Where to read:
+//!
+//! - [`frame`] calls the stages in their order: the frame on one page.
+//! - A stage is a folder: host module, WGSL, and a `reference` where it has mathematics of its own. [`stage`] says what a stage declares of itself.
+//! - [`shared`] holds the functions that several stages use, each as WGSL and as Rust, generic over f32 and f64. [`probe`] lays them open as tables.
+//! - [`gpu`] alone knows adapters, pipelines, timers and read-back.
 //!
 //! Modules stand in floors: a module imports only from lower ones. The list `KERNELS` in `tests/floors.rs` gives the order and holds them to it.
 
@@ -36,3 +44,8 @@ pub mod variant;
 pub mod view;
 pub mod virtual_texture;
 pub mod world;
+
+pub use base::error::{Error, Result};
+pub use frame::{Frame, RenderRequest, Renderer};
+pub use gpu::Gpu;
+pub use scene::Scene;

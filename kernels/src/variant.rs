@@ -44,7 +44,7 @@ impl Flavour {
         }
     }
 
-    /// Its colour in maps, sRGB: hues that colour-blind eyes tell apart, after Okabe and Ito 2008.
+    /// Its colour in maps, sRGB: the hues can be distinguished by colour-blind people, after Okabe and Ito 2008.
     pub const fn colour(self) -> [u8; 3] {
         match self {
             Flavour::VirtualTexture => [86, 180, 90],
@@ -60,7 +60,7 @@ impl Flavour {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Variant(u8);
 
-/// Why a text or number is not a variant.
+/// The error for a text or number that is not a variant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "`{given}` is not a variant: give a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat (as in `vt+near-cliff`){}{hint}",
@@ -68,7 +68,7 @@ pub struct Variant(u8);
 )]
 pub struct NotAVariant {
     given: String,
-    /// What was probably meant; may be empty.
+    /// The name that was probably meant; may be empty.
     pub hint: String,
 }
 

@@ -1,6 +1,7 @@
-//! The workbench: the terrain stack live. A thread draws ([`engine`]), the window asks and shows ([`window`]); panels show and change the [`model`], in
-//! which what is on screen is one value ([`model::settings::Settings`]) that undo takes back. What is on screen can be saved and run as an experiment
-//! ([`engine::experiment`]); what shading made of one pixel is taken apart ([`inspector`]); shaders that are edited are followed.
+//! The workbench: an interactive window on the terrain renderer. A thread draws the pictures ([`engine`]); the window requests and shows them
+//! ([`window`]). Panels show and change the [`model`]. One value in it ([`model::settings::Settings`]) holds everything that decides how the terrain
+//! looks, so that undo can restore it. The current settings and view can be saved and run as an experiment ([`engine::experiment`]). The inspector
+//! panel shows how one pixel was shaded ([`kernels::oracle`]). Edited shaders are reloaded while the window is open ([`engine::reload`]).
 
 pub mod engine;
 pub mod model;

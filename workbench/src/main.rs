@@ -1,4 +1,4 @@
-//! The workbench's program: a window, or a picture of one.
+//! The program `workbench`: it opens the window, or writes a picture of the window to a file.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -11,34 +11,35 @@ use workbench::model::kept::{self, Keeper};
 use workbench::script;
 use workbench::window::{Workbench, still};
 
-/// Terrain shaded live: switch 31 variants, estimators and noises at a click, and see what each costs.
+/// Shades terrain interactively: choose among 31 variants, estimators and noises with a click, and see what each costs.
 #[derive(Parser)]
 #[command(
     version,
     about,
-    after_help = "Without a display: --screenshot FILE --script STEPS draws the same window into a file; `experiments` measures what is to be kept or quoted."
+    after_help = "Without a display: --screenshot FILE --script STEPS draws the same window into a file. For numbers to quote, use `experiments`."
 )]
 struct Args {
-    /// Scene file or folder; `default` is built in [default: the one that was open last; with --fresh or --screenshot `default`]
+    /// Scene file or folder, or `default` for the built-in scene [default: the scene that was open last; with --fresh or --screenshot, `default`]
     scene: Option<String>,
-    /// Starts as new: what is kept is neither read nor written
+    /// Starts with default settings; the saved state of the workbench is neither read nor written
     #[arg(long)]
     fresh: bool,
-    /// Size of the window, points
+    /// Size of the window in points
     #[arg(long, value_name = "WxH", default_value = "1280x800", value_parser = size)]
     size: [u32; 2],
-    /// Draws the window into a PNG instead of opening it, once the steps of --script are done
+    /// Carries out the steps of --script and writes a PNG of the window, without opening a window
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
-    /// Draws with the WGSL files of this folder, laid out as kernels/src, and follows them as they are edited
+    /// Draws with the WGSL files in this folder, which has the layout of kernels/src, and reloads a file when it changes
     #[arg(long, value_name = "FOLDER")]
     shaders: Option<PathBuf>,
-    /// What to do before the picture of --screenshot is taken: `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `open FILE`, `frames N`, `warm`, with `;` between them
+    /// Steps before the picture of --screenshot, separated by `;`: `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `open FILE`,
+    /// `frames N`, `warm`
     #[arg(long, value_name = "STEPS", requires = "screenshot", default_value = "")]
     script: String,
 }
 
-/// Smallest and largest window that is asked for on the command line.
+/// Smallest and largest side of a window that `--size` accepts, points.
 const SIDES: [u32; 2] = [1, 8192];
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -50,10 +51,10 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     parse().filter(|size| size.iter().all(|n| (SIDES[0]..=SIDES[1]).contains(n))).ok_or_else(wrong)
 }
 
-/// What is kept, and what somebody should know of it.
+/// Opens the file of the saved state, unless `fresh`. Returns its keeper, and notes for the user.
 fn open(fresh: bool) -> (Option<Keeper>, Vec<String>) {
     let Some(path) = kept::place().filter(|_| !fresh) else {
-        let nowhere = "nothing is kept: the machine names no folder for it; set SCREE_STATE to a file";
+        let nowhere = "nothing is saved between starts: no folder for it is known on this machine; set SCREE_STATE to a file";
         return (None, if fresh { Vec::new() } else { vec![nowhere.to_owned()] });
     };
     let (keeper, note) = Keeper::open(path);
@@ -79,7 +80,7 @@ fn run(args: &Args) -> Result<()> {
         (None, Some(last)) => match scene::load(&last) {
             Ok(scene) => (last, scene),
             Err(error) => {
-                notes.push(format!("the scene that was open last is left out: {error}"));
+                notes.push(format!("the scene that was open last cannot be opened: {error}"));
                 (scene::DEFAULT.to_owned(), scene::load(scene::DEFAULT)?)
             }
         },
@@ -91,13 +92,13 @@ fn run(args: &Args) -> Result<()> {
     let [width, height] = args.size.map(|n| n as f32);
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default().with_title(format!("Scree - {}", scene.name)).with_inner_size([width, height]),
-        // A picture's texels are shown as they are, and a processor that paints the window has less to do.
+        // Dithering would change the texels of the picture, and it costs time where a processor paints the window.
         dithering: false,
         ..Default::default()
     };
     let open = |cc: &eframe::CreationContext<'_>| {
         still(&cc.egui_ctx);
-        // The system's choice may be light, of which panes have the letters but not the ground; and pictures are judged before a dark one.
+        // The system theme may be light: panes would take its text colour but not its background. Also, pictures are judged on a dark background.
         cc.egui_ctx.set_theme(egui::Theme::Dark);
         let mut app = Workbench::new(&cc.egui_ctx, scene, shaders);
         app.model.come_from(&name);
@@ -110,14 +111,14 @@ fn run(args: &Args) -> Result<()> {
     eframe::run_native("scree", options, Box::new(|cc| Ok(Box::new(open(cc))))).map_err(|error| no_window(&error))
 }
 
-/// Why there is no window, and what to do without.
+/// The error for a window that cannot be opened: the reason, and what works without a window.
 fn no_window(error: &eframe::Error) -> anyhow::Error {
-    // The library's own words name its source file; that there is no display is said plainly.
+    // The library's error message names its own source file. For the common cause, no display, say so plainly instead.
     let unset = |name: &str| std::env::var_os(name).is_none_or(|value| value.is_empty());
     let headless = cfg!(target_os = "linux") && unset("DISPLAY") && unset("WAYLAND_DISPLAY");
     let why = if headless { "neither DISPLAY nor WAYLAND_DISPLAY is set".to_owned() } else { error.to_string() };
     anyhow!(
-        "no window could be opened ({why}): on a machine without a display use `workbench --screenshot FILE`, or `experiments`, which needs none"
+        "no window could be opened ({why}): without a display, use `workbench --screenshot FILE`, or `experiments`, which needs no display"
     )
 }
 

@@ -1,4 +1,5 @@
-//! The window without a window: steps that somebody would take, then a picture of it. For documentation, and on machines without a display.
+//! The application without a window: carries out the steps of a script, then draws a picture of the window. For documentation, for tests, and for
+//! machines without a display.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -19,27 +20,27 @@ use crate::window::{Workbench, still};
 
 /// Longest wait for a picture.
 const PATIENCE: Duration = Duration::from_secs(300);
-/// How often the window is drawn while it waits.
+/// Pause between two drawings of the window while a step waits.
 const NAP: Duration = Duration::from_millis(5);
-/// Drawings of the window over which a turn of the wheel is spread, and more.
+/// Number of drawings after which a turn of the wheel has certainly taken full effect; it is spread over several.
 const SPREAD: usize = 60;
 
-/// One thing that somebody does.
+/// One step of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// Clicks what has this name.
+    /// Clicks the control with this name.
     Click(String),
     /// Presses a key.
     Key(Key),
-    /// Gives the number of this name a value.
+    /// Sets the number with this name.
     Set(String, f64),
-    /// Puts a text into the field of this name.
+    /// Enters a text into the field with this name.
     Type(String, String),
-    /// Opens the scene of a file or folder, or `default`.
+    /// Opens a scene: a file, a folder, or `default`.
     Open(String),
-    /// Lets so many pictures be drawn.
+    /// Waits until this many further frames have been drawn.
     Frames(u32),
-    /// Waits until every shader is ready.
+    /// Waits until every shader is compiled.
     Warm,
 }
 
@@ -52,38 +53,38 @@ impl FromStr for Step {
         match (word, rest) {
             ("click", name) if !name.is_empty() => Ok(Step::Click(name.to_owned())),
             ("key", name) => {
-                Key::from_name(name).map(Step::Key).ok_or_else(|| anyhow!("`{name}` is no key: give a name such as Space, W or 1"))
+                Key::from_name(name).map(Step::Key).ok_or_else(|| anyhow!("`{name}` is not a key: give a name such as Space, W or 1"))
             }
             ("set", both) => {
                 let (name, value) = both.rsplit_once('=').with_context(|| format!("`{text}`: write `set NAME = VALUE`"))?;
                 let value = value.trim();
-                Ok(Step::Set(name.trim().to_owned(), value.parse().with_context(|| format!("`{value}` is no number"))?))
+                Ok(Step::Set(name.trim().to_owned(), value.parse().with_context(|| format!("`{value}` is not a number"))?))
             }
             ("type", both) => {
                 let (name, value) = both.split_once('=').with_context(|| format!("`{text}`: write `type NAME = TEXT`"))?;
                 Ok(Step::Type(name.trim().to_owned(), value.trim().to_owned()))
             }
             ("open", given) if !given.is_empty() => Ok(Step::Open(given.to_owned())),
-            ("frames", count) => Ok(Step::Frames(count.parse().with_context(|| format!("`{count}` is no number of frames"))?)),
+            ("frames", count) => Ok(Step::Frames(count.parse().with_context(|| format!("`{count}` is not a number of frames"))?)),
             ("warm", "") => Ok(Step::Warm),
             _ => {
                 bail!(
-                    "`{text}` is no step: give `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `open FILE`, `frames N` or `warm`, with `;` between steps"
+                    "`{text}` is not a step: give `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `open FILE`, `frames N` or `warm`, with `;` between steps"
                 )
             }
         }
     }
 }
 
-/// The steps of a text, `;` or a line break between them.
+/// The steps in a text, separated by `;` or line breaks.
 ///
 /// # Errors
-/// What is no step.
+/// A part of the text is not a step.
 pub fn steps(text: &str) -> Result<Vec<Step>> {
     text.split([';', '\n']).map(str::trim).filter(|step| !step.is_empty()).map(str::parse).collect()
 }
 
-/// Longest side of a picture in it: what eframe's windows have, too.
+/// Longest side of a texture, pixels: the same as in the windows of eframe.
 const MOST_SIDE: usize = 8192;
 
 /// The application without a window.
@@ -92,12 +93,12 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// A window of so many points that nobody sees. Its pictures may come from a thread that drew for an earlier one, as [`Engine::shared`] says.
+    /// An invisible window of this size in points. Its pictures may come from a drawing thread that an earlier window left, see [`Engine::shared`].
     pub fn new(scene: Scene, size: [u32; 2]) -> Stage {
         Stage::prepared(scene, size, |_| {})
     }
 
-    /// As [`Stage::new`], with something done before the first picture is asked for: what nobody looks at need not be drawn.
+    /// Like [`Stage::new`]; `prepare` changes the application before the first picture is requested. This saves a picture that is not needed.
     pub fn prepared(scene: Scene, size: [u32; 2], prepare: impl FnOnce(&mut Workbench)) -> Stage {
         Stage::showing(size, |ctx| {
             let wake = ctx.clone();
@@ -107,7 +108,8 @@ impl Stage {
         })
     }
 
-    /// As [`Stage::prepared`], with a thread of its own, that draws with the WGSL files of a folder and follows them if there is one.
+    /// Like [`Stage::prepared`], with a drawing thread of its own. If `shaders` is given, the thread draws with the WGSL files in that folder and
+    /// reloads them when they change.
     pub fn with_shaders(scene: Scene, size: [u32; 2], shaders: Option<PathBuf>, prepare: impl FnOnce(&mut Workbench)) -> Stage {
         Stage::showing(size, |ctx| {
             let mut app = Workbench::new(ctx, scene, shaders);
@@ -121,11 +123,11 @@ impl Stage {
         let harness = Harness::builder()
             .with_size(egui::vec2(size[0], size[1]))
             .with_theme(egui::Theme::Dark)
-            // As in a window: a name in a script that the fonts lack is boxes, and no end.
+            // As in a real window: characters that the fonts lack are drawn as boxes and are no error.
             .allow_missing_glyphs()
             .wgpu()
             .build_eframe(|cc| {
-                // And what is clicked stands where it is seen.
+                // Without animations, a click also hits a control where the last drawing showed it.
                 still(&cc.egui_ctx);
                 app(&cc.egui_ctx)
             });
@@ -134,7 +136,7 @@ impl Stage {
         stage
     }
 
-    /// How long the window would wait, if nothing happened, before it is painted again.
+    /// How long the window waits before it is painted again if nothing happens.
     pub fn rests_for(&self) -> Duration {
         let outputs = &self.harness.output().viewport_output;
         outputs.values().map(|output| output.repaint_delay).min().unwrap_or(Duration::MAX)
@@ -145,12 +147,12 @@ impl Stage {
         self.harness.state_mut()
     }
 
-    /// What is on screen.
+    /// What the panels show and change.
     pub fn model(&mut self) -> &mut Model {
         &mut self.harness.state_mut().model
     }
 
-    /// Has the window asked to close, as its frame's button does; says whether it does.
+    /// Requests that the window close, as the close button in its frame does. Returns whether it closes.
     pub fn close(&mut self) -> bool {
         let root = self.harness.input_mut().viewports.entry(egui::ViewportId::ROOT).or_default();
         root.events.push(egui::ViewportEvent::Close);
@@ -159,10 +161,10 @@ impl Stage {
         !output.values().any(|output| output.commands.contains(&egui::ViewportCommand::CancelClose))
     }
 
-    /// Draws the window until something holds.
+    /// Draws the window until `done` holds. `what` names the expected event in errors.
     ///
     /// # Errors
-    /// When the drawing thread gives up, or takes longer than patience lasts.
+    /// The drawing thread fails, or the event does not occur in time (300 s).
     pub fn until(&mut self, what: &str, done: impl Fn(&Model) -> bool) -> Result<()> {
         let began = Instant::now();
         loop {
@@ -175,24 +177,24 @@ impl Stage {
                 bail!("{failure}");
             }
             if began.elapsed() > PATIENCE {
-                bail!("{what} did not come within {} s", PATIENCE.as_secs());
+                bail!("timed out after {} s of waiting for {what}", PATIENCE.as_secs());
             }
             std::thread::sleep(NAP);
         }
     }
 
-    /// Waits for the picture that the controls ask for.
+    /// Waits for the picture that the controls describe.
     ///
     /// # Errors
     /// As [`Stage::until`].
     pub fn settle(&mut self) -> Result<()> {
-        // What was just done is asked for by the next drawing of the window only.
+        // A change that was just made is requested only when the window is drawn next.
         self.harness.step();
         ensure!(self.harness.state().model.has_room(), "the window is too small for a picture: make it larger with --size");
         self.until("the picture", Model::is_settled)
     }
 
-    /// Everything that can be named on screen.
+    /// The names of everything on screen that has a name.
     pub fn names(&self) -> Vec<String> {
         let mut names: Vec<String> = self
             .harness
@@ -205,12 +207,12 @@ impl Stage {
         names
     }
 
-    /// Whether something of this name is on screen.
+    /// Whether something with this name is on screen.
     pub fn has(&self, name: &str) -> bool {
         self.harness.query_all_by_label(name).next().is_some()
     }
 
-    /// Holds a key down for so many drawings of the window, over the picture.
+    /// Holds a key down for this many drawings of the window, then waits for the picture.
     ///
     /// # Errors
     /// As [`Stage::until`].
@@ -223,7 +225,7 @@ impl Stage {
         self.settle()
     }
 
-    /// Drags the picture by so many points.
+    /// Drags the picture by this many points.
     ///
     /// # Errors
     /// As [`Stage::until`].
@@ -231,7 +233,7 @@ impl Stage {
         self.drag_with(egui::Modifiers::NONE, by)
     }
 
-    /// As [`Stage::drag`], with keys held.
+    /// Like [`Stage::drag`], with modifier keys held.
     ///
     /// # Errors
     /// As [`Stage::until`].
@@ -251,7 +253,7 @@ impl Stage {
         self.settle()
     }
 
-    /// What has this name, before the label that gives it.
+    /// The control with this name, and not the label that gives it the name.
     fn find<'a>(&'a self, name: &'a str) -> Option<egui_kittest::Node<'a>> {
         self.harness.query_all_by_label(name).find(|node| node.accesskit_node().role() != Role::Label)
     }
@@ -262,7 +264,7 @@ impl Stage {
         anyhow!("nothing on screen is called `{name}`: {}", suggestion(name, &names))
     }
 
-    /// Opens a scene, and waits until it is loaded.
+    /// Opens a scene and waits until it is loaded.
     fn open(&mut self, given: &str) -> Result<()> {
         let model = self.model();
         model.open(given).map_err(|why| anyhow!(why))?;
@@ -274,7 +276,7 @@ impl Stage {
         Ok(())
     }
 
-    /// Drops a file or folder on the window, and waits for the picture that it leads to.
+    /// Drops a file or folder on the window and waits for the resulting picture.
     ///
     /// # Errors
     /// As [`Stage::until`].
@@ -285,7 +287,7 @@ impl Stage {
         self.settle()
     }
 
-    /// Turns the wheel over the picture by so many points, upwards above 0.
+    /// Turns the wheel over the picture by this many points; positive is upwards.
     ///
     /// # Errors
     /// As [`Stage::until`].
@@ -301,19 +303,19 @@ impl Stage {
             source: egui::MouseWheelSource::Unknown,
             modifiers: egui::Modifiers::NONE,
         });
-        // It is spread over several drawings.
+        // The turn is spread over several drawings.
         self.harness.run_steps(SPREAD);
         self.settle()
     }
 
-    /// Takes a step, and waits for the picture that it leads to.
+    /// Carries out a step and waits for the resulting picture.
     ///
     /// # Errors
-    /// When nothing on screen has the name, or as [`Stage::until`].
+    /// Nothing on screen has the name, or as [`Stage::until`].
     pub fn take(&mut self, step: &Step) -> Result<()> {
         match step {
             Step::Click(name) => {
-                // Into view first: what is scrolled away cannot be hit.
+                // Scroll it into view first: a control that is scrolled out of view cannot be clicked.
                 self.find(name).ok_or_else(|| self.missing(name))?.scroll_to_me();
                 self.harness.run_steps(5);
                 self.find(name).ok_or_else(|| self.missing(name))?.click();
@@ -329,7 +331,7 @@ impl Stage {
             }
             Step::Open(given) => self.open(given)?,
             Step::Frames(_) if self.harness.state().model.clock.paused => {
-                bail!("time stands still, so no frame follows: `key Space` lets it run")
+                bail!("time stands still, so that no further frame is drawn: start it with `key Space`")
             }
             Step::Frames(count) => {
                 let until = self.harness.state().model.clock.frame.wrapping_add(*count);
@@ -343,10 +345,10 @@ impl Stage {
         self.settle()
     }
 
-    /// Writes a picture of the window as PNG: whole or not at all.
+    /// Writes a picture of the window as a PNG. The file is either complete or not written at all.
     ///
     /// # Errors
-    /// When it cannot be drawn or written.
+    /// The window cannot be drawn, or the file cannot be written.
     pub fn screenshot(&mut self, file: &Path) -> Result<()> {
         let (size, texels) = self.window()?;
         kernels::frame::export::write_png_texels(file, size, &texels)?;
@@ -362,12 +364,12 @@ impl Stage {
     /// The part of the window that a panel takes, as [`Stage::screenshot`] would draw it: size in pixels, and texels.
     ///
     /// # Errors
-    /// When there is no panel of this name in front, or the window cannot be drawn.
+    /// No panel has this name, another panel is in front of it, or the window cannot be drawn.
     pub fn pane(&mut self, name: &str) -> Result<([u32; 2], Vec<[u8; 3]>)> {
         let pane = Pane::ALL.into_iter().find(|pane| pane.name() == name).with_context(|| format!("no panel is called `{name}`"))?;
         let place = self.model().place_of(pane).with_context(|| format!("`{name}` is behind another panel: click its tab first"))?;
         let ([width, height], texels) = self.window()?;
-        // A pixel a point.
+        // One pixel is one point.
         let [left, top] = [place.left(), place.top()].map(|x| x.round().max(0.0) as u32);
         let [right, bottom] = [(place.right(), width), (place.bottom(), height)].map(|(x, most)| (x.round().max(0.0) as u32).min(most));
         let row = |y: u32| &texels[(y * width + left) as usize..(y * width + right) as usize];
@@ -389,10 +391,10 @@ impl egui::DroppedFile for Dropped {
     }
 }
 
-/// Takes the steps in the window of a scene, as [`scene::load`] takes it, and writes the picture.
+/// Opens a scene (`given` is what [`scene::load`] takes), carries out the steps, and writes a picture of the window.
 ///
 /// # Errors
-/// When the scene cannot be read, or as [`Stage::take`] and [`Stage::screenshot`].
+/// The scene cannot be read, or as [`Stage::take`] and [`Stage::screenshot`].
 pub fn run(given: &str, size: [u32; 2], shaders: Option<PathBuf>, steps: &[Step], file: &Path) -> Result<()> {
     let mut stage = Stage::with_shaders(scene::load(given)?, size, shaders, |app| app.model.come_from(given));
     stage.settle()?;
@@ -422,14 +424,14 @@ mod tests {
             expected
         );
         for (text, part) in [
-            ("clack x", "is no step"),
-            ("click", "is no step"),
-            ("open", "is no step"),
-            ("key Nonsense", "is no key"),
-            ("frames -1", "no number"),
+            ("clack x", "is not a step"),
+            ("click", "is not a step"),
+            ("open", "is not a step"),
+            ("key Nonsense", "is not a key"),
+            ("frames -1", "not a number"),
             ("set a", "NAME = VALUE"),
             ("type a", "NAME = TEXT"),
-            ("set a = b", "is no number"),
+            ("set a = b", "is not a number"),
         ] {
             let error = steps(text).expect_err(text);
             assert!(format!("{error:#}").contains(part), "{text}: {error:#}");

@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::PathBuf;
 
-/// A folder among the temporary ones that is removed in the end.
+/// A temporary folder that is removed when it is dropped.
 pub(crate) struct Folder(pub(crate) PathBuf);
 
 impl Folder {
-    /// An empty folder for the test of this name, which no other has.
+    /// An empty folder for a test. `test` must be different for each test.
     pub(crate) fn new(test: &str) -> Folder {
         let folder = std::env::temp_dir().join(format!("scree-workbench-{test}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&folder);
@@ -15,7 +15,7 @@ impl Folder {
         Folder(folder)
     }
 
-    /// Names of what lies in it, in alphabetical order.
+    /// Names of the entries in it, in alphabetical order.
     pub(crate) fn names(&self) -> Vec<String> {
         let names = fs::read_dir(&self.0).expect("is there").map(|entry| entry.expect("an entry").file_name());
         let mut names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
@@ -26,7 +26,7 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // What is left lies in the folder of temporary files.
+        // If this fails, the rest stays in the system's folder of temporary files, where it does no harm.
         let _ = fs::remove_dir_all(&self.0);
     }
 }

@@ -1,4 +1,5 @@
-//! The window: panels around a picture. It asks the thread that draws for what the model describes, and hands its news to the model.
+//! The window: panels around a picture. It requests the picture that the model describes from the drawing thread, and passes the thread's news to the
+//! model.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,40 +20,40 @@ use crate::panels::{self, Panels};
 /// The application.
 pub struct Workbench {
     engine: Engine,
-    /// What is on screen.
+    /// What the panels show and change.
     pub model: Model,
     panels: Panels,
     asked: Option<Wish>,
     last_shown: Option<Instant>,
-    /// The scene's name in the window's title.
+    /// The scene name that is in the title of the window.
     titled: String,
 }
 
 impl Workbench {
-    /// The window's contents for a scene; pictures follow as they are drawn.
-    /// `shaders`: a folder of WGSL files to draw with and to follow, as [`Engine::start`] takes it.
+    /// The application for a scene. Pictures appear as they are drawn. `shaders` is a folder of WGSL files to draw with and to watch for changes, see
+    /// [`Engine::start`].
     pub fn new(ctx: &egui::Context, scene: Scene, shaders: Option<PathBuf>) -> Workbench {
         let window = ctx.clone();
         Workbench::drawn_by(Engine::start(shaders, move |within| window.request_repaint_after(within)), scene)
     }
 
-    /// As [`Workbench::new`], with a thread that draws, and wakes the window, already.
+    /// Like [`Workbench::new`], with a drawing thread that has been started and can wake the window.
     pub fn drawn_by(engine: Engine, scene: Scene) -> Workbench {
         let titled = scene.name.clone();
         Workbench { engine, model: Model::new(scene), panels: Panels::default(), asked: None, last_shown: None, titled }
     }
 
-    /// The thread that draws.
+    /// The drawing thread.
     pub fn engine(&self) -> &Engine {
         &self.engine
     }
 
-    /// Makes every shader ready that a click may ask for, between pictures.
+    /// Compiles every shader that a click may need, in the pauses between pictures.
     pub fn warm(&self) {
         self.engine.warm();
     }
 
-    /// Takes the engine's news over.
+    /// Copies the news of the engine into the model, and new pictures into textures.
     fn listen(&mut self, ctx: &egui::Context) {
         self.model.most_side = ctx.input(|i| u32::try_from(i.max_texture_side).unwrap_or(u32::MAX));
         let before = self.model.news.shown.take();
@@ -83,7 +84,7 @@ impl Workbench {
         }
     }
 
-    /// Asks for the picture that the controls describe, unless it was asked for.
+    /// Requests the picture that the controls describe, unless it has been requested already.
     fn ask(&mut self) {
         if !self.model.is_possible() {
             return;
@@ -95,7 +96,7 @@ impl Workbench {
         }
     }
 
-    /// Keys that work wherever no text is typed.
+    /// Keyboard shortcuts, which work while no text field has the focus.
     fn keys(&mut self, ctx: &egui::Context) {
         if ctx.text_edit_focused() {
             return;
@@ -146,7 +147,7 @@ impl Workbench {
         }
     }
 
-    /// Takes over what was dropped on the window: a scene is opened, folders are textures.
+    /// Handles files dropped on the window: a scene is opened; any other folder becomes the texture folder of the selected material.
     fn dropped(&mut self, ctx: &egui::Context) {
         let paths: Vec<PathBuf> = ctx.input(|i| i.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
         for path in paths {
@@ -159,7 +160,7 @@ impl Workbench {
         }
     }
 
-    /// One line above everything: scenes, undo, time, where the camera is.
+    /// The bar at the top of the window: scenes, undo, time, viewpoint.
     fn bar(&mut self, ui: &mut Ui) {
         ui.horizontal_wrapped(|ui| {
             panels::scenes::menu(&mut self.model, ui);
@@ -174,23 +175,23 @@ impl Workbench {
             if ui.button(label).on_hover_text("Space").clicked() {
                 self.model.clock.paused ^= true;
             }
-            if ui.button("Step").on_hover_text("Full stop: one frame on, and pause").clicked() {
+            if ui.button("Step").on_hover_text("Advances by one frame and pauses (full stop)").clicked() {
                 self.model.step();
             }
             ui.label(format!("frame {}", self.model.clock.frame))
-                .on_hover_text("The only time there is: noise and paths follow it, never a clock");
+                .on_hover_text("The frame number is the only time: noise and camera paths depend on it, not on a clock");
             ui.separator();
             panels::viewport::viewpoints(&mut self.model, ui);
         });
     }
 
-    /// One line below everything: what is wrong, what is being done, who draws.
+    /// The status line at the bottom of the window: errors, progress, and the adapter.
     fn status(&self, ui: &mut Ui) {
         ui.horizontal(|ui| {
             if let Some(failure) = self.model.failure() {
                 ui.colored_label(ui.visuals().error_fg_color, failure);
             } else if let Some(error) = self.model.shader_error() {
-                ui.colored_label(ui.visuals().error_fg_color, error).on_hover_text("The last shaders that compiled draw on");
+                ui.colored_label(ui.visuals().error_fg_color, error).on_hover_text("The last shaders that compiled stay in use");
             } else if let Some(progress) = &self.model.news.progress {
                 match (progress.done, progress.total) {
                     (0, 0) => drop(ui.label(format!("{} ...", progress.stage))),
@@ -218,7 +219,7 @@ impl Workbench {
     }
 }
 
-/// Has nothing glide or fade: it would have the window painted again and again, beside pictures that are timed.
+/// Switches animations off: they would repaint the window repeatedly and disturb the times of pictures.
 pub fn still(ctx: &egui::Context) {
     ctx.all_styles_mut(|style| {
         style.animation_time = 0.0;
@@ -226,12 +227,12 @@ pub fn still(ctx: &egui::Context) {
     });
 }
 
-/// How far something is. No wheel turns beside it, since the window would be painted without a pause, see [`PROGRESS`](crate::engine::PROGRESS).
+/// A progress bar. It has no spinner, because a spinner repaints the window without a pause, see [`PROGRESS`](crate::engine::PROGRESS).
 fn progress_bar(ui: &mut Ui, stage: &str, [done, all]: [u64; 2]) {
     ui.add(egui::ProgressBar::new(done as f32 / all as f32).desired_width(160.0).text(format!("{stage}: {done} of {all}")));
 }
 
-/// The panes in their arrangement.
+/// Draws the panes of the tree.
 struct Panes<'a> {
     model: &'a mut Model,
     panels: &'a mut Panels,
@@ -301,12 +302,12 @@ impl eframe::App for Workbench {
     }
 
     fn on_exit(&mut self) {
-        // Of a scene that may not be one nothing is kept.
+        // Do not save the state of a scene that has not loaded.
         if !self.model.is_opening() {
             self.model.keep_now();
         }
         if let Some(error) = self.model.keeping_failure() {
-            // The window is gone.
+            // There is no window left to show it in.
             eprintln!("error: {error}");
         }
     }

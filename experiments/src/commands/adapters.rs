@@ -1,4 +1,4 @@
-//! `adapters`: which graphics adapters there are, and whether they will do.
+//! `adapters`: lists the graphics adapters and whether they are usable.
 
 use std::fmt::Write as _;
 
@@ -35,7 +35,7 @@ impl<'a> From<&'a AdapterReport> for Row<'a> {
     }
 }
 
-/// Lists the adapters; fails if none will do, after listing them.
+/// Lists the adapters; fails after the listing if none is usable.
 pub(crate) fn run(args: &AdaptersArgs) -> Result<()> {
     let reports = gpu::adapters();
     if args.json {
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &AdaptersArgs) -> Result<()> {
         bail!("no graphics adapter: install a Vulkan driver (Debian, Ubuntu: `apt-get install mesa-vulkan-drivers` gives a software one)");
     }
     if reports.iter().all(|report| report.usable.is_err()) {
-        bail!("none of the {} adapter(s) will do; the list says what each lacks: update its driver or use another", reports.len());
+        bail!("none of the {} adapter(s) is usable; the list says what each lacks: update its driver or use another", reports.len());
     }
     Ok(())
 }

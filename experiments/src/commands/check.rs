@@ -1,4 +1,4 @@
-//! `check`: experiments run small, and their expectations are held against the result. For continuous integration.
+//! `check`: runs the small version of experiments and compares the results with their expectations. For continuous integration.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::definition::Definition;
 use crate::expectations::{self, Verdict};
 use crate::store::{Existing, Place};
 
-/// A folder for results that nobody asked to keep.
+/// A folder for results that are not kept.
 struct Temporary(PathBuf);
 
 impl Temporary {
@@ -25,12 +25,12 @@ impl Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        // Nothing is left to do about a temporary folder that cannot be removed.
+        // If a temporary folder cannot be removed, there is nothing else to do.
         drop(fs::remove_dir_all(&self.0));
     }
 }
 
-/// Runs each definition small and fails where a result leaves its range.
+/// Runs the small version of each definition and fails if a result is outside its range.
 pub(crate) fn run(args: &CheckArgs) -> Result<()> {
     let temporary = args.out.is_none().then(Temporary::new).transpose()?;
     let out = args.out.as_deref().or(temporary.as_ref().map(|folder| folder.0.as_path())).unwrap_or(Path::new("."));
@@ -47,16 +47,16 @@ pub(crate) fn run(args: &CheckArgs) -> Result<()> {
 }
 
 /// # Errors
-/// Nothing is expected, so nothing could fail.
+/// The definition has no expectations, so nothing could fail.
 fn has_expectations(definition: &Definition) -> Result<()> {
     if definition.expectations.is_empty() {
-        bail!("`{}` expects nothing, so there is nothing to check: give it an [[expect]], or leave it out", definition.name);
+        bail!("`{}` expects nothing, so there is nothing to check: add an [[expect]], or omit the definition", definition.name);
     }
     Ok(())
 }
 
 /// # Errors
-/// Names what left its range.
+/// Names the values that are outside their ranges.
 fn judge(name: &str, verdicts: &[Verdict]) -> Result<()> {
     let failed: Vec<&str> = verdicts.iter().filter(|verdict| !verdict.met).map(|verdict| verdict.claim.trim()).collect();
     if failed.is_empty() {

@@ -1,4 +1,4 @@
-//! `compare`: a picture against its reference.
+//! `compare`: compares a picture with its reference.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,14 +11,14 @@ use serde::Serialize;
 use super::{check_output_file, print, print_json};
 use crate::cli::CompareArgs;
 
-/// The answer for a program. Metrics that were not asked for are absent.
+/// The answer for a program. Metrics that were not requested are absent.
 #[derive(Serialize)]
 struct Answer<'a> {
     test: &'a Path,
     reference: &'a Path,
     layer: Option<&'a str>,
     size: [u32; 2],
-    /// Pixels counted.
+    /// Number of compared pixels.
     pixels: usize,
     terrain_only: bool,
     identical: bool,
@@ -28,10 +28,10 @@ struct Answer<'a> {
     mse: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mrse: Option<f64>,
-    /// null = infinite, which JSON cannot say.
+    /// null = infinite, which JSON cannot express.
     #[serde(skip_serializing_if = "Option::is_none")]
     psnr_db: Option<Option<f64>>,
-    /// null = no window of 11 x 11 pixels fits.
+    /// null = the picture has no window of 11 x 11 pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     ssim: Option<Option<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -46,7 +46,7 @@ struct FlipAnswer {
     max: f64,
 }
 
-/// Compares two pictures and prints what was asked for.
+/// Compares two pictures and prints the requested metrics.
 pub(crate) fn run(args: &CompareArgs) -> Result<()> {
     let inputs = [&args.test, &args.reference];
     if let Some(map) = &args.map {
@@ -68,10 +68,10 @@ pub(crate) fn run(args: &CompareArgs) -> Result<()> {
     let metrics = metrics(args, test.content)?;
     let mask = if args.terrain {
         let Some(mask) = reference.terrain() else {
-            bail!("--terrain needs alpha, and {} has none: give a picture that has, or leave --terrain out", args.reference.display());
+            bail!("--terrain needs alpha, and {} has none: give a picture with alpha, or omit --terrain", args.reference.display());
         };
         if !mask.contains(&true) {
-            bail!("{} shows no terrain: no pixel has alpha 1; leave --terrain out", args.reference.display());
+            bail!("{} shows no terrain: no pixel has alpha 1; omit --terrain", args.reference.display());
         }
         Some(mask)
     } else {
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<()> {
     if args.json { print_json(&answer) } else { print(&table(&answer, &metrics)) }
 }
 
-/// What was asked for, each once; by default all that has a meaning.
+/// The requested metrics, each once; by default all that apply to the content.
 fn metrics(args: &CompareArgs, content: Content) -> Result<Vec<Metric>> {
     let colour = content == Content::Colour;
     if !colour {
@@ -162,7 +162,7 @@ fn table(answer: &Answer<'_>, metrics: &[Metric]) -> String {
     text
 }
 
-/// Six digits, whatever the size.
+/// Six digits for numbers of any size.
 fn number(value: f64) -> String {
     if value == 0.0 || (1e-3..1e6).contains(&value.abs()) { format!("{value:.6}") } else { format!("{value:.5e}") }
 }

@@ -1,4 +1,4 @@
-//! `demo`: the main job in small. A definition that is built in, run as `run` does, with some of its keys given by options.
+//! `demo`: a small version of the main task. Runs a built-in definition as `run` does; options replace some of its keys.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::store::{Existing, Place};
 
 const TEXT: &str = include_str!("../../definitions/demo.toml");
 
-/// Runs the demo and writes its report. One that is there makes way: this is for looking at, and is done again after every change.
+/// Runs the demo and writes its report. Existing results are replaced, because the demo is rerun after every change.
 pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     let mut definition = definition::parse(TEXT, "demo.toml (built in)", Path::new("."))?;
     let scene = scene::load(scene::DEFAULT)?;

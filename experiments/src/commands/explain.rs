@@ -1,4 +1,4 @@
-//! `explain`: what a scene requires, what it does not, and its settings.
+//! `explain`: prints what a scene requires, what it does not require, and its settings.
 
 use anyhow::Result;
 use kernels::frame::requirements::Requirements;
@@ -18,7 +18,7 @@ struct Answer {
     settings: Vec<Row>,
 }
 
-/// Prints both lists and the settings.
+/// Prints the requirements and the settings.
 pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
     let scene = scene::load(&args.scene)?;
     let requirements = Requirements::of(&scene);

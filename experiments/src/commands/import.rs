@@ -1,4 +1,4 @@
-//! `import`: a heightmap becomes a scene folder.
+//! `import`: makes a scene folder from a heightmap.
 
 use anyhow::{Result, bail};
 use kernels::decode::heightmap::ReadOptions;
@@ -8,7 +8,7 @@ use super::{check_writable, print};
 use crate::cli::ImportArgs;
 use crate::process::watch_interrupts;
 
-/// Writes the scene folder, whole or not at all.
+/// Writes the scene folder completely or not at all.
 pub(crate) fn run(args: &ImportArgs) -> Result<()> {
     if args.heightmap.is_dir() {
         bail!("{} is a folder: give a PNG, RAW, EXR or TIFF heightmap", args.heightmap.display());

@@ -25,7 +25,7 @@ use serde::Serialize;
 
 use crate::cli::{Cli, Command};
 
-/// Runs the command that was asked for.
+/// Runs the requested command.
 pub(crate) fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Run(args) => run::run(args),
@@ -43,7 +43,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     }
 }
 
-/// Writes to stdout. A reader that has seen enough (`| head`) is no error.
+/// Writes to stdout. It is not an error if the reader closes the pipe early (`| head`).
 pub(crate) fn print(text: &str) -> Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -58,9 +58,9 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<()> {
     print(&format!("{text}\n"))
 }
 
-/// Refuses an output file that cannot be written, before the work that would be lost.
+/// Reports an output file that cannot be written before the work starts, so that no work is lost.
 ///
-/// The file itself is not touched: it is written under a temporary name and renamed, so what counts is its folder.
+/// The file itself is not touched: it is written under a temporary name and renamed, so only its folder has to be writable.
 pub(crate) fn check_output_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         bail!("{} is a folder: give the name of a file", path.display());
@@ -83,7 +83,7 @@ pub(crate) fn check_writable(folder: &Path) -> Result<()> {
     if !folder.is_dir() {
         bail!("{} is not a folder: correct the path", folder.display());
     }
-    // Permission bits do not tell (read-only mounts, access lists): try.
+    // Permission bits are not reliable (read-only mounts, access control lists), so this tries to write.
     let trial = folder.join(format!(".scree-{}.tmp", std::process::id()));
     OpenOptions::new()
         .write(true)
@@ -94,7 +94,7 @@ pub(crate) fn check_writable(folder: &Path) -> Result<()> {
         .with_context(|| format!("cannot write into {}: change its permissions, or choose another folder", folder.display()))
 }
 
-/// Progress of long work on stderr: a bar on a terminal, a plain line at each quarter elsewhere.
+/// Progress of long work on stderr: a bar on a terminal; otherwise a plain line at each quarter.
 pub(crate) struct Reporter {
     terminal: bool,
     state: Mutex<State>,
@@ -113,9 +113,9 @@ impl Reporter {
         Reporter { terminal: io::stderr().is_terminal(), state: Mutex::default() }
     }
 
-    /// `done` of `total` parts of `stage` are finished; stages follow one another. A `total` of 0 = not known.
+    /// `done` of `total` parts of `stage` are finished; stages follow one another. A `total` of 0 = unknown.
     pub(crate) fn report(&self, stage: &str, done: u64, total: u64) {
-        // A poisoned lock means that another thread panicked; that is reported elsewhere.
+        // A poisoned lock means that another thread panicked, which is reported there.
         let Ok(mut state) = self.state.lock() else { return };
         let entered = state.stage != stage;
         if entered {
@@ -142,7 +142,7 @@ impl Reporter {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(crate) fn finish(&self) {
         if let Some(bar) = self.state.lock().ok().and_then(|mut state| state.bar.take()) {
             bar.finish_and_clear();

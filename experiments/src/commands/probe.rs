@@ -1,4 +1,4 @@
-//! `probe`: one shared function over the rows of a CSV table.
+//! `probe`: evaluates one shared function for the rows of a CSV table.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -21,11 +21,11 @@ struct Listed {
     outputs: &'static [Column],
 }
 
-/// A table read from CSV: what was written in it, and the values of the columns asked for.
+/// A table read from CSV: its text, and the values of the required columns.
 struct Table {
     header: csv::StringRecord,
     rows: Vec<csv::StringRecord>,
-    /// Row-major, a probe's inputs in their order.
+    /// Row-major: the inputs of the probe, in order.
     values: Vec<f64>,
 }
 
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
         bail!("--output {} is the input: give another file, or the table would be lost", output.display());
     }
     let table = read(input, probe)?;
-    // The shortest decimal that gives the same number back, in the precision that was computed in.
+    // The shortest decimal that gives the same number when read back, in the precision of the evaluation.
     #[allow(clippy::cast_possible_truncation, reason = "these are numbers of f32")]
     let single = |(x, column): (&f64, &Column)| if column.is_word() { x.to_string() } else { (*x as f32).to_string() };
     let in_single = |results: &[f64]| results.iter().zip(probe.outputs.iter().cycle()).map(single).collect();
@@ -73,7 +73,7 @@ fn list(json: bool) -> Result<()> {
             }
         }
     }
-    text.push_str("\nValues are rounded to f32 for --on f32 and --on gpu, all but words (whole, 0 to 4294967295).\n");
+    text.push_str("\nValues are rounded to f32 for --on f32 and --on gpu, except words (whole, 0 to 4294967295).\n");
     print(&text)
 }
 
@@ -134,7 +134,7 @@ fn explain(error: &csv::Error) -> String {
     }
 }
 
-/// A table is written whole or not at all.
+/// A table is written completely or not at all.
 fn write(path: &Path, probe: &Probe, table: &Table, results: &[String]) -> Result<()> {
     write_whole(path, |temporary| -> Result<()> {
         let mut writer = csv::Writer::from_path(temporary)?;

@@ -1,4 +1,4 @@
-//! `render`: pictures of a scene, by any variant, estimator and noise, or the converged reference.
+//! `render`: renders pictures of a scene by any variant, estimator and noise, or the converged reference.
 
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<u32>,
     adapter: String,
-    /// A software adapter's times are compared, never quoted alone.
+    /// Times of a software adapter are only meaningful as ratios.
     software: bool,
     frames: Vec<FrameSummary>,
 }
@@ -42,23 +42,23 @@ struct Summary {
 struct FrameSummary {
     frame: u32,
     file: PathBuf,
-    /// GPU time of each pass, milliseconds; of a reference, the sum over its samples. With the layers `fetches`, `choice` or `variant`
-    /// shading is that of the counting pipelines, which are slower.
+    /// GPU time of each pass, milliseconds; for a reference, the sum over its samples. With the layers `fetches`, `choice` or `variant`, the shading
+    /// time is that of the counting pipelines, which are slower.
     gpu_ms: serde_json::Map<String, serde_json::Value>,
-    /// Mean fetches over terrain pixels only (sky does not count); absent unless the layer `fetches` was asked for.
+    /// Mean fetches over terrain pixels (the sky does not count); absent unless the layer `fetches` was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     fetches_per_px: Option<f64>,
-    /// Tiles of the screen shaded by each variant that has any.
+    /// Number of screen tiles shaded by each variant; variants without tiles are absent.
     tiles: serde_json::Map<String, serde_json::Value>,
 }
 
-/// What is looked through: a camera of the scene, a path, or a pose given by hand.
+/// The camera of the pictures: a camera of the scene, a path, or a pose given on the command line.
 enum Shot<'a> {
     Still(CameraPose),
     Along(&'a CameraPath),
 }
 
-/// Renders and writes all frames, each whole or not at all.
+/// Renders and writes all frames, each completely or not at all.
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     check_output_file(&args.out)?;
     let scene = args.scene_settings.scene(&args.scene)?;
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         pose.fov = args.fov.map_or(pose.fov, f64::to_radians);
         let request = frame_settings.request(pose, args.size, frame).with(|r| {
             r.outputs.aovs = aovs;
-            // What is averaged is displayed afterwards.
+            // Pictures that are averaged are converted for display after averaging.
             r.outputs.display = (is_png && args.reference.is_none()).then(|| frame_settings.display());
         });
         let picture = match args.reference {
@@ -113,7 +113,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             Some(samples) => reference(&mut renderer, &request, samples, &reporter)?,
         };
         if picture.report.tiles.first() == Some(&0) {
-            eprintln!("note: frame {frame} shows no terrain: the camera looks past it, stands outside the world, or is under ground");
+            eprintln!("note: frame {frame} shows no terrain: the camera looks past it, is outside the world, or is under the ground");
         }
         let file = if numbered { numbered_file(&args.out, frame) } else { args.out.clone() };
         if is_png {
@@ -162,9 +162,8 @@ pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Ite
     format!("scene `{}` has no {kind} `{name}`: {hint}", scene.name)
 }
 
-/// The converged truth: three projections of four materials in two tilings (96 fetches), all blended, averaged over
-/// `samples` points of each pixel's square. Colours are averaged, layers that an average would make meaningless (ids,
-/// directions, distances) are those of the pixel's centre.
+/// The converged reference: three projections of four materials in two tilings (96 fetches), all blended, averaged over `samples` points of each
+/// pixel's square. Colours are averaged. Layers for which an average is meaningless (ids, directions, distances) are those of the pixel's centre.
 pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, samples: u32, reporter: &Reporter) -> Result<Picture> {
     let truth = request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
@@ -190,7 +189,7 @@ fn sample_point(i: u32) -> [f64; 2] {
     [1.0 / G, 1.0 / (G * G)].map(|step| (0.5 + f64::from(i) * step).fract() - 0.5)
 }
 
-/// Sums of what can be averaged, in f64 so that thousands of samples lose nothing.
+/// Sums of the layers that are averaged, in f64, so that thousands of samples lose no precision.
 struct Sums {
     hdr: Vec<[f64; 4]>,
     colours: Vec<(String, Vec<[f64; 3]>)>,
@@ -245,7 +244,7 @@ fn numbered_file(out: &Path, frame: u32) -> PathBuf {
 }
 
 fn text(summary: &Summary) -> String {
-    let software = if summary.software { " (software: compare its times, never quote them alone)" } else { "" };
+    let software = if summary.software { " (software: only ratios of its times are meaningful)" } else { "" };
     let mut lines = Vec::new();
     for frame in &summary.frames {
         let total: f64 = frame.gpu_ms.values().filter_map(serde_json::Value::as_f64).sum();

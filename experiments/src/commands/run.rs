@@ -1,4 +1,4 @@
-//! `run`: experiments from definition files, one after the other; `check` shares it.
+//! `run`: runs experiments from definition files, one after another; `check` uses the same code.
 
 use std::path::{Path, PathBuf};
 
@@ -15,12 +15,12 @@ use crate::runner::Runner;
 use crate::store::{Existing, Place, Provenance, Run, RunData};
 use crate::unit::Measure;
 
-/// Who measures the parts of a run, on a device. `imported` = folder of the imported scene, where the definition imports one.
+/// Measures the parts of a run on a device. `imported` = folder of the imported scene, if the definition imports one.
 pub(crate) fn measurer<'a>(gpu: &'a Gpu, definition: &'a Definition, imported: Option<&'a Path>) -> Result<Box<dyn Measure + 'a>> {
     Ok(Box::new(Runner::new(gpu, definition, imported)?))
 }
 
-/// Runs the definitions; what one of them fails at does not stop the others.
+/// Runs the definitions. If one fails, the others are still run.
 pub(crate) fn run(args: &RunArgs) -> Result<()> {
     if let Some(jobs) = args.jobs {
         rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global().context("cannot start worker threads: leave --jobs out")?;
@@ -30,20 +30,20 @@ pub(crate) fn run(args: &RunArgs) -> Result<()> {
     each(&args.definitions, |definition, session| session.answer(&definition, &place))
 }
 
-/// The device and the progress of a whole call.
+/// The device and the progress reporter of one command.
 pub(crate) struct Session {
     gpu: Gpu,
     reporter: Reporter,
 }
 
 impl Session {
-    /// Looks for a device.
+    /// Opens a device.
     pub(crate) fn begin() -> Result<Session> {
         watch_interrupts()?;
         Ok(Session { gpu: Gpu::new()?, reporter: Reporter::new() })
     }
 
-    /// A run with its report, and in short what came of it.
+    /// Runs a definition, writes its report, and prints a summary.
     pub(crate) fn answer(&self, definition: &Definition, place: &Place<'_>) -> Result<()> {
         let data = self.carry_out(definition, place)?;
         let verdicts = expectations::evaluate(definition, &data.rows, &data.times);
@@ -55,7 +55,7 @@ impl Session {
         print(&format!("{text}  {}\n  report: {}\n", written.verdict, written.page.display()))
     }
 
-    /// One run from its first part to its joined tables.
+    /// Carries out one run, from its first part to its joined tables.
     pub(crate) fn carry_out(&self, definition: &Definition, place: &Place<'_>) -> Result<RunData> {
         let info = &self.gpu.info;
         let provenance = Provenance {
@@ -73,7 +73,7 @@ impl Session {
         if done < all {
             let imported = run.imported();
             let mut measure = measurer(&self.gpu, definition, imported.as_deref())?;
-            // Parts are too few and too long to be the steps of a bar.
+            // There are too few parts, and they take too long, to be the steps of the bar.
             let show = |done: u64, total: u64| self.reporter.report(&format!("{} (%)", definition.name), done * 100 / total.max(1), 100);
             let outcome = run.carry_out(measure.as_mut(), &show, &check_interrupted);
             self.reporter.finish();
@@ -83,7 +83,8 @@ impl Session {
     }
 }
 
-/// Loads all definitions, then does something with each. The first error of a single definition is this call's; of several, each is said and counted.
+/// Loads all definitions, then calls `act` for each. If a single definition was given, its error is returned; if there are several, each error is
+/// printed and the failures are counted.
 pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) -> Result<()>) -> Result<()> {
     let loaded: Vec<(&PathBuf, Result<Definition>)> = files.iter().map(|file| (file, definition::load(file))).collect();
     let names: Vec<(&PathBuf, &str)> = loaded.iter().filter_map(|(file, d)| Some((*file, d.as_ref().ok()?.name.as_str()))).collect();
@@ -105,7 +106,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
             act(definition, session)
         });
         if let Err(error) = outcome {
-            // Ctrl-C means all of them.
+            // Ctrl-C stops all definitions.
             if files.len() == 1 || check_interrupted().is_err() {
                 return Err(error);
             }
@@ -116,7 +117,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
     if failed.is_empty() { Ok(()) } else { Err(anyhow!("{} of {} experiments failed: {}", failed.len(), files.len(), failed.join(", "))) }
 }
 
-/// The command line as it can be typed again.
+/// The command line, quoted so that it can be typed again.
 fn exact_command() -> String {
     let quoted = |text: String| {
         let plain = |c: char| c.is_alphanumeric() || "-_./+=,:@%\\".contains(c);
@@ -133,7 +134,7 @@ fn summary(data: &RunData, verdicts: &[Verdict]) -> String {
     let mut text = format!("{folder}: {} metrics and {} times, on {}{software}\n", data.rows.len(), data.times.len(), provenance.adapter);
     if data.manifest.shard.is_some() {
         if !verdicts.is_empty() {
-            text += "  what is expected is judged when all shards are together: experiments report\n";
+            text += "  expectations are judged once all shards are done: experiments report\n";
         }
         return text;
     }

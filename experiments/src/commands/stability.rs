@@ -1,4 +1,4 @@
-//! `stability`: every kernel at its extremes against f64; codes, derivatives and noise against what is derived.
+//! `stability`: compares every kernel at its extremes with f64, and codes, derivatives and noise with derived values.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,7 +17,7 @@ use crate::stability::extremes::{DEFAULT_TEXT, Extremes};
 use crate::stability::kernels::{self as kernel_lab, Finding};
 use crate::stability::{Row, directions, motion, noise};
 
-/// Measures, and writes tables and their report.
+/// Measures, and writes the tables and their report.
 pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let extremes = match &args.extremes {
         None => Extremes::parse(DEFAULT_TEXT, "the built-in table")?,
@@ -29,7 +29,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     };
     let parts: &[Part] = match (&args.only[..], &args.extremes) {
         ([], None) => &Part::ALL,
-        // A table of one's own asks of kernels.
+        // A table given by the user is about kernels only.
         ([], Some(_)) => &[Part::Kernels],
         (only, _) => only,
     };
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
             check_interrupted()
         };
         findings = kernel_lab::measure(&extremes, &gpus.iter().collect::<Vec<_>>(), 1.0, progress)?;
-        // Each row is found by every measure of its kernel and on every side.
+        // A row occurs in the findings of every measure of its kernel and of every side.
         let rows: BTreeMap<_, usize> =
             findings.iter().map(|finding| ((&finding.kernel, &finding.parameter, finding.value.to_bits()), finding.rows)).collect();
         facts.push(("Rows", rows.values().sum::<usize>().to_string()));
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let bends = if parts.contains(&Part::Kernels) { &extremes.bends[..] } else { &[] };
     let lab = Lab { findings: &findings, bends, directions: &directions, noise: &noise, motion: &motion };
     let text = report::text(&lab, &facts);
-    // All is made before anything is written.
+    // Everything is computed before anything is written.
     let files = [
         ("results.csv", csv(findings.iter().map(shortened))?),
         ("directions.csv", csv(directions.iter().map(Row::shortened))?),
@@ -101,7 +101,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     Ok(())
 }
 
-/// Three significant digits, so that a difference between two tables is one of kernels.
+/// Three significant digits, so that differences between two tables come from the kernels.
 fn shortened(finding: &Finding) -> Finding {
     let rounded = |x: f64| format!("{x:.2e}").parse::<f64>().unwrap_or(x);
     Finding {

@@ -1,6 +1,6 @@
-//! An experiment as data: a question, what is rendered, what is measured, what is expected, and what the result says.
+//! An experiment as data: its question, what is rendered, what is measured, what is expected, and what the result means.
 //!
-//! The types below are the schema of a definition file (TOML, unknown keys refused with the nearest known one).
+//! The types below are the schema of a definition file (TOML). Unknown keys are refused; the message names the nearest known key.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -18,35 +18,35 @@ mod validate;
 pub(crate) use parameters::hash;
 pub use parse::{load, parse, stored};
 
-/// Everything a definition file says.
+/// The contents of a definition file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Definition {
-    /// Short name: that of the run's folder and of the column `experiment`. Letters, digits, `-` and `_`.
+    /// Short name, used for the run's folder and the column `experiment`. Letters, digits, `-` and `_`.
     pub name: String,
     /// The question that the run answers, one sentence.
     pub question: String,
-    /// What the result says and what it does not, in prose (Markdown paragraphs); written after a run was looked at.
+    /// What the result shows and what it does not show, in prose (Markdown paragraphs); written after looking at the results of a run.
     #[serde(default)]
     pub analysis: String,
-    /// `default`, a scene file, or a folder with scene.toml, relative to the definition; `$SCREE_DATA` at its start is replaced by that variable.
-    /// Exactly one of `scene` and `import` is given; neither = `default`.
+    /// `default`, a scene file, or a folder with scene.toml, relative to the definition; a leading `$SCREE_DATA` is replaced by the value of that
+    /// variable. At most one of `scene` and `import` is given; without both, the scene is `default`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
     /// A heightmap to make the scene from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub import: Option<Import>,
-    /// What is looked at: names of cameras (standing still) and of paths of the scene.
+    /// The views: names of cameras (which stand still) and of paths of the scene.
     #[serde(default)]
     pub views: Vec<String>,
-    /// More of it: cameras that are moved.
+    /// Additional views: cameras that move.
     #[serde(default, rename = "view", skip_serializing_if = "Vec::is_empty")]
     pub moving_views: Vec<MovingView>,
     /// Pixels, width and height.
     pub size: [u32; 2],
-    /// Frames of each sequence, at least 1. Time is the frame index.
+    /// Number of frames of each sequence, at least 1. Time is the frame index.
     pub frames: u32,
-    /// Seeds over which bias and variance are taken; 0 = neither is measured, else at least 2.
+    /// Number of seeds for bias and variance; 0 = neither is measured, otherwise at least 2.
     #[serde(default)]
     pub seeds: u32,
     /// Names of variants or their numbers as text, `auto`, `generic`, or `all` for the 31.
@@ -60,32 +60,32 @@ pub struct Definition {
     /// Temporal resolves: `off`, `exponential`, `flipquad`, `flipquad+exponential`.
     #[serde(default = "default_temporal")]
     pub temporal: Vec<String>,
-    /// A parameter and the values it takes, one after the other.
+    /// A parameter that is varied, and its values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vary: Option<Vary>,
-    /// Keys of the scene set for the whole run, as `"flavours.cliff_near_m" = 20.0`.
+    /// Settings of the scene for the whole run, such as `"flavours.cliff_near_m" = 20.0`.
     #[serde(default, rename = "set", skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, toml::Value>,
-    /// Names of metrics; none = all.
+    /// Names of metrics; empty = all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
-    /// Whether the frames of single flavours, of `auto` and `generic`, and of the reference sequence are kept as PNG sequences, with the command lines of tools
-    /// that judge video.
+    /// Whether to keep PNG sequences of the frames of single flavours, of `auto` and `generic`, and of the reference sequence, with command lines for
+    /// tools that judge video.
     #[serde(default)]
     pub video: bool,
-    /// How well the reference must be known.
+    /// How accurately the reference must be known.
     #[serde(default)]
     pub reference: Reference,
     /// Which rows are timed.
     #[serde(default)]
     pub times: Times,
-    /// What `check` changes so that it is quick.
+    /// Changes that `check` makes so that it is quick.
     #[serde(default)]
     pub small: Small,
-    /// Results that are expected.
+    /// The results that are expected.
     #[serde(default, rename = "expect", skip_serializing_if = "Vec::is_empty")]
     pub expectations: Vec<Expectation>,
-    /// Folder that relative file names refer to: the definition file's own. Not part of the file.
+    /// Folder to which relative file names refer: that of the definition file. It is not part of the file.
     #[serde(skip)]
     pub folder: PathBuf,
 }
@@ -106,14 +106,14 @@ fn default_temporal() -> Vec<String> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Import {
-    /// The file; `$SCREE_DATA` at its start is replaced by that variable.
+    /// The file; a leading `$SCREE_DATA` is replaced by the value of that variable.
     pub heightmap: String,
     /// Sample spacing, metres.
     pub metres_per_texel: f64,
-    /// Elevations of the smallest and largest sample value, metres; formats of float samples need none.
+    /// Elevations of the smallest and largest sample value, metres; not needed for formats with float samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
-    /// Folder of material folders; `$SCREE_DATA` as above; without it, procedural materials.
+    /// Folder of material folders, with `$SCREE_DATA` as above; if absent, the materials are procedural.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub materials: Option<String>,
     /// Procedural relief added below the data's resolution, metres.
@@ -121,18 +121,18 @@ pub struct Import {
     pub detail_m: f64,
 }
 
-/// A camera that moves evenly.
+/// A camera that moves at a constant rate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MovingView {
-    /// Unique name, that of the column `view`.
+    /// Unique name, used in the column `view`.
     pub name: String,
-    /// A camera of the scene, where frame 0 stands.
+    /// The camera of the scene at which frame 0 is.
     pub camera: String,
     /// How it moves.
     pub motion: Motion,
-    /// How far each frame: metres for `sideways` (to the right) and `forwards` (along the view, level), degrees for `turn` (to the right), and for
-    /// `zoom` degrees off the field of view.
+    /// Step per frame: metres for `sideways` (to the right) and `forwards` (along the view, level), degrees for `turn` (to the right), and the
+    /// decrease of the field of view in degrees for `zoom`.
     pub step: f64,
 }
 
@@ -144,9 +144,9 @@ pub enum Motion {
     Sideways,
     /// Along the view direction, level.
     Forwards,
-    /// To the right, on the spot.
+    /// To the right, without moving.
     Turn,
-    /// Narrower field of view.
+    /// The field of view becomes narrower.
     Zoom,
 }
 
@@ -154,7 +154,7 @@ pub enum Motion {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vary {
-    /// A number of the scene file, as `blend.hash_scale`, or a choice of the frame: `frame.normals` (`octahedral`,
+    /// A number of the scene file, such as `blend.hash_scale`, or a choice of the frame: `frame.normals` (`octahedral`,
     /// `plane-first`, `exact`), `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride`
     /// (1, 2, 4), `frame.seed`, `frame.reseeds`, `frame.two_tilings`.
     pub parameter: String,
@@ -162,13 +162,14 @@ pub struct Vary {
     pub values: Vec<toml::Value>,
 }
 
-/// The converged 96-fetch truth that errors are taken against.
+/// The converged 96-fetch reference for errors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Reference {
-    /// Samples per pixel to begin with: batches of 8, at least 4 of them.
+    /// Initial number of samples per pixel: batches of 8, at least 4 of them.
     pub spp: u32,
-    /// Doubled until the reference's own standard error is under a tenth of the error that the 96-fetch blend at one sample has, or this is reached.
+    /// Largest number of samples. The samples are doubled until the reference's own standard error is below a tenth of the error of the 96-fetch
+    /// blend with one sample, or until this number is reached.
     pub max_spp: u32,
 }
 
@@ -178,20 +179,20 @@ impl Default for Reference {
     }
 }
 
-/// Which rows are timed. Times are kept apart from metrics: they never repeat exactly.
+/// The rows that are timed. Times are stored separately from metrics, because they never repeat exactly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Times {
     /// None.
     None,
-    /// Every variant and estimator with the first noise of the list.
+    /// Every variant and estimator, with the first noise of the list.
     #[default]
     FirstNoise,
     /// Every variant, estimator and noise.
     All,
 }
 
-/// What `check` changes so that it is quick; what is absent stays.
+/// Changes that `check` makes so that it is quick; absent keys stay unchanged.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Small {
@@ -201,7 +202,7 @@ pub struct Small {
     pub frames: Option<u32>,
     /// Seeds.
     pub seeds: Option<u32>,
-    /// Views, by name (of `views` and `[[view]]` alike).
+    /// Names of views (from `views` and `[[view]]`).
     pub views: Option<Vec<String>>,
     /// Variants.
     pub variants: Option<Vec<String>>,
@@ -209,34 +210,34 @@ pub struct Small {
     pub values: Option<Vec<toml::Value>>,
 }
 
-/// A result that is expected: the mean of the rows selected, or its ratio to that of other rows, lies in a range.
+/// An expected result: the mean of the selected rows, or its ratio to the mean of other rows, lies in a range.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Expectation {
-    /// What is claimed, one sentence.
+    /// The claim, one sentence.
     pub claim: String,
     /// Name of the metric.
     pub metric: String,
-    /// Which rows: column = value (`lag = 1`, `noise = "hashed"`); all rows of the metric that agree are averaged.
+    /// Selection of rows: column = value (`lag = 1`, `noise = "hashed"`); all matching rows of the metric are averaged.
     #[serde(default, rename = "where")]
     pub selection: BTreeMap<String, toml::Value>,
-    /// If given, the mean is divided by that of these rows (columns not named here are as in `where`).
+    /// If given, the mean is divided by the mean of these rows (columns not named here are as in `where`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over: Option<BTreeMap<String, toml::Value>>,
     /// Smallest and largest value expected.
     pub range: [f64; 2],
 }
 
-/// Every one of the 31 variants in a definition's list.
+/// The name that stands for all 31 variants in a definition's list.
 pub const ALL_VARIANTS: &str = "all";
 
-/// What the name of a variant that the generic kernel runs begins with.
+/// Prefix of the name of a variant that the generic kernel shades.
 const GENERIC: &str = "generic-";
 
-/// A way to choose variants by its name: `auto`, `generic`, a variant's name or its number, and that after `generic-`.
+/// Parses a choice of variants: `auto`, `generic`, a variant's name or number, or `generic-` followed by one of these.
 ///
 /// # Errors
-/// What is none of these.
+/// The text is none of these.
 pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
     match text {
         "auto" => Ok(VariantChoice::Auto),
@@ -248,7 +249,7 @@ pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
     }
 }
 
-/// The name of a choice in tables: what [`variant_choice`] reads.
+/// The name of a choice in tables; [`variant_choice`] reads it.
 pub fn variant_name(choice: VariantChoice) -> String {
     match choice {
         VariantChoice::Auto => "auto".to_owned(),
@@ -258,10 +259,10 @@ pub fn variant_name(choice: VariantChoice) -> String {
     }
 }
 
-/// A value of the varied parameter; `None` where the definition varies none.
+/// A value of the varied parameter; `None` if the definition varies none.
 pub type Setting = Option<toml::Value>;
 
-/// A value as it stands in the column `setting`: a text as it is, a number in the fewest digits, anything else as TOML.
+/// A value as written in the column `setting`: a text unchanged, a number in the fewest digits, anything else as TOML.
 pub fn setting_text(value: &toml::Value) -> String {
     match value {
         toml::Value::String(text) => text.clone(),
@@ -271,15 +272,15 @@ pub fn setting_text(value: &toml::Value) -> String {
 }
 
 impl Definition {
-    /// Names of all views, still or moving, in their order.
+    /// Names of all views, still and moving, in order.
     pub fn view_names(&self) -> impl Iterator<Item = &str> {
         self.views.iter().chain(self.moving_views.iter().map(|view| &view.name)).map(String::as_str)
     }
 
-    /// The variants asked for, `all` written out, by the names that tables have.
+    /// The requested variants with the names that tables use; `all` is expanded.
     ///
     /// # Errors
-    /// A text that names none.
+    /// A text that does not name a variant.
     pub fn variant_choices(&self) -> Result<Vec<(String, VariantChoice)>, NotAVariant> {
         let mut choices = Vec::new();
         for text in &self.variants {
@@ -292,27 +293,27 @@ impl Definition {
         Ok(choices.into_iter().map(|choice| (variant_name(choice), choice)).collect())
     }
 
-    /// Whether a run measures this metric: it is asked for, and there is what it needs.
+    /// Whether a run measures this metric: it is requested, and the definition has what it needs.
     pub fn measures(&self, metric: &str) -> bool {
-        // What an error is worth goes with every error.
+        // The accuracy of the reference is reported with every error metric.
         let of_an_error =
             || [metrics::REFERENCE_SE, metrics::REFERENCE_SPP].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
         self.why_not(metric).is_ok() || of_an_error()
     }
 
     /// # Errors
-    /// Why a run does not measure this metric, and how to mend it.
+    /// Why a run does not measure this metric, and how to change that.
     fn why_not(&self, metric: &str) -> Result<(), String> {
         let needs = metrics::known(metric)?.needs;
         match needs {
-            Needs::Seeds if self.seeds < 2 => return Err(format!("`{metric}` is taken over seeds: set `seeds` to 2 or more")),
+            Needs::Seeds if self.seeds < 2 => return Err(format!("`{metric}` is computed over seeds: set `seeds` to 2 or more")),
             Needs::Frames if self.frames < 2 => return Err(format!("`{metric}` compares frames: set `frames` to 2 or more")),
             Needs::Clock if self.times == Times::None => {
                 return Err(format!("`{metric}` is a time: set `times` to \"first-noise\" or \"all\""));
             }
             _ => {}
         }
-        // Device times are asked for by `times`.
+        // Device times are requested by `times`.
         if needs == Needs::Clock || self.metrics.is_empty() || self.metrics.iter().any(|name| name == metric) {
             return Ok(());
         }
@@ -338,7 +339,7 @@ impl Definition {
         small
     }
 
-    /// What decides the numbers: without the prose and what is expected of them.
+    /// The part of the definition that decides the numbers: without prose and expectations.
     pub(crate) fn measured(&self) -> Definition {
         Definition {
             question: String::new(),
@@ -350,10 +351,10 @@ impl Definition {
         }
     }
 
-    /// The definition as TOML; [`stored`] reads it back.
+    /// The definition as TOML; [`stored`] reads it again.
     ///
     /// # Errors
-    /// A value that TOML cannot hold, which no definition that was read has.
+    /// A value that TOML cannot express. A definition that was read from a file has none.
     pub fn to_toml(&self) -> anyhow::Result<String> {
         Ok(toml::to_string(self)?)
     }

@@ -1,4 +1,4 @@
-//! Parameters that a definition sets or varies: keys of the scene file, and settings of the frame.
+//! Parameters that a definition sets or varies: settings of the scene file and of the frame.
 
 use std::ffi::OsString;
 use std::fs;
@@ -16,10 +16,10 @@ use twox_hash::XxHash64;
 
 use super::{Definition, Import, Setting};
 
-/// Gives the frame's settings what a definition sets; all other parameters are passed by.
+/// Applies a parameter to the settings of the frame; parameters of the scene are ignored.
 pub(super) fn apply(settings: &mut FrameSettings, parameter: &str, value: &Value) -> Result<(), String> {
     match value {
-        // `frame.tile = 4` without quotes is a table to TOML.
+        // TOML parses `frame.tile = 4` without quotes as a table.
         Value::Table(table) if is_of_frame(parameter, value) => {
             table.iter().try_for_each(|(key, value)| set_of_frame(settings, &format!("{FRAME}{key}"), value))
         }
@@ -32,11 +32,11 @@ fn set_of_frame(settings: &mut FrameSettings, parameter: &str, value: &Value) ->
     let lists = |home: &Home| if let Home::DefinitionList(list) = home { Some(*list) } else { None };
     match frame::setting(parameter) {
         Some(setting) if setting.has_home(Home::Definition) => setting.set(settings, value),
-        Some(setting) => {
-            let list = setting.listing.homes.iter().find_map(lists).unwrap_or_default();
-            Err(format!("`{parameter}` is not set here: a definition gives it in `{list}`"))
-        }
-        None => Err(format!("`{parameter}` is no setting of the frame: {}", suggestion(parameter, &frame_parameters()))),
+        Some(setting) => Err(match setting.listing.homes.iter().find_map(lists) {
+            Some(list) => format!("`{parameter}` cannot be set here: a definition gives it in `{list}`"),
+            None => format!("`{parameter}` changes nothing that an experiment measures: remove it (`render` and the workbench have it)"),
+        }),
+        None => Err(format!("`{parameter}` is not a setting of the frame: {}", suggestion(parameter, &frame_parameters()))),
     }
 }
 
@@ -45,10 +45,10 @@ pub(super) fn frame_parameters() -> Vec<&'static str> {
     FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Definition)).map(|setting| setting.key).collect()
 }
 
-/// Most steps from a scene to a number of it: `material.grass.tint.2` has four. Tables within tables would overflow the stack some thousand deep.
+/// Largest number of steps in the path of a scene parameter: `material.grass.tint.2` has four. Some thousand nested tables would overflow the stack.
 const MOST_STEPS: usize = 8;
 
-/// Sets what `path` names in a document; a table is merged into the one that is there. In a list of tables a step of the path is a name or a number
+/// Sets the value at `path` in a document; a table is merged into the existing one. In a list of tables, a step of the path is a name or a number
 /// from 1.
 fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
     let Some((step, rest)) = path.split_first() else {
@@ -82,7 +82,7 @@ fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
     }
 }
 
-/// A file name of a definition: `$SCREE_DATA` at its start is replaced, and it is relative to the definition's folder.
+/// A file name in a definition: a leading `$SCREE_DATA` is replaced, and relative names refer to the definition's folder.
 pub(super) fn resolve(text: &str, folder: &Path) -> Result<PathBuf, String> {
     resolve_with(text, folder, std::env::var_os("SCREE_DATA"))
 }
@@ -99,7 +99,7 @@ fn resolve_with(text: &str, folder: &Path, data: Option<OsString>) -> Result<Pat
     }
 }
 
-/// A heightmap to import, its files found.
+/// A heightmap to import, with its files resolved.
 pub(crate) struct ImportJob {
     /// The heightmap.
     pub(crate) heightmap: PathBuf,
@@ -113,7 +113,7 @@ pub(crate) struct ImportJob {
 
 impl Import {
     /// # Errors
-    /// `$SCREE_DATA` is needed and not set.
+    /// `$SCREE_DATA` is needed but not set.
     pub(crate) fn job(&self, folder: &Path) -> Result<ImportJob, String> {
         Ok(ImportJob {
             heightmap: resolve(&self.heightmap, folder)?,
@@ -124,19 +124,19 @@ impl Import {
     }
 }
 
-/// Why an altered scene is refused.
+/// Why a changed scene is refused.
 pub(super) struct Refused {
-    /// Whether a key is unknown, rather than a value wrong.
+    /// True if a key is unknown, false if a value is wrong.
     pub(super) unknown_key: bool,
     pub(super) what: String,
 }
 
 impl Definition {
-    /// The scene's text as it stands, before anything is set. `imported` is the folder of the imported scene, where there is one.
+    /// The text of the scene before anything is set. `imported` is the folder of the imported scene, if there is one.
     pub(super) fn scene_text(&self, imported: Option<&Path>) -> Result<SceneText, String> {
         let path = match (&self.scene, &self.import, imported) {
             (_, Some(_), Some(folder)) => folder.to_owned(),
-            (_, Some(_), None) => return Err("the scene is imported when the run begins".to_owned()),
+            (_, Some(_), None) => return Err("the scene has not been imported yet".to_owned()),
             (None, None, _) => PathBuf::from(scene::DEFAULT),
             (Some(name), None, _) if name == scene::DEFAULT => PathBuf::from(name),
             (Some(name), None, _) => resolve(name, &self.folder)?,
@@ -144,9 +144,9 @@ impl Definition {
         scene::text(&path.to_string_lossy()).map_err(|error| error.to_string())
     }
 
-    /// The scene that `text` says, with what the definition sets and one value of what it varies.
+    /// The scene of `text`, with the settings of the definition and one value of the varied parameter.
     pub(super) fn altered(&self, text: &SceneText, setting: &Setting) -> Result<Scene, Refused> {
-        // Line numbers are those of the file only while it is as it stands.
+        // Line numbers are only right for the unchanged file, so it is parsed first.
         let plain = scene::parse(&text.text, &text.name, &text.folder);
         let plain = plain.map_err(|error| Refused { unknown_key: false, what: error.to_string() })?;
         let varied = self.vary.as_ref().map(|vary| vary.parameter.as_str()).zip(setting.as_ref());
@@ -161,15 +161,15 @@ impl Definition {
         for (parameter, value) in changes {
             let path: Vec<&str> = parameter.split('.').collect();
             if path.len() > MOST_STEPS {
-                let what = format!("a parameter of {} steps is nothing of the scene, where none has more than {MOST_STEPS}", path.len());
+                let what = format!("a parameter of {} steps is not in the scene, where none has more than {MOST_STEPS}", path.len());
                 return Err(Refused { unknown_key: true, what });
             }
             set(&mut document, &path, value)
-                .map_err(|what| Refused { unknown_key: true, what: format!("`{parameter}` is nothing of the scene: {what}") })?;
+                .map_err(|what| Refused { unknown_key: true, what: format!("`{parameter}` is not in the scene: {what}") })?;
         }
         let altered = toml::to_string(&document).map_err(|error| Refused { unknown_key: false, what: error.to_string() })?;
         scene::parse(&altered, &text.name, &text.folder).map_err(|error| {
-            // The line would be that of a text that nobody has seen.
+            // The line number would refer to a text that the user has never seen.
             let what = match error {
                 kernels::base::error::Error::Scene { what, .. } => what,
                 other => other.to_string(),
@@ -178,17 +178,17 @@ impl Definition {
         })
     }
 
-    /// The scene of a run: as its file or the built-in one says, with what the definition sets, and the value `setting` of what it varies.
-    /// `imported` is the folder of the imported scene, needed where the definition imports one.
+    /// The scene of a run: its file or the built-in scene, with the settings of the definition and the value `setting` of the varied parameter.
+    /// `imported` is the folder of the imported scene; it is needed if the definition imports one.
     ///
     /// # Errors
-    /// The scene cannot be read or is wrong, or was not imported yet.
+    /// The scene cannot be read, is invalid, or has not been imported yet.
     pub fn scene(&self, setting: &Setting, imported: Option<&Path>) -> Result<Scene> {
         let text = self.scene_text(imported).map_err(|what| anyhow!("experiment `{}`: scene: {what}", self.name))?;
         self.altered(&text, setting).map_err(|refused| anyhow!("experiment `{}`: scene: {}", self.name, refused.what))
     }
 
-    /// The settings of the frame, with the value `setting` of what the definition varies.
+    /// The settings of the frame, with the value `setting` of the varied parameter.
     ///
     /// # Errors
     /// An unknown setting or a value that it does not accept.
@@ -203,7 +203,7 @@ impl Definition {
         Ok(settings)
     }
 
-    /// A number that changes with what the scene is made from: its text, or the imported heightmap's bytes. 16 hexadecimal digits of xxHash64.
+    /// A hash of the scene's source: its text, or the bytes of the imported heightmap. 16 hexadecimal digits of xxHash64.
     ///
     /// # Errors
     /// The source cannot be read.

@@ -1,4 +1,4 @@
-//! Reading a definition file.
+//! Reads a definition file.
 
 use std::path::Path;
 
@@ -7,10 +7,10 @@ use kernels::base::document;
 
 use super::Definition;
 
-/// Reads a definition file, and checks it and the scene it names.
+/// Reads a definition file, and checks it and its scene.
 ///
 /// # Errors
-/// The file cannot be read, or what [`parse`] refuses.
+/// The file cannot be read, or [`parse`] refuses it.
 pub fn load(file: &Path) -> Result<Definition> {
     let place = || format!("experiment {}", file.display());
     if !file.exists() {
@@ -27,11 +27,11 @@ pub fn load(file: &Path) -> Result<Definition> {
     parse(&text, &file.display().to_string(), folder)
 }
 
-/// Reads a definition from `text` and checks it and the scene it names. `name` stands for the text in errors; relative file names refer to `folder`.
+/// Reads a definition from `text`, and checks it and its scene. `name` stands for the text in errors; relative file names refer to `folder`.
 ///
 /// # Errors
-/// One line, with `name:line`, the key and the remedy: not TOML, an unknown key (the nearest known one is named), a wrong type or value, what asks for
-/// nothing, an expectation that can select nothing, a scene that is wrong or lacks what is asked of it.
+/// One line, with `name:line`, the key and the remedy: invalid TOML, an unknown key (the nearest known one is named), a wrong type or value, a
+/// request that measures nothing, an expectation that selects no rows, or a scene that is invalid or lacks something that the definition needs.
 pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
     let refuse = |wrong: document::Wrong| anyhow!("experiment {}: {}", wrong.place(name), wrong.what);
     let mut definition: Definition = document::read(text, remedy_of_missing).map_err(refuse)?;
@@ -40,10 +40,10 @@ pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
     Ok(definition)
 }
 
-/// Reads a definition that a run has kept. Its scene may be gone, so only its shape is checked.
+/// Reads a definition that a run has stored. Its scene may no longer exist, so only its shape is checked.
 ///
 /// # Errors
-/// Not a definition.
+/// The text is not a definition.
 pub fn stored(text: &str) -> Result<Definition> {
     document::read(text, remedy_of_missing).map_err(|wrong| anyhow!("{}: {}", wrong.place("stored definition"), wrong.what))
 }

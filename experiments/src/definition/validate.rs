@@ -1,4 +1,4 @@
-//! What a definition must satisfy beyond its types, so that nothing is found wrong after hours.
+//! Checks of a definition beyond its types, so that no error appears after hours of measuring.
 
 use std::path::Path;
 
@@ -20,22 +20,22 @@ use super::{ALL_VARIANTS, Definition, Expectation, Import, Motion, Small, Times,
 use crate::metrics::{self, Axis, LAGS, Needs};
 use crate::row::{Field, Row};
 
-/// Beyond these, a definition is a slip of the pen.
+/// Larger values are taken for typing errors.
 const MAX_FRAMES: u32 = 100_000;
 const MAX_SEEDS: u32 = 4096;
 const MAX_SPP: u32 = 65_536;
 const MAX_LIST: usize = 1000;
 const MAX_UNITS: usize = 100_000;
 
-/// The reference is taken in batches of this many samples, and its standard error over at least [`BATCHES`] of them.
+/// The reference is sampled in batches of this many samples, and its standard error is computed from at least [`BATCHES`] batches.
 const BATCH: u32 = 8;
 const BATCHES: u32 = 4;
 
-/// What a scene offers.
+/// The cameras, paths and settings that a scene offers.
 struct Facts {
-    /// Names of cameras, with the field of view in degrees where it is known.
+    /// Names of cameras, with the field of view in degrees if it is known.
     cameras: Vec<(String, Option<f64>)>,
-    /// Names of paths, with how many frames they have.
+    /// Names of paths, with their number of frames.
     paths: Vec<(String, u64)>,
     passes: Vec<&'static str>,
     /// `None` = not imported yet.
@@ -52,7 +52,7 @@ impl Facts {
         }
     }
 
-    /// Before the import: it makes four cameras, no path, and the defaults of everything that is not its data.
+    /// Facts before the import: an imported scene has four cameras, no path, and default values for everything that is not its data.
     fn before_import() -> Result<Facts, String> {
         let like = scene::load(scene::DEFAULT).map_err(|error| error.to_string())?;
         Ok(Facts {
@@ -65,7 +65,7 @@ impl Facts {
 }
 
 impl Definition {
-    /// Checks the definition, the scene it names, and both again with what `small` changes.
+    /// Checks the definition and its scene, and then both with the changes of `small`.
     pub(super) fn check(&self) -> Checked {
         shape(self)?;
         let scene = At::top().key("scene");
@@ -82,7 +82,7 @@ impl Definition {
     /// Checks what could not be checked before the scene was imported into `folder`.
     ///
     /// # Errors
-    /// What the imported scene lacks, or a parameter that is wrong for it.
+    /// Something that the imported scene lacks, or a parameter that is invalid for it.
     pub(crate) fn check_imported(&self, folder: &Path) -> Result<()> {
         let fail = |what: String| anyhow!("experiment `{}`: {what}", self.name);
         let text = self.scene_text(Some(folder)).map_err(fail)?;
@@ -101,12 +101,12 @@ impl Definition {
     }
 }
 
-/// A problem where a value was wanted.
+/// Returns a problem where a value is expected.
 fn refuse<T>(at: &At, what: impl Into<String>) -> Result<T, Problem> {
     Err(at.problem(what))
 }
 
-/// The problem of a definition as `small` changes it, where its cause is written.
+/// The problem of the definition with the changes of `small`, moved to the key that causes it.
 fn in_small(definition: &Definition, mut problem: Problem) -> Problem {
     let small = &definition.small;
     let changed = |key: &str| match key {
@@ -144,7 +144,7 @@ fn small_lists(definition: &Definition) -> Checked {
     Ok(())
 }
 
-/// A list that holds something, nothing twice, and only what `parse` turns into a name.
+/// A list that is not empty, has no duplicates, and whose entries `parse` turns into names.
 fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String>) -> Checked {
     if texts.is_empty() {
         return at.fail("is empty: name at least one");
@@ -156,7 +156,7 @@ fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String
     for (i, text) in texts.iter().enumerate() {
         let name = parse(text).or_else(|what| refuse(&at.index(i), what))?;
         if let Some(before) = names.iter().position(|known| *known == name) {
-            return at.index(i).fail(format!("`{text}` is there already, as number {}: remove one", before + 1));
+            return at.index(i).fail(format!("`{text}` is a duplicate of entry {}: remove one", before + 1));
         }
         names.push(name);
     }
@@ -192,7 +192,7 @@ fn shape(definition: &Definition) -> Checked {
     frames.within(f64::from(definition.frames), 1.0, f64::from(MAX_FRAMES))?;
     let seeds = top.key("seeds");
     if definition.seeds == 1 {
-        seeds.fail("is 1, and one seed has no variance: give 0 to leave bias and variance out, or at least 2")?;
+        seeds.fail("is 1, and one seed has no variance: give 0 to omit bias and variance, or at least 2")?;
     }
     seeds.within(f64::from(definition.seeds), 0.0, f64::from(MAX_SEEDS))?;
     views(&top, definition)?;
@@ -201,7 +201,7 @@ fn shape(definition: &Definition) -> Checked {
     let (spp, max_spp) = (definition.reference.spp, definition.reference.max_spp);
     if !spp.is_multiple_of(BATCH) || spp < BATCH * BATCHES {
         reference.key("spp").fail(format!(
-            "is {spp}, must be a multiple of {BATCH} and at least {}: its standard error is that of batches of {BATCH}",
+            "is {spp}, must be a multiple of {BATCH} and at least {}: its standard error is computed from batches of {BATCH}",
             BATCH * BATCHES
         ))?;
     }
@@ -216,7 +216,7 @@ fn shape(definition: &Definition) -> Checked {
     Ok(())
 }
 
-/// Number of parts at most, without making them.
+/// An upper bound of the number of parts, without making them.
 fn plan_size(definition: &Definition) -> u64 {
     let count = |length: usize| length.max(1) as u64;
     let settings = count(definition.vary.as_ref().map_or(1, |vary| vary.values.len()));
@@ -274,7 +274,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
             Motion::Zoom => 170.0,
         };
         step.within(view.step, -limit, limit)?;
-        // Exactly zero is what was written; anything else moves.
+        // Only an exact zero means that nothing moves.
         if view.step.abs() < f64::MIN_POSITIVE {
             step.fail(format!("is 0: nothing moves; name the camera `{}` in `views` instead", view.camera))?;
         }
@@ -282,7 +282,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
     Ok(())
 }
 
-/// Names of variants, estimators, noises, resolves and metrics.
+/// Checks the names of variants, estimators, noises, resolves and metrics.
 fn choices(top: &At, definition: &Definition) -> Checked {
     let variants = top.key("variants");
     list(&variants, &definition.variants, |text| match text {
@@ -311,7 +311,7 @@ fn choices(top: &At, definition: &Definition) -> Checked {
         if text == metrics::POWER && definition.size.iter().any(|&side| side < metrics::SMALLEST_SIDE) {
             let least = metrics::SMALLEST_SIDE;
             at.index(i)
-                .fail(format!("`power` is taken of squares of at least {least} pixels: make `size` {least} or more, or leave it out"))?;
+                .fail(format!("`power` is computed from squares of at least {least} pixels: make `size` {least} or more, or omit it"))?;
         }
         definition.why_not(text).or_else(|what| at.index(i).fail(what))?;
     }
@@ -325,7 +325,7 @@ fn one_of(what: &str, text: &str, known: &[&str]) -> Result<String, String> {
     }
 }
 
-/// Shapes of `vary` and `set`; what only a scene can tell comes later.
+/// Checks the form of `vary` and `set`; checks that need a scene come later.
 fn parameters(top: &At, definition: &Definition) -> Checked {
     let at = top.key("set");
     for (parameter, value) in &definition.settings {
@@ -336,7 +336,7 @@ fn parameters(top: &At, definition: &Definition) -> Checked {
     let at = top.key("vary");
     let texts: Vec<String> = vary.values.iter().map(setting_text).collect();
     if vary.parameter.trim().is_empty() {
-        at.key("parameter").fail("is empty: name a key of the scene, as `blend.hash_scale`, or a setting of the frame, as `frame.tile`")?;
+        at.key("parameter").fail("is empty: name a scene setting (for example `blend.hash_scale`) or a frame setting (`frame.tile`)")?;
     }
     if definition.settings.contains_key(&vary.parameter) {
         at.key("parameter").fail(format!("`{}` is set in [set], too: remove one", vary.parameter))?;
@@ -361,7 +361,7 @@ fn finite(at: &At, value: &Value) -> Checked {
     }
 }
 
-/// Checks against what the scene offers.
+/// Checks the definition against what the scene offers.
 fn against(definition: &Definition, facts: &Facts) -> Checked {
     let top = At::top();
     let cameras: Vec<&str> = facts.cameras.iter().map(|(name, _)| name.as_str()).collect();
@@ -403,13 +403,13 @@ fn against(definition: &Definition, facts: &Facts) -> Checked {
     Ok(())
 }
 
-/// The scene with everything that is set and varied, as far as it is known.
+/// Checks the scene with all values that are set and varied, as far as they are known.
 fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
     let like;
     let text = match &facts.text {
         Some(text) => text,
         None => {
-            // Only what the import leaves at its default can be checked before it.
+            // Before the import, only settings that the import leaves at their defaults can be checked.
             let data = |parameter: &str| {
                 ["world", "material", "rule", "stroke", "camera", "path", "name", "description", "detail_size"]
                     .contains(&parameter.split('.').next().unwrap_or_default())
@@ -440,7 +440,7 @@ fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
     Ok(())
 }
 
-/// A scene without virtual texture cannot be shaded by it.
+/// A scene without virtual texture cannot be shaded with it.
 fn forced(top: &At, definition: &Definition, scene: &Scene) -> Checked {
     if Requirements::of(scene).has(Flavour::VirtualTexture) {
         return Ok(());
@@ -470,7 +470,7 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
             at.key("metric").fail(format!("no pass is called `{pass}`: {}", suggestion(pass, &facts.passes)))?;
         }
         if expectation.over.is_none() {
-            at.key("metric").fail("a time says something only beside another of the same run: give `over`")?;
+            at.key("metric").fail("a time is only meaningful relative to another of the same run: give `over`")?;
         }
     }
     let [low, high] = expectation.range;
@@ -504,13 +504,13 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
     Ok(())
 }
 
-/// A column and its value that some row can have.
+/// Checks that some row can have this value in this column.
 fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, definition: &Definition) -> Checked {
     let columns = ["scene", "view", "variant", "estimator", "noise", "temporal", "parameter", "setting", "frame", "lag", "frequency"];
     if !columns.contains(&column) {
         return at.fail(format!("rows are not selected by `{column}`: {}", suggestion(column, &columns)));
     }
-    let Some(known) = Row::column(column) else { return at.fail("is no column") };
+    let Some(known) = Row::column(column) else { return at.fail("is not a column") };
     let among = |what: &str, names: &[&str]| {
         let text = setting_text(value);
         match text.is_empty() || names.contains(&text.as_str()) {
@@ -533,7 +533,7 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
         _ => Vec::new(),
     };
     match known.field {
-        // Whose name only the scene knows.
+        // Only the scene knows its own name.
         Field::Text(..) if column == "scene" => Ok(()),
         Field::Text(..) => among(column, &names.iter().map(String::as_str).collect::<Vec<_>>()),
         Field::Count(..) => {
@@ -553,7 +553,7 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
             }
             match value.as_float().or_else(|| value.as_integer().map(|number| number as f64)) {
                 Some(number) if number.is_finite() => Ok(()),
-                _ => at.fail(format!("{value} is no frequency: give cycles per pixel, 0 to 0.7")),
+                _ => at.fail(format!("{value} is not a frequency: give cycles per pixel, 0 to 0.7")),
             }
         }
     }

@@ -1,23 +1,23 @@
-//! FLIP: what a viewer who flips between two pictures sees of their difference. Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and
-//! Fairchild 2020, *FLIP: A Difference Evaluator for Alternating Images*, for low dynamic range, by its authors' own code (crate
-//! `nv-flip`), which takes 8-bit sRGB codes.
+//! FLIP: the difference that a viewer sees when flipping between two pictures. Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild
+//! 2020, *FLIP: A Difference Evaluator for Alternating Images*, for low dynamic range. The code is the authors' own (crate `nv-flip`), which takes
+//! 8-bit sRGB codes.
 
 use kernels::base::error::{Error, Result};
 use nv_flip::FlipImageRgb8;
 
 use super::area;
 
-/// Pixels in a degree of the viewer's sight: 3840 pixels on 0.7 m, seen from 0.7 m.
+/// Pixels per degree of the viewer's field of view: 3840 pixels over 0.7 m, seen from 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
-/// What is accepted. Below, the feature filters have less than a pixel's width; above, a window is wider than any display.
+/// The accepted range. Below it, the feature filters are narrower than a pixel; above it, a window is wider than any display.
 pub const PIXELS_PER_DEGREE_RANGE: [f32; 2] = [4.0, 400.0];
 
-/// A map of errors in one number each, 0..=1.
+/// A map of errors summarised in a few numbers, each 0..=1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
-    /// The number the authors recommend where it must be one.
+    /// The mean error: the authors recommend it if a single number is needed.
     pub mean: f64,
-    /// The errors below which pixels hold a quarter, a half and three quarters of the sum of all errors.
+    /// The weighted quartiles: the pixels with smaller errors hold a quarter, a half and three quarters of the sum of all errors.
     pub weighted_quartiles: [f64; 3],
     /// The largest error.
     pub max: f64,
@@ -32,10 +32,10 @@ pub struct Map {
     pub errors: Vec<f32>,
 }
 
-/// FLIP errors of two pictures of `size` (width, height), values in 0..=1, sRGB-encoded; rounded to 8 bits.
+/// FLIP errors of two pictures of `size` (width, height) with sRGB-encoded values in 0..=1; the values are rounded to 8 bits.
 ///
 /// # Errors
-/// When lengths do not fit, or `pixels_per_degree` lies outside [`PIXELS_PER_DEGREE_RANGE`].
+/// The lengths do not match, or `pixels_per_degree` lies outside [`PIXELS_PER_DEGREE_RANGE`].
 pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per_degree: f32) -> Result<Map> {
     let [low, high] = PIXELS_PER_DEGREE_RANGE;
     if !(low..=high).contains(&pixels_per_degree) {
@@ -56,9 +56,9 @@ pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per
 }
 
 impl Map {
-    /// The numbers of the pixels that count: all without a mask. Of no pixel: all 0.
+    /// Summarises the pixels that the mask selects, or all pixels without a mask. If there is no pixel, all numbers are 0.
     ///
-    /// The crate's own pooling sums in f32 and starts its maximum above 0.
+    /// The crate's own pooling is not used, because it sums in f32 and starts its maximum above 0.
     pub fn pool(&self, mask: Option<&[bool]>) -> Flip {
         let counts = |index: usize| mask.is_none_or(|mask| mask.get(index).copied().unwrap_or(false));
         let mut errors: Vec<f32> = self.errors.iter().enumerate().filter(|(i, _)| counts(*i)).map(|(_, e)| *e).collect();
@@ -79,7 +79,7 @@ impl Map {
         }
     }
 
-    /// The map in the colours of [`magma`], 0 black, 1 pale yellow.
+    /// The map in the colours of [`magma`]: 0 is black, 1 is pale yellow.
     pub fn coloured(&self) -> Vec<[u8; 3]> {
         let colours = magma();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "errors lie in 0..=1")]
@@ -103,10 +103,10 @@ mod tests {
         vec![colour; area(SIZE)]
     }
 
-    /// CIELAB of linear sRGB with the Hunt effect of the paper: a and b times 0.01 L.
+    /// CIELAB of linear sRGB with the paper's Hunt effect: a and b times 0.01 L.
     fn hunt_lab([r, g, b]: [f64; 3]) -> [f64; 3] {
         let xyz = |r: f64, g: f64, b: f64| {
-            // IEC 61966-2-1 by its primaries, as the paper's code has it.
+            // IEC 61966-2-1 from its primaries, as in the paper's code.
             let x = 10_135_552.0 / 24_577_794.0 * r + 8_788_810.0 / 24_577_794.0 * g + 4_435_075.0 / 24_577_794.0 * b;
             let y = 2_613_072.0 / 12_288_897.0 * r + 8_788_810.0 / 12_288_897.0 * g + 887_015.0 / 12_288_897.0 * b;
             let z = 1_425_312.0 / 73_733_382.0 * r + 8_788_810.0 / 73_733_382.0 * g + 70_074_185.0 / 73_733_382.0 * b;
@@ -119,8 +119,8 @@ mod tests {
         [lightness, 500.0 * (x - y) * 0.01 * lightness, 200.0 * (y - z) * 0.01 * lightness]
     }
 
-    /// The paper's colour error of two uniform pictures, which have no features: HyAB distance to the power 0.7, relative to the largest
-    /// (green against blue); the first 40 % of it take 95 % of the scale.
+    /// The paper's colour error of two uniform pictures, which have no features: the HyAB distance to the power 0.7, relative to the largest distance
+    /// (between green and blue); the first 40 % of it take 95 % of the scale.
     fn uniform_error(a: [f64; 3], b: [f64; 3]) -> f64 {
         let distance = |a: [f64; 3], b: [f64; 3]| {
             let (a, b) = (hunt_lab(a), hunt_lab(b));
@@ -146,11 +146,11 @@ mod tests {
             let (a, b) = (code(a), code(b));
             let pooled = map(SIZE, &uniform(a), &uniform(b), PIXELS_PER_DEGREE).unwrap().pool(None);
             let expected = uniform_error(linear(a), linear(b));
-            // The code works in f32 and raises differences of Lab values up to 100 to a power: some 1e-5 of 100.
+            // The code works in f32 and raises differences of Lab values up to 100 to a power; the error is some 1e-5 of 100.
             for found in [pooled.mean, pooled.max, pooled.weighted_quartiles[1]] {
                 assert!((found - expected).abs() < 1e-3, "{a:?} {b:?}: {found} is not {expected}");
             }
-            // Negative control: linear values given for encoded ones do not pass (save where both are 0 or 1).
+            // Negative control: linear values in place of encoded ones fail (except where both are 0 or 1).
             let wrong = uniform_error(a.map(f64::from), b.map(f64::from));
             assert!(a.map(f64::from) == linear(a) || (wrong - expected).abs() > 0.01);
         }
@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn pooling_follows_its_definition() {
         let map = Map { size: [6, 1], errors: vec![0.5, 0.0, 0.125, 0.25, 0.375, 1.0] };
-        // Sums of the sorted errors: 0, 0.125, 0.375, 0.75, 1.25, 2.25; quarters of the whole are 0.5625, 1.125, 1.6875.
+        // Sums of the sorted errors: 0, 0.125, 0.375, 0.75, 1.25, 2.25; quarters of the total are 0.5625, 1.125, 1.6875.
         assert_eq!(map.pool(None), Flip { mean: 0.375, weighted_quartiles: [0.375, 0.5, 1.0], max: 1.0 });
         let masked = map.pool(Some(&[true, true, false, true, true, false]));
         assert_eq!(masked, Flip { mean: 1.125 / 4.0, weighted_quartiles: [0.375, 0.375, 0.5], max: 0.5 });

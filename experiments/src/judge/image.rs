@@ -1,4 +1,4 @@
-//! Pictures read for comparison: OpenEXR with layers, PNG, JPEG.
+//! Reads pictures for comparison: OpenEXR with layers, PNG, JPEG.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read as _, Seek};
@@ -13,14 +13,14 @@ use kernels::frame::MAX_PIXELS;
 
 use super::{area, not_finite};
 
-/// What the three numbers of a texel are.
+/// The meaning of a texel's three numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
-    /// Linear red, green, blue, primaries of sRGB.
+    /// Linear red, green and blue with the primaries of sRGB.
     Colour,
     /// A vector: X, Y, Z.
     Vector,
-    /// One number, three times.
+    /// One number, repeated three times.
     Value,
 }
 
@@ -29,17 +29,17 @@ pub enum Content {
 pub struct Image {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Finite numbers.
+    /// Finite values.
     pub texels: Vec<[f32; 3]>,
-    /// Channel A of the whole picture, whatever the layer.
+    /// Channel A of the whole picture, for every layer.
     pub alpha: Option<Vec<f32>>,
     /// What the numbers are.
     pub content: Content,
 }
 
-/// A channel of an OpenEXR file with the layer it belongs to.
+/// A channel of an OpenEXR file, with its layer.
 struct Channel<'a> {
-    /// Empty for the channels that belong to none.
+    /// Empty for channels without a layer.
     layer: String,
     /// R, G, B, A, X, Y, Z, V, ...
     name: String,
@@ -49,13 +49,13 @@ struct Channel<'a> {
 }
 
 impl Image {
-    /// Reads a picture; what it is, its first bytes tell. PNG and JPEG are decoded from sRGB. Of OpenEXR the layer is read that is named
-    /// (`albedo` of channels `albedo.R`, `albedo.G`, `albedo.B`), without a name the channels R, G, B that belong to no layer or else those
-    /// of the first part. A layer has channels R G B, X Y Z, or one.
+    /// Reads a picture; its first bytes tell the format. PNG and JPEG are decoded from sRGB. From an OpenEXR file the named layer is read (`albedo`
+    /// has the channels `albedo.R`, `albedo.G`, `albedo.B`). Without a name it reads the channels R, G, B that belong to no layer, or else those of
+    /// the first part. A layer has the channels R G B, X Y Z, or a single one.
     ///
     /// # Errors
-    /// When the file is missing or no picture, has no such layer (the error names those there are), more than 2^26 pixels, or a value that
-    /// is NaN or infinite (the error tells how many and where the first is).
+    /// The file is missing or not a picture, has no such layer (the error names the existing ones), has more than 2^26 pixels, or has values that are
+    /// NaN or infinite (the error says how many, and where the first is).
     pub fn read(path: &Path, layer: Option<&str>) -> Result<Image> {
         let wrong = |what: &str| Error::Image { file: path.to_owned(), what: what.to_owned() };
         if path.is_dir() {
@@ -68,10 +68,10 @@ impl Image {
         Image::decode(BufReader::new(File::open(path).map_err(open)?), path, layer)
     }
 
-    /// Reads a picture from the contents of a file, which `path` names in errors; else as [`Image::read`].
+    /// Reads a picture from the contents of a file, which `path` names in errors; otherwise like [`Image::read`].
     ///
     /// # Errors
-    /// As [`Image::read`].
+    /// See [`Image::read`].
     pub fn decode(mut input: impl BufRead + Seek, path: &Path, layer: Option<&str>) -> Result<Image> {
         let wrong = |what: String| Error::Image { file: path.to_owned(), what: one_line(&what) };
         let mut magic = Vec::new();
@@ -81,18 +81,18 @@ impl Image {
         let read = if magic == 20_000_630_u32.to_le_bytes() { exr(input, layer) } else { coded(input, layer) };
         let image = read.map_err(wrong)?;
         match not_finite(image.size, &image.texels) {
-            Some(what) => Err(wrong(format!("holds {what}: a picture to compare has none"))),
+            Some(what) => Err(wrong(format!("holds {what}: pictures to compare must be finite"))),
             None => Ok(image),
         }
     }
 
-    /// Which pixels show terrain and nothing else: those of alpha 1 (sky has 0). `None` for a picture without alpha.
+    /// The pixels that show only terrain: those with alpha 1 (the sky has 0). `None` for a picture without alpha.
     pub fn terrain(&self) -> Option<Vec<bool>> {
         self.alpha.as_ref().map(|alpha| alpha.iter().map(|a| *a >= 1.0).collect())
     }
 }
 
-/// Refuses a picture before its pixels are allocated.
+/// Refuses a size before the pixels are allocated.
 fn check_size(width: u64, height: u64) -> std::result::Result<[u32; 2], String> {
     let pixels = width.checked_mul(height).filter(|n| (1..=MAX_PIXELS).contains(n));
     match (pixels, u32::try_from(width), u32::try_from(height)) {
@@ -126,7 +126,7 @@ fn coded(input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Result
 
 fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Result<Image, String> {
     use e::{ReadChannels as _, ReadLayers as _};
-    let undecodable = |error: e::Error| format!("cannot be decoded as OpenEXR: {error}; export it anew");
+    let undecodable = |error: e::Error| format!("cannot be decoded as OpenEXR: {error}; export it again");
     let meta = exr::meta::MetaData::read_from_buffered(&mut input, false).map_err(undecodable)?;
     for header in &meta.headers {
         check_size(header.layer_size.0 as u64, header.layer_size.1 as u64)?;
@@ -141,7 +141,7 @@ fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Resu
         for channel in &content.channel_data.list {
             let full = channel.name.to_string();
             let (prefix, name) = full.rsplit_once('.').unwrap_or(("", &full));
-            // A part's name comes before its channels', unless these repeat it.
+            // The name of a part is a prefix of its channels' names, unless these repeat it.
             let layer = match (of_part.as_str(), prefix) {
                 (part, "") => part.to_owned(),
                 ("", prefix) => prefix.to_owned(),
@@ -159,7 +159,7 @@ fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Resu
         let mut known: Vec<&str> = channels.iter().map(|c| c.layer.as_str()).filter(|name| !name.is_empty()).collect();
         known.dedup();
         let hint = nearest(wanted, &known).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-        let known = if known.is_empty() { "none but the picture itself".to_owned() } else { known.join(", ") };
+        let known = if known.is_empty() { "only the picture itself".to_owned() } else { known.join(", ") };
         return Err(format!("has no layer `{wanted}`: there are {known}{hint}"));
     }
     let named = |names: [&str; 3]| names.map(|name| chosen.iter().find(|c| c.name == name).copied());
@@ -178,14 +178,14 @@ fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Resu
     let [x, y, z] = found.map(values);
     let (x, y, z) = (x?, y?, z?);
     let alpha = channels.iter().find(|c| c.part == found[0].part && c.name == "A" && c.layer == unnamed).or_else(|| {
-        // A layer may lie in a part of its own, the picture's alpha in the first.
+        // A layer may be in a part of its own, while the picture's alpha is in the first part.
         channels.iter().find(|c| c.name == "A" && c.layer == unnamed && c.size == size)
     });
     let texels = x.iter().zip(&y).zip(&z).map(|((x, y), z)| [*x, *y, *z]).collect();
     Ok(Image { size, texels, alpha: alpha.map(values).transpose()?, content })
 }
 
-/// A channel's samples as f32; one for each pixel.
+/// The samples of a channel as f32, one per pixel.
 fn values(channel: &Channel<'_>) -> std::result::Result<Vec<f32>, String> {
     let values: Vec<f32> = channel.samples.values_as_f32().collect();
     if values.len() == area(channel.size) {
@@ -201,7 +201,7 @@ mod tests {
 
     use super::*;
 
-    /// A file of its own, removed at the end.
+    /// A unique file, removed at the end.
     struct Temp(std::path::PathBuf);
 
     impl Temp {
@@ -279,7 +279,7 @@ mod tests {
         let codes = [0, 10, 55, 188, 255, 128].map(|v| image::Rgba([v, v, v, if v == 10 { 0 } else { 255 }]));
         image::RgbaImage::from_fn(3, 2, |x, y| codes[(y * 3 + x) as usize]).save(&file.0).unwrap();
         let read = Image::read(&file.0, None).unwrap();
-        // IEC 61966-2-1 by hand: 10/255/12.92, and 188 is half of the light.
+        // IEC 61966-2-1, computed by hand: 10/255/12.92; 188 is half of the light.
         for (index, expected) in [(0, 0.0), (1, 0.003_035_27), (3, 0.502_886), (4, 1.0)] {
             assert!((read.texels[index][1] - expected).abs() < 1e-6, "{index}: {:?}", read.texels[index]);
         }

@@ -1,20 +1,20 @@
-//! Judges a picture against a reference: MSE, MRSE, PSNR, SSIM, FLIP; spectra of errors; the calls of metrics that judge video.
+//! Judges a picture against a reference: MSE, MRSE, PSNR, SSIM, FLIP; also spectra of errors, and command lines of video metrics.
 //!
-//! With t the test and r the reference, linear colour, P the pixels counted, k the channel (red, green, blue), and s(x) the sRGB
-//! encoding of x clamped to 0..=1:
+//! Notation: t is the test and r the reference in linear colour, P the set of compared pixels, k the channel (red, green, blue), and s(x) the sRGB
+//! encoding of x clamped to 0..=1.
 //!
 //! - MSE = mean over P and k of (t - r)²; as in tev and in pbrt's imgtool.
-//! - MRSE = mean over P and k of (t - r)² / (r² + 0.01), tev's. imgtool's denominator is (r + 0.01)²: 100 times smaller at black, where a
-//!   single pixel then decides the mean, and 0 for r = -0.01. tev's is the relative error of Rousselle, Knaus and Zwicker 2011, *Adaptive
+//! - MRSE = mean over P and k of (t - r)² / (r² + 0.01), as in tev. imgtool's denominator is (r + 0.01)²: it is 100 times smaller at black, where a
+//!   single pixel can then decide the mean, and 0 for r = -0.01. tev's formula is the relative error of Rousselle, Knaus and Zwicker 2011, *Adaptive
 //!   Sampling and Reconstruction using Greedy Error Minimization*, with their epsilon.
-//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. Neither tool has it. A peak needs bounded values, hence the encoding: of 8-bit
-//!   pictures it is what every other tool gives. Infinite where nothing differs. Of linear values with peak 1 it would say what MSE says:
-//!   [`psnr_db`] of it.
+//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. Neither tool has it. A peak needs bounded values, hence the encoding: for 8-bit pictures the
+//!   result equals that of every other tool. It is infinite where nothing differs. For linear values with peak 1 it would only restate the MSE:
+//!   [`psnr_db`].
 //! - SSIM of s(t) and s(r): [`ssim`].
 //! - FLIP of s(t) and s(r) in 8 bits: [`flip`].
 //!
-//! tev and imgtool pass over differences that are infinite; here a value that is NaN or infinite is an error, since it is a defect of the
-//! picture. All sums are in f64.
+//! tev and imgtool skip differences that are infinite. Here a value that is NaN or infinite is an error, because it is a defect of the picture. All
+//! sums are in f64.
 
 pub mod flip;
 mod image;
@@ -34,10 +34,10 @@ use crate::metrics;
 
 pub use image::{Content, Image};
 
-/// Keeps relative errors of dark references finite; linear colour squared (tev; Rousselle et al. 2011).
+/// Keeps relative errors finite where the reference is dark; linear colour squared (tev; Rousselle et al. 2011).
 pub const MRSE_EPSILON: f64 = 0.01;
 
-/// What can be measured.
+/// The metrics of a pair of pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Metric {
     /// Visible difference, 0..=1.
@@ -53,10 +53,10 @@ pub enum Metric {
 }
 
 impl Metric {
-    /// All of them, in the order in which they are printed.
+    /// All metrics, in the order in which they are printed.
     pub const ALL: [Metric; 5] = [Metric::Flip, Metric::Mse, Metric::Mrse, Metric::Psnr, Metric::Ssim];
 
-    /// As the command line spells it.
+    /// The name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Metric::Flip => metrics::FLIP,
@@ -67,18 +67,18 @@ impl Metric {
         }
     }
 
-    /// Unit and definition in a line.
+    /// Unit and definition in one line.
     pub fn definition(self) -> &'static str {
         match self {
-            Metric::Flip => "0..1, 0 = alike; mean of LDR-FLIP over pixels, sRGB-encoded, 8 bits",
+            Metric::Flip => "0..1, 0 = equal; mean of LDR-FLIP over pixels, sRGB-encoded, 8 bits",
             Metric::Mse => "linear colour²; mean of (t - r)² over pixels and channels",
             Metric::Mrse => "1; mean of (t - r)² / (r² + 0.01) over pixels and channels, linear",
             Metric::Psnr => "dB; 10 log10(1 / MSE), sRGB-encoded, peak 1",
-            Metric::Ssim => "-1..1, 1 = alike; Gaussian window of 11x11, sRGB-encoded, mean over pixels and channels",
+            Metric::Ssim => "-1..1, 1 = equal; Gaussian window of 11x11, sRGB-encoded, mean over pixels and channels",
         }
     }
 
-    /// Whether it means something for colour only, since it takes values as a display would show them.
+    /// Whether the metric is meaningful for colour only, because it takes values as a display shows them.
     pub fn needs_colour(self) -> bool {
         matches!(self, Metric::Flip | Metric::Psnr | Metric::Ssim)
     }
@@ -94,7 +94,7 @@ impl FromStr for Metric {
     type Err = Error;
 
     /// # Errors
-    /// For an unknown name, with the nearest known one.
+    /// The name is unknown; the message names the nearest known one.
     fn from_str(text: &str) -> Result<Metric> {
         let names = Metric::ALL.map(Metric::name);
         Metric::ALL.into_iter().find(|metric| metric.name() == text).ok_or_else(|| {
@@ -104,10 +104,10 @@ impl FromStr for Metric {
     }
 }
 
-/// Everything that is measured of a pair of pictures; [`Pair`] has each number on its own.
+/// All metrics of a pair of pictures; [`Pair`] computes each of them separately.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Pixels counted.
+    /// Number of compared pixels.
     pub pixels: usize,
     /// Linear colour squared.
     pub mse: f64,
@@ -115,19 +115,19 @@ pub struct Errors {
     pub mrse: f64,
     /// dB; infinite where nothing differs.
     pub psnr: f64,
-    /// -1..=1; `None` where no window lies inside the picture around a pixel that counts.
+    /// -1..=1; `None` if no window fits into the picture around a compared pixel.
     pub ssim: Option<f64>,
     /// 0..=1, at [`flip::PIXELS_PER_DEGREE`].
     pub flip: flip::Flip,
 }
 
-/// All metrics of a test against a reference, linear colour, row by row.
+/// All metrics of a test against a reference, both in linear colour, row by row.
 ///
-/// MSE, MRSE and PSNR are means over the pixels whose `mask` is true. FLIP and SSIM look at neighbourhoods: there the masked-out pixels of
-/// the test are first made equal to the reference's, then left out of the mean. So what is behind the mask has no influence, and a pixel
-/// beside its border is judged a little more mildly than one far from it.
+/// MSE, MRSE and PSNR are means over the pixels whose `mask` is true. FLIP and SSIM use neighbourhoods: the masked-out pixels of the test are first
+/// set to the reference's, then excluded from the mean. So the masked-out content has no influence, and a pixel next to the mask's border is judged a
+/// little more mildly than one far from it.
 ///
-/// FLIP takes most of the time; a caller that does without it asks [`Pair`].
+/// FLIP takes most of the time; callers that do not need it use [`Pair`].
 ///
 /// # Errors
 /// See [`Pair::new`].
@@ -137,13 +137,13 @@ pub fn errors(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: &
     Ok(Errors { pixels: pair.pixels(), mse: pair.mse(), mrse: pair.mrse(), psnr: pair.psnr(), ssim: pair.ssim(), flip })
 }
 
-/// PSNR in dB of a mean squared error of values whose peak is 1: 0 gives infinity.
+/// PSNR in dB from the mean squared error of values whose peak is 1; infinite for 0.
 pub fn psnr_db(mean_squared_error: f64) -> f64 {
-    // Not minus the logarithm: that is -0 for an error of 1.
+    // Not the negated logarithm, which is -0 for an error of 1.
     10.0 * mean_squared_error.recip().log10()
 }
 
-/// A test and its reference, checked.
+/// A test and its reference, validated.
 #[derive(Debug)]
 pub struct Pair<'a> {
     size: [u32; 2],
@@ -155,10 +155,10 @@ pub struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
-    /// Two pictures of `size` (width, height) in linear colour, row by row; no `mask` = every pixel counts.
+    /// Two pictures of `size` (width, height) in linear colour, row by row; without `mask` every pixel is compared.
     ///
     /// # Errors
-    /// When lengths do not fit the size, no pixel counts, or a value is NaN or infinite (in masked-out pixels, too).
+    /// The lengths do not match the size, no pixel is compared, or a value is NaN or infinite (also in masked-out pixels).
     pub fn new(size: [u32; 2], test: &'a [[f32; 3]], reference: &'a [[f32; 3]], mask: Option<&'a [bool]>) -> Result<Pair<'a>> {
         let area = area(size);
         let lengths = [test.len(), reference.len(), mask.map_or(area, <[bool]>::len)];
@@ -171,12 +171,12 @@ impl<'a> Pair<'a> {
         }
         for (name, texels) in [("test", test), ("reference", reference)] {
             if let Some(what) = not_finite(size, texels) {
-                return Err(Error::Request(format!("the {name} holds {what}: a picture to compare has none")));
+                return Err(Error::Request(format!("the {name} holds {what}: pictures to compare must be finite")));
             }
         }
         let pixels = mask.map_or(area, |mask| mask.iter().filter(|m| **m).count());
         if pixels == 0 {
-            return Err(Error::Request("no pixel is left to compare: the mask takes all, or the picture is empty".to_owned()));
+            return Err(Error::Request("no pixel is left to compare: the mask excludes all pixels, or the picture is empty".to_owned()));
         }
         Ok(Pair { size, test, reference, mask, pixels, encoded: OnceLock::new() })
     }
@@ -186,12 +186,12 @@ impl<'a> Pair<'a> {
         self.size
     }
 
-    /// Number of pixels that count.
+    /// Number of compared pixels.
     pub fn pixels(&self) -> usize {
         self.pixels
     }
 
-    /// Whether no value differs in the pixels that count.
+    /// Whether no value differs in the compared pixels.
     pub fn identical(&self) -> bool {
         self.counted(self.test, self.reference).all(|(t, r)| t == r)
     }
@@ -212,7 +212,7 @@ impl<'a> Pair<'a> {
         psnr_db(self.mean(test, reference, |t, r| (t - r) * (t - r)))
     }
 
-    /// Mean SSIM of the sRGB encodings, -1..=1; `None` where no window lies inside the picture around a pixel that counts.
+    /// Mean SSIM of the sRGB encodings, -1..=1; `None` if no window fits into the picture around a compared pixel.
     pub fn ssim(&self) -> Option<f64> {
         let [test, reference] = self.encoded();
         ssim::ssim(self.size, test, reference, self.mask)
@@ -227,7 +227,7 @@ impl<'a> Pair<'a> {
         flip::map(self.size, test, reference, pixels_per_degree)
     }
 
-    /// sRGB encodings of test and reference, the test's masked-out pixels replaced by the reference's.
+    /// sRGB encodings of test and reference; masked-out pixels of the test are replaced by the reference's.
     fn encoded(&self) -> &[Vec<[f32; 3]>; 2] {
         self.encoded.get_or_init(|| {
             let encode = |texels: &[[f32; 3]]| texels.iter().map(|t| t.map(srgb_from_linear)).collect::<Vec<_>>();
@@ -257,7 +257,7 @@ fn area(size: [u32; 2]) -> usize {
     size[0] as usize * size[1] as usize
 }
 
-/// How many values are NaN or infinite and where the first is, if there are any.
+/// Describes how many values are NaN or infinite and where the first is; `None` if all are finite.
 fn not_finite(size: [u32; 2], texels: &[[f32; 3]]) -> Option<String> {
     let first = texels.iter().position(|t| t.iter().any(|v| !v.is_finite()))?;
     let all = || texels.as_flattened().iter();
@@ -289,27 +289,27 @@ mod tests {
 
     #[test]
     fn a_constant_offset_has_closed_forms() {
-        // Exact in f32, so that only the sums round.
+        // Exact in f32, so that only the sums are rounded.
         let (t, r) = (0.75, 0.5);
         let (test, reference) = (constant(t), constant(r));
         let found = errors(SIZE, &test, &reference, &vec![true; area(SIZE)]).unwrap();
         assert_eq!(found.pixels, area(SIZE));
         close(found.mse, 0.0625, 1e-12);
         close(found.mrse, 0.0625 / 0.26, 1e-12);
-        // Roles matter: MRSE divides by the reference.
+        // The order matters: MRSE divides by the reference.
         close(Pair::new(SIZE, &reference, &test, None).unwrap().mrse(), 0.0625 / 0.5725, 1e-12);
-        // At black MRSE is MSE / epsilon, where imgtool's would be 100 times that.
+        // At black MRSE is MSE / epsilon; imgtool's would be 100 times that.
         close(Pair::new(SIZE, &test, &constant(0.0), None).unwrap().mrse(), 0.5625 / 0.01, 1e-12);
         let [et, er] = [t, r].map(|v| f64::from(srgb_from_linear(v)));
         close(found.psnr, -20.0 * (et - er).log10(), 1e-9);
-        // No variance: SSIM is its luminance term.
+        // Without variance, SSIM equals its luminance term.
         let c1 = 1e-4;
         close(found.ssim.unwrap(), (2.0 * et * er + c1) / (et * et + er * er + c1), 1e-9);
     }
 
     #[test]
     fn noise_of_known_variance_gives_it() {
-        // +-d by the bits of a hash: the mean square is d² whatever the hash does.
+        // +-d by the bits of a hash: the mean square is d² for any hash.
         let d = 0.125;
         let reference: Vec<[f32; 3]> = (0..area(SIZE)).map(|i| [0.5 + (i % 7) as f32 / 64.0; 3]).collect();
         let sign = |i: usize, k: usize| if unit2(i as i32, k as i32, 7, 0) < 0.5 { -d } else { d };
@@ -338,7 +338,7 @@ mod tests {
         let (test, reference) = (constant(2.0), constant(1.0));
         let pair = Pair::new(SIZE, &test, &reference, None).unwrap();
         assert_eq!((pair.mse(), pair.psnr(), pair.identical()), (1.0, f64::INFINITY, false));
-        // PSNR is that of 8-bit codes where both are made of them: 255 / 5 is 34.15 dB.
+        // PSNR equals that of 8-bit codes if both pictures are made from such codes: 255 / 5 is 34.15 dB.
         let (test, reference) = (constant(linear_from_srgb(105.0 / 255.0)), constant(linear_from_srgb(100.0 / 255.0)));
         close(Pair::new(SIZE, &test, &reference, None).unwrap().psnr(), 20.0 * 51f64.log10(), 1e-6);
     }
@@ -357,7 +357,7 @@ mod tests {
         close(found.mse, 0.0625, 1e-6);
         let none = errors(SIZE, &clean, &reference, &mask).unwrap();
         assert_eq!((none.mse, none.psnr, none.ssim, none.flip.max), (0.0, f64::INFINITY, Some(1.0), 0.0));
-        // Negative control: without the mask it does count.
+        // Negative control: without the mask it has an influence.
         let all = errors(SIZE, &wild, &reference, &vec![true; area(SIZE)]).unwrap();
         assert!(all.mse > 2.0 * found.mse && all.flip.mean > found.flip.mean);
     }

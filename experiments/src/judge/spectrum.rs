@@ -1,6 +1,6 @@
-//! How the values of a field are arranged: its power by frequency. White noise has 1 at each.
+//! Power spectrum of a field: how its values are arranged, by frequency. White noise has power 1 at every frequency.
 //!
-//! Noise that buys stability with blotches has power at low frequencies and clumps; blue noise has little of either (Ulichney 1987,
+//! Noise that gains stability at the cost of blotches has power at low frequencies and clumps; blue noise has little of either (Ulichney 1987,
 //! *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
 
 use kernels::base::error::{Error, Result};
@@ -14,31 +14,31 @@ use super::area;
 pub struct Band {
     /// Mean frequency of the band, cycles per pixel, 0..0.5.
     pub frequency_cycles_per_px: f64,
-    /// Relative to white noise of the field's variance.
+    /// Power relative to white noise with the variance of the field.
     pub power: f64,
-    /// Of the power, had the field been drawn again: see [`radial_power`].
+    /// Standard error of the power over random fields of this kind: see [`radial_power`].
     pub standard_error: f64,
-    /// Number of frequencies averaged; those of opposite sign, which are equal, count twice.
+    /// Number of frequencies in the mean; pairs of opposite sign, which are equal, count as two.
     pub frequencies: usize,
 }
 
-/// Radially averaged power spectrum of a field of `size` (width, height), row by row, in `bands` of equal width from 0 to 0.5 cycles per
-/// pixel. With f the field, m its mean, w the Hann window of both axes (periodic), F the discrete Fourier transform of w (f - m):
+/// Radially averaged power spectrum of a field of `size` (width, height), row by row, in `bands` of equal width from 0 to 0.5 cycles per pixel. With
+/// f the field, m its mean, w the Hann window of both axes (periodic), and F the discrete Fourier transform of w (f - m):
 ///
 /// > P(k) = |F(k)|² / Σ w² (f - m)²
 ///
-/// and a band's power is the mean of P over its frequencies. By Parseval's theorem the mean of P over all frequencies is 1 whatever the
-/// field, and white noise has 1 in every band. The nine frequencies within one step of 0 on both axes are left out, since taking off the
-/// mean takes power from these (and, by the window, from no other); so are those beyond 0.5 in the corners of the spectrum. A constant field
-/// has power 0.
+/// and the power of a band is the mean of P over its frequencies. By Parseval's theorem the mean of P over all frequencies is 1 for every field, and
+/// white noise has 1 in every band. The nine frequencies within one step of 0 on both axes are excluded, because subtracting the mean removes power
+/// from these (and, because of the window, from no others). The frequencies beyond 0.5 in the corners of the spectrum are excluded, too. A constant
+/// field has power 0.
 ///
-/// Standard error, for a Gaussian field or many pixels: P(k) is exponential with its mean for standard deviation, half the frequencies
-/// are independent of each other but for the window, which correlates neighbours: P(k) and P(k + d) by (2/3)² for d = 1 and (1/6)² for 2,
-/// in all a factor of (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)² on the variance of the mean over both axes.
+/// Standard error, for a Gaussian field or many pixels: P(k) is exponentially distributed, so its standard deviation is its mean. Half of the
+/// frequencies are independent of each other, except that the window correlates neighbours: P(k) and P(k + d) by (2/3)² for d = 1 and (1/6)² for d =
+/// 2. Over both axes this multiplies the variance of the mean by (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)².
 ///
 /// # Errors
-/// When lengths do not fit, a value is NaN or infinite, or a band would be less than 4 frequencies wide: at least 1 band, at most the
-/// smaller side / 8.
+/// The lengths do not match, a value is NaN or infinite, there is no band, or a band would be less than 4 frequencies wide: there are at most
+/// (smaller side / 8) bands.
 pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<Band>> {
     check(field, size)?;
     let [width, height] = size.map(|side| side as usize);
@@ -59,7 +59,7 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
     let mut columns: Vec<Complex<f64>> = (0..rows.len()).map(|i| rows[i % height * width + i / height]).collect();
     planner.plan_fft_forward(height).process(&mut columns);
 
-    /// Number, sum of frequencies, of powers, of squared powers.
+    /// Number, sum of frequencies, sum of powers, sum of squared powers.
     type Sums = (usize, f64, f64, f64);
     let mut sums: Vec<Sums> = vec![(0, 0.0, 0.0, 0.0); bands];
     let steps = |k: usize, n: usize| k.min(n - k);
@@ -75,7 +75,7 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
         *band = (band.0 + 1, band.1 + frequency, band.2 + power, band.3 + power * power);
     }
     let band = |(frequencies, frequency, power, squared): Sums| {
-        // Not 0: the first band is the least full and has all that lies between 1 and 4 steps of 0.
+        // Not 0: the first band has the fewest frequencies, and holds all between 1 and 4 steps from 0.
         let n = frequencies as f64;
         Band {
             frequency_cycles_per_px: frequency / n,
@@ -89,7 +89,7 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
 
 fn check(field: &[f32], size: [u32; 2]) -> Result<()> {
     if field.len() != area(size) {
-        return Err(Error::Request(format!("a field of {}x{} values was given {}", size[0], size[1], field.len())));
+        return Err(Error::Request(format!("a field of {}x{} was given {} values", size[0], size[1], field.len())));
     }
     match field.iter().position(|v| !v.is_finite()) {
         Some(index) => Err(Error::Request(format!("the field's value {index} (from 0, row by row) is {}", field[index]))),
@@ -106,7 +106,7 @@ mod tests {
     const SIDE: usize = 256;
     const SIZE: [u32; 2] = [SIDE as u32; 2];
     const BANDS: usize = 16;
-    /// Two-sided 0.1 % shared by 16 tests (Sidak): each at 1 - 0.999^(1/16) = 6.25e-5.
+    /// Two-sided level of 0.1 %, shared by 16 tests (Sidak): each at 1 - 0.999^(1/16) = 6.25e-5.
     const Z: f64 = 4.003;
 
     /// Uniform white noise.
@@ -123,7 +123,7 @@ mod tests {
         radial_power(field, SIZE, BANDS).unwrap()
     }
 
-    /// Null hypothesis: 1 in every band. 0.1 % for the 16 bands together.
+    /// Null hypothesis: power 1 in every band. The level is 0.1 % for the 16 bands together.
     fn is_white(bands: &[Band]) -> bool {
         bands.iter().all(|b| (b.power - 1.0).abs() <= Z * b.standard_error)
     }
@@ -133,13 +133,13 @@ mod tests {
         for seed in 0..4 {
             assert!(is_white(&spectrum(&white(seed))), "seed {seed}");
         }
-        // Offset and scale do not matter.
+        // Offset and scale have no influence.
         let moved: Vec<f32> = white(1).iter().map(|v| 1000.0 + 64.0 * v).collect();
         for (a, b) in spectrum(&white(1)).iter().zip(spectrum(&moved)) {
             assert!((a.power - b.power).abs() < 1e-3);
         }
         assert!(!is_white(&spectrum(&blocks(1))));
-        // Cells of 2 x 1: a weak colour.
+        // Cells of 2 x 1: slightly coloured noise.
         let weak: Vec<f32> = (0..SIDE * SIDE).map(|i| unit2((i % SIDE / 2) as i32, (i / SIDE) as i32, 1, 9) as f32).collect();
         assert!(!is_white(&spectrum(&weak)));
     }
@@ -153,10 +153,10 @@ mod tests {
             let mean = powers.iter().sum::<f64>() / SEEDS as f64;
             let spread = (powers.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (SEEDS - 1) as f64).sqrt();
             let stated = all.iter().map(|bands| bands[band].standard_error).sum::<f64>() / SEEDS as f64;
-            // A standard deviation of 64 normal values is known to 1 / sqrt(2 · 63) = 9 %; 16 bands at 0.1 % together: 4.0 of that.
-            // Without the window's correlation the stated error would be half of the real.
+            // A standard deviation from 64 normal values is known to 1 / sqrt(2 · 63) = 9 %; 16 bands at 0.1 % together allow 4.0 times that.
+            // Without the correlation of the window the stated error would be half of the real one.
             assert!((spread / stated - 1.0).abs() < Z / (2.0 * (SEEDS - 1) as f64).sqrt(), "band {band}: {spread} against {stated}");
-            // The mean over seeds shows a bias 8 times smaller than one field would.
+            // The mean over seeds shows a bias that is 8 times smaller than what one field would show.
             assert!((mean - 1.0).abs() < Z * stated / (SEEDS as f64).sqrt(), "band {band}: {mean}");
         }
     }
@@ -174,13 +174,13 @@ mod tests {
             // f32 rounds the cosine to 6e-8 of itself.
             assert!(index == 13 || band.power < 1e-10, "band {index}: {}", band.power);
         }
-        // 193 points of the grid lie within 8 steps of 0; the nine around it are left out.
+        // 193 points of the grid lie within 8 steps of 0; the nine around 0 are excluded.
         assert_eq!(bands[0].frequencies, 193 - 9);
-        // Sides that differ: 44 cycles in 128 pixels, 0.34375 cycles per pixel.
+        // Sides of different length: 44 cycles in 128 pixels, 0.34375 cycles per pixel.
         let field: Vec<f32> = (0..128 * 64).map(|i| (std::f64::consts::TAU * (44 * (i % 128)) as f64 / 128.0).cos() as f32).collect();
         let flat = radial_power(&field, [128, 64], 8).unwrap();
         assert!((flat[5].power * flat[5].frequencies as f64 / (128.0 * 64.0) - 1.0).abs() < 1e-6, "{flat:?}");
-        // Off the grid of frequencies the window still holds what leaks beyond the band under a thousandth.
+        // For a frequency that is not on the grid, the window still keeps what leaks beyond the band under a thousandth.
         let phase = |i: usize| std::f64::consts::TAU * (100.5 * (i % SIDE) as f64 + 36.5 * (i / SIDE) as f64) / SIDE as f64;
         let bands = spectrum(&(0..SIDE * SIDE).map(|i| phase(i).cos() as f32).collect::<Vec<_>>());
         let elsewhere: f64 = bands.iter().enumerate().filter(|(i, _)| *i != 13).map(|(_, b)| b.power * b.frequencies as f64).sum();
@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn block_noise_has_the_spectrum_of_its_cell() {
-        // Of cells of b pixels: sin²(pi b f) / (b sin²(pi f)) on each axis, the transform of the box over that of a pixel.
+        // Response for cells of b pixels: sin²(pi b f) / (b sin²(pi f)) on each axis, which is the transform of the box over that of a pixel.
         let axis = |k: usize| {
             let f = std::f64::consts::PI * k as f64 / SIDE as f64;
             if k == 0 { 4.0 } else { (4.0 * f).sin().powi(2) / (4.0 * f.sin().powi(2)) }
@@ -208,7 +208,8 @@ mod tests {
         for (index, (sum, count)) in expected.iter().enumerate() {
             let expected = sum / count;
             let mean = all.iter().map(|bands| bands[index].power).sum::<f64>() / f64::from(SEEDS);
-            // There are 16 times fewer independent numbers than pixels, which makes neighbours' powers repeat (aliases): 4 on the error.
+            // Each block of 16 pixels holds one number, so only 1/16 of the numbers are independent: the standard error is sqrt(16) = 4
+            // times larger.
             let error = 4.0 * all.iter().map(|bands| bands[index].standard_error).sum::<f64>() / f64::from(SEEDS).powf(1.5);
             assert!((mean - expected).abs() < Z * error, "band {index}: {mean} is not {expected} +- {error}");
         }
@@ -218,7 +219,7 @@ mod tests {
 
     #[test]
     fn high_passed_noise_lacks_low_bands() {
-        // Each value less the mean of the 3 x 3 around it, around the edges: the response is 1 - D(kx) D(ky), D(k) = (1 + 2 cos k) / 3.
+        // Each value minus the mean of the 3 x 3 values around it, with wrap-around: the response is 1 - D(kx) D(ky), D(k) = (1 + 2 cos k) / 3.
         let noise = white(5);
         let at = |x: usize, y: usize| noise[y % SIDE * SIDE + x % SIDE];
         let around = |x: usize, y: usize| (0..9).map(|n| at(x + SIDE - 1 + n % 3, y + SIDE - 1 + n / 3)).sum::<f32>() / 9.0;
@@ -247,7 +248,7 @@ mod tests {
         broken[17] = f32::NAN;
         let refused = radial_power(&broken, size, 4).unwrap_err().to_string();
         assert!(refused.contains("value 17") && refused.contains("NaN"), "{refused}");
-        // The smallest: one band of a field of 8 x 8.
+        // The smallest input: one band of a field of 8 x 8.
         let least: Vec<f32> = (0..64).map(|i| unit2(i, 0, 1, 9) as f32).collect();
         assert!(radial_power(&least, [8, 8], 1).unwrap()[0].power.is_finite());
     }

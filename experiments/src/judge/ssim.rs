@@ -3,24 +3,24 @@
 //!
 //! > SSIM(x, y) = (2 mx my + C1) (2 sxy + C2) / ((mx² + my² + C1) (sx² + sy² + C2)), C1 = (K1 L)², C2 = (K2 L)²
 //!
-//! Means, variances and covariance under a Gaussian window of 11 x 11 pixels, sigma 1.5, weights of sum 1; K1 = 0.01, K2 = 0.03, and L = 1,
-//! since values are encoded to 0..=1. Windows that would leave the picture are left out, as in the paper. The paper judges grey; colour is
-//! judged a channel at a time and averaged, as scikit-image does.
+//! Means, variances and covariance are taken under a Gaussian window of 11 x 11 pixels with sigma 1.5 and weights of sum 1. K1 = 0.01, K2 = 0.03, and
+//! L = 1, because values are encoded to 0..=1. Windows that extend beyond the picture are excluded, as in the paper. The paper judges grey pictures;
+//! here each colour channel is judged separately and the results are averaged, as in scikit-image.
 
 use super::area;
 
-/// Pixels a side of the window.
+/// Side of the window, pixels.
 pub const WINDOW: usize = 11;
 /// Standard deviation of the window, pixels.
 pub const SIGMA: f64 = 1.5;
-/// Of the luminance term, relative to the peak.
+/// Constant of the luminance term, relative to the peak.
 pub const K1: f64 = 0.01;
-/// Of the contrast and structure term, relative to the peak.
+/// Constant of the contrast and structure term, relative to the peak.
 pub const K2: f64 = 0.03;
 
-/// Mean SSIM of two pictures of `size` (width, height), values in 0..=1 as a display takes them, over the windows whose central pixel
-/// counts. `None` if there is no such window: a picture of less than 11 pixels a side, a mask at its edges only, or lengths that do not
-/// fit the size.
+/// Mean SSIM of two pictures of `size` (width, height) with display values in 0..=1, over the windows whose central pixel is compared. `None` if
+/// there is no such window: a side of the picture is shorter than 11 pixels, the mask selects only pixels near the edges, or the lengths do not match
+/// the size.
 pub fn ssim(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: Option<&[bool]>) -> Option<f64> {
     let [width, height] = size.map(|side| side as usize);
     let (inner_width, inner_height) = (width.checked_sub(WINDOW - 1)?, height.checked_sub(WINDOW - 1)?);
@@ -61,7 +61,7 @@ fn window() -> [f64; WINDOW] {
     weights.map(|w| w / sum)
 }
 
-/// Weighted mean of every window that lies inside, rows first: (width - 10) x (height - 10) values.
+/// Weighted mean of every window that fits into the picture, rows first: (width - 10) x (height - 10) values.
 fn filter(values: &[f64], [width, height]: [usize; 2], weights: &[f64; WINDOW]) -> Vec<f64> {
     let (inner_width, inner_height) = (width - (WINDOW - 1), height - (WINDOW - 1));
     let mut result = vec![0.0; inner_width * inner_height];
@@ -85,7 +85,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [43, 30];
 
-    /// Two pictures of 8-bit codes, the same as in the script below.
+    /// Two pictures of 8-bit codes, equal to those of the script below.
     fn pictures() -> [Vec<[f32; 3]>; 2] {
         let code = |v: i32| v as f32 / 255.0;
         let (mut test, mut reference) = (Vec::new(), Vec::new());
@@ -99,7 +99,7 @@ mod tests {
         [test, reference]
     }
 
-    /// The constants are scikit-image 0.26.0's:
+    /// The expected values come from scikit-image 0.26.0:
     /// ```python
     /// import numpy as np
     /// from skimage.metrics import structural_similarity
@@ -115,7 +115,7 @@ mod tests {
     fn agrees_with_scikit_image() {
         let [test, reference] = pictures();
         let found = ssim(SIZE, &test, &reference, None).unwrap();
-        // Both sum in f64; cancellation in the variances leaves some 1e-16 / C2.
+        // Both sum in f64; cancellation in the variances leaves an error of some 1e-16 / C2.
         assert!((found - 0.967_286_106_029_085_7).abs() < 1e-12, "{found}");
         let left: Vec<bool> = (0..test.len()).map(|i| i % SIZE[0] as usize <= 19).collect();
         let found = ssim(SIZE, &test, &reference, Some(&left)).unwrap();

@@ -1,18 +1,19 @@
-//! Metrics of video that others have written: how to call them on our frames.
+//! Video metrics by other authors: how to call them on the frames of a run.
 //!
-//! Option names are those of gfxdisp/ColorVideoVDP 0.5.4 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`;
-//! frames by a `%0Nd` pattern, counted from 0 to the first that is missing). IntelLabs/cgvqm (commit 9872ccb) has no command line: its
-//! function `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called, which reads videos through
-//! PyAV. They are made of the frames without loss: FFV1 of RGB gives back equal bytes.
+//! The option names are those of gfxdisp/ColorVideoVDP 0.5.4 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`; frames are
+//! given by a `%0Nd` pattern and counted from 0 to the first missing one). IntelLabs/cgvqm (commit 9872ccb) has no command line, so its function
+//! `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called. It reads videos through PyAV. The videos are made
+//! from the frames without loss: FFV1 of RGB restores the same bytes.
 
-/// Shell commands that judge the PNG frames `test_pattern` against `reference_pattern`, for people: comments say what must be installed.
+/// Shell commands that judge the PNG frames `test_pattern` against `reference_pattern`. They are meant for readers: comments say what must be
+/// installed.
 ///
-/// Patterns are printf's, as in `frames/step-%04d.png`, numbered from 0; `size` is width and height in pixels. ColorVideoVDP prints JOD
-/// (10 = no difference; a step of 1 is preferred by 3 of 4 people), CGVQM a quality of 0..=100.
+/// Patterns are those of printf, such as `frames/step-%04d.png`, numbered from 0; `size` is width and height in pixels. ColorVideoVDP prints JOD (10
+/// = no difference; 3 of 4 people prefer a picture that is one step better), CGVQM a quality of 0..=100.
 pub fn commands(test_pattern: &str, reference_pattern: &str, fps: f64, size: [u32; 2]) -> String {
     let (test, reference) = (quoted(test_pattern), quoted(reference_pattern));
     let display = if size[0] <= 1920 && size[1] <= 1080 { "standard_fhd" } else { "standard_4k" };
-    // Patches of equal size need a scale that divides both sides; 4 is the tool's default.
+    // Patches of equal size need a scale that divides both sides; the tool's default is 4.
     let patch_scale = [4, 3, 2].into_iter().find(|scale| size.iter().all(|side| side % scale == 0)).unwrap_or(1);
     format!(
         "\
@@ -35,7 +36,7 @@ device='cuda' if torch.cuda.is_available() else 'cpu', patch_pool='mean', patch_
     )
 }
 
-/// The text as one word of a POSIX shell.
+/// The text, quoted as one word of a POSIX shell.
 fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }

@@ -1,14 +1,14 @@
-//! What a run says about itself: promises kept, bias and variance as predicted.
+//! The checks of a run: whether fetches keep their promises, and whether bias and variance are as predicted.
 
 use kernels::variant::Flavour;
 use serde::Serialize;
 
 use super::numbers::sidak_limit;
 
-/// A flavour's fetches, promised and counted.
+/// The fetches of a flavour, promised and counted.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct GoldenRow {
-    /// The flavour's name, and where it was counted.
+    /// The flavour's name, and the view in which it was counted.
     pub(crate) flavour: String,
     /// The promise, a number or a range.
     pub(crate) promised: String,
@@ -18,12 +18,12 @@ pub(crate) struct GoldenRow {
     pub(crate) agrees: bool,
 }
 
-/// How far a mean count may be from a whole number that every pixel is to take.
+/// Largest deviation of a mean count from a whole number that every pixel should take.
 const COUNT_TOLERANCE: f64 = 0.01;
 
 impl GoldenRow {
-    /// Holds a count against what a flavour promises. `modulated`: the scene has colour modulation, which costs all but the virtual texture
-    /// one sample more. The far atlas promises 2 to 3, with it and without.
+    /// Compares a count with the promise of a flavour. `modulated`: the scene has colour modulation, which costs all flavours except the virtual
+    /// texture one additional sample. The far atlas promises 2 to 3 fetches, with and without modulation.
     pub(crate) fn of(name: String, flavour: Flavour, promise: u32, counted: f64, modulated: bool) -> GoldenRow {
         let more = u32::from(modulated && flavour != Flavour::VirtualTexture);
         let (promised, low, high) = match flavour {
@@ -36,14 +36,15 @@ impl GoldenRow {
     }
 }
 
-/// Whether all flavours take what they promise; `None` of none.
+/// Whether all flavours take the promised fetches; `None` without rows.
 pub(super) fn promises(rows: &[GoldenRow]) -> Option<(bool, String)> {
     let kept = rows.iter().filter(|g| g.agrees).count();
     let all = rows.len();
     (all > 0).then(|| (kept == all, format!("{kept} of {all} flavours take the fetches they promise")))
 }
 
-/// The largest of some biases, given with their standard errors and names. `seeds`: how many numbers the standard errors come from, see [`sidak_limit`].
+/// The largest of several biases, which are given with their standard errors and names. `seeds`: number of values behind each standard error, see
+/// [`sidak_limit`].
 pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seeds: u32) -> Option<(bool, String)> {
     let scores: Vec<(f64, &str)> =
         rows.into_iter().map(|(bias, error, name)| (bias.abs() / error, name)).filter(|(z, _)| z.is_finite()).collect();
@@ -57,8 +58,8 @@ pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seed
     ))
 }
 
-/// The range of variances measured over variances predicted, of some given with the standard errors of those measured, where they are known. A
-/// ratio that few seeds explain is as good as one in the range.
+/// The range of the ratios of measured to predicted variance. The rows are given with the standard errors of the measured variances, if known. A
+/// ratio outside the range is accepted if the small number of seeds explains it.
 pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, seeds: u32) -> Option<(bool, String)> {
     let rows: Vec<(f64, f64)> = rows
         .into_iter()
@@ -80,7 +81,7 @@ pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, 
     };
     Some((
         furthest.is_none_or(|z| z < limit),
-        format!("variance measured is {range} times the variance predicted; 0.8 to 1.25 expected{but}"),
+        format!("measured variance is {range} times the predicted variance; 0.8 to 1.25 expected{but}"),
     ))
 }
 
@@ -90,7 +91,7 @@ mod tests {
 
     use super::*;
 
-    /// So many seeds that standard errors are known.
+    /// So many seeds that the standard errors are exact.
     const MANY: u32 = 1_000_000;
 
     #[test]
@@ -115,16 +116,16 @@ mod tests {
         assert_eq!(bias([(3e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).map(|c| c.0), Some(true));
         let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).expect("one row with chance");
         assert!(!good && text.contains("4.0 standard errors (a)"), "{text}");
-        // The same bias among 600: none that was found.
+        // The same bias among 600 rows: no bias is found.
         let many = (0..600).map(|i| (if i == 7 { 4e-4 } else { 0.0 }, 1e-4, "a"));
         assert_eq!(bias(many, MANY).map(|c| c.0), Some(true));
-        // Ten standard errors are within chance if they come from 4 seeds, and not if from 16.
+        // Ten standard errors are within chance if they come from 4 seeds, but not if they come from 16.
         assert_eq!([4, 16].map(|seeds| bias([(1e-3, 1e-4, "a")], seeds).map(|c| c.0)), [Some(true), Some(false)]);
         assert_eq!(bias([(0.0, 0.0, "b")], MANY), None);
         let known = |ratios: &[f64], error: Option<f64>| variance(ratios.iter().map(|r| (*r, 1.0, error)), MANY);
         assert_eq!(known(&[0.97, 1.03, f64::NAN], None).map(|c| c.0), Some(true));
         assert_eq!([known(&[0.5, 1.0], None), known(&[1.0, 1.5], None)].map(|c| c.map(|c| c.0)), [Some(false); 2]);
-        // Half of what was predicted, of few seeds and of many.
+        // Half of the predicted variance, with few seeds and with many.
         assert_eq!([0.2, 0.1].map(|e| known(&[0.5, 1.0], Some(e)).map(|c| c.0)), [Some(true), Some(false)]);
         assert_eq!(known(&[], None), None);
     }

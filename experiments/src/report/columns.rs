@@ -1,4 +1,4 @@
-//! What the tables of a report show of each choice, and why a number is missing.
+//! The columns of a report's tables, and the reasons for missing numbers.
 
 use std::collections::BTreeSet;
 
@@ -16,16 +16,16 @@ use super::summary::{
 use crate::definition::{Times, Vary, setting_text, variant_choice};
 use crate::report::Verdict;
 
-/// Where a column's numbers come from.
+/// The source of a column's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
-    /// A row each.
+    /// One row per number.
     Row(Metric),
-    /// A row each, with its standard error.
+    /// One row per number, with its standard error.
     WithError(Metric),
-    /// The sum of what a forced variant's flavours promise.
+    /// The sum of the promised fetches of a forced variant's flavours.
     Promised,
-    /// The row's time over that of the first timed row of the view.
+    /// The time of the row relative to that of the first timed row of the view.
     ShadingRatio,
 }
 
@@ -58,24 +58,24 @@ const COLUMNS: [Column; 16] = [
 
 /// A number of a table.
 pub(super) enum Cell {
-    /// Unrounded, as shown, and what its tooltip says more.
+    /// The unrounded value, the text that is shown, and additional text for its tooltip.
     Value { value: f64, shown: String, hint: String },
-    /// None, and why.
+    /// No number, and the reason.
     Missing(String),
 }
 
-/// The columns of which at least one row has a number, and the headings of the others.
+/// The columns for which at least one row has a number, and the headings of the other columns.
 pub(super) fn columns(run: &RunData, table: &Table) -> (Vec<Column>, Vec<&'static str>) {
     let (kept, dropped): (Vec<Column>, Vec<Column>) = COLUMNS
         .into_iter()
         .partition(|column| (0..table.summaries.len()).any(|index| matches!(cell(run, table, index, column.source), Cell::Value { .. })));
-    // A promise alone is nothing measured.
+    // A promise alone is not a measurement.
     let measured = kept.iter().any(|c| c.source == Source::Row(FETCHES));
     let kept = kept.into_iter().filter(|c| c.source != Source::Promised || measured).collect();
     (kept, dropped.into_iter().filter(|c| c.source != Source::Promised).map(|c| c.heading).collect())
 }
 
-/// The number of a row in a column.
+/// The number of a row for a column.
 pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -> Cell {
     let summary = &table.summaries[index];
     let plain = |value: f64| Cell::Value { value, shown: significant(value), hint: String::new() };
@@ -128,12 +128,12 @@ fn unit(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
-/// The first timed row of a view: what times are ratios to.
+/// The first timed row of a view: times are ratios to it.
 pub(super) fn shading_base(table: &Table, view: &str) -> Option<usize> {
     table.of_view(view).into_iter().find(|&i| table.summaries[i].value(SHADING) > 0.0)
 }
 
-/// What a flavour takes by fc5 in this row: splat twice as much where it has two tilings.
+/// The promised fetches of a flavour by fc5 in this row; with two tilings, splat takes twice as many.
 fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
     let definition = &run.definition;
     let value = |vary: &Vary| vary.values.iter().find(|value| setting_text(value) == summary.key.setting).cloned();
@@ -142,12 +142,12 @@ fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
     Estimator::Fc5.promised_fetches(flavour) * if twice { 2 } else { 1 }
 }
 
-/// Whether the stochastic flavours were those whose fetches are promised. Rows without an estimator are, too.
+/// Whether the promised fetches apply to the estimator of this row: fc5, or no estimator.
 fn is_fc5(summary: &Summary) -> bool {
     summary.key.estimator.is_empty() || summary.key.estimator == "fc5"
 }
 
-/// Why a number is not there.
+/// The reason for a missing number.
 fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
     let definition = &run.definition;
     if let Some(found) = summary.number(metric) {
@@ -162,7 +162,7 @@ fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
         SHADING if definition.times == Times::FirstNoise && !first_noise => "timed with the first noise only".to_owned(),
         SHADING => "not timed".to_owned(),
         BIAS | VARIANCE | THEORY if definition.seeds == 0 => "not measured: seeds = 0".to_owned(),
-        REJECTIONS if !matches!(summary.key.temporal.as_str(), "" | "off") => "taken of frames without a resolve".to_owned(),
+        REJECTIONS if !matches!(summary.key.temporal.as_str(), "" | "off") => "measured only without a resolve".to_owned(),
         _ if metric.lag.is_some() && definition.frames < 2 => "not measured: one frame".to_owned(),
         _ if !definition.metrics.is_empty() && !definition.metrics.iter().any(|m| m == metric.name) => {
             "not among the definition's metrics".to_owned()
@@ -171,7 +171,7 @@ fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
     }
 }
 
-/// Names and values of the columns that tell choices apart.
+/// Names and values of the columns that distinguish choices.
 pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
     let all: [(&'static str, bool, KeyOf); 6] = [
         ("View", table.views.len() > 1, |s| &s.key.view),
@@ -184,7 +184,7 @@ pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
     all.into_iter().filter(|(_, shown, _)| *shown).map(|(name, _, of)| (name, of)).collect()
 }
 
-/// On which fronts of its view a row lies.
+/// The fronts of its view on which a row lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fronts {
     pub(super) error: bool,
@@ -192,7 +192,7 @@ pub(super) struct Fronts {
 }
 
 impl Fronts {
-    /// In a word.
+    /// The name, one word.
     pub(super) fn name(self) -> &'static str {
         match (self.error, self.flicker) {
             (true, true) => "both",
@@ -203,7 +203,7 @@ impl Fronts {
     }
 }
 
-/// The fronts of cost and error, and of cost and flicker, within each view.
+/// The fronts of cost against error, and of cost against flicker, in each view.
 pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
     let mut fronts = vec![Fronts::default(); table.summaries.len()];
     for view in &table.views {
@@ -218,7 +218,7 @@ pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
     fronts
 }
 
-/// Counted fetches of single flavours against their promises, a row for each view and flavour: of all its choices the one that is furthest off.
+/// Counted fetches of single flavours compared with their promises, one row for each view and flavour: the choice with the largest deviation.
 pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     let counted = |s: &Summary| s.value(FETCHES);
     let flavours: Vec<(&Summary, Flavour, u32)> = table
@@ -228,7 +228,7 @@ pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
         .filter_map(|s| Some((s, s.key.variant.parse::<Variant>().ok()?.flavours().next()?)))
         .map(|(s, flavour)| (s, flavour, promise(run, s, flavour)))
         .collect();
-    // Colour modulation shows by one sample more in a flavour of a fixed count; then all must take it.
+    // A scene has colour modulation if a flavour with a fixed count takes one more sample; then all flavours must take it.
     let is_one_more = |(s, flavour, promise): &&(&Summary, Flavour, u32)| {
         *flavour != Flavour::VirtualTexture && (counted(s) - f64::from(*promise) - 1.0).abs() < 0.01
     };
@@ -247,14 +247,14 @@ pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     rows
 }
 
-/// What a run says about itself.
+/// The checks of a run.
 pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<(bool, String)> {
     let stochastic = || table.summaries.iter().filter(|s| s.is_stochastic());
     let place = |view: &str| if table.views.len() > 1 { format!(", {view}") } else { String::new() };
     let names: Vec<String> = stochastic().map(|s| table.label(&s.key) + &place(&s.key.view)).collect();
     let biases = stochastic().zip(&names).map(|(s, name)| (s.value(BIAS), s.error(BIAS).unwrap_or(f64::NAN), name.as_str()));
     let variances = stochastic().map(|s| (s.value(VARIANCE), s.value(THEORY), s.error(VARIANCE)));
-    // One number a seed is what their standard errors come from.
+    // The standard errors come from one number per seed.
     let seeds = run.definition.seeds;
     let expected = expectations(run, verdicts);
     let met = expected.iter().filter(|v| v.met).count();
@@ -262,7 +262,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
     let judged: Vec<_> = table.references.iter().filter(|r| r.smallest_rmse.is_finite()).collect();
     let good = judged.iter().filter(|r| r.suffices()).count();
     let references = (!judged.is_empty()).then(|| {
-        let words = "references are known to a tenth of the smallest RMSE that they judge";
+        let words = "references are known to within a tenth of the smallest RMSE that they judge";
         (good == judged.len(), format!("{good} of {} {words}", judged.len()))
     });
     let doubles = (table.doubles > 0).then(|| (false, format!("{} numbers have more than one row; the first counts", table.doubles)));
@@ -272,7 +272,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
         .collect()
 }
 
-/// Name and value of what has to be known of the set-up; a dash where it was not recorded.
+/// Names and values of facts about the set-up; a dash if a fact was not recorded.
 pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)> {
     let definition = &run.definition;
     let recorded = |key: &str| run.recorded(key).unwrap_or_else(|| "\u{2013} (not recorded in manifest.json)".to_owned());
@@ -326,7 +326,7 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
     facts
 }
 
-/// Expectations with what became of them; those that nobody judged count as not met.
+/// The expectations with their verdicts; expectations that were not judged count as not met.
 pub(super) fn expectations(run: &RunData, verdicts: &[Verdict]) -> Vec<Verdict> {
     let judged = |claim: &str, metric: &str| verdicts.iter().any(|v| v.claim == claim && v.metric == metric);
     let open = run.definition.expectations.iter().filter(|e| !judged(&e.claim, &e.metric)).map(|e| Verdict {

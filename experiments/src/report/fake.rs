@@ -1,4 +1,4 @@
-//! Runs that nobody measured, in the shapes that reports are made of, from formulas whose answers are known.
+//! Invented runs for tests, in all shapes that reports can have. Their numbers come from formulas with known answers.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::definition::{Definition, Expectation};
 use crate::row::Row;
 use crate::store::RunPicture;
 
-/// A folder of its own, removed when dropped unless `SCREE_REPORTS` names where to keep it.
+/// A unique folder, removed when dropped unless `SCREE_REPORTS` names a folder in which to keep it.
 pub(super) struct Folder {
     path: PathBuf,
     keep: bool,
@@ -25,7 +25,7 @@ impl Folder {
         let kept = std::env::var_os("SCREE_REPORTS");
         let unique = format!("scree-report-{}-{}-{name}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
         let path = kept.as_ref().map_or_else(|| std::env::temp_dir().join(unique), |folder| Path::new(folder).join(name));
-        // What an earlier run kept there would be read by this one.
+        // Files of an earlier run must not be read by this one.
         let _ = fs::remove_dir_all(&path);
         fs::create_dir_all(&path).expect("a temporary folder can be made");
         Folder { path, keep: kept.is_some() }
@@ -39,13 +39,13 @@ impl Folder {
 impl Drop for Folder {
     fn drop(&mut self) {
         if !self.keep {
-            // What cannot be removed is the system's to remove.
+            // If the folder cannot be removed, the system's clean-up of temporary folders has to do it.
             let _ = fs::remove_dir_all(&self.path);
         }
     }
 }
 
-/// A definition with the keys given besides those that must be there.
+/// A definition with the given keys in addition to the required ones.
 pub(super) fn definition(text: &str) -> Definition {
     toml::from_str(&format!("name = \"fake\"\nquestion = \"Which <blend> is cheapest & good?\"\nsize = [480, 270]\n{text}"))
         .expect("a definition")
@@ -53,7 +53,7 @@ pub(super) fn definition(text: &str) -> Definition {
 
 pub(super) const NOISES: [&str; 6] = ["hashed", "hashed-anisotropic", "white", "interleaved-gradient", "blue", "spatio-temporal-blue"];
 
-/// How large cells of a noise are, so that a few formulas give flips, clumping and flicker.
+/// Size of the cells of a noise; flips, clumping and flicker follow from it by formulas.
 fn cell(noise: &str) -> f64 {
     [1.6, 1.3, 0.2, 0.35, 0.3, 0.5][NOISES.iter().position(|n| *n == noise).unwrap_or(0)]
 }
@@ -74,7 +74,7 @@ impl Rows {
         if metric.starts_with("gpu_ms:") { self.times.push(row) } else { self.rows.push(row) }
     }
 
-    /// All that is measured of a choice. `scale` = its cells' size; `resolve` = what a temporal resolve leaves of flicker.
+    /// All metrics of a choice. `scale` = size of its cells; `resolve` = the factor by which a temporal resolve reduces flicker.
     pub(super) fn choice(&mut self, base: &Row, scale: f64, resolve: f64) {
         let variant: Option<Variant> = base.variant.parse().ok();
         let chance = variant.is_none_or(|v| v.has(Flavour::NearCliff) || v.has(Flavour::FarCliff));
@@ -110,7 +110,7 @@ impl Rows {
             self.put(&at, "difference", "luminance", flicker + 0.002, None);
         }
         if chance {
-            // As a run has it: of the last frame alone.
+            // As in a real run, only for the last frame.
             self.put(&Row { frame: Some(15), ..base.clone() }, "clumping", "white = 1", 0.4 + 1.9 * scale, Some(0.05));
             for band in 1..=16 {
                 let frequency = f64::from(band) / 32.0;
@@ -125,7 +125,7 @@ impl Rows {
             put(self, "taa_rejections", "share", 0.11 + 0.02 * jitter(6), None);
             put(self, "disoccluded", "share", 0.013, None);
         }
-        // Frames, whose mean is not what the row over frames says: it must win.
+        // Rows of frames whose mean differs from the row over all frames; the latter must be used.
         for frame in 0..3 {
             let at = Row { frame: Some(frame), ..base.clone() };
             self.put(&at, "rmse", "linear albedo", rmse * 3.0, None);
@@ -139,7 +139,7 @@ impl Rows {
         }
     }
 
-    /// What is known of a view's reference.
+    /// The facts about the reference of a view.
     pub(super) fn reference(&mut self, base: &Row, standard_error: f64) {
         let base = Row {
             variant: "reference".to_owned(),
@@ -154,7 +154,7 @@ impl Rows {
     }
 }
 
-/// The columns that all rows of a run share.
+/// The columns that have the same values in all rows of a run.
 pub(super) fn base(view: &str) -> Row {
     Row {
         experiment: "fake".to_owned(),
@@ -168,7 +168,7 @@ pub(super) fn base(view: &str) -> Row {
     }
 }
 
-/// A run of these rows.
+/// A run with these rows.
 pub(super) fn run(definition: Definition, rows: Rows, folder: &Path) -> RunData {
     let manifest = serde_json::json!({
         "command": "experiments run 'a<b>.toml' --out out/fake",
@@ -200,7 +200,7 @@ fn shading_ms(variant: &str) -> f64 {
     3.0 + 1.1 * fetches * if variant == "generic" { 1.2 } else { 1.0 }
 }
 
-/// Variants x noises of some views, timed with the first noise.
+/// Variants x noises in some views, timed with the first noise.
 pub(super) fn variants(folder: &Path, views: &[&str], noises: &[&str]) -> RunData {
     let mut rows = Rows::new();
     for (index, view) in views.iter().enumerate() {
@@ -226,7 +226,7 @@ pub(super) fn variants(folder: &Path, views: &[&str], noises: &[&str]) -> RunDat
 
 pub(super) const SCALES: [&str; 8] = ["0.05", "0.1", "0.25", "0.5", "1.0", "1.5", "2.0", "4.0"];
 
-/// A sweep of the hash scale.
+/// A run that varies the hash scale.
 pub(super) fn hash_scale(folder: &Path) -> RunData {
     let mut rows = Rows::new();
     rows.reference(&base("cliff"), 0.0004);
@@ -255,7 +255,7 @@ fn expectation(claim: &str) -> Expectation {
     Expectation { claim: claim.to_owned(), metric: "clumping".to_owned(), selection: [].into(), over: None, range: [2.0, 9.0] }
 }
 
-/// What became of some expectations: one met, one not, one without a value.
+/// Verdicts of three expectations: met, not met, and without a value.
 pub(super) fn verdicts() -> Vec<Verdict> {
     let verdict = |claim: &str, value: f64, met: bool, why: &str| Verdict {
         claim: claim.to_owned(),
@@ -272,7 +272,7 @@ pub(super) fn verdicts() -> Vec<Verdict> {
     ]
 }
 
-/// Temporal resolves, on and off, under some noises.
+/// Temporal resolves, on and off, with several noises.
 pub(super) fn temporal(folder: &Path, noises: &[&str]) -> RunData {
     let mut rows = Rows::new();
     rows.reference(&base("sideways"), 0.0004);
@@ -288,7 +288,7 @@ pub(super) fn temporal(folder: &Path, noises: &[&str]) -> RunData {
     run(definition, rows, folder)
 }
 
-/// Estimators side by side: fetches and size of the noise that each has.
+/// Estimators side by side, with their fetches and the size of their noise.
 pub(super) fn estimators(folder: &Path) -> RunData {
     let mut rows = Rows::new();
     let row = Row { variant: "near-cliff".to_owned(), ..base("cliff") };

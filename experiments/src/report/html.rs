@@ -1,10 +1,10 @@
-//! The pieces of HTML that every report is made of.
+//! Building blocks of the HTML of every report.
 
 use std::fmt::Write as _;
 
 use super::checks::GoldenRow;
 
-/// The five characters with a meaning in HTML, as entities.
+/// Escapes the five characters that have a meaning in HTML.
 pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
@@ -20,7 +20,7 @@ pub(crate) fn escape(text: &str) -> String {
     escaped
 }
 
-/// A whole page with its style and script, which needs no other file. `body` is HTML, `title` is text.
+/// A complete page with its style and script, which needs no other file. `body` is HTML, `title` is text.
 pub(super) fn page(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
@@ -31,12 +31,12 @@ pub(super) fn page(title: &str, body: &str) -> String {
     )
 }
 
-/// What stands above everything: a line of context and the heading, both text.
+/// The top of the page: a line of context and the heading, both text.
 pub(super) fn header(kicker: &str, heading: &str) -> String {
     format!("<header><p class=\"kicker\">{}</p>\n<h1>{}</h1></header>\n", escape(kicker), escape(heading))
 }
 
-/// The answer (text) and what the run says about itself: whether it is good, and in which words.
+/// The answer (text), and the checks of the run: whether each passes, and its text.
 pub(super) fn verdict(answer: &str, checks: &[(bool, String)]) -> String {
     let mut html = format!("<section class=\"verdict\"><p>{}</p>\n<ul>", escape(answer));
     for (good, text) in checks {
@@ -45,12 +45,12 @@ pub(super) fn verdict(answer: &str, checks: &[(bool, String)]) -> String {
     html + "</ul></section>\n"
 }
 
-/// Class of what is as it should be, or is not.
+/// CSS class for a passed or failed check.
 pub(super) fn mark(good: bool) -> &'static str {
     if good { "good" } else { "bad" }
 }
 
-/// Names (fixed words) and values (text; those named `Command` as code).
+/// Names (fixed words) and values (text; values named `Command` are shown as code).
 pub(super) fn facts(facts: &[(&str, String)]) -> String {
     let mut html = "<dl class=\"facts\">".to_owned();
     for (name, value) in facts {
@@ -60,7 +60,7 @@ pub(super) fn facts(facts: &[(&str, String)]) -> String {
     html + "</dl>"
 }
 
-/// Terms and what they mean, both text.
+/// Terms and their meanings, both text.
 pub(super) fn terms(terms: &[(&str, &str)]) -> String {
     let mut html = "<dl class=\"terms\">".to_owned();
     for (term, meaning) in terms {
@@ -69,41 +69,41 @@ pub(super) fn terms(terms: &[(&str, &str)]) -> String {
     html + "</dl>"
 }
 
-/// What a report's words mean.
+/// Explanations of the terms of a report.
 pub(super) const FETCHES_TERM: (&str, &str) =
-    ("Fetches per pixel", "texture samples that the shader really took, counted while it ran; mean over terrain pixels.");
+    ("Fetches per pixel", "texture samples that the shader took, counted while it ran; mean over terrain pixels.");
 /// Bias.
 pub(super) const BIAS_TERM: (&str, &str) = (
     "Bias",
-    "mean over seeds, pixels and channels of linear albedo, less that of the exact blend of the same flavours; \u{b1} its standard error.",
+    "mean over seeds, pixels and channels of linear albedo, minus that of the exact blend of the same flavours; \u{b1} its standard error.",
 );
 /// Variance.
 pub(super) const VARIANCE_TERM: (&str, &str) = (
     "Variance",
-    "of a pixel's linear albedo over seeds, mean over pixels and channels, beside what the theory of random selection predicts.",
+    "variance of a pixel's linear albedo over seeds, mean over pixels and channels, and the value that the theory of random selection predicts.",
 );
-/// The ways to choose a variant.
+/// The ways in which a variant is chosen.
 pub(super) const CHOICE_TERM: (&str, &str) = (
     "Forced, auto, generic",
-    "one variant on every tile; for each tile the variant its classification names; one kernel that reads the mask at run time.",
+    "one variant on every tile; on each tile the variant of its classification; one kernel that reads the mask at run time.",
 );
 
-/// What has to be said of times that a software adapter gave.
+/// The note about times of a software adapter.
 pub(super) const SOFTWARE_NOTE: &str = "<p class=\"note\"><b>This is a software adapter.</b> Its times say nothing about a GPU: \
      compare them with one another, as ratios.</p>\n";
 
-/// A plot and what is to be seen in it (HTML); a sentence where there is no plot.
+/// A plot with its caption (HTML), or a note if there is no plot.
 pub(super) fn figure(svg: Option<String>, caption: &str) -> String {
-    let svg = svg.unwrap_or_else(|| "<p class=\"note\">Nothing to plot: there are no such numbers.</p>".to_owned());
+    let svg = svg.unwrap_or_else(|| "<p class=\"note\">Nothing to plot: these numbers are missing.</p>".to_owned());
     format!("<figure class=\"plot\">{svg}<figcaption>{caption}</figcaption></figure>\n")
 }
 
-/// Entry of a legend: a dot of the colour, and words (text).
+/// Entry of a legend: a dot of this colour, and text.
 pub(super) fn key((r, g, b): (u8, u8, u8), words: &str) -> String {
     format!("<span class=\"entry\"><span class=\"key\" style=\"background:rgb({r},{g},{b})\"></span>{}</span> ", escape(words))
 }
 
-/// Head of a table that can be sorted: heading, unit, whether its cells are numbers, and more attributes (HTML).
+/// Head of a sortable table: heading, unit, whether the cells are numbers, and additional attributes (HTML).
 pub(super) fn head<'a>(columns: impl IntoIterator<Item = (&'a str, &'a str, bool, String)>) -> String {
     let mut html = "<thead><tr>".to_owned();
     for (heading, unit, is_number, attributes) in columns {
@@ -113,18 +113,19 @@ pub(super) fn head<'a>(columns: impl IntoIterator<Item = (&'a str, &'a str, bool
     html + "</tr></thead>\n"
 }
 
-/// A number for people, its value for the sorting script, and what more there is to say (text). A dash where there is no number: then `hint` says why.
+/// A table cell: the displayed number, its value for the sorting script, and a tooltip (text). Without a number it shows a dash, and `hint` gives the
+/// reason.
 pub(super) fn cell(value: f64, shown: &str, hint: &str) -> String {
     let hint = if hint.is_empty() { String::new() } else { format!(" title=\"{}\"", escape(hint)) };
     match value {
         v if v.is_nan() => format!("<td class=\"n\"{hint}>\u{2013}</td>"),
-        // As the script reads it.
+        // The form that the script can parse.
         v if v.is_infinite() => format!("<td class=\"n\" data-v=\"{}Infinity\"{hint}>{shown}</td>", if v < 0.0 { "-" } else { "" }),
         v => format!("<td class=\"n\" data-v=\"{v:e}\"{hint}>{shown}</td>"),
     }
 }
 
-/// The table of promises, with its heading.
+/// The table of promised and counted fetches, with its heading.
 pub(super) fn promises<'a>(rows: impl IntoIterator<Item = &'a GoldenRow>) -> String {
     let mut html = "<section id=\"promises\"><h2>Fetches promised and counted</h2>\n<table class=\"narrow\"><thead><tr><th>Flavour</th>\
          <th class=\"n\">Promised</th><th class=\"n\">Counted</th><th></th></tr></thead><tbody>\n"
@@ -142,7 +143,7 @@ pub(super) fn promises<'a>(rows: impl IntoIterator<Item = &'a GoldenRow>) -> Str
     html + "</tbody></table></section>\n"
 }
 
-/// A picture set into the page. `title`, `caption` and `hint` (a tooltip) are text; `source` is a data URL.
+/// A picture embedded in the page. `title`, `caption` and `hint` (a tooltip) are text; `source` is a data URL.
 pub(super) fn picture(title: &str, caption: &str, hint: &str, [width, height]: [u32; 2], source: &str) -> String {
     let title = escape(title);
     let hint = if hint.is_empty() { String::new() } else { format!(" title=\"{}\"", escape(hint)) };
@@ -153,8 +154,8 @@ pub(super) fn picture(title: &str, caption: &str, hint: &str, [width, height]: [
     )
 }
 
-/// Prose as HTML: paragraphs apart by empty lines, lists of lines that begin with `- `, headings of lines that begin with `#`, `code` between
-/// backquotes, **strong** between pairs of asterisks. All else is text: markup in it stays text.
+/// Prose as HTML: paragraphs separated by empty lines, lists of lines that begin with `- `, headings of lines that begin with `#`, `code` between
+/// backquotes, **strong** between pairs of asterisks. Everything else is text; markup in it is escaped.
 pub(super) fn prose(text: &str) -> String {
     let mut html = String::new();
     for block in text.replace('\r', "").split("\n\n").map(str::trim).filter(|b| !b.is_empty()) {
@@ -178,7 +179,7 @@ pub(super) fn prose(text: &str) -> String {
     html
 }
 
-/// Code and strong words of a paragraph. A mark without its partner stays what it is.
+/// Code and strong text of a paragraph. A mark without its partner is kept as text.
 fn inline(text: &str) -> String {
     let mut html = String::new();
     for (index, part) in paired(text, "`").into_iter().enumerate() {
@@ -194,7 +195,7 @@ fn inline(text: &str) -> String {
     html
 }
 
-/// The text split at a mark; every second part is between two of them. A last mark without a partner does not split.
+/// The text split at a mark; every second part lies between two marks. A last mark without a partner does not split the text.
 fn paired<'a>(text: &'a str, mark: &str) -> Vec<&'a str> {
     let mut parts = Vec::new();
     let mut rest = text;
@@ -233,7 +234,7 @@ mod tests {
         );
         assert_eq!(prose("See:\n- one\n  more\n- **two**"), "<p>See:</p>\n<ul><li>one\n  more</li><li><b>two</b></li></ul>\n");
         assert_eq!(prose("## Why\n\nso"), "<h3>Why</h3>\n<p>so</p>\n");
-        // Marks inside code are code, and a mark alone is itself.
+        // Marks inside code are kept as text, and so is a single mark.
         assert_eq!(prose("`**` 2 ** 3 ` 4"), "<p><code>**</code> 2 ** 3 ` 4</p>\n");
         assert_eq!(prose(" \n\n"), "");
     }

@@ -1,4 +1,4 @@
-//! Reads a run's folder, or its shards together, for its report.
+//! Reads the folder of a run, or its shards combined, for a report.
 
 use std::path::Path;
 
@@ -7,18 +7,18 @@ use anyhow::{Context, Result};
 use super::{RunData, Verdict};
 use crate::{expectations, store};
 
-/// Everything a report is made from.
+/// Reads everything that a report needs.
 ///
 /// # Errors
-/// No run is there, a file of it is damaged, or its shards do not belong together.
+/// There is no run, one of its files is damaged, or its shards do not belong together.
 pub(crate) fn read_run(folder: &Path) -> Result<RunData> {
     of(store::read_run(folder)?)
 }
 
-/// The same of a run that was read already.
+/// The same for a run that was already read.
 ///
 /// # Errors
-/// When the manifest cannot be put into JSON.
+/// The manifest cannot be written as JSON.
 pub(crate) fn of(run: store::RunData) -> Result<RunData> {
     Ok(RunData {
         definition: run.definition,
@@ -31,7 +31,7 @@ pub(crate) fn of(run: store::RunData) -> Result<RunData> {
     })
 }
 
-/// What became of the run's expectations.
+/// The verdicts of the run's expectations.
 pub(crate) fn judge(run: &RunData) -> Vec<Verdict> {
     expectations::evaluate(&run.definition, &run.rows, &run.times)
 }

@@ -1,4 +1,4 @@
-//! The report in short, for a pull request: Markdown without pictures.
+//! The short version of the report, for a pull request: Markdown without pictures.
 
 use super::columns::{self, Cell};
 use super::numbers::number;
@@ -6,7 +6,7 @@ use super::summary::Table;
 use super::{RunData, Verdict};
 use crate::store::{REPORT_PAGE, REPORT_TEXT};
 
-/// Tables of up to so many rows are not cut.
+/// Tables of up to this many rows are not shortened.
 const WHOLE: usize = 16;
 
 /// The text of the file.
@@ -22,7 +22,7 @@ pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     text += &choices;
     text += "\n## Set-up\n\n";
     if run.is_software() {
-        text += "This is a software adapter: its times are only good for ratios.\n\n";
+        text += "This is a software adapter: only ratios of its times are meaningful.\n\n";
     }
     for (name, value) in columns::facts(run, table) {
         text += &if name == "Command" { format!("- {name}: {}\n", code(&value)) } else { format!("- {name}: {}\n", escape(&value)) };
@@ -31,7 +31,7 @@ pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     let cut =
         if cut < all { format!(" The table shows {cut} of {all} choices: the Pareto fronts and single variants.") } else { String::new() };
     text += &format!(
-        "\n---\n{REPORT_TEXT} leaves out plots, spectra, reference facts and pictures: they are in {REPORT_PAGE} beside it, every number in metrics.parquet and times.csv.{cut}\n"
+        "\n---\n{REPORT_TEXT} omits plots, spectra, reference facts and pictures, which are in {REPORT_PAGE} next to it. All numbers are in metrics.parquet and times.csv.{cut}\n"
     );
     text
 }
@@ -62,7 +62,7 @@ fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
     text
 }
 
-/// The table of choices, cut to the fronts, single flavours and what each tile chooses, and how many rows are left.
+/// The table of choices, reduced to the fronts, single flavours and automatic choices if it is long, and its number of rows.
 fn choices(run: &RunData, table: &Table) -> (String, usize) {
     let keys = columns::key_columns(table);
     let (shown, dropped) = columns::columns(run, table);
@@ -96,15 +96,15 @@ fn choices(run: &RunData, table: &Table) -> (String, usize) {
         text += &format!("| {} |\n", cells.join(" | "));
     }
     if !reasons.is_empty() {
-        text += &format!("\nA dash stands for no number. {}.\n", escape(&reasons.join("; ")));
+        text += &format!("\nA dash means that there is no number. {}.\n", escape(&reasons.join("; ")));
     }
     if !dropped.is_empty() {
-        text += &format!("\nOf no row there is: {}.\n", dropped.join(", "));
+        text += &format!("\nColumns without any number: {}.\n", dropped.join(", "));
     }
     (text, rows.len())
 }
 
-/// Text that Markdown and HTML leave as it is, on one line.
+/// Escapes text for Markdown and HTML, on one line.
 fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.split_whitespace().collect::<Vec<_>>().join(" ").chars() {
@@ -116,7 +116,7 @@ fn escape(text: &str) -> String {
     escaped
 }
 
-/// Text as code, whatever quotes are in it.
+/// Text as inline code, for any quotes in the text.
 fn code(text: &str) -> String {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let longest = text.split(|c| c != '`').map(str::len).max().unwrap_or(0);

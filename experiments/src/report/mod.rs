@@ -1,7 +1,7 @@
-//! Reports: of a run of an experiment, from its rows alone.
+//! Reports of experiment runs, made only from the rows of a run.
 //!
-//! Read in this order: [`summary`] (rows to one summary per choice), [`verdict`] (the answer, by what varies), [`columns`] (what tables show),
-//! [`run`] (the page), [`markdown`] (the same for a pull request).
+//! Suggested reading order: [`summary`] (rows to one summary per choice), [`verdict`] (the answer, depending on what varies), [`columns`] (the
+//! contents of tables), [`run`] (the page), [`markdown`] (the version for a pull request).
 
 mod checks;
 mod columns;
@@ -31,27 +31,27 @@ use crate::store::{REPORT_PAGE, REPORT_TEXT, write_with};
 pub(crate) use crate::expectations::Verdict;
 pub(crate) use load::{judge, of, read_run};
 
-/// Everything that a report is made from.
+/// Everything that a report needs.
 #[derive(Clone, Debug)]
 pub(crate) struct RunData {
-    /// What was asked.
+    /// The definition that was run.
     pub(crate) definition: Definition,
     /// How it was run: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`, `shard`.
     pub(crate) manifest: serde_json::Value,
-    /// What was measured.
+    /// The metrics.
     pub(crate) rows: Vec<Row>,
-    /// How long it took: metrics `gpu_ms:PASS`.
+    /// The device times: metrics `gpu_ms:PASS`.
     pub(crate) times: Vec<Row>,
-    /// The run's folder, which receives the report and has the pictures.
+    /// The run's folder, which holds the pictures and receives the report.
     pub(crate) folder: PathBuf,
-    /// What is missing of it, a line each.
+    /// Descriptions of what is missing, one per line.
     pub(crate) missing: Vec<String>,
-    /// Folders with the files of its parts: that folder, or those of its shards.
+    /// Folders with the files of the parts: the run's folder, or those of its shards.
     pub(crate) folders: Vec<PathBuf>,
 }
 
 impl RunData {
-    /// An entry of the manifest; `None` where it is not recorded.
+    /// An entry of the manifest; `None` if it was not recorded.
     fn recorded(&self, key: &str) -> Option<String> {
         match self.manifest.get(key)? {
             serde_json::Value::Null => None,
@@ -60,7 +60,7 @@ impl RunData {
         }
     }
 
-    /// Whether a software adapter rendered: its times are only good for ratios.
+    /// Whether a software adapter was used: then only ratios of times are meaningful.
     fn is_software(&self) -> bool {
         self.manifest.get("software").and_then(serde_json::Value::as_bool).unwrap_or(false)
     }
@@ -78,7 +78,7 @@ pub(crate) struct Written {
 /// Writes `report.html` and `report.md` into the run's folder.
 ///
 /// # Errors
-/// When there is no row, or a file cannot be written.
+/// There is no row, or a file cannot be written.
 pub(crate) fn write_run(run: &RunData, verdicts: &[Verdict]) -> Result<Written> {
     ensure!(!run.rows.is_empty(), "{} has no metrics yet: finish the run, with --resume", run.folder.display());
     let table = summary::Table::of(run);

@@ -1,17 +1,18 @@
-//! How numbers are written, and what is said with them.
+//! Formatting of numbers, and statistical statements about them.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// Half-width of a 95 % confidence interval in standard errors, of a normal mean.
+/// Half-width of a 95 % confidence interval of a normal mean, in standard errors.
 pub(super) const CONFIDENCE_95: f64 = 1.96;
 
-/// Three significant digits, without needless zeros: for axes and sentences. Very small numbers keep theirs as a power of ten, so that only 0 reads 0.
+/// Three significant digits, without trailing zeros, for axes and sentences. Very small numbers are written with a power of ten, so that only 0 is
+/// shown as 0.
 pub(super) fn number(value: f64) -> String {
     let fixed = significant(value);
     if fixed.contains('.') && !fixed.contains('e') { fixed.trim_end_matches('0').trim_end_matches('.').to_owned() } else { fixed }
 }
 
-/// Three significant digits, zeros included: for columns.
+/// Three significant digits, with trailing zeros, for columns.
 pub(super) fn significant(value: f64) -> String {
     if value.is_infinite() {
         return if value > 0.0 { "\u{221e}" } else { "\u{2212}\u{221e}" }.to_owned();
@@ -19,7 +20,7 @@ pub(super) fn significant(value: f64) -> String {
     if value == 0.0 || value.is_nan() {
         return value.abs().to_string();
     }
-    // The size after rounding: 9.996 is 10.0 and not 10.00.
+    // The exponent after rounding, so that 9.996 becomes 10.0 and not 10.00.
     let exponent: i32 = format!("{:.2e}", value.abs()).rsplit_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
     match exponent {
         ..=-5 => format!("{value:.1e}"),
@@ -31,7 +32,7 @@ pub(super) fn significant(value: f64) -> String {
     }
 }
 
-/// A value with its 95 % interval, where its standard error is known.
+/// A value with its 95 % interval, if its standard error is known.
 pub(super) fn with_interval(value: f64, standard_error: Option<f64>) -> String {
     match standard_error {
         Some(error) if error > 0.0 && error.is_finite() => format!("{} \u{b1} {}", number(value), number(CONFIDENCE_95 * error)),
@@ -39,17 +40,18 @@ pub(super) fn with_interval(value: f64, standard_error: Option<f64>) -> String {
     }
 }
 
-/// How many standard errors the largest of `count` estimates may be from its expectation, if their family is held to 0.1 %: Sidak's correction,
-/// whose inequality also holds for estimates that share data. The standard errors were themselves estimated, from a number for each of `seeds`
-/// seeds, which makes the ratio Student's t with one degree of freedom fewer: the limit of 4 seeds is wide, for they tell little.
+/// Largest number of standard errors that the largest of `count` estimates may deviate from its expectation, for a family level of 0.1 %. It uses
+/// Sidak's correction, whose inequality also holds for estimates that share data. The standard errors are themselves estimates from one number per
+/// seed, so the ratio follows Student's t distribution with `seeds` - 1 degrees of freedom. The limit for 4 seeds is wide, because they give little
+/// information.
 pub(super) fn sidak_limit(count: usize, seeds: u32) -> f64 {
     let each = 1.0 - 0.999f64.powf(1.0 / count.max(1) as f64);
-    // Positive degrees of freedom are all that the distribution asks for.
+    // The distribution only requires that the degrees of freedom are positive.
     StudentsT::new(0.0, 1.0, f64::from(seeds.max(2) - 1)).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - each / 2.0))
 }
 
-/// Indices of the points that no other dominates (is at most as large in both and smaller in one), by rising x.
-/// What is not finite is never among them.
+/// Indices of the points that no other point dominates (at most as large in both coordinates and smaller in one), by increasing x. Points that are
+/// not finite are never included.
 pub(super) fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();
     let dominates = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
@@ -59,7 +61,7 @@ pub(super) fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     front
 }
 
-/// How the speed of what takes `ms` compares with what takes `other_ms`: "4.2 times as fast as"; `None` where a time is missing.
+/// Compares the speed of something that takes `ms` with something that takes `other_ms`: "4.2 times as fast as"; `None` if a time is missing.
 pub(super) fn speed(ms: f64, other_ms: f64) -> Option<String> {
     let ratio = other_ms / ms;
     if !(ms > 0.0 && other_ms > 0.0 && ratio.is_finite()) {
@@ -90,7 +92,7 @@ mod tests {
     fn limits_grow_with_the_family() {
         // Tables of Student's t, two-sided 0.1 %: 12.924 with 3 degrees of freedom, 4.073 with 15.
         assert!((sidak_limit(1, 4) - 12.924).abs() < 1e-3 && (sidak_limit(1, 16) - 4.073).abs() < 1e-3);
-        // Far out it is the normal distribution's: 3.29 for one; 4.17 for 33 at once, which is 0.001/33 to five digits.
+        // For many seeds it approaches the normal distribution: 3.29 for one estimate, and 4.17 for 33 at once, which is 0.001/33 to five digits.
         assert!((sidak_limit(1, 1_000_000) - 3.2905).abs() < 1e-3 && (sidak_limit(33, 1_000_000) - 4.17).abs() < 0.01);
         assert!(sidak_limit(600, 16) > sidak_limit(33, 16));
     }
@@ -99,7 +101,7 @@ mod tests {
     fn front_keeps_what_nothing_dominates() {
         let points = [(8.0, 1.0), (2.0, 5.0), (4.0, 3.0), (f64::NAN, 0.0), (4.0, 3.0)];
         assert_eq!(pareto_front(&points), [1, 2, 4, 0]);
-        // Negative controls: dominated in both, and in one with the other equal.
+        // Negative controls: points dominated in both coordinates, and in one with the other equal.
         for dominated in [(5.0, 4.0), (4.0, 3.5), (4.5, 3.0)] {
             let with = [&points[..], &[dominated]].concat();
             assert_eq!(pareto_front(&with), [1, 2, 4, 0], "{dominated:?}");

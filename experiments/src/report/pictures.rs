@@ -1,4 +1,4 @@
-//! The pictures of a run, as contact sheets: small enough to be mailed inside the page.
+//! The pictures of a run as contact sheets that are small enough to be mailed inside the page.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -12,22 +12,22 @@ use image::{DynamicImage, ImageFormat};
 use super::html::{self, escape};
 use crate::store::{PICTURES, RunPicture};
 
-/// Pictures are scaled to this width, pixels.
+/// Pictures are scaled down to this width, pixels.
 const WIDTH: u32 = 480;
-/// A picture that is larger as PNG is packed as JPEG, of this quality.
+/// Pictures whose PNG is larger than this are stored as JPEG with this quality.
 const PNG_BYTES: usize = 96 << 10;
 const JPEG_QUALITY: u8 = 88;
 
-/// Kinds of pictures in their order, with headings.
+/// Kinds of pictures in display order, with headings.
 const KINDS: [(&str, &str); 5] = [
     ("reference", "References"),
     ("frame", "Frames"),
-    ("tile-map", "Which tile runs what"),
+    ("tile-map", "Variants of tiles"),
     ("flicker-map", "Flicker maps"),
     ("error-map", "Error maps"),
 ];
 
-/// The contact sheets of a run, with their heading: `room` characters of pictures at most. What cannot be shown is told of.
+/// The contact sheets of a run, with their heading and at most `room` characters of pictures. A note names pictures that cannot be shown.
 pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     let mut html = "<section id=\"pictures\"><h2>Pictures</h2>\n".to_owned();
     let lists = run_folders.iter().map(|folder| read_lists(&folder.join(PICTURES))).collect::<Result<Vec<_>>>();
@@ -42,7 +42,7 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
             kinds.push((&picture.kind, if picture.kind.is_empty() { "Others" } else { &picture.kind }));
         }
     }
-    // One of each kind in turn, so that a full page lacks the last of each and not all of one.
+    // Takes one picture of each kind in turn, so that a full page lacks the last pictures of each kind instead of a whole kind.
     let of_kind = |kind: &str| pictures.iter().filter(|p| p.kind == kind).collect::<Vec<_>>();
     let queues: Vec<Vec<&RunPicture>> = kinds.iter().map(|(kind, _)| of_kind(kind)).collect();
     let longest = queues.iter().map(Vec::len).max().unwrap_or(0);
@@ -51,7 +51,7 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     for turn in 0..longest {
         for (queue, shown) in queues.iter().zip(&mut shown) {
             let Some(picture) = queue.get(turn) else { continue };
-            // Decoding what there is no room for would take minutes of a large run.
+            // Decoding pictures for which there is no room would take minutes for a large run.
             if spent >= room {
                 left_out += 1;
                 continue;
@@ -83,7 +83,7 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     html + "</section>\n"
 }
 
-/// Which choice a picture shows, for its tooltip.
+/// The choice that a picture shows, for its tooltip.
 fn words(picture: &RunPicture) -> String {
     let RunPicture { view, variant, estimator, noise, temporal, setting, file, .. } = picture;
     let columns =
@@ -92,7 +92,7 @@ fn words(picture: &RunPicture) -> String {
     known.collect::<String>() + &format!("file = {PICTURES}/{file}")
 }
 
-/// Everything that the lists of a folder of pictures name, list by list in the order of their names; nothing where there is no folder.
+/// All entries of the lists in a folder of pictures, ordered by the name of the list; empty if there is no folder.
 fn read_lists(folder: &Path) -> Result<Vec<RunPicture>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
@@ -105,7 +105,7 @@ fn read_lists(folder: &Path) -> Result<Vec<RunPicture>> {
     for file in files {
         let text = std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
         let mut list: Vec<RunPicture> =
-            serde_json::from_str(&text).with_context(|| format!("{} is damaged: run again to write it anew", file.display()))?;
+            serde_json::from_str(&text).with_context(|| format!("{} is damaged: run again to rewrite it", file.display()))?;
         list.iter_mut().for_each(|picture| folder.clone_into(&mut picture.folder));
         all.extend(list);
     }
@@ -115,15 +115,15 @@ fn read_lists(folder: &Path) -> Result<Vec<RunPicture>> {
 /// Size and data URL of a picture, scaled down.
 fn thumbnail(picture: &RunPicture) -> Result<([u32; 2], String)> {
     let name = Path::new(&picture.file);
-    // A list that came with a run from elsewhere must not pull other files into a page that is mailed on.
+    // A list from another machine must not be able to include other files in a page that is then mailed.
     anyhow::ensure!(
         name.file_name().is_some_and(|n| n == name.as_os_str()),
-        "`{}` in a list of {PICTURES}/ is no plain file name: its picture is left out",
+        "`{}` in a list of {PICTURES}/ is not a plain file name: its picture is omitted",
         picture.file
     );
     let file = picture.folder.join(name);
     let bytes = std::fs::read(&file).with_context(|| format!("cannot read the picture {}: was it moved?", file.display()))?;
-    let damaged = || format!("{} is no whole PNG", file.display());
+    let damaged = || format!("{} is not a complete PNG", file.display());
     let original = image::load_from_memory_with_format(&bytes, ImageFormat::Png).with_context(damaged)?;
     let small = original.width() <= WIDTH;
     let (scaled, bytes) = if small {
@@ -153,7 +153,7 @@ mod tests {
 
     const ROOM: usize = 6 << 20;
 
-    /// A picture that does not compress: like a noisy frame.
+    /// A picture that compresses badly, like a noisy frame.
     fn noisy(width: u32, height: u32, seed: u32) -> DynamicImage {
         let texel = |x: u32, y: u32| kernels::shared::hash::pcg(x + y * width + seed * 7919).to_le_bytes();
         DynamicImage::ImageRgb8(image::RgbImage::from_fn(width, height, |x, y| {
@@ -187,7 +187,9 @@ mod tests {
         assert!(html.contains("width=\"480\" height=\"250\"") && html.contains("data:image/jpeg;base64,"));
         assert!(html.contains("width=\"40\" height=\"30\"") && html.contains("data:image/png;base64,"));
         assert!(
-            html.contains("broken.png is no whole PNG") && html.contains("gone.png: was it moved?") && html.contains("no plain file name")
+            html.contains("broken.png is not a complete PNG")
+                && html.contains("gone.png: was it moved?")
+                && html.contains("not a plain file name")
         );
         assert_eq!(html.matches("<img").count(), 2);
         assert!(html.contains("&lt;large.png&gt;") && !html.contains("<large.png>"));

@@ -1,4 +1,4 @@
-//! The page of a run, from its rows: answer, facts, plots, tables, pictures, and where each number is found.
+//! The page of a run, made from its rows: answer, facts, plots, tables, pictures, and the location of each number.
 
 use std::collections::BTreeMap;
 
@@ -11,15 +11,15 @@ use super::plots::{self, COLOURS, Curve, CurvePoint, Hint, Lines, Marker, Point,
 use super::summary::{CLUMPING, FLICKER, FLIP, FLIPS, Key, KeyOf, Metric, RMSE, SHADING, Summary, Table};
 use super::{RunData, Verdict, pictures};
 
-/// Bytes of a page: pictures take what the rest leaves. Mail servers refuse more than a few times this.
+/// Largest size of a page in bytes: pictures use what the rest leaves. Mail servers refuse attachments a few times this size.
 const PAGE_BYTES: usize = 8 << 20;
-/// Curves of one plot: more are not told apart.
+/// Largest number of curves in one plot, because more cannot be distinguished.
 const CURVES: usize = COLOURS.len();
 
-/// The whole page.
+/// The complete page.
 ///
 /// # Errors
-/// When a plot cannot be drawn.
+/// A plot cannot be drawn.
 pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &str) -> Result<String> {
     let name = &run.definition.name;
     let question = if run.definition.question.trim().is_empty() { name } else { &run.definition.question };
@@ -47,16 +47,16 @@ pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     Ok(html::page(&format!("Scree: {name}"), &body))
 }
 
-/// What the run lacks, if it was not finished.
+/// A note about what is missing, if the run is not finished.
 fn missing(run: &RunData) -> String {
     if run.missing.is_empty() {
         return String::new();
     }
     let lines: String = run.missing.iter().map(|line| format!("<li>{}</li>", escape(line))).collect();
-    format!("<div class=\"note\"><b>This run is not whole.</b> Missing:<ul>{lines}</ul></div>\n")
+    format!("<div class=\"note\"><b>This run is not complete.</b> Missing:<ul>{lines}</ul></div>\n")
 }
 
-/// Links to the sections that there are.
+/// Links to the existing sections.
 fn contents(sections: &[String]) -> String {
     let between = |text: &'_ str, from: &str, to: &str| -> Option<String> {
         let start = text.find(from)? + from.len();
@@ -106,10 +106,10 @@ fn facts(run: &RunData, table: &Table) -> String {
         ("Flip rate", "share of surface points whose random choice differs from that of k frames before, by exact reprojection."),
         (
             "Flicker",
-            "difference in luminance to k frames before, by exact reprojection, less that of the reference sequence: below 0 less changes than should.",
+            "difference in luminance from k frames before, by exact reprojection, minus that of the reference sequence; below 0, the picture changes less than the reference.",
         ),
         ("Clumping", "variance of block means over that of white noise: 1 = white, above = blotches, below = blue."),
-        ("\u{b1}, bars and bands", "95 % confidence intervals, 1.96 standard errors; none = not known, which is not none."),
+        ("\u{b1}, bars and bands", "95 % confidence intervals, 1.96 standard errors; if there is none, the error is unknown, not zero."),
         CHOICE_TERM,
     ];
     format!(
@@ -120,7 +120,8 @@ fn facts(run: &RunData, table: &Table) -> String {
     )
 }
 
-/// The part of a section for each view: the first is open, others unfold. Empty parts are left out, and a section without parts with them.
+/// A section with one part for each view. The first part is open, the others are collapsed. Empty parts are omitted, and so is a section without
+/// parts.
 fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&str) -> Result<Option<String>>) -> Result<String> {
     let mut parts = Vec::new();
     for view in &table.views {
@@ -141,7 +142,7 @@ fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&
     Ok(html + after + "</section>\n")
 }
 
-/// How the numbers of a section come out of the files, in Python: `whole` has the number of each choice, as this report takes it.
+/// Python code that reads the numbers of a section from the files; `whole` has the number of each choice that this report uses.
 fn query(lines: &[&str]) -> String {
     const WHOLE: [&str; 7] = [
         "import pandas as pd",
@@ -156,7 +157,7 @@ fn query(lines: &[&str]) -> String {
     format!("<details class=\"query\"><summary>These numbers in the files</summary><pre><code>{}</code></pre></details>\n", escape(&code))
 }
 
-/// What tells points and curves apart besides the variant: the column with the most values, and its colours.
+/// The colours of points and curves: the column with the most values, apart from the variant, and a colour for each value.
 struct Palette<'a> {
     values: &'a [String],
     of: KeyOf,
@@ -181,7 +182,7 @@ impl<'a> Palette<'a> {
         colour(index, self.values.len(), self.ordered)
     }
 
-    /// Of the values that some summaries have.
+    /// The legend of the values that occur in some summaries.
     fn legend<'s>(&self, shown: impl Iterator<Item = &'s Summary>) -> String {
         let shown: Vec<&str> = shown.map(self.of).collect();
         self.values
@@ -193,17 +194,17 @@ impl<'a> Palette<'a> {
     }
 }
 
-/// The values as numbers, if all are.
+/// The values as numbers, if all of them are numbers.
 fn numbers_of(values: &[String]) -> Option<Vec<f64>> {
     values.iter().map(|v| v.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
 }
 
-/// Half-width of the 95 % interval of a value; 0 = not known.
+/// Half-width of the 95 % interval of a value; 0 = unknown.
 fn half(summary: &Summary, metric: Metric) -> f64 {
     summary.error(metric).map_or(0.0, |e| CONFIDENCE_95 * e)
 }
 
-/// What a mark says: which choice, and the values with the names of their columns.
+/// The tooltip of a mark: the choice, and the values with the names of their columns.
 fn hint(table: &Table, index: usize, values: [f64; 2], words: &str) -> Option<Hint> {
     Some(Hint { words: format!("{}: {words}", table.summaries[index].key.words()), anchor: anchor(index), values })
 }
@@ -213,7 +214,7 @@ fn anchor(index: usize) -> String {
     format!("r{index}")
 }
 
-/// `metric = value` with the lag.
+/// `metric = value`, with the lag if there is one.
 fn named(metric: &str, lag: Option<u32>, value: f64) -> String {
     lag.map_or_else(|| format!("{metric} = {value}"), |k| format!("{metric} (k = {k}) = {value}"))
 }
@@ -285,16 +286,16 @@ fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error
         None if table.variants.len() > 1 => plots::PARETO_LEGEND.to_owned(),
         None => String::new(),
         Some(palette) => format!(
-            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front: nothing is both cheaper and better.</span> {}Numbers in brackets: points in one place; grey or black: the same for all colours.",
+            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front: nothing is both cheaper and better.</span> {}A number in brackets counts points in one place; grey or black points are the same for all colours.",
             palette.legend(rows.iter().map(|&i| &table.summaries[i]).filter(|s| s.value(cost) > 0.0 && s.value(error).is_finite())),
             if table.variants.len() > 1 { "Large dots: one flavour; small: several; largest: auto; ring: generic. " } else { "" }
         ),
     };
     Ok(plots::pareto(&points, &title, &x_title, &y_title)?
-        .map(|svg| html::figure(Some(svg), &format!("{legend} Point at a mark for its row; click to go there."))))
+        .map(|svg| html::figure(Some(svg), &format!("{legend} Point at a mark to see its row; click it to go to the row."))))
 }
 
-/// Places of summaries that differ in what is drawn along the axis only, in the order of the table: each is a curve.
+/// Groups of summaries that differ only in the quantity on the axis, in table order; each group is one curve.
 fn curves_of(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) -> Vec<Vec<usize>> {
     let mut curves: Vec<Vec<usize>> = Vec::new();
     for &index in rows {
@@ -306,7 +307,7 @@ fn curves_of(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool
     curves
 }
 
-/// At most [`CURVES`] of them: first those that each tile chooses, then single flavours, chance before none; and how many there were.
+/// At most [`CURVES`] curves: first automatic choices, then single flavours, stochastic before deterministic; and the total number of curves.
 fn kept(table: &Table, mut curves: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, usize) {
     let all = curves.len();
     if all > CURVES {
@@ -321,7 +322,7 @@ fn kept(table: &Table, mut curves: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, usize) 
     (curves, all)
 }
 
-/// A sentence where curves were left out.
+/// A note if curves were omitted.
 fn left_out(kept: usize, all: usize) -> String {
     if all > kept { format!("{kept} of {all} choices; the others are in the table. ") } else { String::new() }
 }
@@ -391,10 +392,10 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
         if html.is_empty() {
             return Ok(None);
         }
-        // What varies besides the parameter; one curve needs no name.
+        // The name lists what varies apart from the parameter; a single curve needs no name.
         let name = |curve: &Vec<usize>| curve_name(table, curve[0], |key| key.setting.clear());
         let keys: String = curves.iter().enumerate().map(|(i, c)| html::key(colour(i, curves.len(), false), &name(c))).collect();
-        let software = if run.is_software() && table.has(SHADING) { " Times are a software adapter's: only ratios count." } else { "" };
+        let software = if run.is_software() && table.has(SHADING) { " Software adapter: only ratios of times are meaningful." } else { "" };
         Ok(Some(format!(
             "<div class=\"pair\">{html}</div><p class=\"legend\">{keys}{}Flips and clumping trade against each other: read them together.{software}</p>\n",
             left_out(curves.len(), all)
@@ -402,7 +403,7 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
     })
 }
 
-/// Name of a curve: what varies, without the columns that `known` clears since the plot says them.
+/// Name of a curve: the columns that vary, except those that `known` clears because the plot already names them.
 fn curve_name(table: &Table, index: usize, known: impl Fn(&mut Key)) -> String {
     let mut key = table.summaries[index].key.clone();
     known(&mut key);
@@ -410,20 +411,20 @@ fn curve_name(table: &Table, index: usize, known: impl Fn(&mut Key)) -> String {
     if name.is_empty() { table.summaries[index].key.variant.clone() } else { name }
 }
 
-/// A variant whose noise is looked at closely.
+/// A variant whose noise is shown in detail.
 struct CloseUp {
     /// Heading.
     name: String,
-    /// Its choices, at most [`CURVES`], and their colours.
+    /// The choices that are shown, at most [`CURVES`], and their colours.
     choices: Vec<(usize, Rgb)>,
-    /// How many choices it has.
+    /// The number of its choices.
     all: usize,
-    /// Whether they have one temporal resolve among several, which the heading names.
+    /// Whether it has one of several temporal resolves, which the heading names.
     resolved: bool,
 }
 
 impl CloseUp {
-    /// Name of a choice: what the heading does not say.
+    /// Name of a choice, without what the heading already says.
     fn name_of(&self, table: &Table, row: usize) -> String {
         curve_name(table, row, |key| {
             key.variant.clear();
@@ -434,15 +435,15 @@ impl CloseUp {
     }
 }
 
-/// At most four of them: what each tile chooses and single flavours (others where there are none), of those that leave something to chance. A variant of too many choices for
-/// one plot has one for each temporal resolve.
+/// At most four variants: automatic choices and single flavours (others if there are none) that use random numbers. A variant with too many choices
+/// for one plot is split by temporal resolve.
 fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     let mut variants: Vec<(usize, &str)> = Vec::new();
     let rows = table.of_view(view);
     for summary in rows.iter().map(|&i| &table.summaries[i]) {
         if summary.is_stochastic() && !variants.iter().any(|(_, v)| *v == summary.key.variant) {
             let rank = summary.key.flavours().unwrap_or_default();
-            // It looks as `auto` does.
+            // `generic` gives the same picture as `auto`.
             variants.push((if summary.key.variant == "generic" { 9 } else { rank }, &summary.key.variant));
         }
     }
@@ -465,11 +466,11 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     all
 }
 
-/// Chooses and colours what is drawn of some rows.
+/// Selects and colours the choices that are drawn from some rows.
 fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);
-    // One of each value of the column that has the most, if all are too many.
+    // If there are too many, one choice for each value of the column with the most values.
     let rows: Vec<usize> = match &palette {
         Some(palette) if all > CURVES => {
             let mut seen: Vec<&str> = Vec::new();
@@ -485,7 +486,7 @@ fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> Cl
         }
         _ => rows.into_iter().take(CURVES).collect(),
     };
-    // A colour of the palette names a curve only where no other curve has it.
+    // A colour of the palette identifies a curve only if no other curve has it.
     let alone =
         |p: &Palette<'_>, i: usize| rows.iter().filter(|&&j| (p.of)(&table.summaries[i]) == (p.of)(&table.summaries[j])).count() == 1;
     let named = palette.as_ref().filter(|p| rows.iter().all(|&i| alone(p, i)));
@@ -679,10 +680,10 @@ fn choices(run: &RunData, table: &Table) -> String {
     html += "</tbody></table></div>\n";
     if !reasons.is_empty() {
         let words: Vec<String> = reasons.iter().map(|(heading, reason)| escape(&format!("{heading}: {reason}"))).collect();
-        html += &format!("<p class=\"legend\">A dash stands for no number. {}.</p>\n", words.join("; "));
+        html += &format!("<p class=\"legend\">A dash means that there is no number. {}.</p>\n", words.join("; "));
     }
     if !dropped.is_empty() {
-        html += &format!("<p class=\"legend\">Of no row there is: {}.</p>\n", dropped.join(", "));
+        html += &format!("<p class=\"legend\">Columns without any number: {}.</p>\n", dropped.join(", "));
     }
     html += &query(&["whole[whole.frequency == 0].pivot_table(\"value\", key, [\"metric\", \"lag\"])"]);
     html + "</section>\n"

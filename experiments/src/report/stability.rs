@@ -1,4 +1,5 @@
-//! Report of the stability lab: where each kernel is exact, where it bends, and what it costs; what directions and noise can be held to.
+//! Report of the stability lab: where each kernel is exact, where it deviates from its formula and at what price, and the measured numbers of
+//! directions and noise.
 
 use std::fmt::Write as _;
 
@@ -12,25 +13,25 @@ use crate::stability::Row;
 use crate::stability::extremes::Bend;
 use crate::stability::kernels::Finding;
 
-/// What the lab measured.
+/// The results of the lab.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Lab<'a> {
-    /// Of kernels at their extremes.
+    /// Results of kernels at their extremes.
     pub(crate) findings: &'a [Finding],
-    /// Where kernels bend.
+    /// The places where kernels deviate from their formulas.
     pub(crate) bends: &'a [Bend],
     /// Codes and derivatives.
     pub(crate) directions: &'a [Row],
-    /// Tests of hashes and noise, which share a level.
+    /// Tests of hashes and noise, which share a family level.
     pub(crate) noise: &'a [Row],
-    /// Noise while a camera moves.
+    /// Noise during camera motion.
     pub(crate) motion: &'a [Row],
 }
 
-/// Who computed: a device, or the reference in f32.
+/// The implementation that computed a result: a device, or the reference in f32.
 type Side<'a> = (&'a str, &'a str);
 
-/// The sides of findings, devices first.
+/// The implementations in the findings, devices first.
 fn sides<'a>(findings: &[&'a Finding]) -> Vec<Side<'a>> {
     let mut sides: Vec<Side<'a>> = Vec::new();
     for finding in findings {
@@ -47,7 +48,7 @@ fn side_name((on, adapter): Side<'_>) -> &str {
     if on == "gpu" { adapter } else { "reference in f32" }
 }
 
-/// What was varied, by one measure: the findings that make a plot.
+/// The findings of one parameter and one measure, which form a plot.
 struct Group<'a> {
     first: &'a Finding,
     findings: Vec<&'a Finding>,
@@ -75,7 +76,7 @@ impl<'a> Group<'a> {
         self.findings.iter().copied().filter(|finding| finding.on == "gpu")
     }
 
-    /// The finding of a device whose error is largest.
+    /// The device finding with the largest error.
     fn worst(&self) -> &'a Finding {
         self.on_gpu().max_by(|a, b| a.worst.total_cmp(&b.worst)).unwrap_or(self.first)
     }
@@ -84,7 +85,7 @@ impl<'a> Group<'a> {
         self.findings.iter().all(|finding| finding.pass)
     }
 
-    /// What there is to say: exact, or the largest error and where.
+    /// The result in words: exact, or the largest error and where it occurs.
     fn words(&self) -> String {
         let worst = self.worst();
         if self.on_gpu().all(|finding| finding.compared == 0) {
@@ -106,7 +107,7 @@ impl<'a> Group<'a> {
             .iter()
             .zip(COLOURS)
             .flat_map(|(&side, colour)| {
-                // The typical error is drawn, too, paler.
+                // The typical error is drawn as well, in a paler colour.
                 let pale = (colour.0 / 2 + 127, colour.1 / 2 + 127, colour.2 / 2 + 127);
                 [(true, pale), (false, colour)].map(|(is_typical, colour)| {
                     let point =
@@ -125,7 +126,7 @@ impl<'a> Group<'a> {
             title: &title,
             x_title: &self.first.parameter,
             y_title: &y_title,
-            // Whatever spans decades; what is not above 0 is left out then.
+            // Values that span decades use a logarithmic axis, which omits values that are not above 0.
             x_logarithmic: high > 100.0 * low,
             y_logarithmic: true,
             ..Lines::default()
@@ -141,10 +142,10 @@ impl<'a> Group<'a> {
     }
 }
 
-/// A table of the report, for both kinds of page.
+/// A table of the report, for HTML and Markdown.
 struct Table {
     title: &'static str,
-    /// What is to be said of it; may be empty.
+    /// A note above the table; may be empty.
     note: String,
     columns: Vec<String>,
     rows: Vec<Vec<String>>,
@@ -190,7 +191,8 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
     let row = |group: &Group<'_>| {
         let Finding { kernel, parameter, measure, .. } = group.first;
         let ulp = group.on_gpu().map(|finding| finding.worst_ulp).fold(0.0, f64::max);
-        // Of a row, so of all its measures together: told with the first; and not where nothing was compared.
+        // These columns are about a row, so about all of its measures together. They are shown with the first measure only, and not if nothing was
+        // compared.
         let is_first = groups
             .iter()
             .find(|of| of.first.kernel == *kernel && of.first.parameter == *parameter)
@@ -203,9 +205,9 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
     };
     Table {
         title: "Kernels at their extremes",
-        note: "Largest error over all rows and devices, and where. Of all results of a row together: the error in units in the last place of the row's largest \
-               result, and its share of the tolerance that is derived for that row beside the kernel, which grows with how ill-posed the row is. Finite, as \
-               asked: beyond what the kernel is made for, only that was asked."
+        note: "Largest error over all rows and devices, and the value at which it occurs. The next two columns are about all results of a row together: \
+               the error in units in the last place of the row's largest result, and its share of the tolerance that is derived for that row beside the \
+               kernel. The tolerance grows with how ill-posed the row is. Finite, as asked: beyond the kernel's intended range, results must only be finite."
             .to_owned(),
         columns: columns(&["kernel: what", "over", "largest error", "ulp", "of the tolerance", ""]),
         rows: groups.iter().map(row).collect(),
@@ -229,7 +231,7 @@ fn of_bends(bends: &[Bend], breaks: bool) -> Table {
     }
 }
 
-/// What differs between devices, by how much.
+/// The differences between devices.
 fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
     let mut rows = Vec::new();
     let mut alike = 0;
@@ -253,7 +255,7 @@ fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
     let mut names = columns(&["kernel: what", "over", "unit"]);
     names.extend(devices.iter().map(|&side| side_name(side).to_owned()));
     names.push(String::new());
-    let note = format!("Largest error on each. {alike} of {} are alike on all of them and left out.", groups.len());
+    let note = format!("Largest error on each adapter. {alike} of {} are alike on all of them and omitted.", groups.len());
     Table { title: "Across adapters", note, columns: names, rows }
 }
 
@@ -263,10 +265,10 @@ fn of_rows(title: &'static str, note: String, rows: &[Row]) -> Table {
         let what = [row.kind.as_str(), row.view.as_str(), row.motion.as_str()].into_iter().filter(|part| !part.is_empty());
         vec![what.collect::<Vec<_>>().join(", "), row.statistic.clone(), number(row.value), range, holds(row.holds())]
     };
-    Table { title, note, columns: columns(&["what", "statistic", "value", "held to", ""]), rows: rows.iter().map(row).collect() }
+    Table { title, note, columns: columns(&["what", "statistic", "value", "allowed range", ""]), rows: rows.iter().map(row).collect() }
 }
 
-/// The tests that came nearest to their level, and what fails.
+/// The tests with the smallest p-values, and all failures.
 fn of_noise(rows: &[Row]) -> Table {
     let tests = rows.iter().filter(|row| row.is_test()).count();
     let level = rows.iter().find(|row| row.is_test()).map_or(0.0, |row| row.low);
@@ -282,7 +284,7 @@ fn of_noise(rows: &[Row]) -> Table {
     of_rows("Hashes and noise", note, &shown)
 }
 
-/// Flips and clumping on level ground: a line a kind of noise.
+/// Flips and clumping on level ground, one line for each kind of noise.
 fn of_motion(rows: &[Row]) -> Table {
     let mut kinds: Vec<&str> = Vec::new();
     let mut motions: Vec<&str> = Vec::new();
@@ -311,7 +313,7 @@ fn of_motion(rows: &[Row]) -> Table {
     Table {
         title: "Noise while a camera moves",
         note: format!(
-            "Share of choices among four equal texels that flip from frame to frame, on level ground; all {} numbers are in noise.csv.",
+            "Share of choices among four equal texels that flip from frame to frame, on level ground. All {} numbers are in noise.csv.",
             rows.len()
         ),
         columns: names,
@@ -320,7 +322,7 @@ fn of_motion(rows: &[Row]) -> Table {
 }
 
 impl Lab<'_> {
-    /// The parts that were measured, how many numbers each holds, and how many of those are as they should be.
+    /// The measured parts with the number of their results, and the number of results that pass.
     fn summary(&self) -> Vec<(&'static str, usize, usize)> {
         let groups = groups(self.findings);
         let of = |rows: &[Row]| (rows.len(), rows.iter().filter(|row| row.holds()).count());
@@ -378,12 +380,12 @@ pub(crate) fn text(lab: &Lab<'_>, facts: &[(&str, String)]) -> String {
     lab.tables().iter().fold(text, |text, table| text + &table.markdown())
 }
 
-/// The same as a page, with a plot for each measure that is not exact.
+/// The report as an HTML page, with a plot for each measure that is not exact.
 ///
 /// # Errors
-/// When a plot cannot be drawn.
+/// A plot cannot be drawn.
 pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
-    let answer = "How far the arithmetic can be trusted: kernels against their references in f64, codes, derivatives and noise against what is derived";
+    let answer = "How accurate the arithmetic is: kernels against references in f64; codes, derivatives and noise against derived values";
     let checks: Vec<(bool, String)> =
         lab.summary().into_iter().map(|(what, count, passed)| (passed == count, format!("{passed} of {count} {what} hold"))).collect();
     let mut body = html::header("stability lab", answer) + &html::verdict("", &checks) + &html::facts(facts);
@@ -409,7 +411,8 @@ pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
     Ok(html::page("Stability lab", &body))
 }
 
-/// Where an error is largest: what is whole in full, since words and edges of powers of two are told apart by their last digits.
+/// The parameter value of the largest error. Whole numbers are shown in full, because words and neighbours of powers of two differ in their last
+/// digits.
 fn place(value: f64) -> String {
     let short = number(value);
     let is_cut = value.fract() == 0.0 && value.abs() < 1e10 && short.parse() != Ok(value);

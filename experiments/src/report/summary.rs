@@ -1,4 +1,4 @@
-//! From tidy rows to one summary per choice: what a table's row and a plot's point are made of.
+//! Turns rows into one summary per choice, the data of a table row and of a plot point.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::numbers::pareto_front;
 use crate::metrics::{self, timed_pass};
 use crate::row::Row;
 
-/// The columns that say which choice a number belongs to.
+/// The columns that identify the choice of a number.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Key {
     pub(super) experiment: String,
@@ -39,7 +39,7 @@ impl Key {
         }
     }
 
-    /// Names and values of the columns, in their order in the files.
+    /// Names and values of the columns, in file order.
     pub(super) fn columns(&self) -> [(&'static str, &str); 9] {
         [
             ("experiment", &self.experiment),
@@ -54,41 +54,41 @@ impl Key {
         ]
     }
 
-    /// In words, for tooltips: the columns that are not empty.
+    /// Text for tooltips: the columns that are not empty.
     pub(super) fn words(&self) -> String {
         let parts: Vec<String> =
             self.columns().iter().filter(|(_, v)| !v.is_empty()).map(|(name, value)| format!("{name} = {value}")).collect();
         parts.join(", ")
     }
 
-    /// Whether one flavour alone was forced.
+    /// Whether a single flavour was forced.
     pub(super) fn is_flavour(&self) -> bool {
         self.flavours() == Some(1)
     }
 
-    /// How many flavours were forced; `None` of a variant that each tile chooses.
+    /// Number of forced flavours; `None` for automatic choices.
     pub(super) fn flavours(&self) -> Option<usize> {
         self.variant.parse::<Variant>().ok().map(|v| v.flavours().count())
     }
 }
 
-/// A metric of a summary: name, and lag where it compares frames.
+/// A metric of a summary: its name, and its lag if it compares frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Metric {
-    /// As in the column `metric`.
+    /// The value of the column `metric`.
     pub(super) name: &'static str,
-    /// As in the column `lag`.
+    /// The value of the column `lag`.
     pub(super) lag: Option<u32>,
-    /// What a sentence calls it.
+    /// The name in sentences.
     pub(super) words: &'static str,
 }
 
-/// Of one frame.
+/// A metric of single frames.
 const fn still(name: &'static str, words: &'static str) -> Metric {
     Metric { name, lag: None, words }
 }
 
-/// Between a frame and the one before.
+/// A metric that compares a frame with the previous one.
 const fn moving(name: &'static str, words: &'static str) -> Metric {
     Metric { name, lag: Some(1), words }
 }
@@ -109,18 +109,18 @@ pub(super) const FLICKER_P95: Metric = moving(metrics::FLICKER_P95, "flicker p95
 pub(super) const CLUMPING: Metric = still(metrics::CLUMPING, metrics::CLUMPING);
 pub(super) const REJECTIONS: Metric = still(metrics::TAA_REJECTIONS, "history rejected");
 
-/// Which frames a number is of.
+/// The frames that a number is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Frames {
-    /// All: a row says so.
+    /// All frames: there is a row over all frames.
     All,
-    /// This one, of which there is a row, and none of another.
+    /// This frame, the only one with a row.
     One(u32),
-    /// All that there are rows of: the report took the mean over those with a finite value.
+    /// All frames with rows: the report computed the mean of the finite values.
     Mean {
-        /// How many those are.
+        /// Number of frames with finite values.
         finite: usize,
-        /// How many rows there are.
+        /// Number of rows.
         rows: usize,
     },
 }
@@ -131,31 +131,31 @@ pub(super) struct Number {
     pub(super) value: f64,
     pub(super) standard_error: Option<f64>,
     pub(super) unit: String,
-    /// Where the number is from.
+    /// The frames that the number is about.
     pub(super) frames: Frames,
 }
 
-/// What is measured of one choice.
+/// The measurements of one choice.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Summary {
     pub(super) key: Key,
     numbers: BTreeMap<(String, Option<u32>), Number>,
-    /// Frequencies (cycles per pixel) and power there.
+    /// Frequencies (cycles per pixel) with their power.
     pub(super) spectrum: Vec<(f64, Number)>,
 }
 
 impl Summary {
-    /// A number, if there is a row of it; it may be NaN.
+    /// A number, if it has a row; it may be NaN.
     pub(super) fn number(&self, metric: Metric) -> Option<&Number> {
         self.named(metric.name, metric.lag)
     }
 
-    /// A number by the names of the columns.
+    /// A number, by the values of the columns `metric` and `lag`.
     pub(super) fn named(&self, metric: &str, lag: Option<u32>) -> Option<&Number> {
         self.numbers.get(&(metric.to_owned(), lag))
     }
 
-    /// A value; NaN where there is none.
+    /// A value; NaN if there is none.
     pub(super) fn value(&self, metric: Metric) -> f64 {
         self.number(metric).map_or(f64::NAN, |n| n.value)
     }
@@ -165,12 +165,12 @@ impl Summary {
         self.number(metric).and_then(|n| n.standard_error).filter(|e| e.is_finite() && *e >= 0.0)
     }
 
-    /// Whether chance had a part: deterministic choices have no bias and no variance to tell of.
+    /// Whether the choice is stochastic; deterministic choices have no bias and no variance to report.
     pub(super) fn is_stochastic(&self) -> bool {
         [VARIANCE, THEORY, FLIPS].iter().any(|m| self.value(*m) > 0.0)
     }
 
-    /// Lags at which a metric was taken, rising, with its numbers.
+    /// The lags of a metric in ascending order, with its numbers.
     pub(super) fn over_lags<'a>(&'a self, metric: &'a str) -> impl Iterator<Item = (u32, &'a Number)> {
         self.numbers.iter().filter(move |((name, _), _)| name == metric).filter_map(|((_, lag), n)| Some(((*lag)?, n)))
     }
@@ -189,67 +189,67 @@ impl Summary {
 /// Reads a column of a summary's key.
 pub(super) type KeyOf = fn(&Summary) -> &str;
 
-/// What is known of the reference that a view's errors are taken against.
+/// Facts about the reference of a view.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReferenceFacts {
     pub(super) view: String,
-    /// Value of the varied parameter; empty = of all of them.
+    /// Value of the varied parameter; empty = all values.
     pub(super) setting: String,
     /// Samples per pixel.
     pub(super) spp: f64,
     /// Its standard error, in linear albedo.
     pub(super) standard_error: f64,
-    /// The smallest RMSE that is judged by it; NaN = none is.
+    /// The smallest RMSE that it judges; NaN = none.
     pub(super) smallest_rmse: f64,
-    /// How the reference sequence itself changes, at a lag of 1: what is taken off flicker; NaN = not measured.
+    /// Change of the reference sequence itself at lag 1, which is subtracted from flicker; NaN = not measured.
     pub(super) difference: f64,
 }
 
 impl ReferenceFacts {
-    /// Whether the reference is known at least ten times as well as what it judges.
+    /// Whether the reference is known at least ten times as accurately as what it judges.
     pub(super) fn suffices(&self) -> bool {
         self.standard_error <= 0.1 * self.smallest_rmse || (self.smallest_rmse.is_nan() && self.standard_error.is_finite())
     }
 }
 
-/// A run's numbers, in the order of its definition.
+/// The numbers of a run, in the order of its definition.
 #[derive(Clone, Debug)]
 pub(super) struct Table {
     pub(super) summaries: Vec<Summary>,
     pub(super) references: Vec<ReferenceFacts>,
-    /// Values of each column that occur.
+    /// Values that occur in each column.
     pub(super) views: Vec<String>,
     pub(super) variants: Vec<String>,
     pub(super) estimators: Vec<String>,
     pub(super) noises: Vec<String>,
     pub(super) temporal: Vec<String>,
     pub(super) settings: Vec<String>,
-    /// The parameter that is varied; empty = none.
+    /// The varied parameter; empty = none.
     pub(super) parameter: String,
-    /// Rows that say a number again which another row said; the first counts.
+    /// Number of rows that repeat a number of another row; the first row counts.
     pub(super) doubles: usize,
-    /// Numbers that the report averaged over frames.
+    /// Number of values that the report averaged over frames.
     pub(super) averaged: usize,
-    /// What a choice costs.
+    /// The metric that serves as cost.
     pub(super) cost: Metric,
-    /// How far it is from the reference.
+    /// The metric that serves as error.
     pub(super) error: Metric,
 }
 
-/// What rows of one metric add up to.
+/// The collected rows of one metric.
 #[derive(Default)]
 struct Slot {
     whole: Option<Number>,
     sum: f64,
     finite: usize,
     frames: usize,
-    /// A row of a single frame.
+    /// The row of a single frame.
     single: Option<(u32, Number)>,
 }
 
 impl Slot {
-    /// The number over all frames: its own row, or that of the only frame, or the mean of the frames that have a value. Infinite values are none
-    /// in a mean: one frame that equals its reference would make an infinite mean of all others.
+    /// The number over all frames: its own row, or that of the only frame, or the mean of the finite values of all frames. Infinite values are
+    /// excluded from the mean: one frame that equals its reference would make the mean infinite.
     fn number(self) -> Option<Number> {
         let Slot { whole, sum, finite, frames, single } = self;
         if whole.is_some() {
@@ -260,20 +260,20 @@ impl Slot {
             return Some(single);
         }
         let value = if finite > 0 { sum / finite as f64 } else { f64::NAN };
-        // Frames of a sequence are not independent: their scatter says nothing about the mean.
+        // Frames of a sequence are not independent, so their scatter gives no standard error of the mean.
         Some(Number { value, standard_error: None, frames: Frames::Mean { finite, rows: frames }, ..single })
     }
 }
 
 type Slots = BTreeMap<(String, Option<u32>, Option<u64>), Slot>;
 
-/// Whether a row tells of the reference itself.
+/// Whether a row is about the reference itself.
 fn is_of_reference(row: &Row) -> bool {
     row.metric.starts_with("reference_") || row.variant.is_empty() || row.variant == "reference"
 }
 
 impl Table {
-    /// Sums up all rows of a run.
+    /// Summarises all rows of a run.
     pub(super) fn of(run: &RunData) -> Table {
         let mut slots: BTreeMap<Key, Slots> = BTreeMap::new();
         let mut about_reference: BTreeMap<(String, String), Slots> = BTreeMap::new();
@@ -284,12 +284,12 @@ impl Table {
             } else {
                 slots.entry(Key::of(row)).or_default()
             };
-            // Frequencies are not negative, so their bits are in their order.
+            // Frequencies are not negative, so the order of their bits is that of their values.
             let slot = slots.entry((row.metric.clone(), row.lag, row.frequency.map(f64::to_bits))).or_default();
             let number = |frames| Number { value: row.value, standard_error: row.standard_error, unit: row.unit.clone(), frames };
             match row.frame {
                 Some(frame) => {
-                    // A second row of the same frame is a double, whichever way; of frames that are told once there may be many.
+                    // A second row for the same frame is a duplicate. Different frames may each have a row.
                     if slot.single.as_ref().is_some_and(|(known, _)| *known == frame) {
                         doubles += 1;
                         continue;
@@ -335,7 +335,7 @@ impl Table {
         };
         let parameter = summaries.iter().map(|s| &s.key.parameter).find(|p| !p.is_empty()).cloned().unwrap_or_default();
         let measured = |metric: Metric| summaries.iter().any(|s| s.value(metric).is_finite());
-        // What a whole tile pays is what changes with the tile; elsewhere what a pixel takes says more.
+        // If the tiles vary, the cost of whole tiles matters; otherwise the cost of a pixel is more informative.
         let by_tile = parameter == "frame.tile" || parameter == "frame.classification" || !measured(FETCHES);
         let mut table = Table {
             references: Vec::new(),
@@ -353,7 +353,7 @@ impl Table {
             summaries,
         };
         table.references = about_reference.into_iter().map(|(place, slots)| table.facts(place, slots)).collect();
-        // A view whose errors nothing vouches for is told of, too.
+        // A view without reference rows is included as well.
         for view in table.views.clone() {
             if !table.references.iter().any(|r| r.view == view) {
                 let facts = table.facts((view, String::new()), Slots::new());
@@ -382,7 +382,7 @@ impl Table {
         }
     }
 
-    /// Which columns have more than one value: they are what tells choices of a view apart.
+    /// Label of a choice: the values of the columns that vary, which distinguish the choices of a view.
     pub(super) fn label(&self, key: &Key) -> String {
         let parts = [
             (&self.variants, &key.variant),
@@ -401,7 +401,7 @@ impl Table {
         (0..self.summaries.len()).filter(|&i| self.summaries[i].key.view == view).collect()
     }
 
-    /// Indices of the summaries among `rows` that none of them beats in both, by rising first metric. A cost of 0 was not measured.
+    /// Indices of the summaries in `rows` that are not dominated by others in `rows`, by increasing first metric. A cost of 0 was not measured.
     pub(super) fn front(&self, rows: &[usize], cost: Metric, error: Metric) -> Vec<usize> {
         let place = |&i: &usize| {
             let cost = self.summaries[i].value(cost);
@@ -411,12 +411,12 @@ impl Table {
         pareto_front(&places).into_iter().map(|i| rows[i]).collect()
     }
 
-    /// Whether a metric has a value anywhere.
+    /// Whether any summary has a value of the metric.
     pub(super) fn has(&self, metric: Metric) -> bool {
         self.summaries.iter().any(|s| !s.value(metric).is_nan())
     }
 
-    /// Names of all metrics of the run, times apart.
+    /// Names of all metrics of the run, without times.
     pub(super) fn metric_names(&self) -> Vec<String> {
         let mut names: Vec<String> =
             self.summaries.iter().flat_map(Summary::names).filter(|n| timed_pass(n).is_none()).map(str::to_owned).collect();
@@ -426,19 +426,20 @@ impl Table {
     }
 }
 
-/// Text of a value of the varied parameter: as rows have it, whichever way quotes were kept.
+/// Text of a value of the varied parameter as in the rows, independent of how quotes were stored.
 fn setting_text(value: &toml::Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// Sorts by view, variant, estimator, noise, temporal resolve and setting, each in the order of the definition; what it does not name comes last.
+/// Sorts by view, variant, estimator, noise, temporal resolve and setting, each in the order of the definition; values that it does not name come
+/// last.
 fn sort(summaries: &mut [Summary], run: &RunData) {
     let definition = &run.definition;
     let views: Vec<&String> = definition.views.iter().chain(definition.moving_views.iter().map(|v| &v.name)).collect();
     let settings: Vec<String> = definition.vary.iter().flat_map(|v| v.values.iter().map(setting_text)).collect();
     let listed = |all: &[String], value: &str| all.iter().position(|v| v == value).unwrap_or(all.len());
     let variant = |name: &str| {
-        // `all` stands for the 31 in their order, and a number for a name.
+        // `all` stands for the 31 variants in their order; a variant's number is accepted as its name.
         let mask = name.parse::<Variant>().ok();
         let named = |entry: &String| entry == name || (mask.is_some() && (entry == "all" || entry.parse::<Variant>().ok() == mask));
         let place = definition.variants.iter().position(named).unwrap_or(definition.variants.len());
@@ -447,7 +448,7 @@ fn sort(summaries: &mut [Summary], run: &RunData) {
     let number = |text: &str| text.parse::<f64>().unwrap_or(f64::INFINITY);
     summaries.sort_by_cached_key(|s| {
         let key = &s.key;
-        // Texts of a float differ by who wrote them (1 or 1.0): numbers of a list are found by value.
+        // Texts of a float depend on the writer (1 or 1.0), so numbers of a list are matched by value.
         let setting = settings
             .iter()
             .position(|v| *v == key.setting || (number(v).is_finite() && number(v).to_bits() == number(&key.setting).to_bits()));

@@ -1,4 +1,4 @@
-//! Reports as a whole: that they hold together in every shape, and that each number shown is in the rows.
+//! Tests of whole reports: they are consistent in every shape, and each displayed number comes from the rows.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,7 +11,7 @@ use super::{RunData, Verdict, markdown, read_run, run, verdict, write_run};
 use crate::row::Row;
 use kernels::shading::Estimator;
 
-/// Every shape of run that there is, by name.
+/// Every shape of run, by name.
 fn shapes() -> Vec<(Folder, RunData, Vec<Verdict>)> {
     type Make = fn(&Path) -> RunData;
     let all: [(&str, Make, Vec<Verdict>); 8] = [
@@ -43,7 +43,7 @@ fn text(run: &RunData, verdicts: &[Verdict]) -> String {
     markdown::text(run, &table, verdicts, &verdict::verdict(&table))
 }
 
-/// Elements of a name: their attributes and what they hold.
+/// Elements with this name: their attributes and contents.
 fn elements<'a>(html: &'a str, name: &str) -> Vec<(&'a str, &'a str)> {
     let (open, close) = (format!("<{name} "), format!("</{name}>"));
     let parts = html.split(&open[..]).skip(1);
@@ -55,11 +55,11 @@ fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
     Some(rest.split_once('"')?.0)
 }
 
-/// Rows over all frames by key, metric and lag; those of a spectrum by frequency.
+/// Rows over all frames by key, metric and lag; spectra also by frequency.
 type Known = BTreeMap<(Key, String, Option<u32>, Option<u64>), f64>;
 
 fn known(run: &RunData) -> Known {
-    // A row of a frame stands for itself where there is none over all; in these runs such rows are single.
+    // The row of a frame is used if there is none over all frames; in these runs such rows are unique.
     let all = || run.rows.iter().chain(&run.times);
     all()
         .filter(|r| r.frame.is_some())
@@ -68,7 +68,7 @@ fn known(run: &RunData) -> Known {
         .collect()
 }
 
-/// What the page shows and no row says: a cell or a mark each.
+/// Cells and marks of the page whose values are in no row.
 fn untraceable(html: &str, run: &RunData) -> Vec<String> {
     let known = known(run);
     let mut lost = Vec::new();
@@ -95,7 +95,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             setting: column("setting"),
         };
         keys.insert(attribute(attributes, "id").expect("an anchor").to_owned(), key.clone());
-        // Columns of text have no attributes, those of numbers have; both in order.
+        // Cells of text have no attributes, those of numbers have; both are in order.
         let numbers = elements(cells, "td");
         assert_eq!(numbers.len(), heads.len(), "{attributes}");
         for ((attributes, _), (metric, lag)) in numbers.iter().zip(&heads) {
@@ -117,7 +117,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             }
         }
     }
-    // A mark's height is the value of a row of its choice; nothing else is drawn by its values.
+    // The height of a mark is the value of a row of its choice; only marks have values.
     let mut of_choices: BTreeMap<&Key, Vec<_>> = BTreeMap::new();
     for ((key, _, lag, frequency), &value) in &known {
         of_choices.entry(key).or_default().push((*lag, *frequency, value));
@@ -139,7 +139,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
     lost
 }
 
-/// Shading time as a ratio.
+/// Ratios of a shading time.
 fn of_choice_ms(known: &Known, key: &Key, first_ms: &BTreeMap<String, f64>) -> Vec<f64> {
     let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None));
     ms.zip(first_ms.get(&key.view)).map(|(ms, first)| ms / first).into_iter().collect()
@@ -152,7 +152,7 @@ fn every_number_shown_is_in_the_rows() {
         let marks = html.matches("class=\"hit\"").count();
         assert!(html.matches("data-v=").count() > 1 && marks > 0, "{}: {marks}", folder.path().display());
         assert_eq!(untraceable(&html, &run), [""; 0], "{}", folder.path().display());
-        // Negative control: one row changed after the page was made, and both the table and the plots show it.
+        // Negative control: one row is changed after the page was made, and both the table and the plots must reveal it.
         let changed = run.rows.iter_mut().find(|r| r.metric == "rmse" && r.frame.is_none()).expect("a row");
         changed.value *= 1.0 + 1e-9;
         let lost = untraceable(&html, &run);
@@ -172,7 +172,7 @@ fn every_shape_makes_a_whole_page_and_a_text() {
             html.contains("Which &lt;blend&gt; is cheapest &amp; good?") && !html.contains("<blend>") && !html.contains("a<b"),
             "{name}"
         );
-        // Nothing is fetched: no address but of the page itself and of data.
+        // The page loads nothing: it has only links within the page and data URLs.
         let outside = |mark: &str| html.split(mark).skip(1).filter(|rest| !rest.starts_with('#') && !rest.starts_with("data:")).count();
         assert_eq!([outside("href=\""), outside("src=\"")], [0, 0], "{name}");
         for tag in ["section", "table", "figure", "details", "svg", "tr", "td"] {
@@ -190,11 +190,11 @@ fn every_shape_makes_a_whole_page_and_a_text() {
         ];
         let places: Vec<usize> = order.iter().map(|mark| html.find(mark).unwrap_or_else(|| panic!("{name} has no {mark}"))).collect();
         assert!(places.is_sorted(), "{name}: {places:?}");
-        // (Pictures are letters, too.)
+        // (Encoded pictures contain letters, too.)
         assert!([">NaN", " NaN", "\"NaN", ">inf", " inf "].iter().all(|word| !html.contains(word)), "{name}");
         let text = fs::read_to_string(folder.path().join("report.md")).expect("a text");
         assert!(text.contains("\\<blend\\>") && text.contains("## Set-up") && !text.contains("NaN"), "{text}");
-        // Tables of a text are whole: as many cells in each line.
+        // Tables of the Markdown text are complete: each line has the same number of cells.
         let mut widths: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         let mut block = 0;
         for line in text.lines() {
@@ -213,11 +213,11 @@ fn the_text_is_cut_to_fronts_and_single_variants() {
     let (variants, plain) = (Folder::new("cut"), Folder::new("cut-plain"));
     let all = text(&fake::variants(variants.path(), &["cliff"], &NOISES), &[]);
     let choices = all.split("## Choices").nth(1).expect("a table").lines().filter(|l| l.starts_with('|')).count() - 2;
-    // Two free choices and five flavours under six noises, and what else is on a front.
+    // Two automatic choices and five flavours with six noises, and other choices on a front.
     assert!((42..90).contains(&choices), "{choices}");
     assert!(all.contains(&format!("The table shows {choices} of 198 choices")), "{all}");
     assert!(!all.contains("| vt+near-cliff+far-cliff+splat |"));
-    // A small run is not cut.
+    // A small table is not shortened.
     let few = text(&fake::estimators(plain.path()), &[]);
     assert_eq!(few.split("## Choices").nth(1).expect("a table").lines().filter(|l| l.starts_with('|')).count(), 8 + 2);
     assert!(!few.contains("The table shows"));
@@ -254,18 +254,18 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     let value = |run: &RunData| Table::of(run).summaries[0].value(RMSE);
     assert_eq!(value(&frames(&[1.0, 3.0], None)), 2.0);
     assert_eq!(value(&frames(&[1.0, 3.0], Some(7.0))), 7.0);
-    // The only frame that there is a row of is no mean, and keeps its standard error.
+    // The only frame that has a row is not a mean, and keeps its standard error.
     let mut last = frames(&[4.0], None);
     last.rows[0].standard_error = Some(0.5);
     assert_eq!((value(&last), Table::of(&last).summaries[0].error(RMSE), Table::of(&last).averaged), (4.0, Some(0.5), 0));
     assert!(html(&last, &[]).contains("standard error 0.5, frame 0"));
-    // What is not finite is left out of a mean and told of.
+    // Values that are not finite are excluded from a mean, and the page says so.
     let run = frames(&[1.0, f64::NAN, 3.0], None);
     assert_eq!(value(&run), 2.0);
     assert!(html(&run, &[]).contains("mean over 2 of 3 frames") && html(&run, &[]).contains("means over the frames, made by this report"));
     let run = frames(&[f64::NAN, f64::NAN], None);
     assert!(value(&run).is_nan());
-    // The row is told twice: the first counts, and a mark is red.
+    // The number has two rows: the first counts, and a check fails.
     let mut run = frames(&[], Some(7.0));
     run.rows.push(Row { value: 8.0, ..run.rows[0].clone() });
     assert_eq!((value(&run), Table::of(&run).doubles), (7.0, 1));
@@ -279,13 +279,13 @@ fn missing_numbers_are_dashes_with_their_reason() {
     let page = html(&run, &[]);
     assert!(page.contains("title=\"timed with the first noise only\">\u{2013}</td>"));
     assert!(page.contains("title=\"each tile chooses: nothing is promised\">\u{2013}</td>"));
-    assert!(page.contains("A dash stands for no number.") && page.contains("Shading: timed with the first noise only"));
+    assert!(page.contains("A dash means that there is no number.") && page.contains("Shading: timed with the first noise only"));
     assert!(text(&run, &[]).contains("Shading: timed with the first noise only"));
     let reason = |run: &RunData, index: usize, source: Source| match columns::cell(run, &Table::of(run), index, source) {
         Cell::Missing(reason) => reason,
         Cell::Value { shown, .. } => panic!("{shown}"),
     };
-    // A row that says NaN is no nought and no lack of a row.
+    // A row with NaN is neither zero nor missing.
     let mut lost = run.clone();
     lost.rows.iter_mut().filter(|r| r.metric == "rmse" && r.frame.is_none()).for_each(|r| r.value = f64::NAN);
     assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "its row says NaN");
@@ -298,17 +298,17 @@ fn missing_numbers_are_dashes_with_their_reason() {
     assert_eq!(reason(&lost, 0, Source::WithError(super::summary::BIAS)), "not measured: seeds = 0");
     assert_eq!(reason(&lost, 0, Source::Row(super::summary::FLICKER)), "not measured: one frame");
     let resolved = fake::temporal(folder.path(), &["hashed"]);
-    assert_eq!(reason(&resolved, 1, Source::Row(super::summary::REJECTIONS)), "taken of frames without a resolve");
+    assert_eq!(reason(&resolved, 1, Source::Row(super::summary::REJECTIONS)), "measured only without a resolve");
     lost.definition.times = crate::definition::Times::None;
     lost.times.clear();
     assert_eq!(reason(&lost, 0, Source::ShadingRatio), "not timed: times = \"none\"");
-    // A column that no row has a number of is named, and not shown.
-    assert!(html(&lost, &[]).contains("Of no row there is: Shading, RMSE, Bias \u{b1} s.e., Flicker."));
-    // Equal pictures have an infinite PSNR, which is a number.
+    // A column without any number is named, but not shown.
+    assert!(html(&lost, &[]).contains("Columns without any number: Shading, RMSE, Bias \u{b1} s.e., Flicker."));
+    // Equal pictures have an infinite PSNR, which counts as a number.
     let mut same = run.clone();
     same.rows.iter_mut().filter(|r| r.metric == "psnr").for_each(|r| r.value = f64::INFINITY);
     assert!(html(&same, &[]).contains("data-v=\"Infinity\""));
-    // What the manifest lacks is told, too.
+    // Missing entries of the manifest are reported.
     let mut bare = run.clone();
     bare.manifest = serde_json::json!({});
     assert!(html(&bare, &[]).contains("not recorded in manifest.json") && !html(&bare, &[]).contains("software adapter"));
@@ -331,7 +331,7 @@ fn every_mark_can_be_red() {
         }
         checks.iter().map(|c| c.0).collect::<Vec<_>>()
     };
-    // References, promises, bias, variance.
+    // Checks of references, promises, bias and variance.
     assert_eq!(marks(&good, &[]), [true; 4]);
     let with = |change: &dyn Fn(&mut RunData)| {
         let mut run = good.clone();
@@ -345,7 +345,7 @@ fn every_mark_can_be_red() {
     assert_eq!(with(&|run| scale(run, "fetches_per_px", "near-cliff", 1.1)), [true, false, true, true]);
     assert_eq!(with(&|run| scale(run, "bias", "auto", 200.0)), [true, true, false, true]);
     assert_eq!(with(&|run| scale(run, "variance", "auto", 2.0)), [true, true, true, false]);
-    // An error that nothing vouches for is as bad as a poor reference.
+    // An error without a known reference is as bad as one with a poor reference.
     let lost = with(&|run| run.rows.retain(|r| !r.metric.starts_with("reference_")));
     assert_eq!(lost, [false, true, true, true]);
     let mut without = good.clone();
@@ -360,7 +360,7 @@ fn every_mark_can_be_red() {
     let mut broken = good.clone();
     scale(&mut broken, "fetches_per_px", "near-cliff", 1.1);
     assert!(html(&broken, &[]).contains("<td class=\"bad\">differs</td>") && !html(&good, &[]).contains("<td class=\"bad\">"));
-    // Expectations: all met, one not met, and one that nobody judged.
+    // Expectations: all met, one not met, and one that was not judged.
     let met: Vec<Verdict> = fake::verdicts().into_iter().take(1).collect();
     assert!(marks(&good, &met)[0]);
     assert!(!marks(&good, &fake::verdicts())[0]);
@@ -379,7 +379,7 @@ fn several_views_are_kept_apart() {
     let folder = Folder::new("apart");
     let run = fake::variants(folder.path(), &["cliff", "ground"], &["hashed"]);
     let table = Table::of(&run);
-    // The second view's reference is too poor, the first one's is not; each view has a front of its own.
+    // The reference of the second view is too inaccurate, that of the first is not; each view has its own front.
     assert_eq!(table.references.iter().map(|r| (r.view.as_str(), r.suffices())).collect::<Vec<_>>(), [("cliff", true), ("ground", false)]);
     let fronts = columns::fronts(&table);
     assert!(table.views.iter().all(|view| table.of_view(view).iter().any(|&i| fronts[i].error)));
@@ -402,7 +402,7 @@ fn a_run_without_rows_is_refused() {
     let folder = Folder::new("empty");
     let run = fake::hash_scale(folder.path());
     assert!(read_run(&folder.path().join("none")).is_err());
-    // Without rows nothing is written.
+    // Without rows, nothing is written.
     let empty = RunData { rows: Vec::new(), ..run };
     assert!(write_run(&empty, &[]).is_err_and(|e| e.to_string().contains("no metrics yet")));
     assert!(!folder.path().join("report.html").exists() || std::env::var_os("SCREE_REPORTS").is_some());

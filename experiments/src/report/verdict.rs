@@ -1,17 +1,17 @@
-//! The answer to a run's question, from its numbers: which sentence it is follows from what varies.
+//! The answer to the question of a run, from its numbers. What varies decides the form of the sentence.
 
 use super::numbers::{CONFIDENCE_95, number, speed, with_interval};
 use super::summary::{CLUMPING, FETCHES, FLICKER, FLIPS, Metric, REJECTIONS, SHADING, Summary, TILE_FETCHES, Table};
 
-/// What a sentence lists at most, of one view and of several.
+/// Largest number of items in a list, for one view and for several views.
 const LISTED: usize = 5;
 const LISTED_OF_VIEWS: usize = 3;
-/// Changes below this share are none worth a word.
+/// Relative changes below this are not mentioned.
 const SMALL: f64 = 0.02;
-/// Views that a sentence speaks of.
+/// Largest number of views in a sentence.
 const VIEWS: usize = 3;
 
-/// What varies, and so what is compared with what.
+/// What varies, and therefore what is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shape {
     Parameter,
@@ -23,14 +23,14 @@ enum Shape {
 }
 
 impl Shape {
-    /// A parameter is varied to see what it does; the more there are of the rest, the more it is what was asked for.
+    /// A varied parameter comes first, because its effect is the question. Then come resolves, estimators, variants and noises.
     fn of(table: &Table) -> Shape {
         let costs = table.noises.len() <= 1 || table.summaries.iter().any(|s| s.value(table.cost).is_finite());
         match table {
             t if t.settings.len() > 1 => Shape::Parameter,
             t if t.temporal.len() > 1 => Shape::Temporal,
             t if t.estimators.len() > 1 => Shape::Estimators,
-            // Variants are weighed by what they cost; where that was not measured, noises by what they do.
+            // Variants are compared by their cost; if costs were not measured, noises are compared by their effects.
             t if t.variants.len() > 1 && t.variants.len() >= t.noises.len() && costs => Shape::Variants,
             t if t.noises.len() > 1 => Shape::Noises,
             _ => Shape::One,
@@ -38,7 +38,7 @@ impl Shape {
     }
 }
 
-/// One sentence; with several views, a part for each.
+/// One sentence, with a part for each of several views.
 pub(super) fn verdict(table: &Table) -> String {
     let shape = Shape::of(table);
     let said: Vec<(&String, String)> = table.views.iter().filter_map(|view| Some((view, of_view(table, shape, view)?))).collect();
@@ -53,10 +53,10 @@ pub(super) fn verdict(table: &Table) -> String {
     if said.len() > VIEWS {
         parts.push(format!("{} more views are in the table", said.len() - VIEWS));
     }
-    // A line for each view.
+    // One line for each view.
     let sentence = parts.join(";\n");
     let mut letters = sentence.chars();
-    // A name keeps its small letter: it is what people type.
+    // Names keep their lower-case initial, because users type them.
     let first_word = sentence.split([' ', ',', '\n']).next().unwrap_or_default();
     let named = table.variants.iter().chain(&table.temporal).any(|v| v == first_word);
     match letters.next() {
@@ -86,7 +86,7 @@ fn say(metric: Metric, value: f64) -> String {
     }
 }
 
-/// Cost, error and flicker of a choice, what is known of them.
+/// Cost, error and flicker of a choice, as far as they are known.
 fn price(table: &Table, summary: &Summary) -> String {
     let parts = [table.cost, table.error, FLICKER].into_iter().filter(|m| !summary.value(*m).is_nan());
     parts
@@ -95,7 +95,7 @@ fn price(table: &Table, summary: &Summary) -> String {
         .join(", ")
 }
 
-/// Flips and clumping trade against each other: neither is said without the other.
+/// Flips and clumping are a trade-off, so a sentence never mentions one without the other.
 fn flips_and_clumping(summary: &Summary) -> String {
     let said = |metric: Metric| {
         let value = summary.value(metric);
@@ -104,13 +104,13 @@ fn flips_and_clumping(summary: &Summary) -> String {
     format!("{}, {}", said(FLIPS), said(CLUMPING))
 }
 
-/// How much a list holds.
+/// Largest number of items in a list.
 fn listed(table: &Table) -> usize {
     if table.views.len() > 1 { LISTED_OF_VIEWS } else { LISTED }
 }
 
-/// Rows that differ from the first kept one in nothing but what `same` leaves open. The subject is the choice that each tile makes, else
-/// what has the most to tell of chance, else the first.
+/// The rows that differ from the subject only in what `same` ignores. The subject is the automatic choice, otherwise the choice with the most noise,
+/// otherwise the first.
 fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) -> Vec<usize> {
     let of = |i: usize| &table.summaries[i];
     let chosen = rows.iter().copied().find(|&i| of(i).key.variant == "auto");
@@ -119,7 +119,7 @@ fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) 
     rows.iter().copied().filter(|&i| same(of(first), of(i))).collect()
 }
 
-/// The items, of which some in the middle are left out where there are more than `most`, at least 2.
+/// The items as a list; if there are more than `most` (at least 2), some in the middle are omitted.
 fn list(items: &[String], most: usize) -> String {
     let count = items.len();
     if count <= most {
@@ -133,10 +133,10 @@ fn list(items: &[String], most: usize) -> String {
     format!("{} ({} more between them)", kept.join(", "), count - most)
 }
 
-/// Smallest and largest of some rows in a metric; `None` where no row has a value.
+/// The rows with the smallest and the largest value of a metric; `None` if no row has a value.
 fn extremes(table: &Table, rows: &[usize], metric: Metric) -> Option<(usize, usize)> {
     let mut known: Vec<usize> = rows.iter().copied().filter(|&i| table.summaries[i].value(metric).is_finite()).collect();
-    // Stable: of equal values the first of the definition is named.
+    // The sort is stable: among equal values the first of the definition is named.
     known.sort_by(|&a, &b| table.summaries[a].value(metric).total_cmp(&table.summaries[b].value(metric)));
     let low = *known.first()?;
     let top = table.summaries[*known.last()?].value(metric);
@@ -144,13 +144,13 @@ fn extremes(table: &Table, rows: &[usize], metric: Metric) -> Option<(usize, usi
     Some((low, high))
 }
 
-/// By how much of the largest value the values of a metric differ.
+/// The relative spread of a metric, as a share of the largest value.
 fn spread(table: &Table, (low, high): (usize, usize), metric: Metric) -> f64 {
     let (low, high) = (table.summaries[low].value(metric), table.summaries[high].value(metric));
     if high.abs().max(low.abs()) > 0.0 { (high - low) / high.abs().max(low.abs()) } else { 0.0 }
 }
 
-/// The names of a front's choices with their prices. What has the same variant, cost and error, as under each of many noises, is one item.
+/// The names of a front's choices with their prices. Choices with the same variant, cost and error, as with several noises, form one item.
 fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String) -> Vec<String> {
     let mut items: Vec<Vec<&Summary>> = Vec::new();
     for summary in front.iter().map(|&i| &table.summaries[i]) {
@@ -172,7 +172,7 @@ fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String
         let flicker = |pick: fn(f64, f64) -> f64| item.iter().map(|s| s.value(FLICKER)).reduce(pick).unwrap_or(f64::NAN);
         let (low, high) = (flicker(f64::min), flicker(f64::max));
         let more = if high - low > SMALL * high.abs().max(low.abs()) { format!(" to {}", number(high)) } else { String::new() };
-        // The price ends with the flicker, of the first; the list is in the order of the front, so it is told from the least.
+        // The price ends with the flicker of the first choice; the list has the order of the front, so the range starts at the smallest.
         let least = item.iter().copied().find(|s| s.value(FLICKER) <= low).unwrap_or(item[0]);
         format!("{name} ({}{more})", price(table, least))
     };
@@ -231,7 +231,7 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
     match (extremes(table, &rows, FLIPS), extremes(table, &rows, CLUMPING)) {
         (Some((steady, restless)), Some((even, _))) if steady != even => {
             let of = |i: usize| format!("{} ({})", name(i), flips_and_clumping(&table.summaries[i]));
-            text += &format!("the fewest choices flip under {}, the least clumping has {}", of(steady), of(even));
+            text += &format!("the fewest choices flip under {}, the noise that clumps least is {}", of(steady), of(even));
             if restless != even {
                 text += &format!(", and the most choices flip under {}", of(restless));
             }
@@ -243,12 +243,12 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
             text += &format!("the fewest choices flip under {} ({})", name(steady), flips_and_clumping(&table.summaries[steady]))
         }
         (None, Some((even, _))) => {
-            text += &format!("the least clumping has {} ({})", name(even), flips_and_clumping(&table.summaries[even]))
+            text += &format!("the noise that clumps least is {} ({})", name(even), flips_and_clumping(&table.summaries[even]))
         }
         (None, None) => {
             let (low, high) = extremes(table, &rows, table.error)?;
             let of = |i: usize| format!("{} ({})", name(i), say(table.error, table.summaries[i].value(table.error)));
-            return Some(text + &format!("the smallest error has {}, the largest {}", of(low), of(high)));
+            return Some(text + &format!("the smallest error is that of {}, the largest that of {}", of(low), of(high)));
         }
     }
     for metric in [FLICKER, table.error] {
@@ -257,7 +257,7 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
             text += &if spread(table, (low, high), metric) < SMALL {
                 format!(", {} is {} under all", metric.words, number(table.summaries[low].value(metric)))
             } else {
-                format!(", {} runs from {} to {}", metric.words, of(low), of(high))
+                format!(", {} ranges from {} to {}", metric.words, of(low), of(high))
             };
         }
     }
@@ -278,7 +278,7 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
         if table.variants.len() > 1 || table.noises.len() > 1 { format!(" (with {}, {})", key.variant, key.noise) } else { String::new() };
     let head = format!("of {} values of {}{with}", rows.len(), table.parameter);
     let still_words = || still.iter().map(|(m, _)| m.words).collect::<Vec<_>>().join(", ");
-    // What changes most is what the parameter is for. Clumping is never that: it is what fewer flips cost.
+    // The metric that changes the most is the purpose of the parameter. Clumping is never chosen, because it is the price of fewer flips.
     let lead =
         moved.iter().copied().filter(|(m, _)| *m != CLUMPING).max_by(|a, b| spread(table, a.1, a.0).total_cmp(&spread(table, b.1, b.0)));
     let Some((metric, (best, worst))) = lead.or_else(|| moved.first().copied()) else {
@@ -324,7 +324,7 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
     Some(text)
 }
 
-/// Whether the 95 % intervals of two values meet.
+/// Whether the 95 % intervals of two values overlap.
 fn are_alike(table: &Table, a: usize, b: usize, metric: Metric) -> bool {
     let (a, b) = (&table.summaries[a], &table.summaries[b]);
     match (a.error(metric), b.error(metric)) {
@@ -341,7 +341,7 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
     };
     let mut parts = Vec::new();
     for resolve in table.temporal.iter().filter(|t| *t != base) {
-        // Choices without chance have no noise to resolve: they would only widen the range.
+        // Deterministic choices have no noise to resolve and would only widen the range.
         let pairs: Vec<(usize, usize)> = rows
             .iter()
             .copied()
@@ -376,15 +376,15 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
     (!parts.is_empty()).then(|| format!("against {base}, {}", parts.join("; ")))
 }
 
-/// What becomes of a metric.
+/// The change of a metric.
 enum Change {
-    /// It changes thus.
+    /// It changes in this way.
     Moved(String),
     /// It hardly changes.
     Still,
 }
 
-/// What becomes of a metric from the first to the second of each pair: values of one pair, ratios of more.
+/// The change of a metric from the first to the second row of each pair: values for one pair, ratios for several.
 fn change(table: &Table, pairs: &[(usize, usize)], metric: Metric) -> Option<Change> {
     let ratio = |&(a, b): &(usize, usize)| table.summaries[b].value(metric) / table.summaries[a].value(metric);
     let mut known: Vec<&(usize, usize)> = pairs.iter().filter(|p| ratio(p).is_finite() && ratio(p) > 0.0).collect();
@@ -452,7 +452,7 @@ fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
     Some(text)
 }
 
-/// The least and the most erroneous, or else those that flicker least and most, where nothing says what they cost.
+/// The choices with the smallest and the largest error, or else flicker, if no cost was measured.
 fn without_cost(table: &Table, rows: &[usize]) -> Option<String> {
     let (metric, (low, high)) = [table.error, FLICKER].into_iter().find_map(|m| Some((m, extremes(table, rows, m)?)))?;
     let item = |i: usize| format!("{} ({})", table.label(&table.summaries[i].key), price(table, &table.summaries[i]));
@@ -460,7 +460,7 @@ fn without_cost(table: &Table, rows: &[usize]) -> Option<String> {
     Some(if low == high {
         format!("{what} there is only {}", item(low))
     } else {
-        format!("{what} the least is {}, the most {}", item(low), item(high))
+        format!("{what} the best is {}, the worst {}", item(low), item(high))
     })
 }
 
@@ -491,7 +491,7 @@ mod tests {
     use crate::report::fake::{self, Rows, base, definition};
     use crate::row::Row;
 
-    /// The verdict on choices given by what changes of the columns, and fetches, RMSE, flicker, flips, clumping (NaN = no row).
+    /// The verdict on choices, given by the columns that vary and by fetches, RMSE, flicker, flips and clumping (NaN = no row).
     fn said(choices: &[(Row, [f64; 5])]) -> String {
         let mut rows = Rows::new();
         for (row, values) in choices {
@@ -527,7 +527,7 @@ mod tests {
             "Of 3 variants, 2 are Pareto-optimal in fetches per pixel and RMSE: vt (4.0 fetches, RMSE 0.05, flicker 0.001) and splat (48.0 fetches, \
              RMSE 0.01, flicker 0)."
         );
-        // What was dominated is not once it costs less.
+        // A choice that was dominated is on the front once it costs less.
         all[2].1[0] = 12.0;
         assert!(said(&all).starts_with("Of 3 variants, 3 are Pareto-optimal"), "{}", said(&all));
         assert!(said(&all).contains("near-cliff (12.0 fetches, RMSE 0.02, flicker 0.01)"));
@@ -538,10 +538,10 @@ mod tests {
         let mut all = vec![(variant("vt"), [NONE, 0.05, 0.001, NONE, NONE]), (variant("splat"), [NONE, 0.01, 0.002, NONE, NONE])];
         assert_eq!(
             said(&all),
-            "No cost was measured; by RMSE the least is splat (RMSE 0.01, flicker 0.002), the most vt (RMSE 0.05, flicker 0.001)."
+            "No cost was measured; by RMSE the best is splat (RMSE 0.01, flicker 0.002), the worst vt (RMSE 0.05, flicker 0.001)."
         );
         all.iter_mut().for_each(|(_, values)| values[1] = NONE);
-        assert_eq!(said(&all), "No cost was measured; by flicker the least is vt (flicker 0.001), the most splat (flicker 0.002).");
+        assert_eq!(said(&all), "No cost was measured; by flicker the best is vt (flicker 0.001), the worst splat (flicker 0.002).");
     }
 
     #[test]
@@ -553,12 +553,12 @@ mod tests {
             text.contains("its shading is 2.53 times as fast as full splat everywhere and 1.17 times as fast as the generic kernel"),
             "{text}"
         );
-        // More of the front than is listed is counted.
+        // Items of the front beyond the list's limit are counted.
         assert!(text.contains("more between them"), "{text}");
-        // Choices that a noise does not change are named once.
+        // Choices that no noise changes are named once.
         let text = verdict(&Table::of(&fake::variants(folder, &["cliff"], &fake::NOISES)));
         assert!(text.contains(": far-atlas (2.0 fetches, RMSE 0.102, flicker 0.000659), vt (4.0 fetches"), "{text}");
-        // Where a noise changes flicker alone, its range is told.
+        // If noise changes only the flicker, its range is shown.
         assert!(text.contains("far-atlas+near-cliff+far-cliff (22.0 fetches, RMSE 0.0518, flicker 0.0118 to 0.0312)"), "{text}");
         assert!(text.contains("with auto, of 6 noises"), "{text}");
     }
@@ -573,15 +573,15 @@ mod tests {
         ];
         assert_eq!(
             said(&all),
-            "With auto, of 3 noises the fewest choices flip under hashed (flip rate 0.1, clumping 3), the least clumping has blue (flip rate 0.4, \
-             clumping 0.5), and the most choices flip under white (flip rate 0.5, clumping 1), flicker runs from 0.002 (hashed) to 0.005 (white), \
+            "With auto, of 3 noises the fewest choices flip under hashed (flip rate 0.1, clumping 3), the noise that clumps least is blue (flip rate 0.4, \
+             clumping 0.5), and the most choices flip under white (flip rate 0.5, clumping 1), flicker ranges from 0.002 (hashed) to 0.005 (white), \
              RMSE is 0.05 under all."
         );
-        // One that is best in both.
+        // A noise that is best in both.
         let mut both = all.clone();
         both[0].1[4] = 0.4;
         assert!(said(&both).contains("hashed both flips and clumps least (flip rate 0.1, clumping 0.4)"), "{}", said(&both));
-        // With as many variants, but no costs, noises are still what can be compared.
+        // With as many variants but without costs, noises are compared.
         let mut more: Vec<_> = all
             .iter()
             .cloned()
@@ -589,7 +589,7 @@ mod tests {
             .collect();
         more.iter_mut().for_each(|l| l.1[0] = NONE);
         assert!(said(&more).starts_with("With auto, of 3 noises"), "{}", said(&more));
-        // Flips are never said without clumping, or that it is missing.
+        // Flips are never mentioned without clumping, or a note that it is missing.
         let mut lost = all.clone();
         lost.iter_mut().for_each(|l| l.1[4] = NONE);
         assert!(said(&lost).contains("hashed (flip rate 0.1, clumping not measured)"), "{}", said(&lost));
@@ -613,10 +613,10 @@ mod tests {
             "Of 3 values of blend.hash_scale, 4.0 has the smallest flip rate (0.06, against 0.6 at 0.5); clumping is 8 there and smallest at 0.5 (1), \
              flicker is smallest there, too (0.001); it changes RMSE, fetches per pixel by less than 2 %."
         );
-        // What moves most leads.
+        // The metric that changes the most comes first.
         all[0].1[0] = 1000.0;
         assert!(said(&all).contains("1.0 has the smallest fetches per pixel (10, against 1000 at 0.5)"), "{}", said(&all));
-        // Nothing moves.
+        // Nothing changes.
         let still: Vec<_> = all.iter().map(|(row, _)| (row.clone(), [10.0, 0.05, NONE, NONE, NONE])).collect();
         assert_eq!(said(&still), "Of 3 values of blend.hash_scale, none changes RMSE, fetches per pixel by more than 2 %.");
     }
@@ -648,13 +648,13 @@ mod tests {
         let more = [(row("white", "off"), [10.0, 0.05, 0.004, 0.3, 1.0]), (row("white", "exponential"), [10.0, 0.05, 0.002, 0.3, 1.0])];
         let text = said(&[&one[..], &more[..]].concat());
         assert!(text.contains("takes flicker to 0.25 (hashed: 0.004 to 0.001) ... 0.5 (white: 0.004 to 0.002) times, RMSE to 0.6 (hashed: 0.05 to 0.03) ... 1 (white: 0.05 to 0.05) times"), "{text}");
-        // Ratios that are alike are one.
+        // Ratios that are nearly equal are merged.
         let text = said(
             &[&one[..], &more.clone().map(|(row, [a, b, c, d, e])| (row, [a, b * if c < 0.003 { 0.6 } else { 1.0 }, c / 2.0, d, e]))]
                 .concat(),
         );
         assert!(text.contains("RMSE to 0.6 times and"), "{text}");
-        // Without a pair there is nothing to hold against.
+        // Without a pair there is nothing to compare with.
         assert!(said(&[one[0].clone(), more[1].clone()]).starts_with("No row"), "no pair");
     }
 
@@ -682,7 +682,7 @@ mod tests {
         );
         let many: Vec<_> = ["a", "b", "c", "d", "e"].map(|v| view(v, 4.0)).into();
         assert!(said(&many).ends_with(";\n2 more views are in the table."), "{}", said(&many));
-        // Nothing of use: no word of a number.
+        // Without any useful number.
         assert!(said(&[(base("a"), [NONE; 5])]).starts_with("No row of this run"));
     }
 }

@@ -1,4 +1,4 @@
-//! What lanes that march together pay: the fetches of everything that their tile, or their patch, needs.
+//! Costs for lanes that run in lockstep: the fetches of everything that their tile, or their patch, needs.
 
 use std::collections::HashMap;
 
@@ -8,7 +8,7 @@ use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 use kernels::world::NodeId;
 
-/// What decides how many fetches a flavour takes.
+/// Everything that decides how many fetches a flavour takes.
 #[derive(Clone, Copy)]
 pub(super) struct Prices {
     pub(super) estimator: Estimator,
@@ -16,25 +16,25 @@ pub(super) struct Prices {
 }
 
 impl Prices {
-    /// What a pixel takes that needs all flavours of a variant, in scenes without colour modulation.
+    /// Fetches of a pixel that needs all flavours of a variant, in scenes without colour modulation.
     pub(super) fn of(self, variant: Variant) -> u32 {
         let twice = |flavour| self.two_tilings && flavour == Flavour::Splat && self.estimator.has_two_tilings();
         variant.flavours().map(|flavour| self.estimator.promised_fetches(flavour) * if twice(flavour) { 2 } else { 1 }).sum()
     }
 }
 
-/// Number of a pixel's tile; `tile` = edge, pixels.
+/// Index of a pixel's tile; `tile` = side, pixels.
 fn tile_of(at: usize, size: [u32; 2], tile: u32) -> usize {
     let (x, y) = (at as u32 % size[0], at as u32 / size[0]);
     (y / tile * size[0].div_ceil(tile) + x / tile) as usize
 }
 
-/// Mean over terrain pixels of what the flavours of a pixel's tile cost.
+/// Mean over terrain pixels of the cost of the flavours of a pixel's tile.
 pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, prices: Prices) -> Option<f64> {
     grouped(masks, prices, |at| tile_of(at, size, tile))
 }
 
-/// For each pixel the flavours of its tile; 0 where it shows no terrain.
+/// For each pixel the flavours of its tile; 0 if the pixel shows no terrain.
 pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
     let mut sets = vec![0; (size[0].div_ceil(tile) * size[1].div_ceil(tile)) as usize];
     for (at, mask) in masks.iter().enumerate() {
@@ -43,7 +43,7 @@ pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
     masks.iter().enumerate().map(|(at, &mask)| if mask == 0 { 0 } else { sets[tile_of(at, size, tile)] }).collect()
 }
 
-/// The same with patches of 16 x 16 quads in place of tiles: of a patch that is partly seen, only what is seen counts.
+/// The same for patches of 16 x 16 quads instead of tiles; only the visible pixels of a patch count.
 pub(super) fn per_patch(masks: &[u8], positions: &[[f32; 3]], renderer: &Renderer<'_>, drawn: &[NodeId], prices: Prices) -> Option<f64> {
     let layout = renderer.world().layout();
     let lods = quadtree::lod_map(drawn);
@@ -51,7 +51,7 @@ pub(super) fn per_patch(masks: &[u8], positions: &[[f32; 3]], renderer: &Rendere
         let [x, y, _] = positions[at].map(f64::from);
         let place = [x, y].map(|v| (v + layout.world_m() / 2.0) / layout.sector_m);
         let lod = quadtree::lod_at(&lods, place).unwrap_or(0);
-        // 8 x 8 patches a node, whose edge is 2^lod sectors.
+        // A node has 8 x 8 patches, and its side is 2^lod sectors.
         let patch = |v: f64| (v * 8.0 / f64::from(1u32 << lod)).floor() as i64;
         (lod, patch(place[0]), patch(place[1]))
     })
@@ -65,7 +65,7 @@ fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], prices: Prices, group: impl Fn
         entry.1 += 1;
     }
     let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| prices.of(variant));
-    // Whole numbers: the order of a hash map does not matter.
+    // The sums are of whole numbers, so the order of the hash map does not matter.
     let (sum, pixels) = groups.values().fold((0, 0), |(sum, pixels), &(mask, n)| (sum + u64::from(cost(mask)) * n, pixels + n));
     (pixels > 0).then(|| sum as f64 / pixels as f64)
 }
@@ -78,15 +78,16 @@ mod tests {
 
     #[test]
     fn a_tile_pays_for_what_any_of_its_pixels_needs() {
-        // 8 x 4 pixels: the left half needs far atlas (2), the right half virtual texture (4), one pixel in the middle near cliff (12), one is sky.
+        // 8 x 4 pixels: the left half needs far atlas (2), the right half virtual texture (4), one pixel in the middle needs near cliff (12), one is
+        // sky.
         let mut masks: Vec<u8> = (0..32).map(|i| if i % 8 < 4 { 2 } else { 1 }).collect();
         masks[3] = 4;
         masks[31] = 0;
         let of = |tile| per_tile(&masks, [8, 4], tile, FC5);
-        // Tiles of 4: left 14 x 16 pixels, right 4 x 15.
+        // Tiles of 4 pixels: on the left 16 pixels of cost 14, on the right 15 pixels of cost 4.
         assert_eq!(of(4), Some((14.0 * 16.0 + 4.0 * 15.0) / 31.0));
         assert_eq!(of(8), Some(18.0));
-        // Single pixels: each its own.
+        // Tiles of one pixel: each pixel pays for itself.
         assert_eq!(of(1), Some((2.0 * 15.0 + 12.0 + 4.0 * 15.0) / 31.0));
         assert_eq!(per_tile(&[0; 4], [2, 2], 8, FC5), None);
         let sets = tile_sets(&masks, [8, 4], 4);

@@ -1,7 +1,7 @@
-//! The parts of a run on a device: references, sweeps, times.
+//! Does the parts of a run on a device: references, sweeps, times.
 //!
-//! A *sweep* is one view by one estimator, noise and resolve. Each frame the geometry is drawn once, each flavour is shaded once on every pixel, and the
-//! pictures of all variants are composed from them (`kernels::composition`). *Times* are taken from the variants' own pipelines.
+//! A *sweep* is one view by one estimator, noise and resolve. In each frame the geometry is drawn once, each flavour is shaded once on every pixel,
+//! and the pictures of all variants are composed from these layers (`kernels::composition`). *Times* are measured with the variants' own pipelines.
 
 mod costs;
 mod pictures;
@@ -30,7 +30,7 @@ use crate::metrics;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Unit, Work, plan};
 
-/// A renderer says nothing while it works: a part's own steps are the progress.
+/// The renderer does not report progress; the steps of a part are the progress.
 const QUIET: &(dyn Fn(Progress) + Sync) = &|_| {};
 
 /// Does the parts of one definition.
@@ -42,33 +42,33 @@ pub struct Runner<'a> {
     stage: Option<Stage<'a>>,
 }
 
-/// What serves as long as the setting is the same.
+/// The state that is kept while the setting stays the same.
 struct Stage<'a> {
     setting: Setting,
     choices: FrameSettings,
     renderer: Renderer<'a>,
     layers: Layers,
-    /// Layers of the exact blend, and the pose and frame that they show.
+    /// Layers of the exact blend, with their pose and frame.
     exact: Option<(Pose, u32, Layers)>,
     fixed: Fixed,
 }
 
-/// What no noise changes, and the parts of one view share.
+/// Results that do not depend on the noise, which the parts of one view share.
 #[derive(Default)]
 struct Fixed {
     view: String,
     estimator: Option<Estimator>,
-    /// Layers of flavours that draw no random numbers, frame by frame.
+    /// Layers of flavours that draw no random numbers, for each frame.
     frames: HashMap<(u32, SamplePattern), Layers>,
-    /// Rows of the variants that draw none. Other parts keep them with their own noise.
+    /// Rows of the variants that draw no random numbers. Other parts store them with their own noise.
     rows: HashMap<Resolve, Vec<Row>>,
 }
 
-/// Memory that layers may keep between parts; longer or larger sequences shade them anew.
+/// Memory that layers may occupy between parts; for longer or larger sequences the layers are shaded again.
 const FIXED_BYTES: u64 = 1 << 30;
 
 impl Fixed {
-    /// Empties it unless it is of this view and estimator.
+    /// Clears the state if it belongs to another view or estimator.
     fn of(&mut self, view: &str, estimator: Estimator) {
         if self.view != view || self.estimator != Some(estimator) {
             *self = Fixed { view: view.to_owned(), estimator: Some(estimator), ..Fixed::default() };
@@ -77,16 +77,16 @@ impl Fixed {
 }
 
 impl<'a> Runner<'a> {
-    /// For a definition that was found right. `imported`: folder of the imported scene, where the definition imports one.
+    /// A runner for a valid definition. `imported`: folder of the imported scene, if the definition imports one.
     ///
     /// # Errors
-    /// A variant that there is not.
+    /// A variant does not exist.
     pub fn new(gpu: &'a Gpu, definition: &'a Definition, imported: Option<&Path>) -> Result<Runner<'a>> {
         let variants = definition.variant_choices()?;
         Ok(Runner { gpu, definition, imported: imported.map(Path::to_owned), variants, stage: None })
     }
 
-    /// The renderer of a setting: made when first wanted, and kept until another setting is.
+    /// Makes the renderer of a setting when it is first needed. It is kept until another setting is needed.
     fn prepare(&mut self, setting: &Setting) -> Result<()> {
         if self.stage.as_ref().is_some_and(|stage| &stage.setting == setting) {
             return Ok(());
@@ -94,7 +94,7 @@ impl<'a> Runner<'a> {
         let scene = self.definition.scene(setting, self.imported.as_deref())?;
         let choices = self.definition.frame_settings(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
         if let Some(stage) = self.stage.as_mut().filter(|stage| stage.choices == choices) {
-            // Only numbers of the blend, the flavours' distances or the light differ: world and textures serve again.
+            // Only numbers of the blend, the flavours' distances or the light differ, so world and textures are reused.
             if stage.renderer.retune(&scene)? {
                 stage.setting.clone_from(setting);
                 stage.exact = None;
@@ -102,7 +102,7 @@ impl<'a> Runner<'a> {
                 return Ok(());
             }
         }
-        // The old one first gives its memory back.
+        // The old renderer is dropped first, to free its memory.
         self.stage = None;
         let options = RendererOptions { tile: choices.tile, ..RendererOptions::default() };
         let renderer = Renderer::with(self.gpu, &scene, options, QUIET)?;
@@ -111,7 +111,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// The part that makes the reference of a part's view and setting.
+    /// The part that makes the reference for the view and setting of a part.
     fn reference_of(&self, unit: &Unit) -> Result<Unit> {
         let is_its = |other: &Unit| other.work == Work::Reference && other.view == unit.view && other.setting == unit.setting;
         plan(self.definition).into_iter().find(is_its).with_context(|| format!("the run has no reference of view `{}`", unit.view))
@@ -139,7 +139,7 @@ where
     Ok(text.parse::<T>()?)
 }
 
-/// What is the same in all rows of a part.
+/// The columns that are the same in all rows of a part.
 struct Labels<'a> {
     definition: &'a Definition,
     scene: &'a str,
@@ -149,7 +149,7 @@ struct Labels<'a> {
     temporal: &'a str,
 }
 
-/// What tells a row apart within a part.
+/// The columns that distinguish a row within a part.
 #[derive(Clone, Copy, Default)]
 struct Mark {
     frame: Option<u32>,
@@ -162,19 +162,19 @@ impl Mark {
         Mark { frame: Some(frame), ..Mark::default() }
     }
 
-    /// `lag` from 1.
+    /// The same with a lag, from 1.
     fn lag(self, lag: usize) -> Mark {
         Mark { lag: u32::try_from(lag).ok(), ..self }
     }
 }
 
 impl Labels<'_> {
-    /// Whether this is the noise that the definition names first.
+    /// Whether this is the first noise of the definition.
     fn is_first_noise(&self) -> bool {
         self.definition.noises.first().is_some_and(|noise| noise == self.noise)
     }
 
-    /// Adds a row, if the definition asks for the metric.
+    /// Adds a row if the definition requests the metric.
     ///
     /// # Errors
     /// The name is not in the table of metrics.
@@ -206,14 +206,14 @@ impl Labels<'_> {
     }
 }
 
-/// The set of flavours that some variant of a list may need of a scene.
+/// The flavours that the variants of a list may need in a scene.
 fn flavours_of(renderer: &Renderer<'_>, variants: &[(String, VariantChoice)]) -> Option<Variant> {
     let available = |flavour: Flavour| flavour != Flavour::VirtualTexture || renderer.demands().has(flavour);
     let wanted = |flavour: &Flavour| available(*flavour) && variants.iter().any(|(_, choice)| choice.may_use(*flavour));
     Variant::new(Flavour::ALL.into_iter().filter(wanted).fold(0, |mask, flavour| mask | flavour.bit()))
 }
 
-/// Those of a set that draw random numbers, and those that do not.
+/// Splits a set of flavours into those that draw random numbers and those that do not.
 fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
     let (drawing, fixed): (Vec<Flavour>, Vec<Flavour>) =
         set.flavours().partition(|&flavour| estimator.is_stochastic(Variant::only(flavour)));
@@ -221,7 +221,8 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
 }
 
 impl Stage<'_> {
-    /// Shades the flavours of `needed` on every pixel of one view: those that draw numbers anew, the others once for all noises.
+    /// Shades the flavours of `needed` on every pixel of one view. Flavours that draw random numbers are shaded again each time; the others are
+    /// shaded once for all noises.
     fn draw(&mut self, request: &RenderRequest, needed: Variant) -> Result<Layers> {
         let [drawing, fixed] = split(needed, request.shading.estimator);
         let key = (request.shading.frame, request.shading.sample_pattern);
@@ -236,13 +237,13 @@ impl Stage<'_> {
             self.renderer.draw_flavours(request, fixed, &layers)?;
             self.fixed.frames.insert(key, layers);
         }
-        // After these, since what is measured reads the geometry of this view.
+        // These are drawn last, because the measurements read the geometry of this view.
         self.renderer.draw_flavours(request, drawing, &self.layers)?;
         Ok(self.layers.with(&self.fixed.frames[&key], fixed))
     }
 }
 
-/// What a choice is composed as: `None` = each pixel the flavours it needs.
+/// The variant that a choice is composed as; `None` = the flavours that each pixel needs.
 fn composed(choice: VariantChoice) -> Option<Variant> {
     match choice {
         VariantChoice::Auto | VariantChoice::GenericAuto => None,
@@ -250,7 +251,7 @@ fn composed(choice: VariantChoice) -> Option<Variant> {
     }
 }
 
-/// A request that shades by the reference's means: 96 fetches.
+/// A request that shades with the reference blend: 96 fetches.
 fn truth(request: &RenderRequest) -> RenderRequest {
     request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
@@ -260,7 +261,7 @@ fn truth(request: &RenderRequest) -> RenderRequest {
     })
 }
 
-/// Whether the classification is by patch.
+/// Whether patches are classified.
 fn by_patch(choices: &FrameSettings) -> bool {
     choices.classification == ClassifyBy::Patch
 }
@@ -279,7 +280,7 @@ mod tests {
         let mut rows = Vec::new();
         let error = labels.put(&mut rows, "auto", "flip-rate", Mark::frame(0), 1.0, None).expect_err("no such metric");
         assert!(rows.is_empty() && error.to_string().contains("`flip_rate`"), "{error}");
-        // A metric that is not asked for is left out.
+        // A metric that is not requested is omitted.
         labels.put(&mut rows, "auto", metrics::FLIP, Mark::frame(0), 1.0, None).expect("a metric");
         assert!(rows.is_empty());
         labels.put(&mut rows, "auto", metrics::RMSE, Mark::frame(0), 1.0, None).expect("a metric");

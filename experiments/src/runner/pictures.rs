@@ -1,4 +1,4 @@
-//! Pictures that a run leaves beside its numbers, with what they show.
+//! Pictures that a run stores with its numbers, and a list of what they show.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,26 +19,26 @@ use crate::judge::video::commands;
 use crate::store::{PICTURES, RunPicture, VIDEO, write_with};
 use crate::unit::Unit;
 
-/// What to do where a picture cannot be written.
+/// Remedy if a picture cannot be written.
 const ROOM: &str = "make room if the disk is full";
-/// Difference in luminance that a flicker map shows white.
+/// Difference in luminance that is white in a flicker map.
 const MAP_WHITE: f64 = 0.25;
 
-/// What a picture is.
+/// The kind of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Albedo of a frame.
     Frame,
-    /// How much each pixel changed since the frame before.
+    /// The change of each pixel since the previous frame.
     FlickerMap,
     /// The converged reference.
     Reference,
-    /// Which tile runs which variant.
+    /// The variant of each tile.
     TileMap,
 }
 
 impl Kind {
-    /// Name in the list.
+    /// The name in the list.
     fn name(self) -> &'static str {
         match self {
             Kind::Frame => "frame",
@@ -58,14 +58,14 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// No pictures yet.
+    /// A sheet without pictures.
     pub(super) fn new(run: &Path, unit: &Unit) -> Sheet {
         let setting = unit.setting.as_ref().map_or_else(String::new, setting_text);
         let blank = RunPicture { view: unit.view.clone(), setting, ..RunPicture::default() };
         Sheet { folder: run.join(PICTURES), part: unit.id.clone(), blank, entries: Vec::new() }
     }
 
-    /// From here on pictures are of this variant.
+    /// Sets the variant of the pictures that follow.
     pub(super) fn of(&mut self, labels: &Labels<'_>, variant: &str) -> &mut Sheet {
         let text = |s: &str| s.to_owned();
         self.blank.variant = text(variant);
@@ -75,7 +75,7 @@ impl Sheet {
         self
     }
 
-    /// Writes a picture; `name` tells it from the part's others.
+    /// Writes a picture; `name` distinguishes it from the other pictures of the part.
     pub(super) fn keep(&mut self, kind: Kind, name: &str, title: &str, caption: &str, size: [u32; 2], texels: &[[u8; 3]]) -> Result<()> {
         fs::create_dir_all(&self.folder).with_context(|| format!("cannot make the folder {}", self.folder.display()))?;
         let file = format!("{}-{name}.png", self.part);
@@ -90,7 +90,7 @@ impl Sheet {
         Ok(())
     }
 
-    /// Writes down what the pictures are.
+    /// Writes the list of pictures.
     pub(super) fn finish(self) -> Result<()> {
         if self.entries.is_empty() {
             return Ok(());
@@ -101,10 +101,10 @@ impl Sheet {
     }
 }
 
-/// Frames a second that tools which judge video are told: what a game would like to have.
+/// Frames per second that video metrics are told: the rate that a game aims for.
 const FRAMES_PER_SECOND: f64 = 60.0;
 
-/// The PNG sequence of one variant of a part, or of its reference (`variant` empty): a folder a sequence.
+/// Folder of the PNG sequence of one variant of a part, or of its reference (`variant` is empty).
 pub(super) fn sequence(run: &Path, reference_part: &str, part: &str, variant: &str) -> PathBuf {
     let folder = run.join(VIDEO);
     if variant.is_empty() { folder.join(reference_part) } else { folder.join(format!("{part}-{variant}")) }
@@ -116,7 +116,7 @@ pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], texels: &[[
     write_png_texels(&folder.join(format!("{frame:04}.png")), size, &display(texels)).context(ROOM)
 }
 
-/// Writes the command lines that judge a sequence against the reference's, beside its frames.
+/// Writes the command lines that judge a sequence against the reference's next to its frames.
 pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Result<()> {
     let pattern = |folder: &Path| format!("../{}/%04d.png", folder.file_name().unwrap_or_default().to_string_lossy());
     let text = commands(&pattern(test), &pattern(reference), FRAMES_PER_SECOND, size);
@@ -124,13 +124,13 @@ pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Res
     write_with(&file, |output| output.write_all(text.as_bytes()))
 }
 
-/// Linear albedo as a display shows it: sRGB, without tone mapping, since what is compared is albedo.
+/// Linear albedo encoded for display: sRGB without tone mapping, because albedo is compared.
 pub(super) fn display(texels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     texels.iter().map(|t| t.map(srgb_code)).collect()
 }
 
-/// How much the luminance of each pixel of a stream's last picture differs from where its point was one frame before, in magma; black where there is
-/// nothing to compare with.
+/// Difference in luminance between each pixel of a stream's last picture and its point one frame before, in magma; black where there is no earlier
+/// point.
 pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let (now, before) = (meter.picture(gpu, stream, 0)?, meter.picture(gpu, stream, 1)?);
@@ -147,11 +147,11 @@ pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2
     Ok(now.iter().zip(&links).map(colour).collect())
 }
 
-/// What the colours of a map of tiles mean.
+/// Legend for the colours of a tile map.
 pub(super) const TILE_MAP_LEGEND: &str =
     "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixtures: tiles of several.";
 
-/// The sets of flavours that pixels are shaded by (0 = none), mixed half and half with the picture.
+/// The flavours that pixels are shaded with (0 = none), mixed half and half with the picture.
 pub(super) fn tile_map(sets: &[u8], picture: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let colour = |(&set, &seen): (&u8, &[u8; 3])| {
         let Some(variant) = Variant::new(set) else { return seen };

@@ -1,9 +1,9 @@
-//! The converged truth of a view, and how the reference sequence changes from frame to frame.
+//! The converged reference of a view, and how the reference sequence changes from frame to frame.
 //!
-//! The truth is the 96-fetch blend averaged over each pixel's square. Samples come in batches of 8 points of the R2 sequence, each batch shifted by
-//! a random vector of its own (Cranley & Patterson 1976): a batch's mean is an unbiased estimate, batches are independent, and the standard error of
-//! their mean follows from how they scatter. Batches are doubled until it is a tenth of the error that the 96-fetch blend has with one sample a pixel:
-//! nothing without resolve is expected to have less.
+//! The reference is the 96-fetch blend, averaged over each pixel's square. Samples are taken in batches of 8 points of the R2 sequence, and each
+//! batch is shifted by its own random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, batches are independent, and
+//! the standard error of their mean follows from their scatter. The number of batches is doubled until this error is a tenth of the error of the
+//! 96-fetch blend with one sample per pixel. Without a resolve, no other shading is expected to have a smaller error than that blend.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,38 +28,38 @@ use crate::process::check_interrupted;
 use crate::store::{REFERENCE, write_with};
 use crate::unit::{Outcome, Unit};
 
-/// Samples of a batch.
+/// Samples per batch.
 const BATCH: u32 = 8;
-/// Fewest batches: a standard error from fewer is a guess.
+/// Smallest number of batches: with fewer, the standard error would be a guess.
 const MIN_BATCHES: u32 = 4;
-/// The reference's standard error is to be at most this share of what it judges.
+/// The largest acceptable ratio of the reference's standard error to the error that it judges.
 pub(super) const SHARE: f64 = 0.1;
 
-/// What is known of a reference, beside its picture.
+/// The facts about a reference, apart from its picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Record {
     /// Samples per pixel.
     pub(super) spp: u32,
     /// Root mean square over pixels and channels of the standard error of the picture.
     pub(super) standard_error: f64,
-    /// Of each frame, mean absolute difference of luminance to 1 to 4 frames before; absent where there is none.
+    /// For each frame, the mean absolute difference in luminance from 1 to 4 frames before; absent where there is no such frame.
     pub(super) differences: Vec<[Option<f64>; LAGS]>,
-    /// 95 % point of that at lag 1, over all frames.
+    /// 95th percentile of the difference at lag 1, over all frames.
     pub(super) difference_p95: Option<f64>,
 }
 
-/// A reference: picture, the pixels it judges, and what is known of it.
+/// A reference: its picture, the pixels that it judges, and its facts.
 pub(super) struct Reference {
     /// Linear albedo.
     pub(super) albedo: Vec<[f32; 3]>,
     /// Pixels that are terrain in every sample.
     pub(super) mask: Vec<bool>,
-    /// The rest.
+    /// The facts.
     pub(super) record: Record,
 }
 
 impl Reference {
-    /// Reads what an earlier part wrote.
+    /// Reads the reference that an earlier part wrote.
     pub(super) fn read(folder: &Path, part: &Unit) -> Result<Reference> {
         let file = &picture_file(folder, part);
         let image = Image::read(file, None).with_context(|| format!("the reference {} cannot be used", file.display()))?;
@@ -71,12 +71,12 @@ impl Reference {
     }
 }
 
-/// The picture of a reference in a run's folder; its record lies beside it.
+/// The picture of a reference in a run's folder; the record is stored next to it.
 fn picture_file(folder: &Path, part: &Unit) -> PathBuf {
     folder.join(REFERENCE).join(format!("{}.exr", part.id))
 }
 
-/// Sums of samples of a pixel.
+/// Sums of samples for each pixel.
 struct Accumulated {
     batches: Vec<[Moments<f64>; 3]>,
     terrain: Vec<bool>,
@@ -88,7 +88,7 @@ impl Accumulated {
         Accumulated { batches: vec![[Moments::new(); 3]; pixels], terrain: vec![true; pixels], count: 0 }
     }
 
-    /// Takes another batch.
+    /// Adds a batch.
     fn add(&mut self, renderer: &mut Renderer<'_>, request: &RenderRequest) -> Result<()> {
         let mut sums = vec![[0.0f64; 3]; self.batches.len()];
         for i in 0..BATCH {
@@ -112,7 +112,7 @@ impl Accumulated {
         self.batches.iter().map(|m| std::array::from_fn(|k| m[k].mean() as f32)).collect()
     }
 
-    /// Root mean square of the standard error over terrain.
+    /// Root mean square of the standard error over terrain pixels.
     fn standard_error(&self) -> f64 {
         let squares = self.batches.iter().zip(&self.terrain).filter(|(_, on)| **on);
         let all = squares.flat_map(|(m, _)| m.iter().map(|m| m.standard_error().unwrap_or(0.0).powi(2)));
@@ -120,7 +120,7 @@ impl Accumulated {
         if n > 0.0 { (sum / n).sqrt() } else { 0.0 }
     }
 
-    /// Root mean square difference of a picture from the mean, over terrain.
+    /// Root mean square difference of a picture from the mean, over terrain pixels.
     fn distance(&self, texels: &[[f32; 3]]) -> f64 {
         let pairs = self.batches.iter().zip(texels).zip(&self.terrain).filter(|(_, on)| **on);
         let all = pairs.flat_map(|((m, t), _)| (0..3).map(move |k| (m[k].mean() - f64::from(t[k])).powi(2)));
@@ -140,7 +140,7 @@ fn sample_point(batch: u32, i: u32) -> [f64; 2] {
 }
 
 impl Runner<'_> {
-    /// The reference of a view: its picture at the last frame, and how the sequence of 96-fetch pictures at one sample a pixel changes.
+    /// Makes the reference of a view: its picture at the last frame, and the changes in the sequence of 96-fetch pictures with one sample per pixel.
     pub(super) fn reference(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let (gpu, definition) = (self.gpu, self.definition);
         let stage = self.stage.as_mut().context("prepared")?;
@@ -152,7 +152,7 @@ impl Runner<'_> {
         let most = (settings.max_spp / BATCH).max(batches);
         let total = u64::from(definition.frames + most);
 
-        // Of the same surface, so that errors are those of shading.
+        // The same surface settings are used, so that errors come from shading only.
         let choices = stage.choices;
         let mut meter = renderer.meter(size, &[Resolve::Off])?;
         let mut differences = Vec::new();
@@ -220,7 +220,7 @@ impl Runner<'_> {
             fetches_per_px: None,
             report: Default::default(),
         };
-        export::write_exr(&file, &picture).context("make room if the disk is full")?;
+        export::write_exr(&file, &picture).context("cannot write the reference picture; if the disk is full, free some space")?;
         let json = file.with_extension("json");
         let bytes = serde_json::to_vec_pretty(&record).context("the reference cannot be put into JSON")?;
         write_with(&json, |output| output.write_all(&bytes))?;
@@ -279,7 +279,7 @@ mod tests {
                 counts[cell(x) + 4 * cell(y)] += 1;
             }
         }
-        // 64 expected in each; independent points would scatter by 8.
+        // 64 expected in each; independent random points would scatter by 8.
         assert!(counts.iter().all(|&count| (44..=84).contains(&count)), "{counts:?}");
         assert_ne!(sample_point(0, 0), sample_point(1, 0));
     }
@@ -292,7 +292,7 @@ mod tests {
             all.batches[0].iter_mut().for_each(|m| m.add([value, 0.0]));
             all.batches[1].iter_mut().for_each(|m| m.add([100.0 * value, 0.0]));
         }
-        // Variance 1 of three batches; the pixel that is not terrain has no part.
+        // Variance 1 from three batches; the pixel that is not terrain is ignored.
         assert!((all.standard_error() - (1.0f64 / 3.0).sqrt()).abs() < 1e-12);
         assert!((all.distance(&[[2.5; 3], [0.0; 3]]) - 0.5).abs() < 1e-12);
         assert_eq!(all.mean()[0], [2.0; 3]);

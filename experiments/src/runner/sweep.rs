@@ -1,4 +1,4 @@
-//! One view by one estimator, noise and resolve: all variants over frames and seeds.
+//! One view by one estimator, noise and resolve: all variants over all frames and seeds.
 
 use std::path::Path;
 
@@ -24,14 +24,14 @@ use crate::process::{check_interrupted, error_line};
 use crate::row::Row;
 use crate::unit::{Outcome, Unit};
 
-/// Bands of the spectrum, at most.
+/// Largest number of bands of a spectrum.
 const BANDS: u32 = 24;
-/// Pixels a side that a band takes, so that it holds enough frequencies.
+/// Pixels per side for each band, so that a band holds enough frequencies.
 const PIXELS_PER_BAND: u32 = 8;
-/// Largest side of the square that spectra are taken of, pixels.
+/// Largest side of the square from which spectra are computed, pixels.
 const SPECTRUM_SIDE: u32 = 256;
 
-/// What is swept.
+/// The estimator, noise and resolve of a sweep.
 pub(super) struct How {
     pub(super) estimator: Estimator,
     pub(super) noise: NoiseKind,
@@ -39,13 +39,13 @@ pub(super) struct How {
 }
 
 impl How {
-    /// Whether a choice may draw random numbers: if not, every noise yields the same.
+    /// Whether a choice may draw random numbers; if not, every noise gives the same result.
     fn draws(&self, choice: VariantChoice) -> bool {
         Flavour::ALL.into_iter().any(|f| choice.may_use(f) && self.estimator.is_stochastic(Variant::only(f)))
     }
 }
 
-/// What the sequence of one variant came to.
+/// Means over the frames of one variant.
 struct Followed {
     fetches: Moments<f64>,
     rejections: Moments<f64>,
@@ -67,20 +67,20 @@ impl Default for Followed {
     }
 }
 
-/// Takes a number into its mean over frames, and gives it back.
+/// Adds a number to its mean over frames, and returns it.
 fn add(moments: &mut Moments<f64>, value: f64) -> f64 {
     moments.add([value, 0.0]);
     value
 }
 
 impl Runner<'_> {
-    /// The sweep: frames first, then errors at the last of them, then seeds.
+    /// The sweep: first all frames, then errors at the last frame, then seeds.
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let reference_part = self.reference_of(unit)?;
         let reference = match Reference::read(folder, &reference_part) {
             Ok(reference) => reference,
-            // Someone may have removed or damaged it since its part was done: it comes out the same again.
+            // The reference may have been removed or damaged after its part was done. Making it again gives the same result.
             Err(error) => {
                 eprintln!("note: {}; it is made again", error_line(&error));
                 self.reference(&reference_part, folder, step)?;
@@ -95,7 +95,7 @@ impl Runner<'_> {
 
         let stage = self.stage.as_mut().context("prepared")?;
         stage.fixed.of(&unit.view, how.estimator);
-        // What draws nothing was measured with an earlier noise, unless this is the first one since the program began.
+        // Choices that draw no random numbers were measured with an earlier noise, unless this is the first noise since the program started.
         let known = stage.fixed.rows.get(&how.resolve).cloned();
         let choices: Vec<(String, VariantChoice)> =
             self.variants.iter().filter(|(_, choice)| known.is_none() || how.draws(*choice)).cloned().collect();
@@ -112,7 +112,7 @@ impl Runner<'_> {
             })
         };
 
-        // Frames: each against 1 to 4 before.
+        // Each frame is compared with the 1 to 4 frames before it.
         let mut meter = stage.renderer.meter(size, &vec![how.resolve; variants.len()])?;
         let mut followed: Vec<Followed> = variants.iter().map(|_| Followed::default()).collect();
         for frame in 0..frames {
@@ -149,7 +149,7 @@ impl Runner<'_> {
         self.costs(&choices, &labels, &judged, &meter, &mut sheet, &mut rows)?;
         sheet.finish()?;
 
-        // Seeds at the last frame, of what is not resolved: bias, variance, and how the noise is arranged.
+        // Seeds at the last frame, if there is no resolve: bias, variance, and the arrangement of the noise.
         if how.resolve == Resolve::Off && definition.seeds >= 2 {
             let done = |seed: u32| step(u64::from(frames + 1 + seed), total);
             self.seeds(needed, how, &choices, &labels, &judged, &variants, &mut rows, &done)?;
@@ -166,7 +166,7 @@ impl Runner<'_> {
         Ok(Outcome { rows, times: Vec::new() })
     }
 
-    /// Errors of each variant's last picture, and the pictures of some.
+    /// Errors of the last picture of each variant, and the stored pictures.
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn errors(
         &self,
@@ -182,7 +182,7 @@ impl Runner<'_> {
         let mark = Mark::frame(definition.frames - 1);
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
         let pictures: Vec<Vec<[u32; 2]>> = (0..choices.len()).map(read).collect::<kernels::base::error::Result<_>>()?;
-        // FLIP takes longer than rendering: all processors judge, each picture on its own.
+        // FLIP takes longer than rendering, so all CPU cores are used, each for its own picture.
         let judged: Vec<(Vec<[f32; 3]>, judge::Errors)> = pictures
             .par_iter()
             .map(|picture| {
@@ -220,7 +220,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// What lanes that march together pay, and a map of it.
+    /// The cost for lanes that run in lockstep, and a map of the tiles.
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn costs(
         &mut self,
@@ -240,7 +240,7 @@ impl Runner<'_> {
                 Some(variant) => Some(f64::from(prices.of(variant))),
                 None => {
                     let aovs = AovSet::from_names(if by_patch(&stage.choices) { &["mask", "position"][..] } else { &["mask"][..] })?;
-                    // The cheapest shading there is: what is asked for are masks.
+                    // The cheapest shading is used, because only the masks are needed.
                     let cheap = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
                     let request = judged.with(|r| {
                         r.outputs.aovs = aovs;
@@ -253,7 +253,7 @@ impl Runner<'_> {
                     match picture.vectors("position") {
                         Some(positions) => costs::per_patch(&masks, positions, &stage.renderer, &picture.report.drawn, prices),
                         None => {
-                            // One map: `generic` has the same tiles as `auto`.
+                            // One map is enough: `generic` has the same tiles as `auto`.
                             if !mapped {
                                 let albedo: Vec<[f32; 3]> =
                                     meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
@@ -295,7 +295,7 @@ impl Runner<'_> {
         let pixels = size[0] * size[1];
         let [drawing, fixed] = split(needed, how.estimator);
 
-        // The exact blend, once for a view and frame: no noise changes it.
+        // The exact blend is drawn once per view and frame, because noise does not change it.
         let same = stage.exact.as_ref().is_some_and(|(pose, frame, _)| *pose == judged.view.pose && *frame == judged.shading.frame);
         if !same {
             let layers = Layers::new(gpu, size);
@@ -349,7 +349,7 @@ impl Runner<'_> {
                     spectrum(labels, rows, name, size, &now?, &exact?)?;
                 }
             }
-            // Where nothing draws, every seed is the same.
+            // Without random numbers every seed gives the same result.
             if drawing.is_none() {
                 break;
             }
@@ -362,14 +362,14 @@ impl Runner<'_> {
         for (i, (name, _)) in choices.iter().enumerate() {
             let numbers = (finished[i].terrain * 3.0).max(1.0);
             labels.put(rows, name, metrics::BIAS, mark, bias[i].mean(), bias[i].standard_error())?;
-            // Where the estimator has no bias, seeds' squared errors scatter as their variances do.
+            // Without bias, the squared errors of the seeds scatter like their variances.
             labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, squared[i].standard_error())?;
             if clumping[i].count > 0 {
                 labels.put(rows, name, metrics::CLUMPING, mark, clumping[i].mean(), clumping[i].standard_error())?;
             }
         }
 
-        // What theory says of the variance; only Far Cry 5's estimators have one.
+        // The variance that theory predicts; it exists only for Far Cry 5's estimators.
         let cliffs = Variant::new(needed.mask() & (Flavour::NearCliff.bit() | Flavour::FarCliff.bit()));
         if let (Estimator::Fc5, Some(cliffs)) = (how.estimator, cliffs) {
             let theory = Layers::new(gpu, size);
@@ -392,7 +392,8 @@ impl Runner<'_> {
     }
 }
 
-/// Whether pictures of a choice are kept: of single flavours, and of what chooses by itself; where no noise changes them, once, with the first.
+/// Whether pictures of a choice are stored: those of single flavours and of automatic choices. If noise does not change them, they are stored once,
+/// for the first noise.
 fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
     composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || labels.is_first_noise())
 }
@@ -419,7 +420,7 @@ fn follow(
     for (lag, (sums, followed)) in sums.lags.iter().zip(&mut followed.lags).enumerate().take(frame as usize) {
         let mark = mark.lag(lag + 1);
         if sums.terrain == 0 {
-            // Beyond the first lag a quarter is followed, which may hold no terrain where the picture does.
+            // For lags above 1 only a quarter of the pixels is followed, which may contain no terrain although the picture does.
             continue;
         }
         let linked = sums.linked as f64;
@@ -441,7 +442,7 @@ fn follow(
     Ok(())
 }
 
-/// Rows of all frames of one variant together.
+/// Rows over all frames of one variant.
 fn over_frames(
     labels: &Labels<'_>,
     rows: &mut Vec<Row>,
@@ -474,7 +475,8 @@ fn over_frames(
     Ok(())
 }
 
-/// Rows of the spectrum of a picture's error in luminance, over the largest square of terrain at the middle of the lower edge. None where nothing varies.
+/// Rows of the spectrum of a picture's luminance error, over the largest square of terrain at the middle of the lower edge. There are none if nothing
+/// varies.
 fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2], now: &[[u32; 2]], exact: &[[u32; 2]]) -> Result<()> {
     let mut side = SPECTRUM_SIDE.min(size[0]).min(size[1]) / 16 * 16;
     let inside = |side: u32| {

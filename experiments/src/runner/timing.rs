@@ -1,4 +1,4 @@
-//! Device times of variants, each by its own pipeline, without counters.
+//! Device times of variants, each with its own pipeline, without counters.
 
 use std::collections::BTreeMap;
 
@@ -13,11 +13,12 @@ use crate::metrics;
 use crate::process::check_interrupted;
 use crate::unit::{Outcome, Unit};
 
-/// Pictures that count, after one that warms pipelines, pages and caches.
+/// Number of timed pictures, after one that warms up pipelines, pages and caches.
 const ROUNDS: u32 = 3;
 
 impl Runner<'_> {
-    /// Times of all passes of each variant at the first frame: the median of three. Variants take turns, so that a drift of the machine hits all alike.
+    /// Times of all passes of each variant at the first frame: the median of three. Variants take turns, so that a drift of the machine affects all
+    /// of them equally.
     pub(super) fn time(&mut self, unit: &Unit, estimator: Estimator, noise: NoiseKind, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let stage = self.stage.as_mut().context("prepared")?;
@@ -32,7 +33,7 @@ impl Runner<'_> {
                 step(done, total);
                 check_interrupted()?;
                 done += 1;
-                // Geometry is the same for all: one picture a round draws it anew.
+                // The geometry is the same for all variants: in each round only one picture draws it again.
                 let request = choices.request(pose, definition.size, 0).with(|r| {
                     r.shading.variant = *choice;
                     r.shading.estimator = estimator;

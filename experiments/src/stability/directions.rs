@@ -1,5 +1,5 @@
-//! How well codes keep directions, and what that does to derivatives: means and suprema of octahedral codes, and the law and the numbers of
-//! the error of a step on a plane that is stored.
+//! How accurately codes store directions, and the effect on derivatives: means and suprema of the errors of octahedral codes, and the error of a
+//! derivative from a stored plane, against its bound.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 
@@ -12,27 +12,28 @@ use rayon::prelude::*;
 
 use super::Row;
 
-/// Directions that means are taken over.
+/// Number of directions for means.
 const DIRECTIONS: u32 = 1_000_000;
-/// Counts of bits of each of a code's two numbers.
+/// Numbers of bits of each of a code's two coordinates.
 const BITS: [u32; 4] = [8, 10, 12, 16];
-/// Mean errors that Cigolle et al. published (JCGT 3(2), 2014), degrees, by the nearest code of each coordinate, as far as quotations at hand have them.
+/// Mean errors that Cigolle et al. published (JCGT 3(2), 2014), degrees, for the nearest code of each coordinate. Only the values that available
+/// quotations give.
 const SURVEY: [(u32, f64); 3] = [(8, 0.337_09), (10, 0.083_80), (12, 0.020_91)];
-/// Mean errors as codes get fine, degrees times half the number of codes: by the nearest code of each coordinate, and by the nearest direction
-/// (docs/stability-lab.md, section 1).
+/// Limits of the mean errors for fine codes, degrees times half the number of codes: for the nearest code of each coordinate, and for the nearest
+/// direction (docs/stability-lab.md, section 1).
 const MEAN: [f64; 2] = [42.79, 39.98];
-/// How far a mean may be from the published one.
+/// Largest relative deviation of a mean from the published one.
 const OF_MEAN: f64 = 0.005;
-/// The supremum lies between what is attained at a code and the bound; so near are they, relatively.
+/// The supremum lies between the error attained at a code and the bound; this is their largest relative distance.
 const OF_SUPREMUM: f64 = 1e-4;
-/// Pixels that derivatives are taken at.
+/// Number of pixels at which derivatives are taken.
 const PIXELS: u32 = 200_000;
 
 fn row(kind: &str, view: String, motion: &str, statistic: &str, value: f64, [low, high]: [f64; 2]) -> Row {
     Row { kind: kind.to_owned(), view, motion: motion.to_owned(), statistic: statistic.to_owned(), value, low, high }
 }
 
-/// Angle between unit vectors, radians: by the distance, which keeps its digits where the angle is small.
+/// Angle between unit vectors, radians, from their distance, which keeps its digits where the angle is small.
 fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
     2.0 * (0.5 * length(sub(a, b))).min(1.0).asin()
 }
@@ -40,9 +41,9 @@ fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// How a code is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rounding {
-    /// The nearest to each coordinate.
+    /// The nearest code of each coordinate.
     Fast,
-    /// The nearest direction of the four around.
+    /// The nearest direction among the four surrounding codes.
     Exact,
 }
 
@@ -68,8 +69,9 @@ impl Rounding {
         angle(octahedral::decode(octahedral::dequantise(self.code(n, bits), bits)), n)
     }
 
-    /// No direction is farther off, radians: a square of codes has half a diagonal of sqrt(6) / 2h in its face of the octahedron, and one of two equilateral
-    /// triangles a covering radius of sqrt(2/3) / h; a face is 1 / sqrt(3) off the middle (docs/stability-lab.md, section 1).
+    /// Upper bound of the error, radians: a square of codes has half a diagonal of sqrt(6) / 2h in its face of the octahedron, and one of its two
+    /// equilateral triangles has a covering radius of sqrt(2/3) / h; a face is at a distance of 1 / sqrt(3) from the centre (docs/stability-lab.md,
+    /// section 1).
     fn supremum(self, bits: u32) -> f64 {
         let h = f64::from(octahedral::half(bits));
         match self {
@@ -79,7 +81,7 @@ impl Rounding {
     }
 }
 
-/// Point of a lattice of so many on the sphere that is as even as can be (González, "Measurement of Areas on a Sphere Using Fibonacci and
+/// Point `i` of an almost even lattice of `n` points on the sphere (González, "Measurement of Areas on a Sphere Using Fibonacci and
 /// Latitude-Longitude Lattices", Mathematical Geosciences 42, 2010).
 fn fibonacci(i: u32, n: u32) -> [f64; 3] {
     let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
@@ -88,12 +90,12 @@ fn fibonacci(i: u32, n: u32) -> [f64; 3] {
     [r * turn.cos(), r * turn.sin(), z]
 }
 
-/// Largest error attained at corners of the codes next to the middle of a face, radians: those of the squares, and the centres of both triangles.
+/// Largest error attained at the codes next to the middle of a face, radians: at the corners of their squares, or at the centres of both triangles.
 fn attained(rounding: Rounding, bits: u32) -> f64 {
     let h = f64::from(octahedral::half(bits));
     let middle = (h / 3.0).floor() as i32;
     let offsets = match rounding {
-        // A hair within the square, so that its own code is the nearest.
+        // Slightly inside the square, so that its own code is the nearest.
         Rounding::Fast => vec![[0.499_999, 0.499_999], [0.499_999, -0.499_999], [-0.499_999, -0.499_999], [-0.499_999, 0.499_999]],
         Rounding::Exact => vec![[1.0 / 3.0, 1.0 / 3.0], [2.0 / 3.0, 2.0 / 3.0]],
     };
@@ -104,13 +106,13 @@ fn attained(rounding: Rounding, bits: u32) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Means over even directions against the survey, and suprema: what is attained against what cannot be passed.
+/// Mean errors over evenly spread directions against the survey, and suprema: the attained error against the upper bound.
 pub fn octahedral_rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for bits in BITS {
         for rounding in Rounding::ALL {
             let view = format!("{bits} + {bits} bits");
-            // In pieces of one size, so that the sum does not depend on the number of threads.
+            // The pieces have a fixed size, so that the sum does not depend on the number of threads.
             let pieces: Vec<[f64; 2]> = (0..DIRECTIONS.div_ceil(1000))
                 .into_par_iter()
                 .map(|piece| {
@@ -153,9 +155,9 @@ pub fn octahedral_rows() -> Vec<Row> {
 /// How the plane of a pixel is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stored {
-    /// 8 + 8 bits, the nearest direction; the shading normal has as many.
+    /// 8 + 8 bits, the nearest direction; the shading normal has the same number of bits.
     Octahedral,
-    /// The finer plane of both in 32 bits.
+    /// The finer plane of the 32 bits that hold plane and shading normal.
     PlaneFirst,
 }
 
@@ -168,9 +170,9 @@ struct Pixel {
     incidence_deg: f64,
 }
 
-/// Of a camera with a field of view of 20 to 100 degrees anywhere in the world, looking anywhere; the angle between ray and normal is even within a range, and
-/// the shading normal is a quarter of a degree to 8 degrees off, evenly by octave: as rendered frames have it, but for 4 in 100 beyond (docs/stability-lab.md,
-/// section 3).
+/// A pixel of a random camera: a field of view of 20 to 100 degrees, anywhere in the world, in any direction. The angle between ray and normal is
+/// uniform within a range. The shading normal is a quarter of a degree to 8 degrees off, uniformly by octave. This matches rendered frames, except
+/// that 4 in 100 pixels lie beyond (docs/stability-lab.md, section 3).
 fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     let mut draw = Draw { row: index, column: 0, table: 77 };
     let size = [1920, 1080];
@@ -184,7 +186,7 @@ fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     let ray = view.ray(draw.whole(size[0]), draw.whole(size[1])).to_array();
     let incidence_deg = draw.between(low, high);
     let normal = draw.leaning(octahedral::unit(ray).map(|x| -x), incidence_deg.to_radians());
-    // Terrain has no overhangs: where the normal points down, the world is turned upside down.
+    // Terrain has no overhangs: if the normal points down, the world is mirrored.
     let upright = |v: [f64; 3]| if normal[2] < 0.0 { [v[0], v[1], -v[2]] } else { v };
     let (ray, normal) = (upright(ray), upright(normal));
     let steps = [view.ray_dx, view.ray_dy].map(|step| upright(step.to_array()));
@@ -193,15 +195,15 @@ fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     Pixel { ray, steps, normal, shading, incidence_deg }
 }
 
-/// What is made of a pixel.
+/// The errors at a pixel.
 struct Error {
     incidence_deg: f64,
-    /// Of each of the two derivatives.
+    /// Relative error of each of the two derivatives.
     relative: [f64; 2],
-    /// Of the longer, levels.
+    /// Error of the mip level from the longer derivative, levels.
     mip: f64,
-    /// Share of the law's bound that the larger error takes: |d' - d| / |d| <= sin(off) / |cos'|, off = the angle between the planes and cos' = the cosine
-    /// between the stored normal and the neighbour's ray. Absent where a cosine was held.
+    /// The larger error as a share of its bound: |d' - d| / |d| <= sin(off) / |cos'|, where `off` is the angle between the planes and cos' the cosine
+    /// between the stored normal and the neighbour's ray. Absent where a cosine was clamped.
     of_law: Option<f64>,
 }
 
@@ -239,7 +241,7 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values[((values.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Derivatives from stored planes of both kinds over random cameras, the angle between ray and normal even in 0..85 degrees.
+/// Derivatives from stored planes of both kinds over random cameras; the angle between ray and normal is uniform in 0..85 degrees.
 pub fn derivative_rows() -> Vec<Row> {
     let pixels: Vec<Pixel> = (0..PIXELS).into_par_iter().map(|i| pixel(i, [0.0, 85.0])).collect();
     let of = |stored| pixels.par_iter().map(|pixel| error(pixel, stored)).collect::<Vec<Error>>();
@@ -261,7 +263,7 @@ pub fn derivative_rows() -> Vec<Row> {
         push("below 85 deg", "p95 error of a derivative, %", 100.0 * relative(errors, 85.0, 0.95), 20.0);
         push("below 85 deg", "p99 error of the mip, levels", mip(errors, 0.0), 0.15);
         push("82.5 to 85 deg", "p99 error of the mip, levels", mip(errors, 82.5), 0.15);
-        // But for rounding in f64, of differences of nearly equal vectors.
+        // The margin covers rounding in f64, in differences of nearly equal vectors.
         push("below 85 deg", "largest share of the law's bound", law(errors), 1.0 + 1e-6);
     }
     for (statistic, share, least) in [("gain in the median", 0.5, 3.0), ("gain in p95", 0.95, 3.0)] {
@@ -271,13 +273,13 @@ pub fn derivative_rows() -> Vec<Row> {
     rows
 }
 
-/// Steepness, degrees, at which the price of the bound on anisotropy is told.
+/// Steepness, degrees, at which the price of the bound on anisotropy is reported.
 const STEEP_DEG: [f64; 6] = [88.0, 89.0, 89.43, 89.5, 89.9, 89.99];
 
-/// What [`derivatives::MIN_COSINE`] costs: by how many levels a mip is finer than the plane asks, log2(bound / cosine).
+/// The price of [`derivatives::MIN_COSINE`]: the number of levels by which a mip is finer than the plane requires, log2(bound / cosine).
 pub fn bound_rows() -> Vec<Row> {
     let price = |degrees: f64| {
-        // Straight ahead: a step up the plane, whose cosine is that of the neighbour's ray.
+        // The camera looks straight ahead: a step up the plane, whose cosine equals that of the neighbour's ray.
         let cosine = degrees.to_radians().cos();
         let (ray, normal) = ([0.0, 1.0, 0.0], [0.0, -cosine, (1.0 - cosine * cosine).sqrt()]);
         let got = length(derivatives::on_plane(ray, [0.0, 0.0, 1e-9], 1.0, normal));
@@ -299,7 +301,7 @@ pub fn bound_rows() -> Vec<Row> {
         .into()
 }
 
-/// All of it: some seconds of two cores.
+/// All rows; this takes some seconds on two cores.
 pub fn rows() -> Vec<Row> {
     [octahedral_rows(), derivative_rows(), bound_rows()].concat()
 }

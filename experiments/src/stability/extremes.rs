@@ -1,4 +1,4 @@
-//! What the lab asks of kernels: parameters and their extremes, as data.
+//! The extremes at which the lab tests kernels: parameters and their values, as data.
 
 use anyhow::{Result, anyhow, bail, ensure};
 use kernels::base::document;
@@ -9,86 +9,86 @@ use serde::{Deserialize, Serialize};
 /// The built-in table.
 pub const DEFAULT_TEXT: &str = include_str!("extremes.toml");
 
-/// Rows for a value where a case does not say.
+/// Default number of rows for each value.
 const ROWS: u32 = 1024;
-/// Most rows for a value.
+/// Largest number of rows for each value.
 const MOST_ROWS: u32 = 1 << 20;
-/// Most rows for all values of a case: some gigabytes of the largest kernel's.
+/// Largest number of rows for all values of a case: some gigabytes for the largest kernel.
 const MOST_OF_CASE: u64 = 1 << 24;
 
-/// The whole table.
+/// The whole table of extremes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extremes {
-    /// Lists of values with a name.
+    /// Named lists of values.
     #[serde(default, rename = "axis")]
     pub axes: Vec<Axis>,
-    /// What is asked.
+    /// The tests.
     #[serde(rename = "case")]
     pub cases: Vec<Case>,
-    /// Where kernels bend, and what that costs.
+    /// The places where kernels deviate from their formulas, and the price.
     #[serde(default, rename = "bend")]
     pub bends: Vec<Bend>,
 }
 
-/// Where a kernel stops to be what its formula says: a clamp or a fallback.
+/// A place where a kernel deviates from its formula: a clamp or a fallback.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bend {
     /// Name of a probe.
     pub kernel: String,
-    /// From where on.
+    /// The arguments for which it deviates.
     pub when: String,
-    /// What it does there.
+    /// The result for these arguments.
     pub then: String,
-    /// What that costs, in the unit that a person cares about.
+    /// The price, in a unit that matters to users.
     pub price: String,
 }
 
-/// A list of values with a name.
+/// A named list of values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// Name, by which cases use it.
+    /// The name that cases use.
     pub name: String,
-    /// From and to, both above 0, in equal ratios.
+    /// First and last value, both above 0; the values between have equal ratios.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log: Option<[f64; 2]>,
-    /// Values a decade.
+    /// Number of values per decade.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub per_decade: Option<u32>,
-    /// Exponents of powers of two, from and to, each with the numbers of f32 next to it on both sides.
+    /// First and last exponent of powers of two; each power comes with its two neighbours in f32.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub powers_of_two: Option<[i32; 2]>,
-    /// Other values.
+    /// Additional values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub also: Vec<f64>,
 }
 
-/// What is asked of a kernel.
+/// A test of a kernel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
     /// Name of a probe.
     pub kernel: String,
-    /// A parameter of it, or a column.
+    /// One of its parameters or columns.
     pub parameter: String,
-    /// Its values; or
+    /// Its values, or
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<f64>,
-    /// the name of an axis that has them.
+    /// the name of the axis that has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<String>,
-    /// Rows for a value, random in everything else.
+    /// Number of rows for each value; everything else in a row is random.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<u32>,
-    /// Most that a result may be off, in the unit of the kernel's first measure; absent = only as much as is derived.
+    /// Largest error, in the unit of the kernel's first measure; absent = only the derived tolerance applies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allow: Option<f64>,
-    /// Whether results must only be finite: beyond what the kernel is made for.
+    /// Whether results must only be finite, for values beyond the kernel's intended range.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub only_finite: bool,
-    /// Why these.
+    /// The reason for these values.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub why: String,
 }
@@ -104,19 +104,19 @@ impl Case {
     /// The probe.
     ///
     /// # Errors
-    /// There is none of the name.
+    /// No probe has this name.
     pub fn probe(&self) -> Result<&'static Probe> {
         probe(&self.kernel)
     }
 
-    /// Rows for a value.
+    /// Number of rows for each value.
     pub fn rows(&self) -> u32 {
         self.rows.unwrap_or(ROWS)
     }
 }
 
 impl Axis {
-    /// Its values in rising order, those that are no number last.
+    /// Its values in ascending order, NaN last.
     pub fn values(&self) -> Vec<f64> {
         let mut values = self.also.clone();
         if let Some([low, high]) = self.log {
@@ -140,7 +140,7 @@ impl Extremes {
     /// Reads a table; `name` names it in errors.
     ///
     /// # Errors
-    /// One line with file, line and remedy: no TOML, a key, kernel, parameter or axis that is not known, or a number that cannot be.
+    /// One line with file, line and remedy: invalid TOML, an unknown key, kernel, parameter or axis, or an invalid number.
     pub fn parse(text: &str, name: &str) -> Result<Extremes> {
         let read: Extremes = document::read(text, |_| "").map_err(|wrong| anyhow!("{}: {}", wrong.place(name), wrong.what))?;
         for axis in &read.axes {
@@ -194,7 +194,7 @@ impl Extremes {
     /// The values of a case.
     ///
     /// # Errors
-    /// It names an axis that there is not.
+    /// The case names an axis that does not exist.
     pub fn values(&self, case: &Case) -> Result<Vec<f64>> {
         let Some(wanted) = &case.axis else { return Ok(case.values.clone()) };
         let names: Vec<&str> = self.axes.iter().map(|axis| axis.name.as_str()).collect();

@@ -1,4 +1,4 @@
-//! The hash's words, bit by bit: how often each is set, and how often it turns over when one bit of the input does.
+//! Tests of the hash's words bit by bit: how often each bit is set, and how often it flips when one bit of the input flips.
 
 use kernels::shared::hash;
 use rayon::prelude::*;
@@ -6,24 +6,24 @@ use rayon::prelude::*;
 use super::Row;
 use super::statistics::{Random, coverage_p, normal_bound, sidak};
 
-/// Samples of each count.
+/// Number of samples of each test.
 pub const SAMPLES: u32 = 1_000_000;
-/// Lowest bit that thresholds are made of (`hash::to_unit`).
+/// Lowest bit that thresholds use (`hash::to_unit`).
 pub const FIRST_BIT: usize = 8;
-/// The low bits of a word of [`hash::pcg4d`]'s input within which each turns over each bit of a threshold with a chance of one half.
-/// Products carry upwards only, so a higher one turns the lowest bits of the output seldom, bits 25 and above never: what it does not
-/// reach are 2^-18 of a threshold and less.
+/// Number of low bits in a word of [`hash::pcg4d`]'s input that flip each bit of a threshold with a probability of one half. Products carry upwards
+/// only, so higher input bits rarely flip the lowest bits of the output, and bits 25 and above never do. The bits that they do not reach are worth at
+/// most 2^-18 of a threshold.
 pub const MIXED_BITS: usize = 21;
-/// Most that the chance of a bit in the highest byte of a threshold is off one half, whichever bit of the input is turned over.
+/// Largest deviation from one half of the probability that a bit in the highest byte of a threshold flips, for any flipped input bit.
 pub const COARSE_DEVIATION: f64 = 0.2;
-/// Most that the chance of a bit is off one half after a single [`hash::pcg`], which its bit 21 turns over least evenly: what the level
-/// in [`hash::mix`] goes through before [`hash::pcg4d`].
+/// Largest deviation of a bit's flip probability from one half after a single [`hash::pcg`]; input bit 21 has the largest one. The level in
+/// [`hash::mix`] goes through this hash before [`hash::pcg4d`].
 pub const SINGLE_DEVIATION: f64 = 0.1;
 
-/// A hash of four words; those that it does not take are ignored, those that it does not give are 0.
+/// A hash of four words; words that it does not take are ignored, and words that it does not give are 0.
 type Hash = fn([u32; 4]) -> [u32; 4];
 
-/// Name, words in, words out.
+/// Name, number of words in, number of words out.
 const HASHES: [(&str, usize, usize, Hash); 3] = [
     ("pcg", 1, 1, |[a, ..]| [hash::pcg(a), 0, 0, 0]),
     ("mix", 3, 1, |[a, b, c, _]| [hash::mix(a, b, c), 0, 0, 0]),
@@ -32,7 +32,7 @@ const HASHES: [(&str, usize, usize, Hash); 3] = [
 
 /// How often each bit of four words was set.
 struct Counts {
-    /// Eight counters of a byte each, spread over sixteen lanes: counter s has the bits whose number is s modulo 8.
+    /// Eight counters of one byte each, spread over sixteen lanes: counter s holds the bits whose index is s modulo 8.
     narrow: [u128; 8],
     left: u32,
     wide: [u32; 128],
@@ -72,19 +72,19 @@ impl Counts {
     }
 }
 
-/// A lattice of cells: what hashes are fed.
+/// A lattice of cells, like those that the renderer hashes.
 fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Balance of each bit over a lattice, and avalanche over random words: of each bit of the input, the bit of the output whose chance
-/// of turning over is farthest from one half, and how far. Where avalanche is complete its bound is that of a family of its own at
-/// 0.1 %, elsewhere one of this module's constants.
+/// Balance of each bit over a lattice, and avalanche over random words. For each input bit, the avalanche is the largest deviation from one half of
+/// the probability that an output bit flips. Where avalanche is complete, its bound is that of a separate family of tests at 0.1 %; elsewhere it is
+/// one of this module's constants.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {
         let mut counts = Counts::new();
-        // One word sees the samples in a row.
+        // A hash of one word gets consecutive numbers.
         (0..SAMPLES).for_each(|i| counts.add(hash(if name == "pcg" { [i, 0, 0, 0] } else { lattice(i) })));
         let set = counts.finish();
         let of_bit = |bit: usize| row(name, bit, "balance p", coverage_p(u64::from(set[bit]), u64::from(SAMPLES), 0.5), 1.0);
@@ -94,7 +94,7 @@ pub fn rows() -> Vec<Row> {
     let turned: Vec<[u32; 128]> = inputs.par_iter().map(|&(&(_, _, _, hash), bit)| turned_over(hash, bit)).collect();
     let complete = |name: &str, bit: usize| match name {
         "pcg4d" => bit % 32 < MIXED_BITS,
-        // Seed and salt, which go through pcg more than once.
+        // Seed and salt, which pass through pcg more than once.
         "mix" => bit < 64,
         _ => false,
     };
@@ -121,7 +121,7 @@ fn row(hash: &str, bit: usize, statistic: &str, value: f64, high: f64) -> Row {
     Row { kind: hash.to_owned(), view, motion, statistic: statistic.to_owned(), value, low: 0.0, high }
 }
 
-/// How often each bit of the output turns over with one bit of random input.
+/// How often each bit of the output flips when one bit of a random input flips.
 fn turned_over(hash: Hash, bit: usize) -> [u32; 128] {
     let mut counts = Counts::new();
     let mut random = Random(bit as u64 + 1);

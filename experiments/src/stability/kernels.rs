@@ -1,4 +1,4 @@
-//! Kernels at their extremes: how far the GPU, and the reference in f32, are from the reference in f64.
+//! Kernels at their extremes: the errors of the GPU and of the reference in f32, relative to the reference in f64.
 
 use anyhow::Result;
 use kernels::gpu::Gpu;
@@ -9,44 +9,44 @@ use serde::{Deserialize, Serialize};
 
 use super::extremes::{Case, Extremes};
 
-/// What a kernel came to at a value of a parameter, by one measure.
+/// The result of a kernel at one value of a parameter, by one measure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Name of the probe.
     pub kernel: String,
-    /// What was varied.
+    /// The varied parameter.
     pub parameter: String,
     /// Its value.
     pub value: f64,
-    /// Who computed: `gpu`, or `f32` for the reference in single precision.
+    /// What computed it: `gpu`, or `f32` for the reference in single precision.
     pub on: String,
-    /// Name of the device; of the reference none. The first of several is the one that the renderer would take.
+    /// Name of the device; empty for the reference. If there are several devices, the first is the one that the renderer would choose.
     pub adapter: String,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Rows with a result that is NaN or infinite.
+    /// Number of rows with a result that is NaN or infinite.
     pub not_finite: usize,
-    /// Rows that differ from the truth by more than the derived tolerance.
+    /// Number of rows that differ from the truth by more than the derived tolerance.
     pub differ: usize,
-    /// Rows whose errors are measured: not those of which only a finite result is asked, nor those on the other side of a threshold.
+    /// Number of rows with measured errors. Rows that must only be finite, and rows on the other side of a threshold, have none.
     pub compared: usize,
-    /// Rows on the other side of a threshold that lies within the tolerance.
+    /// Number of rows on the other side of a threshold that lies within the tolerance.
     pub other_side: usize,
-    /// Largest share of the derived tolerance that is used.
+    /// Largest share of the derived tolerance that an error uses.
     pub of_tolerance: f64,
     /// Largest error, in units in the last place of a row's largest result.
     pub worst_ulp: f64,
-    /// Median of that.
+    /// Median error over the rows, in the same unit as `worst_ulp`.
     pub typical_ulp: f64,
-    /// What is measured.
+    /// Name of the measure.
     pub measure: String,
     /// Largest error in the measure's unit.
     pub worst: f64,
-    /// Median of that.
+    /// Median error in the measure's unit.
     pub typical: f64,
     /// The measure's unit.
     pub unit: String,
-    /// Whether all is as it should be.
+    /// Whether the result passes.
     pub pass: bool,
 }
 
@@ -58,10 +58,11 @@ struct Compared {
     errors: Vec<f64>,
 }
 
-/// Measures every kernel at every extreme on every device; with `share`, by that part of each case's rows. `progress` gets a line a kernel.
+/// Measures every kernel at every extreme on every device; with `share`, only this share of each case's rows. `progress` is called with a line for
+/// each kernel.
 ///
 /// # Errors
-/// A device fails, or is told to by `progress`.
+/// A device fails, or `progress` returns an error.
 pub fn measure(
     extremes: &Extremes,
     gpus: &[&Gpu],
@@ -83,7 +84,7 @@ pub fn measure(
     Ok(findings)
 }
 
-/// Names of devices, with a number where two are called alike.
+/// Names of devices, numbered if two have the same name.
 fn names(gpus: &[&Gpu]) -> Vec<String> {
     let before = |i: usize| gpus[..i].iter().filter(|gpu| gpu.info.name == gpus[i].info.name).count();
     let name = |i: usize| match before(i) {
@@ -93,7 +94,7 @@ fn names(gpus: &[&Gpu]) -> Vec<String> {
     (0..gpus.len()).map(name).collect()
 }
 
-/// Rows of a case at a value: where they begin, and how many they are.
+/// The rows of a case at one value: the index of the first, and their number.
 struct Block<'a> {
     case: &'a Case,
     value: f64,
@@ -103,18 +104,18 @@ struct Block<'a> {
 fn of_kernel(extremes: &Extremes, gpus: &[&Gpu], share: f64, probe: &'static Probe) -> Result<Vec<Finding>> {
     let (mut blocks, mut inputs) = (Vec::new(), Vec::new());
     for case in extremes.cases.iter().filter(|case| case.kernel == probe.name) {
-        // Of its own, so that another case beside it changes no row of this one.
+        // Each case has its own seed, so that adding another case changes no row of this one.
         let table = case.parameter.bytes().fold(0, |hash, byte| pcg(hash ^ u32::from(byte)));
         let count = ((f64::from(case.rows()) * share).ceil() as u32).max(1);
         for value in extremes.values(case)? {
             let begin = inputs.len() / probe.inputs.len();
-            // The same random rows for every value.
+            // Every value has the same random rows.
             let rows = (0..count).filter_map(|row| probe.row(&case.parameter, value, &mut Draw { row, column: 0, table }));
             inputs.extend(rows.flatten());
             blocks.push(Block { case, value, rows: begin..inputs.len() / probe.inputs.len() });
         }
     }
-    // One dispatch, so that a kernel is compiled once.
+    // One dispatch, so that a kernel is compiled only once.
     let mut results = Vec::new();
     for (gpu, name) in gpus.iter().zip(names(gpus)) {
         results.push(("gpu", name, probe.on_gpu(gpu, &inputs)?));
@@ -176,7 +177,7 @@ fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]
     let verdict = (probe.judge)(input, got, want);
     let scale = want.iter().fold(f64::from(f32::MIN_POSITIVE), |most, x| most.max(x.abs()));
     let farthest = got.iter().zip(want).map(|(got, want)| (got - want).abs()).fold(0.0, f64::max);
-    // On the other side of a threshold the error is that of the threshold, not of the numbers.
+    // On the other side of a threshold the error is the jump at the threshold, not a numerical error.
     let (ulp, errors) = if verdict == Verdict::OtherSide {
         (0.0, Vec::new())
     } else {
@@ -185,7 +186,7 @@ fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]
     Compared { finite, verdict, ulp, errors }
 }
 
-/// Largest and median; 0 of none.
+/// Largest value and median; both 0 without values.
 fn worst_and_median(mut values: Vec<f64>) -> [f64; 2] {
     values.sort_by(f64::total_cmp);
     let median = values.get(values.len() / 2).copied().unwrap_or(0.0);

@@ -1,5 +1,5 @@
-//! The stability lab: every kernel at its extremes against f64 ([`kernels`], asked by [`extremes`]), and what codes, derivatives, hashes and noise can be held
-//! to, measured without a device. `docs/stability-lab.md` says why these.
+//! The stability lab: compares every kernel at its extremes with f64 ([`kernels`], with the values of [`extremes`]), and tests codes, derivatives,
+//! hashes and noise without a device. `docs/stability-lab.md` gives the reasons.
 
 pub mod directions;
 pub mod extremes;
@@ -13,22 +13,22 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// One number and the range that it has to lie in.
+/// One number and the range in which it must lie.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What was measured: a kind of noise, by its name, a hash, a code.
+    /// What was measured: the name of a kind of noise, a hash, or a code.
     pub kind: String,
-    /// Where: a view, a distance from the origin, a footprint and slope, a count of bits.
+    /// Where it was measured: a view, a distance from the origin, a footprint and slope, a number of bits.
     pub view: String,
-    /// What differs between what is compared: a motion of the camera, an axis, a seed, a rounding, another code; empty = nothing.
+    /// The difference between the two compared things: a camera motion, an axis, a seed, a rounding, another code; empty = nothing is compared.
     pub motion: String,
-    /// Name of the statistic. Those that end in `p` are p-values, held to [`statistics::sidak`] of their family.
+    /// Name of the statistic. Names that end in `p` are p-values, which are tested at the level [`statistics::sidak`] of their family.
     pub statistic: String,
     /// The number.
     pub value: f64,
-    /// The smallest that passes.
+    /// The smallest value that passes.
     pub low: f64,
-    /// The largest that passes.
+    /// The largest value that passes.
     pub high: f64,
 }
 
@@ -43,24 +43,24 @@ impl fmt::Display for Row {
 }
 
 impl Row {
-    /// Four significant digits, so that a difference between two tables is not one of rounding.
+    /// Four significant digits, so that differences between two tables do not come from rounding.
     pub fn shortened(&self) -> Row {
         let short = |x: f64| format!("{x:.3e}").parse().unwrap_or(x);
         Row { value: short(self.value), low: short(self.low), high: short(self.high), ..self.clone() }
     }
 
-    /// Whether the value lies in its range; a value that is not a number lies in none.
+    /// Whether the value lies in its range; NaN lies in no range.
     pub fn holds(&self) -> bool {
         (self.low..=self.high).contains(&self.value)
     }
 
-    /// Whether it is one of the tests that share a family's level.
+    /// Whether it is one of the tests that share the level of a family.
     pub fn is_test(&self) -> bool {
         self.statistic.ends_with(" p")
     }
 }
 
-/// Holds the p-values among the rows to the level at which all of them together are at 0.1 %.
+/// Sets the accepted range of the p-values among the rows, so that all tests together have a level of 0.1 %.
 pub fn hold_as_family(rows: &mut [Row]) {
     let level = statistics::sidak(rows.iter().filter(|row| row.is_test()).count());
     rows.iter_mut().filter(|row| row.is_test()).for_each(|row| (row.low, row.high) = (level, 1.0));

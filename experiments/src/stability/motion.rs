@@ -1,7 +1,7 @@
-//! What noise does to a choice among four equal texels while a camera moves over a plane: flips, clumping and low frequencies.
+//! The choice among four equal texels by noise while a camera moves over a plane: flips, clumping and low frequencies.
 //!
-//! Measured as the renderer's sequences are (METHODOLOGY, Flips, Clumping and spectrum), by the same functions, on exact geometry: rays
-//! meet a plane, derivatives are those of the plane, and a point is followed by reprojection.
+//! The measurements use the same functions as the renderer's sequences (METHODOLOGY, Flips, Clumping and spectrum), but with exact geometry: rays
+//! meet a plane, derivatives are those of the plane, and points are followed by reprojection.
 
 use std::fmt;
 
@@ -19,36 +19,35 @@ use super::noise::{Ask, Noise, ORIGINS, SECTOR_M, of_kind};
 use crate::judge::spectrum::radial_power;
 use crate::metrics;
 
-/// Picture, pixels.
+/// Size of the picture, pixels.
 pub const SIZE: [u32; 2] = [384, 216];
-/// Frames of a sequence.
+/// Number of frames of a sequence.
 pub const FRAMES: u32 = 8;
-/// Side of the square at the middle of the lower edge that the spectrum is taken of, pixels.
+/// Side of the square at the middle of the lower edge from which the spectrum is computed, pixels.
 const SIDE: u32 = 128;
-/// Bands of the spectrum up to half a cycle per pixel, and the one that is kept: 0.0625 to 0.125 cycles per pixel.
+/// Number of bands of the spectrum up to half a cycle per pixel, and the index of the band that is used: 0.0625 to 0.125 cycles per pixel.
 const BANDS: usize = 8;
 const BAND: usize = 1;
 /// Vertical field of view.
 const FOV_DEG: f64 = 55.0;
-/// Of the view direction: the horizon of flat ground is in the upper half of the picture.
+/// Pitch of the view direction: the horizon of flat ground is in the upper half of the picture.
 const PITCH_DEG: f64 = -15.0;
-/// Compass bearing of the view and of the walls' ascent: along neither axis of the noise's cells.
+/// Compass bearing of the view and of the ascent of walls; it is parallel to neither axis of the noise's cells.
 const YAW_DEG: f64 = 30.0;
-/// Height of the eye over the foot of a wall, and over level ground, metres.
+/// Height of the eye above the foot of a wall, and above level ground, metres.
 const EYE_M: f64 = 2.0;
-/// From below the eye to the foot of a wall, metres: more than a sequence goes ahead.
+/// Horizontal distance from the eye to the foot of a wall, metres: more than the camera moves ahead in a sequence.
 const FOOT_M: f64 = 3.0;
-/// Elevation of that ground, metres.
+/// Elevation of the level ground, metres.
 const GROUND_M: f64 = 1234.5;
-/// Ground farther off is not shown, metres along the view direction.
+/// Ground farther away than this is not shown, metres along the view direction.
 const FAR_M: f64 = 4096.0;
-/// Part of the value by which a budget reaches to either side: results are deterministic, and differ between machines by the last
-/// digit of a sine only.
+/// Relative tolerance of a budget to either side. Results are deterministic, and differ between machines only by the last digit of a sine.
 const SLACK: f64 = 0.1;
 const SEED: u32 = 8;
 const SALT: u32 = 3;
 
-/// Ground that the camera looks at: level, or a wall that rises ahead of it.
+/// The ground that the camera looks at: level, or a wall that rises ahead of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
     /// Name in tables.
@@ -57,11 +56,11 @@ pub struct Ground {
     pub slope_deg: f64,
 }
 
-/// The grounds of the budgets.
+/// The kinds of ground that have budgets.
 pub const GROUNDS: [Ground; 3] =
     [Ground { name: "flat", slope_deg: 0.0 }, Ground { name: "30 deg", slope_deg: 30.0 }, Ground { name: "60 deg", slope_deg: 60.0 }];
 
-/// What the camera does from frame to frame.
+/// The motion of the camera from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
     /// Nothing.
@@ -72,12 +71,12 @@ pub enum Motion {
     Forwards,
     /// 0.3 degrees to the right.
     Turning,
-    /// A picture 1 % larger.
+    /// The picture becomes 1 % larger.
     Zoom,
 }
 
 impl Motion {
-    /// Every one.
+    /// All motions.
     pub const ALL: [Motion; 5] = [Motion::Rest, Motion::Sideways, Motion::Forwards, Motion::Turning, Motion::Zoom];
 
     /// Name in tables.
@@ -103,7 +102,7 @@ impl Motion {
             pitch: PITCH_DEG.to_radians(),
             fov: 2.0 * ((FOV_DEG / 2.0).to_radians().tan() * 1.01_f64.powf(-step(Motion::Zoom, 1.0))).atan(),
         };
-        // A world without extent begins at the origin.
+        // A world without extent has its corner at the origin.
         View::new(pose, SIZE, [0.0; 2], SECTOR_M, 0.0)
     }
 }
@@ -114,7 +113,7 @@ impl fmt::Display for Motion {
     }
 }
 
-/// A frame's pixels, row by row: what is seen, and the pixel of the frame before that showed it.
+/// The pixels of a frame, row by row: the visible point, and the pixel of the previous frame that showed it.
 struct Seen {
     asks: Vec<Option<Ask>>,
     links: Vec<u32>,
@@ -165,14 +164,14 @@ fn picture(seen: &Seen, noise: Noise<'_>) -> Vec<[u32; 2]> {
     seen.asks.iter().map(pixel).collect()
 }
 
-/// What a sequence came to.
+/// The results of a sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// Share of the points followed from one frame to the next whose choice differs.
+    /// Share of the followed points whose choice differs from that of the previous frame.
     pub flip_rate: f64,
-    /// Of the error in blocks of 5 x 5 pixels; white noise has 1.
+    /// Clumping of the error in blocks of 5 x 5 pixels; white noise has 1.
     pub clumping: f64,
-    /// Of the error between 0.0625 and 0.125 cycles per pixel, mean over frames; white noise has 1.
+    /// Power of the error between 0.0625 and 0.125 cycles per pixel, mean over frames; white noise has 1.
     pub power: f64,
 }
 
@@ -183,7 +182,7 @@ impl Measured {
     }
 }
 
-/// A sequence of [`FRAMES`] at a sector, seen by each of the noises in turn.
+/// Measures a sequence of [`FRAMES`] frames at a sector with each kind of noise.
 pub fn measure(ground: Ground, motion: Motion, sector: i32, noises: &[Noise<'_>]) -> Vec<Measured> {
     let (east, north) = YAW_DEG.to_radians().sin_cos();
     let foot = motion.view(0, sector).pose.position + dvec3(FOOT_M * east, FOOT_M * north, -EYE_M);
@@ -214,7 +213,7 @@ pub fn measure(ground: Ground, motion: Motion, sector: i32, noises: &[Noise<'_>]
     sums.into_iter().map(mean).collect()
 }
 
-/// Power of the error in the band that is kept, of the square at the middle of the lower edge.
+/// Power of the error in the band that is used, in the square at the middle of the lower edge.
 fn low_power(picture: &[[u32; 2]]) -> f64 {
     let (left, top) = ((SIZE[0] - SIDE) / 2, SIZE[1] - SIDE);
     #[allow(clippy::cast_possible_truncation, reason = "the transform is in f32")]
@@ -223,8 +222,8 @@ fn low_power(picture: &[[u32; 2]]) -> f64 {
     radial_power(&field, [SIDE; 2], BANDS).expect("a square of finite numbers, 16 a side for each band")[BAND].power
 }
 
-/// The range that a recorded value holds later ones to: a tenth to either side. White noise of the screen has its numbers by
-/// theory: 3/4 of the choices among four flip, where they are drawn anew, and blocks have the variance of independent pixels.
+/// The budget for values, given a recorded one: 10 % to either side. White noise of the screen has theoretical values: 3/4 of the choices among four
+/// texels flip when they are drawn again, and blocks have the variance of independent pixels.
 pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     match (kind, statistic) {
         (NoiseKind::WhiteScreen, metrics::FLIP_RATE) => [0.747, 0.753],
@@ -236,7 +235,7 @@ pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
 /// The recorded numbers of a moving camera and their budgets.
 const RECORDED: &str = include_str!("../../../notebooks-data/stability/noise.csv");
 
-/// Holds what was measured to the recorded budgets. A number that is not recorded yet has the budget that it gives itself.
+/// Sets the ranges of measured values to the recorded budgets. A value that is not recorded yet gets the budget of its own value.
 fn hold_to_recorded(rows: &mut [Row]) {
     let budgets: Result<Vec<Row>, csv::Error> = csv::Reader::from_reader(RECORDED.as_bytes()).deserialize().collect();
     let budgets = budgets.expect("the recorded table's columns are a row's fields");
@@ -248,7 +247,7 @@ fn hold_to_recorded(rows: &mut [Row]) {
     }
 }
 
-/// Every kind on every ground in every motion, 10 km from the origin: each number within its recorded budget.
+/// Every kind of noise on every ground in every motion, 10 km from the origin, with the range of its recorded budget.
 pub fn rows() -> Vec<Row> {
     let noises = NoiseKind::ALL.map(of_kind);
     let stages: Vec<(Ground, Motion)> = GROUNDS.into_iter().flat_map(|ground| Motion::ALL.map(|motion| (ground, motion))).collect();
@@ -268,7 +267,7 @@ pub fn rows() -> Vec<Row> {
     rows
 }
 
-/// A row as it is recorded: its value, and the budget that this gives.
+/// A row as it is recorded: its value with the budget that follows from it.
 pub fn recorded(row: &Row) -> Row {
     let value = row.shortened().value;
     let kind = row.kind.parse().unwrap_or(NoiseKind::HashedIsotropic);

@@ -1,10 +1,12 @@
-//! Thresholds of every kind of noise as random numbers: uniform, independent of their neighbours, and alpha of them below alpha.
+//! Tests of every kind of noise as random numbers: thresholds must be uniform and independent of their neighbours, and a share alpha of them must lie
+//! below alpha.
 //!
-//! What applies to what. Every kind is uniform over seeds, and its four thresholds and two seeds or salts are independent. Kinds bound to
-//! the ground ([`is_of_ground`]) are tested over places, too, at three distances from the origin, and white noise of the screen over
-//! pixels and frames. Interleaved gradient noise and the masks are not: their neighbours and frames differ on purpose, so that over
-//! places they are far more even than chance, and dependent. Collisions say whether all 24 bits are drawn: they apply where each place
-//! draws anew, to the masks' jitter as well, and not to the lattice of interleaved gradient noise, each of whose values comes once.
+//! Which tests apply to which kind: every kind is uniform over seeds, and its four thresholds are independent, as are two seeds or salts. Kinds bound
+//! to the ground ([`is_of_ground`]) are also tested over places, at three distances from the origin, and white noise of the screen over pixels and
+//! frames. Interleaved gradient noise and the masks are not tested over places: their neighbours and frames differ on purpose, so over places they
+//! are far more even than random numbers, and dependent. The number of collisions tells whether all 24 bits are random. This test applies where each
+//! place draws a new number, including the jitter of the masks. It does not apply to the lattice of interleaved gradient noise, where each value
+//! occurs once.
 
 use kernels::shared::noise::{self, HashedPoint, LEVEL_MAX, NoiseKind, WORLD_LEVEL};
 use kernels::shared::real::scale;
@@ -13,31 +15,32 @@ use rayon::prelude::*;
 use super::statistics::{Random, coverage_p, distinct, distinct_p, independent_p, uncorrelated_p, uniform_bins_p, uniform_ks_p};
 use super::{Row, hashes, hold_as_family};
 
-/// Samples of each test.
+/// Number of samples of each test.
 pub const SAMPLES: u32 = 1_000_000;
-/// Edge of the sectors, metres.
+/// Side of the sectors, metres.
 pub const SECTOR_M: f64 = 64.0;
 /// A distance from the origin and a sector that lies there.
 pub type Origin = (&'static str, i32);
-/// Those that the ground's kinds are tested at.
+/// The origins at which kinds bound to the ground are tested.
 pub const ORIGINS: [Origin; 3] = [("0 km", 0), ("10 km", 156), ("1000 km", 15_625)];
-/// Where coverage is taken.
+/// The values of alpha for which coverage is tested.
 pub const ALPHAS: [f64; 9] = [0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99];
-/// Slopes of the ground that coverage is taken on, degrees.
+/// Slopes of the ground on which coverage is tested, degrees.
 pub const SLOPES_DEG: [f64; 4] = [0.0, 30.0, 60.0, 85.0];
-/// Footprints that coverage is taken at, log2 of metres: an octave from each. Beyond both ends of the scales, too.
+/// Footprints at which coverage is tested, log2 of metres: each covers one octave. They extend beyond both ends of the scales.
 pub const OCTAVES: std::ops::Range<i32> = -17..6;
-/// Samples of an octave and slope: known to 0.1 %, and 92 of them to 0.01 %.
+/// Number of samples for each pair of an octave and a slope. One pair gives coverage to 0.1 %; the mean over all 92 pairs gives it
+/// to 0.01 %.
 pub const PER_CELL: u32 = 250_000;
-/// Edge of the cells that neighbours are taken of, metres: that of white noise of the world.
+/// Side of the cells for tests of neighbours, metres: that of white noise of the world.
 const CELL_M: f64 = 1.0 / 16.0;
 const SEED: u32 = 11;
 const SALT: u32 = 5;
 
-/// What a threshold is asked for: a point of the ground in a pixel of a frame.
+/// The input of a threshold: a point of the ground, in a pixel, in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ask {
-    /// The point.
+    /// The point of the ground.
     pub point: HashedPoint<f64>,
     /// The pixel that shows it.
     pub pixel: [u32; 2],
@@ -49,20 +52,20 @@ pub struct Ask {
     pub salt: u32,
 }
 
-/// Noise under test: the four thresholds of what is asked for, each in [0, 1).
+/// The noise under test: it returns four thresholds, each in [0, 1).
 pub type Noise<'a> = &'a (dyn Fn(&Ask) -> [f64; 4] + Sync);
 
-/// The renderer's noise of a kind.
+/// The renderer's noise of this kind.
 pub fn of_kind(kind: NoiseKind) -> impl Fn(&Ask) -> [f64; 4] + Sync {
     move |ask| noise::thresholds(kind, &ask.point, WORLD_LEVEL, ask.pixel, ask.frame, ask.seed, ask.salt)
 }
 
-/// Whether a kind is bound to the ground, and the same in every frame and pixel.
+/// Whether a kind is bound to the ground, so that it is the same in every frame and pixel.
 pub fn is_of_ground(kind: NoiseKind) -> bool {
     matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld)
 }
 
-/// Whether a kind hashes cells that follow the footprint.
+/// Whether a kind hashes cells whose size follows the footprint.
 pub fn is_hashed(kind: NoiseKind) -> bool {
     matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic)
 }
@@ -72,19 +75,20 @@ fn row(kind: NoiseKind, view: &str, motion: &str, statistic: &str, value: f64) -
     Row { kind: kind.name().to_owned(), view, motion, statistic, value, low: 0.0, high: 1.0 }
 }
 
-/// A place some 260 km around a sector, so that even the largest cells hardly ever meet, seen at a scale of any octave, in any pixel of any frame.
+/// A random place within some 260 km of a sector, so that even the largest cells rarely coincide, at a scale of any octave, in any pixel of any
+/// frame.
 pub fn scattered(sector: i32, i: u32) -> Ask {
     let mut random = Random(u64::from(i) << 20 ^ u64::from(sector.cast_unsigned()) << 40);
     let footprint = random.between(f64::from(OCTAVES.start), f64::from(OCTAVES.end)).exp2();
     somewhere(&mut random, sector, footprint, 0.0)
 }
 
-/// A place around a sector, on ground of a slope, whose longer derivative is `footprint` metres.
+/// A place near a sector, on ground with a slope, whose longer derivative is `footprint` metres.
 fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -> Ask {
     #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "small")]
     let mut place = |around: i32| around + random.below(8192) as i32 - 4096;
     let sector = [place(sector), place(-sector)];
-    // A direction of the plane, and another at any angle to it: the plane's steepest ascent is towards some point of the compass.
+    // One direction in the plane, and another at any angle to it. The steepest ascent of the plane has a random compass bearing.
     let (sin, cos) = slope_deg.to_radians().sin_cos();
     let (to_sin, to_cos) = random.between(0.0, std::f64::consts::TAU).sin_cos();
     let mut along = |length: f64| {
@@ -102,10 +106,10 @@ fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -
     Ask { point, pixel, frame, seed: SEED, salt: SALT }
 }
 
-/// A place that is its cell's corner, in a lattice of `sides` cells, seen exactly at the cells' scale; its pixel is its column and row.
+/// A place at the corner of its cell, in a lattice of `sides` cells, seen exactly at the scale of the cells; its pixel is its column and row.
 fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
     let [x, y, z] = [i % sides[0], i / sides[0] % sides[1], i / sides[0] / sides[1]];
-    // A twentieth of a cell inside, so that no rounding counts.
+    // A twentieth of a cell inside, so that rounding has no effect.
     let at = |n: u32| (f64::from(n) + 0.05) * CELL_M;
     let point = HashedPoint {
         sector: [sector, -sector],
@@ -113,18 +117,18 @@ fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
         sector_m: SECTOR_M,
         ddx: [CELL_M; 3],
         ddy: [0.0; 3],
-        // What makes the level of the two kinds that follow the footprint a whole number: the length of a diagonal, the factor of an axis.
+        // Makes the level of the two kinds that follow the footprint a whole number: the length of a diagonal, or the factor of an axis.
         hash_scale: if kind == NoiseKind::HashedAnisotropic { 0.5_f64.sqrt() } else { 3_f64.sqrt().recip() },
     };
     Ask { point, pixel: [x, y], frame: 5 + z, seed: SEED, salt: SALT }
 }
 
-/// A place on a plane of 1000 x 1000 cells, each its own pixel.
+/// A place on a plane of 1000 x 1000 cells; each cell has its own pixel.
 fn on_plane(kind: NoiseKind, sector: i32, i: u32) -> Ask {
     corner(kind, sector, [1000, 1000], i)
 }
 
-/// The same cell's number at the next finer scale.
+/// The cell with the same number at the next finer scale.
 fn next_scale(ask: &Ask) -> Ask {
     let mut finer = *ask;
     for axis in 0..2 {
@@ -141,7 +145,7 @@ fn sample(noise: Noise<'_>, asks: impl Fn(u32) -> Ask + Sync) -> Vec<[f64; 4]> {
     (0..SAMPLES).into_par_iter().map(|i| noise(&asks(i))).collect()
 }
 
-/// Whether the four thresholds of samples that must be independent draws are uniform, independent of each other, and cover each alpha.
+/// Tests samples that must be independent random numbers: the four thresholds are uniform, independent of each other, and cover each alpha.
 fn of_samples(kind: NoiseKind, view: &str, samples: &[[f64; 4]]) -> Vec<Row> {
     let column = |k: usize| samples.iter().map(|s| s[k]).collect::<Vec<f64>>();
     let uniform = (0..4_usize).into_par_iter().flat_map_iter(|k| {
@@ -166,7 +170,8 @@ fn of_pairs(kind: NoiseKind, view: &str, motion: &str, pairs: &[(f64, f64)]) -> 
         .map(|(statistic, p)| row(kind, view, motion, statistic, p))
 }
 
-/// Where a kind's places are independent draws: the origins given for the ground, one screen for white noise, nowhere for what is arranged.
+/// Where the places of a kind are independent random numbers: the given origins for kinds of the ground, one screen for white noise, nowhere for
+/// arranged kinds.
 fn places(kind: NoiseKind, origins: &[Origin]) -> &[Origin] {
     match kind {
         _ if is_of_ground(kind) => origins,
@@ -175,7 +180,8 @@ fn places(kind: NoiseKind, origins: &[Origin]) -> &[Origin] {
     }
 }
 
-/// Uniformity, independence of the four thresholds and coverage over seeds, and over places where a kind's places are independent draws.
+/// Uniformity, independence of the four thresholds, and coverage: over seeds, and over places if the places of the kind are independent random
+/// numbers.
 pub fn scattered_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     for &(name, sector) in places(kind, origins) {
@@ -185,7 +191,7 @@ pub fn scattered_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     rows
 }
 
-/// A change of what is asked for, and its name.
+/// A change of the input, with its name.
 type Change = (&'static str, fn(&Ask) -> Ask);
 
 const OF_SEEDS: [Change; 3] = [
@@ -196,7 +202,7 @@ const OF_SEEDS: [Change; 3] = [
 const OF_PLACES: [Change; 3] = [("x", |ask| beside(ask, 0)), ("y", |ask| beside(ask, 1)), ("z", |ask| beside(ask, 2))];
 const OF_SCALES: [Change; 1] = [("scale", next_scale)];
 
-/// The next cell, pixel or frame along an axis.
+/// The next cell along an axis, or the next pixel or frame.
 fn beside(ask: &Ask, axis: usize) -> Ask {
     let mut next = *ask;
     next.point.position[axis] += CELL_M;
@@ -207,8 +213,8 @@ fn beside(ask: &Ask, axis: usize) -> Ask {
     next
 }
 
-/// Independence of neighbouring places or pixels and frames (`z` on the screen), of scales, and of neighbouring seeds and salts: in a
-/// lattice of cells or pixels, or where a kind's places are arranged, over seeds.
+/// Independence of neighbouring places, or of pixels and frames (`z` on the screen), of scales, and of neighbouring seeds and salts. The samples come
+/// from a lattice of cells or pixels, or from seeds if the places of the kind are arranged.
 pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut pair = |view: &str, changes: &[Change], asks: &(dyn Fn(u32) -> Ask + Sync)| {
@@ -231,7 +237,7 @@ pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     rows
 }
 
-/// How many of the first thresholds in a plane of a million cells or pixels are distinct, against independent draws of 24 bits.
+/// The number of distinct first thresholds in a plane of a million cells or pixels, against independent random numbers of 24 bits.
 pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let places = if kind.needs_mask() { &[("screen", 0)] } else { places(kind, origins) };
     let of_place = |&(name, sector): &Origin| {
@@ -241,8 +247,8 @@ pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     places.iter().map(of_place).collect()
 }
 
-/// That cells are those of their scale at both ends of the range: none is shared by sectors 37 apart where a footprint is longer than
-/// a sector, and the finest still are 2^16 to the metre at 2000 m, however small the footprint. Kinds that follow the footprint.
+/// Tests that cells have the size of their scale at both ends of the range: no cell is shared by places 37 sectors apart if a footprint is longer
+/// than a sector, and the finest cells are 2^-16 m at an elevation of 2000 m for any small footprint. Only kinds that follow the footprint.
 pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -258,10 +264,10 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
             here == noise(&ask)
         };
         let share = (0..SAMPLES / 10).into_par_iter().filter(equal).count() as f64 / f64::from(SAMPLES / 10);
-        // Two of 96 equal bits: never.
+        // Two equal values of 96 bits never occur.
         rows.push(Row { high: 0.0, ..row(kind, name, "37 sectors", "equal thresholds", share) });
     }
-    // Of 65 536 draws of 24 bits 128 +- 11 are not new.
+    // Among 65 536 random numbers of 24 bits, 128 +- 11 are repetitions.
     let cells = f64::from(1 << LEVEL_MAX);
     let close = |i: u32| {
         let mut ask = scattered(ORIGINS[1].1, 1);
@@ -274,8 +280,8 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
     rows
 }
 
-/// Coverage of each alpha on ground of each slope seen at each octave of footprint: [`PER_CELL`] thresholds, four of a call. Kinds that
-/// follow the footprint; 1000 km from the origin.
+/// Coverage of each alpha on ground of each slope at each octave of the footprint: [`PER_CELL`] thresholds, four per call. Only kinds that follow the
+/// footprint; 1000 km from the origin.
 pub fn coverage_rows(kind: NoiseKind, noise: Noise<'_>) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -300,7 +306,7 @@ pub fn coverage_rows(kind: NoiseKind, noise: Noise<'_>) -> Vec<Row> {
     cells.into_par_iter().flat_map_iter(of_cell).collect()
 }
 
-/// Everything that does not need a camera, of noise that is taken for a kind.
+/// All tests that need no camera, for noise that is tested as if it were of a kind.
 pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = coverage_rows(kind, noise);
     for judge in [scattered_rows, neighbour_rows, collision_rows, range_rows] {
@@ -309,7 +315,7 @@ pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Ro
     rows
 }
 
-/// The hash's words and every kind at all origins: tests at the level of one family. Half a minute of two cores.
+/// Tests of the hash's words, and of every kind at all origins, at the level of one family. This takes half a minute on two cores.
 pub fn rows() -> Vec<Row> {
     let mut rows = hashes::rows();
     for kind in NoiseKind::ALL {

@@ -1,13 +1,13 @@
-//! Tests of samples against a null hypothesis, and a generator that is not the one under test.
+//! Tests of samples against a null hypothesis, and a random number generator that differs from the one under test.
 
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Normal};
 
-/// SplitMix64 (Steele et al. 2014), from any state.
+/// SplitMix64 (Steele et al. 2014); any state is valid.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
 impl Random {
-    /// 64 bits.
+    /// A number of 64 random bits.
     pub fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -40,9 +40,9 @@ impl Random {
     }
 }
 
-/// Level of each of `tests` so that the family is at 0.1 %.
+/// Level of each of `tests` tests, so that the level of the family is 0.1 %.
 pub fn sidak(tests: usize) -> f64 {
-    // 1 - 0.999^(1/n), without its loss of digits for many tests.
+    // 1 - 0.999^(1/n), written so that no digits are lost for many tests.
     -(0.999_f64.ln() / tests as f64).exp_m1()
 }
 
@@ -60,7 +60,7 @@ pub fn normal_bound(p: f64) -> f64 {
     -Normal::standard().inverse_cdf(p / 2.0)
 }
 
-/// H0: counts follow the expected ones. p-value, `fixed` linear constraints taken off the freedom.
+/// H0: counts follow the expected ones. Returns the p-value; `fixed` linear constraints reduce the degrees of freedom.
 pub fn goodness_p(counts: &[f64], expected: &[f64], fixed: usize) -> f64 {
     let statistic = counts.iter().zip(expected).map(|(c, e)| (c - e) * (c - e) / e).sum();
     chi_square_p(statistic, counts.len() - fixed)
@@ -98,7 +98,7 @@ pub fn independent_p(pairs: &[(f64, f64)]) -> f64 {
     for &(a, b) in pairs {
         counts[bin(a, 16) * 16 + bin(b, 16)] += 1.0;
     }
-    // Uniform margins are part of the null hypothesis, so only the total is fixed.
+    // Uniform margins are part of the null hypothesis, so only the total is constrained.
     goodness_p(&counts, &[pairs.len() as f64 / 256.0; 256], 1)
 }
 
@@ -108,14 +108,14 @@ pub fn uncorrelated_p(pairs: &[(f64, f64)]) -> f64 {
     normal_p(sum * 12.0 / (pairs.len() as f64).sqrt())
 }
 
-/// H0: each of the `of` events has this probability, in 0..=1. Two-sided exact binomial test of the number that occurred.
+/// H0: each of the `of` events has this probability, in 0..=1. Two-sided exact binomial test of the number of events that occurred.
 pub fn coverage_p(covered: u64, of: u64, alpha: f64) -> f64 {
     let binomial = Binomial::new(alpha, of).expect("a probability");
     let above = if covered == 0 { 1.0 } else { binomial.sf(covered - 1) };
     (2.0 * binomial.cdf(covered).min(above)).min(1.0)
 }
 
-/// How many of the thresholds differ, as the numbers of 24 bits that they are where no scales are blended.
+/// The number of distinct thresholds. Where no scales are blended, thresholds are numbers of 24 bits.
 pub fn distinct(thresholds: &[f64]) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= threshold < 1")]
     let mut words: Vec<u32> = thresholds.iter().map(|u| (u * 16_777_216.0).round() as u32).collect();
@@ -124,10 +124,10 @@ pub fn distinct(thresholds: &[f64]) -> usize {
     words.len()
 }
 
-/// H0: `n` independent draws of 24 bits hold that many distinct ones. Normal, with the exact mean and variance.
+/// H0: `n` independent random numbers of 24 bits have this many distinct values. Normal approximation, with the exact mean and variance.
 pub fn distinct_p(distinct: usize, n: usize) -> f64 {
     const WORDS: f64 = 16_777_216.0;
-    // Of the empty words: that one is empty, that two given ones are.
+    // Probabilities that a given number does not occur, and that two given numbers do not occur.
     let [one, two] = [1.0, 2.0].map(|k: f64| (n as f64 * (-k / WORDS).ln_1p()).exp());
     let variance = WORDS * (one - two) + WORDS * WORDS * (two - one * one);
     normal_p((distinct as f64 - WORDS * (1.0 - one)) / variance.sqrt())
@@ -139,8 +139,8 @@ mod tests {
 
     #[test]
     fn collisions_are_as_many_as_draws_have() {
-        // Occupancy by simulation: 32 draws of a million words each; deviates of a standard normal, whose mean square over 32 is
-        // 1 +- 0.25.
+        // Occupancy by simulation: 32 samples of a million numbers each. The deviates are standard normal, and their mean square over 32 samples is 1
+        // +- 0.25.
         let deviates: Vec<f64> = (0..32)
             .map(|seed| {
                 let mut random = Random(seed << 32);
@@ -150,7 +150,7 @@ mod tests {
             .collect();
         let square = deviates.iter().map(|z| z * z).sum::<f64>() / 32.0;
         assert!((0.3..2.0).contains(&square), "{square}: {deviates:?}");
-        // A number of 23 bits is no number of 24.
+        // Numbers of 23 bits instead of 24.
         let mut random = Random(1);
         let coarse: Vec<f64> = (0..1_000_000).map(|_| (random.word() >> 41) as f64 / 8_388_608.0).collect();
         assert!(distinct_p(distinct(&coarse), coarse.len()) < 1e-12);
@@ -161,17 +161,18 @@ mod tests {
         const N: usize = 20_000;
         let mut random = Random(3);
         let uniform: Vec<f64> = (0..N).map(|_| random.unit()).collect();
-        // The last thirtieth missing.
+        // The last thirtieth of the range is missing.
         let short: Vec<f64> = uniform.iter().map(|u| u * (29.0 / 30.0)).collect();
         assert!(uniform_bins_p(&uniform) > 1e-3 && uniform_bins_p(&short) < 1e-6);
         assert!(uniform_ks_p(&uniform) > 1e-3 && uniform_ks_p(&short) < 1e-6);
-        // A number and itself; a number and a mixture with a tenth of itself; two that are dependent without correlation.
+        // Three dependent pairs: a number with itself; a number with a mixture that contains a tenth of it; two numbers that are dependent but not
+        // correlated.
         let pairs = |of: &dyn Fn(f64, f64) -> f64| uniform.windows(2).map(|w| (w[0], of(w[0], w[1]))).collect::<Vec<_>>();
         let [other, same, leaning] = [pairs(&|_, b| b), pairs(&|a, _| a), pairs(&|a, b| 0.9 * b + 0.1 * a)];
         let folded = pairs(&|a, _| (2.0 * a - 1.0).abs());
         assert!(independent_p(&other) > 1e-3 && independent_p(&same) < 1e-6 && independent_p(&folded) < 1e-6);
         assert!(uncorrelated_p(&other) > 1e-3 && uncorrelated_p(&leaning) < 1e-6 && uncorrelated_p(&folded) > 1e-3);
-        // Alpha off by 2 %.
+        // Alpha is wrong by 2 %.
         let covered = |alpha: f64| uniform.iter().filter(|u| **u < alpha).count() as u64;
         assert!(coverage_p(covered(0.1), N as u64, 0.1) > 1e-3 && coverage_p(covered(0.12), N as u64, 0.1) < 1e-6);
         assert!(coverage_p(0, 10, 0.0) == 1.0 && coverage_p(10, 10, 0.5) < 0.01);

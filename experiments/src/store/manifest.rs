@@ -1,4 +1,4 @@
-//! What a run says about itself: `manifest.json`.
+//! The description that a run stores of itself: `manifest.json`.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::unit::Shard;
 /// Name of the file.
 pub(super) const FILE: &str = "manifest.json";
 
-/// Version of the folder's layout; another is refused.
+/// Version of the folder's layout; other versions are refused.
 const FORMAT: u32 = 1;
 
 /// Where a run's numbers come from, besides its definition.
@@ -24,9 +24,9 @@ pub struct Provenance {
     pub adapter: String,
     /// Its driver, with version.
     pub driver: String,
-    /// Whether the adapter is a processor: then times are good for ratios only.
+    /// Whether the adapter renders on the CPU; then only ratios of times are meaningful.
     pub software: bool,
-    /// Why scenes were drawn without anisotropic filtering, if they were.
+    /// Reason why scenes were drawn without anisotropic filtering, if they were.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub without_anisotropy: Option<String>,
     /// The command line.
@@ -42,21 +42,21 @@ pub struct Manifest {
     pub schema: String,
     /// Name of the definition.
     pub experiment: String,
-    /// The definition as it was run, TOML.
+    /// The definition that was run, as TOML.
     pub definition: String,
     /// xxHash64 of that text.
     pub definition_hash: String,
     /// xxHash64 of the scene's text, or of the imported heightmap.
     pub source_hash: String,
-    /// Whether it was run as `check` does, with what `small` changes.
+    /// Whether it was run by `check`, with the changes of `small`.
     pub small: bool,
-    /// Which piece this is, as `2/4`; absent = the whole.
+    /// The shard, such as `2/4`; absent = the whole run.
     pub shard: Option<String>,
-    /// What is random.
+    /// Describes what is random.
     pub seed: String,
     /// Version of the program.
     pub version: String,
-    /// Commit that the program was built from, where that was said (`SCREE_COMMIT` when it was compiled).
+    /// Commit that the program was built from, if it was given (`SCREE_COMMIT` at compile time).
     pub commit: Option<String>,
     /// Where the numbers come from.
     #[serde(flatten)]
@@ -66,7 +66,7 @@ pub struct Manifest {
 }
 
 impl Manifest {
-    /// Of a run that begins. `definition` is the one that is run: what `small` changes is changed already.
+    /// The manifest of a new run. `definition` is the definition that is run, with the changes of `small` already applied.
     pub(super) fn new(definition: &Definition, small: bool, shard: Option<Shard>, provenance: &Provenance) -> Result<Manifest> {
         let text = definition.to_toml()?;
         Ok(Manifest {
@@ -99,7 +99,7 @@ impl Manifest {
     /// Reads the text of a manifest; `file` names it in errors.
     ///
     /// # Errors
-    /// One line: not JSON, another version, a key that is missing or of another type.
+    /// One line: not JSON, another version, or a key that is missing or has another type.
     pub fn parse(text: &str, file: &Path) -> Result<Manifest> {
         let broken = |what: String| {
             let what = one_line(&what);
@@ -123,7 +123,7 @@ impl Manifest {
         })
     }
 
-    /// What of this run, which is there, is not as in `other`, which is wanted: the numbers would not be those of one run.
+    /// Describes a difference between this existing run and the wanted run `other`, if their numbers would not be those of one run.
     pub(super) fn difference(&self, other: &Manifest) -> Result<Option<String>> {
         let differs = |what: &str, there: &dyn std::fmt::Display, here: &dyn std::fmt::Display| {
             Some(format!("{what} is {} there and {} here", short(&there.to_string()), short(&here.to_string())))
@@ -159,7 +159,7 @@ impl Manifest {
     }
 }
 
-/// The first key that decides numbers and in which two definitions differ.
+/// The first key that affects the numbers and differs between two definitions.
 fn first_difference(a: &Definition, b: &Definition) -> Result<Option<(String, String, String)>> {
     let table = |definition: &Definition| Table::try_from(definition.measured());
     let (a, b) = (table(a)?, table(b)?);
@@ -168,7 +168,7 @@ fn first_difference(a: &Definition, b: &Definition) -> Result<Option<(String, St
     Ok(key.map(|key| (key.clone(), text(a.get(key)), text(b.get(key)))))
 }
 
-/// At most 60 characters of a text on one line.
+/// At most 60 characters of a text, on one line.
 fn short(text: &str) -> String {
     let text = one_line(text);
     if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }

@@ -1,19 +1,19 @@
-//! The folder of a run: what is in it when, so that a run can be stopped anywhere, resumed, split over machines and read back.
+//! The folder of a run: which files it contains at which time, so that a run can be stopped anywhere, resumed, split over machines and read back.
 //!
 //! ```text
 //! OUT/<experiment>[/shard-K-of-N]/
 //!   manifest.json      written first; at the end `complete` becomes true
 //!   lock               held by the process that runs
 //!   scene/             the imported scene, if one is imported
-//!   reference/         converged references, with what is known of them
+//!   reference/         converged references and their facts
 //!   pictures/, video/  what the report shows; frames, if they are asked for
 //!   parts/             a file for each part done, while parts are missing
 //!   metrics.parquet    all rows, in the order of the parts; metrics.csv has the same
 //!   times.parquet      device times, which never repeat; times.csv has the same
 //! ```
 //!
-//! Every file is written under a temporary name, brought to the disk, and renamed: it is whole or absent. Metrics are byte-equal however often the run
-//! was stopped and resumed.
+//! Every file is written under a temporary name, flushed to the disk, and renamed, so it is complete or absent. The bytes of the metrics do not
+//! depend on how often the run was stopped and resumed.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -44,9 +44,9 @@ const PARTS: &str = "parts";
 const SCENE: &str = "scene";
 /// Folder of converged references.
 pub(crate) const REFERENCE: &str = "reference";
-/// Folder of pictures; each list in it, a `.json`, tells what some of them are.
+/// Folder of pictures. Each list in it, a `.json` file, describes some of them.
 pub(crate) const PICTURES: &str = "pictures";
-/// The report, and the same for a pull request.
+/// The report, and its version for a pull request.
 pub(crate) const REPORT_PAGE: &str = "report.html";
 pub(crate) const REPORT_TEXT: &str = "report.md";
 /// Folder of PNG sequences.
@@ -54,32 +54,32 @@ pub(crate) const VIDEO: &str = "video";
 const NOTE_PART: &str = "scree.part";
 const NOTE_METRICS: &str = "scree.metrics";
 
-/// Progress is counted in this many steps a part.
+/// Number of progress steps per part.
 const STEPS: u64 = 1000;
 
-/// What is done about a run that is there already.
+/// What to do about an existing run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// It stays, and no other is begun.
+    /// Keep it, and do not start another.
     Refuse,
-    /// It goes on, if it is the same.
+    /// Continue it, if it is the same run.
     Resume,
-    /// It goes on if it is the same and was stopped; else one of the same name makes way.
+    /// Continue it if it is the same run and was stopped; otherwise replace a run of the same name.
     Replace,
 }
 
-/// Where a run is kept, and which it is.
+/// Where a run is stored, and which run it is.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
-    /// Folder of all runs, or the run's own.
+    /// Folder of all runs, or the folder of this run.
     pub out: &'a Path,
-    /// Whether it is the run's own.
+    /// Whether `out` is the folder of this run.
     pub own: bool,
-    /// What is done about a run that is there.
+    /// What to do about an existing run.
     pub existing: Existing,
-    /// Which piece; `None` = the whole.
+    /// The shard; `None` = the whole run.
     pub shard: Option<Shard>,
-    /// Whether the definition is as `small` changes it.
+    /// Whether the definition has the changes of `small`.
     pub small: bool,
 }
 
@@ -89,34 +89,34 @@ impl Place<'_> {
         if self.own { self.out.to_owned() } else { self.out.join(&definition.name) }
     }
 
-    /// The folder of a definition's run, or of its piece.
+    /// The folder of a definition's run, or of the shard.
     pub fn folder(&self, definition: &Definition) -> PathBuf {
         let run = self.whole(definition);
         self.shard.map_or(run.clone(), |shard| run.join(format!("shard-{}-of-{}", shard.number, shard.count)))
     }
 }
 
-/// A run under way. Its folder is locked as long as this lives.
+/// A run in progress. Its folder stays locked while this value exists.
 #[derive(Debug)]
 pub struct Run {
     folder: PathBuf,
     definition: Definition,
     manifest: Manifest,
     shares: Vec<Share>,
-    /// Indices of parts that are kept.
+    /// Indices of finished parts.
     done: BTreeSet<usize>,
-    /// What a person should know of the folder's state.
+    /// Notes for the user about the state of the folder.
     notes: Vec<String>,
     _lock: Lock,
 }
 
 impl Run {
-    /// Begins a run or goes on with it: takes the folder's lock, writes the manifest, imports the scene if there is one to import, and finds out what is
-    /// done. `definition` is the one to run: where `place.small`, what [`Definition::small`] returns.
+    /// Starts or continues a run: locks the folder, writes the manifest, imports the scene if the definition imports one, and finds the finished
+    /// parts. `definition` is the one to run: if `place.small`, the result of [`Definition::small`].
     ///
     /// # Errors
-    /// One line with the remedy: the folder holds something else, a run that is not to be resumed, a run of something different (it says what
-    /// differs), or is in use; it cannot be written; the scene cannot be imported or lacks what the definition asks of it.
+    /// One line with the remedy: the folder contains something else, a run that must not be resumed, or a different run (the message says what
+    /// differs), or is in use; it cannot be written; the scene cannot be imported or lacks something that the definition needs.
     pub fn open(definition: &Definition, place: &Place<'_>, provenance: &Provenance) -> Result<Run> {
         let folder = place.folder(definition);
         let show = folder.display();
@@ -146,7 +146,7 @@ impl Run {
             } else if let Some(difference) = difference {
                 bail!("{show} holds another run, {difference}: choose another --out, or remove the folder");
             } else {
-                // Prose and expectations may have changed; the command is the one that began it.
+                // Prose and expectations may have changed; the stored command is the one that started the run.
                 manifest.complete = there.complete;
                 manifest.provenance = there.provenance;
             }
@@ -177,12 +177,12 @@ impl Run {
         self.definition.import.as_ref().map(|_| self.folder.join(SCENE))
     }
 
-    /// What a person should know of the folder's state, a line each.
+    /// Notes for the user about the state of the folder, one per line.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// How many parts are done, and how many there are.
+    /// Number of finished parts, and number of all parts.
     pub fn progress(&self) -> (usize, usize) {
         (self.done.len(), self.shares.len())
     }
@@ -196,9 +196,9 @@ impl Run {
         self.definition.check_imported(&scene)
     }
 
-    /// Finds out which parts are kept; a damaged one is done again.
+    /// Finds the finished parts; a damaged part is done again.
     fn survey(&mut self) -> Result<()> {
-        // A finished run has none, and needs it again where its results are damaged.
+        // A finished run has no folder of parts, but needs one again if its results are damaged.
         let parts = self.folder.join(PARTS);
         if self.manifest.complete {
             let results = [METRICS, TIMES].map(|name| (self.file(name, "parquet"), self.file(name, "csv")));
@@ -236,10 +236,11 @@ impl Run {
         self.folder.join(format!("{name}.{extension}"))
     }
 
-    /// Does what is missing, part by part. `progress(done, total)` is called as it goes, `go_on` before each part: its error stops the run.
+    /// Does the missing parts in order. `progress(done, total)` is called during the work. `go_on` is called before each part, and its error stops
+    /// the run.
     ///
     /// # Errors
-    /// A part that fails, and which; the parts before are kept.
+    /// A part that fails; the error names it. The parts before it are kept.
     pub fn carry_out(&mut self, measure: &mut dyn Measure, progress: &dyn Fn(u64, u64), go_on: &dyn Fn() -> Result<()>) -> Result<()> {
         let total = self.shares.len() as u64 * STEPS;
         let missing: Vec<Share> = self.shares.iter().filter(|share| !self.done.contains(&share.unit.index)).cloned().collect();
@@ -261,7 +262,7 @@ impl Run {
         Ok(())
     }
 
-    /// Keeps what a part yielded. Columns that follow from the part are filled in here, so that they cannot contradict it.
+    /// Stores the result of a part. Columns that follow from the part are filled in here, so that they cannot contradict it.
     fn keep(&self, share: &Share, mut outcome: Outcome) -> Result<()> {
         let unit = &share.unit;
         if !share.kept {
@@ -306,10 +307,10 @@ impl Run {
         }
     }
 
-    /// Joins all parts, in their order and one at a time, marks the run complete, and reads it back.
+    /// Joins all parts in order, one at a time, marks the run complete, and reads it back.
     ///
     /// # Errors
-    /// Parts are missing, or the disk.
+    /// Parts are missing, or the disk fails.
     pub fn finish(mut self) -> Result<RunData> {
         if !self.manifest.complete {
             let (done, all) = self.progress();
@@ -362,7 +363,7 @@ fn read_part(file: &Path, unit: &Unit) -> Result<(Vec<Row>, Vec<Row>)> {
     }
 }
 
-/// The first entry of a folder that a run without manifest has not made.
+/// The first entry of a folder without manifest that does not come from a run.
 fn foreign(folder: &Path) -> Result<Option<String>> {
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read the folder {}", folder.display()))?;
     let mut names: Vec<String> = entries.filter_map(Result::ok).map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
@@ -370,12 +371,12 @@ fn foreign(folder: &Path) -> Result<Option<String>> {
     Ok(names.into_iter().find(|name| name != LOCK && !is_leftover(name)))
 }
 
-/// Whether a name is one of those under which files and folders are written before they are renamed.
+/// Whether this is a temporary name, under which files and folders are written before they are renamed.
 fn is_leftover(name: &str) -> bool {
     name.ends_with(".tmp") || name.starts_with(&format!(".{SCENE}.part-"))
 }
 
-/// Removes what a run made, and nothing else. The manifest goes last: until then the folder is a run's.
+/// Removes what a run made, and nothing else. The manifest is removed last, so that until then the folder is recognised as a run's.
 fn remove_results(folder: &Path) -> Result<()> {
     let tables = [METRICS, TIMES].into_iter().flat_map(|name| ["parquet", "csv"].map(|extension| format!("{name}.{extension}")));
     let reports = [REPORT_PAGE, REPORT_TEXT].into_iter().map(str::to_owned);
@@ -388,7 +389,7 @@ fn remove_results(folder: &Path) -> Result<()> {
     remove(&folder.join(manifest::FILE))
 }
 
-/// Removes a file or a folder, if it is there.
+/// Removes a file or a folder if it exists.
 fn remove(path: &Path) -> Result<()> {
     let gone = if path.is_dir() && !path.is_symlink() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     match gone {
@@ -413,18 +414,18 @@ fn remove_leftovers(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A folder's lock. The system frees it when the process ends, even by SIGKILL.
+/// The lock of a folder. The operating system releases it when the process ends, even by SIGKILL.
 #[derive(Debug)]
 struct Lock(File);
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Closing the file would not do while a child that another thread has just forked still holds a copy. An error leaves it to the closing.
+        // Closing the file is not enough while a child that another thread has just forked still has a copy. If unlocking fails, closing must do.
         drop(self.0.unlock());
     }
 }
 
-/// Takes the folder for this process.
+/// Locks the folder for this process.
 fn lock(folder: &Path, command: &str) -> Result<Lock> {
     let path = folder.join(LOCK);
     let context = || format!("cannot lock {}", folder.display());
@@ -433,7 +434,7 @@ fn lock(folder: &Path, command: &str) -> Result<Lock> {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut who = String::new();
-            // Where a locked file cannot be read either, the holder stays unnamed.
+            // If a locked file cannot be read either, the message does not name the holder.
             let _ = file.read_to_string(&mut who);
             let who = if who.trim().is_empty() { "another process".to_owned() } else { who.trim().to_owned() };
             bail!("{} is in use by {who}: wait for it, or choose another --out", folder.display());
@@ -444,31 +445,31 @@ fn lock(folder: &Path, command: &str) -> Result<Lock> {
     Ok(Lock(file))
 }
 
-/// A run read back: whole, or its shards together, or as far as it is done.
+/// A run that was read back: the whole run, or its shards combined, or the finished parts.
 #[derive(Clone, Debug)]
 pub struct RunData {
-    /// What was run.
+    /// The definition that was run.
     pub definition: Definition,
-    /// What the run says about itself; of shards, the first one's.
+    /// The manifest; for shards, that of the first one.
     pub manifest: Manifest,
-    /// Metrics, in the order of their columns.
+    /// Metrics, in column order.
     pub rows: Vec<Row>,
-    /// Device times, in the order of their columns.
+    /// Device times, in column order.
     pub times: Vec<Row>,
     /// Whether nothing is missing.
     pub complete: bool,
-    /// What is missing, a line each.
+    /// Descriptions of what is missing, one per line.
     pub missing: Vec<String>,
-    /// The folder that was named.
+    /// The folder that was given.
     pub folder: PathBuf,
-    /// Folders with the files of the parts: that folder, or those of its shards.
+    /// Folders that contain the files of the parts: the given folder, or those of its shards.
     pub folders: Vec<PathBuf>,
 }
 
-/// Reads the run in a folder, or all shards below it as one.
+/// Reads the run in a folder, or combines all shards below it.
 ///
 /// # Errors
-/// No run is there, a file is damaged, or shards do not belong together (and what differs).
+/// There is no run, a file is damaged, or the shards do not belong together (the message says what differs).
 pub fn read_run(folder: &Path) -> Result<RunData> {
     if folder.join(manifest::FILE).exists() {
         let manifest = Manifest::read(folder)?;
@@ -485,7 +486,7 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
     };
     if let Some(shard) = others.iter().find(is_shard) {
         bail!(
-            "{} has no {}, so its numbers cannot be told from others: run that shard anew, or take the folder away",
+            "{} has no {}, so its numbers cannot be told from others: run that shard again, or remove the folder",
             shard.display(),
             manifest::FILE
         );
@@ -500,7 +501,7 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
         .filter_map(Result::transpose)
         .collect::<Result<_>>()?;
     if let Some(run) = below.first().filter(|_| shards.is_empty()) {
-        bail!("{show} is no run but holds runs: give one of them, as {}", run.display());
+        bail!("{show} is not a run but holds runs: give one of them, such as {}", run.display());
     }
     let Some((_, first, Shard { count, .. })) = shards.first().cloned() else {
         bail!("{show} holds no run: give a folder that `experiments run` has written, where manifest.json is");

@@ -1,22 +1,22 @@
-//! The list of a run's pictures: the runner writes it, the report reads it.
+//! The list of a run's pictures, which the runner writes and the report reads.
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// A picture of a run, as the list tells of it.
+/// An entry of the list.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub(crate) struct RunPicture {
-    /// Name of a file beside the list.
+    /// Name of the file, which lies next to the list.
     pub(crate) file: String,
-    /// A few words.
+    /// Title, a few words.
     pub(crate) title: String,
-    /// A sentence.
+    /// Caption, one sentence.
     pub(crate) caption: String,
     /// `reference`, `frame`, `tile-map`, `flicker-map` or `error-map`.
     pub(crate) kind: String,
-    /// Which choice it shows, as in the columns of a row.
+    /// View of the picture, as in [`crate::row::Row`].
     pub(crate) view: String,
     /// See [`crate::row::Row`].
     pub(crate) variant: String,
@@ -28,7 +28,7 @@ pub(crate) struct RunPicture {
     pub(crate) temporal: String,
     /// See [`crate::row::Row`].
     pub(crate) setting: String,
-    /// Where its file lies; not part of the list.
+    /// Folder of the file; not part of the list.
     #[serde(skip)]
     pub(crate) folder: PathBuf,
 }

@@ -1,7 +1,7 @@
-//! Rows as files: Parquet for programs, CSV for eyes and spreadsheets. Both hold every number exactly, NaN included.
+//! Rows as files: Parquet for programs, CSV for people and spreadsheets. Both store every number exactly, including NaN.
 //!
-//! A file's bytes follow from its rows alone: no time, no name of a machine. Parquet has no checksum that its readers insist on, so the file's own
-//! notes carry one of all values: what was damaged is refused, not averaged.
+//! The bytes of a file depend only on its rows: it contains no time and no machine name. Parquet readers do not insist on a checksum, so the file's
+//! metadata contains one of all values: damaged data is refused instead of averaged.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -28,17 +28,17 @@ use twox_hash::XxHash64;
 use crate::process::quietly;
 use crate::row::{COLUMNS, Column, Field, Row};
 
-/// Version of the columns and of what they mean; a file of another is refused.
+/// Version of the columns and their meanings; files of other versions are refused.
 pub const SCHEMA: &str = "1";
 
 const NOTE_SCHEMA: &str = "scree.schema";
 const NOTE_ROWS: &str = "scree.rows";
 const NOTE_CHECKSUM: &str = "scree.xxhash64";
 
-/// Values that are read at once.
+/// Number of values that are read at once.
 const BATCH: usize = 1 << 16;
 
-/// Rows of a file, and what is noted about them.
+/// Rows of a file, and its notes (key-value metadata).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// The rows, in the file's order.
@@ -47,10 +47,10 @@ pub struct Table {
     pub notes: BTreeMap<String, String>,
 }
 
-/// Groups of rows, one after the other: a file larger than memory can be written.
+/// Groups of rows, produced one after another, so that a file can be larger than memory.
 pub type Groups<'a> = &'a mut dyn Iterator<Item = Result<Vec<Row>>>;
 
-/// The checksum of all rows: xxHash64 over every value in turn.
+/// The checksum of all rows: xxHash64 of every value in order.
 struct Checksum {
     hasher: XxHash64,
     rows: u64,
@@ -93,10 +93,10 @@ impl Checksum {
     }
 }
 
-/// A row group of every [`Groups`] item that holds rows, then the notes.
+/// Writes a row group for every [`Groups`] item that has rows, then the notes.
 ///
 /// # Errors
-/// A group that cannot be had, or the disk: then there is no file, or the one that was there before.
+/// A group cannot be produced, or the disk fails; then the file is absent, or unchanged if it existed before.
 pub fn write_parquet(file: &Path, groups: Groups<'_>, notes: &[(String, String)]) -> Result<()> {
     write_with(file, |output| {
         let fields: String = COLUMNS.iter().map(declaration).collect();
@@ -160,10 +160,10 @@ fn declaration(column: &Column) -> String {
     }
 }
 
-/// The same rows as CSV with a header.
+/// Writes the same rows as CSV with a header.
 ///
 /// # Errors
-/// As [`write_parquet`].
+/// See [`write_parquet`].
 pub fn write_csv(file: &Path, groups: Groups<'_>) -> Result<()> {
     write_with(file, |output| {
         let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(output);
@@ -177,7 +177,7 @@ pub fn write_csv(file: &Path, groups: Groups<'_>) -> Result<()> {
     })
 }
 
-/// A file that is written whole, and is on the disk before it has its name.
+/// Writes a file completely, and flushes it to the disk before it gets its name.
 pub(crate) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>) -> Result<()> {
     let done = write_whole(file, |temporary| {
         let written = (|| {
@@ -193,7 +193,7 @@ pub(crate) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)
     })
 }
 
-/// What the system said, where it was the system.
+/// The error of the operating system, if there was one.
 fn failure(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(source) => match source.downcast::<io::Error>() {
@@ -204,10 +204,11 @@ fn failure(error: ParquetError) -> io::Error {
     }
 }
 
-/// Reads a file that [`write_parquet`] has written; columns of other names are passed over.
+/// Reads a file that [`write_parquet`] has written; unknown columns are ignored.
 ///
 /// # Errors
-/// One line: no Parquet, truncated or damaged, a column that is missing or of another type, another schema, values that are not those written.
+/// One line: not Parquet, truncated or damaged, a column that is missing or has another type, another schema, or values that differ from those
+/// written.
 pub fn read_parquet(file: &Path) -> Result<Table> {
     decode_parquet(File::open(file).with_context(|| format!("cannot read {}", file.display()))?, file)
 }
@@ -215,7 +216,7 @@ pub fn read_parquet(file: &Path) -> Result<Table> {
 /// Reads the contents of a file that [`write_parquet`] has written; `file` names it in errors.
 ///
 /// # Errors
-/// As [`read_parquet`].
+/// See [`read_parquet`].
 pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<Table> {
     let damaged = |what: String| {
         let what = one_line(&what);
@@ -223,7 +224,7 @@ pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<
     };
     let reader = quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer does not hold together".to_owned()))?;
     let reader = reader.map_err(|error| damaged(format!("no Parquet file ({error})")))?;
-    // The reader has bounds that a damaged file can make it run over.
+    // A damaged file can make the reader exceed array bounds, so panics are caught.
     match quietly(|| read(&reader)) {
         Some(outcome) => outcome.map_err(|error| damaged(format!("{error:#}"))),
         None => Err(damaged("its pages do not hold together".to_owned())),
@@ -256,12 +257,12 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
         }
         places.push(place);
     }
-    // A few damaged bytes can stand for any number of values.
-    let most: usize = count.parse().with_context(|| format!("`{count}` is no number of rows"))?;
+    // A few damaged bytes can claim any number of values.
+    let most: usize = count.parse().with_context(|| format!("`{count}` is not a number of rows"))?;
     let mut rows: Vec<Row> = Vec::new();
     for index in 0..reader.num_row_groups() {
         let group = reader.get_row_group(index).map_err(|error| anyhow!("row group {index}: {error}"))?;
-        // Texts come first, and how many there are is found by reading them: a number in a damaged file is no reason to make room.
+        // Texts are read first. They give the number of rows: a number in a damaged file must not decide how much memory is allocated.
         let mut of_group: Vec<Row> = Vec::new();
         for (column, &place) in COLUMNS.iter().zip(&places) {
             let most = if place == places[0] { Some(most.saturating_sub(rows.len())) } else { None };
@@ -279,7 +280,7 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
     Ok(Table { rows, notes })
 }
 
-/// Reads a column into the rows of its group. Of the first column `first` is how many rows there may be, and the rows are made.
+/// Reads a column into the rows of its group. For the first column, `first` is the largest number of rows, and the rows are created.
 fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first: Option<usize>, rows: &mut Vec<Row>) -> Result<()> {
     check_dictionaries(group, place)?;
     let reader = group.get_column_reader(place)?;
@@ -317,11 +318,11 @@ fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first:
     }
 }
 
-/// Refuses a dictionary that claims more values than its bytes can hold: the library makes room for as many as it claims, which may be 2^31.
+/// Refuses a dictionary that claims more values than its bytes can hold. The library allocates as many as it claims, up to 2^31.
 fn check_dictionaries(group: &dyn RowGroupReader, place: usize) -> Result<()> {
     let mut pages = group.get_column_page_reader(place)?;
     while let Some(page) = pages.get_next_page()? {
-        // The shortest value is a text's length or a whole number, 4 bytes.
+        // The shortest values take 4 bytes: the length of a text, or a whole number.
         if let Page::DictionaryPage { buf, num_values, .. } = page
             && num_values as usize > buf.len() / 4
         {
@@ -338,7 +339,7 @@ fn fill<T>(rows: &mut [Row], values: Vec<Option<T>>, set: impl Fn(&mut Row, Opti
     rows.iter_mut().zip(values).try_for_each(|(row, value)| set(row, value))
 }
 
-/// Every value of a column of a row group, `most` of them or fewer; with `optional`, absent ones, too.
+/// Values of a column of a row group, at most `most`; with `optional`, including absent ones.
 fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool, most: usize) -> Result<Vec<Option<T::T>>> {
     let mut all = Vec::new();
     loop {

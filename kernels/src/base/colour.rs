@@ -15,19 +15,19 @@ pub fn luminance<T: Float>(colour: [T; 3]) -> T {
     r * colour[0] + g * colour[1] + b * colour[2]
 }
 
-/// A linear value, clamped to 0..=1, in the encoding of sRGB, 0..=1; 0 for NaN.
+/// Encodes a linear value as sRGB, 0..=1. The value is clamped to 0..=1; NaN gives 0.
 pub fn srgb_from_linear<T: Float>(linear: T) -> T {
     let linear = if linear > T::zero() { linear.min(T::one()) } else { T::zero() };
     if linear <= of(0.003_130_8) { of::<T>(12.92) * linear } else { of::<T>(1.055) * linear.powf(T::one() / of(2.4)) - of(0.055) }
 }
 
-/// The linear value of an sRGB-encoded one in 0..=1.
+/// Decodes an sRGB value in 0..=1 to a linear value.
 pub fn linear_from_srgb<T: Float>(encoded: T) -> T {
     if encoded <= of(0.040_45) { encoded / of(12.92) } else { ((encoded + of(0.055)) / of(1.055)).powf(of(2.4)) }
 }
 
-/// Nearest 8-bit code of a number in 0..=1, clamped; 0 for NaN.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a cast of a float saturates, and takes NaN to 0")]
+/// Nearest 8-bit code of a number. The number is clamped to 0..=1; NaN gives 0.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a cast of a float saturates and turns NaN into 0")]
 pub fn unorm8(value: f32) -> u8 {
     (value * 255.0 + 0.5) as u8
 }

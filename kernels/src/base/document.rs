@@ -1,4 +1,4 @@
-//! Reading a TOML document into its types, and saying where in it something is wrong: for scene files and experiments alike.
+//! Reads TOML documents (scene files and definitions of experiments) into their types, and reports errors with their line.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -15,16 +15,16 @@ use toml::de::{DeTable, DeValue};
 use crate::base::error::one_line;
 use crate::base::names::nearest;
 
-/// Documents are small; anything larger was given by mistake.
+/// Documents are small; a larger file was given by mistake.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// The text of a document file, at most 4 MiB of UTF-8. `kind` names what it should be, as `scene`.
+/// The text of a document file, at most 4 MiB of UTF-8. `kind` names the expected kind of document, such as `scene`.
 ///
 /// # Errors
-/// One line that says why there is none: a device, too large, unreadable, not text. The file's name is not in it.
+/// The reason in one line, without the file's name: the file is a device, too large, unreadable, or not text.
 pub fn text_of(file: &Path, kind: &str) -> Result<String, String> {
     let unreadable = |error: std::io::Error| format!("cannot be read: {error}");
-    // A device or pipe has no end to read to.
+    // Reading a device or a pipe may never end.
     let metadata = fs::metadata(file).map_err(unreadable)?;
     if !metadata.is_file() {
         return Err(format!("is not a plain file: give the {kind}'s .toml file"));
@@ -38,10 +38,10 @@ pub fn text_of(file: &Path, kind: &str) -> Result<String, String> {
     text(fs::read(file).map_err(unreadable)?, kind)
 }
 
-/// The text that the bytes of a document file are. `kind` as for [`text_of`].
+/// Decodes the bytes of a document file as text. `kind` is as for [`text_of`].
 ///
 /// # Errors
-/// One line: they are not UTF-8.
+/// The bytes are not UTF-8; the message is one line.
 pub fn text(bytes: Vec<u8>, kind: &str) -> Result<String, String> {
     String::from_utf8(bytes).map_err(|_| format!("is not UTF-8 text: a {kind} is a TOML file"))
 }
@@ -56,7 +56,7 @@ pub struct Wrong {
 }
 
 impl Wrong {
-    /// `name` of the text, and the line.
+    /// The place of the error: the document's `name` and, where known, the line.
     pub fn place(&self, name: &str) -> String {
         self.line.map_or_else(|| name.to_owned(), |line| format!("{name}:{line}"))
     }
@@ -71,7 +71,7 @@ pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&
         let (line, what) = explain(text, &error, remedy_of_missing);
         Wrong { line, what }
     })?;
-    // Of a list that is too long the reader takes what it needs and drops the rest without a word.
+    // The TOML reader silently drops the surplus entries of a list that is too long, so compare the result with the document.
     let whole = |what: String| Wrong { line: None, what: one_line(&what) };
     let given = text.parse::<toml::Table>().map_err(|error| whole(error.to_string()))?;
     let taken = toml::Table::try_from(&read).map_err(|error| whole(error.to_string()))?;
@@ -79,7 +79,7 @@ pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&
     problem.map_or(Ok(read), |problem| Err(problem.wrong(text)))
 }
 
-/// The first list of which less was taken than was given.
+/// The first list of which the reader has `taken` fewer entries than were `given`.
 fn surplus(given: &toml::Value, taken: &toml::Value, path: &mut Vec<Step>) -> Option<Problem> {
     let mut within = |step: Step, given: &toml::Value, taken: &toml::Value| {
         path.push(step);
@@ -101,7 +101,7 @@ fn surplus(given: &toml::Value, taken: &toml::Value, path: &mut Vec<Step>) -> Op
     }
 }
 
-/// One part of the way to a value in the file.
+/// One step of the path to a value in the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
     /// A key of a table.
@@ -113,16 +113,16 @@ pub enum Step {
 /// What is wrong, and with which value.
 #[derive(Clone, Debug)]
 pub struct Problem {
-    /// Way to the value in the file.
+    /// Path to the value in the file.
     pub path: Vec<Step>,
     /// What is wrong and how to mend it.
     pub what: String,
-    /// Whether that is a whole sentence, which names the value itself.
+    /// Whether `what` is a complete sentence that names the value, so that the path is not shown before it.
     is_sentence: bool,
 }
 
 impl fmt::Display for Problem {
-    /// `material 3, tile_m: ...`, counting from 1 as people do, on one line.
+    /// One line, `material 3, tile_m: ...`. Entries of lists are counted from 1.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_sentence {
             return f.write_str(&one_line(&self.what));
@@ -142,39 +142,39 @@ impl fmt::Display for Problem {
     }
 }
 
-/// What a check finds.
+/// The result of a check.
 pub type Checked = Result<(), Problem>;
 
-/// A value's place while checking: a path that grows on the way down.
+/// The place of a value during checking: a path that gets longer with each nested key or index.
 #[derive(Clone, Debug, Default)]
 pub struct At(Vec<Step>);
 
 impl At {
-    /// The document itself.
+    /// The top level of the document.
     pub fn top() -> At {
         At::default()
     }
 
-    /// A key of the table here.
+    /// The place of a key, in the table at this place.
     pub fn key(&self, key: impl Into<Cow<'static, str>>) -> At {
         let mut path = self.0.clone();
         path.push(Step::Key(key.into()));
         At(path)
     }
 
-    /// A place in the array here, from 0.
+    /// The place of an entry, in the array at this place; `index` counts from 0.
     pub fn index(&self, index: usize) -> At {
         let mut path = self.0.clone();
         path.push(Step::Index(index));
         At(path)
     }
 
-    /// What is wrong here and how to mend it.
+    /// A problem with the value at this place: what is wrong and how to mend it.
     pub fn problem(&self, what: impl Into<String>) -> Problem {
         Problem { path: self.0.clone(), what: what.into(), is_sentence: false }
     }
 
-    /// What is wrong here, said by a sentence that names the value itself.
+    /// A problem with the value at this place, described by a complete sentence that names the value.
     pub fn sentence(&self, what: String) -> Problem {
         Problem { path: self.0.clone(), what, is_sentence: true }
     }
@@ -186,35 +186,35 @@ impl At {
     }
 
     /// # Errors
-    /// Unless `low <= value <= high`; a number that is none fails.
+    /// The value is not in `low..=high`, or it is NaN.
     pub fn within(&self, value: f64, low: f64, high: f64) -> Checked {
         if (low..=high).contains(&value) { Ok(()) } else { self.fail(format!("is {value}, must lie in {low}..={high}")) }
     }
 
     /// # Errors
-    /// Unless `0 < value <= high`.
+    /// The value is not above 0, or it is above `high`, or it is NaN.
     pub fn positive(&self, value: f64, high: f64) -> Checked {
         if value > 0.0 && value <= high { Ok(()) } else { self.fail(format!("is {value}, must be above 0 and at most {high}")) }
     }
 
     /// # Errors
-    /// Unless [`At::within`] holds for each.
+    /// [`At::within`] refuses one of the values.
     pub fn all_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
         values.iter().try_for_each(|&value| self.within(value, low, high))
     }
 
     /// # Errors
-    /// Unless it is a band `[from, to]` within the limits, not reversed.
+    /// The band `[from, to]` has an end outside the limits, or `from` is above `to`. `None` is accepted.
     pub fn band(&self, band: Option<[f64; 2]>, low: f64, high: f64) -> Checked {
         let Some([from, to]) = band else { return Ok(()) };
         self.all_within(&[from, to], low, high)?;
         if from <= to { Ok(()) } else { self.fail(format!("[{from}, {to}] is reversed: write [{to}, {from}]")) }
     }
 
-    /// Names go into tables and on terminals.
+    /// Checks a name that is shown in tables and on terminals.
     ///
     /// # Errors
-    /// Unless it is 1 to 100 characters on one line.
+    /// The name does not have 1 to 100 characters on one line.
     pub fn name(&self, name: &str) -> Checked {
         if name.trim().is_empty() {
             return self.fail("is empty: give a name");
@@ -225,32 +225,32 @@ impl At {
         Ok(())
     }
 
-    /// Names that become parts of file names.
+    /// Checks a name that becomes part of a file name.
     ///
     /// # Errors
-    /// Unless it is a name of letters, digits, - and _.
+    /// [`At::name`] refuses the text, or it has other characters than letters, digits, - and _.
     pub fn file_stem(&self, text: &str) -> Checked {
         self.name(text)?;
         let plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
         if text.chars().all(plain) { Ok(()) } else { self.fail(format!("`{text}` may hold only letters, digits, - and _")) }
     }
 
-    /// Names of the tables in the array here.
+    /// Checks the names of the tables in the array at this place.
     ///
     /// # Errors
-    /// Where one is given twice.
+    /// A name is used twice.
     pub fn unique_names<'a>(&self, names: impl Iterator<Item = &'a str>) -> Checked {
         let mut seen = HashMap::new();
         for (i, name) in names.enumerate() {
             if let Some(before) = seen.insert(name, i) {
-                return self.index(i).key("name").fail(format!("`{name}` is already the name of number {}: give each its own", before + 1));
+                return self.index(i).key("name").fail(format!("`{name}` is already the name of entry {}: give each its own", before + 1));
             }
         }
         Ok(())
     }
 }
 
-/// Line (from 1) and one-line text of what the TOML reader objected to.
+/// Line (from 1) and one-line description of an error of the TOML reader.
 fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &'static str) -> (Option<usize>, String) {
     let message = one_line(error.message());
     let span = error.span();
@@ -260,7 +260,7 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
             Some(key) => format!("the key `{key}` is missing{}", remedy_of_missing(key)),
             None => match span.as_ref().and_then(|span| find_value(text, &message, span)) {
                 Some((key, at)) => return (Some(line(&at)), format!("{key}: {message}")),
-                // The reader tells what it did not like, and where, but not of which key.
+                // The reader's message has the error and its position, but not the key.
                 None => match span.as_ref().and_then(|span| key_of_value(text, span)) {
                     Some(key) if !message.contains(&format!("`{key}`")) => format!("{key}: {message}"),
                     _ => message,
@@ -270,7 +270,7 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
         return (span.as_ref().map(line), what);
     };
     let (key, expected) = rest.split_once('`').unwrap_or((rest, ""));
-    // Backticked words at odd places of "expected one of `a`, `b`".
+    // The names in backticks are the odd parts of "expected one of `a`, `b`", split at the backticks.
     let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
     let hint = nearest(key, &known).map_or_else(
         || {
@@ -280,25 +280,25 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
         },
         |near| format!("did you mean `{near}`?"),
     );
-    // The reader's span is that of the whole table where an enumeration is read through its tag.
+    // Where an enumeration is read through its tag, the reader's span covers the whole table.
     let at = find_key(text, key, span.as_ref()).or(span);
     (at.as_ref().map(line), format!("unknown key `{key}`: {hint}"))
 }
 
-/// A key and the value it has, as they stand in the text.
+/// A key, and where the key and its value stand in the text.
 struct Entry {
     key: String,
     key_at: Range<usize>,
     value_at: Range<usize>,
 }
 
-/// The innermost key in whose value a span begins.
+/// The innermost key whose value contains the start of a span.
 fn key_of_value(text: &str, span: &Range<usize>) -> Option<String> {
     let holding = entries(text).into_iter().filter(|entry| entry.value_at.contains(&span.start));
     holding.min_by_key(|entry| entry.value_at.len()).map(|entry| entry.key)
 }
 
-/// Every key of the text, from top to bottom; none where the text is not TOML.
+/// Every key of the text, from top to bottom; empty if the text is not TOML.
 fn entries(text: &str) -> Vec<Entry> {
     fn visit(table: &DeTable<'_>, found: &mut Vec<Entry>) {
         for (name, value) in table {
@@ -325,7 +325,7 @@ fn holds(outer: &Range<usize>, inner: &Range<usize>) -> bool {
     outer.start <= inner.start && inner.end <= outer.end
 }
 
-/// Where a key of this name is written, inside `within` if it is there.
+/// Position of a key with this name: the first one inside `within` or, if there is none, the first in the text.
 fn find_key(text: &str, key: &str, within: Option<&Range<usize>>) -> Option<Range<usize>> {
     let mut entries = entries(text);
     entries.retain(|entry| entry.key == key);
@@ -333,8 +333,8 @@ fn find_key(text: &str, key: &str, within: Option<&Range<usize>>) -> Option<Rang
     entries.iter().find(inside).or(entries.first()).map(|entry| entry.key_at.clone())
 }
 
-/// Key and place of the value that the reader objected to at `span`: the value there or, where the reader only knew the table,
-/// the one that the message quotes.
+/// Key of the value that caused the reader's error at `span`, and the key's position. It is the value at `span` or, if the span covers a whole table,
+/// the value that the message quotes.
 fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String, Range<usize>)> {
     if !message.starts_with("invalid ") {
         return None;
@@ -342,14 +342,15 @@ fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String,
     let entries = entries(text);
     let quoted = message.split(['`', '"']).nth(1)?;
     let written = |entry: &&Entry| text.get(entry.value_at.clone()).is_some_and(|value| value.trim_matches('"') == quoted);
-    // The last is the innermost.
+    // The last entry that contains the span is the innermost one.
     let exact = entries.iter().rev().find(|entry| holds(&entry.value_at, span) && !text[entry.value_at.clone()].starts_with('['));
     let found = exact.or_else(|| entries.iter().filter(|entry| entry.key_at.start >= span.start).find(written))?;
     Some((found.key.clone(), found.key_at.clone()))
 }
 
 impl Problem {
-    /// Where in `text` it is: the deepest part of the way that is written there, since what is left out has its default value.
+    /// The problem with its line in `text`: the line of the deepest step of the path that the text contains. Later steps may be missing, because
+    /// values that are left out have their defaults.
     pub fn wrong(&self, text: &str) -> Wrong {
         Wrong { line: line_of_problem(text, self), what: self.to_string() }
     }

@@ -29,10 +29,10 @@ pub enum Error {
         /// What is wrong and how to mend it.
         what: String,
     },
-    /// The machine has no adapter that will do.
+    /// The machine has no suitable adapter.
     #[error("adapter: {0}")]
     Adapter(String),
-    /// A call asks for what cannot be done.
+    /// A call asks for something that is not possible.
     #[error("{0}")]
     Request(String),
     /// The GPU reported an error.
@@ -43,7 +43,7 @@ pub enum Error {
     File {
         /// The file or folder.
         file: PathBuf,
-        /// The system's reason.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// Reading or writing an image failed.
@@ -56,8 +56,8 @@ pub enum Error {
     },
 }
 
-/// The text on one line: each run of white space and control characters, breaks of a line and escapes of a terminal included, made one blank. What files
-/// say of themselves goes through it into errors.
+/// The text on one line: each run of white space and control characters, including line breaks and terminal escapes, becomes one blank. Texts from
+/// files pass through this function before they become part of an error.
 pub fn one_line(text: &str) -> String {
     text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }

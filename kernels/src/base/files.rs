@@ -1,4 +1,4 @@
-//! Files and folders that appear whole or not at all.
+//! Writes files and folders that appear complete or not at all.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
     move |source| Error::File { file: file.to_owned(), source }
 }
 
-/// Runs `write` on a temporary file beside `file`, then renames it: the file is whole or absent.
+/// Runs `write` on a temporary file beside `file`, then renames it: the file is complete or absent.
 ///
 /// # Errors
 /// When writing or renaming fails; nothing is left behind.
@@ -25,7 +25,7 @@ pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std
     done
 }
 
-/// A folder that is filled under a temporary name beside its final place, and removed again unless it is finished.
+/// A folder that is filled under a temporary name beside its final place, and removed unless [`WholeFolder::finish`] is called.
 pub struct WholeFolder {
     temporary: PathBuf,
     place: PathBuf,
@@ -46,7 +46,7 @@ impl WholeFolder {
         Ok(WholeFolder { temporary, place: place.to_owned() })
     }
 
-    /// Where to write.
+    /// The temporary folder, to write into.
     pub fn folder(&self) -> &Path {
         &self.temporary
     }
@@ -56,7 +56,7 @@ impl WholeFolder {
     /// # Errors
     /// A folder of that name is not empty, or it cannot be renamed. Then nothing is left behind.
     pub fn finish(self) -> Result<()> {
-        // Some systems rename onto an empty folder, others do not.
+        // Not every system can rename a folder onto an empty one.
         if self.place.exists() {
             fs::remove_dir(&self.place).map_err(failed(&self.place))?;
         }
@@ -66,7 +66,7 @@ impl WholeFolder {
 
 impl Drop for WholeFolder {
     fn drop(&mut self) {
-        // A temporary folder that cannot be removed stays; one that was renamed is gone.
+        // Errors are ignored: after `finish` the temporary folder no longer exists, and one that cannot be removed stays.
         drop(fs::remove_dir_all(&self.temporary));
     }
 }

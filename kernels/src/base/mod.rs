@@ -1,4 +1,4 @@
-//! What every other module may use, and what knows nothing of terrain: errors, names, documents, files, progress, colour.
+//! Helpers that every other module may use and that do not depend on terrain: errors, names, documents, files, progress, colour.
 
 pub mod colour;
 pub mod document;

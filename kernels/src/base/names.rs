@@ -1,7 +1,7 @@
-//! Known names: which one was meant.
+//! Suggestions for misspelled names.
 
-/// The known word that `word` was probably meant to be: at most a third of its letters wrong (at least one letter may be, never
-/// all). Case, `-` and `_` are not told apart; ties go to the earlier word.
+/// The known word nearest to `word`, if at most a third of the letters differ. One differing letter is always accepted, but not if it is the whole
+/// word. Upper and lower case count as equal, and so do `-` and `_`; of equally near words the first one is taken.
 pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace('_', "-");
     let wanted = plain(word);
@@ -9,7 +9,7 @@ pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let most = |candidate: &str| (length.max(candidate.chars().count()) / 3).max(1);
     known
         .iter()
-        // Words are at least as far apart as their lengths: a word of megabytes is compared with none.
+        // The distance of two words is at least the difference of their lengths, so a word of megabytes need not be compared.
         .filter(|candidate| length.abs_diff(candidate.chars().count()) <= most(candidate))
         .map(|&candidate| (strsim::osa_distance(&wanted, &plain(candidate)), candidate))
         .filter(|&(distance, candidate)| distance <= most(candidate) && distance < length.max(1))
@@ -17,7 +17,7 @@ pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
         .map(|(_, candidate)| candidate)
 }
 
-/// What to say beside a word that is not among the known ones: the nearest, or else all of them.
+/// A hint for an unknown word: the nearest known word or, if none is near, all known words.
 pub fn suggestion(word: &str, known: &[&str]) -> String {
     nearest(word, known).map_or_else(|| format!("there are {}", known.join(", ")), |near| format!("did you mean `{near}`?"))
 }

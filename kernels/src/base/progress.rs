@@ -1,6 +1,6 @@
-//! How far long work has come.
+//! Progress of long work.
 
-/// A step of long work, and how far it is.
+/// The progress of one stage of long work.
 #[derive(Clone, Debug)]
 pub struct Progress {
     /// What is being done.

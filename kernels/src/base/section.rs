@@ -1,11 +1,11 @@
-//! Numbers for people to read.
+//! Sections of numbers, for display.
 
-/// Numbers of the last frame for people to read.
+/// A titled list of numbers of the last frame, for display.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
     /// Its title.
     pub name: &'static str,
-    /// What the numbers are of, one sentence.
+    /// What the numbers describe, in one sentence.
     pub about: &'static str,
     /// Names and values. A name that is indented belongs to the row above.
     pub rows: Vec<(String, String)>,
@@ -16,7 +16,7 @@ pub fn row(name: &str, value: impl ToString) -> (String, String) {
     (name.to_owned(), value.to_string())
 }
 
-/// A number of bytes for people: MiB.
+/// A number of bytes as text, in MiB.
 pub fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }

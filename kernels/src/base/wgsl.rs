@@ -1,7 +1,7 @@
-//! WGSL files, what each of them needs, and the constants that the host hands to it.
+//! WGSL files, their dependencies, and the constants that the host passes to them.
 //!
-//! No preprocessor: a module is its files one after the other, those that are needed first. Constants that host and shader share are declared in Rust
-//! and written out as WGSL before the file that uses them.
+//! There is no preprocessor: a module is the concatenation of its files, each after its dependencies. Constants that host and shader share are
+//! declared in Rust and written out as WGSL before the file that uses them.
 
 use std::fmt::Write as _;
 
@@ -23,7 +23,7 @@ impl Constant {
         Constant::F32(value as f32)
     }
 
-    /// As WGSL spells it. The shortest text that gives the same f32 back is exact.
+    /// The declaration in WGSL. The number is exact: it is the shortest text that reads back as the same f32.
     fn wgsl(self, name: &str) -> String {
         match self {
             Constant::U32(value) => format!("const {name}: u32 = {value}u;\n"),
@@ -36,13 +36,13 @@ impl Constant {
 /// A WGSL file.
 #[derive(Debug)]
 pub struct Wgsl {
-    /// Where it lies in `kernels/src`, as `shared/hash.wgsl`.
+    /// Its path in `kernels/src`, such as `shared/hash.wgsl`.
     pub path: &'static str,
-    /// Its text as compiled in.
+    /// Its text, embedded at compile time.
     pub text: &'static str,
-    /// Files whose declarations it uses. Those that they need in turn are not listed.
+    /// Files whose declarations it uses. The dependencies of those files are not listed.
     pub needs: &'static [&'static Wgsl],
-    /// Constants that the host hands to it, by name.
+    /// Constants that the host passes to it, by name.
     pub constants: &'static [(&'static str, Constant)],
 }
 
@@ -59,7 +59,7 @@ impl Wgsl {
     }
 }
 
-/// The files of a module that uses `roots`: each once, behind all that it needs.
+/// The files of a module that uses `roots`: each once, after all its dependencies.
 pub fn closure(roots: &[&'static Wgsl]) -> Vec<&'static Wgsl> {
     fn visit(file: &'static Wgsl, begun: &mut Vec<&'static str>, all: &mut Vec<&'static Wgsl>) {
         if begun.contains(&file.path) {
@@ -78,17 +78,17 @@ pub fn closure(roots: &[&'static Wgsl]) -> Vec<&'static Wgsl> {
     all
 }
 
-/// A piece of a module: a file, or text that the program makes.
+/// A piece of a module: a file, or generated text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Piece {
-    /// Path of the file; of other text what it is.
+    /// The path of the file; for generated text, a description.
     pub path: String,
     /// WGSL.
     pub text: String,
 }
 
 impl Piece {
-    /// Text that the program makes.
+    /// A piece of generated text.
     pub fn new(path: &str, text: impl Into<String>) -> Piece {
         Piece { path: path.to_owned(), text: text.into() }
     }

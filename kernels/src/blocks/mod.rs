@@ -1,8 +1,8 @@
-//! BC1 and BC3 images on the CPU: whole RGBA8 images in, blocks out, and back.
+//! Encoder and decoder for BC1 and BC3 images on the CPU. They convert complete RGBA8 images to blocks, and back.
 //!
-//! Texels are row-major, 4 bytes each, red first. Block formats: Direct3D 11.3 functional specification, section 19.5
-//! ("Block Compression Formats"). The encoder is `texpresso`, in its fast setting: the colour line of a block runs between
-//! the extremes along its principal axis.
+//! Texels are row-major, 4 bytes each, red first. Block formats: Direct3D 11.3 functional specification, section 19.5 ("Block Compression
+//! Formats"). The encoder is `texpresso`. In its fast setting, the colour line of a block runs between the extreme colours along the
+//! block's principal axis.
 
 use rayon::prelude::*;
 use texpresso::{Algorithm, Format, Params};
@@ -10,9 +10,9 @@ use texpresso::{Algorithm, Format, Params};
 /// A block format of node payloads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockFormat {
-    /// 8 bytes a block: a line of colours (565 end points), alpha 0 or 255.
+    /// 8 bytes per block: a line of colours between two 5:6:5 end points; alpha is 0 or 255.
     Bc1,
-    /// 16 bytes a block: BC1's colours, and an alpha line of 8 values with 8-bit end points.
+    /// 16 bytes per block: colours as in BC1, and a line of 8 alpha values between two 8-bit end points.
     Bc3,
 }
 
@@ -41,17 +41,17 @@ impl BlockFormat {
 /// How much effort the encoder spends on a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Range fit: about a microsecond a block.
+    /// Range fit: about a microsecond per block.
     Fast,
-    /// Range fit, improved by [`refine`]: within a decibel of the cluster fit in a small part of its time.
+    /// Range fit, improved by `refine`. Its quality is within one decibel of the cluster fit, in a small part of the time.
     Refined,
-    /// Iterated cluster fit: tens of microseconds a block, for the few blocks that are worth it.
+    /// Iterated cluster fit: tens of microseconds per block. Meant for the few blocks where quality matters most.
     Best,
 }
 
 /// Encodes an RGBA8 image. Texels with alpha below 128 become BC1's transparent black.
 ///
-/// `weights` says how much an error in red, green and blue matters.
+/// `weights`: relative importance of errors in red, green and blue.
 ///
 /// # Panics
 /// If `rgba` does not hold `width * height * 4` bytes.
@@ -86,9 +86,10 @@ pub fn encode(format: BlockFormat, rgba: &[u8], width: usize, height: usize, wei
     blocks
 }
 
-/// Alternates the two halves of the fit while that helps, at most twice: end points by least squares for the given indices, then the
-/// nearest palette entry for each texel. Each half can only lower the weighted squared error, quantisation aside, which is checked.
-/// Blocks in BC1's three-colour mode (flat ones, mostly) stay as they are.
+/// Improves a block by two alternating steps, at most twice, as long as the error falls: compute the end points by least squares for the
+/// given indices; then choose the nearest palette entry for each texel. Without quantisation, neither step could raise the weighted squared
+/// error; because of quantisation, the error is compared after each round. Blocks in BC1's three-colour mode (mostly blocks of one colour)
+/// are not changed.
 fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
     // Share of the first end point in palette entries 0 to 3.
     const SHARE: [f32; 4] = [1.0, 0.0, 2.0 / 3.0, 1.0 / 3.0];
@@ -118,12 +119,12 @@ fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
         }
         let determinant = aa * bb - ab * ab;
         if determinant < 1e-3 {
-            return; // all texels have one index: nothing to solve for
+            return; // all texels have the same index, so the end points are not determined
         }
         let first = [0, 1, 2].map(|c| (ax[c] * bb - bx[c] * ab) / determinant);
         let second = [0, 1, 2].map(|c| (bx[c] * aa - ax[c] * ab) / determinant);
         let mut candidate = [first, second].map(quantise565);
-        candidate.sort_unstable_by(|a, b| b.cmp(a)); // the greater first: four-colour mode
+        candidate.sort_unstable_by(|a, b| b.cmp(a)); // the greater end point first: four-colour mode
         if candidate[0] == candidate[1] {
             return;
         }
@@ -150,13 +151,13 @@ fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
     }
 }
 
-/// Codes 0..255 of a 5:6:5 colour, low bits filled with the high ones as decoders do.
+/// Expands a 5:6:5 colour to 0..255 per channel. The low bits repeat the high bits, as in decoders.
 fn expand565(code: u16) -> [f32; 3] {
     let (r, g, b) = (code >> 11, (code >> 5) & 63, code & 31);
     [(r << 3) | (r >> 2), (g << 2) | (g >> 4), (b << 3) | (b >> 2)].map(f32::from)
 }
 
-/// The 5:6:5 colour nearest to codes 0..255, clamped.
+/// The 5:6:5 code nearest to a colour with channels in 0..255. Values outside this range are clamped.
 fn quantise565(colour: [f32; 3]) -> u16 {
     let level = |value: f32, most: f32| (value * most / 255.0 + 0.5).clamp(0.0, most) as u16;
     (level(colour[0], 31.0) << 11) | (level(colour[1], 63.0) << 5) | level(colour[2], 31.0)
@@ -182,13 +183,14 @@ pub fn decode(format: BlockFormat, blocks: &[u8], width: usize, height: usize) -
     rgba
 }
 
-/// A BC3 alpha block whose 16 decoded values are never below `needed`, and as little above as the format allows.
+/// A BC3 alpha block whose 16 decoded values are never below `needed`, and exceed it by as little as the format allows.
 ///
-/// Interpolated values are taken as exact fractions rounded down, so that a decoder which rounds either way stays above.
+/// Interpolated values are computed as exact fractions and rounded down. A decoder that rounds up or down therefore never decodes a value
+/// below `needed`.
 pub fn alpha_block_at_least(needed: [u8; 16]) -> [u8; 8] {
     let highest = needed.iter().copied().max().unwrap_or(0);
     let lowest = needed.iter().copied().min().unwrap_or(0);
-    // Six-value mode holds 255 by itself: its line spans only the rest.
+    // The six-value mode has 255 as an additional value, so its line only spans the values below 255.
     let highest_below_full = needed.iter().copied().filter(|&v| v < 255).max().unwrap_or(254);
     let candidates = [(highest, lowest), (lowest.min(highest_below_full), highest_below_full)];
     let mut best: Option<(u32, [u8; 8])> = None;
@@ -214,7 +216,7 @@ pub fn alpha_block_at_least(needed: [u8; 16]) -> [u8; 8] {
     best.expect("the eight-value line reaches the highest value needed").1
 }
 
-/// The 8 values of a BC3 alpha block, fractions rounded down.
+/// The 8 values of a BC3 alpha block. Interpolated values are rounded down.
 fn alpha_palette(first: u8, second: u8) -> [u8; 8] {
     let (a, b) = (u32::from(first), u32::from(second));
     let mix = |k: u32, n: u32| u8::try_from(((n - k) * a + k * b) / n).expect("a mean of two bytes");

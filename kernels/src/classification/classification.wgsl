@@ -1,8 +1,8 @@
-// Classification: the masks of a tile's pixels ORed together are the tile's variant; tiles are appended to the list of their variant.
-// List 0 holds every terrain tile, for the generic kernel; lists 1..31 the variants.
-// The OR itself is in the file after this one: by subgroup operations or by workgroup atomics, with equal results.
+// Classification: the variant of a tile is the OR of the masks of its pixels. Each tile is appended to the list of its variant.
+// List 0 holds every terrain tile, for the generic kernel; lists 1..31 hold the tiles of the variants.
+// The next file computes the OR, by subgroup operations or by workgroup atomics; both give equal results.
 
-// Edge of a tile, pixels; a workgroup is a tile, an invocation a pixel.
+// Edge of a tile, pixels. One workgroup per tile, one invocation per pixel.
 override TILE: u32 = 8u;
 
 struct DrawArguments {

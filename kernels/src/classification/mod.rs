@@ -1,7 +1,8 @@
-//! Classification: a tile's (8 x 8 pixels, by choice 4 x 4 or 16 x 16) variant is the OR of its pixels' masks (ruling 4); tile lists and indirect arguments per variant.
+//! Classification: the variant of a tile (8 x 8 pixels; optionally 4 x 4 or 16 x 16) is the OR of the masks of its pixels (ruling 4). The results are
+//! tile lists and indirect arguments for each variant.
 //!
-//! Reads mask and stencil. Writes 32 tile lists (0 = every terrain tile, 1..=31 = the variants) and 32 indirect draws, see [`tile_vertices`].
-//! One workgroup a tile. Source: Moore, GDC 2018, "Terrain Classification Pass".
+//! Reads mask and stencil. Writes 32 tile lists (0 = every terrain tile, 1..=31 = the variants) and 32 indirect draws, see [`tile_vertices`]. One
+//! workgroup per tile. Source: Moore, GDC 2018, "Terrain Classification Pass".
 
 use bytemuck::cast_slice;
 
@@ -18,36 +19,36 @@ use crate::view;
 
 pub mod reference;
 
-/// Edge of a tile in pixels: Far Cry 5's.
+/// Edge of a tile, pixels: the default, as in Far Cry 5.
 pub const TILE: u32 = 8;
-/// Edges of tiles that can be had, to tell what they cost.
+/// Possible edges of a tile, pixels: for measuring what the size of tiles costs.
 pub const TILES: [u32; 3] = [4, 8, 16];
-/// Bits of a tile's column, and of its row, in an entry of a list.
+/// Bits of a tile's column in an entry of a list; its row has as many.
 pub const TILE_COORDINATE_BITS: u32 = 12;
-/// Lists: every terrain tile, and one a variant.
+/// Number of lists: one of every terrain tile, and one per variant.
 pub const LISTS: u32 = 32;
 /// Bytes of one list's indirect draw arguments.
 pub const ARGUMENT_BYTES: u64 = 16;
 
-/// Tiles that cover a picture.
+/// Columns and rows of tiles that cover a picture.
 pub fn tiles(size: [u32; 2]) -> [u32; 2] {
     tiles_of(size, TILE)
 }
 
-/// Tiles of another edge that cover a picture.
+/// Columns and rows of tiles with the edge `tile` that cover a picture.
 pub fn tiles_of(size: [u32; 2], tile: u32) -> [u32; 2] {
     size.map(|n| n.div_ceil(tile))
 }
 
 /// Vertices that shading draws per tile: 3 where depth can be clamped instead of clipped, else 6.
 ///
-/// Two triangles share the tile's diagonal, and along it pixels that a device shades together are shaded for both. One triangle that
-/// holds a square reaches over it; what it must not shade is beyond depth, which is tested before shading.
+/// Two triangles share the tile's diagonal, and pixels along it that a device shades in one group are shaded twice. One triangle that contains a
+/// square also covers pixels outside it; there, its depth fails the depth test, which runs before shading.
 pub fn tile_vertices(gpu: &Gpu) -> u32 {
     if gpu.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) { 3 } else { 6 }
 }
 
-/// What the pass makes.
+/// Results of the pass.
 pub struct Lists {
     /// 32 lists of packed tiles (x | y << 12 | mask << 24), each with room for every tile.
     pub tiles: wgpu::Buffer,
@@ -58,7 +59,7 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Room for a picture of a size in pixels, cut into tiles of an edge in pixels.
+    /// Allocates for a picture of `size` pixels, cut into tiles with the edge `tile`.
     pub fn new(gpu: &Gpu, size: [u32; 2], tile: u32) -> Lists {
         let tiles_xy = tiles_of(size, tile);
         let [x, y] = tiles_xy;
@@ -81,7 +82,7 @@ impl Lists {
         Ok(std::array::from_fn(|i| words[i][1]))
     }
 
-    /// The packed tiles of every list, in the order they were appended (which no result may depend on).
+    /// The packed tiles of every list, in the order in which they were appended (no result may depend on this order).
     ///
     /// # Errors
     /// When the device is lost.
@@ -113,12 +114,12 @@ pub static PLAIN_MODULE: ShaderModule = ShaderModule::new("classification, plain
 /// The stage's shader module, with subgroup operations.
 pub static SUBGROUP_MODULE: ShaderModule = ShaderModule::new("classification, subgroups", &[&SUBGROUP]);
 
-/// With subgroup operations where the device has them.
+/// The module with subgroup operations if the device has them, else the one with atomics.
 fn module(gpu: &Gpu) -> &'static ShaderModule {
     if gpu.features.contains(wgpu::Features::SUBGROUP) { &SUBGROUP_MODULE } else { &PLAIN_MODULE }
 }
 
-/// `counts`: all tiles with terrain, then those of each variant.
+/// `counts`: the number of tiles with terrain, then the number of tiles of each variant.
 fn tiles_section(counts: &[u32; LISTS as usize]) -> Section {
     let all = counts[0];
     let mut rows = vec![row("Tiles with terrain", all)];
@@ -155,7 +156,7 @@ impl Stage for Classification {
 }
 
 impl Classification {
-    /// Compiles the pass for tiles of an edge in pixels.
+    /// Compiles the pass for tiles with the edge `tile`, pixels.
     ///
     /// # Errors
     /// When the shader does not compile.
@@ -177,7 +178,7 @@ impl Classification {
         Ok(Classification { pipeline, layout, counts: [0; LISTS as usize] })
     }
 
-    /// Tiles in each list of the frame that was submitted last.
+    /// Number of tiles in each tile list of the last submitted frame.
     ///
     /// # Errors
     /// When the device is lost.

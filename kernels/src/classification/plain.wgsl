@@ -1,4 +1,4 @@
-// The tile's OR through workgroup memory, for every adapter.
+// The OR of a tile's masks in workgroup memory, for every adapter.
 
 var<workgroup> tile_mask: atomic<u32>;
 

@@ -1,5 +1,5 @@
-// The tile's OR through subgroup operations first, so that one atomic a subgroup is left.
-// The workgroup is one-dimensional because naga knows subgroup built-ins for no other.
+// The OR of a tile's masks: first by subgroup operations, so that only one atomic per subgroup is left.
+// The workgroup is one-dimensional because naga supports subgroup built-ins only there.
 
 var<workgroup> tile_mask: atomic<u32>;
 

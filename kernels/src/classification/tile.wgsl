@@ -1,4 +1,4 @@
-// An entry of a tile list: column and row of the tile, and its mask. TILE_ROW_SHIFT bits hold a column, as many a row.
+// An entry of a tile list: column and row of the tile, with TILE_ROW_SHIFT bits each, and its mask.
 
 fn tile_entry(tile: vec2<u32>, mask: u32) -> u32 {
     return tile.x | (tile.y << TILE_ROW_SHIFT) | (mask << TILE_MASK_SHIFT);

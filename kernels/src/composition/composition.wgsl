@@ -1,10 +1,10 @@
-// Composition: the pictures of single flavours in, the picture of any set of them out. Albedo is linear in the flavours, and a pixel's weights
-// follow from its distance, its normal and the set: so 31 variants cost five flavours and 31 weighted sums.
+// Composition: makes the picture of any set of flavours from the pictures of single flavours. Albedo is linear in the flavours, and the weights of a
+// pixel follow from its distance, its normal and the set. So 31 variants cost five shading passes and 31 weighted sums.
 
 struct CompositionStream {
-    mask: u32,              // the variant forced on every tile; 0 = each pixel the flavours that it needs
-    modulated: u32,         // 1 = all flavours but the virtual texture count one shared fetch of colour modulation each
-    squared: u32,           // 1 = weights squared: variances of independent flavours add so
+    mask: u32,              // the variant forced on every tile; 0 = each pixel has the flavours that it needs
+    modulated: u32,         // 1 = flavours except the virtual texture share one fetch of colour modulation, which each of them has counted
+    squared: u32,           // 1 = weights are squared, because variances of independent flavours add with squared weights
     pad_0: u32,
 }
 
@@ -21,7 +21,7 @@ struct CompositionStream {
 @group(1) @binding(10) var diagnostics_3: texture_2d<u32>;
 @group(1) @binding(11) var diagnostics_4: texture_2d<u32>;
 @group(2) @binding(0) var<storage, read> streams: array<CompositionStream>;
-// A picture a stream.
+// One picture per stream.
 @group(2) @binding(1) var<storage, read_write> signal: array<vec2<u32>>;
 
 fn composition_albedo(flavour: u32, pixel: vec2<u32>) -> vec3<f32> {
@@ -60,7 +60,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         return;
     }
-    // As the shading pass computes them, from the same depth and normal.
+    // The weights as the shading pass computes them, from the same depth and normal.
     let normal = frame_shading_normal(textureLoad(normal_target, pixel, 0));
     let distance = length(frame_ray(vec2<f32>(pixel))) * view_distance(frame.near_m, depth);
     let all = flavour_weights(distance, normal.z, frame.flavours);
@@ -90,7 +90,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
             if flavour > 0u {
                 shared_fetches += stream.modulated;
             }
-            // The first that chose, in the order in which the shading pass evaluates them.
+            // The first recorded choice, in the order in which the shading pass evaluates the flavours.
             if choice == 0u {
                 choice = (known[flavour] >> 16u) & 255u;
             }

@@ -1,11 +1,12 @@
-//! Composition: the pictures of single flavours in, the picture of any variant out.
+//! Composition: makes the picture of any variant from the pictures of single flavours.
 //!
-//! Linear albedo is a weighted sum over flavours, and a pixel's weights follow from its distance, its normal and the variant alone. So the pictures of
-//! all 31 variants follow from those of five flavours, by 31 weighted sums in place of 31 shading passes. Equal to what the variant's own shader makes
-//! up to the rounding of one f16 more (tested for all 31); fetches and first choices are carried along. Times are not: they are taken from the variants'
-//! own pipelines.
+//! Linear albedo is a weighted sum over flavours, and the weights of a pixel follow only from its distance, its normal and the variant. So the
+//! pictures of all 31 variants follow from the pictures of five flavours, by 31 weighted sums in place of 31 shading passes. A composed picture
+//! equals that of the variant's own shader up to one more rounding to f16 (tested for all 31). Fetches and first choices are composed, too. Times are
+//! not: they are measured with the pipelines of the variants.
 //!
-//! Reads depth, normals, and albedo + diagnostics of each flavour. Writes two words a pixel (`shared::signal`). Dispatch: a workgroup an 8 x 8 tile.
+//! Reads depth, normals, and albedo + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per 8 x 8
+//! tile.
 
 use bytemuck::{Pod, Zeroable, cast_slice};
 
@@ -20,32 +21,32 @@ use crate::stage::{Build, Declaration, Stage};
 use crate::variant::{Flavour, Variant};
 use crate::view;
 
-/// What is composed into one picture; the layout matches `CompositionStream` in `composition.wgsl`.
+/// How one picture is composed; the layout matches `CompositionStream` in `composition.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct CompositionStream {
-    /// The variant forced on every pixel; 0 = each pixel the flavours it needs.
+    /// The variant forced on every pixel; 0 = each pixel has the flavours that it needs.
     pub mask: u32,
     /// 1 = flavours other than the virtual texture share one counted fetch of colour modulation.
     pub modulated: u32,
-    /// 1 = weights are squared, as variances of independent flavours add.
+    /// 1 = weights are squared, because variances of independent flavours add with squared weights.
     pub squared: u32,
-    /// To a multiple of 16 bytes.
+    /// Pads the struct to a multiple of 16 bytes.
     pub pad_0: u32,
 }
 
 /// Where a composed picture goes.
 #[derive(Clone, Copy)]
 pub struct Destination<'a> {
-    /// What is composed.
+    /// The stream to compose.
     pub stream: CompositionStream,
     /// The buffer that receives it.
     pub signal: &'a wgpu::Buffer,
-    /// Where in it the picture begins, pixels.
+    /// Where the picture begins in the buffer, pixels.
     pub offset: u32,
 }
 
-/// Albedo and diagnostics of each flavour, in the order of their bits. A clone is the same textures.
+/// Albedo and diagnostics of each flavour, in the order of their bits. A clone shares the textures.
 #[derive(Clone)]
 pub struct Layers {
     albedo: [wgpu::Texture; 5],
@@ -53,7 +54,7 @@ pub struct Layers {
 }
 
 impl Layers {
-    /// Layers of a size in pixels.
+    /// Layers for a picture of `size` pixels.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Layers {
         let layer = |label: &str, format| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -73,7 +74,7 @@ impl Layers {
         }
     }
 
-    /// These layers, but those of `flavours` from `other`; the textures are shared, not copied.
+    /// These layers, with those of `flavours` taken from `other`. The textures are shared, not copied.
     #[must_use]
     pub fn with(&self, other: &Layers, flavours: Variant) -> Layers {
         let pick = |own: &[wgpu::Texture; 5], other: &[wgpu::Texture; 5]| {
@@ -82,12 +83,12 @@ impl Layers {
         Layers { albedo: pick(&self.albedo, &other.albedo), diagnostics: pick(&self.diagnostics, &other.diagnostics) }
     }
 
-    /// Bytes of the layers of a picture of a size in pixels.
+    /// Bytes of the layers for a picture of `size` pixels.
     pub fn bytes(size: [u32; 2]) -> u64 {
         u64::from(size[0]) * u64::from(size[1]) * 5 * (8 + 4)
     }
 
-    /// Records the copy of what the shading pass has just made into the layer of `flavour`.
+    /// Records the copy of the shading pass's results into the layer of `flavour`.
     pub fn capture(&self, encoder: &mut wgpu::CommandEncoder, flavour: Flavour, targets: &shading::Targets) {
         let index = flavour.bit().trailing_zeros() as usize;
         for (from, to) in [(&targets.albedo, &self.albedo[index]), (&targets.diagnostics, &self.diagnostics[index])] {
@@ -116,7 +117,7 @@ pub static MODULE: ShaderModule = ShaderModule::new("composition", &[&WGSL]);
 impl Stage for Composition {
     const DECLARATION: Declaration = Declaration {
         name: "composition",
-        about: "Reads each flavour's G-buffer; makes the pictures of any set of flavours, two words a pixel",
+        about: "Reads each flavour's G-buffer; makes the pictures of any set of flavours, two words per pixel",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
@@ -144,12 +145,13 @@ impl Stage for Composition {
 }
 
 impl Composition {
-    /// What a variant is composed of; `None` = each pixel what it needs.
+    /// The stream of a variant; `None` = each pixel has the flavours that it needs.
     pub fn stream(&self, variant: Option<Variant>) -> CompositionStream {
         CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, pad_0: 0 }
     }
 
-    /// Records the pass: each stream to its destination. All are made by one dispatch, which reads each layer once; more than fit a binding, by several.
+    /// Records the pass: each stream goes to its destination. One dispatch makes all streams and reads each layer once; if the streams do not fit one
+    /// binding, there are several dispatches.
     pub fn encode(
         &self,
         gpu: &Gpu,

@@ -1,8 +1,10 @@
-//! From nodes to patches: 8 x 8 patches of 16 x 16 quads a node, those outside the frustum dropped, LOD deltas packed for stitching.
+//! Splits the drawn nodes into 8 x 8 patches of 16 x 16 quads, drops the patches outside the frustum, and packs LOD deltas for stitching.
 //!
 //! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions"; rulings 3 and 8.
-//! Reads the drawn nodes and the LOD map; makes the patch list. On the CPU until the GPU culling lands, for which it is the reference;
-//! occlusion and normal cones come with it.
+//! Reads the drawn nodes and the LOD map; makes the patch list. Runs on the CPU; it is the reference for culling on the GPU.
+//!
+//! Limits: culling tests the frustum only. The tests of normal cones and of occlusion are shared functions with probes (`shared::culling`), made for
+//! culling on the device. Cones are baked into payloads and not uploaded, and no depth pyramid exists yet.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -22,7 +24,7 @@ pub const PATCH_QUADS: u32 = 16;
 pub struct Patch {
     /// South-west corner of the patch's *node* in local coordinates, metres.
     pub node_origin: [f32; 2],
-    /// Distance of two vertices, metres.
+    /// Distance between neighbouring vertices, metres.
     pub spacing: f32,
     /// Atlas slot, from 1.
     pub slot: u32,
@@ -34,17 +36,17 @@ pub struct Patch {
     pub lod: u32,
 }
 
-/// A side's delta: how many levels coarser the neighbour is, 0 if it is not.
+/// LOD delta of a side: by how many levels the neighbour is coarser; 0 if it is not coarser.
 pub fn delta(own: u8, neighbour: u8) -> u32 {
     u32::from(neighbour.saturating_sub(own))
 }
 
-/// The packed deltas of a patch. Sides inside the node have none. `stride`: of the vertices of all patches every so many-th is drawn, so that a
-/// coarser neighbour's lie that much farther apart, too.
+/// The packed LOD deltas of a patch. Sides inside the node have the delta 0. `stride`: only every `stride`-th vertex is drawn in all
+/// patches, so the vertices of a coarser neighbour are farther apart by the same factor.
 pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -> u32 {
     let edge = 1i32 << node.lod;
     let (x, y) = (i32::from(node.x) * edge, i32::from(node.y) * edge);
-    // A neighbour that is coarser covers the whole side, so any sector along it will do.
+    // A coarser neighbour covers the whole side, so any sector along the side gives its LOD.
     let lod_at = |x: i32, y: i32| {
         let side = i32::from(SECTORS);
         let inside = (0..side).contains(&x) && (0..side).contains(&y);
@@ -61,8 +63,8 @@ pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -
         | side(patch[0] == 0, x - 1, y)
 }
 
-/// The patches of the drawn nodes that `eye` may see, in the order of the nodes, placed for `view`: mostly one and the same. `stride`: a power of two,
-/// see [`pack_deltas`].
+/// The patches of the drawn nodes that may be visible from `eye`, in the order of the nodes, in the local coordinates of `view`. Both views
+/// are usually the same; they differ while culling is frozen. `stride`: a power of two, see [`pack_deltas`].
 #[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
 pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout, [view, eye]: [&View; 2], stride: u32) -> Vec<Patch> {
     let mut patches = Vec::new();
@@ -78,7 +80,8 @@ pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout
                 let corner = low + DVec3::new(f64::from(column), f64::from(row), 0.0) * patch_m;
                 let opposite = (corner.truncate() + patch_m).extend(high.z);
                 let deltas = pack_deltas(node, [column, row], lod_map, stride);
-                // Welds of more than a patch's edge draw triangles beyond the patch: it is seen with its node.
+                // A weld longer than the edge of a patch draws triangles outside the box of the patch. Such a patch is drawn whenever its
+                // node is visible.
                 let reaches_out = (0..4).any(|side| (deltas >> (4 * side)) & 15 > PATCH_QUADS.ilog2());
                 if reaches_out || eye.sees(corner, opposite) {
                     patches.push(Patch {

@@ -1,7 +1,7 @@
 //! Heightmaps from files: 16-bit PNG, 16-bit RAW, OpenEXR and (Geo)TIFF.
 //!
-//! Samples are vertices; row 0 of a file is north, column 0 west. Sizes are read before samples, so that a file too large to use is
-//! refused without room being made for it.
+//! Each sample is a vertex. Row 0 of a file is the northern edge, column 0 the western edge. The size is read before the samples, so that a
+//! file that is too large is refused before memory is allocated for it.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
@@ -9,10 +9,10 @@ use std::path::Path;
 
 use crate::base::error::{Error, Result, one_line};
 
-/// Samples along an edge that are read at most; beyond it, a window has to be named.
+/// Maximum number of samples along an edge that is read. For a larger file, the caller must give a window.
 pub const MAX_SIDE: u32 = 16_385;
 
-/// Elevations beyond this, metres, are taken for a mistake in the file.
+/// Elevations with a larger absolute value than this, metres, are treated as an error in the file.
 const MAX_ELEVATION_M: f32 = 100_000.0;
 
 /// Elevations on a regular grid.
@@ -22,7 +22,7 @@ pub struct Heightmap {
     pub width: u32,
     /// Samples from north to south, at least 2.
     pub height: u32,
-    /// Distance of two samples.
+    /// Distance between neighbouring samples, metres.
     pub metres_per_texel: f64,
     /// Elevations in metres, row by row, row 0 = north.
     pub samples: Vec<f32>,
@@ -31,16 +31,16 @@ pub struct Heightmap {
 /// How to read a heightmap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
-    /// Distance of two samples, metres, > 0.
+    /// Distance between neighbouring samples, metres, > 0.
     pub metres_per_texel: f64,
-    /// Elevations of the smallest and the largest value that an integer sample can take (0 and 65535; -32768 and 32767 for signed
-    /// TIFF). Needed for integer samples; float samples are metres already.
+    /// Elevations, in metres, that the smallest and the largest value of an integer sample stand for (values 0 and 65535; -32768 and 32767
+    /// for signed TIFF). Required for integer samples; float samples are already in metres.
     pub height_range_m: Option<[f64; 2]>,
-    /// Width and height of a RAW file, samples. `None`: it is square.
+    /// Width and height of a RAW file, in samples. `None`: the file is square.
     pub raw_size: Option<[u32; 2]>,
     /// Whether the high byte of a RAW sample comes first.
     pub raw_big_endian: bool,
-    /// The part to read: x, y (from the north-west corner), width, height in samples. `None`: all.
+    /// The part to read: x, y (from the north-west corner), width, height in samples. `None`: the whole file.
     pub window: Option<[u32; 4]>,
 }
 
@@ -51,7 +51,7 @@ impl Default for ReadOptions {
 }
 
 impl Heightmap {
-    /// Width and depth covered, metres.
+    /// Width (west to east) and depth (south to north) of the covered area, metres.
     pub fn extent_m(&self) -> [f64; 2] {
         [self.width, self.height].map(|n| f64::from(n - 1) * self.metres_per_texel)
     }
@@ -63,8 +63,8 @@ impl Heightmap {
         (f64::from(low), f64::from(high))
     }
 
-    /// Elevation (metres) and its derivatives along x (east) and y (north) at a place relative to the map's centre, by bicubic
-    /// Catmull-Rom interpolation (Catmull & Rom 1974); beyond the edge, of the nearest place on it.
+    /// Elevation (metres) and its derivatives along x (east) and y (north) at a position relative to the centre of the map, by bicubic
+    /// Catmull-Rom interpolation (Catmull & Rom 1974). A position outside the map is moved to the nearest point on its edge.
     pub fn sample(&self, x: f64, y: f64) -> (f64, f64, f64) {
         let extent = self.extent_m();
         let place = |v: f64, extent: f64, count: u32| {
@@ -93,7 +93,7 @@ impl Heightmap {
         (value, dx / self.metres_per_texel, -dy / self.metres_per_texel)
     }
 
-    /// Steepest slope (tangent) of the triangles between neighbouring samples, over both ways to split each square.
+    /// Steepest slope (tangent) of all triangles between neighbouring samples. Both ways to split a square into two triangles are included.
     pub fn max_slope(&self) -> f64 {
         let width = self.width as usize;
         let mut steepest = 0.0f64;
@@ -119,11 +119,11 @@ fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
     )
 }
 
-/// What a file's samples are.
+/// Samples of a file, before integers are converted to metres.
 enum Samples {
-    /// Values in 0..=1 of the integer range.
+    /// Integer samples, scaled to 0..=1.
     Normalised(Vec<f32>),
-    /// Metres.
+    /// Float samples, in metres.
     Metres(Vec<f32>),
 }
 
@@ -132,17 +132,18 @@ struct Reader<'a> {
     options: &'a ReadOptions,
 }
 
-/// Reads a heightmap; the format follows from the file's extension (`png`, `raw`, `r16`, `bin`, `exr`, `tif`, `tiff`).
+/// Reads a heightmap. The extension of the file determines its format (`png`, `raw`, `r16`, `bin`, `exr`, `tif`, `tiff`).
 ///
 /// # Errors
-/// [`Error::File`] where the file cannot be read; [`Error::Heightmap`] where it is truncated, of the wrong size or depth, too large, all
-/// of one height, has NaN, infinite or missing samples, or where an option does not fit it.
+/// [`Error::File`] if the file cannot be read. [`Error::Heightmap`] if it is truncated, too large, or of one height everywhere; if its size
+/// or bit depth is wrong; if samples are NaN, infinite or missing; or if an option does not suit it.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Heightmap> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     decode(BufReader::new(file), path, options)
 }
 
-/// Reads a heightmap from the contents of a file. `path` names it in errors, and its extension tells the format, as for [`read`].
+/// Reads a heightmap from the contents of a file. `path` is used in error messages, and its extension determines the format, as in
+/// [`read`].
 ///
 /// # Errors
 /// As [`read`].
@@ -162,7 +163,7 @@ pub fn decode(input: impl BufRead + Seek, path: &Path, options: &ReadOptions) ->
         "raw" | "r16" | "bin" => reader.raw(input)?,
         "exr" => reader.exr(input)?,
         "tif" | "tiff" => reader.tiff(input)?,
-        _ => return Err(reader.error("the extension names no known format; use .png, .raw, .r16, .exr, .tif or .tiff".to_owned())),
+        _ => return Err(reader.error("the extension is unknown; use .png, .raw, .r16, .exr, .tif or .tiff".to_owned())),
     };
     reader.finish(size, samples)
 }
@@ -176,19 +177,19 @@ impl Reader<'_> {
         Error::File { file: self.path.to_owned(), source }
     }
 
-    /// The window to read of an image of this size, after the checks that need no samples.
+    /// Runs the checks that need no samples and returns the window to read from an image of this size.
     fn window(&self, width: u32, height: u32, can_read_part: bool) -> Result<[u32; 4]> {
         let too_large = width > MAX_SIDE || height > MAX_SIDE;
         if too_large && !can_read_part {
             return Err(self.error(format!(
-                "{width} x {height} samples are too many for this format, which is read whole (limit {MAX_SIDE} a side); \
-                 convert it to .tif or .raw and name a window"
+                "{width} x {height} samples are too many: files of this format are read completely (limit: {MAX_SIDE} per side); \
+                 convert the file to .tif or .raw and give a window"
             )));
         }
         let window = match self.options.window {
             None if too_large => {
                 return Err(self.error(format!(
-                    "{width} x {height} samples are more than the {MAX_SIDE} a side that fit a world; name a window of it (x, y, width, height)"
+                    "{width} x {height} samples do not fit in a world (limit: {MAX_SIDE} per side); give a window (x, y, width, height)"
                 )));
             }
             None => [0, 0, width, height],
@@ -196,18 +197,18 @@ impl Reader<'_> {
                 let fits = |start: u32, length: u32, all: u32| start.checked_add(length).is_some_and(|end| end <= all);
                 if !fits(x, w, width) || !fits(y, h, height) {
                     return Err(self.error(format!(
-                        "the window {w} x {h} at {x}, {y} leaves the file's {width} x {height} samples; move or shrink it"
+                        "the window {w} x {h} at {x}, {y} is not inside the file's {width} x {height} samples; move or shrink it"
                     )));
                 }
                 if w > MAX_SIDE || h > MAX_SIDE {
-                    return Err(self.error(format!("a window of {w} x {h} samples is more than {MAX_SIDE} a side; shrink it")));
+                    return Err(self.error(format!("a window of {w} x {h} samples exceeds {MAX_SIDE} per side; shrink it")));
                 }
                 [x, y, w, h]
             }
         };
         if window[2] < 2 || window[3] < 2 {
             let [_, _, w, h] = window;
-            return Err(self.error(format!("{w} x {h} samples make no ground; at least 2 x 2 are needed")));
+            return Err(self.error(format!("{w} x {h} samples are too few; at least 2 x 2 are needed")));
         }
         Ok(window)
     }
@@ -219,7 +220,7 @@ impl Reader<'_> {
         if decoder.color_type() != ColorType::L16 || decoder.original_color_type() != ExtendedColorType::L16 {
             let bits = decoder.original_color_type();
             return Err(self.error(format!(
-                "its samples are {}, not 16-bit grey: 256 levels would be terraces; export the heightmap as 16-bit greyscale",
+                "its samples are {}, not 16-bit grey: 256 levels would show as terraces; export the heightmap as 16-bit greyscale",
                 colour_words(bits)
             )));
         }
@@ -273,11 +274,12 @@ impl Reader<'_> {
     fn exr(&self, mut input: impl BufRead + Seek) -> Result<([u32; 2], Samples)> {
         use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
         let meta = exr::meta::MetaData::read_from_buffered(&mut input, false).map_err(|e| self.undecodable(&e))?;
-        let header = meta.headers.first().ok_or_else(|| self.error("it holds no layer; export one with a height channel".to_owned()))?;
+        let header = meta.headers.first().ok_or_else(|| self.error("it has no layer; export one with a height channel".to_owned()))?;
         let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let (width, height) = (side(header.layer_size.0), side(header.layer_size.1));
         let window = self.window(width, height, false)?;
-        // Room is made for every layer that is read, and which of them that is, the first may not tell.
+        // Memory is allocated for the layer that is read: the first valid one, which is not always the first one. So the sizes of all
+        // layers are checked.
         for other in &meta.headers {
             self.window(side(other.layer_size.0), side(other.layer_size.1), false)?;
         }
@@ -291,7 +293,7 @@ impl Reader<'_> {
         let Some(channel) = channel else {
             let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
             let names = names.join(", ");
-            return Err(self.error(format!("none of its channels ({names}) is a height; name one `height`, `Y`, `Z`, `V` or `R`")));
+            return Err(self.error(format!("it has no height channel (only {names}); name one `height`, `Y`, `Z`, `V` or `R`")));
         };
         let samples: Vec<f32> = match &channel.sample_data {
             FlatSamples::F32(samples) => samples.clone(),
@@ -313,11 +315,11 @@ impl Reader<'_> {
         let (width, height) = decoder.dimensions().map_err(|e| self.undecodable(&e))?;
         let colour = decoder.colortype().map_err(|e| self.undecodable(&e))?;
         let ColorType::Gray(bits) = colour else {
-            return Err(self.error(format!("its pixels are {colour:?}, not one height each; export a single band")));
+            return Err(self.error(format!("its pixels are {colour:?} instead of one height each; export a single band")));
         };
         if bits < 16 {
             return Err(
-                self.error(format!("its samples have {bits} bits: 256 levels would be terraces; export 16-bit integers or 32-bit floats"))
+                self.error(format!("its samples have {bits} bits: 256 levels show as terraces; export 16-bit integers or 32-bit floats"))
             );
         }
         let [x0, y0, w, h] = self.window(width, height, true)?;
@@ -355,10 +357,10 @@ impl Reader<'_> {
                 };
                 if values.len() < data_width * data_height {
                     return Err(
-                        self.error("a strip or tile is shorter than it says; the file is truncated: copy or export it again".to_owned())
+                        self.error("a strip or tile is shorter than declared; the file is truncated: copy or export it again".to_owned())
                     );
                 }
-                // Only now: a size is quickly claimed.
+                // Allocate only after a chunk has been decoded: a damaged header can claim any size.
                 if samples.is_empty() {
                     samples.resize(w * h, f32::NAN);
                 }
@@ -389,7 +391,7 @@ impl Reader<'_> {
 
     fn height_range(&self) -> Result<[f64; 2]> {
         self.options.height_range_m.ok_or_else(|| {
-            self.error("integer samples need elevations to stand for; give the height range in metres (lowest, highest)".to_owned())
+            self.error("the elevations of integer samples are unknown; give the height range in metres (lowest, highest)".to_owned())
         })
     }
 
@@ -402,19 +404,19 @@ impl Reader<'_> {
             }
         };
         let place = |i: usize| (i % width as usize, i / width as usize);
-        // -9999 and -32768 m lie on no land: files without a no-data tag mark gaps with them.
+        // No land lies at -9999 or -32768 m: files without a no-data tag use these values for gaps.
         let gap = |s: f32| !s.is_finite() || [-9999.0, -32_768.0].contains(&s);
         if let Some(i) = samples.iter().position(|&s| gap(s)) {
             let (x, y) = place(i);
             let count = samples.iter().filter(|&&s| gap(s)).count();
             return Err(self.error(format!(
-                "{count} samples are NaN, infinite or marks of no data (-9999, -32768), the first at column {x}, row {y}; fill the gaps or name a window without them"
+                "{count} samples are NaN, infinite or no-data values (-9999, -32768), the first at column {x}, row {y}; fill the gaps or give a window without them"
             )));
         }
         if let Some(i) = samples.iter().position(|s| s.abs() > MAX_ELEVATION_M) {
             let (x, y) = place(i);
             return Err(self.error(format!(
-                "the sample at column {x}, row {y} is {} m, which is no elevation; a no-data value has to be filled, or the range is wrong",
+                "the sample at column {x}, row {y} is {} m, which is no elevation on Earth; fill no-data values or correct the height range",
                 samples[i]
             )));
         }
@@ -443,7 +445,7 @@ fn crop(samples: Vec<f32>, width: u32, [x, y, w, h]: [u32; 4]) -> Vec<f32> {
 fn colour_words(colour: image::ExtendedColorType) -> String {
     use image::ExtendedColorType as C;
     match colour {
-        C::L1 | C::L2 | C::L4 => "grey of fewer than 8 bits".to_owned(),
+        C::L1 | C::L2 | C::L4 => "grey with fewer than 8 bits".to_owned(),
         C::L8 => "8-bit grey".to_owned(),
         C::La8 => "8-bit grey with alpha".to_owned(),
         C::La16 => "16-bit grey with alpha".to_owned(),

@@ -1,3 +1,3 @@
-//! Files of foreign formats, read into arrays.
+//! Readers of external file formats; they return plain arrays.
 
 pub mod heightmap;

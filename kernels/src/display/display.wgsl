@@ -1,4 +1,4 @@
-// Display: linear HDR radiance in, tone-mapped sRGB codes out.
+// Display: maps linear HDR radiance to sRGB codes.
 
 struct DisplayUniforms {
     exposure: f32,              // factor on radiance
@@ -25,7 +25,7 @@ fn display_reinhard(radiance: vec3<f32>) -> vec3<f32> {
     return radiance * ((1.0 + luminance / (DISPLAY_WHITE * DISPLAY_WHITE)) / (1.0 + luminance));
 }
 
-// IEC 61966-2-1. What is not above 0 becomes 0.
+// IEC 61966-2-1. Values that are not above 0, such as NaN, become 0.
 fn display_srgb(linear: vec3<f32>) -> vec3<f32> {
     let held = select(vec3<f32>(0.0), min(linear, vec3<f32>(1.0)), linear > vec3<f32>(0.0));
     return select(1.055 * pow(held, vec3<f32>(1.0 / 2.4)) - 0.055, 12.92 * held, held <= vec3<f32>(0.0031308));

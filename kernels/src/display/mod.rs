@@ -1,17 +1,14 @@
-//! Display: linear HDR in; tone-mapped sRGB out, for people to look at.
+//! Display: tone-maps linear HDR radiance to sRGB, for people to look at.
 //!
-//! Exposure in stops multiplies radiance by 2^stops; a named tone curve maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). Metrics never read it.
+//! Exposure in stops multiplies radiance by 2^stops; a named tone curve maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). Metrics never read the
+//! result.
 //! Reads the linear image. Writes RGBA8Unorm: sRGB codes, alpha as in the image (1 = terrain). One full-screen triangle.
 //! Source: Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
-
-use std::fmt;
-use std::str::FromStr;
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
 use crate::base::colour::LUMINANCE;
-use crate::base::error::{Error, Result};
-use crate::base::names::suggestion;
+use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
 use crate::gpu::bindings::{Binding, FLAT, view};
 use crate::gpu::uses::{PassUse, TargetUse};
@@ -38,7 +35,7 @@ pub enum ToneCurve {
 }
 
 impl ToneCurve {
-    /// All of them.
+    /// All tone curves.
     pub const ALL: [ToneCurve; 2] = [ToneCurve::Reinhard, ToneCurve::Clip];
 
     /// The curve's number in shaders.
@@ -55,28 +52,12 @@ impl ToneCurve {
     }
 }
 
-impl fmt::Display for ToneCurve {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for ToneCurve {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<ToneCurve> {
-        let known = ToneCurve::ALL.into_iter().find(|curve| curve.name() == text);
-        known
-            .ok_or_else(|| Error::Request(format!("`{text}` is no tone curve: {}", suggestion(text, &ToneCurve::ALL.map(ToneCurve::name)))))
-    }
-}
-
 /// How a picture is exposed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Exposure {
-    /// Radiance is multiplied by 2^stops, [`STOPS`].
+    /// Radiance is multiplied by 2^stops; [`STOPS`] is the range.
     pub stops: f64,
-    /// What maps it to the screen.
+    /// The curve that maps radiance to the screen.
     pub curve: ToneCurve,
 }
 
@@ -84,19 +65,6 @@ impl Exposure {
     /// Factor on radiance.
     pub fn factor(self) -> f64 {
         self.stops.exp2()
-    }
-
-    /// Refuses an exposure out of range.
-    ///
-    /// # Errors
-    /// When the stops are out of [`STOPS`] or not a number.
-    pub fn check(self) -> Result<()> {
-        let [least, most] = STOPS;
-        if (least..=most).contains(&self.stops) {
-            Ok(())
-        } else {
-            Err(Error::Request(format!("an exposure of {} stops cannot be displayed: give {least} to {most}", self.stops)))
-        }
     }
 }
 
@@ -112,7 +80,7 @@ static WGSL: Wgsl = Wgsl::new("display/display.wgsl", include_str!("display.wgsl
 pub static MODULE: ShaderModule = ShaderModule::new("display", &[&WGSL]);
 
 /// The layout of `DisplayUniforms` in `display.wgsl`.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct DisplayUniforms {
@@ -133,7 +101,12 @@ impl Stage for Display {
         name: "display",
         about: "Reads linear HDR radiance; makes tone-mapped sRGB",
         modules: &[&MODULE],
-        passes: |_| vec![PassUse::new("display", 1, "tone mapping, where a picture is shown")],
+        passes: |_| {
+            vec![PassUse {
+                required: false,
+                ..PassUse::new("display", 1, "only on request: a picture for people, as PNG or in the workbench")
+            }]
+        },
         targets: |_| vec![TargetUse::new("displayed picture", FORMAT)],
         ..Declaration::EMPTY
     };

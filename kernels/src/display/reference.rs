@@ -1,10 +1,10 @@
-//! Tone mapping in f64 and f32: what `display.wgsl` is held to, and what maps pictures that were averaged on the processor.
+//! Tone mapping in f64 and f32: the reference for `display.wgsl`. It also maps pictures that were averaged on the CPU.
 
 use super::{Exposure, ToneCurve, WHITE};
 use crate::base::colour::{luminance, srgb_from_linear};
 use crate::shared::real::Real;
 
-/// Linear radiance to sRGB-encoded values, 0..=1; 0 for what is not a number.
+/// Linear radiance to sRGB-encoded values, 0..=1. NaN becomes 0.
 pub fn tone_map<T: Real>(radiance: [T; 3], exposure: Exposure) -> [T; 3] {
     let radiance = radiance.map(|c| c * T::of(exposure.factor()));
     let mapped = match exposure.curve {
@@ -19,7 +19,7 @@ pub fn tone_map<T: Real>(radiance: [T; 3], exposure: Exposure) -> [T; 3] {
     mapped.map(srgb_from_linear)
 }
 
-/// The same as 8-bit codes.
+/// Linear radiance to sRGB as 8-bit codes.
 pub fn codes(radiance: [f32; 3], exposure: Exposure) -> [u8; 3] {
     tone_map(radiance, exposure).map(crate::base::colour::unorm8)
 }

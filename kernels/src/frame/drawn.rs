@@ -1,6 +1,6 @@
-//! A frame that was drawn: what can be asked of it.
+//! A drawn frame, and what can be read or computed from it.
 
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::composition::{Destination, Layers};
 use crate::frame::picture::Picture;
 use crate::frame::{FrameReport, RenderRequest, Renderer, Targets};
@@ -11,7 +11,7 @@ use crate::motion::Links;
 use crate::variant::Variant;
 use crate::view::camera::View;
 
-/// A frame as it lies on the device, with the request that made it. It borrows the renderer, so that nothing else can be drawn while it is looked at.
+/// A drawn frame on the device, with the request that made it. It borrows the renderer, so that nothing else can be drawn while it is in use.
 pub struct Frame<'f, 'a> {
     renderer: &'f Renderer<'a>,
     targets: &'f Targets,
@@ -35,7 +35,7 @@ impl<'f, 'a> Frame<'f, 'a> {
         &self.view
     }
 
-    /// What it was made of.
+    /// The report of the frame.
     pub fn report(&self) -> &FrameReport {
         &self.report
     }
@@ -50,12 +50,12 @@ impl<'f, 'a> Frame<'f, 'a> {
         self.targets
     }
 
-    /// What it was made of, without the frame.
+    /// Consumes the frame and returns its report.
     pub fn into_report(self) -> FrameReport {
         self.report
     }
 
-    /// Reads it back: the linear picture and the layers asked for.
+    /// Reads back the linear picture and the requested layers.
     ///
     /// # Errors
     /// When the device is lost.
@@ -63,16 +63,23 @@ impl<'f, 'a> Frame<'f, 'a> {
         Picture::read(self)
     }
 
-    /// Where each pixel's surface point was in the frame that `links` was last asked for: an index a pixel, [`NO_LINK`](crate::motion::NO_LINK) = not seen
-    /// there.
+    /// Where each pixel's surface point was in the frame of the previous call with these `links`: one index per pixel,
+    /// [`NO_LINK`](crate::motion::NO_LINK) = not seen there.
     ///
     /// # Errors
     /// When `links` are of another size or the device fails.
     pub fn link(&self, links: &mut Links) -> Result<Vec<u32>> {
+        let (own, other) = (self.request.view.size, links.size());
+        if own != other {
+            return Err(Error::Request(format!(
+                "links of {}x{} pixels do not fit a picture of {}x{}: make them of its size",
+                other[0], other[1], own[0], own[1]
+            )));
+        }
         links.find(&self.renderer.gpu, &self.uniforms(), &self.targets.geometry, self.view)
     }
 
-    /// Composes pictures from its flavours' layers: each stream into its buffer.
+    /// Composes pictures from the layers of the flavours, each stream into its buffer.
     ///
     /// # Errors
     /// When the device fails.
@@ -83,7 +90,8 @@ impl<'f, 'a> Frame<'f, 'a> {
         gpu.submit_and_wait(encoder)
     }
 
-    /// Composes the streams of `meter` (`variants`: one each, `None` = each pixel what it needs) and measures them against the frames before.
+    /// Composes the streams of `meter` (`variants`: one per stream; `None` = each pixel has the flavours that it needs) and compares them with the
+    /// frames before.
     ///
     /// # Errors
     /// When the device fails.

@@ -1,4 +1,4 @@
-//! A scene that changes while it is drawn: what the change touches is made anew, and nothing else.
+//! A scene that changes while it is drawn: only what the change affects is made again.
 
 use std::sync::Arc;
 
@@ -13,16 +13,16 @@ use crate::scene::{Blend, Scene};
 use crate::terrain::palette_means;
 use crate::variant::Flavour;
 
-/// What edits had made anew.
+/// What edits caused to be made again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EditCounts {
-    /// Nodes on which other materials lie, or one whose mean look changed.
+    /// Nodes whose materials changed, or that have a material whose mean look changed.
     pub nodes: usize,
     /// Layers of detail textures.
     pub textures: usize,
 }
 
-/// Tells which texture is being made.
+/// Reports which texture is being made.
 pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) -> Result<()> + Sync {
     move |name| {
         progress(Progress { stage: name.to_owned(), done: 0, total: 0 });
@@ -31,13 +31,13 @@ pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) 
 }
 
 impl Renderer<'_> {
-    /// Takes another scene over, if it differs from the one drawn only in what can change while it is drawn: the light, the flavours' distances and
-    /// slopes, the blend (but for anisotropy), cameras and paths; and, in a renderer that is
-    /// [`editable`](crate::frame::RendererOptions::editable), materials, splat rules and strokes. Of nodes, textures and pages those are made anew that
-    /// the change touches. Says whether it could; if not, nothing was changed.
+    /// Replaces the scene, if the new one differs from it only in what can change while it is drawn: the light, the distances and slopes of the
+    /// flavours, the blend (except anisotropy), cameras and paths; and, in a renderer that is [`editable`](crate::frame::RendererOptions::editable),
+    /// materials, splat rules and strokes. Only the nodes, textures and pages that the change affects are made again. Returns whether the scene was
+    /// replaced; if not, nothing has changed.
     ///
     /// # Errors
-    /// When the scene is wrong, asks for cliffs that the world does not have, or a texture cannot be had. Then nothing was changed.
+    /// When the scene is invalid, asks for cliffs that the world does not have, or a texture cannot be loaded. Then nothing has changed.
     pub fn retune(&mut self, scene: &Scene) -> Result<bool> {
         if *scene == self.scene {
             return Ok(true);
@@ -56,7 +56,7 @@ impl Renderer<'_> {
             _ => None,
         };
 
-        // From here on nothing can go wrong.
+        // Nothing can fail from here on.
         let names = |s: &Scene| s.materials.iter().map(|m| m.name.clone()).collect::<Vec<_>>();
         let laid = |s: &Scene| (s.rules.clone(), s.strokes.clone(), names(s));
         let relaid = laid(scene) != laid(&self.scene);
@@ -66,12 +66,12 @@ impl Renderer<'_> {
         if relaid || palette.is_some() {
             self.replace_materials(relaid, palette);
         }
-        // Of these numbers the height blend enters the texels of pages; a mip bias only rounds them otherwise.
+        // Of these numbers, the height blend changes the texels of pages; the mip bias changes only how they are rounded.
         let enters = |blend: &Blend| [blend.height_sharpness, blend.mip_bias];
         if enters(&scene.blend) != enters(&self.scene.blend) {
             self.stages.virtual_texture.forget();
         }
-        // What the geometry pass writes: the flavours that pixels need.
+        // The geometry pass writes the flavours that pixels need, so it must run again.
         if scene.flavours != self.scene.flavours {
             self.drawn = None;
         }
@@ -80,7 +80,7 @@ impl Renderer<'_> {
         Ok(true)
     }
 
-    /// Whether [`Renderer::retune`] to this scene makes a palette anew, which may take as long as its textures take to make.
+    /// Whether [`Renderer::retune`] to this scene makes a new palette, which may take as long as making its textures.
     pub fn needs_textures(&self, scene: &Scene) -> bool {
         let textured = |s: &Scene| (s.materials.clone(), s.blend.material_contrast.to_bits(), s.folder.clone());
         textured(scene) != textured(&self.scene)
@@ -91,12 +91,12 @@ impl Renderer<'_> {
         self.replace_materials(false, Some(palette));
     }
 
-    /// Whether the textures are those that the scene asks for.
+    /// Whether the textures are those of a sketch and not those of the scene.
     pub fn is_sketch(&self) -> bool {
         self.palette.as_ref().is_some_and(|palette| palette.arrays.size != self.scene.detail_size)
     }
 
-    /// Whether the two scenes differ in nothing that this renderer was made for.
+    /// Whether the new scene differs from the current one only in what this renderer can change.
     fn can_take(&self, scene: &Scene) -> bool {
         let own = &self.scene;
         let blend = Blend { anisotropy: scene.blend.anisotropy, material_contrast: scene.blend.material_contrast, ..own.blend.clone() };
@@ -120,7 +120,7 @@ impl Renderer<'_> {
         same == *own
     }
 
-    /// Lays materials by the world's rules if those are others than before (`relaid`), and shows them by another palette if there is one.
+    /// Lays the materials again if the rules of the world have changed (`relaid`), and replaces the palette if a new one is given.
     fn replace_materials(&mut self, relaid: bool, palette: Option<Palette>) {
         let mut means = Vec::new();
         let mut looks = Vec::new();
@@ -143,7 +143,7 @@ impl Renderer<'_> {
         let nodes = self.streaming.lay_anew(&self.gpu, &self.world, &self.means, &Changes { relaid, means, looks });
         self.edited.nodes += nodes;
         if nodes > 0 {
-            // Normals, which the geometry pass writes, share their texels with what materials are like.
+            // The geometry pass writes normals, and their texels also hold properties of the materials, so it must run again.
             self.drawn = None;
         }
     }

@@ -1,4 +1,4 @@
-//! A picture becomes a file: tone-mapped PNG, or linear OpenEXR with its layers.
+//! Writes a picture to a file: tone-mapped PNG, or linear OpenEXR with its layers.
 
 use std::path::{Path, PathBuf};
 
@@ -27,8 +27,8 @@ pub fn write_png_texels(file: &Path, size: [u32; 2], texels: &[[u8; 3]]) -> Resu
     })
 }
 
-/// Writes the picture for people: as the device displayed it, else (it was averaged on the processor) tone-mapped by the reference with the default
-/// exposure.
+/// Writes the picture for people to look at: as the device tone-mapped it or, if the picture was averaged on the CPU, tone-mapped by the reference
+/// with `exposure`.
 ///
 /// # Errors
 /// When the file cannot be written.

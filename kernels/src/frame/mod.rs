@@ -1,4 +1,4 @@
-//! The frame, on one page: [`Renderer::draw`] calls the stages in their order, what one makes being the next one's argument.
+//! The frame, on one page: [`Renderer::draw`] calls the stages in order; the result of one stage is an argument of the next.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -56,31 +56,31 @@ pub use stages::{DECLARATIONS, FOLLOWING, shader_files};
 use picture::Picture;
 use stages::Stages;
 
-/// Everything of the picture's size.
+/// All targets of the picture's size.
 pub struct Targets {
-    /// Of the geometry pass.
+    /// Targets of the geometry pass.
     pub geometry: geometry::Targets,
-    /// Of the classification pass.
+    /// Tile lists of the classification pass.
     pub lists: Lists,
-    /// Of the shading pass.
+    /// Targets of the shading pass.
     pub shading: shading::Targets,
-    /// Linear HDR.
+    /// Linear HDR picture.
     pub image: wgpu::Texture,
-    /// Tone-mapped sRGB.
+    /// Tone-mapped sRGB picture.
     pub displayed: wgpu::Texture,
     size: [u32; 2],
 }
 
-/// Choices of a renderer that no scene makes: what an experiment varies.
+/// Options of a renderer that are not part of a scene, and that an experiment can vary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RendererOptions {
     /// Edge of a tile, pixels: 4, 8 or 16.
     pub tile: u32,
-    /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]): keeps what textures and nodes were made
-    /// from: 110 MB for nodes at most, and twice what the compressed textures take.
+    /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]). This keeps the sources of textures and
+    /// nodes: at most 130 MB for nodes, and twice the size of the compressed textures.
     pub editable: bool,
-    /// Edge of detail textures, texels, in place of the scene's: for a first look, until [`Renderer::take_palette`] brings the scene's own. For
-    /// editable renderers.
+    /// Edge of detail textures, texels, in place of the scene's: for a first look, until [`Renderer::take_palette`] sets the scene's own textures.
+    /// Only for editable renderers.
     pub sketch: Option<u32>,
 }
 
@@ -98,25 +98,25 @@ pub struct Renderer<'a> {
     demands: Demands,
     world: Arc<World>,
     means: PaletteMeans,
-    /// What the textures hold, if it can be edited.
+    /// The palette of the textures, if the renderer is editable.
     palette: Option<Palette>,
     /// Previous palette; in an A/B comparison, the other scene's.
     former: Option<Palette>,
-    /// What edits had made anew since the last frame.
+    /// What edits since the last frame caused to be made again.
     edited: EditCounts,
     streaming: Streaming,
     terrain: Terrain,
     stages: Stages,
-    /// What the shaders of the stages were made of.
+    /// The sources of the stages' shaders.
     sources: Arc<Sources>,
     frame_layout: wgpu::BindGroupLayout,
     targets: Option<Targets>,
-    /// What the targets hold; `None` = nothing that could be used again.
+    /// Contents of the targets; `None` = nothing that can be reused.
     drawn: Option<Drawn>,
     progress: &'a (dyn Fn(Progress) + Sync),
 }
 
-/// What the geometry targets hold.
+/// Contents of the geometry targets.
 struct Drawn {
     key: GeometryKey,
     visited: Vec<NodeId>,
@@ -125,10 +125,11 @@ struct Drawn {
 }
 
 impl<'a> Renderer<'a> {
-    /// Makes a scene ready: world, palette, atlases, shaders.
+    /// Prepares a scene for drawing: world, palette, atlases, shaders.
     ///
     /// # Errors
-    /// When the scene's data are wrong (file and reason), it asks for cliffs that its world does not have, or a shader does not compile.
+    /// When the data of the scene are wrong (with file and reason), the scene asks for cliffs that its world does not have, or a shader does not
+    /// compile.
     pub fn new(gpu: &Gpu, scene: &Scene, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         Renderer::with(gpu, scene, RendererOptions::default(), progress)
     }
@@ -150,7 +151,7 @@ impl<'a> Renderer<'a> {
         let sources = gpu.sources();
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
         let stages = Stages::build(Build { gpu, frame: &frame_layout, terrain: &terrain, demands: &demands, tile: options.tile })?;
-        // A pipeline that the device refused is this call's failure, not that of the first picture.
+        // Reports a pipeline that the device refused here, and not with the first picture.
         gpu.check()?;
         Ok(Renderer {
             gpu: gpu.clone(),
@@ -173,17 +174,17 @@ impl<'a> Renderer<'a> {
         })
     }
 
-    /// What stages are built from.
+    /// The parts from which stages are built.
     fn build(&self) -> Build<'_> {
         Build { gpu: &self.gpu, frame: &self.frame_layout, terrain: &self.terrain, demands: &self.demands, tile: self.options.tile }
     }
 
-    /// The world drawn.
+    /// The world that is drawn.
     pub fn world(&self) -> &Arc<World> {
         &self.world
     }
 
-    /// The scene drawn.
+    /// The scene that is drawn.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -208,12 +209,12 @@ impl<'a> Renderer<'a> {
         &self.means.albedo
     }
 
-    /// The page of the virtual texture that served the last frame where it asked for `page`; `None` where none did.
+    /// The page of the virtual texture that the last frame used in place of `page`: `page` itself or a coarser one; `None` if there was none.
     pub fn page_serving(&self, page: virtual_texture::PageId) -> Option<virtual_texture::PageId> {
         self.stages.virtual_texture.serving(page)
     }
 
-    /// The request's view of this world.
+    /// The view of this world that the request describes.
     pub fn view(&self, request: &RenderRequest) -> View {
         let (layout, view) = (self.world.layout(), &request.view);
         View::new(view.pose, view.size, view.jitter, layout.sector_m, layout.world_m())
@@ -237,7 +238,7 @@ impl<'a> Renderer<'a> {
         Ok(Frame::new(self, targets, *request, report))
     }
 
-    /// Draws one frame into the targets, made anew if they are of another size or format.
+    /// Draws one frame into the targets, which are made again if their size or format differs.
     fn draw_targets(&mut self, request: &RenderRequest) -> Result<FrameReport> {
         request.check(&self.gpu.device.limits(), self.options.tile)?;
         self.check_variant(request.shading.variant)?;
@@ -254,7 +255,7 @@ impl<'a> Renderer<'a> {
         report
     }
 
-    /// The stages in their order.
+    /// Calls the stages in order.
     fn draw_into(&mut self, request: &RenderRequest, targets: &Targets) -> Result<FrameReport> {
         let gpu = self.gpu.clone();
         let gpu = &gpu;
@@ -266,7 +267,7 @@ impl<'a> Renderer<'a> {
         let mut encoder = gpu.encoder("geometry");
 
         let key = request.geometry_key();
-        // Where the geometry is kept, nothing is loaded.
+        // If the geometry is reused, no nodes are loaded.
         let mut loaded = 0;
         let drawn = match self.drawn.take().filter(|drawn| request.outputs.keep_geometry && drawn.key == key) {
             Some(drawn) => drawn,
@@ -342,7 +343,7 @@ impl<'a> Renderer<'a> {
         Ok(report)
     }
 
-    /// Numbers of the frame for people to read: what the processor chose, then stage by stage.
+    /// Numbers of the frame for people to read: first what the CPU selected, then stage by stage.
     fn sections(&self, drawn: &Drawn, loaded: usize) -> Vec<Section> {
         let atlas = self.streaming.counts();
         let mut sections = vec![
@@ -357,7 +358,7 @@ impl<'a> Renderer<'a> {
             },
             Section {
                 name: "Atlas",
-                about: "Residency: a visited node has a slot; the least recently used node gives way",
+                about: "Residency: each visited node has a slot; the least recently used node is replaced",
                 rows: vec![
                     row("Slots used", format!("{} of {}", atlas.resident, atlas.capacity)),
                     row("Nodes loaded for this frame", loaded),
@@ -369,8 +370,8 @@ impl<'a> Renderer<'a> {
         sections
     }
 
-    /// Shades one view by each flavour of `flavours` alone, on every pixel, and keeps the results in their layers: what pictures of any variant are
-    /// composed from. Fetches and choices are counted. The geometry of the last frame serves again if the view is the same.
+    /// Shades one view with each flavour of `flavours` alone, on every pixel, and copies the results into `layers`, from which the pictures of any
+    /// variant are composed. Fetches are counted and choices recorded. The geometry of the last frame is reused if the view is the same.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -392,10 +393,10 @@ impl<'a> Renderer<'a> {
         Ok(Frame::new(self, targets, *request, report))
     }
 
-    /// The frame that lies in the targets, looked at as `request` asks: its geometry must be that of the last frame drawn.
+    /// The frame in the targets, with the shading and outputs that `request` asks for. Its geometry must be that of the last frame drawn.
     ///
     /// # Errors
-    /// When nothing was drawn yet, or other geometry.
+    /// When nothing was drawn yet, or the last frame had other geometry.
     pub fn drawn_as(&self, request: &RenderRequest) -> Result<Frame<'_, 'a>> {
         match (&self.targets, &self.drawn) {
             (Some(targets), Some(drawn)) if drawn.key == request.geometry_key() => {
@@ -405,28 +406,28 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// Follows streams of this renderer's pictures over frames.
+    /// Makes a meter that follows streams of this renderer's pictures over frames.
     ///
     /// # Errors
-    /// When a shader does not compile or the device has not the memory.
+    /// When a shader does not compile or the device is out of memory.
     pub fn meter(&self, size: [u32; 2], resolves: &[Resolve]) -> Result<Meter> {
         Meter::new(&self.gpu, &self.frame_layout, size, resolves)
     }
 
-    /// Follows surface points from one picture of this renderer to the next.
+    /// Makes links that follow surface points from one picture of this renderer to the next.
     ///
     /// # Errors
-    /// When the shader does not compile or the device has not the memory.
+    /// When the shader does not compile or the device is out of memory.
     pub fn links(&self, size: [u32; 2]) -> Result<Links> {
         Links::new(&self.gpu, &self.frame_layout, size)
     }
 
-    /// The pass that composes pictures, for its streams.
+    /// The pass that composes pictures; it also makes the streams to compose.
     pub fn composition(&self) -> &Composition {
         &self.stages.composition
     }
 
-    /// Refuses to force what the scene has no textures for.
+    /// Refuses to force a flavour for which the scene has no textures.
     fn check_variant(&self, choice: VariantChoice) -> Result<()> {
         let (VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant)) = choice else { return Ok(()) };
         if variant.has(Flavour::VirtualTexture) && !self.demands.has(Flavour::VirtualTexture) {
@@ -438,7 +439,7 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    /// The nodes that `eye` visits (made resident), those of them it draws, and the patches of those that it may see, placed for `view`.
+    /// The nodes that `eye` visits, which become resident; the nodes that it draws; and the patches that it may see, placed for `view`.
     fn visible_patches(&mut self, request: &RenderRequest, view: &View, eye: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Vec<Patch>)> {
         self.streaming.begin_frame();
         let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, &self.gpu);
@@ -459,10 +460,11 @@ impl<'a> Renderer<'a> {
         Ok((selection.visited, drawn, patches))
     }
 
-    /// Builds the pipelines that a request needs for the tiles there are (all 31 lists and the generic one's), and returns their keys.
+    /// Builds the pipelines that a request needs and returns their keys. `tiles`: the number of tiles in the generic kernel's list and in the 31
+    /// lists of variants.
     ///
     /// # Errors
-    /// When one cannot be built.
+    /// When a pipeline cannot be built.
     fn warm(&mut self, request: &RenderRequest, tiles: &[u32]) -> Result<Vec<PipelineKey>> {
         let has_tiles = |mask: usize| tiles.get(mask).is_some_and(|&n| n > 0);
         let kernels: Vec<Kernel> = match request.shading.variant {
@@ -509,7 +511,7 @@ impl Targets {
     }
 }
 
-/// What a scene demands, as far as the device can do it in time.
+/// What a scene demands, with an anisotropy whose shaders the device can compile in reasonable time.
 fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
     let demands = Demands::of(scene);
     Demands { anisotropy: gpu.anisotropy(demands.anisotropy), ..demands }
@@ -517,7 +519,7 @@ fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
 
 /// Refuses cliffs that the world does not have.
 fn check_cliffs(scene: &Scene, world: &World) -> Result<()> {
-    // How steep the world is takes a tenth of a second to say, and is wanted only where it may be too little.
+    // Computing the largest slope takes a tenth of a second, so it is done only if the world may not be steep enough.
     let asked = scene.flavours.cliff_slope_deg;
     if !scene.flavours.has_cliffs() || world.is_as_steep_as(asked) {
         Ok(())

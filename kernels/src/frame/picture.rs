@@ -8,15 +8,15 @@ use crate::display::{Exposure, reference};
 use crate::frame::{Frame, FrameReport};
 use crate::gpu::read_texture;
 
-/// Names of the layers that can be asked for, in the order they are written.
+/// Names of all layers, in the order in which they are written.
 pub const AOV_NAMES: [&str; 10] = ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy"];
 
-/// Which layers are wanted besides the picture.
+/// The layers that are requested in addition to the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AovSet(u16);
 
 impl AovSet {
-    /// All of them.
+    /// All layers.
     pub const ALL: AovSet = AovSet((1 << AOV_NAMES.len()) - 1);
 
     /// The set of these names.
@@ -29,7 +29,7 @@ impl AovSet {
             let name = name.as_ref();
             let Some(index) = AOV_NAMES.iter().position(|n| *n == name) else {
                 let hint = nearest(name, &AOV_NAMES).map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
-                return Err(Error::Request(format!("`{name}` is no layer: there are {}{hint}", AOV_NAMES.join(", "))));
+                return Err(Error::Request(format!("`{name}` is not a layer: the layers are {}{hint}", AOV_NAMES.join(", "))));
             };
             set.0 |= 1 << index;
         }
@@ -58,26 +58,26 @@ pub enum Layer {
     Rgb(Vec<[f32; 3]>),
     /// A vector in world axes.
     Xyz(Vec<[f32; 3]>),
-    /// A number.
+    /// One number per pixel.
     Value(Vec<f32>),
 }
 
 /// A picture, row by row from the top.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// Pixels.
+    /// Size in pixels.
     pub size: [u32; 2],
     /// Linear radiance; alpha 1 = terrain, 0 = sky.
     pub hdr: Vec<[f32; 4]>,
-    /// Tone-mapped sRGB codes for people, alpha as in `hdr`; `None` where the request did not ask for them.
+    /// Tone-mapped sRGB codes for people, alpha as in `hdr`; `None` if the request did not ask for them.
     pub displayed: Option<Vec<[u8; 4]>>,
-    /// The layers asked for, by name.
+    /// The requested layers, by name.
     pub layers: Vec<(String, Layer)>,
     /// Device time of each pass, milliseconds.
     pub passes: Vec<(String, f64)>,
     /// Mean fetches per terrain pixel, if they were counted.
     pub fetches_per_px: Option<f64>,
-    /// What the frame was made of.
+    /// The report of the frame.
     pub report: FrameReport,
 }
 
@@ -161,7 +161,8 @@ impl Picture {
         Ok(Picture { size, hdr, displayed, layers, passes, fetches_per_px, report })
     }
 
-    /// What people are shown: the device's own tone mapping, or the reference's with `exposure` where the device was not asked for it.
+    /// The picture that people see: as the device tone-mapped it or, if the request did not ask for that, tone-mapped by the reference with
+    /// `exposure`.
     pub fn displayed(&self, exposure: Exposure) -> Vec<[u8; 3]> {
         match &self.displayed {
             Some(codes) => codes.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
@@ -169,12 +170,12 @@ impl Picture {
         }
     }
 
-    /// A layer that was asked for.
+    /// A layer that was requested.
     pub fn layer(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|(n, _)| n == name).map(|(_, layer)| layer)
     }
 
-    /// Colours or vectors of a layer that was asked for.
+    /// Colours or vectors of a layer that was requested.
     pub fn vectors(&self, name: &str) -> Option<&[[f32; 3]]> {
         match self.layer(name)? {
             Layer::Rgb(texels) | Layer::Xyz(texels) => Some(texels),
@@ -182,7 +183,7 @@ impl Picture {
         }
     }
 
-    /// Numbers of a layer that was asked for.
+    /// Numbers of a layer that was requested.
     pub fn values(&self, name: &str) -> Option<&[f32]> {
         match self.layer(name)? {
             Layer::Value(values) => Some(values),

@@ -1,8 +1,8 @@
-//! Shaders built again in a renderer that goes on drawing: all that a change touches, or none.
+//! Rebuilds shaders in a renderer that goes on drawing: all stages that a change affects, or none.
 
 use std::sync::Arc;
 
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::frame::Renderer;
 use crate::frame::stages::{FOLLOWING, Rebuilt, touched};
 use crate::gpu::Sources;
@@ -13,20 +13,20 @@ use crate::motion::Links;
 pub struct ReloadReport {
     /// Files whose text changed, by their path in `kernels/src`, in alphabetical order.
     pub files: Vec<String>,
-    /// Stages that were built anew, in the order of the frame. None if no stage of this scene uses the files on this device.
+    /// Stages that were rebuilt, in the order of the frame. Empty if no stage of this scene uses the files on this device.
     pub stages: Vec<&'static str>,
 }
 
 impl Renderer<'_> {
-    /// Builds the stages again that use a file whose text differs in `sources`, and draws with them from now on. World, nodes and textures stay; pages of
-    /// the virtual texture are rendered again if their shader changed. Passes that follow a frame (those of [`Renderer::meter`]) are compiled from
+    /// Rebuilds the stages that use a file whose text differs in `sources`, and draws with them from now on. World, nodes and textures stay; pages of
+    /// the virtual texture are rendered again if their shader changed. Passes that follow frames (those of [`Renderer::meter`]) are compiled from
     /// `sources` the next time that they are made.
     ///
-    /// Of shading, the pipelines of the displayed view are built at once. The others are built when a frame wants them; that may fail then.
+    /// The shading pipelines of the displayed view are built at once. The others are built when a frame needs them, which may fail then.
     ///
     /// # Errors
-    /// When one does not compile: with file, line and message; or when no pipeline comes of one: with the files and message. Then nothing has changed, for
-    /// this renderer and for its device.
+    /// When a shader does not compile (with file, line and message), or no pipeline can be built from it (with the files and the message). Then
+    /// nothing has changed, for this renderer and for its device.
     pub fn reload_shaders(&mut self, sources: Sources) -> Result<ReloadReport> {
         let files = self.sources.differences(&sources);
         if files.is_empty() {
@@ -38,7 +38,7 @@ impl Renderer<'_> {
             Ok((rebuilt, mut stages)) => {
                 stages.splice(0..0, rebuilt.names.iter().copied());
                 rebuilt.take(&mut self.stages);
-                // The targets hold what the former stages made.
+                // The targets hold results of the former stages.
                 self.drawn = None;
                 self.sources = sources;
                 Ok(ReloadReport { files, stages })
@@ -50,16 +50,17 @@ impl Renderer<'_> {
         }
     }
 
-    /// The stages of the table that `changed` touches, and the names of those outside of it.
+    /// Rebuilds the stages of the table that use a file of `changed`. Also returns the names of the passes outside the table that use one.
     fn rebuilt(&self, changed: &[String]) -> Result<(Rebuilt, Vec<&'static str>)> {
         let rebuilt = self.stages.rebuilt(self.build(), changed)?;
         let mut others = Vec::new();
-        if !touched(&FOLLOWING, changed).is_empty() {
-            // Made to see whether it compiles: whoever follows frames makes it again.
+        let files = touched(&FOLLOWING, changed);
+        if !files.is_empty() {
+            // Made only to see whether it compiles; code that follows frames makes it again.
             let (links, complaint) = self.gpu.caught(|| Links::new(&self.gpu, &self.frame_layout, [1, 1]));
             drop(links?);
             if let Some(what) = complaint {
-                return Err(crate::base::error::Error::Gpu(format!("shader links: {what}")));
+                return Err(Error::Gpu(format!("shader links: {}: {what}", files.join(", "))));
             }
             others.push("links");
         }

@@ -1,4 +1,4 @@
-//! What one frame was made of.
+//! The report of one frame.
 
 use crate::base::section::Section;
 use crate::frame::edit::EditCounts;
@@ -7,22 +7,22 @@ use crate::residency::AtlasCounts;
 use crate::virtual_texture::{CacheCounts, PageCounts};
 use crate::world::NodeId;
 
-/// What one frame was made of.
+/// What was drawn, loaded and measured for one frame.
 #[derive(Clone, Debug, Default)]
 pub struct FrameReport {
     /// Time of each pass on the device.
     pub passes: Vec<PassTime>,
-    /// Nodes visited: those drawn, and those above them.
+    /// Nodes visited: the nodes drawn, and the nodes above them.
     pub visited: usize,
     /// Nodes that were not resident and were baked for this frame.
     pub loaded: usize,
-    /// What edits of the scene had made anew since the frame before.
+    /// What edits of the scene since the frame before caused to be made again.
     pub edited: EditCounts,
     /// Nodes drawn.
     pub nodes: usize,
     /// Patches drawn.
     pub patches: usize,
-    /// The nodes drawn, each covering what no other does.
+    /// The nodes drawn; they do not overlap.
     pub drawn: Vec<NodeId>,
     /// The atlases after this frame's loading.
     pub atlas: AtlasCounts,
@@ -30,7 +30,7 @@ pub struct FrameReport {
     pub pages: PageCounts,
     /// The pages kept after this frame's rendering.
     pub page_cache: CacheCounts,
-    /// Tiles: all that hold terrain, then per variant 1..=31.
+    /// Number of tiles: all tiles with terrain, then the tiles of each variant 1..=31.
     pub tiles: Vec<u32>,
     /// Numbers for people to read, stage by stage.
     pub sections: Vec<Section>,

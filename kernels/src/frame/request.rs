@@ -1,4 +1,4 @@
-//! What is asked for: a view, how its geometry is made, how it is shaded, and what is to come out.
+//! The request for a picture: the view, how its geometry is made, how it is shaded, and the outputs.
 
 use super::FrameSettings;
 use crate::base::error::{Error, Result};
@@ -15,13 +15,13 @@ use crate::view::normals::NormalEncoding;
 /// Which shader shades which tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum VariantChoice {
-    /// Each tile by the variant its pixels need.
+    /// Each tile is shaded by the variant that its pixels need.
     Auto,
-    /// Every tile by this variant; each of its flavours is evaluated on every pixel.
+    /// Every tile is shaded by this variant; each of its flavours is evaluated on every pixel.
     Forced(Variant),
-    /// The generic kernel on every tile, with the mask that `Auto` would give it.
+    /// The generic kernel shades every tile, with the mask that `Auto` would give it.
     GenericAuto,
-    /// The generic kernel on every tile, with this mask.
+    /// The generic kernel shades every tile, with this mask.
     GenericForced(Variant),
 }
 
@@ -35,12 +35,12 @@ impl VariantChoice {
     }
 }
 
-/// From where a picture is taken.
+/// The camera and the size of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViewRequest {
-    /// Where the camera is.
+    /// Position, direction and field of view of the camera.
     pub pose: Pose,
-    /// Pixels.
+    /// Size in pixels.
     pub size: [u32; 2],
     /// Shift of the sample points in pixels, for supersampling.
     pub jitter: [f64; 2],
@@ -49,71 +49,72 @@ pub struct ViewRequest {
 /// How the terrain's geometry is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryRequest {
-    /// Bias of the terrain's LOD: each whole one halves the distance at which nodes are split.
+    /// Bias of the terrain's LOD: each whole level halves the distance at which nodes are split.
     pub lod_bias: f64,
-    /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The ground's textures stay as fine.
+    /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures of the
+    /// ground stay as fine as before.
     pub vertex_stride: u32,
-    /// Selects nodes and patches as seen from there instead of from the camera: to look at what culling leaves.
+    /// Selects nodes and patches as seen from this pose instead of from the camera, to show what culling removes.
     pub culled_from: Option<Pose>,
     /// How the geometry pass stores its two normals.
     pub normals: NormalEncoding,
 }
 
-/// What decides the geometry pass's results for one renderer: two requests with equal keys have the same depth, mask and normals.
+/// Everything that decides the results of the geometry pass for one renderer: two requests with equal keys have the same depth, mask and normals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryKey {
-    /// From where.
+    /// The view.
     pub view: ViewRequest,
-    /// How.
+    /// The geometry.
     pub geometry: GeometryRequest,
 }
 
 /// How pixels are shaded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShadingRequest {
-    /// Which shaders.
+    /// Which shader shades which tile.
     pub variant: VariantChoice,
-    /// How stochastic flavours arrive at a value.
+    /// How near cliff, far cliff and splat compute their value.
     pub estimator: Estimator,
-    /// Their noise.
+    /// Noise of their random choices.
     pub noise: NoiseKind,
-    /// Their seed.
+    /// Seed of their random choices.
     pub seed: u32,
-    /// Frame index: the only time there is.
+    /// Frame index. There is no clock.
     pub frame: u32,
     /// Full splat with two tiling scales: 96 fetches.
     pub two_tilings: bool,
-    /// Where in its pixel the terrain is shaded, for temporal supersampling.
+    /// Where the shaded sample lies in its pixel, for temporal supersampling.
     pub sample_pattern: SamplePattern,
 }
 
-/// What is to come out.
+/// The outputs of a request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
-    /// Layers wanted besides the picture.
+    /// Layers that are requested in addition to the picture.
     pub aovs: AovSet,
     /// Whether fetches are counted (a slower shader; never timed).
     pub count_fetches: bool,
-    /// Whether the picture is lit; without, only the G-buffer is made.
+    /// Whether the picture is lit. If not, only the G-buffer is made.
     pub lit: bool,
     /// Exposure and tone curve of the picture for people; `None` = it is not displayed.
     pub display: Option<Exposure>,
-    /// Whether each variant is shaded, and timed, in a pass of its own; never so where the whole is timed.
+    /// Whether each variant is shaded and timed in a pass of its own. It is off when the shading pass is timed as a whole.
     pub time_variants: bool,
-    /// Shades the geometry of the last frame again instead of drawing it, if its [`GeometryKey`] is the same: for many seeds or variants of one view.
+    /// Reuses the geometry of the last frame instead of drawing it, if its [`GeometryKey`] is the same: for many seeds or variants of one view.
     pub keep_geometry: bool,
 }
 
 /// One picture to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RenderRequest {
-    /// From where.
+    /// The view.
     pub view: ViewRequest,
     /// How its geometry is made.
     pub geometry: GeometryRequest,
     /// How it is shaded.
     pub shading: ShadingRequest,
-    /// What is to come out.
+    /// The outputs.
     pub outputs: Outputs,
 }
 
@@ -123,14 +124,14 @@ impl RenderRequest {
         FrameSettings::default().request(pose, size, 0)
     }
 
-    /// The request after a change.
+    /// The request with a change applied.
     #[must_use]
     pub fn with(mut self, change: impl FnOnce(&mut RenderRequest)) -> RenderRequest {
         change(&mut self);
         self
     }
 
-    /// What decides its geometry.
+    /// The key of its geometry.
     pub fn geometry_key(&self) -> GeometryKey {
         GeometryKey { view: self.view, geometry: self.geometry }
     }
@@ -140,15 +141,15 @@ impl RenderRequest {
         self.outputs.count_fetches || self.outputs.aovs.needs_diagnostics()
     }
 
-    /// Refuses what no device can draw.
+    /// Refuses a request that cannot be drawn with these limits.
     ///
     /// # Errors
     /// When the size, the LOD bias or the vertex stride is out of range.
     pub fn check(&self, limits: &wgpu::Limits, tile: u32) -> Result<()> {
         check_size(self.view.size, limits, tile)?;
-        self.outputs.display.map_or(Ok(()), Exposure::check)?;
         let GeometryRequest { lod_bias, vertex_stride, .. } = self.geometry;
-        let settings = FrameSettings { lod_bias, vertex_stride, ..FrameSettings::default() };
+        let exposure = self.outputs.display.unwrap_or_default().stops;
+        let settings = FrameSettings { lod_bias, vertex_stride, exposure, ..FrameSettings::default() };
         settings.check().map_err(|wrong| Error::Request(wrong.to_string()))
     }
 }
@@ -161,7 +162,7 @@ pub const MAX_PIXELS: u64 = 1 << 26;
 /// Refuses sizes that no picture can have on a device with these limits.
 ///
 /// # Errors
-/// When a side is 0 or above [`MAX_SIDE`], there are more than [`MAX_PIXELS`], or the device cannot hold the targets or tile lists.
+/// When a side is 0 or above [`MAX_SIDE`], there are more than [`MAX_PIXELS`] pixels, or the device cannot hold the targets or tile lists.
 pub fn check_size(size: [u32; 2], limits: &wgpu::Limits, tile: u32) -> Result<()> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let side = MAX_SIDE.min(limits.max_texture_dimension_2d);

@@ -2,6 +2,11 @@
 //!
 //! What is not required is neither compiled, allocated nor dispatched. Sizes and formats are those of
 //! *Terrain Rendering in Far Cry 5* (Moore, GDC 2018), sections on terrain data and the virtual texture.
+//!
+//! Limits: without a virtual texture, neither its request pass nor its page pass is compiled or run. Its pages are then one unused layer, because the
+//! shading pass must have something bound, and the page table (224 KiB) stays; forcing a variant with `vt` is an error. Without colour modulation,
+//! its atlas is one layer. Detail textures and the splat map always exist, even where no flavour samples them, because errors are measured against
+//! the full blend.
 
 use std::fmt;
 
@@ -24,9 +29,9 @@ pub struct FlavourUse {
     pub name: &'static str,
     /// Whether the scene can ask for it.
     pub required: bool,
-    /// Texture samples a pixel of it takes.
+    /// Fetches per pixel of this flavour.
     pub fetches_per_px: u32,
-    /// Why it is, or is not, required.
+    /// Why it is required or not.
     pub reason: String,
 }
 
@@ -50,6 +55,8 @@ pub struct Requirements {
     pub targets: Vec<TargetUse>,
     /// Passes in their order, required or not.
     pub passes: Vec<PassUse>,
+    /// The stages in their order: name, and what each reads and makes.
+    pub stages: Vec<(&'static str, &'static str)>,
 }
 
 fn variant_names<S: Serializer>(variants: &[Variant], serializer: S) -> Result<S::Ok, S::Error> {
@@ -57,7 +64,7 @@ fn variant_names<S: Serializer>(variants: &[Variant], serializer: S) -> Result<S
 }
 
 impl Requirements {
-    /// Everything that follows from a (valid) scene: what it demands, and what the stages declare of that.
+    /// Everything that follows from a (valid) scene: what it demands, and what the stages declare for these demands.
     pub fn of(scene: &Scene) -> Requirements {
         let demands = Demands::of(scene);
         let of_stages = || DECLARATIONS.iter();
@@ -73,6 +80,7 @@ impl Requirements {
             textures,
             targets: of_stages().flat_map(|stage| (stage.targets)(NormalEncoding::default())).collect(),
             passes: of_stages().flat_map(|stage| (stage.passes)(&demands)).collect(),
+            stages: of_stages().map(|stage| (stage.name, stage.about)).collect(),
         }
     }
 
@@ -81,7 +89,7 @@ impl Requirements {
         self.flavours.iter().any(|used| used.required && used.name == flavour.name())
     }
 
-    /// Bytes of all required textures; those of the picture's size come on top ([`Requirements::bytes_per_px`]).
+    /// Bytes of all required textures, without those of the picture's size ([`Requirements::bytes_per_px`]).
     pub fn bytes(&self) -> u64 {
         self.textures.iter().filter(|t| t.required).map(|t| t.bytes).sum()
     }
@@ -100,10 +108,10 @@ impl FlavourUse {
 }
 
 fn mib(bytes: u64) -> String {
-    format!("{}.{:02} MiB", bytes >> 20, ((bytes & 0xF_FFFF) * 100) >> 20)
+    format!("{:.2} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-/// A titled list; nothing if it is empty.
+/// Writes a titled list, or nothing if the list is empty.
 fn section<T>(
     f: &mut fmt::Formatter<'_>,
     title: &str,
@@ -123,7 +131,7 @@ impl fmt::Display for Requirements {
         writeln!(f, "scene `{}`", self.scene)?;
         for required in [true, false] {
             let (title, note) = if required {
-                ("required", format!("{} of textures, {} bytes per pixel on top", mib(self.bytes()), self.bytes_per_px()))
+                ("required", format!("{} of textures, plus {} bytes per pixel", mib(self.bytes()), self.bytes_per_px()))
             } else {
                 ("not required", "not compiled, not allocated, not dispatched".to_owned())
             };
@@ -135,6 +143,7 @@ impl fmt::Display for Requirements {
             section(f, &format!("variants: {} of {}", variants.len(), Variant::COUNT), variants.iter(), |f, variant| {
                 writeln!(f, "    {:>2}  {variant}", variant.mask())
             })?;
+            section(f, "stages", self.stages.iter().filter(|_| required), |f, (name, about)| writeln!(f, "    {name:<26} {about}"))?;
             section(f, "passes", self.passes.iter().filter(|pass| pass.required == required), |f, pass| {
                 writeln!(f, "    {:<26} {:>2} pipeline(s)  {}", pass.name, pass.pipelines, pass.reason)
             })?;

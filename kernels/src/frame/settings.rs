@@ -17,15 +17,15 @@ use crate::variant::Variant;
 use crate::view::camera::Pose;
 use crate::view::normals::NormalEncoding;
 
-/// What keys of these settings begin with.
+/// Prefix of the keys of these settings.
 pub const FRAME: &str = "frame.";
 
-/// The choice that is no variant.
+/// The value that selects no variant: the choice is automatic.
 const AUTOMATIC: &str = "auto";
 
 const SHADING: Listing = Listing::new("Shading", &[Home::Definition, Home::Option, Home::Workbench]);
 const GEOMETRY: Listing = Listing::new("Geometry", &[Home::Definition, Home::Option, Home::Workbench]);
-/// A definition gives several of them in a list of its own.
+/// In a definition, these settings are lists, which have keys of their own.
 const VARIANTS: Listing = Listing::new("Shading", &[Home::DefinitionList("variants"), Home::Option, Home::Workbench]);
 const ESTIMATORS: Listing = Listing::new("Shading", &[Home::DefinitionList("estimators"), Home::Option, Home::Workbench]);
 const DISPLAY: Listing = Listing::new("Display", &[Home::Option, Home::Workbench]);
@@ -70,7 +70,7 @@ table! {
     }
 }
 
-/// What has a variant of its own.
+/// The unit that has a variant of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClassifyBy {
     /// A tile of the screen.
@@ -109,7 +109,7 @@ impl Field for Option<Variant> {
     }
 }
 
-/// Types whose values have names.
+/// Implements [`Field`] for types whose values have names.
 macro_rules! named {
     ($($Type:ty),+) => {
         $(
@@ -157,7 +157,7 @@ impl FrameSettings {
         }
     }
 
-    /// The request of a frame by these settings. The size of a tile is a renderer's ([`super::RendererOptions`]).
+    /// The request of a frame with these settings. The tile size is an option of the renderer ([`super::RendererOptions`]).
     pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32) -> RenderRequest {
         RenderRequest {
             view: ViewRequest { pose, size, jitter: [0.0; 2] },

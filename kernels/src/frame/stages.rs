@@ -1,4 +1,4 @@
-//! The table of stages: everything that is built from shaders and drawn with, in the order of the frame.
+//! The table of stages, in the order of the frame: everything that is built from shaders and used to draw.
 
 use crate::base::error::{Error, Result};
 use crate::base::section::Section;
@@ -22,11 +22,11 @@ macro_rules! stages {
             $($(#[$doc])* pub(super) $field: $stage,)*
         }
 
-        /// What every stage declares of itself, in the order of the frame.
+        /// The declaration of every stage, in the order of the frame.
         pub const DECLARATIONS: &[&Declaration] = &[$(&<$stage>::DECLARATION),*];
 
         impl Stages {
-            /// Builds all of them.
+            /// Builds all stages.
             ///
             /// # Errors
             /// When a shader does not compile.
@@ -34,10 +34,10 @@ macro_rules! stages {
                 Ok(Stages { $($field: <$stage>::build(build)?),* })
             }
 
-            /// Builds again the stages that use one of the files `changed`; the result puts them in their places.
+            /// Rebuilds the stages that use one of the files `changed`; `Rebuilt::take` puts them in their places.
             ///
             /// # Errors
-            /// When one does not compile, or no pipeline comes of it. Then nothing has changed.
+            /// When a shader does not compile, or no pipeline can be built from it. Then nothing has changed.
             pub(super) fn rebuilt(&self, build: Build<'_>, changed: &[String]) -> Result<Rebuilt> {
                 let mut rebuilt = Rebuilt { names: Vec::new(), exchanges: Vec::new() };
                 $(rebuilt.stage(build, changed, &self.$field, |stages| &mut stages.$field)?;)*
@@ -53,25 +53,25 @@ macro_rules! stages {
 }
 
 stages! {
-    /// Depth, stencil, classification mask, normals.
+    /// Makes depth, stencil, classification mask and normals.
     geometry: Geometry,
-    /// Tiles per variant.
+    /// Makes the tile list of each variant.
     classification: Classification,
-    /// Pages.
+    /// Makes pages.
     virtual_texture: VirtualTexture,
-    /// G-buffer.
+    /// Makes the G-buffer.
     shading: Shading,
-    /// Linear HDR.
+    /// Makes linear HDR.
     lighting: Lighting,
-    /// Tone-mapped sRGB, where a picture is shown.
+    /// Makes tone-mapped sRGB, where a picture is shown.
     display: Display,
-    /// Numbers of each pixel, on request.
+    /// Makes numbers of each pixel, on request.
     inspect: Inspect,
-    /// Pictures of any set of flavours, on request.
+    /// Composes pictures of any set of flavours, on request.
     composition: Composition,
 }
 
-/// Modules that passes outside of the table are made of: they are compiled when somebody wants to follow frames.
+/// Modules of the passes outside the table. They are compiled when frames are followed.
 pub const FOLLOWING: [&ShaderModule; 1] = [&motion::MODULE];
 
 /// Every WGSL file that a renderer is made of, each once, in alphabetical order of their paths.
@@ -83,7 +83,7 @@ pub fn shader_files() -> Vec<&'static Wgsl> {
     files
 }
 
-/// Stages that were built again.
+/// Stages that were rebuilt.
 pub(super) struct Rebuilt {
     /// Their names, in the order of the frame.
     pub(super) names: Vec<&'static str>,
@@ -99,7 +99,7 @@ impl Rebuilt {
         let (made, complaint) = build.gpu.caught(|| stage.rebuilt(build));
         let exchange = made?;
         if let Some(what) = complaint {
-            // The module is sound, but no pipeline comes of it: an entry point, a binding, a target. That has no line.
+            // The module is valid, but no pipeline can be built from it: an entry point, a binding or a target is wrong. Such an error has no line.
             return Err(Error::Gpu(format!("shader {}: {}: {what}", S::DECLARATION.name, touched.join(", "))));
         }
         self.names.push(S::DECLARATION.name);
@@ -107,7 +107,7 @@ impl Rebuilt {
         Ok(())
     }
 
-    /// Puts them in their places.
+    /// Puts the stages in their places.
     pub(super) fn take(self, stages: &mut Stages) {
         for exchange in self.exchanges {
             exchange(stages);
@@ -115,7 +115,7 @@ impl Rebuilt {
     }
 }
 
-/// The changed files that some of the modules have.
+/// The changed files that at least one of the modules uses.
 pub(super) fn touched<'c>(modules: &[&ShaderModule], changed: &'c [String]) -> Vec<&'c str> {
     let files: Vec<&Wgsl> = modules.iter().flat_map(|module| module.files()).collect();
     changed.iter().map(String::as_str).filter(|path| files.iter().any(|file| file.path == *path)).collect()

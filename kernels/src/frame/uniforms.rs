@@ -1,4 +1,4 @@
-//! The uniforms of a request: what every stage is told of the frame.
+//! The uniforms of a request: the values of a frame that every stage gets.
 
 use bytemuck::bytes_of;
 use glam::DVec3;
@@ -12,7 +12,7 @@ use crate::view::camera::{NEAR_M, View};
 use crate::virtual_texture;
 
 impl Renderer<'_> {
-    /// The uniforms of a request, bound.
+    /// The bind group of a request's uniforms.
     pub(super) fn frame_group(&self, request: &RenderRequest) -> wgpu::BindGroup {
         let uniforms = self.uniforms(request, &self.view(request));
         let buffer = self.gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));

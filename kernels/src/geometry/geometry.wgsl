@@ -1,6 +1,6 @@
-// Geometry pass: patches in, depth + stencil + classification mask + two normals out.
+// Geometry pass: draws patches into depth, stencil, classification mask and two normals.
 
-// True where the scene has holes: only then is a varying spent on them and a discard compiled in.
+// True where the scene has holes. Only then do holes cost a varying and a discard.
 override HAS_HOLES: bool = false;
 
 struct Patch {
@@ -8,7 +8,7 @@ struct Patch {
     spacing: f32,               // metres between vertices
     slot: u32,
     patch_xy: vec2<u32>,        // column, row in the node's 8 x 8 patches
-    deltas: u32,                // 4 bits a side, N E S W from the top
+    deltas: u32,                // LOD deltas, 4 bits per side: N E S W from the highest bits
     lod: u32,
 }
 
@@ -16,7 +16,7 @@ struct Patch {
 
 struct GeometryVarying {
     @builtin(position) clip: vec4<f32>,
-    // From the camera: derivatives are differences, and of elevations above the sea f32 leaves only millimetres.
+    // Relative to the camera: derivatives are differences, and f32 resolves elevations above the sea only to millimetres.
     @location(0) relative: vec3<f32>,
     @location(1) node_uv: vec2<f32>,
     @location(2) @interpolate(flat) slot: u32,
@@ -49,10 +49,10 @@ struct GeometryTargets {
 
 @fragment
 fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
-    // The slope of a plane is the same at every pixel of its triangle; derivatives of the position give it.
+    // A triangle has the same slope at all of its pixels, so derivatives of the position give its plane.
     let across = dpdx(in.relative);
     let down = dpdy(in.relative);
-    // A triangle that touches a hole's vertex has hole > 0 everywhere inside.
+    // A triangle that has a vertex in a hole has hole > 0 everywhere inside.
     if HAS_HOLES && in.hole > 0.0 {
         discard;
     }
@@ -68,7 +68,7 @@ fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
     }
     var out: GeometryTargets;
     out.normals = frame_normals(shading_normal, triangle_normal, in.relative);
-    // Weights follow from what the shading pass will read back, so that mask and shading agree.
+    // Weights are computed from the stored normal, which the shading pass reads back, so that mask and shading agree.
     let seen_normal = frame_shading_normal(out.normals);
     let weights = flavour_weights(length(in.relative), seen_normal.z, frame.flavours);
     out.mask = flavour_mask(weights);

@@ -1,7 +1,7 @@
-//! Geometry pass: every visible patch in one draw; depth, stencil, classification mask and two normals out.
+//! Geometry pass: draws all visible patches with one draw call, into depth, stencil, classification mask and two normals.
 //!
-//! Reads the patch list, height, normal and albedo (holes) atlases. Writes depth (reversed f32, `near / distance`), stencil (1 = terrain),
-//! mask (R8, one bit a flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One indexed draw, an instance a patch.
+//! Reads the patch list and the atlases of height, normal and albedo (holes). Writes depth (reversed f32, `near / distance`), stencil (1 = terrain),
+//! mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One indexed draw, one instance per patch.
 //! Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8, 11.
 
 use std::sync::OnceLock;
@@ -24,7 +24,7 @@ use crate::world::payload::diagonal_rises;
 
 pub mod reference;
 
-/// What the pass makes; all of the picture's size.
+/// Render targets of the pass, all of the picture's size.
 pub struct Targets {
     /// Depth and stencil.
     pub depth_stencil: wgpu::Texture,
@@ -39,7 +39,7 @@ const MASK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Uint;
 pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32FloatStencil8;
 
 impl Targets {
-    /// Targets of a size in pixels.
+    /// Targets for a picture of `size` pixels.
     pub fn new(gpu: &Gpu, size: [u32; 2], normals: NormalEncoding) -> Targets {
         Targets {
             depth_stencil: gpu.target("depth and stencil", size, DEPTH_FORMAT),
@@ -54,16 +54,16 @@ pub struct Geometry {
     shader: Shader,
     pipeline_layout: wgpu::PipelineLayout,
     has_holes: bool,
-    /// Into normals of 32 bits.
+    /// For normals of 32 bits.
     pipeline: wgpu::RenderPipeline,
-    /// Into those of 128, made when a picture first wants them.
+    /// For normals of 128 bits; made when a picture first needs it.
     exact: OnceLock<wgpu::RenderPipeline>,
     layout: wgpu::BindGroupLayout,
-    /// By the logarithm of the stride: indices of a patch, and how many.
+    /// Index buffer of a patch and its number of indices, by log2 of the vertex stride.
     indices: [(wgpu::Buffer, u32); STRIDES.len()],
 }
 
-/// Strides of a patch's vertices: of 17 along a side, 17, 9 or 5 are drawn.
+/// Vertex strides: 17, 9 or 5 of the 17 vertices along a patch's side are drawn.
 pub const STRIDES: [u32; 3] = [1, 2, 4];
 
 /// Stitching, without bindings.
@@ -79,8 +79,8 @@ static WGSL: Wgsl = Wgsl::new(
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("geometry", &[&WGSL]);
 
-/// Indices of a patch's 16 x 16 quads over its 17 x 17 vertices, or of fewer and larger ones over every `stride`-th of those, counter-clockwise from
-/// above, diagonals alternating.
+/// Indices of a patch: 16 x 16 quads over its 17 x 17 vertices, or fewer and larger quads over every `stride`-th vertex. Counter-clockwise seen from
+/// above; diagonals alternate.
 fn patch_indices(stride: u32) -> Vec<u16> {
     let [side, stride] = [PATCH_QUADS, stride].map(|n| u16::try_from(n).unwrap_or(1));
     let vertex = |x: u16, y: u16| stride * (y * (side + 1) + x);
@@ -169,7 +169,7 @@ impl Stage for Geometry {
 }
 
 impl Geometry {
-    /// The pipeline for normals of a format.
+    /// The pipeline that writes normals in this format.
     fn pipeline(&self, gpu: &Gpu, normals: wgpu::TextureFormat) -> &wgpu::RenderPipeline {
         if normals == NormalEncoding::default().format() {
             return &self.pipeline;
@@ -178,7 +178,7 @@ impl Geometry {
     }
 
     /// Records the pass. `stride`: one of [`STRIDES`].
-    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
     pub fn encode(
         &self,
         gpu: &Gpu,

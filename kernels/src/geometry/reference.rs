@@ -1,14 +1,14 @@
-//! The vertex stage's stitching, written from the talk and ruling 8: the reference for `geometry_stitch`.
+//! Stitching of vertices, written from the talk and ruling 8: the reference for `geometry_stitch`.
 
-/// The vertex of 0..=128 that an edge vertex is welded to when the neighbour is `delta` levels coarser: the nearest one the
-/// neighbour has, of two equally near the lower.
+/// The vertex (0..=128) to which an edge vertex is welded if the neighbour is `delta` levels coarser: the nearest vertex that the neighbour has, or
+/// the lower one if two are equally near.
 pub fn weld(index: u32, delta: u32) -> u32 {
     let step = 1 << delta;
     let below = index / step * step;
     if index - below <= step / 2 { below } else { below + step }
 }
 
-/// Welds a vertex of a node by the packed deltas (north << 12 | east << 8 | south << 4 | west).
+/// Welds a vertex of a node as the packed deltas say (north << 12 | east << 8 | south << 4 | west).
 pub fn stitch(index: [u32; 2], deltas: u32) -> [u32; 2] {
     let last = u32::from(crate::world::NODE_QUADS);
     let [x, y] = index;

@@ -1,20 +1,20 @@
-//! Explicit bind-group layouts, said in one line a binding. Never derived from a shader: textures that only dead branches
-//! use must be bound all the same.
+//! Explicit bind-group layouts, with one line per binding. They are never derived from a shader, because textures must be bound even if only dead
+//! branches use them.
 
 use crate::gpu::{Gpu, Shader};
 
-/// What is bound at one place.
+/// The type of a binding.
 #[derive(Clone, Copy)]
 pub enum Binding {
     /// A uniform buffer.
     Uniform,
     /// A read-only storage buffer.
     Storage,
-    /// A storage buffer that is written.
+    /// A storage buffer that shaders write.
     StorageWritten,
     /// A filterable float texture.
     Texture(wgpu::TextureViewDimension),
-    /// A float texture that is only loaded from.
+    /// A float texture that is only read by `textureLoad`, without a sampler.
     TextureLoaded(wgpu::TextureViewDimension),
     /// A texture of unsigned integers.
     TextureUint(wgpu::TextureViewDimension),
@@ -26,7 +26,7 @@ pub enum Binding {
 
 /// Shorthand for a two-dimensional texture.
 pub const FLAT: wgpu::TextureViewDimension = wgpu::TextureViewDimension::D2;
-/// Shorthand for an array of them.
+/// Shorthand for an array of two-dimensional textures.
 pub const ARRAY: wgpu::TextureViewDimension = wgpu::TextureViewDimension::D2Array;
 
 impl Binding {
@@ -105,7 +105,7 @@ impl Gpu {
         })
     }
 
-    /// A two-dimensional texture that a pass renders to and others read.
+    /// A two-dimensional texture that one pass renders to and other passes read.
     pub fn target(&self, label: &str, size: [u32; 2], format: wgpu::TextureFormat) -> wgpu::Texture {
         self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(label),
@@ -120,17 +120,17 @@ impl Gpu {
     }
 }
 
-/// The whole texture.
+/// A view of the whole texture.
 pub fn view(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// One aspect (depth or stencil) of a texture.
+/// A view of one aspect (depth or stencil) of a texture.
 pub fn aspect(texture: &wgpu::Texture, aspect: wgpu::TextureAspect) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor { aspect, ..Default::default() })
 }
 
-/// All layers of an array texture, also if there is only one.
+/// A view of all layers of an array texture, even if it has only one layer.
 pub fn array(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor { dimension: Some(ARRAY), ..Default::default() })
 }

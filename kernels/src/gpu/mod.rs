@@ -1,4 +1,4 @@
-//! The only place that knows adapters, pipelines, timers and read-back.
+//! Access to the GPU: adapters, devices, shaders, timers and read-back are handled only here.
 
 use std::sync::{Arc, Mutex, RwLock};
 
@@ -20,21 +20,21 @@ pub(crate) use specialise::Template;
 pub use timer::{PassTime, Timer};
 pub use upload::upload;
 
-/// What the terrain stack cannot do without, with the reason that an error gives.
+/// The features that the terrain stack requires, each with its name and the reason that an error gives.
 const REQUIRED: [(wgpu::Features, &str, &str); 3] = [
     (wgpu::Features::TEXTURE_COMPRESSION_BC, "BC texture compression", "node payloads and detail textures are BC1 and BC3"),
     (wgpu::Features::DEPTH32FLOAT_STENCIL8, "32-bit float depth with stencil", "depth is reversed f32, terrain is a stencil bit"),
     (wgpu::Features::TEXTURE_FORMAT_16BIT_NORM, "16-bit unorm textures", "heights are R16_UNORM"),
 ];
 
-/// Used where present; results are equal without.
+/// Features that are used where present. Results are the same without them.
 const OPTIONAL: [(wgpu::Features, &str); 3] = [
     (wgpu::Features::TIMESTAMP_QUERY, "timestamp queries"),
     (wgpu::Features::SUBGROUP, "subgroup operations"),
     (wgpu::Features::DEPTH_CLIP_CONTROL, "depth clip control"),
 ];
 
-/// One adapter of this machine and whether it will do.
+/// One adapter of this machine, and whether it can be used.
 #[derive(Clone, Debug)]
 pub struct AdapterReport {
     /// Name given by the driver.
@@ -47,11 +47,11 @@ pub struct AdapterReport {
     pub driver: String,
     /// Whether the terrain stack runs on it, or what is missing.
     pub usable: std::result::Result<(), String>,
-    /// Features of interest and whether they are there.
+    /// The required and optional features, and whether the adapter has them.
     pub features: Vec<(String, bool)>,
 }
 
-/// A device, its queue, and what it can do. Clones are the same device.
+/// A device, its queue and its features. Clones share the device.
 #[derive(Clone)]
 pub struct Gpu {
     /// The device.
@@ -62,9 +62,9 @@ pub struct Gpu {
     pub info: wgpu::AdapterInfo,
     /// Features that were enabled.
     pub features: wgpu::Features,
-    /// First error that the device reported outside any call, if one did.
+    /// The first error that the device reported outside of error scopes since the last [`Gpu::check`], if any.
     failure: Arc<Mutex<Option<String>>>,
-    /// What shaders are made of in place of the texts compiled in.
+    /// Shader texts that replace the embedded ones.
     sources: Arc<RwLock<Arc<Sources>>>,
 }
 
@@ -113,7 +113,7 @@ fn ranked() -> Result<Vec<wgpu::Adapter>> {
         found.retain(|a| a.get_info().name.to_lowercase().contains(&wanted.to_lowercase()));
         if found.is_empty() {
             return Err(Error::Adapter(format!(
-                "none is named like WGPU_ADAPTER_NAME=`{wanted}`; `experiments adapters` lists what there is"
+                "no name contains WGPU_ADAPTER_NAME=`{wanted}`; `experiments adapters` lists the adapters"
             )));
         }
     }
@@ -128,7 +128,7 @@ fn ranked() -> Result<Vec<wgpu::Adapter>> {
     if found.iter().all(|a| missing(a.features()).is_some()) {
         let each: Vec<_> = found.iter().map(|a| format!("`{}` {}", a.get_info().name, missing(a.features()).unwrap_or_default())).collect();
         return Err(Error::Adapter(format!(
-            "{}; use another adapter or driver (`experiments adapters` lists what there is)",
+            "{}; use another adapter or driver (`experiments adapters` lists the adapters)",
             each.join("; ")
         )));
     }
@@ -136,25 +136,26 @@ fn ranked() -> Result<Vec<wgpu::Adapter>> {
     Ok(found)
 }
 
-/// Whether a driver is llvmpipe of a Mesa before 23, by the texts that Vulkan gives of it: `llvmpipe`, `Mesa 22.3.6 (LLVM 15.0.6)`. With Mesa 22.3.6 an
-/// anisotropic shading pipeline did not finish compiling in 500 s; with 25.0.7 it takes seconds.
+/// Whether a driver is llvmpipe from Mesa before version 23, judged by the texts that Vulkan reports, such as `llvmpipe` and `Mesa 22.3.6 (LLVM
+/// 15.0.6)`. With Mesa 22.3.6 an anisotropic shading pipeline did not finish compiling in 500 s; with 25.0.7 it takes seconds.
 fn compiles_anisotropy_in_minutes(driver: &str, driver_info: &str) -> bool {
     let version = driver_info.split_once("Mesa ").and_then(|(_, rest)| rest.split('.').next()?.parse::<u32>().ok());
     driver == "llvmpipe" && version.is_some_and(|major| major < 23)
 }
 
-/// How a device is chosen.
+/// Options for opening a device.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GpuOptions {
-    /// Leaves optional features off, so that the plain path of a stage runs where the adapter has the better one.
+    /// Leaves optional features off, so that stages take their plain path even if the adapter supports a better one.
     pub plain: bool,
 }
 
 impl Gpu {
-    /// The first usable adapter, hardware before software. `WGPU_ADAPTER_NAME` narrows the choice to names containing it.
+    /// The first usable adapter, hardware before software. The environment variable `WGPU_ADAPTER_NAME` restricts the choice to adapters whose name
+    /// contains its value.
     ///
     /// # Errors
-    /// When there is no adapter, none of that name, or none with the features needed: says which are missing on each.
+    /// There is no adapter, none with that name, or none with the required features. In the last case, the error lists what each adapter lacks.
     pub fn new() -> Result<Gpu> {
         Gpu::with(GpuOptions::default())
     }
@@ -167,7 +168,7 @@ impl Gpu {
         Gpu::open(&ranked()?[0], options)
     }
 
-    /// A device of every usable adapter, hardware before software. `WGPU_ADAPTER_NAME` narrows the choice.
+    /// A device of every usable adapter, hardware before software. `WGPU_ADAPTER_NAME` restricts the choice.
     ///
     /// # Errors
     /// As [`Gpu::new`].
@@ -186,7 +187,7 @@ impl Gpu {
             required_limits: adapter.limits(),
             ..Default::default()
         }))
-        .map_err(|e| Error::Adapter(format!("`{}` gave no device: {e}", adapter.get_info().name)))?;
+        .map_err(|e| Error::Adapter(format!("cannot open a device on `{}`: {e}", adapter.get_info().name)))?;
         let failure = Arc::new(Mutex::new(None));
         let slot = failure.clone();
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
@@ -197,27 +198,27 @@ impl Gpu {
         Ok(Gpu { device, queue, info: adapter.get_info(), features, failure, sources: Arc::default() })
     }
 
-    /// Whether the adapter is a CPU: then times are compared, never quoted alone.
+    /// Whether the adapter runs on the CPU. Its times may be compared with each other, but never quoted alone.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
-    /// Why detail textures are filtered without anisotropy on this device, one sentence; `None` where they are filtered as their scene asks.
+    /// The reason, in one sentence, why this device filters detail textures without anisotropy; `None` if it filters them as the scene asks.
     pub fn without_anisotropy(&self) -> Option<&'static str> {
         compiles_anisotropy_in_minutes(&self.info.driver, &self.info.driver_info).then_some(
             "scenes are drawn with anisotropy 1: Mesa's software driver before version 23 takes minutes to compile anisotropic shaders; install a newer Mesa",
         )
     }
 
-    /// The anisotropy of detail textures that a scene gets which asks for `wanted`.
+    /// The anisotropy that this device uses for detail textures if the scene asks for `wanted`.
     pub fn anisotropy(&self, wanted: u16) -> u16 {
         if self.without_anisotropy().is_some() { 1 } else { wanted }
     }
 
-    /// The error that the device reported since the last call, if any.
+    /// Returns the first error that the device reported since the last call, if any.
     ///
     /// # Errors
-    /// With the device's text.
+    /// The device reported an error; the text is the device's.
     pub fn check(&self) -> Result<()> {
         match self.failure.lock().ok().and_then(|mut slot| slot.take()) {
             Some(text) => Err(Error::Gpu(text)),
@@ -258,7 +259,7 @@ impl Gpu {
     }
 }
 
-/// Bytes of a texture's texels, of all mips and layers; a device may add some between them.
+/// Size of a texture's texels in bytes, over all mips and layers. A device may add padding.
 pub fn texture_bytes(texture: &wgpu::Texture) -> u64 {
     let of_mip = |mip| texture.format().theoretical_memory_footprint(texture.size().mip_level_size(mip, texture.dimension()));
     (0..texture.mip_level_count()).map(of_mip).sum()

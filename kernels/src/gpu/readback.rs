@@ -1,9 +1,9 @@
-//! GPU memory back on the host.
+//! Reads GPU memory back to the host.
 
 use crate::base::error::{Error, Result};
 use crate::gpu::Gpu;
 
-/// The first `size` bytes of a buffer with usage `COPY_SRC`. Waits.
+/// Reads the first `size` bytes of a buffer with usage `COPY_SRC`. Waits for the device.
 ///
 /// # Errors
 /// When the device is lost.
@@ -15,7 +15,7 @@ pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8
     map(gpu, encoder, &staging)
 }
 
-/// All texels of mip level 0, layer 0, tightly packed rows. `bytes_per_texel` is the format's. Waits.
+/// Reads all texels of mip level 0, layer 0, in tightly packed rows. `bytes_per_texel` is that of the format. Waits for the device.
 ///
 /// # Errors
 /// When the device is lost.

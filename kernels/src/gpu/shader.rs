@@ -1,4 +1,4 @@
-//! Shader modules from lists of WGSL files. No preprocessor: a module is its files, one after the other.
+//! Shader modules from lists of WGSL files. There is no preprocessor: a module is the concatenation of its files.
 
 use crate::base::error::{Error, Result};
 use crate::base::wgsl::{self, Piece, Wgsl};
@@ -11,12 +11,12 @@ pub struct Shader {
     source: String,
 }
 
-/// A shader module as a stage declares it: what it is called, and the files whose entry points it has.
+/// A shader module as a stage declares it: its name, and the files with its entry points.
 #[derive(Debug)]
 pub struct ShaderModule {
     /// Its name in messages.
     pub name: &'static str,
-    /// The files that hold its entry points; what they need in turn comes with them.
+    /// The files that hold its entry points. Their dependencies are added automatically.
     pub roots: &'static [&'static Wgsl],
 }
 
@@ -26,7 +26,7 @@ impl ShaderModule {
         ShaderModule { name, roots }
     }
 
-    /// Its pieces as compiled in, in order.
+    /// Its pieces, with the embedded texts, in order.
     pub fn pieces(&self) -> Vec<Piece> {
         wgsl::pieces(self.roots)
     }
@@ -36,20 +36,20 @@ impl ShaderModule {
         wgsl::closure(self.roots)
     }
 
-    /// Compiles it. Where the device's [`Sources`](crate::gpu::Sources) have a text for a file, it is taken.
+    /// Compiles it. Texts in the device's [`Sources`](crate::gpu::Sources) replace the embedded texts of their files.
     ///
     /// # Errors
-    /// With file, line and message of the compiler's complaint.
+    /// The compiler rejects the module; the error has file, line and message.
     pub fn compile(&self, gpu: &Gpu) -> Result<Shader> {
         Shader::new(gpu, self.name, self.pieces())
     }
 }
 
 impl Shader {
-    /// Concatenates `pieces` and compiles them. Where the device's [`Sources`](crate::gpu::Sources) have a text for a file, it is taken.
+    /// Concatenates `pieces` and compiles them. Texts in the device's [`Sources`](crate::gpu::Sources) replace those of their files.
     ///
     /// # Errors
-    /// With file, line and message of the compiler's complaint.
+    /// The compiler rejects the module; the error has file, line and message.
     pub fn new(gpu: &Gpu, label: &str, mut pieces: Vec<Piece>) -> Result<Shader> {
         let sources = gpu.sources();
         for piece in &mut pieces {
@@ -74,18 +74,18 @@ impl Shader {
         }
     }
 
-    /// What modules of single pipelines are cut from.
+    /// The template from which the modules of single pipelines are cut.
     ///
     /// # Errors
-    /// When naga, which the device asked, too, does not take it.
+    /// When naga rejects the module. The device compiled it with naga, too, so this is not expected.
     pub(crate) fn template(&self) -> Result<Template> {
         Template::new(&self.source).map_err(Error::Gpu)
     }
 }
 
 impl Gpu {
-    /// What `make` returns, and in one line the device's complaint about it, which then is nobody else's. Calls of other threads are not listened to,
-    /// and neither a lost device nor want of memory is heard.
+    /// Runs `make` in error scopes. Returns its result and, in one line, the validation or internal error that it caused, if any; that error is not
+    /// reported anywhere else. Errors of other threads, a lost device and lack of memory are not captured.
     pub(crate) fn caught<T>(&self, make: impl FnOnce() -> T) -> (T, Option<String>) {
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
@@ -96,27 +96,27 @@ impl Gpu {
     }
 }
 
-/// A chain of causes, a line each below a title, in one line.
+/// Joins a chain of causes, one per line below a title, into one line.
 fn chain(text: &str) -> String {
     let causes = text.split_once("Caused by:").map_or(text, |(_, causes)| causes);
     causes.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(": ")
 }
 
-/// A compiler's complaint in one line: what is wrong, what it says at the place, its notes. The drawing of the source is left out, since its line
-/// numbers are those of the concatenation.
+/// A compiler error in one line: the message, the labels at its position, and its notes. The excerpt of the source is left out, because its line
+/// numbers refer to the concatenation.
 fn summary(complaint: &str) -> String {
     let lines = || complaint.lines().map(str::trim).filter(|line| !line.is_empty());
     let title = lines().take_while(|line| !line.starts_with('┌')).collect::<Vec<_>>().join(" ");
     let what = title.split_once("error: ").map_or(title.as_str(), |(_, what)| what);
     let at_place = lines().filter_map(|line| line.strip_prefix('│')?.rsplit_once("^ "));
-    // naga names its own types where it has nothing to say about a place.
+    // Labels that only name a type of naga are left out.
     let at_place = at_place.map(|(_, words)| words).filter(|words| !words.starts_with("naga::"));
     let notes = lines().filter_map(|line| line.strip_prefix("= "));
     let details: Vec<&str> = at_place.chain(notes).collect();
     if details.is_empty() { what.to_owned() } else { format!("{what} ({})", details.join("; ")) }
 }
 
-/// The file and line (from 1) that hold line `line` (from 1) of the concatenation; beyond it, the end of the last file.
+/// The file, and the line in it (from 1), of line `line` (from 1) of the concatenation. Lines beyond the end give the end of the last file.
 fn locate(pieces: &[Piece], line: usize) -> (&str, usize) {
     let mut left = line;
     let mut end: (&str, usize) = ("?", line);
@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(locate(&files, 2), ("a.wgsl", 2));
         assert_eq!(locate(&files, 4), ("b.wgsl", 1));
         assert_eq!(locate(&files, 5), ("b.wgsl", 2));
-        // A text that ends too early is complained about behind its end.
+        // If a text ends too early, the compiler reports a position after its end.
         assert_eq!(locate(&files, 6), ("b.wgsl", 2));
         assert_eq!(locate(&[], 6), ("?", 6));
     }

@@ -1,4 +1,4 @@
-//! WGSL from a folder in place of what was compiled in: for shaders that are edited while the program runs.
+//! WGSL files from a folder that replace the embedded ones, so that shaders can be edited while the program runs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -8,17 +8,17 @@ use crate::base::error::{Error, Result};
 use crate::base::wgsl::{Piece, Wgsl};
 use crate::gpu::Gpu;
 
-/// Texts that take the place of embedded ones, by [path](Wgsl::path). None by default.
+/// Texts that replace embedded ones, by [path](Wgsl::path). Empty by default.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sources {
     texts: BTreeMap<String, String>,
 }
 
 impl Sources {
-    /// What `folder`, laid out as `kernels/src`, has for `files`. A text that equals the embedded one takes no place.
+    /// Reads `files` from `folder`, which is laid out like `kernels/src`. A text that equals the embedded one is not stored.
     ///
     /// # Errors
-    /// When a file is not there, cannot be read, or is not UTF-8.
+    /// When a file is missing, cannot be read, or is not UTF-8.
     pub fn read(folder: &Path, files: &[&Wgsl]) -> Result<Sources> {
         let mut texts = BTreeMap::new();
         for wgsl in files {
@@ -31,7 +31,7 @@ impl Sources {
         Ok(Sources { texts })
     }
 
-    /// Whether every shader is as it was compiled in.
+    /// Whether every shader has its embedded text.
     pub fn is_empty(&self) -> bool {
         self.texts.is_empty()
     }
@@ -42,7 +42,7 @@ impl Sources {
         paths.into_iter().filter(|path| self.texts.get(*path) != other.texts.get(*path)).cloned().collect()
     }
 
-    /// Puts the text there is for a piece in its place.
+    /// Replaces the text of a piece, if there is another text for its file.
     pub(crate) fn replace(&self, piece: &mut Piece) {
         if let Some(text) = self.texts.get(&piece.path) {
             piece.text.clone_from(text);
@@ -51,12 +51,12 @@ impl Sources {
 }
 
 impl Gpu {
-    /// What shaders are made of now.
+    /// The texts that currently replace embedded ones.
     pub fn sources(&self) -> Arc<Sources> {
         self.sources.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Makes shaders of other sources from now on, by whomever they are compiled on this device, and returns the former. What was compiled stays.
+    /// Sets the sources of all shaders that are compiled on this device from now on, and returns the previous ones. Compiled shaders do not change.
     pub fn override_shaders(&self, sources: Arc<Sources>) -> Arc<Sources> {
         std::mem::replace(&mut *self.sources.write().unwrap_or_else(PoisonError::into_inner), sources)
     }

@@ -1,8 +1,8 @@
-//! Shader modules cut down to what one pipeline runs.
+//! Reduces shader modules to what one pipeline runs.
 //!
-//! A pipeline's override constants decide most branches of a large module, but a driver sees that only after it has inlined and transformed what lies
-//! behind each: Mesa spends 2 s on a shading pipeline whatever the variant. So the constants are put in here, branches that they decide are replaced by
-//! the side taken, and what nothing refers to any more is left out.
+//! The override constants of a pipeline decide most branches of a large module, but a driver removes dead branches only after it has inlined and
+//! transformed their code: Mesa spends 2 s on a shading pipeline, whatever the variant. So this module fills in the constants, replaces the branches
+//! that they decide by the side taken, and removes everything that is no longer referenced.
 
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
@@ -17,10 +17,10 @@ pub(crate) struct Template {
 }
 
 impl Template {
-    /// Parses a module that the device has already found right.
+    /// Parses a module that the device has already accepted.
     ///
     /// # Errors
-    /// What naga has to say against it; one line.
+    /// The error message of naga, one line.
     pub(crate) fn new(source: &str) -> Result<Template, String> {
         let module = naga::front::wgsl::parse_str(source).map_err(|error| error.message().to_owned())?;
         let info =
@@ -28,10 +28,10 @@ impl Template {
         Ok(Template { module, info })
     }
 
-    /// The module with these values of its overrides and these entry points, and nothing that they do not need.
+    /// The module with these override values, reduced to these entry points and what they need.
     ///
     /// # Errors
-    /// When a constant has no override, or its value is none of its type.
+    /// When a given name is not an override of the module, or a value does not fit the override's type.
     pub(crate) fn cut(&self, entry_points: &[&str], overrides: &[(&str, f64)]) -> Result<Module, String> {
         let constants: PipelineConstants = overrides.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
         let (resolved, _) = process_overrides(&self.module, &self.info, None, &constants).map_err(|error| error.to_string())?;
@@ -49,21 +49,21 @@ impl Template {
     }
 }
 
-/// What functions refer to outside of themselves.
+/// The module-level items that functions refer to.
 struct Globals {
     constants: Arena<Constant>,
     expressions: Arena<Expression>,
 }
 
 impl Globals {
-    /// Leaves only the side taken of branches that constants decide.
+    /// Replaces each branch that constants decide by the side taken.
     fn prune(&self, function: &mut Function) {
         let mut body = std::mem::take(&mut function.body);
         self.prune_block(&mut body, &function.expressions);
         let mut computed = Vec::new();
         gather(&body, &mut computed);
         computed.sort_unstable();
-        // The name of what is no longer computed would keep it alive.
+        // Removes the names of expressions that are no longer computed, because a name would keep its expression in the module.
         let is_computed = |handle: Handle<Expression>| computed.binary_search(&handle).is_ok();
         let expressions = &function.expressions;
         function.named_expressions.retain(|&handle, _| expressions[handle].needs_pre_emit() || is_computed(handle));
@@ -112,7 +112,7 @@ impl Globals {
                 }
                 other => kept.push(other, span),
             }
-            // Behind a return there is nothing.
+            // Statements after this one are never run.
             if kept.last().is_some_and(ends) {
                 break;
             }
@@ -121,7 +121,7 @@ impl Globals {
     }
 }
 
-/// Whether nothing behind this statement in its block is ever run.
+/// Whether the statements after this one in its block are never run.
 fn ends(statement: &Statement) -> bool {
     match statement {
         Statement::Return { .. } | Statement::Kill | Statement::Break | Statement::Continue => true,

@@ -1,9 +1,9 @@
-//! Time per pass, by timestamp queries at the beginning and the end of each.
+//! Time per pass, from timestamp queries at the beginning and the end of each pass.
 
 use crate::base::error::{Error, Result};
 use crate::gpu::{Gpu, read_buffer};
 
-/// What one pass took.
+/// The time of one pass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassTime {
     /// The pass's name.
@@ -20,7 +20,7 @@ pub struct Timer {
     queries: Option<wgpu::QuerySet>,
     resolved: wgpu::Buffer,
     names: Vec<String>,
-    /// Passes that were not timed, since the timer was full.
+    /// Passes that were not timed, because the timer was full.
     missed: u32,
     period_ns: f64,
 }
@@ -70,7 +70,7 @@ impl Timer {
         })
     }
 
-    /// Records the resolve; call once after the last pass.
+    /// Records the resolve of the queries; call it once, after the last pass.
     pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
         let count = u32::try_from(self.names.len()).unwrap_or(0) * 2;
         if let (Some(queries), true) = (&self.queries, count > 0) {
@@ -78,17 +78,17 @@ impl Timer {
         }
     }
 
-    /// The times, in the order of the passes; call after the submission is done.
+    /// The times, in the order of the passes; call it after the submission is done.
     ///
     /// # Errors
-    /// When the device is lost, or there were more passes than the timer holds: times that leave some out would look whole.
+    /// When the device is lost, or there were more passes than the timer holds. An incomplete list is an error, because it would look complete.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>> {
         if self.names.is_empty() {
             return Ok(Vec::new());
         }
         if self.missed > 0 {
             return Err(Error::Gpu(format!(
-                "{} of {} passes were not timed: a timer holds {CAPACITY}; time fewer at once",
+                "{} of {} passes were not timed: a timer holds {CAPACITY} passes; time fewer at once",
                 self.missed,
                 self.missed + CAPACITY
             )));

@@ -1,4 +1,4 @@
-//! Texels to the device.
+//! Uploads texels to the device.
 
 use crate::gpu::Gpu;
 

@@ -1,4 +1,4 @@
-//! What passes and textures of a scene take, for people to read.
+//! The passes and textures that a scene uses, for display.
 
 use serde::Serialize;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct PassUse {
     /// The pass's name, as in timings.
     pub name: &'static str,
-    /// Most pipelines it can bind: the shading pass has one per variant.
+    /// The largest number of pipelines that it can bind: the shading pass has one per variant.
     pub pipelines: u32,
     /// Whether the scene requires it.
     pub required: bool,
@@ -60,14 +60,14 @@ impl TextureUse {
         }
     }
 
-    /// The same, if the scene does not require it.
+    /// The same texture; not required, for this reason, if `required` is false.
     #[must_use]
     pub fn unless(self, required: bool, reason: &'static str) -> TextureUse {
         if required { self } else { TextureUse { required, reason, ..self } }
     }
 }
 
-/// A texture of the picture's size.
+/// A texture with the size of the picture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TargetUse {
     /// What it holds.

@@ -1,5 +1,5 @@
-//! A heightmap file becomes a scene: `scene_folder` writes materials, rules and cameras that suit the land, `viewpoints` finds the cameras.
-//! Reading the file itself is the task of [`decode`](crate::decode).
+//! Makes a scene from a heightmap file: `scene_folder` writes materials, rules and cameras that suit the land, `viewpoints` finds the
+//! cameras. [`decode`](crate::decode) reads the file itself.
 
 pub mod scene_folder;
 pub mod viewpoints;

@@ -1,4 +1,4 @@
-//! A heightmap becomes a scene folder.
+//! Makes a scene folder from a heightmap.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -11,19 +11,20 @@ use crate::scene::{self, Material, Rule, Scene};
 use crate::world::World;
 use crate::world::rules::Rules;
 
-/// Makes a scene folder of a heightmap: `heightmap.png` (16 bits over its own lowest and highest elevation), `scene.toml` with materials,
-/// rules suited to its slopes and elevations and four cameras found in it, and `materials/` with the images of `materials`, if given
-/// (a folder of folders, one per material; without it, procedural materials).
+/// Makes a scene folder from a heightmap. It contains `heightmap.png` (16 bits, from the lowest to the highest elevation of the map),
+/// `scene.toml` (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if `materials` is given,
+/// a folder `materials/` with its images. `materials` is a folder with one sub-folder per material; without it, the scene has procedural
+/// materials.
 ///
-/// `detail_m` is the relief added below the data's resolution, metres; 0 = none, and LODs only as deep as the data.
-/// The folder appears whole or not at all. Returns the scene as written.
+/// `detail_m` is the relief that is added below the resolution of the data, metres. With 0, no relief is added, and the finest LOD follows
+/// from the resolution of the data. The folder is made either completely or not at all. Returns the scene as written.
 ///
 /// # Errors
-/// Those of [`read`]; [`Error::Request`] if `out_dir` exists and is not an empty folder or `detail_m` is negative;
-/// [`Error::Material`] for a folder without materials; [`Error::File`] and [`Error::Image`] where writing fails.
+/// Those of [`read`]; [`Error::Request`] if `out_dir` exists and is not an empty folder, or if `detail_m` is negative; [`Error::Material`]
+/// for a folder without materials; [`Error::File`] and [`Error::Image`] if writing fails.
 pub fn import(source: &Path, options: &ReadOptions, materials: Option<&Path>, detail_m: f64, out_dir: &Path) -> Result<Scene> {
     if !(detail_m.is_finite() && detail_m >= 0.0) {
-        return Err(Error::Request(format!("detail of {detail_m} m: give 0 (none) or more metres of relief")));
+        return Err(Error::Request(format!("the detail is {detail_m} m; it must be 0 (no added relief) or more")));
     }
     refuse_occupied(out_dir)?;
     let map = read(source, options)?;
@@ -39,7 +40,7 @@ fn refuse_occupied(out_dir: &Path) -> Result<()> {
         Err(_) => out_dir.exists(),
     };
     if occupied {
-        return Err(Error::Request(format!("{} exists and is not an empty folder; name another or remove it first", out_dir.display())));
+        return Err(Error::Request(format!("{} exists and is not an empty folder; give another or remove it first", out_dir.display())));
     }
     Ok(())
 }
@@ -78,14 +79,15 @@ fn write_scene(map: &Heightmap, source: &Path, materials: Option<&Path>, detail_
     };
     let bare = World::from_heightmap(map.clone(), detail_m, 1, Vec::new(), 0.0, Rules::new(&scene), scene.materials.len());
     let steepest = bare.max_slope_deg();
-    // Cliffs are what is steep here: 45 degrees where there is enough of it, less in gentle country, none in a plain.
+    // The slope at which cliffs begin depends on the map: 45 degrees where the terrain is steep enough, less in gentle terrain, none (90)
+    // in a plain.
     scene.flavours.cliff_slope_deg = match steepest {
         s if s >= 55.0 => 45.0,
         s if s >= 25.0 => (0.8 * s).round(),
         _ => 90.0,
     };
     scene.rules = rules_for(&scene.materials, [low, high], scene.flavours.cliff_slope_deg.min(60.0).min(steepest.max(10.0)));
-    // The cameras stand on the ground as the written file has it.
+    // The cameras must stand on the ground of the written file, whose heights are quantised.
     let world = World::new(&scene)?;
     scene.cameras = viewpoints::find(&world, &scene);
     let text = toml::to_string(&scene).map_err(|e| Error::Scene { where_: "scene.toml".to_owned(), what: e.to_string() })?;
@@ -147,7 +149,7 @@ fn copy_materials(from: &Path, to: &Path) -> Result<Vec<Material>> {
         std::fs::create_dir_all(&target).map_err(failed(&target))?;
         for file in files {
             let extension = file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-            // Source notes travel with the images: licences ask for it.
+            // Notes about the source are copied with the images, because licences require it.
             if ["png", "jpg", "jpeg", "exr", "txt", "md"].contains(&extension.as_str())
                 && let Some(file_name) = file.file_name()
             {
@@ -159,14 +161,14 @@ fn copy_materials(from: &Path, to: &Path) -> Result<Vec<Material>> {
     match materials.len() {
         0 => Err(Error::Material {
             name: from.display().to_string(),
-            what: "no sub-folder holds an `albedo` image; give a folder with one folder per material".to_owned(),
+            what: "no sub-folder contains an `albedo` image; give a folder with one folder per material".to_owned(),
         }),
         1..=256 => Ok(materials),
         n => Err(Error::Material { name: from.display().to_string(), what: format!("{n} materials; a palette holds at most 256") }),
     }
 }
 
-/// Where a material belongs, judged by its name.
+/// The part that a material plays in the landscape, derived from its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Green,
@@ -196,7 +198,8 @@ impl Role {
     }
 }
 
-/// Rules by slope and elevation: vegetation low and gentle, soil in patches, rubble on steep ground, rock above `cliff_deg`, snow high up.
+/// Rules by slope and elevation: vegetation on low and gentle ground, soil in patches, rubble on steep ground, rock on slopes above
+/// `cliff_deg`, snow at high elevations.
 fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> Vec<Rule> {
     let relief = high - low;
     let at = |share: f64| (low + relief * share).round();
@@ -204,7 +207,7 @@ fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> V
     let mut rules = Vec::new();
     for role in [Role::Green, Role::Soil, Role::Rubble, Role::Rock, Role::Snow] {
         for (nth, material) in materials.iter().filter(|m| Role::of(&m.name) == role).enumerate() {
-            // The first of a role covers its whole domain, further ones lie on it in patches of various sizes.
+            // The first material of a role covers all ground of the role. Further materials lie on it in patches of various sizes.
             let (noise_m, noise_cover) = match (role, nth) {
                 (Role::Green | Role::Rock | Role::Snow, 0) => (0.0, 0.5),
                 (Role::Soil, 0) => (35.0, 0.22),
@@ -236,7 +239,8 @@ fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> V
             });
         }
     }
-    // What no rule reaches: bare rubble or rock, and failing these the first material there is, below all others.
+    // The rule with the lowest weight, for ground that no other rule reaches: rubble, or else rock, soil or vegetation, or else the first
+    // material.
     let ground =
         [Role::Rubble, Role::Rock, Role::Soil, Role::Green].into_iter().find_map(|r| materials.iter().find(|m| Role::of(&m.name) == r));
     if let Some(ground) = ground.or(materials.first()) {

@@ -1,14 +1,14 @@
-//! Four standing spots found from the world's own data: `cliff`, `ground`, `vista`, `grazing`.
+//! Finds four viewpoints from the data of a world: `cliff`, `ground`, `vista`, `grazing`.
 //!
-//! Candidates come from a coarse grid, each is scored by a fan of rays cast at the ground, and the best of each kind is kept. Nothing
-//! is random: the same world has the same viewpoints.
+//! Candidates come from a coarse grid. Each is scored with a fan of rays towards the ground, and the best of each kind is kept. Nothing is
+//! random: the same world has the same viewpoints.
 
 use rayon::prelude::*;
 
 use crate::scene::{CameraPose, Scene};
 use crate::world::World;
 
-/// Vertical field of view the scores assume, degrees; the horizontal one is that of a 16:9 image.
+/// Vertical field of view that the scores assume, degrees; the horizontal one is that of a 16:9 image.
 const FOV_DEG: f64 = 55.0;
 /// Eye height, metres.
 const EYE_M: f64 = 2.0;
@@ -38,11 +38,11 @@ struct Hit {
     facing: f64,
 }
 
-/// Names of the cameras that [`find`] finds.
+/// Names of the cameras that [`find`] returns.
 pub const NAMES: [&str; 4] = ["cliff", "ground", "vista", "grazing"];
 
-/// Finds the four cameras, named `cliff` (rock faces from 5 to 300 m in view), `ground` (2 m above a border of contrasting materials),
-/// `vista` (farthest view) and `grazing` (along a slope almost edge-on). Positions are absolute elevations.
+/// Finds the four cameras: `cliff` (rock faces at distances from 5 to 300 m), `ground` (2 m above a border of contrasting materials),
+/// `vista` (the farthest view) and `grazing` (along a slope that is seen almost edge-on). Positions have absolute elevations.
 pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
     let places = survey(world);
     let steep_deg = scene.flavours.cliff_slope_deg.min(world.max_slope_deg() * 0.85);
@@ -58,7 +58,7 @@ pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
     NAMES.into_iter().zip(poses).map(camera).collect()
 }
 
-/// How a material counts as a contrast: vegetation, bare rock and rubble, soil, snow.
+/// The kind of a material, for contrasts: 0 = vegetation, 1 = bare rock and rubble, 2 = soil, 3 = snow.
 fn kind_of(name: &str) -> u8 {
     let has = |words: &[&str]| words.iter().any(|w| name.contains(w));
     if has(&["snow", "ice"]) {
@@ -93,7 +93,7 @@ fn place_at(world: &World, x: f64, y: f64) -> Place {
 }
 
 fn eye_at(world: &World, x: f64, y: f64, above: f64) -> [f64; 3] {
-    // The drawn surface may stand above the source between its vertices.
+    // Between its vertices, the drawn surface may be higher than the source.
     [x, y, world.surface_height_m(x, y).max(world.height_m(x, y)) + above]
 }
 
@@ -127,7 +127,7 @@ fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option
             return None;
         }
         near = t;
-        // Ground rarely rises faster than 60 degrees: half the gap is a safe stride, and far away a coarse one will do.
+        // Ground is rarely steeper than 60 degrees, so about half the gap is a safe step. Far away, coarse steps are enough.
         t += (0.45 * gap).max(0.6).max(0.012 * t);
     }
     None
@@ -152,7 +152,7 @@ fn fan(world: &World, pose: Pose, columns: u32, rows: u32, reach: f64) -> Vec<Op
     hits
 }
 
-/// The pose of the highest score; ties to the first.
+/// The pose with the highest score; the first one if several are equal.
 fn best(poses: Vec<Pose>, score: impl Fn(&Pose) -> f64 + Sync) -> Option<Pose> {
     let scores: Vec<f64> = poses.par_iter().map(&score).collect();
     let mut best: Option<(f64, Pose)> = None;
@@ -164,7 +164,7 @@ fn best(poses: Vec<Pose>, score: impl Fn(&Pose) -> f64 + Sync) -> Option<Pose> {
     best.map(|(_, pose)| pose)
 }
 
-/// A pose for a world without what was looked for.
+/// The pose for a world that has no suitable viewpoint.
 fn fallback(world: &World) -> Pose {
     Pose { eye: eye_at(world, 0.0, 0.0, EYE_M), yaw: 0.0, pitch: -0.05 }
 }
@@ -187,7 +187,7 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
     for wall in thin(walls, 50) {
         let slope = wall.gradient[0].hypot(wall.gradient[1]);
         let uphill = wall.gradient.map(|g| g / slope);
-        // Down from the wall to the first ground one can stand on.
+        // Go down from the wall to the first ground that is flat enough to stand on.
         let foot = (2..40).map(|i| 2.0 * f64::from(i)).find_map(|d| {
             let place = place_at(world, wall.x - uphill[0] * d, wall.y - uphill[1] * d);
             (place.slope_deg < steep_deg * 0.8).then_some(place)
@@ -201,14 +201,14 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Six octaves of distance from 5 to 320 m: each counts until it fills a sixth of the picture.
+        // Six octaves of distance from 5 to 320 m: the score of each grows until it fills a ninth of the picture.
         let mut bins = [0.0f64; 6];
         let hits = fan(world, *pose, 11, 6, 320.0);
         let sky = hits.iter().filter(|h| h.is_none()).count() as f64 / hits.len() as f64;
         for hit in hits.iter().flatten().filter(|h| h.slope_deg > steep_deg && h.distance >= 4.0) {
             bins[((hit.distance / 5.0).log2().max(0.0) as usize).min(5)] += 1.0;
         }
-        // A wall before the lens hides the rest.
+        // A wall right in front of the camera hides the rest.
         let pressed = hits.iter().flatten().filter(|h| h.distance < 8.0).count() as f64 / hits.len() as f64;
         let full = hits.len() as f64 / 9.0;
         bins.iter().map(|b| (b / full).min(1.0).sqrt()).sum::<f64>() - 2.0 * (sky - 0.35).max(0.0) - 4.0 * (pressed - 0.15).max(0.0)
@@ -235,7 +235,7 @@ fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Ground in view, by kind, weighted towards the near.
+        // Share of each kind in the visible ground; near ground has more samples.
         let mut share = [0.0f64; 4];
         let (sin, cos) = pose.yaw.sin_cos();
         for i in 0..60 {
@@ -253,7 +253,7 @@ fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
 fn vista(world: &World, places: &[Place]) -> Pose {
     let extent = world.extent_m();
     let reach = extent[0].hypot(extent[1]);
-    // The highest place of each cell of a coarse grid.
+    // The highest position in each cell of a coarse grid.
     const CELLS: usize = 9;
     let mut tops: Vec<Option<Place>> = vec![None; CELLS * CELLS];
     for place in places {
@@ -265,7 +265,7 @@ fn vista(world: &World, places: &[Place]) -> Pose {
     }
     let mut poses = Vec::new();
     for place in tops.into_iter().flatten() {
-        // From the rim inwards: the far end should be far.
+        // Look inwards from the rim, so that the view is long.
         if (place.x / extent[0]).abs().max((place.y / extent[1]).abs()) < 0.22 {
             continue;
         }
@@ -277,7 +277,7 @@ fn vista(world: &World, places: &[Place]) -> Pose {
     let score = |pose: &Pose| {
         let hits = fan(world, *pose, 9, 8, reach);
         let count = hits.len() as f64;
-        // Every octave of distance in view is worth the same; sky up to a third of the picture costs nothing.
+        // Far and middle distances can each add 1 to the score. Sky up to about a third of the picture costs nothing.
         let far = hits.iter().flatten().filter(|h| h.distance > 0.45 * reach).count() as f64 / count;
         let middle = hits.iter().flatten().filter(|h| h.distance > 0.1 * reach && h.distance <= 0.45 * reach).count() as f64 / count;
         let sky = hits.iter().filter(|h| h.is_none()).count() as f64 / count;
@@ -293,7 +293,7 @@ fn grazing(world: &World, places: &[Place]) -> Pose {
     for place in thin(slopes, 110) {
         let slope = place.gradient[0].hypot(place.gradient[1]);
         let downhill = (-place.gradient[0]).atan2(-place.gradient[1]);
-        // Down the fall line the view is parallel to the ground; across it the pitch is level.
+        // Along the fall line, the view is parallel to the ground; across it, the view is nearly level.
         for (yaw, pitch) in
             [(downhill, -slope.atan() - 0.02), (downhill + 1.2, -0.05 - 0.35 * slope.atan()), (downhill - 1.2, -0.05 - 0.35 * slope.atan())]
         {

@@ -1,4 +1,4 @@
-// What the shading pass derives from a pixel of the geometry pass, written out for people and tests.
+// Writes the values that the shading pass derives from a pixel of the geometry pass, for people and tests.
 
 @group(2) @binding(0) var depth_target: texture_depth_2d;
 @group(2) @binding(1) var normal_target: texture_2d<f32>;
@@ -12,10 +12,10 @@ struct Inspected {
     ddx: vec3<f32>,
     corner: u32,                // splat texel: x | y << 16
     ddy: vec3<f32>,
-    plane: u32,                 // of the projection with the largest weight
+    plane: u32,                 // axis of the projection with the largest weight
     splat: vec4<u32>,           // the four palette indices around the pixel
-    bilinear: vec4<f32>,        // their weights
-    blended: vec4<f32>,         // and those that the materials' heights in that projection make of them
+    bilinear: vec4<f32>,        // their bilinear weights
+    blended: vec4<f32>,         // their weights after the height blend, with the materials' heights in that projection
 }
 
 @compute @workgroup_size(8, 8)

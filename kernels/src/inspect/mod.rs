@@ -1,6 +1,6 @@
-//! Inspection: the world position, derivatives, splat texels and their weights that shading derives from a pixel, as numbers.
+//! Inspection: the numbers that shading derives from a pixel: world position, derivatives, splat texels and their weights.
 //!
-//! Reads depth, normals, splat map and detail textures. Writes one [`Inspected`] a pixel. Dispatched only when such a layer is asked for.
+//! Reads depth, normals, splat map and detail textures. Writes one [`Inspected`] per pixel. Dispatched only when such a layer is requested.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -24,7 +24,7 @@ pub struct Inspected {
     pub slot: u32,
     /// Change of the position to the next pixel on the right, metres.
     pub ddx: [f32; 3],
-    /// South-western of the four splat texels: x | y << 16.
+    /// The south-western of the four splat texels: x | y << 16.
     pub corner: u32,
     /// Change of the position to the next pixel below, metres.
     pub ddy: [f32; 3],
@@ -34,7 +34,7 @@ pub struct Inspected {
     pub splat: [u32; 4],
     /// Their bilinear weights.
     pub bilinear: [f32; 4],
-    /// The weights that the heights of their materials make of these, in that projection.
+    /// Their weights after the height blend, with the heights of their materials in that projection.
     pub blended: [f32; 4],
 }
 
@@ -56,7 +56,7 @@ pub static MODULE: ShaderModule = ShaderModule::new("inspect", &[&WGSL]);
 impl Stage for Inspect {
     const DECLARATION: Declaration = Declaration {
         name: "inspect",
-        about: "Reads depth, normals and terrain; makes position, derivatives and splat texels of each pixel, when they are asked for",
+        about: "Reads depth, normals and terrain; makes position, derivatives and splat texels of each pixel, on request",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
@@ -89,7 +89,7 @@ impl Inspect {
     pub fn run(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], targets: &geometry::Targets) -> Result<Vec<Inspected>> {
         let (width, height) = (targets.mask.width(), targets.mask.height());
         let row_bytes = u64::from(width) * size_of::<Inspected>() as u64;
-        // In bands of rows that fit what the device lets a shader address at once.
+        // The picture is done in bands of rows, because a device limits the size of a storage buffer binding.
         let rows = u32::try_from(gpu.device.limits().max_storage_buffer_binding_size / row_bytes).unwrap_or(height).clamp(1, height);
         let out = gpu.buffer("inspected", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, u64::from(rows) * row_bytes);
         let views = [aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly), view(&targets.normals)];

@@ -1,4 +1,4 @@
-// Lighting: one sun (GGX + Lambert), a sky that is linear in the sine of elevation; linear HDR out.
+// Lighting: linear HDR radiance under one sun (GGX + Lambert) and a sky that is linear in the sine of the elevation.
 
 @group(1) @binding(0) var g_albedo: texture_2d<f32>;
 @group(1) @binding(1) var g_normal: texture_2d<f32>;
@@ -32,7 +32,7 @@ fn lighting_fragment(@builtin(position) clip: vec4<f32>) -> @location(0) vec4<f3
     let n = normal_smoothness.xyz;
     let v = -ray;
     let l = frame.sun_direction;
-    // Looking straight into the sun there is no half vector; the safe one keeps NaN out.
+    // If the view points straight at the sun, there is no half vector; `octahedral_unit` then avoids NaN.
     let h = octahedral_unit(l + v);
     let roughness = 1.0 - normal_smoothness.w;
     let alpha = brdf_alpha(roughness);

@@ -1,8 +1,11 @@
-//! Lighting: G-buffer, sun and sky in; linear HDR out.
+//! Lighting: computes linear HDR radiance from the G-buffer, the sun and the sky.
 //!
-//! Lambert diffuse and GGX with height-correlated Smith visibility under one directional sun; a sky whose radiance is linear in the sine of elevation,
-//! so that its irradiance is exact (first-order spherical harmonics); specular sky light by the split-sum fit. No shadows.
+//! Lambert diffuse and GGX with height-correlated Smith visibility under one directional sun; a sky whose radiance is linear in the sine of
+//! elevation, so that its irradiance is exact (first-order spherical harmonics); specular sky light by the split-sum fit.
 //! Reads the G-buffer and depth. Writes RGBA32Float: radiance, alpha = 1 on terrain. One full-screen triangle.
+//!
+//! Limits: one sun without shadows, and a sky whose radiance is linear in the sine of the elevation, chosen because its irradiance is exact. There is
+//! no occlusion of the sky and no indirect light.
 
 use crate::base::error::Result;
 use crate::base::wgsl::Wgsl;
@@ -54,7 +57,7 @@ impl Stage for Lighting {
 
 impl Lighting {
     /// Records the pass.
-    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
     pub fn encode(
         &self,
         gpu: &Gpu,

@@ -1,4 +1,4 @@
-//! Maps to block-compressed mip chains, and the three texture arrays they fill.
+//! Compresses maps to block-compressed mip chains, and stores these in three texture arrays.
 //!
 //! | array | format | red | green | blue | alpha |
 //! | --- | --- | --- | --- | --- | --- |
@@ -6,9 +6,9 @@
 //! | normal, `size`² | BC3, linear | smoothness | n.y / 2 + 1/2 | specular occlusion | n.x / 2 + 1/2 |
 //! | height, (`size` / 2)² | BC1, linear | height | colour mask | 0 | opaque |
 //!
-//! Alpha and green are BC3's two most precise channels, hence the places of n.x and n.y; the normal map of a quadtree node is packed alike.
-//! Mips are 2x2 box averages of linear values. n.x and n.y are averaged without renormalising, so a texel of a coarse level is the mean
-//! of its normals: shorter where they disagree, as a mean is.
+//! Alpha and green are the two most precise channels of BC3, so they hold n.x and n.y. The normal map of a quadtree node is packed in the
+//! same way. Mips are 2x2 box averages of linear values. n.x and n.y are averaged without renormalising, so a texel of a coarse level is
+//! the mean of its normals, which is shorter where they differ.
 
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ use crate::blocks::{self, BlockFormat, Effort};
 /// Detail textures of one type that can be resident at once.
 pub const MAX_LAYERS: usize = 32;
 
-/// The detail textures of a scene: three arrays, layer by layer, each at most [`MAX_LAYERS`] deep.
+/// The detail textures of a scene: three arrays, each with at most [`MAX_LAYERS`] layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DetailArrays {
     /// Edge of an albedo or normal layer in texels; a height layer has half of it.
@@ -65,7 +65,7 @@ impl CompressedChain {
         (self.size >> level).max(1)
     }
 
-    /// RGBA texels of a level, row-major, as stored (an sRGB texture's are sRGB codes).
+    /// RGBA texels of a level, row-major, as stored (sRGB codes in an sRGB texture).
     ///
     /// # Panics
     /// If the chain has no such level.
@@ -107,11 +107,12 @@ pub fn compress(maps: &MaterialMaps) -> CompressedLayers {
     CompressedLayers { albedo, normal, height }
 }
 
-/// How much an error in red, green and blue matters.
+/// Importance of errors in red, green and blue of the albedo array.
 const ALBEDO: [f32; 3] = [1.0, 1.0, 1.0];
-/// An error of slope shows more than one of smoothness, and that more than one of occlusion.
+/// The same for the normal array: errors of slope are more visible than errors of smoothness, and these are more visible than errors of
+/// occlusion.
 const NORMAL: [f32; 3] = [0.3, 1.0, 0.15];
-/// Blue is constant; height decides blends everywhere, the mask only where there is a tint.
+/// The same for the height array: blue is constant; height decides blends everywhere, the mask matters only where there is a tint.
 const HEIGHT: [f32; 3] = [1.0, 0.5, 0.0];
 
 /// All levels of an image, from `size`² to 1x1, each quantised by `to_bytes` and compressed.

@@ -1,4 +1,4 @@
-//! Materials scanned or painted: a folder of images.
+//! Materials from image files, scanned or painted: one folder per material.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek};
@@ -11,24 +11,24 @@ use super::{MaterialMaps, wrong};
 use crate::base::colour::linear_from_srgb;
 use crate::base::error::{Error, Result, one_line};
 
-/// Largest edge of a map, texels: four times that of the finest detail textures. A map of it takes 0.8 GB until it is resampled.
+/// Largest edge of a map, texels: four times the edge of the finest detail textures. A map of this size takes 0.8 GB until it is resampled.
 const MAX_EDGE: u32 = 8192;
 
-/// Image files looked for, by extension, in this order.
+/// Extensions of the image files that are searched for, in this order.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// Reads a material's maps and resamples them to `size` x `size`.
 ///
-/// Looks for `albedo` (sRGB), `normal` (OpenGL: green = up in the image, n = 2 value - 1, renormalised), `height`, `roughness`
-/// (smoothness = 1 - roughness) and, if it is there, `ao` (taken as specular occlusion; 1 without it), each as .png, .jpg or .jpeg with 8
-/// or 16 bits a channel; of a coloured file of a single value, red counts. The format is told by content, not by extension.
-/// All images of a folder are squares of one size, any size: larger ones are averaged over each texel's area, smaller ones
-/// interpolated bilinearly, in linear space, wrapping around. The top row of an image becomes the last row, v = 1. The colour mask is 1
-/// everywhere: a tint applies to the whole material.
+/// Looks for `albedo` (sRGB), `normal` (OpenGL: green = up in the image, n = 2 value - 1, renormalised), `height`, `roughness` (smoothness
+/// = 1 - roughness) and, optionally, `ao` (used as specular occlusion; 1 without it). Each is a .png, .jpg or .jpeg file with 8 or 16 bits
+/// per channel. If a map of single values is a colour image, its red channel is used. The format is determined by content, not by
+/// extension. All images of a folder are squares of the same size, which can be any size. Larger images are averaged over the area of each
+/// texel, smaller ones are interpolated bilinearly, both in linear space and with wrap-around. The top row of an image becomes the last
+/// row, v = 1. The colour mask is 1 everywhere: a tint applies to the whole material.
 ///
 /// # Errors
-/// The folder or a map is missing (the folder's files are listed), a file is not an image that can be read, is not square, or is not of
-/// the size of the others. `name` is the material's, for those messages.
+/// If the folder or a map is missing (the message lists the files of the folder), or if a file is not a readable image, is not square, or
+/// differs in size from the others. `name` is the name of the material, for these messages.
 pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
     let entries = std::fs::read_dir(dir).map_err(|source| {
         wrong(name, format!("cannot read folder {}: {source}; correct `folder` (relative to the scene file)", dir.display()))
@@ -42,7 +42,7 @@ pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
             wrong(name, format!("no {map}.png, .jpg or .jpeg in {} (there is: {there}); add that map", dir.display()))
         })
     };
-    // All names first: a missing map is told before seconds of decoding.
+    // Check all names first, so that a missing map is reported before seconds of decoding.
     let paths = [required("albedo")?, required("normal")?, required("height")?, required("roughness")?];
     let ao = find("ao");
 
@@ -79,7 +79,7 @@ pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
     })
 }
 
-/// A square image in memory, row 0 at v = 0.
+/// A square image in memory; row 0 is at v = 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Texels along an edge, at least 1.
@@ -89,10 +89,10 @@ pub struct Image {
 }
 
 impl Image {
-    /// Reads a map from the contents of a file, which `path` names in errors. PNG and JPEG are told apart by content.
+    /// Reads a map from the contents of a file. `path` is used in error messages. PNG and JPEG are distinguished by content.
     ///
     /// # Errors
-    /// It is no image that can be read, not square, or larger than 8192 texels a side.
+    /// If the file is not a readable image, is not square, or is larger than 8192 texels per side.
     pub fn decode(input: impl BufRead + Seek, path: &Path) -> Result<Image> {
         let broken = |what: String| Error::Image { file: path.to_owned(), what: one_line(&what) };
         let reader = ImageReader::new(input).with_guessed_format().map_err(|source| Error::File { file: path.to_owned(), source })?;
@@ -103,7 +103,7 @@ impl Image {
             return Err(broken(format!("{width}x{height} texels, but material maps are square: crop or resize it")));
         }
         if width > MAX_EDGE {
-            return Err(broken(format!("{width}x{width} texels are more than {MAX_EDGE} a side: resize it")));
+            return Err(broken(format!("{width}x{width} texels exceed {MAX_EDGE} per side: resize it")));
         }
         let decoded = DynamicImage::from_decoder(decoder).map_err(unreadable)?;
         let edge = width as usize;
@@ -120,7 +120,7 @@ impl Image {
         self
     }
 
-    /// Separable: rows, then columns.
+    /// Resamples to `size` x `size` texels: first along rows, then along columns.
     fn resample(self, size: u32) -> Vec<[f32; 3]> {
         let size = size as usize;
         if self.edge == size {
@@ -145,7 +145,7 @@ impl Image {
     }
 }
 
-/// Which source texels a target texel is made of, and their weights (sum 1), along one axis.
+/// For each target texel, the source texels that it is made of and their weights (sum 1), along one axis.
 fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
     let ratio = from as f64 / to as f64;
     (0..to)
@@ -163,12 +163,12 @@ fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
         .collect()
 }
 
-/// Channels in 0..1; grey is repeated in all three, alpha dropped.
+/// Channels in 0..1. Grey is repeated in all three channels; alpha is dropped.
 fn rgb(decoded: DynamicImage) -> Vec<[f32; 3]> {
     decoded.into_rgb32f().pixels().map(|p| p.0).collect()
 }
 
-/// n = 2 value - 1, unit length; texels that say nothing are flat.
+/// n = 2 value - 1, scaled to unit length. A value without a direction (n = 0) gives the normal of a flat surface.
 fn unit_normal(value: [f32; 3]) -> [f32; 3] {
     let n = value.map(|c| 2.0 * c - 1.0);
     crate::shared::real::normalize(n)

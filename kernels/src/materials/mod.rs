@@ -1,7 +1,8 @@
-//! Detail textures: where they come from, how they are stored, and the palette that names them.
+//! Detail textures: where they come from, how they are stored, and the palette that refers to them.
 //!
-//! A terrain material is a set of maps ([`MaterialMaps`], procedural or from a folder of images) plus the way it lies on the ground.
-//! Maps become three block-compressed texture arrays ([`DetailArrays`]), the rest a table of [`PaletteEntry`], indexed by the splat map.
+//! A terrain material is a set of maps ([`MaterialMaps`], procedural or from a folder of images), and values for how it lies on the ground.
+//! The maps become three block-compressed texture arrays ([`DetailArrays`]). The values become a table of [`PaletteEntry`], which the splat
+//! map indexes.
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, on materials: at most 32 textures of a type, 256 palette entries.
 
 use std::path::PathBuf;
@@ -19,7 +20,7 @@ pub mod procedural;
 
 pub use arrays::{CompressedChain, DetailArrays, MAX_LAYERS};
 
-/// Palette entries that an 8-bit splat texel can name.
+/// Number of palette entries to which an 8-bit splat texel can refer.
 pub const MAX_MATERIALS: usize = 256;
 
 /// Repeats of a texture along a sector must stay below this: the fixed-point count has 7 integer bits, 24 fractional ones and a sign.
@@ -28,8 +29,8 @@ pub const MAX_REPEATS_PER_SECTOR: f64 = 65_536.0;
 /// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask matters.
 pub const FLAG_TINTED: u32 = 1;
 
-/// Lowest bit of the layer in [`PaletteEntry::flags`], 3 bits: which of the eight layers of a layered blend shows the material. The first
-/// eight materials are layers of their own, any other is shown by the layer whose mean albedo is nearest.
+/// Lowest bit of the layer in [`PaletteEntry::flags`], 3 bits: the one of the eight layers of a layered blend that represents the material.
+/// The first eight materials have layers of their own. Any other material is represented by the layer with the nearest mean albedo.
 pub const LAYER_SHIFT: u32 = 8;
 
 /// Uncompressed maps of one material: `size` x `size` texels, row-major, tiling in both directions.
@@ -53,7 +54,7 @@ pub struct MaterialMaps {
     pub colour_mask: Vec<f32>,
 }
 
-/// Means of a material over its whole texture: what it looks like from far away.
+/// Means of a material over its whole texture: its look from far away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaterialMeans {
     /// Mean linear albedo, tint applied: the mean of albedo * mix(1, tint, colour mask).
@@ -71,12 +72,12 @@ impl MaterialMeans {
     }
 }
 
-/// Means of a texture, from which those of a material of any tint follow.
+/// Means of a texture. The means of a material with any tint follow from them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct TextureMeans {
-    /// Linear.
+    /// Mean albedo, linear RGB.
     albedo: [f64; 3],
-    /// Of the product of albedo and colour mask.
+    /// Mean of the product of albedo and colour mask.
     masked: [f64; 3],
     smoothness: f32,
     specular_occlusion: f32,
@@ -110,10 +111,10 @@ impl TextureMeans {
     }
 }
 
-/// One material as shaders read it: 64 bytes, four 16-byte rows, the layout of WGSL's `PaletteEntry`.
+/// One material as shaders read it: 64 bytes, four 16-byte rows, with the layout of `PaletteEntry` in WGSL.
 ///
-/// Texture coordinates of a point (x east, y north, metres): u = x cos + y sin, v = -x sin + y cos, each divided by the tile's edge,
-/// where cos and sin are those of the material's orientation.
+/// Texture coordinates of a point (x east, y north, metres): u = x cos + y sin, v = -x sin + y cos, both divided by the edge of the tile.
+/// cos and sin are those of the orientation of the material.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct PaletteEntry {
@@ -123,11 +124,12 @@ pub struct PaletteEntry {
     pub normal_layer: u32,
     /// Layer of the height and colour-mask array.
     pub height_layer: u32,
-    /// Bits: [`FLAG_TINTED`], and the layer from [`LAYER_SHIFT`] on.
+    /// Bit field: [`FLAG_TINTED`], and the layer from bit [`LAYER_SHIFT`] on.
     pub flags: u32,
-    /// Repeats per sector times cos and times sin, in units of 2^-24 repeats: integers, so that coordinates stay exact far from the origin.
+    /// Repeats per sector times cos and times sin, in units of 2^-24 repeats. They are integers so that coordinates stay exact far from the
+    /// origin.
     pub per_sector_fixed: [i32; 2],
-    /// cos / tile and sin / tile, 1/m: coordinates inside a sector.
+    /// cos / tile and sin / tile, 1/m, for coordinates inside a sector.
     pub per_metre: [f32; 2],
     /// Linear RGB multiplier where the colour mask is 1.
     pub tint: [f32; 3],
@@ -142,17 +144,17 @@ pub struct PaletteEntry {
 /// Every material of a scene, ready for upload.
 #[derive(Clone, Debug)]
 pub struct Palette {
-    /// One per material, in the scene's order: the splat map's index is the position here.
+    /// One entry per material, in the order of the scene. The splat map contains indices into this list.
     pub entries: Vec<PaletteEntry>,
-    /// The compressed textures that the entries name.
+    /// The compressed textures to which the entries refer.
     pub arrays: DetailArrays,
-    /// One per material: what node payloads are baked from.
+    /// Means of each material. Node payloads are baked from them.
     pub means: Vec<MaterialMeans>,
-    /// One per layer of the arrays.
+    /// Source and means of each layer of the arrays.
     layers: Vec<Texture>,
 }
 
-/// What a layer of the arrays was made from, and what it comes to on average.
+/// What a layer of the arrays was made from, and its means.
 #[derive(Clone, Debug, PartialEq)]
 struct Texture {
     source: Source,
@@ -163,7 +165,7 @@ struct Texture {
 /// Seed of every procedural material: textures are assets and do not change with the world's seed.
 const TEXTURE_SEED: u32 = 5;
 
-/// Sources whose uncompressed maps are held at once: a 2048² set takes some 170 MB.
+/// Number of sources whose uncompressed maps are in memory at once: a 2048² set takes about 170 MB.
 const SOURCES_AT_ONCE: usize = 4;
 
 /// Where a set of maps comes from; equal sources share their layers.
@@ -193,19 +195,19 @@ fn wrong(name: &str, what: String) -> Error {
 impl Palette {
     /// Makes or reads every distinct texture of the scene once, compresses it, and lists the materials.
     ///
-    /// `sector_m` is the edge of a sector in metres, the unit in which exact texture coordinates count; `progress` gets a line when a
-    /// texture is begun, from worker threads, and ends it all by an error. The result depends on the scene alone.
+    /// `sector_m` is the edge of a sector in metres, the unit of exact texture coordinates. `progress` receives a line when a texture is
+    /// begun, from worker threads; if it returns an error, the building stops. The result depends only on the scene.
     ///
     /// # Errors
-    /// That of `progress`. No material or more than [`MAX_MATERIALS`]; more than [`MAX_LAYERS`] distinct textures; a `detail_size` that is not a power of two
-    /// in 64..=2048; an unknown procedural name; a `tile_m` so small that a sector holds [`MAX_REPEATS_PER_SECTOR`] repeats or more; and
-    /// whatever [`folder::load`] reports.
+    /// The error that `progress` returns; no materials or more than [`MAX_MATERIALS`]; more than [`MAX_LAYERS`] distinct textures; a
+    /// `detail_size` that is not a power of two in 64..=2048; an unknown procedural name; a `tile_m` so small that a sector has
+    /// [`MAX_REPEATS_PER_SECTOR`] repeats or more; and the errors of [`folder::load`].
     pub fn build(scene: &Scene, sector_m: f64, progress: impl Fn(&str) -> Result<()> + Sync) -> Result<Palette> {
         Palette::made(scene, scene.detail_size, sector_m, [None, None], &progress)
     }
 
-    /// As [`Palette::build`], with textures of `size` texels along an edge in place of the scene's `detail_size`: for a first look, in a small part
-    /// of the time.
+    /// As [`Palette::build`], but with textures of `size` texels along an edge instead of the scene's `detail_size`. Meant for a first
+    /// look: it takes a small part of the time.
     ///
     /// # Errors
     /// As [`Palette::build`].
@@ -213,7 +215,7 @@ impl Palette {
         Palette::made(scene, size, sector_m, [None, None], &progress)
     }
 
-    /// As [`Palette::build`], taking over every texture that this palette, or a `former` one, holds already.
+    /// As [`Palette::build`], but reuses every texture that this palette or the `former` one contains.
     ///
     /// # Errors
     /// As [`Palette::build`].
@@ -227,7 +229,7 @@ impl Palette {
         Palette::made(scene, scene.detail_size, sector_m, [Some(self), former], &progress)
     }
 
-    /// The layers that were made of something else in `before`; `None` if both differ in the number or size of their layers.
+    /// The layers that differ from those of `before`; `None` if the number or the size of the layers differs.
     pub fn fresh_layers(&self, before: &Palette) -> Option<Vec<usize>> {
         let alike = self.arrays.size == before.arrays.size && self.layers.len() == before.layers.len();
         alike.then(|| (0..self.layers.len()).filter(|&layer| self.layers[layer] != before.layers[layer]).collect())
@@ -244,13 +246,13 @@ impl Palette {
         let count = scene.materials.len();
         if count == 0 || count > MAX_MATERIALS {
             return Err(of_scene(format!(
-                "{count} materials, but a splat texel names 1 to {MAX_MATERIALS}: add or remove [[material]] tables"
+                "the scene has {count} materials, but a splat texel can refer to 1 to {MAX_MATERIALS}: add or remove [[material]] tables"
             )));
         }
         if !size.is_power_of_two() || !(64..=2048).contains(&size) {
             return Err(of_scene(format!("detail_size = {size}: give a power of two from 64 to 2048")));
         }
-        // Everything that can be refused without reading a texture comes first: textures take seconds.
+        // Check first everything that needs no texture: reading a texture takes seconds.
         let mut sources: Vec<(Source, &str)> = Vec::new();
         let mut layer_of = Vec::with_capacity(count);
         for material in &scene.materials {
@@ -334,11 +336,11 @@ impl Palette {
     }
 }
 
-/// What materials' mean colours are pulled towards: 18 % grey, the middle of what photographers meter.
+/// The colour towards which the mean colours of materials are moved: 18 % grey, the middle grey of photographic metering.
 const MIDDLE_GREY: f64 = 0.18;
 
-/// Moves the mean colour of `maps` so that it lies `contrast` times as far from middle grey: by a factor a channel, so that a texture keeps its own
-/// relative contrast. Means stay within 0.5 % and 95 %.
+/// Moves the mean colour of `maps` so that its distance from middle grey is multiplied by `contrast`. Each channel is multiplied by one
+/// factor, so that a texture keeps its own relative contrast. Means stay between 0.5 % and 95 %.
 fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     if (contrast - 1.0).abs() < f64::EPSILON {
         return;
@@ -353,7 +355,8 @@ fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     }
 }
 
-/// For each material, the layer that shows it: its own among the first, else that of the nearest mean albedo (the lowest of equals).
+/// For each material, the layer that represents it: its own layer for the first eight materials, otherwise the layer with the nearest mean
+/// albedo (the lowest one if several are equally near).
 fn layers_of(means: &[MaterialMeans]) -> Vec<u32> {
     let distance = |a: &MaterialMeans, b: &MaterialMeans| (0..3).map(|c| (a.albedo[c] - b.albedo[c]).powi(2)).sum::<f32>();
     let layers = &means[..means.len().min(LAYERS)];
@@ -362,7 +365,7 @@ fn layers_of(means: &[MaterialMeans]) -> Vec<u32> {
     own.chain(means[layers.len()..].iter().map(|of| nearest(of).map_or(0, |(layer, _)| layer))).collect()
 }
 
-/// The fixed-point and floating-point texture rates of a material.
+/// Texture repeats of a material: per sector in fixed point, and per metre in floating point.
 fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])> {
     let tile_m = material.tile_m;
     let usable = tile_m > 0.0 && tile_m.is_finite() && material.orientation_deg.is_finite();
@@ -372,12 +375,12 @@ fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])>
         return Err(wrong(
             &material.name,
             format!(
-                "tile_m = {tile_m} gives {repeats:.1} repeats per sector of {sector_m} m, {MAX_REPEATS_PER_SECTOR} or more: enlarge tile_m to more than {least} m"
+                "tile_m = {tile_m} gives {repeats:.1} repeats per sector of {sector_m} m, the limit is {MAX_REPEATS_PER_SECTOR}: enlarge tile_m to more than {least} m"
             ),
         ));
     }
     let (sin, cos) = material.orientation_deg.to_radians().sin_cos();
-    // Whole repeats beyond 8 bits wrap around, which no texture coordinate can tell.
+    // Whole repeats beyond 8 bits wrap around. This changes no texture coordinate, because textures repeat.
     let fixed = |rate: f64| (rate * f64::from(1_u32 << 24)).round() as i64 as i32;
     Ok(([fixed(repeats * cos), fixed(repeats * sin)], [(cos / tile_m) as f32, (sin / tile_m) as f32]))
 }

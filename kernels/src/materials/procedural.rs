@@ -1,11 +1,11 @@
-//! Twelve ground materials made from noise, cells and stamped shapes; no image files needed.
+//! Twelve ground materials made from noise, cells and stamped shapes, without image files.
 //!
-//! A recipe sketches height and colour on a torus, so every map tiles. The rest follows from the height: the normal is its gradient, and
-//! hollows lose specular light. Sources: gradient noise, Perlin, *Improving Noise*, SIGGRAPH 2002; cell noise, Worley, *A Cellular
-//! Texture Basis Function*, SIGGRAPH 1996; its distance to the cell border by the second nearest point; hash, Jarzynski and Olano,
-//! *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
+//! A recipe makes height and colour on a torus, so every map tiles. The other maps follow from the height: the normal from its gradient,
+//! and the specular occlusion from the depth of hollows. Sources: gradient noise, Perlin, *Improving Noise*, SIGGRAPH 2002; cell noise,
+//! Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (the distance to the cell border is computed from the second nearest point);
+//! hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
 //!
-//! Lengths are in tile edges (u, v in 0..1), so a recipe looks the same at every size; noise too fine for the size is left out.
+//! Lengths are in tile edges (u, v in 0..1), so a recipe looks the same at every size. Noise that is too fine for the size is left out.
 
 use std::f32::consts::{PI, TAU};
 
@@ -52,26 +52,28 @@ fn recipe(kind: &str, material: &str) -> Result<&'static Recipe> {
     })
 }
 
-/// Checks that `kind` is one of [`NAMES`], on behalf of the material so called.
+/// Checks that `kind` is one of [`NAMES`]. `material` is the name of the material, for the error message.
 pub(super) fn known(kind: &str, material: &str) -> Result<()> {
     recipe(kind, material).map(|_| ())
 }
 
-/// Height range of a material, lowest to highest texel, in tile edges: its normals are those of `relief * height` over a unit tile.
+/// Height range of a material, lowest to highest texel, in tile edges. Its normals are those of the height `relief * height` over a tile
+/// with the edge 1.
 ///
 /// # Errors
-/// `name` is none of [`NAMES`]; the nearest is named.
+/// If `name` is not one of [`NAMES`]; the message suggests the nearest name.
 pub fn relief(name: &str) -> Result<f32> {
     Ok(recipe(name, name)?.relief)
 }
 
-/// Makes a material: `size` x `size` texels (at least 8), tiling in both directions, a function of `name`, `size` and `seed` alone.
+/// Makes a material: `size` x `size` texels (at least 8) that tile in both directions. The result depends only on `name`, `size` and
+/// `seed`.
 ///
-/// The normal is (-A dh/du, -A dh/dv, 1), normalised, with h the height map, A = [`relief`]`(name)` and wrapped central differences.
-/// Features suit tiles of 2 to 4 m.
+/// The normal is (-A dh/du, -A dh/dv, 1), normalised, with the height map h, A = [`relief`]`(name)` and central differences that wrap
+/// around. The features have natural sizes on tiles of 2 to 4 m.
 ///
 /// # Errors
-/// `name` is none of [`NAMES`]; the nearest is named.
+/// If `name` is not one of [`NAMES`]; the message suggests the nearest name.
 pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
     let recipe = recipe(name, name)?;
     let bench = Bench { n: size as usize, seed };
@@ -92,7 +94,8 @@ pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
             *out = [-gx * inverse, -gy * inverse];
         }
     });
-    // A texel below its surroundings sees less of the sky: depth below two local means, measured against their radius.
+    // A texel below its surroundings receives less light from the sky. Its depth below two local means counts, relative to the radius of
+    // each mean.
     let near = height.blur(0.008);
     let wide = height.blur(0.03);
     let specular_occlusion = bench.par(|i| {
@@ -112,7 +115,7 @@ pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
     })
 }
 
-/// What a recipe decides; height in any unit.
+/// The result of a recipe. The height can have any unit.
 struct Sketch {
     albedo: Vec<[f32; 3]>,
     height: Field,
@@ -135,7 +138,7 @@ fn times(c: [f32; 3], s: f32) -> [f32; 3] {
     c.map(|x| x * s)
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// 0 below `low`, 1 above `high`, smooth in between.
 fn ramp(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -145,7 +148,7 @@ fn unit(word: u32) -> f32 {
     (word >> 8) as f32 / 16_777_216.0
 }
 
-/// Random numbers that belong to one thing, an element `index` of the layer `salt`.
+/// Random numbers of one element: number `index` of the layer `salt`.
 struct Dice {
     key: [u32; 4],
     words: [u32; 4],
@@ -176,14 +179,14 @@ struct Field {
 }
 
 impl Field {
-    /// Linearly to 0..1.
+    /// Scales the values linearly to 0..1.
     fn stretched(self) -> Field {
         let (low, high) = self.v.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
         let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
         Field { n: self.n, v: self.v.into_iter().map(|x| ((x - low) * scale).clamp(0.0, 1.0)).collect() }
     }
 
-    /// The same image seen through displaced coordinates: the value at (u, v) is that at (u, v) + `amount` * `by`.
+    /// The image with displaced coordinates: its value at (u, v) is the value of this image at (u, v) + `amount` * `by`.
     fn warped(&self, by: [&Field; 2], amount: f32) -> Field {
         let n = self.n;
         let axis = |texel: usize, offset: f32| {
@@ -204,7 +207,7 @@ impl Field {
         Field { n, v }
     }
 
-    /// Three box filters (nearly a Gaussian) of this radius, in tile edges.
+    /// Applies three box filters (nearly a Gaussian) with this radius, in tile edges.
     fn blur(&self, radius: f32) -> Field {
         let reach = ((radius * self.n as f32 * 0.6).round() as usize).clamp(1, self.n / 4);
         let mut v = self.v.clone();
@@ -217,7 +220,7 @@ impl Field {
     }
 }
 
-/// Mean over 2 reach + 1 texels along rows, each row's sum started afresh so that rounding stays local.
+/// Mean over 2 reach + 1 texels along rows. The running sum starts again in each row, so that rounding errors stay in their row.
 fn box_rows(v: &[f32], n: usize, reach: usize) -> Vec<f32> {
     let mut out = vec![0.0; n * n];
     let inverse = 1.0 / (2 * reach + 1) as f32;
@@ -254,7 +257,7 @@ struct Cells {
     id: Vec<u32>,
     /// Distance to the nearest point, in cells.
     near: Vec<f32>,
-    /// Distance to the second nearest less that to the nearest, in cells: 0 on the border.
+    /// Distance to the second nearest point minus the distance to the nearest, in cells: 0 on the border.
     edge: Vec<f32>,
     /// Vector from the point to the texel, in cells.
     from: Vec<[f32; 2]>,
@@ -283,7 +286,8 @@ impl Bench {
         Dice { key: [index, salt, self.seed, 0], words: [0; 4], used: 4 }
     }
 
-    /// Adds `amplitude` times shaped gradient noise of `waves` lattice cells across and up, about -1..1 before shaping.
+    /// Adds gradient noise with `waves` lattice cells along u and along v. The noise is about -1..1; `shape` is applied to it, and the
+    /// result is multiplied by `amplitude`.
     fn add_noise(&self, sum: &mut [f32], waves: [u32; 2], salt: u32, amplitude: f32, shape: impl Fn(f32) -> f32 + Sync) {
         let [wx, wy] = waves.map(|w| w as usize);
         let lattice: Vec<[f32; 2]> = (0..wx * wy)
@@ -312,7 +316,8 @@ impl Bench {
         });
     }
 
-    /// Sum of noises of doubling frequency and falling amplitude, each shaped; frequencies above half the texels are left out.
+    /// Sum of octaves of noise: the frequency doubles and the amplitude is multiplied by `gain` from each to the next. `shape` is applied
+    /// to each octave. Octaves with a frequency above half the texels are left out.
     fn octaves(&self, waves: [u32; 2], count: u32, gain: f32, salt: u32, shape: impl Fn(f32) -> f32 + Sync) -> Field {
         let mut sum = vec![0.0; self.n * self.n];
         let mut amplitude = 1.0;
@@ -334,7 +339,7 @@ impl Bench {
         f
     }
 
-    /// Cell noise of `cells` points across and up, sampled at coordinates displaced by `warp`, in tile edges.
+    /// Cell noise with `cells` points along u and along v, sampled at coordinates that are displaced by `amount` * `warp`, in tile edges.
     fn cells(&self, cells: [u32; 2], salt: u32, warp: Option<[&Field; 2]>, amount: f32) -> Cells {
         let [cx, cy] = cells.map(|c| c as usize);
         // One cell of padding on each side, so that the search needs no wrapping.
@@ -381,7 +386,8 @@ impl Bench {
         out
     }
 
-    /// Elements on a jittered `across` x `across` grid, so that they cover the ground evenly: (position, own random numbers).
+    /// Elements on a jittered grid of `across` x `across` cells, so that they cover the ground evenly. Each element has a position and
+    /// random numbers of its own.
     fn scatter(&self, across: u32, salt: u32) -> impl Iterator<Item = ([f32; 2], Dice)> {
         (0..across * across).map(move |i| {
             let mut dice = self.dice(salt, i);
@@ -392,17 +398,17 @@ impl Bench {
     }
 }
 
-/// What a stamped shape does to a texel it covers.
+/// What a stamped shape does to a texel that it covers.
 struct Touch {
     height: f32,
-    /// 0..1 towards the shape's edge: it is blended in.
+    /// Weight with which the shape is blended in: 1 or more inside, falling to 0 at its edge.
     coverage: f32,
     colour: [f32; 3],
     smoothness: f32,
     mask: f32,
 }
 
-/// One stamped shape, where it is, and a box around it.
+/// One stamped shape, its position, and its bounding box.
 struct Stamp<S> {
     origin: [f32; 2],
     /// Corners of the box relative to the origin, in tile edges.
@@ -411,7 +417,7 @@ struct Stamp<S> {
     shape: S,
 }
 
-/// A surface that shapes are laid on; where several meet, the highest shows.
+/// A surface on which shapes are placed. Where several overlap, the highest is visible.
 struct Canvas {
     n: usize,
     texels: Vec<Texel>,
@@ -430,11 +436,12 @@ impl Canvas {
         Canvas { n: bench.n, texels: bench.par(f) }
     }
 
-    /// Lays every shape, in order. `touch` gets the shape, the offset from its origin and the texel's index.
+    /// Draws all shapes in order. `touch` receives the shape, the offset from its origin and the index of the texel.
     fn draw<S: Sync>(&mut self, stamps: &[Stamp<S>], touch: impl Fn(&S, [f32; 2], usize) -> Option<Touch> + Sync) {
         let n = self.n;
         let band_rows = n.div_ceil(16);
-        // Bands are independent, and within one the order is that of the list: the result is the same for any number of threads.
+        // Bands are independent of each other, and in each band the shapes are drawn in the order of the list: the result is the same for
+        // any number of threads.
         self.texels.par_chunks_mut(n * band_rows).enumerate().for_each(|(band, texels)| {
             let (first, end) = ((band * band_rows) as i64, (band * band_rows + texels.len() / n) as i64);
             for stamp in stamps {
@@ -478,11 +485,11 @@ impl Canvas {
     }
 }
 
-/// An angular stone: the upper side of a convex polyhedron, the minimum of planes.
+/// An angular stone: the upper side of a convex polyhedron, which is the minimum of several planes.
 struct Stone {
     /// Height = a x + b y + c.
     planes: [[f32; 3]; 9],
-    /// Semi-axes' inverse squares along and across, and direction; 0 = no rounding.
+    /// Inverse squares of the semi-axes along and across `direction`; 0 = no rounding.
     round: [f32; 2],
     direction: [f32; 2],
     top: f32,
@@ -506,14 +513,14 @@ impl Stone {
         let start = dice.unit() * TAU;
         let planes = std::array::from_fn(|k| {
             if k < 2 {
-                // two nearly level faces on top, meeting in a ridge
+                // Two nearly level faces on top, which meet in a ridge.
                 let (s, c) = dice.between(0.0, TAU).sin_cos();
                 let tilt = dice.between(0.05, 0.45);
                 [c * tilt, s * tilt, top - sunk]
             } else {
                 let angle = start + (k as f32 - 2.0 + dice.between(-0.3, 0.3)) * TAU / 7.0;
                 let (s, c) = angle.sin_cos();
-                // across the long axis faces lie closer
+                // Faces across the long axis are closer to the centre.
                 let along = c * cos + s * sin;
                 let distance = radius * mix(aspect, 1.0, along * along) * dice.between(0.75, 1.0);
                 let steep = dice.between(0.7, 2.2);
@@ -536,7 +543,7 @@ impl Stone {
         }
     }
 
-    /// Height above the ground plane and the index of the face; lower than 0 = not there.
+    /// Height above the ground plane, and the index of the face. A height below 0 means that the stone is not there.
     fn height(&self, d: [f32; 2]) -> (f32, usize) {
         let mut lowest = (f32::INFINITY, 0);
         for (k, p) in self.planes.iter().enumerate() {
@@ -563,9 +570,9 @@ struct Strip {
     direction: [f32; 2],
     length: f32,
     width: f32,
-    /// Sideways bend of the tip in lengths.
+    /// Sideways displacement of the tip, in units of `length`.
     bend: f32,
-    /// Height of the root, and what is gained to the tip.
+    /// Height of the root; `rise` is the height of the tip above it.
     base: f32,
     rise: f32,
     kind: StripKind,
@@ -581,14 +588,14 @@ enum StripKind {
     Blade,
     /// Widest in the middle, pointed at both ends, edges curled up.
     Leaf,
-    /// Even width, round section.
+    /// Constant width, round cross-section.
     Twig,
 }
 
 impl Strip {
-    /// The stamp that starts at `root`.
+    /// The stamp of this strip, with the root at `root`.
     fn stamp(self, root: [f32; 2]) -> Stamp<Strip> {
-        // A parabola lies within the triangle of its ends and its middle control point.
+        // A parabola lies inside the triangle of its two ends and its middle control point.
         let extent = |c: usize, sign: f32| {
             let across = [-self.direction[1], self.direction[0]][c];
             let end = self.length * (self.direction[c] + self.bend * across);
@@ -640,7 +647,7 @@ fn warp(bench: &Bench, waves: u32, salt: u32) -> [Field; 2] {
     [bench.fbm(waves, 4, salt), bench.fbm(waves, 4, salt + 1)]
 }
 
-/// A facet: each cell a tilted plane with an offset of its own, about -1..1.
+/// Facets: each cell is a tilted plane with its own offset, about -1..1.
 fn facet(cells: &Cells, i: usize, tilt: f32) -> f32 {
     let id = cells.id[i];
     let (sin, cos) = (unit(id.wrapping_mul(0x9e37_79b1)) * TAU).sin_cos();
@@ -666,7 +673,7 @@ fn granite(bench: &Bench) -> Sketch {
             blocks.push(Stone::stamp(position, radius, false, sunk, &mut dice, shade, 0.0));
         }
     }
-    // Straight joints look drawn: the blocks are laid on slightly bent coordinates.
+    // Straight joints look artificial, so the blocks are drawn in slightly bent coordinates.
     let texel = 1.0 / bench.n as f32;
     canvas.draw(&blocks, |block, d, i| {
         let (h, face) = block.height([d[0] + 0.02 * wx.v[i], d[1] + 0.02 * wy.v[i]]);
@@ -703,7 +710,7 @@ fn granite(bench: &Bench) -> Sketch {
     sketch
 }
 
-/// Bedded rock: broken layers along u, pitted by solution, with dark streaks down v.
+/// Bedded rock: broken layers along u, with pits where water has dissolved the rock, and dark streaks along v.
 fn limestone(bench: &Bench) -> Sketch {
     let [wx, wy] = warp(bench, 3, 1);
     let beds = bench.cells([2, 10], 10, Some([&wx, &wy]), 0.035);
@@ -744,12 +751,12 @@ fn limestone(bench: &Bench) -> Sketch {
     sketch
 }
 
-/// Draws stones with rough faces; `colour_of` has been decided per stone.
+/// Draws stones with rough faces. Each stone already has its colour.
 fn lay_stones(bench: &Bench, canvas: &mut Canvas, stones: &[Stamp<Stone>], rough: &Field, roughness: f32) {
     let texel = 1.0 / bench.n as f32;
     canvas.draw(stones, |stone, d, i| {
         let (h, face) = stone.height(d);
-        // faces of a broken stone weather unequally
+        // The faces of a broken stone weather differently.
         let shade = 0.92 + 0.03 * (face % 7) as f32;
         (h > -stone.top).then(|| Touch {
             height: h + roughness * stone.top * rough.v[i],
@@ -761,7 +768,7 @@ fn lay_stones(bench: &Bench, canvas: &mut Canvas, stones: &[Stamp<Stone>], rough
     });
 }
 
-/// Angular debris of all sizes, lying deep.
+/// Angular debris of all sizes, in a thick layer.
 fn scree(bench: &Bench) -> Sketch {
     let ground = bench.fbm(6, 5, 1);
     let rough = bench.octaves([40, 40], 4, 0.65, 2, |x| x);
@@ -790,7 +797,7 @@ fn scree(bench: &Bench) -> Sketch {
     sketch
 }
 
-/// Darkens hollows, where dust and damp collect: `strength` per tile edge of depth below the mean within `radius`.
+/// Darkens hollows, where dust and moisture collect: by `strength` per tile edge of depth below the mean within `radius`.
 fn shade_hollows(sketch: &mut Sketch, radius: f32, strength: f32) {
     let mean = sketch.height.blur(radius);
     for ((colour, h), m) in sketch.albedo.iter_mut().zip(&sketch.height.v).zip(&mean.v) {
@@ -825,13 +832,13 @@ fn gravel(bench: &Bench) -> Sketch {
     sketch
 }
 
-/// Strips scattered over the canvas.
+/// Draws strips on the canvas.
 fn lay_strips(bench: &Bench, canvas: &mut Canvas, strips: &[Stamp<Strip>]) {
     let texel = 1.0 / bench.n as f32;
     canvas.draw(strips, |strip, d, _| strip.touch(d, texel));
 }
 
-/// Blades of `across`² plants, leaning in all directions, in the colours from `low` to `high`.
+/// `across`² blades of grass that lean in all directions. Each has a colour between two neighbouring ones of `colours`.
 fn blades(bench: &Bench, across: u32, salt: u32, length: [f32; 2], width: f32, colours: &[[f32; 3]], clump: &Field) -> Vec<Stamp<Strip>> {
     bench
         .scatter(across, salt)
@@ -909,7 +916,7 @@ fn meadow(bench: &Bench) -> Sketch {
             strips.push(leaf(centre, [cos, sin], size, 0.5, base, 0.002, green, times(green, 1.25), 1.0));
         }
     }
-    // flowers: five petals and a heart
+    // flowers: five petals and a centre
     for (centre, mut dice) in bench.scatter(13, 51) {
         if dice.unit() < 0.68 {
             continue;
@@ -941,7 +948,7 @@ fn meadow(bench: &Bench) -> Sketch {
     sketch
 }
 
-/// A leaf or petal of `breadth` half-widths per length.
+/// A leaf or petal. `breadth` is its half-width divided by its length.
 #[allow(clippy::too_many_arguments, reason = "a shape's plain numbers; a struct would name each twice")]
 fn leaf(
     root: [f32; 2],
@@ -1016,7 +1023,7 @@ fn dirt(bench: &Bench) -> Sketch {
     sketch
 }
 
-/// Wet soil, kneaded, with water in the hollows.
+/// Wet, kneaded soil with water in the hollows.
 fn mud(bench: &Bench) -> Sketch {
     let [wx, wy] = warp(bench, 4, 1);
     let swell = bench.fbm(3, 4, 3);
@@ -1031,7 +1038,7 @@ fn mud(bench: &Bench) -> Sketch {
             + 0.13 * ridge.v[i]
             + 0.02 * rough.v[i]
     });
-    // The water's level: the height below which about a sixth of the ground lies.
+    // Water level: the height below which about a sixth of the ground lies.
     let mut sorted: Vec<f32> = soil.v.iter().step_by(7).copied().collect();
     sorted.sort_by(f32::total_cmp);
     let level = sorted[sorted.len() / 6];
@@ -1092,7 +1099,7 @@ fn snow(bench: &Bench) -> Sketch {
     Sketch { albedo, height, smoothness, mask: bench.field(|_| 1.0) }
 }
 
-/// Cushions of moss: domes covered in short shoots, dark between.
+/// Cushions of moss: domes covered in short shoots, with dark gaps between them.
 fn moss(bench: &Bench) -> Sketch {
     let [wx, wy] = warp(bench, 5, 1);
     let cushion = bench.cells([7, 7], 3, Some([&wx, &wy]), 0.07);

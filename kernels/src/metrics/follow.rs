@@ -1,31 +1,31 @@
-//! Numbers of each pixel that follow its surface point from frame to frame: what live views of noise and flicker are made of.
+//! Statistics of each pixel that follow its surface point from frame to frame, for live views of noise and flicker.
 //!
-//! [`Links`](crate::motion::Links) says where each pixel's point was one frame before (the pass that all metrics over time rest on); [`Followed`] carries running moments along.
-//! A window of n frames is exponential: a frame weighs 1/n, and while there are fewer they all weigh the same. Where a point was not seen a frame before,
-//! its numbers begin anew.
+//! [`Links`](crate::motion::Links), the pass that all metrics over time use, says where each pixel's point was one frame before. [`Followed`] carries
+//! running moments along the links. A window of n frames is exponential: a new frame has the weight 1/n. While there are fewer than n frames, all
+//! have the same weight. Where a point was not seen one frame before, its statistics begin again.
 
 use rayon::prelude::*;
 
 use crate::motion::NO_LINK;
 
-/// Edge of the blocks that tell clumping, pixels: that of the measured metrics.
+/// Edge of the blocks for clumping, pixels; the same as for the measured metrics.
 const BLOCK: usize = super::BLOCK as usize;
 
-/// What one picture says of a pixel.
+/// One pixel of one picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     /// Luminance of linear albedo; below 0 = no terrain.
     pub luminance: f32,
     /// The first random choice, 0 = none.
     pub choice: u8,
-    /// Luminance less that of the picture compared with, 0 without one.
+    /// Luminance minus that of the picture with which it is compared; 0 without a comparison.
     pub error: f32,
 }
 
 /// Running moments of a pixel's surface point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
-    /// Frames that are in here, at most the window; 0 = no terrain.
+    /// Number of frames included, at most the window; 0 = no terrain.
     pub frames: f32,
     /// Mean luminance.
     pub mean: f32,
@@ -33,18 +33,18 @@ pub struct Point {
     pub variance: f32,
     /// Mean absolute difference in luminance from one frame to the next.
     pub flicker: f32,
-    /// Frames whose choice can be compared with the one before, at most the window.
+    /// Number of frames whose choice can be compared with that of the frame before, at most the window.
     pub chosen: f32,
-    /// Share of them with another choice.
+    /// Share of these frames whose choice differs.
     pub flips: f32,
-    /// Mean difference from the picture compared with.
+    /// Mean difference from the picture with which it is compared.
     pub bias: f32,
     last: f32,
     last_choice: u8,
 }
 
 impl Point {
-    /// The moments with one more frame; `before` is where the point was seen a frame before.
+    /// The moments after one more frame; `before` = the moments where the point was seen one frame before.
     fn with(before: Option<&Point>, now: Sample, window: f32) -> Point {
         if now.luminance < 0.0 {
             return Point::default();
@@ -62,7 +62,7 @@ impl Point {
         let frames = (p.frames + 1.0).min(window);
         let share = 1.0 / frames;
         let deviation = now.luminance - p.mean;
-        // Differences are one fewer than frames.
+        // There is one difference fewer than there are frames.
         let share_of_steps = 1.0 / (frames - 1.0).max(1.0);
         let comparable = now.choice != 0 && p.last_choice != 0;
         let chosen = if comparable { (p.chosen + 1.0).min(window) } else { p.chosen };
@@ -81,22 +81,22 @@ impl Point {
     }
 }
 
-/// What a region came to.
+/// Statistics of a region.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Pixels of terrain.
     pub terrain: usize,
-    /// Frames that its median pixel has been followed, at most the window.
+    /// Median over pixels of the number of frames followed, at most the window.
     pub frames: f32,
     /// Mean variance of luminance over frames.
     pub variance: f64,
     /// Mean absolute difference in luminance from frame to frame.
     pub flicker: f64,
-    /// Share of choices that differ from the frame before; absent without choices.
+    /// Share of choices that differ from the choice one frame before; `None` without choices.
     pub flip_rate: Option<f64>,
-    /// Mean difference from the picture compared with; absent without one.
+    /// Mean difference from the picture with which it is compared; `None` without a comparison.
     pub bias: Option<f64>,
-    /// Block variance of this frame's noise relative to white noise of the same strength (1); absent where nothing varies.
+    /// Block variance of this frame's noise relative to white noise of the same strength (1); `None` where nothing varies.
     pub clumping: Option<f64>,
 }
 
@@ -105,19 +105,21 @@ pub struct Summary {
 pub struct Followed {
     size: [usize; 2],
     points: Vec<Point>,
-    /// Luminance less what is expected there: the picture compared with, or else the running mean. Not a number where there is no terrain.
+    /// Luminance minus the expected luminance: that of the picture with which it is compared, or else the running mean. NaN where there is no
+    /// terrain.
     noise: Vec<f32>,
     compared: bool,
 }
 
 impl Followed {
-    /// Takes a picture in. `links` leads to the picture taken in before; `compared` = errors are against another picture, which also tells noise.
+    /// Adds a picture. `links` lead to the picture added before. `compared`: the errors are differences from another picture, and are used as the
+    /// noise.
     ///
     /// # Panics
-    /// When there are not as many samples and links as the size has pixels.
+    /// When the number of samples or links is not the number of pixels.
     pub fn take(&mut self, size: [u32; 2], samples: &[Sample], links: &[u32], window: u32, compared: bool) {
         let size = size.map(|n| n as usize);
-        assert!(samples.len() == size[0] * size[1] && links.len() == samples.len(), "a sample and a link a pixel");
+        assert!(samples.len() == size[0] * size[1] && links.len() == samples.len(), "one sample and one link per pixel");
         let before = if self.size == size { std::mem::take(&mut self.points) } else { Vec::new() };
         let window = window.max(2) as f32;
         let at = |link: u32| if link == NO_LINK { None } else { before.get(link as usize) };
@@ -132,17 +134,17 @@ impl Followed {
         (self.size, self.compared) = (size, compared);
     }
 
-    /// Begins anew.
+    /// Forgets all pictures.
     pub fn reset(&mut self) {
         *self = Followed::default();
     }
 
-    /// The points, row by row from the top; none before the first picture.
+    /// The points, row by row from the top; empty before the first picture.
     pub fn points(&self) -> &[Point] {
         &self.points
     }
 
-    /// What the pixels from `low` to below `high` came to; absent where they hold no terrain.
+    /// Statistics of the pixels from `low` up to, but not including, `high`; `None` if they have no terrain.
     pub fn summary(&self, low: [usize; 2], high: [usize; 2]) -> Option<Summary> {
         let high = [high[0].min(self.size[0]), high[1].min(self.size[1])];
         let row = |y: usize| y * self.size[0] + low[0]..y * self.size[0] + high[0].max(low[0]);
@@ -168,7 +170,7 @@ impl Followed {
         })
     }
 
-    /// As METHODOLOGY's clumping, over whole blocks of terrain.
+    /// Clumping as METHODOLOGY defines it, over blocks that are all terrain.
     fn clumping(&self, low: [usize; 2], high: [usize; 2]) -> Option<f64> {
         let (mut blocks, mut pixels) = (0.0, 0.0);
         for y in (low[1]..high[1].saturating_sub(BLOCK - 1)).step_by(BLOCK) {
@@ -218,7 +220,7 @@ mod tests {
         assert!((all.variance - 0.0625).abs() < 1e-6, "{}", all.variance);
         assert!((all.flicker - 0.5).abs() < 1e-6 && all.flip_rate == Some(1.0), "{all:?}");
         assert!((all.bias.expect("compared") - 0.1).abs() < 1e-6, "{:?}", all.bias);
-        // All pixels differ alike: the strongest clumping there is.
+        // All pixels have the same error: the strongest possible clumping.
         assert!((all.clumping.expect("noise") - 25.0).abs() < 1e-3, "{:?}", all.clumping);
     }
 
@@ -243,7 +245,7 @@ mod tests {
         let region = followed.summary([0, 0], [2, 14]).expect("terrain");
         assert_eq!((region.terrain, region.clumping), (28, None));
         assert_eq!(followed.summary([0, 14], [20, 15]), None, "sky");
-        // Another size begins anew, too.
+        // A picture of another size begins again, too.
         followed.take([10, 30], &samples, &links, 8, false);
         assert!(followed.points().iter().all(|p| p.frames <= 1.0));
     }
@@ -262,7 +264,8 @@ mod tests {
             followed.take(size, &samples, &links, 1000, false);
         }
         let all = followed.summary([0, 0], [200, 200]).expect("terrain");
-        // 1/12 less the share of 32 frames that the running mean takes; |difference| of two uniforms is 1/3. Six standard errors of 40 000 pixels.
+        // The variance is 1/12, minus the share 1/32 that the running mean takes; the mean |difference| of two uniform numbers is 1/3. The tolerance
+        // is six standard errors of 40 000 pixels.
         assert!((all.variance - 31.0 / 32.0 / 12.0).abs() < 6.0 * 0.0745 / 40_000_f64.sqrt() / 32_f64.sqrt() * 1.2, "{}", all.variance);
         assert!((all.flicker - 1.0 / 3.0).abs() < 6.0 * 0.236 / 40_000_f64.sqrt() / 31_f64.sqrt() * 1.5, "{}", all.flicker);
         // 1 600 blocks: the standard deviation of their squares is sqrt(2).

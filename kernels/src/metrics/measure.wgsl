@@ -1,40 +1,40 @@
-// What one stream did between this frame and 1 to 4 frames before: sums a tile, so that no picture is read back to be measured.
-// An invocation a tile of 8 x 8 pixels: no barrier, and sums in an order that never changes.
+// Changes of one stream between this frame and 1 to 4 frames before, as sums per tile, so that no picture is read back to be measured.
+// One invocation per tile of 8 x 8 pixels: there is no barrier, and the order of the sums never changes.
 
 struct MeasureFrame {
     size: vec2<u32>,
     tiles: vec2<u32>,
     slot: u32,                  // where this frame's picture begins
-    lags: u32,                  // frames before that there are, 0..=4
-    quarter: u32,               // 0..=3: the quarter of the pixels whose box test, histogram and lags 2 to 4 this frame takes
+    lags: u32,                  // number of earlier frames, 0..=4
+    quarter: u32,               // 0..=3: the quarter of the pixels for the box test, the histogram and lags 2 to 4
     pad_0: u32,
     past_slots: vec4<u32>,
 }
 
-// Of a tile. A count is at most 64.
+// Sums of a tile. A count is at most 64.
 struct MeasureTile {
-    // Of each lag: linked pixels, those of them with a choice at both ends << 8, choices that differ << 16.
+    // For each lag: linked pixels; of these, pixels with a choice in both frames << 8; of these, pixels whose choices differ << 16.
     links: vec4<u32>,
-    // Sum of absolute differences in luminance.
+    // For each lag: sum of absolute differences in luminance.
     differences: vec4<f32>,
     terrain: u32,
     fetches: u32,
-    // Pixels whose history was tested against the 3 x 3 box, those rejected << 8.
+    // Pixels whose history was tested against the 3 x 3 box; of these, rejected pixels << 8.
     rejections: u32,
-    // Terrain in the quarter: what lags 2 to 4 are shares of.
+    // Terrain pixels in the quarter; the results of lags 2 to 4 are shares of them.
     quarter_terrain: u32,
 }
 
-// Storage and not a uniform: lavapipe compiles a shader anew for each value of the uniforms that its branches ask for, and of Mesa 22.3 each dispatch
-// leaves a copy of the shader behind (170 kB a stream and frame were seen here).
+// A storage buffer and not a uniform: lavapipe compiles a shader again for each value of the uniforms that its branches test, and in Mesa 22.3 each
+// dispatch leaves a copy of the shader behind (170 kB per stream and frame were seen here).
 @group(0) @binding(0) var<storage, read> measure: MeasureFrame;
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read_write> tiles: array<MeasureTile>;
-// Of absolute differences at lag 1: 16 bins an octave, the first for all below 2^-14.
+// Histogram of absolute differences at lag 1: 16 bins per octave; the first bin also holds all differences below 2^-14.
 @group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 256>;
 
-// A history is rejected if a channel leaves the box by more than this: the rounding of f16 to both sides.
+// A history is rejected if a channel is outside the box by more than this share: the rounding of f16 on both sides.
 const MEASURE_BOX_SLACK: f32 = 0.0009765625;
 
 fn measure_bin(difference: f32) -> u32 {
@@ -61,7 +61,7 @@ fn measure_outside_box(colour: vec3<f32>, pixel: vec2<u32>) -> bool {
     return any(colour < low * (1.0 - MEASURE_BOX_SLACK)) || any(colour > high * (1.0 + MEASURE_BOX_SLACK));
 }
 
-// What a pixel did since one of the frames before: linked, chosen << 8, flipped << 16, as in `MeasureTile`; the difference in luminance; the pixel there.
+// Change of a pixel since an earlier frame: linked, chosen << 8, flipped << 16, as in `MeasureTile`; difference in luminance; the earlier pixel.
 struct MeasureChange {
     links: u32,
     difference: f32,
@@ -92,7 +92,7 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = measure.size.x * measure.size.y;
     let origin = vec2<u32>(tile % measure.tiles.x, tile / measure.tiles.x) * 8u;
     let end = min(origin + 8u, measure.size);
-    // Lags one by one and not in an array: an index that varies makes a processor keep the sums in memory.
+    // The lags are written out and not indexed: with a variable index, a processor would keep the sums in memory.
     var links_sum = vec4<u32>(0u);
     var differences = vec4<f32>(0.0);
     var terrain = 0u;
@@ -117,7 +117,7 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    // What is dear, of a quarter; a loop of its own for the reason that motion.wgsl gives.
+    // The expensive part, for a quarter of the pixels; it has a loop of its own for the reason given in motion.wgsl.
     for (var y = origin.y; y < end.y; y++) {
         for (var first = origin.x; first < end.x; first += 4u) {
             let x = motion_of_quarter(first, y, measure.quarter);

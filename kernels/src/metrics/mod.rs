@@ -1,10 +1,11 @@
-//! Metrics: what a sequence of pictures does over frames and over seeds, summed on the device.
+//! Metrics: how a sequence of pictures changes over frames and over seeds, summed on the device.
 //!
-//! A *stream* is one way to shade (variant, estimator, noise, resolve) followed over time: a ring of five pictures, two words a pixel (`shared::signal`).
-//! Each frame, [`Motion`] links every pixel to the one that showed its surface point a frame before, and a quarter of them to those of 2 to 4; then each
-//! stream is measured against its own past by sums a tile, which are all that is read back. Nothing here grows with the number of frames.
+//! A *stream* is one way to shade (variant, estimator, noise, resolve), followed over time: a ring of five pictures, two words per pixel
+//! (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed its surface point one frame before, and a quarter of the
+//! pixels to those 2 to 4 frames before. Then each stream is compared with its own past, and only sums per tile are read back. Memory does not grow
+//! with the number of frames.
 //!
-//! The formulas are in METHODOLOGY; `reference` holds them in f64.
+//! The formulas are in METHODOLOGY; `reference` computes them in f64.
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
@@ -25,13 +26,13 @@ mod seeds;
 pub use follow::{Followed, Point, Sample, Summary};
 pub use seeds::{BLOCK, MODULE as SEEDS_MODULE, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums};
 
-/// Bins of the histogram of differences at lag 1: 16 an octave, from 2^-14 to 2^2.
+/// Bins of the histogram of differences at lag 1: 16 per octave, from 2^-14 to 2^2.
 pub const BINS: usize = 256;
 const LOWEST_OCTAVE: f64 = -14.0;
 const BINS_PER_OCTAVE: f64 = 16.0;
 
 /// The layout of `MeasureFrame` in `measure.wgsl`.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MeasureFrame {
@@ -45,7 +46,7 @@ pub struct MeasureFrame {
 }
 
 /// The layout of `MeasureTile` in `measure.wgsl`.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct MeasureTile {
@@ -57,14 +58,14 @@ pub struct MeasureTile {
     pub quarter_terrain: u32,
 }
 
-/// What one lag came to in one frame.
+/// Sums of one lag in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LagSums {
-    /// Terrain pixels that were followed back: all of them one frame, a quarter (another one each frame) two to four.
+    /// Terrain pixels that were followed back: all pixels at lag 1, and a quarter (another one each frame) at lags 2 to 4.
     pub terrain: u64,
-    /// Of those, pixels whose point was seen then.
+    /// Of those, pixels whose point was seen in the earlier frame.
     pub linked: u64,
-    /// Of those, pixels with a random choice at both ends.
+    /// Of those, pixels with a random choice in both frames.
     pub chosen: u64,
     /// Of those, pixels whose choice differs.
     pub flipped: u64,
@@ -72,20 +73,20 @@ pub struct LagSums {
     pub difference: f64,
 }
 
-/// What one frame of one stream came to.
+/// Sums of one frame of one stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameSums {
     /// Terrain pixels.
     pub terrain: u64,
-    /// Their fetches.
+    /// Fetches of these pixels.
     pub fetches: u64,
-    /// Against 1 to 4 frames before.
+    /// Comparisons with 1 to 4 frames before.
     pub lags: [LagSums; LAGS],
     /// Pixels whose history was tested against the 3 x 3 box: a quarter of those linked at lag 1, another quarter each frame.
     pub tested: u64,
     /// Of those, rejected.
     pub rejected: u64,
-    /// Absolute differences at lag 1 of the pixels tested.
+    /// Histogram of the absolute differences at lag 1, of the pixels tested.
     pub histogram: [u32; BINS],
 }
 
@@ -117,8 +118,8 @@ impl FrameSums {
     }
 }
 
-/// The value below which a share of a histogram's counts lies, interpolated within its bin on the log scale: good to 1/16 of an octave (4.4 %).
-/// 0 where it falls into the lowest bin, which holds all below 2^-14; absent for an empty histogram.
+/// The value below which a share of a histogram's counts lies, interpolated within its bin on the log scale and accurate to 1/16 of an octave (4.4
+/// %). It is 0 in the lowest bin, which holds all values below 2^-14, and `None` for an empty histogram.
 pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
     let total: u64 = histogram.iter().sum();
     if total == 0 {
@@ -141,9 +142,9 @@ pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
 pub struct Stream {
     /// The ring of pictures as they are shaded.
     pub signal: wgpu::Buffer,
-    /// What is done to them before they are measured.
+    /// The resolve that is applied to them before they are measured.
     pub resolve: Resolve,
-    /// The ring of resolved pictures and two histories; absent without a resolve.
+    /// The ring of resolved pictures, and two histories; `None` without a resolve.
     resolved: Option<[wgpu::Buffer; 2]>,
     tiles: wgpu::Buffer,
     histogram: wgpu::Buffer,
@@ -184,7 +185,7 @@ impl Meter {
     /// Compiles the passes and allocates a stream for each resolve given.
     ///
     /// # Errors
-    /// When a shader does not compile or the device has not the memory.
+    /// When a shader does not compile or the device is out of memory.
     pub fn new(gpu: &Gpu, frame_uniforms: &wgpu::BindGroupLayout, size: [u32; 2], resolves: &[Resolve]) -> Result<Meter> {
         let stage = wgpu::ShaderStages::COMPUTE;
         let frame_layout = gpu.layout("measured frame", stage, &[Binding::Storage, Binding::Storage]);
@@ -223,12 +224,12 @@ impl Meter {
         Slots::of(self.index, self.size[0] * self.size[1])
     }
 
-    /// Frame of the sequence, from 0.
+    /// Index of the frame in the sequence, from 0.
     pub fn index(&self) -> u32 {
         self.index
     }
 
-    /// Records resolves and measuring of this frame; signals and links must have been recorded or written.
+    /// Records the resolves and the measurement of this frame; its signals and links must have been recorded or written before.
     pub fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, timer: &mut Timer) {
         let slots = self.slots();
         let lags = self.index.min(LAGS as u32);
@@ -265,7 +266,7 @@ impl Meter {
         }
     }
 
-    /// Reads the sums of the frame, a stream each, and goes on to the next; call after the submission is done.
+    /// Reads the sums of the frame, one per stream, and advances to the next frame; call after the submission is done.
     ///
     /// # Errors
     /// When the device is lost.
@@ -297,7 +298,7 @@ impl Meter {
         Ok(sums)
     }
 
-    /// The picture of a stream that was measured last, or `back` frames before (0 to 4), as signals.
+    /// The last measured picture of a stream, or the one `back` frames (0 to 4) before it, as signals.
     ///
     /// # Errors
     /// When the device is lost.
@@ -307,12 +308,12 @@ impl Meter {
         read_signal(gpu, self.streams[stream].measured(), slot, pixels)
     }
 
-    /// Writes a picture into this frame's slot of a stream: for signals that no renderer makes.
+    /// Writes a picture into this frame's slot of a stream: for signals that do not come from a renderer.
     pub fn write(&self, gpu: &Gpu, stream: usize, signal: &[[u32; 2]]) {
         gpu.queue.write_buffer(&self.streams[stream].signal, u64::from(self.slots().now) * 8, cast_slice(signal));
     }
 
-    /// Writes the links of this frame, a picture a lag, and the positions one frame before: for motion that no renderer makes.
+    /// Writes the links of this frame, one picture per lag, and the positions one frame before: for motion that does not come from a renderer.
     pub fn write_links(&self, gpu: &Gpu, links: &[u32], positions: &[[f32; 2]]) {
         gpu.queue.write_buffer(&self.motion.links, 0, cast_slice(links));
         gpu.queue.write_buffer(&self.motion.positions, 0, cast_slice(positions));

@@ -1,11 +1,11 @@
-//! The sums of one frame in f64: what `measure.wgsl` and `seeds.wgsl` are held to.
+//! The sums of one frame in f64: the reference for `measure.wgsl` and `seeds.wgsl`.
 
 use super::{FrameSums, SeedSums};
 use crate::motion::{LAGS, NO_LINK};
 use crate::shared::{motion, signal};
 
-/// Sums of a frame over pictures of `size` pixels: `now` against `past[lag]` by the links of that lag, lags 2 to 4 and box tests on `quarter` of the pixels.
-/// The histogram is left empty.
+/// Sums of a frame, for pictures of `size` pixels. `now` is compared with `past[lag]` by the links of that lag; lags 2 to 4 and box tests take only
+/// the pixels of `quarter`. The histogram is left empty.
 pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], quarter: u32) -> FrameSums {
     let mut sums = FrameSums::default();
     let [width, height] = size.map(|n| n as usize);
@@ -56,7 +56,7 @@ pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])],
     sums
 }
 
-/// Sums of one seed's picture against the exact blend: `seeds_add` and `seeds_blocks`.
+/// Sums of one seed's picture compared with the exact blend, as `seeds_add` and `seeds_blocks` compute them.
 pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]) -> SeedSums {
     let mut sums = SeedSums::default();
     let [width, height] = size.map(|n| n as usize);

@@ -9,11 +9,11 @@ use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, ShaderModule, read_buffer};
 use crate::shared;
 
-/// Edge of the blocks whose means tell clumping, pixels.
+/// Edge of the blocks whose means give the clumping, pixels.
 pub const BLOCK: u32 = 5;
 
 /// The layout of `SeedFrame` in `seeds.wgsl`.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SeedFrame {
@@ -28,36 +28,36 @@ pub struct SeedFrame {
     pub pad_2: u32,
 }
 
-/// What one seed came to, in one stream.
+/// Sums of one seed, in one stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SeedSums {
     /// Terrain pixels.
     pub terrain: f64,
     /// Sum over pixels and channels of the difference from the exact blend.
     pub error: f64,
-    /// Sum of its square.
+    /// Sum of the square of that difference.
     pub squared_error: f64,
     /// Blocks that are all terrain.
     pub blocks: f64,
     /// Sum over blocks of the square of the mean error in luminance.
     pub block_squares: f64,
-    /// Sum over blocks of the mean of its square.
+    /// Sum over blocks of the mean square of the error in luminance.
     pub pixel_squares: f64,
 }
 
 impl SeedSums {
-    /// Block variance relative to that of white noise of the same strength: white = 1. Absent where nothing varies.
+    /// Block variance relative to that of white noise of the same strength: white = 1. `None` where nothing varies.
     pub fn clumping(&self) -> Option<f64> {
         (self.pixel_squares > 0.0).then(|| f64::from(BLOCK * BLOCK) * self.block_squares / self.pixel_squares)
     }
 }
 
-/// What all seeds came to, in one stream.
+/// Sums over all seeds, in one stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VarianceSums {
     /// Terrain pixels.
     pub terrain: f64,
-    /// Sum over pixels and channels of the mean over seeds less the exact blend.
+    /// Sum over pixels and channels of the mean over seeds minus the exact blend.
     pub bias: f64,
     /// Sum over pixels and channels of the unbiased variance over seeds.
     pub variance: f64,
@@ -147,24 +147,24 @@ impl Seeds {
             pass.set_bind_group(1, &gpu.group("seed stream", &self.layout, &buffers.map(|b| b.as_entire_binding())), &[]);
             for pipeline in passes {
                 pass.set_pipeline(pipeline);
-                // One more than needed costs nothing: what lies outside returns at once.
+                // Surplus invocations cost nothing: they return at once.
                 let invocations = (tiles[0] * tiles[1]).max(blocks[0] * blocks[1]);
                 pass.dispatch_workgroups(invocations.div_ceil(64), 1, 1);
             }
         }
     }
 
-    /// Records the taking of a seed's pictures; `count` includes it, from 1.
+    /// Records the pass that adds the pictures of one seed. `count`: the number of seeds, this one included.
     pub fn encode_add(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, streams: &[SeedStream], count: u32) {
         self.encode(gpu, encoder, streams, count, &[&self.add, &self.arrange]);
     }
 
-    /// Records the end, after `count` seeds.
+    /// Records the pass that finishes the sums, after `count` seeds.
     pub fn encode_finish(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, streams: &[SeedStream], count: u32) {
         self.encode(gpu, encoder, streams, count, &[&self.finish]);
     }
 
-    /// The sums of the seed added last, a stream each.
+    /// The sums of the seed that was added last, one per stream.
     ///
     /// # Errors
     /// When the device is lost.
@@ -192,7 +192,7 @@ impl Seeds {
             .collect()
     }
 
-    /// What all seeds came to, a stream each; after [`Seeds::encode_finish`].
+    /// The sums over all seeds, one per stream; call after [`Seeds::encode_finish`].
     ///
     /// # Errors
     /// When the device is lost.

@@ -1,4 +1,4 @@
-// One view over many seeds: moments of each pixel, and how the error of each seed is arranged. Sums a tile or a block are read back, pictures are not.
+// One view over many seeds: moments of each pixel, and the arrangement of each seed's error. Sums per tile or block are read back, pictures are not.
 
 struct SeedFrame {
     size: vec2<u32>,
@@ -14,13 +14,14 @@ struct SeedFrame {
 
 @group(0) @binding(0) var<uniform> seeds: SeedFrame;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
-// The exact blend; terrain wherever `signal` is.
+// The exact blend; it has terrain wherever `signal` has.
 @group(1) @binding(1) var<storage, read> exact: array<vec2<u32>>;
-// Three a pixel, see moments.wgsl.
+// Three per pixel, see moments.wgsl.
 @group(1) @binding(2) var<storage, read_write> moments: array<vec4<f32>>;
-// A tile: sum over pixels and channels of the difference from the exact blend, of its square, pixels; or, at the end, of (mean - exact), of the variance.
+// Per tile, from `seeds_add`: sum over pixels and channels of the difference from the exact blend, sum of its square, number of pixels.
+// From `seeds_finish`: sum over pixels and channels of (mean - exact), sum of the variance, number of pixels.
 @group(1) @binding(3) var<storage, read_write> tiles: array<vec4<f32>>;
-// A block: square of the mean error in luminance, mean of its square, 1 if the block is all terrain.
+// Per block: square of the mean error in luminance, mean square of the error, 1 if the block is all terrain.
 @group(1) @binding(4) var<storage, read_write> blocks: array<vec4<f32>>;
 
 @compute @workgroup_size(64)

@@ -1,4 +1,4 @@
-//! Links of one sequence of pictures, frame by frame, read back.
+//! The links of one sequence of pictures, read back frame by frame.
 
 use super::{Motion, Slots};
 use crate::base::error::Result;
@@ -17,19 +17,20 @@ impl Links {
     /// Compiles the pass and allocates for pictures of `size` pixels.
     ///
     /// # Errors
-    /// When the shader does not compile or the device has not the memory.
+    /// When the shader does not compile or the device is out of memory.
     pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout, size: [u32; 2]) -> Result<Links> {
         let motion = Motion::new(gpu, frame_layout, size)?;
         gpu.check()?;
         Ok(Links { motion, size, index: 0 })
     }
 
-    /// Pixels.
+    /// Size of the pictures, pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// Links the picture whose geometry is given, seen by `now`, to the one given before: an index a pixel, [`NO_LINK`](super::NO_LINK) = not seen there. Waits.
+    /// Links the picture with this `geometry`, seen by `now`, to the picture of the previous call: one index per pixel, [`NO_LINK`](super::NO_LINK) =
+    /// not seen there. Waits for the device.
     ///
     /// # Errors
     /// When the device is lost.

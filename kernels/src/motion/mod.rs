@@ -1,8 +1,8 @@
 //! Motion: links from each pixel to the pixels that showed its surface point 1 to 4 frames before.
 //!
-//! Reads depth, triangle normals, and the distances of the frames before. Writes this frame's distances, an index a pixel and lag (or none, where the point
-//! was hidden, outside the picture, or behind the camera), and the exact position one frame before. To two to four frames before only a quarter of the
-//! pixels is linked, another one each frame. Dispatch: a workgroup 128 x 2 pixels.
+//! Reads depth, triangle normals, and the distances of the frames before. Writes the distances of this frame, one index per pixel and lag (or none,
+//! where the point was hidden, outside the picture, or behind the camera), and the exact position one frame before. At lags 2 to 4, only a quarter of
+//! the pixels is linked, another quarter in each frame. Dispatch: one workgroup per 128 x 2 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -20,29 +20,30 @@ mod links;
 
 pub use links::Links;
 
-/// Frames before that a frame is compared with.
+/// Number of earlier frames with which a frame is compared.
 pub const LAGS: usize = 4;
-/// Pictures of a ring: a frame and those it is compared with.
+/// Number of pictures in a ring: a frame and the frames with which it is compared.
 pub const SLOTS: u32 = 5;
-/// No pixel showed the point.
+/// The link if no pixel showed the point.
 pub const NO_LINK: u32 = u32::MAX;
-/// Relative difference of depth up to which two points are on one surface. The surface expected is the point's own plane through the pixel nearest to it:
-/// what is left is the normal's 8-bit code (under 1 degree) and the bend of the ground over half a pixel.
+/// Two points are on the same surface up to this relative difference in depth. The expected depth is that of the point's own plane, at the pixel
+/// nearest to the point. So the remaining differences come from the normal's 8-bit code (under 1 degree) and the curvature of the ground over half a
+/// pixel.
 pub const TOLERANCE: f32 = 0.02;
 
-/// Where in their rings the pictures of a frame and of those before begin, pixels.
+/// Where the pictures of a frame and of the frames before begin in their rings, pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
-    /// This frame's.
+    /// Place of this frame's picture.
     pub now: u32,
-    /// Those of 1 to 4 frames before.
+    /// Places of the pictures 1 to 4 frames before.
     pub past: [u32; LAGS],
-    /// 0 to 3: the quarter of the pixels whose box test, histogram and lags 2 to 4 this frame takes.
+    /// 0 to 3: the quarter of the pixels on which this frame does the box test, the histogram and lags 2 to 4.
     pub quarter: u32,
 }
 
 impl Slots {
-    /// Of the `index`-th frame of a sequence of pictures of `pixels` pixels.
+    /// The slots of frame `index` of a sequence, for pictures of `pixels` pixels.
     pub fn of(index: u32, pixels: u32) -> Slots {
         let slot = |back: u32| (index % SLOTS + SLOTS - back) % SLOTS * pixels;
         Slots { now: slot(0), past: [slot(1), slot(2), slot(3), slot(4)], quarter: index % 4 }
@@ -50,7 +51,7 @@ impl Slots {
 }
 
 /// The layout of `MotionFrame` in `motion.wgsl`.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MotionFrame {
@@ -74,11 +75,11 @@ pub struct Motion {
     targets_layout: wgpu::BindGroupLayout,
     layout: wgpu::BindGroupLayout,
     distances: wgpu::Buffer,
-    /// Index of the linked pixel, a picture a lag; [`NO_LINK`] = none.
+    /// Index of the linked pixel, one picture per lag; [`NO_LINK`] = none.
     pub links: wgpu::Buffer,
     /// Where the point was one frame before, pixels.
     pub positions: wgpu::Buffer,
-    /// Views of the frames before, the last one first.
+    /// Views of the earlier frames, the latest first.
     views: Vec<View>,
 }
 
@@ -114,18 +115,18 @@ impl Motion {
         })
     }
 
-    /// Frames before that there are, at most 4.
+    /// Number of earlier frames that are available, at most 4.
     pub fn lags(&self) -> u32 {
         u32::try_from(self.views.len()).unwrap_or(0)
     }
 
-    /// Forgets the frames before.
+    /// Forgets the earlier frames.
     pub fn restart(&mut self) {
         self.views.clear();
     }
 
-    /// Records the pass for frame `index` of the sequence, seen by `view`, into its slot.
-    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    /// Records the pass for the frame that is seen by `now`, into its slot.
+    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
     pub fn encode(
         &self,
         gpu: &Gpu,
@@ -161,7 +162,7 @@ impl Motion {
         pass.dispatch_workgroups(now.size[0].div_ceil(4 * 32), now.size[1].div_ceil(2), 1);
     }
 
-    /// Keeps the view of a frame that is done.
+    /// Keeps the view of a frame when it is done.
     pub fn advance(&mut self, done: View) {
         self.views.insert(0, done);
         self.views.truncate(LAGS);

@@ -1,22 +1,22 @@
-// Motion: where each pixel's surface point was seen 1 to 4 frames before, exact, from depth and cameras. Disoccluded points have no link.
+// Motion: where each pixel's surface point was seen 1 to 4 frames before, computed exactly from depth and cameras. Disoccluded points have no link.
 
 struct MotionFrame {
-    past: array<MotionPast, 4>,     // the cameras of the frames before, nearest first
-    lags: u32,                      // how many of them there are
-    slot: u32,                      // where this frame's distances go
-    tolerance: f32,                 // relative difference of depth up to which two points are on one surface
-    quarter: u32,                   // 0..=3: the quarter of the pixels that lags 2 to 4 are linked for
-    past_slots: vec4<u32>,          // where theirs are
+    past: array<MotionPast, 4>,     // cameras of the earlier frames, the latest first
+    lags: u32,                      // number of earlier frames, 0..=4
+    slot: u32,                      // index in `distances` at which this frame begins
+    tolerance: f32,                 // two points are on one surface up to this relative difference in depth
+    quarter: u32,                   // 0..=3: the quarter of the pixels that is linked at lags 2 to 4
+    past_slots: vec4<u32>,          // index in `distances` at which each earlier frame begins
 }
 
 @group(1) @binding(0) var depth_target: texture_depth_2d;
 @group(1) @binding(1) var normal_target: texture_2d<f32>;
 @group(2) @binding(0) var<uniform> motion: MotionFrame;
-// Metres along the view direction, a picture a slot; 0 = no terrain.
+// Metres along the view direction, one picture per slot; 0 = no terrain.
 @group(2) @binding(1) var<storage, read_write> distances: array<f32>;
-// Index of the pixel nearest to where the point was, a picture a lag; of lags 2 to 4 only the quarter is written.
+// Index of the pixel nearest to where the point was, one picture per lag. For lags 2 to 4, only the pixels of the quarter are written.
 @group(2) @binding(2) var<storage, read_write> links: array<u32>;
-// Where exactly it was one frame before, pixels; -1e9 = nowhere.
+// Exact position of the point one frame before, pixels; -1e9 = not seen.
 @group(2) @binding(3) var<storage, read_write> positions: array<vec2<f32>>;
 
 // A surface point as it is seen now.
@@ -32,7 +32,7 @@ fn motion_point(pixel: vec2<u32>) -> MotionPoint {
     return MotionPoint(frame_ray(vec2<f32>(pixel)) * distance, frame_plane(textureLoad(normal_target, pixel, 0)), distance);
 }
 
-// Where a point was seen some frames before, and the pixel nearest to that.
+// Where a point was seen some frames before, and the pixel nearest to that position.
 struct MotionFound {
     link: u32,
     position: vec2<f32>,
@@ -57,8 +57,8 @@ fn motion_find(seen: MotionPoint, lag: u32) -> MotionFound {
     return MotionFound(there, was.xy);
 }
 
-// An invocation four pixels of a row, one of which is of the quarter. That one comes by itself and not as a case within the loop: a processor that
-// runs its lanes in step would pay for it in all four.
+// One invocation takes four pixels of a row, one of which belongs to the quarter. That pixel is handled after the loop and not by a branch in the
+// loop, because a processor that runs its lanes in lockstep would pay for the branch at all four pixels.
 @compute @workgroup_size(32, 2)
 fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = frame.size.x * frame.size.y;

@@ -1,12 +1,12 @@
-//! One pixel, taken apart: what each stage of the frame made of it, beside what it is exactly.
+//! Inspection of one pixel: what each stage of the frame made of it, beside the exact values.
 //!
 //! The stages' own numbers are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
-//! Beside them stands what the references say in f64 of the same inputs: thresholds of the noise and the choice that follows, page and
-//! level of the virtual texture, and the derivatives on the triangle that was really drawn. That triangle is the world's: of the node drawn
-//! there, at that node's LOD, with quantised heights and welded borders, its normal not rounded to any code. (Not guessed from neighbouring
-//! pixels: at a few pixels a triangle, most of them lie on others.)
-//!
-//! Weights modified by height come from the device, which alone has the heights of detail textures: in the projection with the largest weight.
+//! Beside them are the values that the references compute in f64 from the same inputs: thresholds of the noise and the choice that follows, page and
+//! level of the virtual texture, and the derivatives on the triangle that was drawn. That triangle comes from the world: it belongs to the node drawn
+//! there, at the LOD of that node, with quantised heights and welded borders, and its normal is not rounded to any code. (It is not guessed from
+//! neighbouring pixels: triangles cover only a few pixels, so most neighbouring pixels are on other triangles.)
+//! Weights modified by height come from the device, because only the device has the heights of detail textures. They are those of the projection with
+//! the largest weight.
 
 use crate::base::error::{Error, Result};
 use crate::culling::{PATCH_QUADS, pack_deltas};
@@ -27,19 +27,20 @@ use crate::world::payload::diagonal_rises;
 use crate::world::{LODS, Layout, NODE_QUADS, NodeId, World};
 use glam::{DVec2, DVec3};
 
-/// Layers that are read of the picture.
+/// Layers that are read from the picture.
 const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
-/// How far beside a triangle a point on it may seem to lie, metres and shares of the step to the next pixel: f32, and screens of 1/256 pixel.
+/// Largest apparent horizontal distance from a triangle of a point that is on it: metres, and shares of the step to the next pixel. It comes from
+/// f32, and from screen coordinates that are multiples of 1/256 pixel.
 const BESIDE: [f64; 2] = [1e-3, 0.02];
-/// How far above or below its plane, metres and shares of a pixel's width there.
+/// Largest apparent distance of such a point from the triangle's plane: metres, and shares of a pixel's width there.
 const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
 
-/// What is known of a pixel of terrain. Vectors are in world axes: x east, y north, z up.
+/// What is known about a pixel of terrain. Vectors are in world axes: x east, y north, z up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pixel {
     /// Column and row, from the top left.
     pub pixel: [u32; 2],
-    /// World metres, from depth along the pixel's ray in f64; exact as far as the f32 depth is (some 1e-7 of the distance).
+    /// World metres, from depth along the pixel's ray in f64; as exact as the f32 depth (about 1e-7 of the distance).
     pub position: [f64; 3],
     /// Sector that holds it, from the world's south-west corner.
     pub sector: [i32; 2],
@@ -47,17 +48,17 @@ pub struct Pixel {
     pub depth_m: f64,
     /// Metres along the pixel's ray.
     pub distance_m: f64,
-    /// Unit normal that shading, weights and projections follow, as stored.
+    /// Unit normal that shading, weights and projections use, as stored.
     pub shading_normal: [f64; 3],
     /// Unit normal of the triangle, on the side that is seen, as stored.
     pub triangle_normal: [f64; 3],
-    /// The triangle itself; `None` where none of the world's lies there: the shader that places vertices was edited.
+    /// The triangle itself; `None` if the world has no triangle there, because the shader that places vertices was edited.
     pub triangle: Option<Triangle>,
     /// Steps of the position to the next pixel on the right and to the next one below.
     pub steps: [Derivative; 2],
     /// Flavours that the pixel needs, as bits of [`Flavour`]: 1..=31.
     pub mask: u8,
-    /// Flavours of the variant that its tile runs, alike.
+    /// Flavours of the variant that its tile runs, in the same bits.
     pub variant: u8,
     /// Weights of the flavours in that variant, in the order of [`Flavour::ALL`], summing to 1.
     pub flavours: [f64; 5],
@@ -65,9 +66,9 @@ pub struct Pixel {
     pub splat: [Texel; 4],
     /// First random choice that was recorded: 0 = none, else 1 + splat texel + 4 times the axis that the projection looks along.
     pub choice: u32,
-    /// What the references say of that choice; `None` = nothing of this pixel is random.
+    /// That choice as the references compute it; `None` = nothing of this pixel is random.
     pub draw: Option<Draw>,
-    /// Where it looks into the virtual texture; `None` = it does not.
+    /// Where it samples the virtual texture; `None` = it does not.
     pub page: Option<Page>,
 }
 
@@ -76,7 +77,7 @@ pub struct Pixel {
 pub struct Triangle {
     /// LOD of its node, 0 = finest.
     pub lod: u8,
-    /// Distance of vertices at that LOD, metres.
+    /// Distance between vertices at that LOD, metres.
     pub spacing_m: f64,
     /// Its unit normal.
     pub normal: [f64; 3],
@@ -85,21 +86,21 @@ pub struct Triangle {
 /// Step of the position to a neighbouring pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Derivative {
-    /// As the shader has it, metres.
+    /// The step that the shader computes, metres.
     pub shader: [f64; 3],
-    /// To where the neighbour's ray meets the triangle's plane, metres; `None` where it does not, or the triangle is not known.
+    /// The step to where the neighbour's ray meets the triangle's plane, metres; `None` if it does not meet the plane, or the triangle is not known.
     pub exact: Option<[f64; 3]>,
 }
 
 impl Derivative {
-    /// Length of the difference as a share of the exact step's, >= 0.
+    /// Length of the difference between both steps, as a share of the exact step's length, >= 0.
     pub fn error(&self) -> Option<f64> {
         let exact = DVec3::from_array(self.exact?);
         let share = (DVec3::from_array(self.shader) - exact).length() / exact.length();
         share.is_finite().then_some(share)
     }
 
-    /// How many mip levels too coarse (above 0) or too fine textures are chosen for it: log2 of the ratio of both lengths.
+    /// Error of the mip level that follows from this step, log2 of the ratio of both lengths: above 0, textures are too coarse, below 0 too fine.
     pub fn mips(&self) -> Option<f64> {
         let ratio = DVec3::from_array(self.shader).length() / DVec3::from_array(self.exact?).length();
         let mips = ratio.log2();
@@ -107,32 +108,32 @@ impl Derivative {
     }
 }
 
-/// A texel of the splat map beside the pixel.
+/// A texel of the splat map next to the pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texel {
     /// Name of its material in the scene.
     pub material: String,
-    /// Its place in the palette.
+    /// Index of the material in the palette.
     pub index: u32,
-    /// Bilinear weight, 0..=1, by which chance chooses, too.
+    /// Bilinear weight, 0..=1; also the probability with which a random choice takes the texel.
     pub weight: f64,
-    /// What the materials' heights make of it in blends of all four, 0..=1, in the projection with the largest weight.
+    /// Weight after the height blend of all four materials, 0..=1, in the projection with the largest weight.
     pub blended: f64,
 }
 
-/// A first random choice, by the references.
+/// The first random choice, as the references compute it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Draw {
     /// The flavour that draws first.
     pub flavour: Flavour,
-    /// Threshold that chooses the projection, [0, 1); `None` = all projections are seen.
+    /// Threshold that chooses the projection, [0, 1); `None` = all projections are blended.
     pub projection: Option<f64>,
     /// Threshold that chooses the splat texel, [0, 1).
     pub material: f64,
     /// Weights of the projections that look along x, y and z, summing to 1.
     pub projections: [f64; 3],
-    /// The choice that follows, coded as [`Pixel::choice`]. The device rounds to f32: a threshold within some 1e-6 of a border between two
-    /// choices, and a point that near to a border of noise cells, may fall the other way there.
+    /// The choice that follows, coded as [`Pixel::choice`]. The device rounds to f32, so it may choose differently if a threshold is within about
+    /// 1e-6 of the border between two choices, or a point is that close to a border of noise cells.
     pub expected: u32,
 }
 
@@ -141,22 +142,22 @@ pub struct Draw {
 pub struct Page {
     /// The page that the pixel asks for.
     pub id: PageId,
-    /// Place in it, texels from its south-west corner, 0..=[`PAGE_TEXELS`].
+    /// Position in the page, texels from its south-west corner, 0..=[`PAGE_TEXELS`].
     pub texel: [f64; 2],
-    /// Steps to the next pixels, seen from above: the shorter and the longer, in texels of level 0, mip bias included.
+    /// Lengths of the steps to the next pixels, seen from above: the shorter and the longer, in texels of level 0, mip bias included.
     pub footprint: [f64; 2],
-    /// What filtering covers of it, in the same unit: the shorter, or so much of the longer as anisotropy leaves over.
+    /// The length that decides the level, in the same unit: the larger of the shorter step and the longer step divided by the anisotropy.
     pub covered: f64,
     /// Level before rounding down: log2 of `covered`, at least 0.
     pub lod: f64,
     /// Mip level inside the page, 0..=1: pages have two.
     pub mip: f64,
-    /// The page that was sampled: that one, or a coarser one where not all pages fit; `None` where there was none, and the far atlas stood in.
+    /// The page that was sampled: `id`, or a coarser page if not all pages fit; `None` if there was none and the far atlas was used.
     pub served: Option<PageId>,
 }
 
 impl Pixel {
-    /// Whether the recorded choice is the one that follows from the references.
+    /// Whether the recorded choice equals the choice of the references.
     pub fn agrees(&self) -> bool {
         self.choice == self.draw.map_or(0, |draw| draw.expected)
     }
@@ -164,7 +165,7 @@ impl Pixel {
     /// Angle between the stored and the true normal of the triangle, radians.
     pub fn normal_error(&self) -> Option<f64> {
         let (stored, exact) = (DVec3::from_array(self.triangle_normal), DVec3::from_array(self.triangle?.normal));
-        // Of two unit vectors; the arc cosine would lose small angles.
+        // The angle from the distance of the two unit vectors, because the arc cosine is inaccurate for small angles.
         Some(2.0 * ((stored - exact).length() / 2.0).min(1.0).asin())
     }
 }
@@ -175,7 +176,7 @@ pub fn chosen(choice: u32) -> Option<(usize, usize)> {
     Some((code % 4, code / 4))
 }
 
-/// The pixel at a place, given in shares of the picture's width and height; the nearest one for places outside.
+/// The pixel at a position, which is given in shares of the picture's width and height; the nearest pixel for positions outside.
 pub fn pixel_at(probe: [f32; 2], size: [u32; 2]) -> [u32; 2] {
     std::array::from_fn(|k| ((f64::from(probe[k]) * f64::from(size[k])).floor().max(0.0) as u32).min(size[k].saturating_sub(1)))
 }
@@ -185,14 +186,14 @@ pub fn probe_of(pixel: [u32; 2], size: [u32; 2]) -> [f32; 2] {
     std::array::from_fn(|k| ((f64::from(pixel[k]) + 0.5) / f64::from(size[k].max(1))) as f32)
 }
 
-/// The place of the world that is seen through the middle of a pixel at a depth, metres along the view direction.
+/// The world position that is seen through the middle of a pixel at a depth, metres along the view direction.
 pub fn place_at(view: &View, [x, y]: [u32; 2], depth_m: f64) -> DVec3 {
     view.pose.position + view.ray(f64::from(x), f64::from(y)) * depth_m
 }
 
-/// Takes a pixel of the last picture apart, which `request` made: shaded at the centres of pixels. `None` = sky.
+/// Inspects a pixel of the last picture, which `request` made and which is shaded at the centres of pixels. `None` = sky.
 ///
-/// The geometry is shaded once more, by shaders that record choices: the first time they are compiled.
+/// The geometry is shaded once more, by shaders that record choices. They are compiled the first time.
 ///
 /// # Errors
 /// When the pixel lies outside the picture or the device fails.
@@ -245,7 +246,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
     let all = flavour_weights::weights(distance_m, shading_normal[2], &FlavourParams::new(&scene.flavours));
     let flavours = flavour_weights::weights_for(all, u32::from(variant), forced);
 
-    // What the shader starts from, in its own f32: the noise must see the cells that the shader saw.
+    // The inputs of the shader, in its own f32, so that the noise uses the same cells as in the shader.
     let sector_m = world.layout().sector_m;
     let place = Place::of(view.sector.to_array(), inspected.position.map(f64::from), sector_m);
     let weights = inspected.bilinear.map(f64::from);
@@ -289,7 +290,7 @@ fn stored_normals(frame: &Frame<'_, '_>, index: usize) -> Result<[[f64; 3]; 2]> 
     Ok(encoding.decode(&texels[bytes * index..bytes * (index + 1)]))
 }
 
-/// Place of a flavour in tables of five.
+/// Index of a flavour in tables of five.
 fn place_of(flavour: Flavour) -> usize {
     flavour.bit().trailing_zeros() as usize
 }
@@ -301,14 +302,14 @@ impl Texel {
     }
 }
 
-/// A place as shaders have it: metres count from the sector's south-west corner, z is elevation.
+/// A position as in the shaders: a sector, and metres from its south-west corner; z is elevation.
 struct Place {
     sector: [i32; 2],
     position: [f64; 3],
 }
 
 impl Place {
-    /// Of local coordinates, which count from the corner of the camera's sector.
+    /// The place of local coordinates, which count from the corner of the camera's sector.
     fn of(camera_sector: [i32; 2], local: [f64; 3], sector_m: f64) -> Place {
         let steps = [local[0], local[1]].map(|x| (x / sector_m).floor());
         Place {
@@ -318,7 +319,8 @@ impl Place {
     }
 }
 
-/// Step to where the neighbour's ray meets the plane through `ray * t`; all from the eye. `None` where it looks past it.
+/// Step from `ray * t` to where the neighbour's ray meets the plane through `ray * t`. All vectors start at the eye. `None` if it does not meet the
+/// plane.
 fn step_on_plane(ray: DVec3, ray_step: DVec3, t: f64, normal: [f64; 3]) -> Option<[f64; 3]> {
     let normal = DVec3::from_array(normal);
     let neighbour = ray + ray_step;
@@ -326,23 +328,27 @@ fn step_on_plane(ray: DVec3, ray_step: DVec3, t: f64, normal: [f64; 3]) -> Optio
     (hit.is_finite() && hit > 0.0).then(|| (neighbour * hit - ray * t).to_array())
 }
 
-/// A point that was seen, and how exactly.
+/// A point that was seen, and the tolerances of its position.
 struct Spot {
     position: DVec3,
-    /// Of the triangle, as stored.
+    /// Normal of the triangle, as stored.
     normal: DVec3,
     beside_m: f64,
     off_plane_m: f64,
 }
 
 impl Spot {
-    /// The triangle drawn here: of those that hold the point, the one whose normal is most like the stored one, which tells neighbours apart at
-    /// their common edge. `stride`: of a node's vertices along a side every so many-th is drawn.
+    /// The triangle drawn here: of the triangles that contain the point, the one whose normal is most like the stored normal, which decides between
+    /// neighbours at their common edge. `stride`: the vertex stride.
     fn triangle(&self, world: &World, drawn: &[NodeId], stride: u32) -> Option<Triangle> {
         let layout = world.layout();
         let at = self.position.truncate();
         let node = (0..LODS).filter_map(|lod| layout.node_at(lod, at.x, at.y)).find(|node| drawn.contains(node))?;
-        let vertex = |v: DVec2| v.extend(world.elevation_m(world.quantise(world.height_m(v.x, v.y))));
+        let (origin, spacing) = (node.origin_m(layout), layout.spacing_m(node.lod));
+        let vertex = |v: DVec2| {
+            let index = ((v - origin) / spacing).round().to_array().map(|n| n as u32);
+            v.extend(world.vertex_elevation_m(node, index))
+        };
         let normal = |flat: [DVec2; 3]| {
             let [a, b, c] = flat.map(vertex);
             let normal = (b - a).cross(c - a).try_normalize()?;
@@ -356,8 +362,8 @@ impl Spot {
     }
 }
 
-/// Triangles of a node around a place, seen from above, counter-clockwise, in world metres: the quads next to it, and all along a border where
-/// the place is next to that, since vertices are welded along borders.
+/// Triangles of a node around a position, seen from above, counter-clockwise, in world metres: those of the quads next to it and, if it is next to a
+/// border, those of all quads along that border, because vertices are welded along borders.
 fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: DVec2) -> Vec<[DVec2; 3]> {
     let (origin, spacing, quads) = (node.origin_m(layout), layout.spacing_m(node.lod), u32::from(NODE_QUADS));
     let at = (at - origin) / spacing;
@@ -384,7 +390,7 @@ fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: D
     triangles
 }
 
-/// Metres from a point to the nearest side of a counter-clockwise triangle, below 0 outside it; the farthest outside where it has no area.
+/// Metres from a point to the nearest side of a counter-clockwise triangle, below 0 outside it; negative infinity if the triangle has no area.
 fn inside_m(triangle: [DVec2; 3], point: DVec2) -> f64 {
     let [a, b, c] = triangle;
     if (b - a).perp_dot(c - a) <= 0.0 {
@@ -394,19 +400,19 @@ fn inside_m(triangle: [DVec2; 3], point: DVec2) -> f64 {
     beyond(a, b).min(beyond(b, c)).min(beyond(c, a))
 }
 
-/// Who draws the first random number of a pixel.
+/// The flavour that draws the first random number of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Drawing {
     flavour: Flavour,
-    /// That of its noise in `shading.wgsl`.
+    /// The salt of its noise in `shading/pixel.wgsl`.
     salt: u32,
-    /// Whether chance chooses the projection, too.
+    /// Whether the projection is chosen at random, too.
     projects: bool,
 }
 
-/// The first of the flavours that have a weight and draw by this estimator, in the order in which they are shaded.
+/// The first flavour, in the order of shading, that has a weight and draws random numbers with this estimator.
 fn drawing(estimator: Estimator, flavours: [f64; 5]) -> Option<Drawing> {
-    // Far Cry 5's near cliff sees all projections; one tap sees one.
+    // Far Cry 5's near cliff blends all projections; the single tap of `Stf` has one.
     let in_order = [(Flavour::NearCliff, 1, estimator == Estimator::Stf), (Flavour::FarCliff, 2, true), (Flavour::Splat, 3, true)];
     let draws = |flavour: Flavour| flavours[place_of(flavour)] > 0.0 && estimator.is_stochastic(Variant::only(flavour));
     let first = in_order.into_iter().find(|&(flavour, ..)| draws(flavour));
@@ -422,7 +428,7 @@ impl Drawing {
     }
 }
 
-/// Weights of the projections that look along x, y and z, of estimators that draw.
+/// Weights of the projections that look along x, y and z, for estimators that draw random numbers.
 fn projections(estimator: Estimator, normal: [f64; 3], sharpness: f64) -> [f64; 3] {
     if estimator != Estimator::Biplanar {
         return triplanar::weights(normal, sharpness);
@@ -436,7 +442,7 @@ fn projections(estimator: Estimator, normal: [f64; 3], sharpness: f64) -> [f64; 
 }
 
 impl Page {
-    /// By the formulas of `virtual_texture.wgsl`, in f64.
+    /// The place in the virtual texture, by the formulas of `virtual_texture.wgsl` in f64.
     fn of(place: &Place, steps: [[f64; 3]; 2], sector_m: f64, blend: &Blend) -> Page {
         let texels = |step: [f64; 3]| step[0].hypot(step[1]) * TEXELS_PER_M * blend.mip_bias.exp2();
         let [across, down] = steps.map(texels);
@@ -493,7 +499,7 @@ mod tests {
             let doubled = Derivative { shader: shader.map(|x| 2.0 * x), exact };
             assert!((doubled.error().expect("known") - 1.0).abs() < 1e-9 && (doubled.mips().expect("known") - 1.0).abs() < 1e-9);
         }
-        // A plane seen from its edge: the neighbour below looks past it.
+        // A plane seen edge-on: the ray of the neighbour below misses it.
         assert_eq!(step_on_plane(DVec3::Y, DVec3::new(0.0, 0.0, 1e-3), 10.0, [0.0, -1e-4, 1.0]), None);
         let unknown = Derivative { shader: [1.0; 3], exact: None };
         assert_eq!((unknown.error(), unknown.mips()), (None, None));
@@ -503,7 +509,8 @@ mod tests {
     fn triangles_cover_a_node_once_also_where_borders_are_welded() {
         let layout = Layout::of(10_240.0, None);
         let [north_east, south_west] = [NodeId { lod: 5, x: 1, y: 1 }, NodeId { lod: 2, x: 7, y: 7 }];
-        // One is coarser by five levels, a step longer than a patch, the other by two: in the east and south, then in the north and west.
+        // One neighbour is five levels coarser, so its step is longer than a patch; the other is two levels coarser. They are in the east and south
+        // of the first node, and in the north and west of the second.
         for node in [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 0, x: 32, y: 31 }] {
             let lods = lod_map(&[node, north_east, south_west]);
             for i in 0..600 {
@@ -539,7 +546,7 @@ mod tests {
             let spot = |up: f64| Spot { position: at.extend(height(at.x, at.y) + up), normal: DVec3::Z, beside_m: 1e-9, off_plane_m: 1e-6 };
             let triangle = spot(0.0).triangle(&world, &[node], 1).expect("every place has a triangle");
             assert_eq!((triangle.lod, triangle.spacing_m), (node.lod, layout.spacing_m(node.lod)));
-            // Its slope is the surface's.
+            // Its slope equals that of the surface.
             let [x, y, z] = triangle.normal;
             let step = 1e-7;
             let slope = [height(at.x + step, at.y) - height(at.x, at.y), height(at.x, at.y + step) - height(at.x, at.y)].map(|d| d / step);
@@ -583,7 +590,7 @@ mod tests {
         // Page edges of 8 m: 202.25 m and 191.5 m from the corner.
         assert_eq!(far.id, PageId { level: 3, x: 25, y: 23 });
         assert!((far.texel[0] - 2.25 * 32.0).abs() < 1e-9 && (far.texel[1] - 7.5 * 32.0).abs() < 1e-9, "{far:?}");
-        // Anisotropy covers what is long, up to 4; the bias counts as pixels that are wider.
+        // Anisotropy, up to 4, covers the longer step; a mip bias acts like wider pixels.
         assert_eq!(page([9.0, 3.0], 2, 0.0).id.level, 2);
         assert_eq!(page([9.0, 3.0], 16, 0.0).id.level, 1);
         assert_eq!(page([9.0, 3.0], 1, 1.0).id.level, 4);

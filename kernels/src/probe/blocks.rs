@@ -3,9 +3,9 @@
 use super::judge::{Draw, Verdict, farthest};
 use super::{Cell, Measure, Probe, real, whole, word};
 
-/// A decoder may be off by 3 % of its line: Direct3D 11.3 functional specification, section 19.5, which lets devices expand end points to 8 bits first, and
-/// round; besides by a code there, and by two here: one in 8-bit fixed point (Mesa's llvmpipe) rounds end points (half a code) and weights (half), and cuts
-/// the result off (one).
+/// A decoder may deviate by 3 % of the length of its colour line: the Direct3D 11.3 functional specification, section 19.5, lets devices expand end
+/// points to 8 bits first, and round. The specification also allows one code. This test allows two: a decoder in 8-bit fixed point (Mesa's llvmpipe)
+/// rounds end points (half a code) and weights (half a code), and truncates the result (one code).
 const OF_LINE: f64 = 0.03;
 const CODES: f64 = 2.0 / 255.0;
 
@@ -67,7 +67,7 @@ return array<u32, 4>(bits.x, bits.y, bits.z, bits.w);
     parameters: &[],
 };
 
-/// Two end points; alike now and then.
+/// Two end points, which are equal in some rows.
 fn colours(d: &mut Draw) -> f64 {
     let colours = d.word();
     f64::from(if d.whole(8) < 0.5 { colours & 0xffff | colours << 16 } else { colours })
@@ -95,7 +95,7 @@ fn within<const N: usize>(got: &[f64], want: &[f64], line: [f64; N]) -> Verdict 
     if worst <= 1.0 { Verdict::Agrees(worst) } else { Verdict::Differs }
 }
 
-/// A colour of a line: of four, or of three and transparent black.
+/// A colour of a block's line: one of four, or one of three and transparent black.
 fn on_line(colours: u32, indices: u32, texel: u32, four: bool) -> [f64; 4] {
     let (first, second) = (colour(colours & 0xffff), colour(colours >> 16));
     let mix = |a: f64, b: f64| {
@@ -124,7 +124,7 @@ fn bc3_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
     let [first, second] = alphas(row[0].word());
     let indices = u64::from(row[0].word() >> 16) | u64::from(row[1].word()) << 16;
     let index = (indices >> (3 * texel) & 7) as u32;
-    // Six values between, or four and the ends of the range.
+    // Six values in between, or four and both ends of the range.
     let steps = if first > second { 7.0 } else { 5.0 };
     let alpha = match index {
         0 => first,

@@ -1,4 +1,4 @@
-//! Tests of what can be left out.
+//! Tests that decide what need not be drawn.
 
 use super::judge::{Verdict, cross, from_axis, set_direction, set_length, three};
 use super::{Measure, Parameter, Probe, real, take, whole};
@@ -8,7 +8,7 @@ use crate::shared::real::{Real, dot, length};
 
 pub(super) const FRUSTUM: Probe = Probe {
     name: "frustum",
-    about: "Whether a box lies wholly beyond a plane of the frustum: what is seen is never left out",
+    about: "Whether a box lies entirely beyond a plane of the frustum; a visible box is never culled",
     inputs: &[
         real("plane_x", "normal of the plane, any length, towards the seen side"),
         real("plane_y", "normal"),
@@ -21,7 +21,7 @@ pub(super) const FRUSTUM: Probe = Probe {
         real("high_y", "m"),
         real("high_z", "m"),
     ],
-    outputs: &[whole("beyond", "1 = left out", 0, 1)],
+    outputs: &[whole("beyond", "1 = culled", 0, 1)],
     blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 10>) -> array<f32, 1> {
@@ -35,7 +35,7 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
         let n = d.direction();
         let centre = d.vector(-4.0, 14.0);
         let half = [0; 3].map(|_: i32| d.between(-6.0, 9.0).exp2());
-        // The nearest corner next to the plane as often as not.
+        // In half of the rows the nearest corner is close to the plane.
         let reach: f64 = (0..3).map(|i| n[i].abs() * half[i]).sum();
         let off =
             if d.whole(2) < 0.5 { d.between(-24.0, 0.0).exp2() * length(centre) * (2.0 * d.whole(2) - 1.0) } else { d.between(-4e3, 4e3) };
@@ -68,7 +68,7 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
     ],
 };
 
-/// n . p + w of the box's farthest corner towards the seen side, and the sum of the terms' magnitudes; exact but for f64's rounding.
+/// n . p + w at the box's farthest corner towards the visible side, and the sum of the magnitudes of the terms. Exact except for the rounding of f64.
 fn frustum_distance(row: &[f64]) -> (f64, f64) {
     let term = |i: usize| row[i] * if row[i] >= 0.0 { row[7 + i] } else { row[4 + i] };
     let terms = [term(0), term(1), term(2), row[3]];
@@ -80,19 +80,19 @@ fn frustum_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.push(if beyond { T::one() } else { T::zero() });
 }
 
-/// One side is exact, the other has the margin and once more its rounding.
+/// Visible boxes are never culled. For boxes beyond the plane the tolerance is the margin plus the margin's own rounding.
 fn frustum_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (distance, size) = frustum_distance(row);
     let near = -distance <= 2.0 * (SLACK * size + FLUSHED) || row.iter().any(|&x| is_next_to(x, MOST));
     one_sided(got, want, distance < 0.0, near)
 }
 
-/// Whether a number may be taken for smaller or for larger than a limit.
+/// Whether rounding may put a number on either side of a limit.
 fn is_next_to(x: f64, limit: f64) -> bool {
     (x.abs() / limit - 1.0).abs() < 1e-3
 }
 
-/// `may`: left out rightly; `near`: within the margin.
+/// `may`: culling is correct; `near`: the value lies within the margin, where both answers are accepted.
 fn one_sided(got: &[f64], want: &[f64], may: bool, near: bool) -> Verdict {
     match (got[0] == 1.0, want[0] == 1.0) {
         (true, _) if !may => Verdict::Differs,
@@ -104,18 +104,18 @@ fn one_sided(got: &[f64], want: &[f64], may: bool, near: bool) -> Verdict {
 
 pub(super) const NORMAL_CONE: Probe = Probe {
     name: "normal-cone",
-    about: "Whether all of a patch faces away, by the cone of its normals and the sphere about it: what faces the eye is never left out",
+    about: "Whether a whole patch faces away, by its normal cone and bounding sphere; a patch that faces the eye is never culled",
     inputs: &[
         real("axis_x", "axis of the cone, any length"),
         real("axis_y", "axis"),
         real("axis_z", "axis"),
-        real("sin_half_angle", "of the cone, 0..=1; 1, and what is no sine, = any direction"),
+        real("sin_half_angle", "of the cone, 0..=1; 1 or a value that is not a sine = any direction"),
         real("patch_x", "m, from the eye to the patch"),
         real("patch_y", "m"),
         real("patch_z", "m"),
-        real("radius", "m, of the sphere about the patch"),
+        real("radius", "m, of the patch's bounding sphere"),
     ],
-    outputs: &[whole("away", "1 = left out", 0, 1)],
+    outputs: &[whole("away", "1 = culled", 0, 1)],
     blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 8>) -> array<f32, 1> {
@@ -129,7 +129,7 @@ return array<f32, 1>(select(0.0, 1.0, away));
         let distance = length(to_patch);
         let half = d.between(0.0, 80.0_f64.to_radians());
         let radius = distance * d.between(-12.0, 0.0).exp2();
-        // At the angle that decides as often as not.
+        // In half of the rows, close to the deciding angle.
         let border = std::f64::consts::FRAC_PI_2 - half - (radius / distance).asin();
         let off = if d.whole(2) < 0.5 { d.between(-24.0, 0.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-3.0, 3.0) };
         let axis = d.leaning(octahedral::unit(to_patch), border + off);
@@ -167,7 +167,7 @@ return array<f32, 1>(select(0.0, 1.0, away));
     ],
 };
 
-/// By how much all normals face away, radians; negative where one may face the eye. By angles, unlike the reference.
+/// Angle by which all normals face away, radians; negative where one may face the eye. Computed from angles, unlike the reference.
 fn cone_margin(row: &[f64]) -> f64 {
     let to_patch = three(row, 4);
     let (distance, sine) = (length(to_patch), row[3]);
@@ -186,7 +186,8 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.push(if away { T::one() } else { T::zero() });
 }
 
-/// One side is exact, the other has the margin: of a cosine, whose angle is as wide as its sine is small.
+/// Patches that face the eye are never culled. For patches that face away the tolerance is the margin. The margin is that of a cosine: as an angle it
+/// is wider where the sine is small.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
     // cos(between) - sin(a + s) = cos(between) - cos(between + margin), between = the angle to the axis.
@@ -197,7 +198,7 @@ fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     one_sided(got, want, margin > 0.0, near || at_an_end)
 }
 
-/// Places of the columns of [`OCCLUSION`].
+/// Indices of the columns of [`OCCLUSION`].
 const NEAR: usize = 12;
 const LOW: usize = 13;
 const HIGH: usize = 16;
@@ -206,17 +207,17 @@ const STORED: usize = 21;
 
 pub(super) const OCCLUSION: Probe = Probe {
     name: "occlusion",
-    about: "What a box covers on the screen, at which level of a pyramid of depths it is looked up, and whether it is hidden: what is seen never is",
+    about: "The pixels that a box covers, the level of the depth pyramid at which it is tested, and whether it is hidden; a visible box never is",
     inputs: &[
-        real("x_x", "of the row of clip space's x, from the box's coordinates"),
+        real("x_x", "row of the matrix from box coordinates to clip space that gives x"),
         real("x_y", "of that row"),
         real("x_z", "of that row"),
         real("x_w", "of that row"),
-        real("y_x", "of the row of y"),
+        real("y_x", "row that gives y"),
         real("y_y", "of that row"),
         real("y_z", "of that row"),
         real("y_w", "of that row"),
-        real("w_x", "of the row of w, the distance along the view"),
+        real("w_x", "row that gives w, the distance along the view"),
         real("w_y", "of that row"),
         real("w_z", "of that row"),
         real("w_w", "of that row"),
@@ -229,20 +230,20 @@ pub(super) const OCCLUSION: Probe = Probe {
         real("high_z", "m"),
         whole("width", "of the picture, pixels", 1, MOST_SIDE),
         whole("height", "of the picture, pixels", 1, MOST_SIDE),
-        real("stored_0", "least depth of a texel of the pyramid, near plane's distance / distance along the view"),
+        real("stored_0", "smallest depth in a texel of the pyramid, near plane's distance / distance along the view"),
         real("stored_1", "alike"),
         real("stored_2", "alike"),
         real("stored_3", "alike"),
     ],
     outputs: &[
-        whole("known", "0 = nothing can be said, and it is drawn", 0, 1),
+        whole("known", "0 = undecided: the box is drawn", 0, 1),
         whole("first_x", "pixels, first column", 0, MOST_SIDE),
         whole("first_y", "first row, from above", 0, MOST_SIDE),
         whole("last_x", "last column", 0, MOST_SIDE),
         whole("last_y", "last row", 0, MOST_SIDE),
         whole("level", "of the pyramid", 0, 14),
-        real("depth", "of the nearest place"),
-        whole("hidden", "1 = left out", 0, 1),
+        real("depth", "of the nearest point"),
+        whole("hidden", "1 = culled", 0, 1),
     ],
     blocks: None,
     wgsl: "\
@@ -269,7 +270,7 @@ return array<f32, 8>(
         let forward = d.direction();
         let right = d.leaning(forward, std::f64::consts::FRAC_PI_2);
         let half = [0; 2].map(|_| d.between(-4.0, 2.0).exp2());
-        // Before the camera, somewhere within twice its angle, as large as it is far or smaller.
+        // In front of the camera, within twice its field of view, no larger than its distance.
         let distance = near * d.between(0.0, 17.0).exp2();
         let aside = [0; 2].map(|_| d.between(-2.0, 2.0) * distance);
         let extent = [0; 3].map(|_: i32| distance * d.between(-12.0, 0.5).exp2());
@@ -287,7 +288,7 @@ return array<f32, 8>(
             (row[LOW + i], row[HIGH + i]) = (centre - extent[i], centre + extent[i]);
         }
         row[SIZE..].copy_from_slice(&size);
-        // What was drawn is next to the nearest corner as often as not.
+        // In half of the rows the stored depth is close to that of the nearest corner.
         let nearest = near / exact(&row).nearest_m.max(near);
         let off =
             if d.whole(2) < 0.5 { 1.0 + d.between(-24.0, -1.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-2.0, 2.0).exp2() };
@@ -369,16 +370,16 @@ fn clip_rows<T: Real>(row: &[T]) -> [[T; 4]; 3] {
     [take(row, 0), take(row, 4), take(row, 8)]
 }
 
-/// What a box spans: places on the screen before they are rounded or kept within it, and the distance of its nearest corner. By corners in f64.
+/// What a box spans, computed from its corners in f64: screen positions before they are rounded and clamped, and the distance of the nearest corner.
 struct Exact {
     first: [f64; 2],
     last: [f64; 2],
     nearest_m: f64,
-    /// By how much places may be off in f32, pixels.
+    /// Error bound of screen positions in f32, pixels.
     margin: [f64; 2],
-    /// By how much the nearest distance may be off, m.
+    /// Error bound of the nearest distance, m.
     nearest_off_m: f64,
-    /// By how much a distance may be off, as a share of it: the largest.
+    /// Largest relative error bound of a distance.
     off: f64,
 }
 
@@ -413,7 +414,7 @@ fn exact(row: &[f64]) -> Exact {
     all
 }
 
-/// Pixels by which columns or rows reach farther than those of what the box spans.
+/// Number of pixels by which the result's columns or rows extend beyond those that the box spans.
 fn widened(row: &[f64], exact: &Exact, got: &[f64]) -> f64 {
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
     let before = (0..2).map(|k| inside(k, exact.first[k]) - got[1 + k]);
@@ -441,23 +442,24 @@ fn occlusion_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     ]);
 }
 
-/// What is covered must be within what is said to be, and not by more than the margin and its own rounding smaller; hidden is what is behind.
+/// The reported pixels must contain the covered ones, and exceed them by no more than the margin and its rounding. Only boxes behind the stored depth
+/// may be hidden.
 fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let truth = exact(row);
     let stored = row[STORED..].iter().copied().fold(f64::INFINITY, f64::min);
     let has_number = row[STORED..].iter().all(|x| !x.is_nan());
     let nearest = row[NEAR] / truth.nearest_m;
-    // Hidden rightly: it lies before the eye, and all that was drawn is nearer.
+    // Hidden is correct if the box is in front of the eye and everything that was drawn is nearer.
     let is_right = got[7] == 0.0 || (has_number && nearest > 0.0 && nearest < stored);
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
     let covers =
         (0..2).all(|k| got[1 + k] <= inside(k, truth.first[k]) && got[3 + k] >= inside(k, truth.last[k]) && got[1 + k] <= got[3 + k]);
     let is_deep = got[6] >= nearest.min(1.0);
-    // Nothing that is said to be known may be wrong, wherever it is said.
+    // A result that claims to be known must be correct in every row.
     if got[0] == 1.0 && !(truth.nearest_m > 0.0 && covers && is_deep && is_right) {
         return Verdict::Differs;
     }
-    // Whether anything is known may differ next to the near plane, where the distance is lost, and at the ends of what is reckoned with.
+    // Whether anything is known may differ near the near plane, where the distance loses its digits, and at the ends of the supported range.
     let by_near = (truth.nearest_m - row[NEAR]).abs() <= 4.0 * truth.nearest_off_m;
     let by_loss = (0.9..1.1).contains(&(truth.off / KNOWN));
     let at_an_end = row[..SIZE].iter().any(|&x| is_next_to(x, MOST)) || is_next_to(row[NEAR], NEAREST);
@@ -468,7 +470,7 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         return if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs };
     }
     let close = (0..2).all(|k| {
-        // As the kernel holds places that are far outside.
+        // The kernel clamps positions that are far outside the picture in the same way.
         let held = |x: f64| x.clamp(-1.5 * row[SIZE + k], 2.5 * row[SIZE + k]);
         let (low, high) = (held(truth.first[k]) - 2.0 * truth.margin[k], held(truth.last[k]) + 2.0 * truth.margin[k]);
         got[1 + k] >= inside(k, low) && got[3 + k] <= inside(k, high)

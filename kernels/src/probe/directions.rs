@@ -8,14 +8,14 @@ use super::{EXACT, Measure, Parameter, Probe, real, take, whole};
 use crate::shared::real::{Real, add, dot, length, scale, sub};
 use crate::shared::{biplanar, derivatives, normal_pair, octahedral, snapped_projection, triplanar};
 
-/// The normal of a plane that a ray meets at this angle from it, degrees, from its front.
+/// The normal of a plane that faces the ray, at this angle from it, degrees.
 fn facing(ray: [f64; 3], degrees: f64, d: &mut Draw) -> [f64; 3] {
     d.leaning(octahedral::unit(ray).map(|x| -x), degrees.to_radians())
 }
 
 pub(super) const OCTAHEDRAL: Probe = Probe {
     name: "octahedral",
-    about: "A direction as an octahedral code of 8 + 8 bits (best of the four neighbours), and decoded again",
+    about: "A direction as an octahedral code of 8 + 8 bits (the best of the four neighbours), and the decoded direction",
     inputs: &[real("n_x", "direction, any length"), real("n_y", "direction"), real("n_z", "direction")],
     outputs: &[
         real("e_x", "continuous code, -1..1"),
@@ -44,7 +44,7 @@ return array<f32, 7>(e.x, e.y, code.x, code.y, decoded.x, decoded.y, decoded.z);
         name: "direction",
         unit: "deg",
         error: |row, got, want| {
-            // Of two codes equally near either will do: what counts is how much farther the chosen one is.
+            // Where two codes are equally near, both are accepted: the measure is how much farther the chosen one is.
             let n = octahedral::unit(three(row, 0));
             let off = |v: &[f64]| angle_deg(three(v, 4), n);
             (off(got) - off(want)).abs()
@@ -64,7 +64,7 @@ return array<f32, 7>(e.x, e.y, code.x, code.y, decoded.x, decoded.y, decoded.z);
 
 pub(super) const OCTAHEDRAL_CODES: Probe = Probe {
     name: "octahedral-codes",
-    about: "A direction as octahedral codes of any count of bits, by the nearest code of each coordinate and by the nearest direction, both decoded again",
+    about: "A direction as octahedral codes of 2 to 16 bits, chosen per coordinate and by the nearest direction, and both decoded directions",
     inputs: &[
         real("n_x", "direction, any length"),
         real("n_y", "direction"),
@@ -72,9 +72,9 @@ pub(super) const OCTAHEDRAL_CODES: Probe = Probe {
         whole("bits", "of each coordinate", 2, 16),
     ],
     outputs: &[
-        whole("fast_u", "code, the nearest to the coordinate", -32_767, 32_767),
+        whole("fast_u", "code nearest to the coordinate", -32_767, 32_767),
         whole("fast_v", "code", -32_767, 32_767),
-        whole("exact_u", "code, of the nearest direction", -32_767, 32_767),
+        whole("exact_u", "code of the nearest direction", -32_767, 32_767),
         whole("exact_v", "code", -32_767, 32_767),
         real("fast_x", "unit vector"),
         real("fast_y", "unit vector"),
@@ -84,7 +84,7 @@ pub(super) const OCTAHEDRAL_CODES: Probe = Probe {
         real("exact_z", "unit vector"),
     ],
     blocks: None,
-    // The step times half is 1 exactly, of every count.
+    // The step times `half` is exactly 1 for every number of bits.
     wgsl: "\
 fn probe(row: array<f32, 4>) -> array<f32, 10> {
 let n = vec3<f32>(row[0], row[1], row[2]);
@@ -115,7 +115,7 @@ return array<f32, 10>(fast.x, fast.y, exact.x, exact.y, f.x, f.y, f.z, e.x, e.y,
     ],
 };
 
-/// How much farther from the direction one result is than another, degrees.
+/// How much farther from the direction `got` is than `want`, degrees.
 fn farther(row: &[f64], got: &[f64], want: &[f64], at: usize) -> f64 {
     let n = octahedral::unit(three(row, 0));
     (angle_deg(three(got, at), n) - angle_deg(three(want, at), n)).abs()
@@ -123,7 +123,7 @@ fn farther(row: &[f64], got: &[f64], want: &[f64], at: usize) -> f64 {
 
 pub(super) const NORMAL_PAIR: Probe = Probe {
     name: "normal-pair",
-    about: "The plane of a triangle and a shading normal in 32 bits, and both decoded again",
+    about: "The plane of a triangle and a shading normal in 32 bits, and both decoded",
     inputs: &[
         real("plane_x", "normal of the plane, any length, either sign"),
         real("plane_y", "normal"),
@@ -159,13 +159,13 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
     double: normal_pair_row,
     random: |d| {
         let n = d.direction();
-        // Rays of every incidence, next to edge-on as often as not: there the side from which points are seen decides.
+        // Rays at every angle of incidence, about half of them nearly edge-on, where the side from which points are seen decides.
         let across = d.direction();
         let across = sub(across, n.map(|x| x * dot(n, across)));
         let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
         let far = d.between(-4.0, 12.0).exp2();
         let ray: [f64; 3] = std::array::from_fn(|i| far * (across[i] + tilt * n[i]));
-        // Shading normals a quarter of a degree to a right angle off the plane's upper normal, and of overhangs off the lower one.
+        // Shading normals between a quarter of a degree and 90 degrees off the plane's upper normal; for overhangs, off the lower one.
         let up = if n[2] < 0.0 && d.whole(4) > 0.5 { -1.0 } else { 1.0 };
         let (lean, other) = (d.between(-8.0, 0.5).exp2(), d.direction());
         let shading: [f64; 3] = std::array::from_fn(|i| up * n[i] + lean * other[i]);
@@ -178,7 +178,7 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
             name: "plane",
             unit: "deg",
             error: |row, got, want| {
-                // A plane has no side. Of two codes equally near either will do: what counts is how much farther the chosen one is.
+                // A plane has no front side. Where two codes are equally near, both are accepted: the measure is how much farther the chosen one is.
                 let n = octahedral::unit(three(row, 0));
                 let off = |v: &[f64]| angle_deg(three(v, 2), n).min(angle_deg(three(v, 2), n.map(|x| -x)));
                 (off(got) - off(want)).abs()
@@ -210,12 +210,12 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
 
 pub(super) const DERIVATIVES: Probe = Probe {
     name: "derivatives",
-    about: "Step of the position to the neighbouring pixel: its ray cut with the plane through the point",
+    about: "Step from a pixel's position to its neighbour's, where the neighbour's ray meets the plane through the point",
     inputs: &[
         real("ray_x", "ray of the pixel"),
         real("ray_y", "ray"),
         real("ray_z", "ray"),
-        real("step_x", "from its ray to the neighbour's"),
+        real("step_x", "from the pixel's ray to the neighbour's"),
         real("step_y", "ray"),
         real("step_z", "ray"),
         real("t", "the point is ray * t; m where rays have no unit"),
@@ -333,7 +333,7 @@ return array<f32, 6>(w.x, w.y, w.z, bent.x, bent.y, bent.z);
 
 pub(super) const BIPLANAR: Probe = Probe {
     name: "biplanar",
-    about: "The two projections that a surface faces most, and their weights",
+    about: "The two projections with the largest weights, and their weights",
     inputs: &[
         real("n_x", "direction, any length"),
         real("n_y", "direction"),
@@ -370,12 +370,12 @@ return array<f32, 4>(f32(b.axes.x), f32(b.axes.y), b.weights.x, b.weights.y);
 
 pub(super) const SNAPPED_PROJECTION: Probe = Probe {
     name: "snapped-projection",
-    about: "The one plane that a normal is projected along, and what it makes of a position, of sectors and of a gradient",
+    about: "The plane of the snapped projection for a normal, and the projected position, sectors and gradient",
     inputs: &[
         real("n_x", "direction, any length"),
         real("n_y", "direction"),
         real("n_z", "direction"),
-        real("cosine", "of the slope where steep begins"),
+        real("cosine", "of the slope at which steep ground begins"),
         real("p_x", "m"),
         real("p_y", "m"),
         real("p_z", "m"),
@@ -441,7 +441,7 @@ fn octahedral_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let mut encoded = close(&got[..2], &want[..2], UNIT_TOLERANCE);
-    // Below the equator a code jumps from edge to edge of the square where x or y changes sign, to the same direction.
+    // Below the equator, where x or y changes sign, a code jumps between edges of the square; both codes stand for the same direction.
     if encoded == Verdict::Differs && close(&octahedral::decode([got[0], got[1]]), &n, 4.0 * UNIT_TOLERANCE) != Verdict::Differs {
         encoded = Verdict::OtherSide;
     }
@@ -452,7 +452,7 @@ fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (Some(code), Some(best)) = (code(got), code(want)) else { return Verdict::Differs };
     let decoded = |code: [u32; 2]| octahedral::decode::<f64>(octahedral::dequantise(code, 8));
     let error = |code| length(sub(decoded(code), n));
-    // Two codes may be equally near: then either will do.
+    // Where two codes are equally near, both are accepted.
     let chosen = if code == best {
         Verdict::Agrees(0.0)
     } else if error(code) - error(best) <= UNIT_TOLERANCE {
@@ -490,13 +490,13 @@ fn octahedral_codes_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         } else {
             Verdict::Differs
         };
-        // The step's own rounding and its product's, through the derivative of a direction, which is at most 2.
+        // The rounding of the step and of its product, through the derivative of a direction, which is at most 2.
         both(chosen, close(&got[decoded_at..decoded_at + 3], &decoded, UNIT_TOLERANCE + 8.0 * EPS))
     };
-    // Next to the middle between two codes either will do; and below the equator next to a fold, where a code jumps to the same direction.
+    // Near the middle between two codes both are accepted. The same holds below the equator near a fold, where a code jumps to the same direction.
     let same_point = |code: [f64; 2]| (0..2).all(|i| (code[i] - e[i] * half).abs() <= 0.5 + UNIT_TOLERANCE * half);
     let error = |code: [f64; 2]| length(sub(octahedral::decode::<f64>(code.map(|x| x / half)), n));
-    // Across a fold lies the mirrored square, whose codes are the same directions.
+    // Across a fold lies the mirrored square, whose codes stand for the same directions.
     let mirrored = |code: [f64; 2]| n[2] <= 0.0 && (error(code) - error([want[0], want[1]])).abs() <= 2.0 * UNIT_TOLERANCE;
     let fast = verdict(0, 4, &|code| same_point(code) || mirrored(code));
     let exact = verdict(2, 7, &|code| error(code) - error([want[2], want[3]]) <= 2.0 * UNIT_TOLERANCE);
@@ -521,12 +521,12 @@ fn normal_pair_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if word == best {
         return decoded;
     }
-    // Two points of the lattice, or two codes, may be equally near: both vectors that are compared have an error. Another form of word would need
-    // that at the window's border, too, and is not expected.
+    // Two lattice points, or two codes, may be equally near: both vectors that are compared have an error. The other form of the word would require
+    // that at the window's border as well, which is not expected.
     let as_near = |a: [f64; 3], b: [f64; 3], to: [f64; 3]| (length(sub(a, to)) - length(sub(b, to))).abs() <= 2.0 * UNIT_TOLERANCE;
     let [n, ray, normal] = [0, 3, 6].map(|at| octahedral::unit(three(row, at)));
     let n = if n[2] < 0.0 { n.map(|x| -x) } else { n };
-    // From which side a point is seen: undecided where the ray lies in its plane. Then any point around the plane will do.
+    // The side from which a point is seen is undecided where the ray lies in the plane. There, any lattice point around the plane is accepted.
     let edge_on = [n, pair.plane, wanted.plane].iter().any(|&v| dot(v, ray).abs() <= 2.0 * UNIT_TOLERANCE);
     let supremum = if word >> 31 == 0 { normal_pair::FINE_SUPREMUM } else { normal_pair::PLAIN_SUPREMUM };
     let plane = as_near(pair.plane, wanted.plane, n) || (edge_on && length(sub(pair.plane, n)) <= 3.0 * supremum);
@@ -542,15 +542,15 @@ fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ray, step, t, n) = (three(row, 0), three(row, 3), row[6], octahedral::unit(three(row, 7)));
     let neighbour = [0, 1, 2].map(|i| ray[i] + step[i]);
     let (s, r) = (length(step), length(neighbour));
-    // A neighbour that sees the plane from behind has the limit, too.
+    // The limit also applies to a neighbour that sees the plane from behind.
     let side = if dot(n, ray) >= 0.0 { 1.0 } else { -1.0 };
     let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
     let seen = dot(n, step).abs();
-    // t (s - r' (n.s / n.r')): n is off by 11 ULP, so each dot by some 16 ULP of its vector's length, and the quotient, of which r'
-    // takes r / facing times as much, by that of both.
+    // t (s - r' (n.s / n.r')): n is off by 11 ULP, so each dot product is off by some 16 ULP of its vector's length, and the quotient by the sum of
+    // both; r' multiplies this by r / facing.
     let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
     let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
-    // Which side of the plane is seen: undecided where the ray lies in it.
+    // The visible side of the plane is undecided where the ray lies in it.
     if verdict == Verdict::Differs && dot(n, ray).abs() <= 20.0 * EPS * length(ray) { Verdict::OtherSide } else { verdict }
 }
 
@@ -566,8 +566,8 @@ fn tri_planar_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (n, k) = (three(row, 0), row[3].clamp(0.0, 1e4));
     let weights = triplanar::weights(n, row[3]);
-    // 2^(k log2 r): log2 errs by 2^-21 = 4 ULP at 1, r by 12 ULP, which k magnifies and ln 2 and 1 undo in part: 16 k. A weight that is
-    // nearly 0 or 1 cannot move: its derivative is w (1 - w).
+    // 2^(k log2 r): log2 errs by 2^-21 = 4 ULP at 1, and r by 12 ULP. k magnifies both; ln 2 and 1 undo this in part: 16 k. A weight close to 0 or 1
+    // cannot move: its derivative is w (1 - w).
     let sensitivity = weights.iter().map(|w| 4.0 * w * (1.0 - w)).fold(0.0, f64::max);
     let of_weights = EPS * (16.0 + 16.0 * k * sensitivity);
     let gradients: [[f64; 3]; 3] = [
@@ -578,8 +578,8 @@ fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let gradient: [f64; 3] = std::array::from_fn(|c| (0..3).map(|i| weights[i] * gradients[i][c]).sum());
     let unit = octahedral::unit(n);
     let bent = sub(unit, sub(gradient, unit.map(|x| x * dot(unit, gradient))));
-    // The gradient inherits the weights' error. Its part along the normal cancels, so errors are those of the whole gradient, over the
-    // length that is divided by, at least 1.
+    // The gradient inherits the error of the weights. Its part along the normal cancels, so errors are relative to the whole gradient, divided by the
+    // length, which is at least 1.
     let of_gradient = of_weights * gradients.iter().map(|&g| length(g)).sum::<f64>() + 24.0 * EPS * (1.0 + length(gradient));
     both(close(&got[..3], &want[..3], of_weights), close(&got[3..], &want[3..], of_gradient / length(bent).max(1.0) + UNIT_TOLERANCE))
 }
@@ -598,12 +598,12 @@ fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if (got[2] + got[3] - 1.0).abs() > 4.0 * EPS || got[2].min(got[3]) < 0.0 {
         return Verdict::Differs;
     }
-    // On a diagonal the blend jumps, and next to it rounding decides.
+    // The blend is discontinuous on a diagonal; next to it, rounding decides.
     if top <= 2.0 * UNIT_TOLERANCE {
         return Verdict::OtherSide;
     }
-    // Error of the ratio of what is above, and of its k-th power: of slope k r^(k-1) where r is well above its error, at most error^k
-    // where it is not and k is below 1. log2 errs by 2^-21 = 4 ULP at 1, which k magnifies; w 2^-w undoes that in part.
+    // Error of the ratio of the values above, and of its k-th power: the slope is k r^(k-1) where r is well above its error; elsewhere, for k below
+    // 1, the error is at most error^k. log2 errs by 2^-21 = 4 ULP at 1, which k magnifies; w 2^-w undoes that in part.
     let (r, e) = (above[0].min(above[1]) / top, 2.0 * UNIT_TOLERANCE / top);
     let slope = if k >= 1.0 { k } else { k * (r - e).max(1e-300).powf(k - 1.0) };
     let power = if r > 2.0 * e || k >= 1.0 { slope * e } else { (3.0 * e).powf(k) };
@@ -626,7 +626,7 @@ fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let plane = got[0] as u32;
     let step = (std::f64::consts::PI / 8.0).tan();
-    // Thresholds: the slope, 22.5 degrees either side of the axes, and the sign of a component that is zero.
+    // Thresholds: the slope, 22.5 degrees to either side of the axes, and the sign of a component that is zero.
     let [x, y] = [n[0].abs(), n[1].abs()];
     let margins = [n[2].abs() - row[3], y - step * x, x - step * y];
     let near = margins.iter().any(|m| m.abs() <= 2.0 * UNIT_TOLERANCE);

@@ -1,4 +1,4 @@
-//! What is taken over frames: moments of a stream, and where a point was seen before.
+//! Computations over frames: moments of a stream, and reprojection of a point.
 
 use super::judge::{EPS, Verdict, both, close, farthest, three};
 use super::{EXACT, Measure, Parameter, Probe, real, take, whole};
@@ -11,10 +11,10 @@ const LONGEST: i32 = 4096;
 
 pub(super) const MOMENTS: Probe = Probe {
     name: "moments",
-    about: "Mean and variance of a stream: a mean, and by turns so much more and so much less",
+    about: "Mean and variance of a stream whose samples are alternately the mean plus and minus the spread",
     inputs: &[real("mean", "of the stream"), real("spread", "of a sample from the mean"), whole("count", "samples", 1, LONGEST)],
-    outputs: &[real("mean_high", "mean"), real("mean_low", "and the rest of it"), real("variance", "unbiased")],
-    // The row comes from memory, so that no compiler knows that its count has no such bit.
+    outputs: &[real("mean_high", "mean"), real("mean_low", "remainder of the mean"), real("variance", "unbiased")],
+    // The row is read from memory, so that no compiler can know that this bit of the count is never set.
     blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 3> {
@@ -53,8 +53,9 @@ fn moments_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn moments_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // The mean of two parts has twice the digits, but each step's difference from it is rounded: half an ULP of the spread, and the quotient by the
-    // count 2.5. They do not cancel, so there may be as many as samples, each of a count-th of the spread.
+    // The mean of two parts has twice the digits, but each step's difference from it is rounded: half an ULP of the spread for the difference, and
+    // 2.5 ULP for the quotient by the count. These errors do not cancel, so they may add up over all samples, each by the spread divided by the
+    // count.
     let of_mean = 4.0 * EPS * row[1].abs() * (1.0 + row[2].ln()) + EPS * EPS * row[0].abs();
     let mean = close(&[got[0] + got[1]], &[want[0] + want[1]], of_mean + f64::from(f32::MIN_POSITIVE));
     // A term of the squares has 6 roundings; the sum is compensated.
@@ -63,16 +64,16 @@ fn moments_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
 
 pub(super) const REPROJECTION: Probe = Probe {
     name: "reprojection",
-    about: "Where an earlier camera saw a point, and how far away its ray there meets the plane through the point",
+    about: "The pixel at which an earlier camera saw a point, and the distance at which that pixel's ray meets the plane through the point",
     inputs: &[
         real("x", "m from this eye"),
         real("y", "m"),
         real("z", "m"),
-        real("offset_x", "m, this eye less the earlier one"),
+        real("offset_x", "m, this eye minus the earlier one"),
         real("offset_y", "m"),
         real("offset_z", "m"),
         real("half_width", "tangent of half the earlier field of view"),
-        whole("width", "of its picture, pixels; half as high", 1, EXACT),
+        whole("width", "of its picture, pixels; the height is half of it", 1, EXACT),
         real("normal_x", "of the plane"),
         real("normal_y", "of the plane"),
         real("normal_z", "of the plane"),
@@ -157,13 +158,14 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let past = past(row);
     let (point, offset) = (three(row, 0), three(row, 3));
     let q = add(point, offset);
-    // Each coordinate of q is rounded once, of the larger of its parts; dot products, a quotient of 2.5 ULP, the pitch's three roundings twice.
+    // Each coordinate of q is rounded once, relative to its larger part. Then there are dot products, a quotient of 2.5 ULP, and twice the three
+    // roundings of the pitch.
     let rounded = EPS * (length(point) + length(offset) + length(q));
     let distance = dot(q, past.forward);
     let rows = length(past.x_row).max(length(past.y_row));
     let relative = 8.0 * EPS + rounded / distance.abs().max(1e-30);
     let of_pixel = relative * rows * length(q) / distance.abs().max(1e-30) + 8.0 * EPS * past.x_shift.abs();
-    // Near the planes in front of which nothing is told, and at the pixels farthest off, either may be.
+    // At the nearest and the farthest planes that reprojection accepts, either answer is accepted.
     let at_threshold = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (distance - t).abs() <= rounded + 8.0 * EPS * t);
     let seen = both(close(&got[..2], &want[..2], of_pixel), close(&got[2..3], &want[2..3], rounded + 4.0 * EPS * distance.abs()));
     if seen == Verdict::Differs {
@@ -171,11 +173,11 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     }
     let (n, ray) = (three(row, 8), motion::past_ray(&past, [want[0], want[1]]));
     let along = dot(n, ray).abs();
-    // The ray is as wrong as the pixel, in pitches; the plane's distance as q.
+    // The ray has the error of the pixel, in pitches; the plane's distance has that of q.
     let of_ray = length(n) * (of_pixel / rows + 8.0 * EPS * length(ray));
     let of_plane = length(n) * (rounded + 4.0 * EPS * length(q));
     if along <= of_ray + 1e-6 * length(ray) * (1.0 + 16.0 * EPS) {
-        // Edge-on, or too near it to be told.
+        // Edge-on, or too close to edge-on to decide.
         return if (got[3] - want[3]).abs() <= EPS * want[3].abs() { Verdict::Agrees(0.0) } else { Verdict::OtherSide };
     }
     let expected = close(&got[3..], &want[3..], (of_plane + want[3].abs() * of_ray) / (along - of_ray) + 4.0 * EPS * want[3].abs());

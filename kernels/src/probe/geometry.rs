@@ -1,4 +1,4 @@
-//! From pixels to places, and where vertices go.
+//! From pixels to positions, and the moves of vertices.
 
 use super::judge::{EPS, Verdict, close, equal, farthest};
 use super::{Measure, Parameter, Probe, real, take, whole};
@@ -6,19 +6,19 @@ use crate::geometry::reference;
 use crate::shared::real::{Real, scale};
 use crate::shared::view;
 
-/// Levels that a neighbour may be coarser, as four bits say it.
+/// Largest number of levels by which a neighbour may be coarser: four bits hold it.
 const DELTAS: i32 = 15;
 
 pub(super) const DEPTH_POSITION: Probe = Probe {
     name: "depth-position",
-    about: "Where the ground of a pixel is, by its depth, relative to the eye; the camera looks along y",
+    about: "Position of a pixel's ground relative to the eye, from its depth; the camera looks along y",
     inputs: &[
         real("pixel_x", "whole numbers are pixel centres"),
         real("pixel_y", "alike"),
         real("depth", "near plane's distance / distance along the view, 0..1"),
         real("near_m", "m"),
         real("half_width", "tangent of half the field of view"),
-        whole("width", "of the picture, pixels; half as high", 1, 1 << 24),
+        whole("width", "of the picture, pixels; the height is half of it", 1, 1 << 24),
     ],
     outputs: &[real("x", "m"), real("y", "m"), real("z", "m")],
     blocks: None,
@@ -66,18 +66,18 @@ fn depth_position_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn depth_position_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let pitch = 2.0 * row[4] / row[5];
     let first = 0.5 * (row[5] - 1.0) * pitch;
-    // Products of the pitch (3 ULP) with the pixel and half the width, and their difference, in which they may cancel; the quotient 2.5 ULP more.
+    // Products of the pitch (3 ULP) with the pixel and half the width, and their difference, in which they may cancel; the quotient adds 2.5 ULP.
     let along = 1.0 + first + pitch * (row[0].abs() + row[1].abs());
     close(got, want, 8.0 * EPS * along * want[1].abs() + f64::from(f32::MIN_POSITIVE))
 }
 
 pub(super) const WELD: Probe = Probe {
     name: "weld",
-    about: "The vertex of a node that a vertex moves to where neighbours are coarser",
+    about: "The vertex that a vertex of a node is moved to where neighbours are coarser",
     inputs: &[
         whole("x", "vertex from the west", 0, 128),
         whole("y", "vertex from the south", 0, 128),
-        whole("west", "levels that the western neighbour is coarser", 0, DELTAS),
+        whole("west", "number of levels by which the western neighbour is coarser", 0, DELTAS),
         whole("south", "the southern", 0, DELTAS),
         whole("east", "the eastern", 0, DELTAS),
         whole("north", "the northern", 0, DELTAS),

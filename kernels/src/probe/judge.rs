@@ -1,12 +1,12 @@
-//! How far a result may be from the truth, and rows to ask for it.
+//! The distance of a result from the truth, and random rows to test it with.
 //!
-//! Truth is the reference in f64; values given are f32, so that all see the same input. The tolerance of each probe follows from the
-//! accuracy that WGSL demands (W3C, *WebGPU Shading Language*, "Floating Point Accuracy"): sums, differences and products rounded once;
-//! `x / y` 2.5 ULP; `inverseSqrt` 2 ULP and `sqrt` = 1 / `inverseSqrt`; `log2` 2^-21 absolute in [0.5, 2], 3 ULP elsewhere;
-//! `exp2(x)` 3 + 2 |x| ULP; `pow` through those two; products may be contracted into sums, denormals may be flushed to zero. Bounds grow
-//! with the conditioning of the row, computed in f64.
+//! The truth is the reference in f64. Input values are f32, so that all implementations see the same input. The tolerance of each probe follows from
+//! the accuracy that WGSL demands (W3C, *WebGPU Shading Language*, "Floating Point Accuracy"): sums, differences and products are rounded once; `x /
+//! y` 2.5 ULP; `inverseSqrt` 2 ULP and `sqrt` = 1 / `inverseSqrt`; `log2` 2^-21 absolute in [0.5, 2], 3 ULP elsewhere; `exp2(x)` 3 + 2 |x| ULP; `pow`
+//! through those two. Products may be contracted into sums, and denormals may be flushed to zero. Bounds grow with the conditioning of the row,
+//! computed in f64.
 //!
-//! Where a result jumps (an index, a code, a cell), a row within the tolerance of its threshold may fall on either side.
+//! Where a result is discontinuous (an index, a code, a cell), a row within the tolerance of its threshold may fall on either side.
 
 use std::collections::BTreeSet;
 
@@ -21,21 +21,21 @@ pub const EPS: f64 = f32::EPSILON as f64;
 /// 5 more for the code's own division and sums.
 pub const UNIT_TOLERANCE: f64 = 16.0 * EPS;
 
-/// Every result takes at most 8 operations whose errors do not cancel: 16 ULP.
+/// For results of at most 8 operations whose errors do not cancel: 16 ULP.
 pub const FEW: f64 = 16.0 * EPS;
 
-/// What one row's comparison says.
+/// The outcome of comparing one row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
-    /// Within the tolerance: the largest share of it that is used.
+    /// Within the tolerance; holds the largest share of the tolerance that is used.
     Agrees(f64),
     /// On the other side of a threshold that lies within the tolerance.
     OtherSide,
-    /// Neither.
+    /// Neither of these.
     Differs,
 }
 
-/// Numbers of a row, from its index: independent of order.
+/// Random numbers of a row. They depend on its index, not on the order of rows.
 #[derive(Clone, Debug)]
 pub struct Draw {
     /// Index of the row.
@@ -47,23 +47,23 @@ pub struct Draw {
 }
 
 impl Draw {
-    /// A word.
+    /// A word of 32 random bits.
     pub fn word(&mut self) -> u32 {
         self.column += 1;
         hash::pcg4d([self.row, self.column, self.table, 2018])[0]
     }
 
-    /// 0..1.
+    /// A number in 0..1.
     pub fn unit(&mut self) -> f64 {
         f64::from(self.word()) / 4_294_967_296.0
     }
 
-    /// `low`..`high`.
+    /// A number in `low`..`high`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform on the sphere.
+    /// A unit vector, uniform on the sphere.
     pub fn direction(&mut self) -> [f64; 3] {
         let z = self.between(-1.0, 1.0);
         let (sin, cos) = self.between(0.0, std::f64::consts::TAU).sin_cos();
@@ -71,26 +71,26 @@ impl Draw {
         [r * cos, r * sin, z]
     }
 
-    /// A unit vector this angle off another one, radians.
+    /// A unit vector at this angle from another one, radians.
     pub fn leaning(&mut self, n: [f64; 3], angle: f64) -> [f64; 3] {
         let other = self.direction();
         let across = octahedral::unit(sub(other, scale(n, dot(other, n))));
         add(scale(n, angle.cos()), scale(across, angle.sin()))
     }
 
-    /// A vector of any direction, 2^`low`..2^`high` long.
+    /// A vector of random direction whose length is 2^`low`..2^`high`.
     pub fn vector(&mut self, low: f64, high: f64) -> [f64; 3] {
         let length = self.between(low, high).exp2();
         self.direction().map(|x| x * length)
     }
 
-    /// A whole number of 0..`below`.
+    /// A whole number in 0..`below`.
     pub fn whole(&mut self, below: u32) -> f64 {
         f64::from(self.word() % below)
     }
 }
 
-/// Integers throughout, and at most an exact conversion.
+/// Exact comparison, for results that are integers with at most an exact conversion.
 pub fn equal(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs }
 }
@@ -110,28 +110,28 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Angle between two vectors, degrees: by the cross product, which keeps its digits where the angle is small.
+/// Angle between two vectors, degrees, from the cross product, which keeps its digits where the angle is small.
 pub(super) fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
     length(cross(a, b)).atan2(dot(a, b)).to_degrees()
 }
 
-/// Gives three columns from `at` on another length.
+/// Scales the vector in the three columns from `at` on to a length.
 pub(super) fn set_length(row: &mut [f64], at: usize, wanted: f64) {
     let unit = octahedral::unit(three(row, at));
     set_direction_and_length(row, at, unit, wanted);
 }
 
-/// Gives three columns from `at` on a direction, and length 1.
+/// Sets the three columns from `at` on to a direction of length 1.
 pub(super) fn set_direction(row: &mut [f64], at: usize, direction: [f64; 3]) {
     row[at..at + 3].copy_from_slice(&direction);
 }
 
-/// Gives three columns from `at` on a direction and a length.
+/// Sets the three columns from `at` on to a direction and a length.
 pub(super) fn set_direction_and_length(row: &mut [f64], at: usize, direction: [f64; 3], wanted: f64) {
     row[at..at + 3].copy_from_slice(&direction.map(|x| x * wanted));
 }
 
-/// A direction so many degrees off one of the six axes.
+/// A direction at this angle from one of the six axes, degrees.
 pub(super) fn from_axis(degrees: f64, d: &mut Draw) -> [f64; 3] {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (s, c) = d.between(0.0, std::f64::consts::TAU).sin_cos();
@@ -142,7 +142,7 @@ pub(super) fn from_axis(degrees: f64, d: &mut Draw) -> [f64; 3] {
     v
 }
 
-/// A direction below the equator so many degrees off the fold where x changes its sign.
+/// A direction below the equator, at this angle, degrees, from the fold where x changes its sign.
 pub(super) fn from_seam(degrees: f64, d: &mut Draw) -> [f64; 3] {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (s, c) = d.between(0.0, std::f64::consts::PI).sin_cos();
@@ -156,7 +156,7 @@ pub fn close(got: &[f64], want: &[f64], tolerance: f64) -> Verdict {
     if share <= 1.0 { Verdict::Agrees(share) } else { Verdict::Differs }
 }
 
-/// Both: the worse one.
+/// Combines two verdicts into the worse one.
 pub fn both(a: Verdict, b: Verdict) -> Verdict {
     use Verdict::{Agrees, Differs, OtherSide};
     match (a, b) {
@@ -166,8 +166,8 @@ pub fn both(a: Verdict, b: Verdict) -> Verdict {
     }
 }
 
-/// Compares weights by the key each belongs to; what one side does not name has weight 0. Another set of keys is the other side of a
-/// threshold, if the weights agree.
+/// Compares weights by the key that each belongs to; a key that one side lacks has weight 0. If the sets of keys differ but the weights agree, the
+/// row lies on the other side of a threshold.
 pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> Verdict {
     let weight = |of: &[(u64, f64)], key: u64| of.iter().filter(|(k, _)| *k == key).map(|(_, w)| w).sum::<f64>();
     let keys: BTreeSet<u64> = got.iter().chain(want).map(|(key, _)| *key).collect();
@@ -177,7 +177,7 @@ pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> 
     if verdict != Verdict::Differs && same(got) != same(want) { Verdict::OtherSide } else { verdict }
 }
 
-/// Error of a level: `log2`'s own, and that of its argument, of relative error `ulps`, divided by ln 2.
+/// Error of a level: that of `log2`, plus the relative error `ulps` of its argument, divided by ln 2.
 pub(super) fn level_error(level: f64, ulps: f64) -> f64 {
     2.0_f64.powi(-21) + EPS * (3.0 * level.abs() + 1.443 * ulps)
 }

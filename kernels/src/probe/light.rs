@@ -1,4 +1,4 @@
-//! Reflection.
+//! Reflection of light.
 
 use super::judge::{FEW, Verdict, close};
 use super::{Measure, Probe, real};
@@ -7,7 +7,7 @@ use crate::shared::real::Real;
 
 pub(super) const REFLECTION: Probe = Probe {
     name: "reflection",
-    about: "The factors of the reflection of light: distribution, visibility, Fresnel, and the environment's",
+    about: "The factors of reflection: distribution, visibility, Fresnel, and the environment's factors",
     inputs: &[
         real("n_dot_h", "0..1"),
         real("roughness", "perceptual, 0..1"),
@@ -64,8 +64,8 @@ fn reflection_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn reflection_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // Distribution and visibility are sums of positive terms and quotients: relative errors. The quotient is squared, the root takes 4.5 ULP twice.
-    // The environment's exp2 of -9.28 at most: 22 ULP.
+    // Distribution and visibility are sums of positive terms and quotients, so their errors are relative. The quotient is squared, and the root takes
+    // 4.5 ULP twice. The environment's exp2 has an argument of at least -9.28: 22 ULP.
     let tolerances = [FEW, 2.0 * FEW * want[1], 2.0 * FEW * want[2], FEW, 3.0 * FEW];
     let scaled = |v: &[f64]| v.iter().zip(tolerances).map(|(x, t)| x / t.max(f64::from(f32::MIN_POSITIVE))).collect::<Vec<_>>();
     close(&scaled(got), &scaled(want), 1.0)

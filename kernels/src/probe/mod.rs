@@ -1,8 +1,8 @@
 //! Shared functions as tables: rows of numbers in, rows of numbers out, on the GPU or by the reference in f32 or f64.
 //!
-//! One table serves the command line and the tests of agreement, so that both look at the same thing. f64 is the truth, f32 the
-//! yardstick for the shader's error. All three take the same columns; values are rounded to f32 on the way to f32 and GPU, so a
-//! comparison should be given values that f32 holds.
+//! The command line and the agreement tests share these tables, so that both evaluate the same functions. f64 is the truth; f32 is the yardstick for
+//! the shader's error. All three take the same columns. Values are rounded to f32 for the f32 reference and the GPU, so comparisons should use values
+//! that f32 represents exactly.
 
 use serde::Serialize;
 
@@ -28,7 +28,7 @@ mod words;
 
 pub use judge::{Draw, EPS, FEW, UNIT_TOLERANCE, Verdict, both, close, equal};
 
-/// Whole numbers that travel as f32, which holds them exactly up to this magnitude.
+/// Largest magnitude of whole numbers that are passed as f32, which holds them exactly.
 const EXACT: i32 = 1 << 24;
 
 /// Last place of [`crate::shared::blue_noise::ranks`].
@@ -41,7 +41,7 @@ pub struct Column {
     pub name: &'static str,
     /// Unit, or what the number means.
     pub unit: &'static str,
-    /// Smallest and largest value of a column of whole numbers; absent where any number will do.
+    /// Smallest and largest value of a column of whole numbers; absent where every number is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub whole: Option<[i64; 2]>,
 }
@@ -59,15 +59,15 @@ impl Column {
         Column { name, unit, whole: Some([0, u32::MAX as i64]) }
     }
 
-    /// Whether its numbers are words of 32 bits, of which f32 does not hold all: they travel as they are.
+    /// Whether the column holds words of 32 bits. f32 does not hold all of them, so they are passed as bits.
     pub fn is_word(&self) -> bool {
         self.whole == Some([0, i64::from(u32::MAX)])
     }
 
-    /// Whether a value may stand in this column.
+    /// Checks whether the column accepts a value.
     ///
     /// # Errors
-    /// Says what the column takes.
+    /// A message that says which values the column accepts.
     pub fn accepts(&self, value: f64) -> std::result::Result<(), String> {
         match self.whole {
             Some([low, high]) if value.fract() != 0.0 || !(low as f64..=high as f64).contains(&value) => {
@@ -80,7 +80,7 @@ impl Column {
 
 type Reference<T> = fn(&[T], &mut Vec<T>);
 
-/// What a reference reads and writes: a real, or a word, which stands in f32 as its bits.
+/// The type that a reference reads and writes: a real, or a word, whose bits are stored in an f32.
 trait Cell: Real {
     fn word(self) -> u32;
     fn of_word(word: u32) -> Self;
@@ -118,44 +118,44 @@ fn numbers<T: Cell>(columns: &[Column], cells: &[T]) -> Vec<f64> {
 pub struct Probe {
     /// The name used on the command line.
     pub name: &'static str,
-    /// One sentence for people.
+    /// Description for readers, one sentence.
     pub about: &'static str,
-    /// Columns read.
+    /// Input columns.
     pub inputs: &'static [Column],
-    /// Columns made.
+    /// Output columns.
     pub outputs: &'static [Column],
     /// WGSL that defines `probe` over the shared functions, as [`Probe::layout`] says.
     pub wgsl: &'static str,
-    /// Block format of the texture from which a row's first words are decoded, if it has one.
+    /// Format of the block texture from which a row's first words are decoded, if the probe has one.
     blocks: Option<wgpu::TextureFormat>,
     single: Reference<f32>,
     double: Reference<f64>,
     /// A random row of inputs.
     pub random: fn(&mut Draw) -> Vec<f64>,
-    /// Compares a result with the truth: given row, result, truth.
+    /// Compares a result with the truth; takes row, result and truth.
     pub judge: Judge,
-    /// How far a result is off, in units that a person cares about.
+    /// Errors of a result, in units that matter to users.
     pub measures: &'static [Measure],
-    /// Parameters that rows can be made for, besides the columns.
+    /// Parameters for which rows can be made, in addition to the columns.
     pub parameters: &'static [Parameter],
 }
 
-/// Compares a result with the truth: given row, result, truth.
+/// Compares a result with the truth; takes row, result and truth.
 pub type Judge = fn(&[f64], &[f64], &[f64]) -> Verdict;
 
-/// How far a result is off, in a unit that a person cares about.
+/// An error of a result, in a unit that matters to users.
 pub struct Measure {
-    /// What is off.
+    /// What is compared.
     pub name: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// Given row, result, truth.
+    /// Takes row, result and truth.
     pub error: fn(&[f64], &[f64], &[f64]) -> f64,
 }
 
-/// Something that a row can be made to have, be it a column or derived from some.
+/// A quantity that a row can be made to have: a column, or a value derived from columns.
 pub struct Parameter {
-    /// Name, unlike that of a column.
+    /// Name. It must not be the name of a column.
     pub name: &'static str,
     /// Unit, or what the number means.
     pub unit: &'static str,
@@ -172,7 +172,7 @@ impl Probe {
     /// The probe of this name.
     ///
     /// # Errors
-    /// There is none: names the nearest.
+    /// No probe has this name; the message names the nearest one.
     pub fn find(name: &str) -> Result<&'static Probe> {
         PROBES.iter().find(|probe| probe.name == name).ok_or_else(|| {
             let names: Vec<&str> = PROBES.iter().map(|probe| probe.name).collect();
@@ -200,10 +200,10 @@ impl Probe {
         self.on_gpu_by(gpu, self.wgsl, rows)
     }
 
-    /// Evaluates another text in place of the probe's shader.
+    /// Evaluates other WGSL in place of the probe's shader.
     ///
     /// # Errors
-    /// As [`Probe::on_gpu`].
+    /// See [`Probe::on_gpu`].
     pub fn on_gpu_by(&self, gpu: &Gpu, wgsl: &str, rows: &[f64]) -> Result<Vec<f64>> {
         let columns = [self.inputs.len(), self.outputs.len()];
         let table = table::Table::new(gpu, wgsl, columns, self.layout())?;
@@ -216,7 +216,7 @@ impl Probe {
         Ok(all)
     }
 
-    /// What the shader takes and returns: reals; with a column of words, bits.
+    /// The types that the shader takes and returns: reals, or bits if a column holds words.
     pub fn layout(&self) -> Cells {
         match self.blocks {
             Some(format) => Cells::Texel(format),
@@ -225,17 +225,17 @@ impl Probe {
         }
     }
 
-    /// Rows as f32 and GPU see them: reals rounded to f32.
+    /// Rows as the f32 reference and the GPU see them: reals are rounded to f32.
     pub fn rounded(&self, rows: &[f64]) -> Vec<f64> {
         numbers(self.inputs, &cells::<f32>(self.inputs, rows))
     }
 
-    /// Names of what [`Probe::row`] can give a value.
+    /// Names of the parameters and columns that [`Probe::row`] can set.
     pub fn parameter_names(&self) -> impl Iterator<Item = &'static str> {
         self.inputs.iter().map(|column| column.name).chain(self.parameters.iter().map(|parameter| parameter.name))
     }
 
-    /// Unit of a parameter, or of a column by its name.
+    /// Unit of a parameter or column.
     pub fn parameter_unit(&self, name: &str) -> Option<&'static str> {
         let columns = self.inputs.iter().map(|column| (column.name, column.unit));
         columns
@@ -244,8 +244,8 @@ impl Probe {
             .map(|(_, unit)| unit)
     }
 
-    /// A random row that has this value of a parameter, or in the column of this name; rounded to f32, as everyone is given it. Absent if there is
-    /// none of the name, or if the column does not take the value.
+    /// A random row in which the parameter or column of this name has this value, rounded to f32 as all implementations receive it. Absent if the
+    /// name is unknown or the column does not accept the value.
     pub fn row(&self, parameter: &str, value: f64, draw: &mut Draw) -> Option<Vec<f64>> {
         let mut row = (self.random)(draw);
         if let Some(found) = self.parameters.iter().find(|known| known.name == parameter) {
@@ -310,7 +310,7 @@ pub const PROBES: &[Probe] = &[
     frames::REPROJECTION,
 ];
 
-/// `N` values of a row from place `at` on.
+/// `N` values of a row, starting at index `at`.
 fn take<T: Real, const N: usize>(row: &[T], at: usize) -> [T; N] {
     std::array::from_fn(|i| row[at + i])
 }

@@ -7,7 +7,7 @@ use crate::shared::real::length;
 
 pub(super) const HASHED_ALPHA: Probe = Probe {
     name: "hashed-alpha",
-    about: "Hashed-alpha thresholds of a point: four independent numbers, stable under motion",
+    about: "Hashed-alpha thresholds of a point: four independent numbers that are stable under motion",
     inputs: &[
         whole("kind", "0 = isotropic, 1 = anisotropic", 0, 1),
         whole("sector_x", "sectors east of the south-west corner", -EXACT, EXACT),
@@ -82,7 +82,7 @@ return array<u32, 4>(bits.x, bits.y, bits.z, bits.w);
 
 pub(super) const NOISE: Probe = Probe {
     name: "noise",
-    about: "Thresholds of the kinds of noise that are not hashed alpha, and which ranks of the masks they take",
+    about: "Thresholds of the other kinds of noise, and the indices of the mask ranks that they use",
     inputs: &[
         whole("kind", "2 = white, 3 = world, 4 = ign, 5 = blue, 6 = stbn", 2, 6),
         whole("sector_x", "sectors east of the south-west corner", -EXACT, EXACT),
@@ -97,13 +97,13 @@ pub(super) const NOISE: Probe = Probe {
         word("frame", "index"),
         word("seed", "seed"),
         word("salt", "number of the decision"),
-        whole("rank_0", "what stands at index_0; of use to blue and stbn", 0, EXACT),
-        whole("rank_1", "what stands at index_1", 0, EXACT),
-        whole("rank_2", "what stands at index_2", 0, EXACT),
-        whole("rank_3", "what stands at index_3", 0, EXACT),
+        whole("rank_0", "rank at index_0, used by blue and stbn", 0, EXACT),
+        whole("rank_1", "rank at index_1", 0, EXACT),
+        whole("rank_2", "rank at index_2", 0, EXACT),
+        whole("rank_3", "rank at index_3", 0, EXACT),
     ],
     outputs: &[
-        whole("index_0", "place of the rank in the masks", 0, MASK_PLACES),
+        whole("index_0", "index of the rank in the masks", 0, MASK_PLACES),
         whole("index_1", "place", 0, MASK_PLACES),
         whole("index_2", "place", 0, MASK_PLACES),
         whole("index_3", "place", 0, MASK_PLACES),
@@ -183,18 +183,18 @@ fn hashed_alpha_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
 fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ddx, ddy) = (three(row, 7), three(row, 10));
     let (levels, ulps): (Vec<f64>, f64) = if row[0] < 1.0 {
-        // A length: dot 3 roundings, sqrt 4.5 ULP, and the product with the cell size.
+        // A length: a dot product of 3 roundings, a square root of 4.5 ULP, and the product with the cell size.
         (vec![noise_level(row[13] * length(ddx).max(length(ddy)))], 8.0)
     } else {
         let widen = std::f64::consts::SQRT_2 * row[13];
         ((0..3).map(|i| noise_level(widen * ddx[i].abs().max(ddy[i].abs()))).collect(), 3.0)
     };
     let error = levels.iter().map(|&l| level_error(l, ulps)).fold(0.0, f64::max);
-    // Cells are products with powers of two, floored: exact. What is left is the blend, whose factor has the level's error; blend and
-    // correction together change by at most 2.5 times that. 12 ULP for their own operations.
+    // Cells are floored products with powers of two, which are exact. The blend remains, whose factor has the error of the level. Blend and
+    // correction together change by at most 2.5 times that error. Their own operations add 12 ULP.
     let verdict = close(got, want, 3.0 * error + 12.0 * EPS);
-    // With a scale per axis, another cell is looked up where one axis' level passes a whole number and the others' do not. (With one
-    // scale for all, the blend is continuous there. At the ends of the range the scale stays what it is.)
+    // With one scale per axis, another cell is looked up where the level of one axis passes a whole number and those of the others do not. (With one
+    // scale for all axes the blend is continuous there. At the ends of the range the scale does not change.)
     let at_threshold = |&l: &f64| (l - l.round()).abs() <= error && l.round() > -5.0 && l.round() < 16.0;
     if verdict == Verdict::Differs && row[0] >= 1.0 && levels.iter().any(at_threshold) { Verdict::OtherSide } else { verdict }
 }
@@ -223,7 +223,7 @@ fn noise_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
     });
 }
 
-/// Level of a footprint, log2 of cells per metre, as wide as the noise sees it.
+/// Level of a footprint, log2 of cells per metre, clamped to the range of the noise.
 fn noise_level(footprint: f64) -> f64 {
     (-footprint.clamp(1e-6, 1e6).log2()).clamp(-5.0, 16.0)
 }

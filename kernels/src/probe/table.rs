@@ -1,4 +1,4 @@
-//! Runs one WGSL function that needs no bindings over rows of numbers, so that the GPU can be compared with its f64 reference.
+//! Evaluates one WGSL function that needs no bindings for each row of a table, so that the GPU can be compared with its f64 reference.
 
 use crate::base::error::Result;
 use crate::base::wgsl::{self, Piece};
@@ -6,21 +6,21 @@ use crate::geometry;
 use crate::gpu::{Gpu, Shader, read_buffer};
 use crate::shared;
 
-/// What the function of a table takes and returns.
+/// The types that a table's function takes and returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cells {
     /// `fn probe(row: array<f32, IN>) -> array<f32, OUT>`.
     Reals,
-    /// `fn probe(row: array<u32, IN>) -> array<u32, OUT>`: words, and the bits of reals.
+    /// `fn probe(row: array<u32, IN>) -> array<u32, OUT>`: words and the bits of reals.
     Bits,
-    /// `fn probe(row: array<u32, IN>, texel: vec4<f32>) -> array<u32, OUT>`: the first words of a row are a block of a compressed texture, its last is
-    /// the number of the texel (a real, 0 to 15, row by row) that the device decodes from it.
+    /// `fn probe(row: array<u32, IN>, texel: vec4<f32>) -> array<u32, OUT>`: the first words of a row are a block of a compressed texture, and its
+    /// last value is the index of the texel (a real, 0 to 15, row by row) that the device decodes from it.
     Texel(wgpu::TextureFormat),
 }
 
-/// Blocks in a row of the texture that holds those of a table: 4096 texels, within every device's limit.
+/// Number of blocks in a row of the texture that holds a table's blocks: 4096 texels, within the limits of every device.
 const BLOCKS_ACROSS: usize = 1024;
-/// Most rows at once: bounds buffers, and the texture of blocks to as many rows of them.
+/// Largest number of rows at once. It bounds the buffers, and the height of the texture of blocks.
 const MOST_ROWS: usize = BLOCKS_ACROSS * BLOCKS_ACROSS;
 
 /// A function that is compiled once and applied to any number of rows.
@@ -53,7 +53,7 @@ impl<'a> Table<'a> {
         Ok(Table { gpu, pipeline, columns, cells })
     }
 
-    /// Most rows that can be given at once.
+    /// Largest number of rows for [`Table::run`].
     pub fn most_rows(&self) -> usize {
         MOST_ROWS
     }
@@ -108,7 +108,7 @@ impl<'a> Table<'a> {
         Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &output, out_bytes)?))
     }
 
-    /// The blocks at the rows' beginnings as a texture, each 4 x 4 texels, and how it is read: the nearest texel.
+    /// A texture of the blocks at the beginnings of the rows, 4 x 4 texels each, and a sampler that reads the nearest texel.
     fn blocks(&self, format: wgpu::TextureFormat, inputs: &[u32]) -> (wgpu::TextureView, wgpu::Sampler) {
         let words = format.block_copy_size(None).unwrap_or(0) as usize / 4;
         let mut bytes: Vec<u8> =
@@ -138,7 +138,7 @@ impl<'a> Table<'a> {
     }
 }
 
-/// The entry point around the function. Cells travel as words: a float would not keep every one of them.
+/// The entry point around the function. Cells are passed as words, because a float would not preserve all of them.
 fn main([in_columns, out_columns]: [usize; 2], cells: Cells) -> String {
     let (of_row, from, to) = match cells {
         Cells::Reals => ("f32", "bitcast<f32>", "bitcast<u32>"),
@@ -151,7 +151,7 @@ fn main([in_columns, out_columns]: [usize; 2], cells: Cells) -> String {
     let place = (vec2<f32>(at) + 0.5) / vec2<f32>(textureDimensions(probe_blocks));\n"
         );
         let bindings = "@group(0) @binding(3) var probe_blocks: texture_2d<f32>;\n@group(0) @binding(4) var probe_sampler: sampler;\n";
-        // By a sampler, as the frame reads its textures, at the texel's middle.
+        // Uses a sampler, as the frame does, at the centre of the texel.
         (bindings, (place, ", textureSampleLevel(probe_blocks, probe_sampler, place, 0.0)"))
     } else {
         ("", (String::new(), ""))
@@ -173,7 +173,7 @@ fn probe_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     )
 }
 
-/// Applies `body` to rows of reals, once: see [`Cells::Reals`].
+/// Applies `body` once to rows of reals: see [`Cells::Reals`].
 ///
 /// # Errors
 /// When the WGSL does not compile (file and line) or the device is lost.

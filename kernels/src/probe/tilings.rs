@@ -1,4 +1,4 @@
-//! Where textures are looked up.
+//! Texture coordinates and tilings.
 
 use super::judge::{EPS, Verdict, both, close, farthest, keyed, level_error};
 use super::{EXACT, Measure, Parameter, Probe, real, take, whole};
@@ -58,7 +58,7 @@ return array<f32, 12>(
         error: |_, got, want| {
             let of = |v: &[f64], id: (f64, f64)| (0..3).filter(|i| (v[1 + 2 * i], v[2 + 2 * i]) == id).map(|i| v[7 + i]).sum::<f64>();
             let ids = (0..3).flat_map(|i| [(got[1 + 2 * i], got[2 + 2 * i]), (want[1 + 2 * i], want[2 + 2 * i])]);
-            // At another level everything is another pattern, which is no error of this one.
+            // At another level the whole pattern is different, which is not an error of this level.
             if got[0] == want[0] { 100.0 * ids.map(|id| (of(got, id) - of(want, id)).abs()).fold(0.0, f64::max) } else { 0.0 }
         },
     }],
@@ -70,7 +70,7 @@ return array<f32, 12>(
 
 pub(super) const TEXEL_CHOICE: Probe = Probe {
     name: "texel-choice",
-    about: "A mip level and a texel by chance, whose expectation is the trilinear filter",
+    about: "A random mip level and texel, whose expectation is the trilinear filter",
     inputs: &[
         real("lod", "level of detail"),
         whole("levels", "of the texture", 1, 15),
@@ -110,7 +110,7 @@ fn hex_tiling_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 
 fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if (got[0] - want[0]).abs() > 0.5 {
-        // Half-way between two powers of two.
+        // Halfway between two powers of two.
         let spacings = (row[5] * 12.0_f64.sqrt()).log2();
         let near = (spacings - spacings.floor() - 0.5).abs() <= level_error(spacings, 2.0);
         return if near && (got[0] - want[0]).abs() < 1.5 { Verdict::OtherSide } else { Verdict::Differs };
@@ -120,8 +120,8 @@ fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if close(&got[10..], &hex_tiling::offset::<f64>(first, row[6] as u32), 0.5 * f64::from(f32::MIN_POSITIVE)) == Verdict::Differs {
         return Verdict::Differs;
     }
-    // Products with powers of two are exact; a coordinate in spacings has three more roundings. A barycentric one sums two, and is
-    // divided by at least 1/3: 6 times their error; the 7th power magnifies by 7, and normalising at most doubles.
+    // Products with powers of two are exact. A coordinate in spacings has three more roundings. A barycentric coordinate sums two of them and is
+    // divided by at least 1/3: 6 times their error. The 7th power multiplies the error by 7, and normalising at most doubles it.
     let reach = row[2].abs().max(row[3].abs()) / row[4] * got[0].exp2();
     let coordinate = 1.5 * EPS * (1.2 * reach + 1.0);
     let pairs = |v: &[f64]| [0, 1, 2].map(|i| (id(v, i), v[7 + i]));
@@ -139,7 +139,7 @@ fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got.iter().zip(want).all(|(g, w)| (g - w).abs() < 0.5) {
         return Verdict::Agrees(0.0);
     }
-    // A level and a coordinate in texels have an ULP of their size; what u is compared with is their fraction.
+    // A level and a coordinate in texels have an error of one ULP of their magnitude; u is compared with their fraction.
     let lod = row[0].clamp(0.0, row[1] - 1.0);
     let texels = (row[3] - row[3].floor()) * row[4] - 0.5;
     let may = |x: f64, u: f64, error: f64| {
@@ -154,10 +154,10 @@ fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
 
 pub(super) const TILING: Probe = Probe {
     name: "tiling",
-    about: "The two scales that a cliff's texture is tiled at, by distance, and an exact coordinate at one of them",
+    about: "The two scales of a cliff's tilings by distance, and an exact coordinate at one of them",
     inputs: &[
         real("distance", "m"),
-        real("near", "m, up to which the finest scale reaches"),
+        real("near", "m, distance up to which the finest scale is used"),
         real("cliff", "share of cliff, 0..1"),
         whole("sector", "sectors along an axis", -EXACT, EXACT),
         whole("fixed_high", "upper 16 bits of repeats per sector in 2^-24", 0, 0xffff),
@@ -179,7 +179,7 @@ fn probe(row: array<f32, 7>) -> array<f32, 2> {
         vec![far, 30.0, d.between(-0.1, 1.1), d.whole(320) - 160.0, d.whole(1 << 16), d.whole(1 << 16), d.whole(9)]
     },
     judge: |_, got, want| {
-        // Scale and blend as one number, which is continuous where the scale steps. The fixed-point coordinate is exact.
+        // Scale and blend form one number, which is continuous where the scale steps. The fixed-point coordinate is exact.
         both(close(&got[..1], &want[..1], level_error(7.0, 4.0)), close(&got[1..], &want[1..], 1e-9))
     },
     measures: &[

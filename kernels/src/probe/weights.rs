@@ -1,4 +1,4 @@
-//! Weights of materials, and choices by weight.
+//! Weights of materials, and random choices by weight.
 
 use super::judge::{EPS, FEW, Verdict, both, close, equal, farthest};
 use super::{Measure, Parameter, Probe, real, take, whole};
@@ -8,7 +8,7 @@ use crate::shared::{layers, select, splat_blend};
 
 pub(super) const SPLAT_BLEND: Probe = Probe {
     name: "splat-blend",
-    about: "Weights of four splat texels: bilinear, modified by material height; at once, and term by term",
+    about: "Weights of four splat texels, bilinear and modified by material height, computed at once and term by term",
     inputs: &[
         real("fraction_x", "0..1 between the texels, east"),
         real("fraction_y", "0..1 between the texels, north"),
@@ -65,7 +65,7 @@ return array<f32, 8>(w.x, w.y, w.z, w.w, sum.x, sum.y, sum.z, sum.w);
 
 pub(super) const SELECT: Probe = Probe {
     name: "select",
-    about: "Choice of an index by weight, out of all four and out of the first three",
+    about: "Choice of an index by weight, among all four and among the first three",
     inputs: &[
         real("w_0", "weight, >= 0"),
         real("w_1", "weight, >= 0"),
@@ -105,7 +105,7 @@ return array<f32, 2>(f32(of_4), f32(of_3));
 
 pub(super) const LAYERS: Probe = Probe {
     name: "layers",
-    about: "Weights of eight layers blended one over the other, of four splat texels that each show one of them",
+    about: "Weights of eight layers blended over one another, from four splat texels that show one layer each",
     inputs: &[
         real("w_00", "weight of a texel, 0..1"),
         real("w_10", "weight"),
@@ -171,8 +171,8 @@ fn splat_blend_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let used: Vec<f64> =
         splat_blend::bilinear([row[0], row[1]]).into_iter().filter(|&w| w > splat_blend::MIN_WEIGHT).map(f64::log2).collect();
     let spread = used.iter().fold(f64::MIN, |m, &x| m.max(x)) - used.iter().fold(f64::MAX, |m, &x| m.min(x));
-    // A term is (w_i / w_best) 2^x, at most 1, so x is at most the spread of log2 w, and |x| 2^x at most 0.54 below zero. exp2 errs by
-    // 3 + 2 |x| ULP, x by 0.7 |x| more; two divisions, products and the sum make 16 ULP.
+    // A term is (w_i / w_best) 2^x, at most 1. So x is at most the spread of log2 w, and |x| 2^x is at most 0.54 below zero. exp2 errs by 3 + 2 |x|
+    // ULP, and x adds 0.7 |x|; two divisions, the products and the sum give 16 ULP.
     close(got, want, EPS * (16.0 + 4.0 * spread))
 }
 
@@ -191,7 +191,7 @@ fn select_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         if index.fract() != 0.0 || !(0.0..count as f64).contains(&index) {
             return Verdict::Differs;
         }
-        // Three sums and a product, rounded once each: 4 half ULPs of the total.
+        // Three sums and a product, each rounded once: 4 half ULPs of the total.
         let (weights, chosen) = (row[..count].iter().map(|w| w.max(0.0)).collect::<Vec<_>>(), index as usize);
         let total: f64 = weights.iter().sum();
         let below: f64 = weights[..chosen].iter().sum();
@@ -218,11 +218,11 @@ fn layers_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn layers_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // A quotient (2.5 ULP and a sum) and a mixture (4 roundings) a layer, each of numbers up to 1.
+    // Each layer has a quotient (2.5 ULP and a sum) and a mixture (4 roundings) of numbers up to 1.
     close(got, want, 8.0 * 8.0 * EPS)
 }
 
-/// Distances in metres and slopes of the built-in scene's flavours, nearly.
+/// Approximately the distances in metres and the slopes of the flavours in the built-in scene.
 const RULES: FlavourParams = FlavourParams {
     far_atlas_m: 300.0,
     cliff_far_atlas_m: 1500.0,
@@ -237,7 +237,7 @@ const RULES: FlavourParams = FlavourParams {
 
 pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
     name: "flavour-weights",
-    about: "Weights of the five flavours by distance and slope (far atlas from 300 m and cliffs' from 1500, near cliff to 30), and others held to a mask",
+    about: "Weights of the five flavours by distance and slope (far atlas from 300 m, on cliffs 1500 m; near cliff to 30 m), and weights limited to a mask",
     inputs: &[
         real("distance", "m"),
         real("normal_z", "cosine of the slope"),
@@ -246,8 +246,8 @@ pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
         real("given_2", "near cliff"),
         real("given_3", "far cliff"),
         real("given_4", "splat"),
-        whole("mask", "flavours that a tile may run", 0, 31),
-        whole("forced", "whether it runs them all", 0, 1),
+        whole("mask", "flavours that a tile may shade", 0, 31),
+        whole("forced", "whether the tile shades all of them", 0, 1),
     ],
     outputs: &[
         real("w_0", "virtual texture, 0..1"),
@@ -295,7 +295,7 @@ fn flavour_weights_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn flavour_weights_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // A ramp is at least a 20th as wide as its place, and at most 1.5 steep: it magnifies 8 roundings by 30.
+    // A ramp is at least 1/20 as wide as its distance, and its slope is at most 1.5: it multiplies the error of 8 roundings by 30.
     let weights = close(&got[..5], &want[..5], 256.0 * EPS);
     both(both(weights, equal(&[], &got[5..6], &want[5..6])), close(&got[6..], &want[6..], FEW))
 }

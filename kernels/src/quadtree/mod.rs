@@ -1,15 +1,16 @@
-//! Which nodes are drawn: walk down from the roots, split where more detail is wanted and every child that can exist is loaded.
+//! Selects the nodes to draw: walks down from the roots and splits a node where more detail is wanted and every child that can exist is
+//! loaded.
 //!
 //! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
 //! Reads the camera and the loaded nodes; makes the node list, the LOD map and the sector data.
-//! Runs on the CPU until the GPU traversal lands, for which it is the reference.
+//! Runs on the CPU; it is the reference for a traversal on the GPU.
 
 use glam::{DVec2, DVec3};
 
 use crate::view::camera::View;
 use crate::world::{LODS, Layout, NODE_QUADS, NodeId, SECTORS, World};
 
-/// What the traversal has to know of a loaded node.
+/// What the traversal needs to know about a loaded node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeBounds {
     /// Lowest and highest elevation, metres.
@@ -19,26 +20,27 @@ pub struct NodeBounds {
 /// The nodes of one frame.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
-    /// Every node visited, coarse before fine: what has to be resident.
+    /// All visited nodes, coarse before fine. All of them must be resident.
     pub visited: Vec<NodeId>,
-    /// The nodes to draw: they cover what is visible and do not overlap.
+    /// The nodes to draw. They cover the visible ground and do not overlap.
     pub drawn: Vec<NodeId>,
 }
 
-/// A node is split while a quad of it at the node's nearest point is higher than this many pixels.
+/// A node is split while one of its quads, at the point of the node nearest to the camera, is higher than this many pixels.
 pub const QUAD_PX: f64 = 2.5;
-/// Bounds of the ratio of distance to node edge at which that happens: splat texels near the camera must be fine in small pictures,
-/// too, and the resident nodes must fit the atlases in large ones.
+/// Bounds of the ratio of distance to node edge below which a node is split. The lower bound keeps splat texels near the camera fine in
+/// small pictures. The upper bound limits the number of nodes in large pictures, because the resident nodes must fit in the atlases.
 pub const SPLIT_RATIO: [f64; 2] = [0.6, 2.0];
 
-/// A node is split when the camera is nearer than this many of its edges (and the node is visible); each whole step of the bias halves it.
+/// A visible node is split when its distance from the camera is less than this ratio times its edge. Each whole step of the LOD bias halves
+/// the ratio.
 fn split_ratio(view: &View, lod_bias: f64) -> f64 {
     let focal_px = f64::from(view.size[1]) / (2.0 * (view.pose.fov / 2.0).tan());
     let ratio = (focal_px / (f64::from(NODE_QUADS) * QUAD_PX)).clamp(SPLIT_RATIO[0], SPLIT_RATIO[1]);
     (ratio * (-lod_bias).exp2()).min(SPLIT_RATIO[1])
 }
 
-/// Corner boxes of a node in the view's local coordinates.
+/// Lowest and highest corner of the bounding box of a node, in the local coordinates of the view.
 pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View) -> (DVec3, DVec3) {
     let edge = layout.node_m(node.lod);
     let first_sector = DVec2::new(f64::from(node.x), f64::from(node.y)) * f64::from(1u32 << node.lod);
@@ -46,13 +48,14 @@ pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View)
     (corner.extend(bounds.height_m[0]), (corner + edge).extend(bounds.height_m[1]))
 }
 
-/// Biases of the LOD that can be asked for, see [`select`].
+/// Range of the LOD bias, see [`select`].
 pub const LOD_BIASES: [f64; 2] = [-2.0, 4.0];
 
-/// Traverses the tree. `lod_bias`: how many levels coarser (or, below 0, finer, as far as the atlases hold it) than usual. `load` is given the nodes of one level that are needed next and returns their bounds in the same order.
+/// Traverses the tree. `lod_bias`: how many levels coarser than usual the nodes are; negative values make them finer, as far as the atlases
+/// can hold them. `load` receives the nodes that are needed next, all of one level, and returns their bounds in the same order.
 ///
 /// # Errors
-/// Whatever `load` returns.
+/// The errors of `load`.
 pub fn select<E>(
     world: &World,
     view: &View,
@@ -62,12 +65,12 @@ pub fn select<E>(
     let layout = world.layout();
     let ratio = split_ratio(view, lod_bias);
     let mut selection = Selection::default();
-    // The margin keeps stitches towards unseen, hence coarse or absent, neighbours outside the picture.
+    // Neighbours that are not visible are coarse or absent. The margin keeps the seams to them outside the picture.
     let sees = |node: NodeId, (low, high): (DVec3, DVec3)| {
         let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
         view.sees(low - margin, high + margin)
     };
-    // Of a root that is not loaded yet the world's heights are all that is known.
+    // Until a root is loaded, only the height range of the whole world is known.
     let (low_m, high_m) = world.height_range_m();
     let anywhere = NodeBounds { height_m: [low_m, high_m] };
     let mut level: Vec<NodeId> = NodeId::roots().filter(|&n| world.exists(n) && sees(n, local_box(n, anywhere, layout, view))).collect();
@@ -95,7 +98,7 @@ pub fn select<E>(
     Ok(selection)
 }
 
-/// Each sector's drawn LOD, row by row from the south; sectors without terrain read 0, so that they never ask for a seam.
+/// The LOD drawn in each sector, row by row from the south. Sectors without terrain have the value 0, so that no seam is made towards them.
 pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
     let mut map = vec![0; usize::from(SECTORS) * usize::from(SECTORS)];
     for node in drawn {
@@ -108,7 +111,7 @@ pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
     map
 }
 
-/// LOD drawn at a place, given in sectors from the world's south-west corner; absent outside the world.
+/// LOD drawn at a position, which is given in sectors from the south-west corner of the world; `None` outside the world.
 pub fn lod_at(map: &[u8], place: [f64; 2]) -> Option<u8> {
     let [x, y] = place.map(f64::floor);
     let edge = f64::from(SECTORS);
@@ -118,10 +121,10 @@ pub fn lod_at(map: &[u8], place: [f64; 2]) -> Option<u8> {
     map.get(y as usize * usize::from(SECTORS) + x as usize).copied()
 }
 
-/// Bits of one LOD's atlas slot in the sector data.
+/// Number of bits of the sector data that hold the atlas slot of one LOD.
 pub const SLOT_BITS: u32 = 10;
 
-/// Per sector, 10 bits per LOD: the atlas slot of the loaded node that covers it, 0 = none. Slots count from 1.
+/// For each sector, 10 bits per LOD: the atlas slot of the loaded node that covers the sector. Slots count from 1; 0 = none.
 pub fn sector_data(nodes: impl Iterator<Item = (NodeId, u32)>) -> Vec<[u32; 2]> {
     let mut packed = vec![0u64; usize::from(SECTORS) * usize::from(SECTORS)];
     for (node, slot) in nodes {

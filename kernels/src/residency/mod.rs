@@ -1,9 +1,11 @@
-//! Node payloads in GPU memory: synchronised atlases, one slot a node.
+//! Node payloads in GPU memory: synchronised atlases with one slot per node.
 //!
-//! Reads the nodes a frame visits; makes them resident, least recently used slots first.
-//! Source: Moore, GDC 2018, "Stream Quad Tree"; SYSTEMS A. An atlas is an array texture whose layer is the slot, so
-//! filtering never reaches a neighbour; slots count from 1 (ruling 9), since 0 means "not loaded".
-//! Offline rendering waits for every node it visits, so that a picture never depends on what was there before it.
+//! Reads the nodes that a frame visits; makes them resident. The least recently used slots are replaced first.
+//! Source: Moore, GDC 2018, "Stream Quad Tree"; SYSTEMS A. An atlas is an array texture in which each slot is a layer, so filtering never
+//! reads a neighbouring node. Slots count from 1 (ruling 9), because 0 means "not loaded". Offline rendering waits for every node that it
+//! visits, so that a picture does not depend on what was loaded before.
+//!
+//! Limits: 512 nodes are resident at once. A view that needs more in one frame is refused, with advice.
 
 use std::collections::HashMap;
 
@@ -17,21 +19,21 @@ use crate::scene::demands::Demands;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
 
-/// Nodes that can be resident at once (SYSTEMS A: about 500).
+/// Maximum number of resident nodes (SYSTEMS A: about 500).
 pub const CAPACITY: u32 = 512;
 
-/// Who sits in the atlases, and what they take.
+/// How many nodes the atlases hold, and how large the atlases are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AtlasCounts {
-    /// Nodes resident.
+    /// Number of resident nodes.
     pub resident: usize,
-    /// The most that can be.
+    /// Maximum number of resident nodes.
     pub capacity: usize,
     /// Bytes of all atlases as allocated, used or not.
     pub bytes: u64,
 }
 
-/// The atlases and who sits in them.
+/// The atlases and the nodes in them.
 pub struct Streaming {
     /// R16_UNORM heights.
     pub height: wgpu::Texture,
@@ -46,22 +48,22 @@ pub struct Streaming {
     resident: HashMap<NodeId, Resident>,
     free: Vec<u32>,
     frame: u64,
-    /// Nodes baked since this frame began.
+    /// Number of nodes baked since this frame began.
     loaded: usize,
     layers: u32,
-    /// Whether what nodes were made from is kept, to lay other materials on them.
+    /// Whether ground and cover of nodes are kept, so that other materials can be placed on them.
     keeps_ground: bool,
-    /// Times that materials were laid anew.
+    /// How many times materials were placed again.
     revision: u64,
 }
 
-/// What is new about materials.
+/// What has changed in the materials.
 pub struct Changes {
-    /// Whether they are laid by other rules.
+    /// Whether the rules that place them changed.
     pub relaid: bool,
-    /// By palette index, whether the mean look is another.
+    /// For each palette index, whether the mean look changed.
     pub means: Vec<bool>,
-    /// By palette index, whether the texture, or how it lies on the ground, is another.
+    /// For each palette index, whether the texture changed, or how it lies on the ground.
     pub looks: Vec<bool>,
 }
 
@@ -69,9 +71,9 @@ struct Resident {
     slot: u32,
     bounds: NodeBounds,
     used: u64,
-    /// Changes with what its materials are and look like.
+    /// Changes whenever the materials of the node, or their looks, change.
     revision: u64,
-    /// What it was made from, if that is kept.
+    /// The ground and cover that it was made from, if these are kept.
     source: Option<(Ground, Cover)>,
 }
 
@@ -89,7 +91,7 @@ fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::Textu
     })
 }
 
-/// What the atlases of a scene take. Slots count from 1, since 0 means that nothing is loaded.
+/// Textures of the atlases that a scene needs. Slots count from 1, because 0 means that nothing is loaded.
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
     use wgpu::TextureFormat as Format;
     let node = |name, format, texels: usize, reason| {
@@ -103,14 +105,14 @@ pub fn textures(demands: &Demands) -> Vec<TextureUse> {
         node("node albedo", Format::Bc1RgbaUnormSrgb, TEXTURE_SIDE, baked),
         node("node colour modulation", Format::Bc1RgbaUnorm, TEXTURE_SIDE, "colour modulation")
             .unless(demands.colour_modulation, "world.colour_modulation = 0"),
-        // Also where no flavour samples it: every error is measured against the full blend.
+        // Needed even if no flavour samples it: every error is measured against the full blend.
         node("node splat map", Format::R8Uint, SPLAT_SIDE, "cliffs, splat, pages, and the reference that errors are measured against"),
     ]
 }
 
 impl Streaming {
-    /// Empty atlases; that of colour modulation only if the scene has one (else a single layer, since something must be bound).
-    /// `keeps_ground`: whether [`Streaming::lay_anew`] will be asked for, which takes some 210 KB of memory a node.
+    /// Makes empty atlases. The atlas of colour modulation has a single layer if the scene has no colour modulation, because something must
+    /// be bound. `keeps_ground`: whether [`Streaming::lay_anew`] will be called; this takes about 250 KB of memory per node.
     pub fn new(gpu: &Gpu, colour_modulation: bool, keeps_ground: bool) -> Streaming {
         use wgpu::TextureFormat as Format;
         let layers = (CAPACITY + 1).min(gpu.device.limits().max_texture_array_layers);
@@ -136,16 +138,16 @@ impl Streaming {
         }
     }
 
-    /// Begins a frame: what it touches is not evicted in it.
+    /// Begins a frame. Nodes that the frame uses are not evicted during it.
     pub fn begin_frame(&mut self) {
         self.frame += 1;
         self.loaded = 0;
     }
 
-    /// Makes `nodes` resident, baking those that are not on worker threads; returns their bounds in the same order.
+    /// Makes `nodes` resident and returns their bounds in the same order. Nodes that are not resident yet are baked on worker threads.
     ///
     /// # Errors
-    /// When one frame wants more nodes than there are slots.
+    /// When one frame needs more nodes than there are slots.
     pub fn load(
         &mut self,
         gpu: &Gpu,
@@ -165,7 +167,8 @@ impl Streaming {
             self.write(gpu, slot, &payload);
             let bounds = NodeBounds { height_m: [world.elevation_m(payload.min_height), world.elevation_m(payload.max_height)] };
             let source = self.keeps_ground.then_some((ground, cover));
-            // Pages of a node that left and came back may be older than its materials.
+            // If the node was evicted and is now loaded again, pages made from it may be older than its materials; the new revision marks
+            // them as stale.
             let resident = Resident { slot, bounds, used: self.frame, revision: self.revision, source };
             self.resident.insert(payload.id, resident);
             self.loaded += 1;
@@ -178,13 +181,14 @@ impl Streaming {
         self.resident.get(&node).map(|r| (r.slot, r.bounds))
     }
 
-    /// What tells two states of a node's materials apart; 0 for one that is not resident.
+    /// Number that distinguishes the states of a node's materials; 0 for a node that is not resident.
     pub fn revision(&self, node: NodeId) -> u64 {
         self.resident.get(&node).map_or(0, |r| r.revision)
     }
 
-    /// Lays materials on the resident nodes by what `world` and `palette` are now. A node is made anew if other materials lie on it, or one whose mean
-    /// look changed; its revision changes, too, if only the look of one did. Returns how many were made anew.
+    /// Places materials on the resident nodes again, by the current `world` and `palette`. A node is made again if its materials changed,
+    /// or if the mean look of one of them changed. If only the look of one changed, the node gets a new revision but is not made again.
+    /// Returns how many nodes were made again.
     pub fn lay_anew(&mut self, gpu: &Gpu, world: &World, palette: &PaletteMeans, changes: &Changes) -> usize {
         let holds = |cover: &Cover, changed: &[bool]| cover.iter().any(|&id| changed.get(usize::from(id)).copied().unwrap_or(true));
         let anew: Vec<(NodeId, Option<(Cover, NodePayload)>)> = self
@@ -215,22 +219,22 @@ impl Streaming {
         count
     }
 
-    /// How many nodes are resident.
+    /// Number of resident nodes.
     pub fn len(&self) -> usize {
         self.resident.len()
     }
 
-    /// Whether nothing is resident.
+    /// Whether no node is resident.
     pub fn is_empty(&self) -> bool {
         self.resident.is_empty()
     }
 
-    /// Nodes baked and uploaded since the frame began.
+    /// Number of nodes baked and uploaded since the frame began.
     pub fn loaded(&self) -> usize {
         self.loaded
     }
 
-    /// Who sits in the atlases now.
+    /// How many nodes the atlases hold now, and how large the atlases are.
     pub fn counts(&self) -> AtlasCounts {
         let atlases = [&self.height, &self.normal, &self.albedo, &self.colour_modulation, &self.splat];
         AtlasCounts {
@@ -249,7 +253,7 @@ impl Streaming {
             self.resident.iter().filter(|(_, r)| r.used < self.frame).min_by_key(|(node, r)| (r.used, **node)).map(|(&node, _)| node);
         let Some(oldest) = oldest else {
             return Err(Error::Request(format!(
-                "this view needs more than {} terrain nodes at once; narrow the field of view or lower the image's height",
+                "this view needs more than {} terrain nodes at once; reduce the field of view or the height of the image",
                 self.layers - 1
             )));
         };

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::{Scene, World};
 use crate::variant::{Flavour, Variant};
 
-/// A flavour, whether a scene can ask for it, and why.
+/// A flavour, whether a scene can ask for it, and the reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlavourDemand {
     /// The flavour.
@@ -29,7 +29,7 @@ pub struct Demands {
     pub anisotropy: u16,
     /// Edge of detail textures, texels.
     pub detail_size: u32,
-    /// Layers of detail textures: materials of one source share them.
+    /// Layers of detail textures. Materials with the same source share a layer.
     pub detail_layers: u32,
 }
 
@@ -38,7 +38,7 @@ impl Demands {
     pub fn of(scene: &Scene) -> Demands {
         let (holes, colour_modulation) = match &scene.world {
             World::Procedural { holes, colour_modulation, .. } => (!holes.is_empty(), *colour_modulation > 0.0),
-            // Beyond the data there is no ground, and data seldom end where a sector does.
+            // There is no ground beyond the data, and data seldom end at the border of a sector.
             World::Heightmap { colour_modulation, .. } => (true, *colour_modulation > 0.0),
         };
         let sources: BTreeSet<_> = scene.materials.iter().map(|m| (&m.procedural, &m.folder)).collect();

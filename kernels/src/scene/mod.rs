@@ -1,4 +1,4 @@
-//! A scene file: what there is, and nothing about how it is drawn.
+//! A scene file: what a scene contains, but not how it is drawn.
 //!
 //! The types below are the file's schema (TOML, unknown keys refused). Lengths are metres, angles
 //! degrees, colours linear RGB in 0..1; the world's origin lies at its centre, z up, x east, y north.
@@ -22,7 +22,7 @@ pub use validate::{validate, validate_against_world};
 pub struct Scene {
     /// Short name, used in output tables.
     pub name: String,
-    /// One sentence for people.
+    /// A description in one sentence.
     #[serde(default)]
     pub description: String,
     /// Where heights come from.
@@ -30,13 +30,13 @@ pub struct Scene {
     /// Palette, in order: the position in this list is the splat map's index. At most 256.
     #[serde(rename = "material")]
     pub materials: Vec<Material>,
-    /// Splat rules; at every splat texel the rule of the largest weight gives the material, ties to the later.
+    /// Splat rules. At every splat texel the rule with the largest weight decides the material; of equal weights the later rule wins.
     #[serde(rename = "rule")]
     pub rules: Vec<Rule>,
-    /// What was painted over the rules, in the order in which it was: a later stroke lies over an earlier one.
+    /// Brush strokes over the rules, in the order of painting: a later stroke covers an earlier one.
     #[serde(default, rename = "stroke", skip_serializing_if = "Vec::is_empty")]
     pub strokes: Vec<Stroke>,
-    /// Edge length of detail textures, texels, a power of two in 64..=2048. The height and colour-mask texture is half that.
+    /// Edge length of detail textures, texels, a power of two in 64..=2048. The texture of heights and colour masks has half of it.
     #[serde(default = "default_detail_size")]
     pub detail_size: u32,
     /// Where each shading flavour applies.
@@ -72,9 +72,9 @@ fn default_detail_size() -> u32 {
 pub enum World {
     /// Mountains from a seed: 10 240 m wide, 0.5 m per sample, made node by node.
     Procedural {
-        /// Every decision of the generator follows from it.
+        /// The seed, from which every decision of the generator follows.
         seed: u32,
-        /// Radius of circular holes and their places, mostly none.
+        /// Circular holes; most scenes have none.
         #[serde(default)]
         holes: Vec<Hole>,
         /// Peak-to-peak strength of the colour modulation map, 0 (none, not sampled) to 1.
@@ -89,7 +89,7 @@ pub enum World {
         metres_per_texel: f64,
         /// Elevation of sample value 0 and of 65535.
         height_range_m: [f64; 2],
-        /// Metres of procedural relief added below the data's resolution; 0 = none, and LODs only as deep as the data.
+        /// Procedural relief added below the resolution of the data, metres. 0 = there is none, and LODs are only as deep as the data.
         #[serde(default)]
         detail_m: f64,
         /// Seed of that relief and of rule noise.
@@ -183,7 +183,7 @@ pub struct Rule {
     pub noise_cover: f64,
 }
 
-/// What a brush did: a line as wide as the brush. Strokes are kept as what was done, not as texels, so that every LOD sees the same one.
+/// A stroke of the brush: a line as wide as the brush. Strokes are stored as lines, not as texels, so that every LOD sees the same stroke.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
@@ -191,15 +191,16 @@ pub struct Stroke {
     pub kind: StrokeKind,
     /// Name of the material that is laid, or whose rules are weighted.
     pub material: String,
-    /// Where the brush passed, world metres (x, y), at least one; straight from each to the next.
+    /// The points of the line, world metres (x, y), at least one. Straight segments connect them.
     pub points: Vec<[f64; 2]>,
     /// Half the width of the line, metres, > 0.
     pub radius_m: f64,
-    /// Width of the soft edge of a mask, metres inwards from the line's edge, 0 to `radius_m`. A splat map holds one material a texel, so that laying
-    /// one has no soft edge.
+    /// Width of the soft edge of a mask, metres inwards from the line's edge, 0 to `radius_m`. A stroke of kind `splat` has no soft edge, because a
+    /// splat map holds one material per texel.
     #[serde(default)]
     pub fade_m: f64,
-    /// Factor on the weights of the material's rules, in the middle of a mask: 0 keeps the material away, 1 changes nothing. Of no meaning to splat.
+    /// Factor on the weights of the material's rules, in the middle of a mask: 0 keeps the material away, 1 changes nothing. A stroke of kind `splat`
+    /// does not use it.
     #[serde(default)]
     pub amount: f64,
 }
@@ -208,7 +209,7 @@ pub struct Stroke {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StrokeKind {
-    /// The splat map: the material lies wherever the brush passed, whatever the rules say.
+    /// The splat map: the material lies wherever the brush passed, regardless of the rules.
     Splat,
     /// The weights of the rules that lay the material.
     Mask,
@@ -218,7 +219,7 @@ fn half() -> f64 {
     0.5
 }
 
-/// A camera: where it stands and looks.
+/// A camera: its position and direction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraPose {
@@ -226,10 +227,10 @@ pub struct CameraPose {
     pub name: String,
     /// World metres; z is elevation, or metres above the ground if `above_ground`.
     pub position: [f64; 3],
-    /// Whether z counts from the ground below.
+    /// Whether z is measured from the ground below.
     #[serde(default)]
     pub above_ground: bool,
-    /// Compass bearing looked at: 0 = north (+y), 90 = east (+x).
+    /// Compass bearing of the view direction: 0 = north (+y), 90 = east (+x).
     pub yaw_deg: f64,
     /// Degrees above the horizon.
     pub pitch_deg: f64,
@@ -242,7 +243,7 @@ fn default_fov() -> f64 {
     55.0
 }
 
-/// A camera path: key poses, passed at even intervals of frames, interpolated by Catmull-Rom splines.
+/// A camera path: key poses at equal intervals of frames, interpolated by Catmull-Rom splines.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraPath {
@@ -250,7 +251,7 @@ pub struct CameraPath {
     pub name: String,
     /// Frames between two key poses, >= 1.
     pub frames_per_key: u32,
-    /// At least two.
+    /// The key poses, at least two.
     #[serde(rename = "key")]
     pub keys: Vec<CameraPose>,
 }

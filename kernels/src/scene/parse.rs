@@ -11,18 +11,18 @@ use crate::base::names::nearest;
 /// Name of the built-in scene.
 pub const DEFAULT: &str = "default";
 
-/// Name of the scene's file in a folder that is a scene.
+/// Name of the scene file in a folder that holds a scene.
 pub const FILE: &str = "scene.toml";
 
 /// Text of the built-in scene, an example of everything a scene file may say.
 pub const DEFAULT_TEXT: &str = include_str!("default.toml");
 
-/// A scene file before it is understood.
+/// The text of a scene file, before parsing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneText {
     /// The TOML.
     pub text: String,
-    /// What errors call it.
+    /// Its name in errors.
     pub name: String,
     /// Folder that relative file names refer to.
     pub folder: PathBuf,
@@ -31,7 +31,7 @@ pub struct SceneText {
 /// Reads a scene: `default` is the built-in one, anything else the path of a `.toml` file or of a folder that holds `scene.toml`.
 ///
 /// # Errors
-/// What [`text`] or [`parse`] refuses.
+/// As for [`text`] and [`parse`].
 pub fn load(path_or_name: &str) -> Result<Scene> {
     let scene = text(path_or_name)?;
     parse(&scene.text, &scene.name, &scene.folder)
@@ -74,7 +74,7 @@ pub fn parse(text: &str, where_: &str, folder: &Path) -> Result<Scene> {
     Ok(scene)
 }
 
-/// What is wrong by the type of a setting's value, said as [`Setting::accept`](crate::settings::Setting::accept) says it.
+/// Replaces the message about a value of the wrong type by that of [`Setting::accept`](crate::settings::Setting::accept), if the value is a setting.
 fn in_words_of_settings(wrong: document::Wrong, text: &str) -> document::Wrong {
     let Ok(document) = text.parse::<toml::Table>() else { return wrong };
     let mut said = super::settings().filter_map(|setting| {
@@ -83,7 +83,7 @@ fn in_words_of_settings(wrong: document::Wrong, text: &str) -> document::Wrong {
         let what = setting.accept(table.get(key)?).err()?;
         Some(setting.place().sentence(what).wrong(text))
     });
-    // Of another line is another mistake.
+    // A problem in another line is a different mistake.
     said.find(|said| said.line == wrong.line).unwrap_or(wrong)
 }
 

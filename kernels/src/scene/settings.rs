@@ -9,7 +9,7 @@ use crate::settings::{Field, Home, Kind, Listing, Range, Setting, table};
 /// Elevations, coordinates and distances beyond this many metres are mistakes.
 pub(super) const FAR_M: f64 = 1.0e7;
 
-/// Every setting of a scene can be set in these; those that the workbench shows, there as well.
+/// Where every setting of a scene can be set. Settings that the workbench shows can be set there, too.
 const HOMES: &[Home] = &[Home::SceneFile, Home::Definition, Home::Set];
 
 const FLAVOURS: Listing = Listing::new("Where flavours apply", HOMES);
@@ -104,10 +104,10 @@ table! {
     }
 }
 
-/// Edge of detail textures where a scene file gives none, texels.
+/// Default edge of detail textures, texels.
 pub(super) const DETAIL_SIZE: u32 = 1024;
 
-/// Those of no optional table. Of a world's settings, each world has those that its kind has.
+/// The settings outside the optional tables. Which settings a world has depends on its kind.
 const OTHERS: &[Setting<Scene>] = &[
     Setting {
         key: "world.seed",

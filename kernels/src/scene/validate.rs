@@ -11,20 +11,20 @@ use crate::settings;
 /// must exist.
 ///
 /// # Errors
-/// The first thing found wrong, named by its place in the scene.
+/// The first problem, with its place in the scene.
 pub fn validate(scene: &Scene) -> Result<()> {
     check(scene).map_err(|problem| Error::Scene { where_: format!("`{}`", one_line(&scene.name)), what: problem.to_string() })
 }
 
-/// Checks what only the world's data can tell: that a scene which asks for cliffs has any.
+/// Checks what depends on the world's data: a scene that asks for cliffs must have some.
 ///
 /// `max_slope_deg`: the steepest slope of the world, degrees.
 ///
 /// # Errors
-/// Cliff flavours are asked for and the steepest slope is less than `flavours.cliff_slope_deg`.
+/// The scene asks for cliff flavours, and the steepest slope is less than `flavours.cliff_slope_deg`.
 pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     let asked = scene.flavours.cliff_slope_deg;
-    // Written so that a slope that is not a number is refused, too.
+    // Written so that a slope of NaN is refused, too.
     if !scene.flavours.has_cliffs() || max_slope_deg >= asked {
         return Ok(());
     }
@@ -37,7 +37,7 @@ pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     })
 }
 
-/// Points of one stroke: every splat texel near it is held against each of them.
+/// Largest number of points of one stroke: every splat texel near it is compared with each of them.
 const MOST_POINTS: usize = 65_536;
 
 pub(super) fn check(scene: &Scene) -> Checked {
@@ -86,7 +86,7 @@ fn materials(at: &At, scene: &Scene) -> Checked {
         at.fail("there is none: give at least one [[material]]")?;
     }
     if count > 256 {
-        at.fail(format!("there are {count}, but a splat map's 8-bit index tells at most 256 apart: remove {}", count - 256))?;
+        at.fail(format!("there are {count}, but the 8-bit index of a splat map allows at most 256: remove {}", count - 256))?;
     }
     at.unique_names(scene.materials.iter().map(|m| m.name.as_str()))?;
     for (i, material) in scene.materials.iter().enumerate() {
@@ -158,21 +158,21 @@ fn one_stroke(at: &At, stroke: &Stroke, materials: &[&str]) -> Checked {
     match stroke.points.len() {
         0 => points.fail("there is none: give at least one [x, y], world metres")?,
         1..=MOST_POINTS => {}
-        count => points.fail(format!("there are {count}, must be at most {MOST_POINTS}: leave some out, or make two strokes of it"))?,
+        count => points.fail(format!("there are {count}, must be at most {MOST_POINTS}: leave some out, or split the stroke in two"))?,
     }
-    // A place has a name only once it is wrong: there may be many of them.
+    // The path of a point is made only if the point is wrong, because there may be many points.
     if let Some(i) = stroke.points.iter().position(|point| !point.iter().all(|x| x.abs() <= FAR_M)) {
         points.index(i).all_within(&stroke.points[i], -FAR_M, FAR_M)?;
     }
     at.key("radius_m").positive(stroke.radius_m, FAR_M)?;
     if !(0.0..=stroke.radius_m).contains(&stroke.fade_m) {
         let (fade, radius) = (stroke.fade_m, stroke.radius_m);
-        at.key("fade_m").fail(format!("is {fade}, must lie in 0..={radius}: the edge is soft inwards, up to radius_m"))?;
+        at.key("fade_m").fail(format!("is {fade}, must lie in 0..={radius}: the soft edge lies within the line, up to radius_m"))?;
     }
     at.key("amount").within(stroke.amount, 0.0, 1.0e6)
 }
 
-/// What the distances and slopes must be to each other.
+/// Checks the relations between distances, and between slopes.
 fn flavours(at: &At, scene: &Scene) -> Checked {
     let f = &scene.flavours;
     if !f.has_cliffs() {
@@ -250,7 +250,7 @@ mod tests {
         scene
     }
 
-    /// What is said of a scene whose only stroke was changed.
+    /// The error for a scene whose only stroke was changed.
     fn refused(change: impl FnOnce(&mut Stroke)) -> String {
         let mut scene = painted();
         change(&mut scene.strokes[0]);

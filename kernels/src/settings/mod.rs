@@ -1,6 +1,6 @@
 //! Settings: values that a user chooses. Each is declared once, with its key, unit, accepted values, default, description and accessor.
 //!
-//! A table is an array of [`Setting`] over the type that owns the values: [`crate::scene::settings`] over a scene, [`crate::frame::settings`] over
+//! A table is an array of [`Setting`] over the type that owns the values: [`crate::scene::settings`] over a scene, [`FrameSettings`](crate::frame::FrameSettings) over
 //! the choices of a frame. Scene files, definitions of experiments, the command line, the workbench with its state file, and the reference
 //! documentation read these tables. A value that is not accepted is described by the same sentence everywhere ([`Setting::accept`]).
 
@@ -20,7 +20,7 @@ pub use reference::{Home, Row, reference, values};
 pub struct Range {
     /// Smallest number.
     pub least: f64,
-    /// Largest number; accepted.
+    /// Largest number; it is accepted.
     pub most: f64,
     /// Whether the smallest number itself is not accepted.
     above: bool,
@@ -44,7 +44,7 @@ impl Range {
 }
 
 impl fmt::Display for Range {
-    /// What a number must be: `-2 to 4`, `above 0 and at most 1000`.
+    /// The accepted numbers, as text: `-2 to 4`, `above 0 and at most 1000`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.above { write!(f, "above {} and at most {}", self.least, self.most) } else { write!(f, "{} to {}", self.least, self.most) }
     }
@@ -55,7 +55,7 @@ impl fmt::Display for Range {
 pub enum Kind {
     /// A number.
     Number(Range),
-    /// So many numbers.
+    /// A list of this many numbers.
     Numbers(usize, Range),
     /// A whole number, from the first to the last.
     Whole(u32, u32),
@@ -65,7 +65,7 @@ pub enum Kind {
     Flag,
     /// One of these names.
     Name(fn() -> Vec<&'static str>),
-    /// A text of several parts, described in words; its field knows what it accepts.
+    /// A text of several parts, with a description of its form. The field decides which texts it accepts.
     Text(&'static str),
 }
 
@@ -79,7 +79,7 @@ fn alternatives<T: fmt::Display>(items: &[T]) -> String {
 }
 
 impl fmt::Display for Kind {
-    /// What a value must be.
+    /// The accepted values, as text.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Kind::Number(range) => range.fmt(f),
@@ -94,14 +94,20 @@ impl fmt::Display for Kind {
 }
 
 impl Kind {
-    /// The value that a text on the command line stands for. A text that stands for no value of this kind is a text.
+    /// Parses a text from the command line as a value of this kind. A text that cannot be parsed is returned as a string value.
     pub fn read(self, text: &str) -> Value {
         let value = match self {
             Kind::Number(_) => text.parse().ok().map(Value::Float),
             Kind::Whole(..) | Kind::OneOf(_) => text.parse().ok().map(Value::Integer),
             Kind::Flag => text.parse().ok().map(Value::Boolean),
             Kind::Numbers(..) => {
-                let numbers: Option<Vec<Value>> = text.split(',').map(|part| part.trim().parse().ok().map(Value::Float)).collect();
+                let numbers: Option<Vec<Value>> = text
+                    .trim()
+                    .trim_start_matches('[')
+                    .trim_end_matches(']')
+                    .split(',')
+                    .map(|part| part.trim().parse().ok().map(Value::Float))
+                    .collect();
                 numbers.map(Value::Array)
             }
             Kind::Name(_) | Kind::Text(_) => None,
@@ -131,7 +137,7 @@ fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
-/// A value as people write it: numbers in the fewest digits.
+/// A value as text, with numbers in the fewest digits.
 pub fn shown(value: &Value) -> String {
     match value {
         Value::Float(number) => number.to_string(),
@@ -140,18 +146,18 @@ pub fn shown(value: &Value) -> String {
     }
 }
 
-/// A value where it is stored.
+/// A stored value that a setting reads and writes.
 pub trait Field {
-    /// The value as TOML has it.
+    /// The value in TOML.
     fn value(&self) -> Value;
 
     /// Stores a value of the setting's [`Kind`].
     ///
     /// # Errors
-    /// It is not one of this type: a hint, which may be empty.
+    /// The value does not fit this type. The error is a hint, which may be empty.
     fn store(&mut self, value: &Value) -> Result<(), String>;
 
-    /// The number itself, where the value is one that can be moved continuously.
+    /// The number itself, if the value can be changed continuously.
     fn number(&mut self) -> Option<&mut f64> {
         None
     }
@@ -217,10 +223,10 @@ impl Field for bool {
     }
 }
 
-/// A setting's place: what it belongs to, where it can be set, and how the workbench shows it.
+/// How a setting is listed: its group, where it can be set, and how the workbench shows it.
 #[derive(Clone, Copy, Debug)]
 pub struct Listing {
-    /// What it belongs to.
+    /// Its group.
     pub group: &'static str,
     /// Where it can be set.
     pub homes: &'static [Home],
@@ -230,7 +236,7 @@ pub struct Listing {
     pub slider: Option<Slider>,
 }
 
-/// How a number is moved.
+/// The slider of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slider {
     /// The ends, within the accepted range. A number outside them may be typed.
@@ -240,7 +246,7 @@ pub struct Slider {
 }
 
 impl Listing {
-    /// Not shown by the workbench.
+    /// A listing that the workbench does not show.
     pub const fn new(group: &'static str, homes: &'static [Home]) -> Listing {
         Listing { group, homes, label: None, slider: None }
     }
@@ -266,28 +272,28 @@ impl Listing {
 
 /// A setting of a `T`.
 pub struct Setting<T: 'static> {
-    /// Its key: the way to it in a scene file, or `frame.` and its name.
+    /// Its key: the path to it in a scene file, or `frame.` followed by its name.
     pub key: &'static str,
     /// Its unit; empty = none.
     pub unit: &'static str,
     /// What it accepts.
     pub kind: Kind,
-    /// The value where none is given; `None` = it must be given.
+    /// The default value; `None` = a value must be given.
     pub default: fn() -> Option<Value>,
     /// What it does, in sentences.
     pub about: &'static str,
-    /// Its place.
+    /// Its group, where it can be set, and how it is shown.
     pub listing: Listing,
     /// Where the value is stored; `None` = this `T` does not have it.
     pub field: fn(&T) -> Option<&dyn Field>,
-    /// The same, to change it.
+    /// The same, for changing the value.
     pub field_mut: fn(&mut T) -> Option<&mut dyn Field>,
 }
 
 /// Declares a type whose fields are settings: the type, its default values, and the table `SETTINGS`.
 ///
-/// `Name of Owner as "prefix" at |owner| place` says that `place` is where an owner keeps the `Name`, and that keys begin with `prefix`. Then come the
-/// fields: documentation, which is the setting's description, name, type, default, and `unit, kind, listing`.
+/// In `Name of Owner as "prefix" at |owner| place`, `place` is where an owner stores the `Name`, and keys begin with `prefix`. Each field then has:
+/// documentation, which is also the description of the setting; name, type and default; `unit, kind, listing`.
 macro_rules! table {
     (
         $(#[$meta:meta])*
@@ -336,7 +342,7 @@ macro_rules! table {
 pub(crate) use table;
 
 impl<T> Setting<T> {
-    /// The last step of its key.
+    /// The last part of its key.
     pub fn name(&self) -> &'static str {
         self.key.rsplit('.').next().unwrap_or(self.key)
     }
@@ -351,20 +357,21 @@ impl<T> Setting<T> {
         (self.field)(owner).map(Field::value)
     }
 
-    /// What the workbench calls it; its name where the workbench does not show it.
+    /// Its label in the workbench, or its name if the workbench does not show it.
     pub fn label(&self) -> &'static str {
         self.listing.label.unwrap_or_else(|| self.name())
     }
 
-    /// The number that an owner has, where a slider can move it.
+    /// The number that an owner has, if a slider can move it.
     pub fn number<'a>(&self, owner: &'a mut T) -> Option<&'a mut f64> {
         (self.field_mut)(owner)?.number()
     }
 
-    /// Gives an owner a value.
+    /// Stores a value in an owner.
     ///
     /// # Errors
-    /// One sentence, the same wherever the value comes from: the key, the value, and what it must be. The owner stays as it was.
+    /// One sentence, which is the same wherever the value comes from. It names the key, the value, and what the value must be. The owner does not
+    /// change.
     pub fn set(&self, owner: &mut T, value: &Value) -> Result<(), String> {
         self.accept(value)?;
         match (self.field_mut)(owner) {
@@ -373,7 +380,7 @@ impl<T> Setting<T> {
         }
     }
 
-    /// Checks a value without storing it, as far as that can be told without its type.
+    /// Checks a value without storing it. Only [`Setting::set`] makes the checks that depend on the field's type.
     ///
     /// # Errors
     /// As [`Setting::set`].
@@ -384,7 +391,7 @@ impl<T> Setting<T> {
         let hint = match (self.kind, value) {
             (Kind::Name(names), Value::String(name)) => {
                 let hint = suggestion(name, &names());
-                // All names are in the sentence already.
+                // The sentence already lists all names.
                 if hint.starts_with("there are") { String::new() } else { hint }
             }
             _ => String::new(),
@@ -392,7 +399,7 @@ impl<T> Setting<T> {
         Err(self.refusal(value, &hint))
     }
 
-    /// The one sentence about a value that is not accepted.
+    /// The sentence that describes a value that is not accepted.
     fn refusal(&self, value: &Value, hint: &str) -> String {
         let colon = if hint.is_empty() { "" } else { ": " };
         format!("`{}` is {}, must be {}{colon}{hint}", self.key, shown(value), self.kind)
@@ -402,7 +409,7 @@ impl<T> Setting<T> {
 /// Checks every value of an owner.
 ///
 /// # Errors
-/// The first that its setting does not accept, in the order of the table, as [`Setting::set`] says it.
+/// The first value, in the order of the table, that its setting does not accept, described as by [`Setting::set`].
 pub fn check<T: 'static>(mut table: impl Iterator<Item = &'static Setting<T>>, owner: &T) -> Checked {
     let wrong = |setting: &'static Setting<T>| {
         let value = setting.get(owner)?;

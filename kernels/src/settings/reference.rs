@@ -1,4 +1,4 @@
-//! Settings as documentation: a table in Markdown, made from the declarations.
+//! The documentation of settings: a table in Markdown, generated from the declarations.
 
 use std::fmt::Write as _;
 
@@ -24,22 +24,22 @@ pub enum Home {
     Workbench,
 }
 
-/// A setting without its owner's type, for people and programs to read.
+/// A setting without its owner's type, for display and for output as data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Its key.
     pub key: &'static str,
-    /// What it belongs to.
+    /// Its group.
     pub group: &'static str,
     /// The value that an owner has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<Value>,
-    /// The value where none is given; absent = it must be given.
+    /// The default value; absent = a value must be given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<Value>,
     /// What a value must be.
     pub accepts: String,
-    /// Smallest and largest number, where the setting is one.
+    /// Smallest and largest number, if the setting is a number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
     /// Its unit; empty = none.
@@ -99,7 +99,7 @@ impl<T> Setting<T> {
     }
 }
 
-/// Rows by their groups, in the order in which those appear.
+/// The rows by group, in the order in which the groups first appear.
 fn by_group(rows: &[Row]) -> Vec<(&'static str, Vec<&Row>)> {
     let mut groups: Vec<(&'static str, Vec<&Row>)> = Vec::new();
     for row in rows {

@@ -1,4 +1,4 @@
-//! Estimators: how near cliff, far cliff and splat arrive at their value. One table of what each takes.
+//! Estimators: how near cliff, far cliff and splat compute their value. One table holds the fetches and random draws of each.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,32 +7,32 @@ use crate::base::error::{Error, Result};
 use crate::base::names::nearest;
 use crate::variant::{Flavour, Variant};
 
-/// How a flavour arrives at its value. Virtual texture and far atlas are the same in all.
+/// How a flavour computes its value. Virtual texture and far atlas are the same in all estimators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Estimator {
-    /// Far Cry 5's: random choices on cliffs (Moore, GDC 2018, "Cliff Shading").
+    /// The estimator of Far Cry 5: random choices on cliffs (Moore, GDC 2018, "Cliff Shading").
     #[default]
     Fc5,
-    /// The exact blend of what `Fc5` chooses from: its mean.
+    /// The exact blend of everything from which `Fc5` chooses: the mean of `Fc5`.
     Exact,
-    /// The variance over seeds that theory gives `Fc5`, times [`VARIANCE_SCALE`], in place of albedo: the yardstick for measured variance.
-    /// Of splat it has none.
+    /// The theoretical variance of `Fc5` over seeds, times [`VARIANCE_SCALE`], in place of albedo: the yardstick for measured variance. Splat has no
+    /// variance.
     Variance,
     /// `Fc5` with the two projections that the surface faces most (Quilez, *Biplanar mapping*, 2020) instead of three.
     Biplanar,
-    /// `Fc5` with hex-tiled textures (Mikkelsen, JCGT 11(2), 2022) in place of the second tiling scale; on far cliff the one scale is one
-    /// of the two by chance, else it would step. Contrast is not preserved.
+    /// `Fc5` with hex-tiled textures (Mikkelsen, JCGT 11(2), 2022) in place of the second tiling scale. Far cliff chooses one of the two scales at
+    /// random, because a fixed choice would make the scale jump. Contrast is not preserved.
     Hex,
-    /// One tap of one texel a texture: projection, material, scale, mip level and texel all by chance (Fajardo et al., *Stochastic Texture
-    /// Filtering*, 2023). Its mean is that of `Fc5`'s near or far cliff; splat's, too, is near cliff's, since weights modified by height
-    /// would take the heights of all four materials. Anisotropic filtering is left out.
+    /// One tap that reads one texel of each texture. Projection, material, scale, mip level and texel are all chosen at random (Fajardo et al.,
+    /// *Stochastic Texture Filtering*, 2023). On near and far cliff its mean is that of `Fc5`. On splat its mean is that of near cliff, because
+    /// weights modified by height would need the heights of all four materials. It has no anisotropic filtering.
     Stf,
-    /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983), coarse blended by bilinear weights, detail by weights modified by
-    /// height. On far cliff at the lower of the two scales, which steps.
+    /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended by bilinear weights, the detail by weights modified by
+    /// height. Far cliff uses only the lower of the two scales, so its scale jumps.
     Laplacian,
-    /// Eight layers, always sampled, from above, one blended over the other (Luna, 2016).
+    /// Eight layers, seen from above, all sampled at every pixel and blended one over the other (Luna, 2016).
     Luna8,
-    /// Four materials in one projection: from above, or on steep ground a vertical plane of eight directions (after Terrain3D).
+    /// Four materials in one projection: from above or, on steep ground, onto a vertical plane in one of eight directions (after Terrain3D).
     Snapped,
     /// The mean of `Biplanar`.
     BiplanarMean,
@@ -40,10 +40,10 @@ pub enum Estimator {
     HexMean,
 }
 
-/// Factor on the variance that [`Estimator::Variance`] writes, so that f16 does not run into its denormals.
+/// Factor on the variance that [`Estimator::Variance`] writes, so that f16 values stay out of the range of denormals.
 pub const VARIANCE_SCALE: f64 = 1024.0;
 
-/// What an estimator takes on near cliff, far cliff and splat: fetches a pixel, and whether it draws random numbers.
+/// Cost of an estimator on near cliff, far cliff and splat: fetches per pixel, and whether it draws random numbers.
 struct Taken {
     name: &'static str,
     fetches: [u32; 3],
@@ -58,7 +58,7 @@ const NOWHERE: [bool; 3] = [false; 3];
 const ON_CLIFFS: [bool; 3] = [true, true, false];
 
 impl Estimator {
-    /// Those that make a picture.
+    /// Estimators that make a picture.
     pub const ALL: [Estimator; 8] = [
         Estimator::Fc5,
         Estimator::Exact,
@@ -70,7 +70,7 @@ impl Estimator {
         Estimator::Snapped,
     ];
 
-    /// Those that measure others.
+    /// Estimators that are drawn only to measure others.
     pub const YARDSTICKS: [Estimator; 3] = [Estimator::Variance, Estimator::BiplanarMean, Estimator::HexMean];
 
     const fn taken(self) -> Taken {
@@ -94,7 +94,7 @@ impl Estimator {
         self.taken().name
     }
 
-    /// Place of a flavour in the tables; `None` where estimators make no difference.
+    /// Index of a flavour in the tables; `None` if the flavour is the same in all estimators.
     const fn place(flavour: Flavour) -> Option<usize> {
         match flavour {
             Flavour::VirtualTexture | Flavour::FarAtlas => None,
@@ -104,10 +104,10 @@ impl Estimator {
         }
     }
 
-    /// Texture samples per pixel that a flavour takes by this estimator: what counted fetches are held against. Not in it: one for colour
-    /// modulation, and splat's second tiling scale. [`Estimator::Variance`] reads nothing for what it does not measure.
+    /// Fetches per pixel that a flavour should take with this estimator; counted fetches are compared with them. They do not include the fetch for
+    /// colour modulation and the second tiling scale of splat. [`Estimator::Variance`] reads nothing for flavours that it does not measure.
     ///
-    /// Those of [`Estimator::Fc5`] are Moore's (GDC 2018, "Near and Far Cliff Differences", with its two rows set right: ruling 1).
+    /// The numbers of [`Estimator::Fc5`] are Moore's (GDC 2018, "Near and Far Cliff Differences", whose two rows ruling 1 corrects).
     pub const fn promised_fetches(self, flavour: Flavour) -> u32 {
         match Estimator::place(flavour) {
             Some(place) => self.taken().fetches[place],
@@ -129,8 +129,8 @@ impl Estimator {
         variant.flavours().filter_map(Estimator::place).any(|place| self.taken().draws[place])
     }
 
-    /// The estimator whose picture is this one's mean over seeds, on a flavour where it draws random numbers: for [`Estimator::Stf`] of splat
-    /// it is that of near cliff.
+    /// The estimator whose picture is the mean of this estimator's pictures over seeds, for flavours where this one draws random numbers. For splat
+    /// with [`Estimator::Stf`], that picture is the one of near cliff.
     pub const fn mean(self) -> Estimator {
         match self {
             Estimator::Fc5 | Estimator::Stf => Estimator::Exact,
@@ -140,7 +140,7 @@ impl Estimator {
         }
     }
 
-    /// Whether splat can take two tiling scales; what others do is defined with one.
+    /// Whether splat can have two tiling scales. The splat of all other estimators is defined with one.
     pub const fn has_two_tilings(self) -> bool {
         matches!(self, Estimator::Fc5 | Estimator::Exact | Estimator::Biplanar | Estimator::BiplanarMean)
     }
@@ -160,12 +160,12 @@ impl fmt::Display for Estimator {
 impl FromStr for Estimator {
     type Err = Error;
 
-    /// Accepts the names of those that make a picture.
+    /// Accepts the names of the estimators that make a picture.
     fn from_str(text: &str) -> Result<Estimator> {
         Estimator::ALL.into_iter().find(|e| e.name() == text).ok_or_else(|| {
             let names = Estimator::ALL.map(Estimator::name);
             let hint = nearest(text, &names).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
-            Error::Request(format!("`{text}` is no estimator: {hint}there are {}", names.join(", ")))
+            Error::Request(format!("`{text}` is not an estimator: {hint}there are {}", names.join(", ")))
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Shading: one tiled indirect draw per variant, from depth, normals and terrain data to the G-buffer.
+//! Shading: one indirect draw of tiles per variant; computes the G-buffer from depth, normals and terrain data.
 //!
 //! Reads depth, normals, tile lists, terrain, virtual-texture pages. Writes albedo + specular occlusion and normal + smoothness (RGBA16Float), and on
 //! request a diagnostics target (fetches, choice, tile mask). One WGSL module; 31 variants and the generic kernel differ in override constants.
@@ -41,15 +41,15 @@ pub struct PipelineKey {
     pub kernel: Kernel,
     /// Estimator of near cliff, far cliff and splat.
     pub estimator: Estimator,
-    /// Their noise.
+    /// Noise of their random choices.
     pub noise: NoiseKind,
-    /// Whether full splat blends two tiling scales: 96 fetches. Without effect on estimators whose splat is defined with one.
+    /// Whether full splat blends two tiling scales: 96 fetches. It has no effect on estimators whose splat is defined with one scale.
     pub two_tilings: bool,
     /// Whether fetches are counted and choices recorded.
     pub diagnostics: bool,
 }
 
-/// What all pipelines of a renderer have in common.
+/// Settings that all pipelines of a renderer share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Whether the scene has a colour modulation map.
@@ -63,7 +63,7 @@ pub struct Settings {
 }
 
 impl PipelineKey {
-    /// The same pipeline by one name: what its flavours do not use is at its default, so that nothing is built twice.
+    /// The canonical key of the same pipeline: what its flavours do not use is at its default, so that no pipeline is built twice.
     #[must_use]
     pub fn canonical(self) -> PipelineKey {
         let Kernel::Variant(variant) = self.kernel else { return self };
@@ -120,20 +120,20 @@ impl Targets {
     }
 }
 
-/// The pass and its pipelines, built when first wanted and kept.
+/// The pass and its pipelines. A pipeline is built when it is first needed, and kept.
 pub struct Shading {
     template: Template,
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: HashMap<PipelineKey, wgpu::RenderPipeline>,
     settings: Settings,
-    /// [`blue_noise::ranks`] once a pipeline wants them; a few zeros before.
+    /// [`blue_noise::ranks`] once a pipeline needs them; before that, a few zeros.
     noise_ranks: wgpu::Buffer,
     /// Pipelines of the displayed view.
     displayed: Vec<PipelineKey>,
 }
 
-/// The stage's shader module: every variant is cut from it.
+/// The stage's shader module, which is specialised into every variant.
 pub static MODULE: ShaderModule = ShaderModule::new("shading", modules::ROOTS);
 
 impl Stage for Shading {
@@ -150,7 +150,7 @@ impl Stage for Shading {
             ]
         },
         name: "shading",
-        about: "Reads tile lists, depth, normals, terrain and pages; makes the G-buffer, by one variant a tile",
+        about: "Reads tile lists, depth, normals, terrain and pages; makes the G-buffer, with one variant per tile",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
@@ -189,7 +189,8 @@ impl Stage for Shading {
         })
     }
 
-    /// With the pipelines of the displayed view; without any, with the generic one, so that an error shows at once and not with the first picture.
+    /// Also builds the pipelines of the displayed view or, if there is none, the generic one, so that an error shows at once and not with the first
+    /// picture.
     fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<Shading>> {
         let mut shading = Shading::build(build)?;
         let generic = PipelineKey {
@@ -209,7 +210,8 @@ impl Stage for Shading {
 }
 
 impl Shading {
-    /// Tracks the pipelines of the displayed view: those of a reload. `fresh`: a view begins, else `keys` are added to those of the same view.
+    /// Tracks the pipelines of the displayed view, which a reload builds at once. `fresh`: a new view begins; else `keys` are added to those of the
+    /// same view.
     pub fn display(&mut self, keys: &[PipelineKey], fresh: bool) {
         if fresh {
             self.displayed.clear();
@@ -218,10 +220,10 @@ impl Shading {
         self.displayed.extend(added);
     }
 
-    /// Builds a pipeline unless it is there; says whether it had to.
+    /// Builds a pipeline unless it exists. Returns whether it was built.
     ///
     /// # Errors
-    /// When the device refuses it: as a wrong request, since others can be had all the same.
+    /// When the device refuses it. The error is [`Error::Request`], because other pipelines still work.
     pub fn warm(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<bool> {
         if self.pipelines.contains_key(&key) {
             return Ok(false);
@@ -279,10 +281,10 @@ impl Shading {
         Ok(true)
     }
 
-    /// Records the pass: one indirect draw per key. Every key must be warm, and record diagnostics if and only if `diagnostics` says so
-    /// (also a picture without a single terrain tile has its diagnostics cleared). `timed`: each key in a pass of its own, `shading: KEY`; else all in
-    /// one, `shading`.
-    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    /// Records the pass: one indirect draw per key. Every key must be warm, and must record diagnostics if and only if `diagnostics` is true (which
+    /// also clears the diagnostics of a picture without any terrain tile). `timed`: each key has a pass of its own, `shading: KEY`; else all share
+    /// one pass, `shading`.
+    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
     pub fn encode(
         &self,
         gpu: &Gpu,

@@ -1,4 +1,4 @@
-//! The WGSL files of shading: a file a flavour and a file an estimator, behind `shade_surface`.
+//! The WGSL files of shading: one per flavour and one per estimator, all called through `shade_surface`.
 
 use super::{Estimator, VARIANCE_SCALE};
 use crate::base::wgsl::{Constant, Wgsl};
@@ -9,7 +9,7 @@ const fn estimator(estimator: Estimator) -> Constant {
     Constant::U32(estimator as u32)
 }
 
-/// Place of a flavour in arrays of five.
+/// Index of a flavour in arrays of five.
 const fn place(flavour: Flavour) -> Constant {
     Constant::U32(flavour.bit().trailing_zeros())
 }

@@ -1,13 +1,13 @@
-// A pixel to shade: what every flavour and estimator starts from. The overrides that shading is specialised by.
+// A pixel to shade, which is the input of every flavour and estimator; and the override constants that specialise shading.
 
 // Mask of the flavours compiled in, 1..31; 0 = the generic kernel, which takes each tile's mask at run time.
 override VARIANT: u32 = 0u;
-// How near cliff, far cliff and splat arrive at their value; `Estimator` in estimator.rs explains each.
+// How near cliff, far cliff and splat compute their value; `Estimator` in estimator.rs explains each estimator.
 override ESTIMATOR: u32 = 0u;
 // Noise kind of the stochastic choices, see noise.wgsl.
 override NOISE: u32 = 0u;
-// Whether a tile is one triangle, cut off below the tile by the depth test: then two must not share the diagonal, where 2 x 2 pixels
-// (and whatever else a device shades together) would be shaded for either.
+// Whether a tile is drawn as one triangle, which the depth test cuts off below the tile. Two triangles share a diagonal, and groups of 2 x 2 pixels
+// along it (or whatever else a device shades together) would be shaded twice.
 override ONE_TRIANGLE: bool = false;
 // Edge of a tile, pixels.
 override TILE: u32 = 8u;
@@ -24,7 +24,7 @@ override TWO_TILINGS: bool = false;
 @group(2) @binding(7) var page_sampler: sampler;
 @group(2) @binding(8) var<storage, read> noise_ranks: array<u32>;
 
-// What the constants above decide, as conditions that are theirs alone: code behind a false one is cut out before a driver sees it.
+// Conditions that depend only on the constants above: code behind a false condition is removed before a driver sees it.
 override RUNS_VT: bool = (VARIANT == 0u) | ((VARIANT & 1u) != 0u);
 override RUNS_FAR_ATLAS: bool = (VARIANT == 0u) | ((VARIANT & 2u) != 0u);
 override RUNS_NEAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & 4u) != 0u);
@@ -35,14 +35,14 @@ override IS_BIPLANAR: bool = (ESTIMATOR == ESTIMATOR_BIPLANAR) | (ESTIMATOR == E
 override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATOR == ESTIMATOR_LUNA8);
 // Whether random choices are replaced by their mean.
 override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
-// Whether all of an estimator's flavours are one blend of four (or eight) materials in each of its projections.
+// Whether an estimator shades every flavour by the same blend of four (or eight) materials in each of its projections.
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
 
-// Independent random numbers for each stochastic flavour (ruling 15).
+// Salts, so that each stochastic flavour has independent random numbers (ruling 15).
 const SALT_NEAR_CLIFF: u32 = 1u;
 const SALT_FAR_CLIFF: u32 = 2u;
 const SALT_SPLAT: u32 = 3u;
-// Added to a flavour's, for the two choices of texels.
+// Added to the salt of a flavour, for the two choices of texels.
 const SALT_TEXEL: u32 = 4u;
 const SALT_HEIGHT_TEXEL: u32 = 8u;
 
@@ -52,12 +52,12 @@ struct Pixel {
     node: NodePlace,
     cell: SplatCell,
     normal: vec3<f32>,          // shading normal
-    planes: vec3<u32>,          // of the projections
-    projections: vec3<f32>,     // their weights
+    planes: vec3<u32>,          // axes of the projections
+    projections: vec3<f32>,     // weights of the projections
     tiling: vec2<f32>,          // lower scale exponent, blend towards the next
 }
 
-// First stochastic choice of the pixel + 1, for inspection: splat texel, and 4 times the projection.
+// First random choice of the pixel, for inspection: 1 + splat texel + 4 x projection; 0 = none yet.
 var<private> choice: u32;
 
 // Thresholds of the pixel's noise.
@@ -82,7 +82,7 @@ fn shade_choose(texel: u32, plane: u32) {
     }
 }
 
-// Projections that the estimator has.
+// Number of projections of the estimator.
 fn shade_projections() -> u32 {
     if IS_BIPLANAR {
         return frame.taps - 2u;

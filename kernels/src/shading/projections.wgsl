@@ -1,6 +1,6 @@
-// Projections of an estimator, and its blend of all materials in one of them.
+// The projections of an estimator, and its blend of all materials in one projection.
 
-// Which projections an estimator has, and their weights.
+// Sets the projections of the estimator, and their weights.
 fn shade_project(pixel: ptr<function, Pixel>) {
     (*pixel).planes = vec3<u32>(0u, 1u, 2u);
     if IS_BIPLANAR {
@@ -14,7 +14,7 @@ fn shade_project(pixel: ptr<function, Pixel>) {
     }
 }
 
-// All materials of a splat cell, blended the estimator's way: 16 fetches, hex-tiled 40, in bands 20, in layers 28.
+// All materials of a splat cell, blended as the estimator does it: 16 fetches; 40 hex-tiled, 20 in bands, 28 in layers.
 fn shade_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
     if ESTIMATOR == ESTIMATOR_LAPLACIAN {
         return shade_laplacian_blend(pixel, projection, scale);

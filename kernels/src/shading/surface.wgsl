@@ -1,4 +1,4 @@
-// From a pixel to its surface: the flavours of a mask, blended by their weights.
+// The surface of a pixel: the flavours of a mask, blended by their weights.
 
 struct ShadedSurface {
     albedo: vec3<f32>,
@@ -23,7 +23,7 @@ fn shade_surface(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurfa
         }
     }
     if (mask & 30u) != 0u {
-        // All but the virtual texture, whose pages already hold it, share one colour modulation.
+        // All flavours but the virtual texture share one colour modulation; the pages of the virtual texture already contain it.
         var sum = surface_zero();
         var share = 0.0;
         if RUNS_FAR_ATLAS {
@@ -71,7 +71,7 @@ fn shade_surface(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurfa
     return ShadedSurface(albedo, normal, smoothness, occlusion);
 }
 
-// The theoretical variance of a pixel's albedo over seeds: only the stochastic flavours have one, and they draw independently.
+// The theoretical variance of a pixel's albedo over seeds. Only the stochastic flavours have a variance, and their random numbers are independent.
 fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurface {
     var variance = vec3<f32>(0.0);
     if RUNS_NEAR_CLIFF {
@@ -85,6 +85,6 @@ fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurf
         }
     }
     let modulation = terrain_colour_modulation(pixel.node);
-    // Scaled, so that f16 does not run into its denormals.
+    // Scaled, so that f16 values stay out of the range of denormals.
     return ShadedSurface(variance * modulation * modulation * SHADING_VARIANCE_SCALE, pixel.normal, 0.0, 0.0);
 }

@@ -1,8 +1,8 @@
-// The two projections that a surface faces most, with weights that let the third go without a seam.
+// The two projections that a surface faces most, with weights that drop the third projection without a seam.
 // Source: Quilez, "Biplanar mapping", 2020.
 
-// Component of a direction that faces all three axes alike: no weight is left at or below it, and the middle component never is above
-// it where it is the smallest, too.
+// 1 / sqrt 3: each component of a direction that faces all three axes equally. Components of at most this size have weight 0. Where the middle
+// component equals the smallest one, it is never above this.
 const BIPLANAR_DIAGONAL: f32 = 0.57735027;
 const BIPLANAR_MAX_SHARPNESS: f32 = 1e4;
 
@@ -11,8 +11,8 @@ struct Biplanar {
     weights: vec2<f32>,         // sum to 1
 }
 
-// ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8) of the two largest components, normalised; `sharpness` = k, on the scale of tri-planar
-// weights. On the eight diagonals, the only places where the blend jumps, the first axis alone.
+// ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8) of the two largest components, normalised; `sharpness` is k, on the scale of tri-planar weights. On the
+// eight diagonals, the only places where the blend jumps, the first axis gets all the weight.
 fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
     let a = abs(octahedral_unit(n));
     var axes = vec2<u32>(0u, 1u);
@@ -30,7 +30,7 @@ fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
         return Biplanar(axes, vec2<f32>(1.0, 0.0));
     }
     let k = 0.125 * usable_positive_1(sharpness, BIPLANAR_MAX_SHARPNESS);
-    // Measured against the larger, whose term then is 1. What is zero stays so at any power: the third axis' limit is no weight.
+    // Divided by the larger one, whose term is then 1. Zero stays zero at any power, so the weight of an axis falls to 0 before the axis is dropped.
     let r = above / top;
     let w = select(vec2<f32>(0.0), exp2(k * log2(max(r, vec2<f32>(1e-30)))), r > vec2<f32>(1e-30));
     return Biplanar(axes, w / (w.x + w.y));

@@ -1,38 +1,38 @@
-//! Blue-noise masks: thresholds whose error, seen from afar, cancels among neighbours.
+//! Blue-noise masks: thresholds whose errors cancel among neighbours when seen from a distance.
 //!
-//! Void and cluster (Ulichney, *The void-and-cluster method for dither array generation*, SPIE 1913, 1993) puts points one by one
-//! where the others' Gaussian energy is least; the order is the rank. The spatio-temporal mask (Wolfe, Morrical, Akenine-Möller,
-//! Ramamoorthi, *Spatiotemporal Blue Noise Masks*, EGSR 2022) is the same in a volume whose energy between two points is the
-//! spatial Gaussian where they share a slice, the temporal one where they share a pixel, and none elsewhere.
+//! The void-and-cluster method (Ulichney, *The void-and-cluster method for dither array generation*, SPIE 1913, 1993) places points one by one where
+//! the Gaussian energy of the other points is least; the position of a point in this order is its rank. The spatio-temporal mask (Wolfe, Morrical,
+//! Akenine-Möller, Ramamoorthi, *Spatiotemporal Blue Noise Masks*, EGSR 2022) applies the method to a volume: the energy between two points is the
+//! spatial Gaussian if they share a slice, the temporal Gaussian if they share a pixel, and zero otherwise.
 //!
-//! Made at run time, in integers: tables of 24 bits, hashed starts and explicit ties, so that every machine has the same masks.
-//! A spatio-temporal slice is ranked anew within itself: each slice holds every rank once, in the volume's order.
+//! Masks are made at run time in integers (tables of 24 bits, hashed starts, explicit rules for ties), so that every machine has the same masks. The
+//! points of each spatio-temporal slice are then ranked again within the slice: it holds every rank once, in the order of the volume.
 
 use std::sync::OnceLock;
 
 use super::hash;
 
-/// Edge of a mask, pixels: masks repeat after it.
+/// Edge of a mask, pixels. Masks repeat with this period.
 pub const EDGE: u32 = 64;
-/// Slices of the spatio-temporal mask, frames: it repeats after them.
+/// Slices of the spatio-temporal mask, one per frame. The mask repeats with this period.
 pub const SLICES: u32 = 16;
-/// Ranks of a mask or slice, each of 0..this once.
+/// Number of ranks of a mask or slice. Each rank from 0 to this - 1 occurs once.
 pub const RANKS: u32 = EDGE * EDGE;
 
 const SIDE: usize = EDGE as usize;
 const AREA: usize = SIDE * SIDE;
-/// Standard deviation of both Gaussians, pixels and frames: that of Wolfe et al.
+/// Standard deviation of both Gaussians, in pixels and frames, as in Wolfe et al.
 const SIGMA: f64 = 1.9;
-/// Where the spatial Gaussian ends, pixels: 4.2 standard deviations, where it is 1.4e-4.
+/// Where the spatial Gaussian is cut off, pixels: at 4.2 standard deviations, where its value is 1.4e-4.
 const REACH: usize = 8;
-/// Energy of a point upon itself. 27 of it, the most that a full volume adds up to, fit 32 bits.
+/// Energy of a point at its own place. The energy in a full volume is at most 27 times this, which fits 32 bits.
 const UNIT: f64 = 16_777_216.0;
-/// Part of the points that the first pattern holds (Ulichney: a tenth or so; fewer than half).
+/// The first pattern holds one in this many points (Ulichney: about a tenth; fewer than half).
 const FIRST_PART: usize = 10;
 const SEED: u32 = 0x0b1e;
 
-/// Ranks of the blue mask, then those of the spatio-temporal mask's slices: each EDGE x EDGE, row by row. Made once, in about a
-/// tenth of a second.
+/// The ranks of the blue-noise mask, then those of each slice of the spatio-temporal mask, each EDGE x EDGE, row by row. They are made once, in about
+/// a tenth of a second.
 pub fn ranks() -> &'static [u32] {
     static MASKS: OnceLock<Vec<u32>> = OnceLock::new();
     MASKS.get_or_init(|| {
@@ -43,7 +43,7 @@ pub fn ranks() -> &'static [u32] {
     })
 }
 
-/// The order of the values of a slice: distinct values in, 0..their number out.
+/// Replaces the values of a slice, which are distinct, by their ranks within the slice, from 0.
 fn ranked_anew(slice: &[u32]) -> Vec<u32> {
     let mut order: Vec<usize> = (0..slice.len()).collect();
     order.sort_unstable_by_key(|&i| slice[i]);
@@ -54,7 +54,7 @@ fn ranked_anew(slice: &[u32]) -> Vec<u32> {
     ranks
 }
 
-/// Ranks of a torus of `slices` x 64 x 64 points, each of 0..their number once.
+/// The ranks of a torus of `slices` x 64 x 64 points. Each rank, from 0 to the number of points - 1, occurs once.
 fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     let mut torus = Torus::new(slices, seed);
     let points = slices * AREA;
@@ -64,7 +64,7 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     for &(_, i) in &start[..first] {
         torus.turn(i);
     }
-    // Moves points from clusters to voids for as long as that lowers the energy, which it cannot do for ever.
+    // Moves points from clusters to voids while that lowers the energy. The loop ends, because the energy cannot fall for ever.
     loop {
         let cluster = torus.tightest_cluster();
         torus.turn(cluster);
@@ -86,7 +86,8 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     for i in taken {
         torus.turn(i);
     }
-    // Ulichney's last two phases are one: the tightest cluster of free points is the largest void, since all energies sum to the same.
+    // Ulichney's last two phases are the same: the tightest cluster of free places is the largest void, because the energies of points and of free
+    // places have the same sum everywhere.
     for rank in first..points {
         let i = torus.largest_void();
         torus.turn(i);
@@ -95,18 +96,19 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     ranks.into_iter().map(|rank| u32::try_from(rank).expect("65 536 points at most")).collect()
 }
 
-/// A pattern of points and the energy that they put everywhere.
+/// A pattern of points, and their energy at every place.
 struct Torus {
     slices: usize,
-    /// Slice by slice, row by row.
+    /// The energy at every place, slice by slice, row by row.
     energy: Vec<u32>,
     /// All ones where there is a point, zero elsewhere.
     set: Vec<u32>,
-    /// For each row: the least energy of its free places, and the least of the complements of its points' energies.
+    /// For each row: the least energy of its free places, and the least bitwise complement of the energies of its points.
     rows: [Vec<u32>; 2],
-    /// Spatial energy by distance in rows, then by distance in columns modulo 64, twice over, so that 64 in a row begin anywhere.
+    /// Spatial energy by distance in rows, then by distance in columns modulo 64. The columns are stored twice, so that 64 consecutive ones may begin
+    /// at any column.
     space: [[u32; 2 * SIDE]; REACH + 1],
-    /// Temporal energy by distance in slices modulo their number; the point's own slice is left to `space`.
+    /// Temporal energy by distance in slices, modulo their number. It is 0 for the point's own slice, which `space` covers.
     time: Vec<u32>,
 }
 
@@ -121,7 +123,7 @@ impl Torus {
         let weight = |row: usize, column: usize| if row.max(column) <= REACH { gaussian(row * row + column * column) } else { 0 };
         let mut torus = Torus {
             slices,
-            // Ties in energy are broken by a hash, 16 bits below a point's energy; ties in that by the lower index.
+            // A hash, 16 bits below the energy of a point, breaks ties in energy. The lower index breaks ties that remain.
             energy: (0..).take(slices * AREA).map(|i| hash::mix(seed, i, 0) & 255).collect(),
             set: vec![0; slices * AREA],
             rows: [vec![0; slices * SIDE], vec![0; slices * SIDE]],
@@ -134,7 +136,7 @@ impl Torus {
         torus
     }
 
-    /// Finds a row's extremes.
+    /// Updates the extremes of a row.
     fn look_at(&mut self, row: usize) {
         let range = row * SIDE..(row + 1) * SIDE;
         let (mut void, mut cluster) = (u32::MAX, u32::MAX);
@@ -146,7 +148,7 @@ impl Torus {
         self.rows[1][row] = cluster;
     }
 
-    /// Sets a point where there is none, takes it away where there is one.
+    /// Sets a point at a free place, or removes the point that is there.
     fn turn(&mut self, point: usize) {
         let on = self.set[point] == 0;
         self.set[point] = !self.set[point];
@@ -167,12 +169,12 @@ impl Torus {
         }
     }
 
-    /// The free place of least energy; the first of several.
+    /// The free place with the least energy; the first one of several.
     fn largest_void(&self) -> usize {
         self.place(0, |energy, set| energy | set)
     }
 
-    /// The point of most energy; the first of several.
+    /// The point with the most energy; the first one of several.
     fn tightest_cluster(&self) -> usize {
         self.place(1, |energy, set| !(energy & set))
     }

@@ -1,11 +1,11 @@
 //! Microfacet specular reflection: GGX with Smith's height-correlated visibility and Schlick's Fresnel.
 //!
-//! alpha = perceptual_roughness², perceptual_roughness = 1 - smoothness. Cosines and reflectances are held within 0..=1.
+//! alpha = perceptual_roughness², perceptual_roughness = 1 - smoothness. Cosines and reflectances are clamped to 0..=1.
 
 use super::bounded;
 use super::real::Real;
 
-/// Below this alpha the highlight is narrower than f32 resolves in n.h.
+/// Smallest alpha. Below it, the highlight is narrower than f32 can resolve in n.h.
 pub const MIN_ALPHA: f64 = 0.002;
 
 /// alpha of a perceptual roughness, 0..=1.
@@ -19,7 +19,7 @@ pub fn alpha<T: Real>(perceptual_roughness: T) -> T {
 pub fn d_ggx<T: Real>(n_dot_h: T, alpha: T) -> T {
     let c = bounded(n_dot_h, 0.0, 1.0);
     let a = bounded(alpha, MIN_ALPHA, 1.0);
-    // sin² + alpha² cos²: the equation's bracket without its cancellation near n.h = 1.
+    // sin² + alpha² cos² is the bracket of the equation without the cancellation near n.h = 1.
     let sine_squared = (T::one() - c) * (T::one() + c);
     let ratio = a / (sine_squared + a * a * c * c);
     ratio * ratio / T::of(std::f64::consts::PI)
@@ -27,26 +27,25 @@ pub fn d_ggx<T: Real>(n_dot_h: T, alpha: T) -> T {
 
 /// Visibility G / (4 n.v n.l), 1/sr.
 /// Heitz, *Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs*, JCGT 3(2), 2014, equation 99 (height-correlated).
-/// With n.v and n.l both 0 it is held to 5e6.
+/// The result is at most 5e6, its value where n.v and n.l are both 0.
 pub fn v_smith_ggx_correlated<T: Real>(n_dot_v: T, n_dot_l: T, alpha: T) -> T {
     let [v, l] = [n_dot_v, n_dot_l].map(|x| bounded(x, 0.0, 1.0));
     let a = bounded(alpha, MIN_ALPHA, 1.0);
-    // n.x sqrt(1 + alpha² tan²) of each direction, times the other's cosine.
+    // `slope` is n.x sqrt(1 + alpha² tan²) of one direction; it is multiplied by the cosine of the other direction.
     let slope = |c: T| (c * c + a * a * (T::one() - c * c)).sqrt();
     T::of(0.5) / (l * slope(v) + v * slope(l)).max(T::of(1e-7))
 }
 
-/// Fresnel reflectance at cosine `u`, with `f0` that at normal incidence.
-/// Schlick, *An Inexpensive BRDF Model for Physically-based Rendering*, Eurographics 1994.
+/// Fresnel reflectance at cosine `u`; `f0` is the reflectance at normal incidence. Schlick, *An Inexpensive BRDF Model for Physically-based
+/// Rendering*, Eurographics 1994.
 pub fn f_schlick<T: Real>(f0: [T; 3], u: T) -> [T; 3] {
     let grazing = (T::one() - bounded(u, 0.0, 1.0)).powi(5);
     f0.map(|f| bounded(f, 0.0, 1.0)).map(|f| f + (T::one() - f) * grazing)
 }
 
-/// Directional albedo under even light, 0..=1. Within 0.1 of the integral of the terms above for dielectrics, but
-/// up to 0.31 too dark for metals seen at a grazing angle.
-/// Karis, *Physically Based Shading on Mobile*, 2014: an analytic fit in place of the split-sum table, after Lazarov, *Getting More Physical
-/// in Call of Duty: Black Ops II*, SIGGRAPH 2013.
+/// Directional albedo under uniform light, 0..=1. Within 0.1 of the integral of the terms above for dielectrics, but up to 0.31 too dark for metals
+/// seen at a grazing angle. Karis, *Physically Based Shading on Mobile*, 2014: an analytic fit in place of the split-sum table, after Lazarov,
+/// *Getting More Physical in Call of Duty: Black Ops II*, SIGGRAPH 2013.
 pub fn env_approx<T: Real>(f0: [T; 3], perceptual_roughness: T, n_dot_v: T) -> [T; 3] {
     let roughness = bounded(perceptual_roughness, 0.0, 1.0);
     let term = |slope: f64, offset: f64| roughness * T::of(slope) + T::of(offset);

@@ -1,7 +1,8 @@
 // Microfacet specular reflection: GGX with Smith's height-correlated visibility and Schlick's Fresnel.
 // alpha = perceptual_roughness²; perceptual_roughness = 1 - smoothness.
 
-// Below this alpha the highlight is narrower than f32 resolves in n.h; larger than any point light's image anyway.
+// Smallest alpha. Below it, the highlight is narrower than f32 can resolve in n.h. Even at this alpha, the highlight is larger than the mirror image
+// of a point light.
 const BRDF_MIN_ALPHA: f32 = 0.002;
 const BRDF_PI: f32 = 3.14159265;
 
@@ -23,7 +24,7 @@ fn brdf_alpha(perceptual_roughness: f32) -> f32 {
 fn brdf_d_ggx(n_dot_h: f32, alpha: f32) -> f32 {
     let c = brdf_unit(n_dot_h);
     let a = brdf_clamped_alpha(alpha);
-    // 1 - c² (1 - a²), with the part that cancels as a product.
+    // 1 - c² (1 - a²), where 1 - c², which cancels near c = 1, is written as a product.
     let d = (1.0 - c) * (1.0 + c) + c * c * a * a;
     return (a / d) * (a / d) / BRDF_PI;
 }
@@ -39,7 +40,7 @@ fn brdf_v_smith_ggx_correlated(n_dot_v: f32, n_dot_l: f32, alpha: f32) -> f32 {
     return 0.5 / max(lambda_v + lambda_l, 1e-7);
 }
 
-// Fresnel reflectance at cosine u, with f0 that at normal incidence. Schlick, "An Inexpensive BRDF Model", 1994.
+// Fresnel reflectance at cosine u; f0 is the reflectance at normal incidence. Schlick, "An Inexpensive BRDF Model", 1994.
 fn brdf_f_schlick(f0: vec3<f32>, u: f32) -> vec3<f32> {
     let f = vec3<f32>(brdf_unit(f0.x), brdf_unit(f0.y), brdf_unit(f0.z));
     let m = 1.0 - brdf_unit(u);
@@ -47,9 +48,9 @@ fn brdf_f_schlick(f0: vec3<f32>, u: f32) -> vec3<f32> {
     return f + (vec3<f32>(1.0) - f) * (m2 * m2 * m);
 }
 
-// Directional albedo under even light, 0..=1. Within 0.1 of the integral of the terms above for dielectrics, but up to 0.31
-// too dark for metals seen at a grazing angle. Karis, "Physically Based Shading on Mobile", 2014: an analytic fit in place of
-// the split-sum table, after Lazarov, "Getting More Physical in Call of Duty: Black Ops II", SIGGRAPH 2013.
+// Directional albedo under uniform light, 0..=1. Within 0.1 of the integral of the terms above for dielectrics, but up to 0.31 too dark for metals
+// seen at a grazing angle. Karis, "Physically Based Shading on Mobile", 2014: an analytic fit in place of the split-sum table, after Lazarov,
+// "Getting More Physical in Call of Duty: Black Ops II", SIGGRAPH 2013.
 fn brdf_env_approx(f0: vec3<f32>, perceptual_roughness: f32, n_dot_v: f32) -> vec3<f32> {
     let f = vec3<f32>(brdf_unit(f0.x), brdf_unit(f0.y), brdf_unit(f0.z));
     let r = brdf_unit(perceptual_roughness) * vec4<f32>(-1.0, -0.0275, -0.572, 0.022) + vec4<f32>(1.0, 0.0425, 1.04, -0.04);

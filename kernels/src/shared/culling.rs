@@ -1,15 +1,16 @@
-//! Whether a part of the terrain can be left out: it lies beyond a plane of the frustum, behind what is nearer, or all of it faces away.
+//! Whether a part of the terrain can be left out, because it lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away
+//! completely.
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "GPU Culling", "Occlusion Buffer Culling", "Back Face Culling"; Haar and Aaltonen,
 //! *GPU-Driven Rendering Pipelines*, SIGGRAPH 2015.
-//! Both err to one side only: what is seen is never left out, in f32 as in f64, whether denormals are kept or taken for zero. The price is a margin of
-//! [`SLACK`] of the terms that are summed, within which something that could be left out is drawn.
+//! The tests are conservative: nothing visible is ever left out, in f32 or in f64, whether denormals are kept or flushed to zero. The cost is a
+//! margin of [`SLACK`] times the magnitudes of the terms that are summed: within it, something that could be left out is drawn.
 
 use super::octahedral::unit;
 use super::real::{Real, dot, length};
 use crate::base::wgsl::Constant;
 
-/// What `culling.wgsl` is handed.
+/// Constants that the host passes to `culling.wgsl`.
 pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("CULLING_SLACK", Constant::real(SLACK)),
     ("CULLING_ROUNDING", Constant::real(ROUNDING)),
@@ -22,18 +23,19 @@ pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("CULLING_FEW", Constant::real(FEW)),
 ];
 
-/// Rounding of three products and three sums to the nearest f32 is at most 4 of the sum of the terms' magnitudes times 2^-24; here twice that, 2^-21, which
-/// is what truncating them would be.
+/// Bound on the error of three products and three sums in f32, relative to the sum of the terms' magnitudes. With rounding to the nearest the error
+/// is at most 4 times 2^-24; the bound is twice that, 2^-21, which also holds for truncation.
 pub const SLACK: f64 = 8.0 / 16_777_216.0;
 
-/// Largest number that is reckoned with: of squares and products f32 then holds the sums.
+/// Largest number that is accepted: sums of squares and products of such numbers fit f32.
 pub(crate) const MOST: f64 = 1e15;
-/// What is no longer has no direction: an axis by its largest component, the way to a patch by its length, m. Of their squares f32 holds little.
+/// Vectors no longer than this are treated as having no direction: an axis by its largest component, the vector to a patch by its length (metres).
+/// Their squares have little precision in f32.
 pub(crate) const LEAST: f64 = 1e-15;
-/// Three products whose factors are at most [`MOST`] and of which one, denormal, was taken for zero come to less.
+/// Bound on the error of three products whose factors are at most [`MOST`] if denormal factors are flushed to zero.
 pub(crate) const FLUSHED: f64 = 1e-22;
 
-/// Whether a box lies wholly beyond a plane, where n . p + w < 0 (`plane`: n, w). Never where a number is none, infinite or beyond 1e15.
+/// Whether a box lies completely outside a plane, where n . p + w < 0 (`plane`: n, w). False if a number is NaN, infinite or beyond 1e15.
 pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
     let (mut distance, mut size) = (plane[3], plane[3].abs());
     for i in 0..3 {
@@ -45,54 +47,57 @@ pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
     known && distance < -(T::of(SLACK) * size + T::of(FLUSHED))
 }
 
-/// Whether all of a patch within `radius` m of a point faces away: `to_patch` goes from the eye to that point, m; normals lie in a cone of unit `axis`
-/// (any length will do) and half angle of that sine, 0..=1; 1 = in any direction. Angles of cone and sphere add up: with half angle a and sphere
-/// of angular radius s, sin s = radius / distance, all normals face away where axis . direction > sin(a + s).
+/// Whether a patch faces away completely. The patch lies within `radius` m of a point, and `to_patch` goes from the eye to that point, m. Its normals
+/// lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half angle, 0..=1, where 1 means any direction.
+/// The angles of cone and sphere add up: with half angle a and a sphere of angular radius s, sin s = radius / distance, all normals face away where
+/// axis . direction > sin(a + s).
 pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], radius: T) -> bool {
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
     let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));
     let distance = length(to_patch);
-    // Too near, or too short to have a direction in f32.
+    // The eye is inside the sphere, a vector is too short to have a direction in f32, or a number is not valid.
     if !(known && has_axis && sin_half_angle >= T::zero() && sin_half_angle < T::one() && distance > radius && distance > T::of(LEAST)) {
         return false;
     }
     let sine = radius / distance;
     let [cosine_half, cosine] = [sin_half_angle, sine].map(|s| ((T::one() - s) * (T::one() + s)).max(T::zero()).sqrt());
-    // From a right angle on some normal faces the eye.
+    // If the angles add up to a right angle or more, some normal faces the eye.
     if cosine_half * cosine - sin_half_angle * sine <= T::of(ROUNDING) {
         return false;
     }
     dot(unit(axis), unit(to_patch)) > sin_half_angle * cosine + cosine_half * sine + T::of(ROUNDING)
 }
 
-/// Rounding of two unit vectors (16 ULP each), their product, two sines and cosines, and their products in f32:
-/// less than 96 ULP.
+/// Bound on the rounding error in f32 of two unit vectors (16 ULP each), their product, two sines and cosines, and their products: less than 96 ULP.
 pub const ROUNDING: f64 = 96.0 / 8_388_608.0;
 
-/// A box whose distance along the view is known to less than this share, or that comes nearer than the near plane, covers what is not known.
+/// Largest relative error of a box's distance along the view. If the error is larger, or the box comes nearer than the near plane, its cover is
+/// unknown.
 pub(crate) const KNOWN: f64 = 1.0 / 128.0;
-/// Nearest near plane that is reckoned with, m.
+/// Smallest distance of the near plane that is accepted, m.
 pub(crate) const NEAREST: f64 = 1e-6;
-/// Beyond these, in halves of the picture's width or height from its middle, a place is as good as anywhere else outside.
+/// Positions are clamped to this distance from the middle of the picture, in halves of its width or height. Farther out, the exact position makes no
+/// difference.
 const OUTSIDE: f64 = 4.0;
-/// Rounding of a quotient (2.5 ULP), two sums and a product, and about as much again; times 1 + |q|.
+/// Bound on the rounding error of a quotient (2.5 ULP), two sums and a product, about doubled for safety; it is multiplied by 1 + |q|.
 const FEW: f64 = 8.0 / 8_388_608.0;
 
-/// What a box covers on the screen, rounded outwards.
+/// The pixels that a box covers on the screen, rounded outwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cover<T> {
     /// First column and row of pixels, from the upper left corner.
     pub first: [T; 2],
     /// Last column and row.
     pub last: [T; 2],
-    /// Depth of the nearest place, reversed: near plane's distance / distance along the view, 0..=1.
+    /// Reversed depth of the nearest point: distance of the near plane / distance along the view, 0..=1.
     pub depth: T,
 }
 
-/// What the box from `low` to `high`, m, covers of a picture of `size` pixels (1..=16384 each); `rows` are those of x, y and w of a matrix from the
-/// box's coordinates to clip space, w the distance along the view, m, of which `near` is the least that is drawn. Pixels are those within the picture,
-/// at least one: a box beside it covers its edge, and is the frustum's to leave out. `None` where nothing can be said: it reaches to the near plane, its
-/// distance is lost in rounding (of terms 2^14 times as large), `near` is below 1e-6 m, or numbers are none, infinite or beyond 1e15.
+/// The pixels that the box from `low` to `high`, m, covers in a picture of `size` pixels (1..=16384 each). `rows` are the rows for x, y and w of a
+/// matrix from the box's coordinates to clip space; w is the distance along the view, m, and `near` is the smallest distance that is drawn. The
+/// pixels lie within the picture, and there is at least one: a box beside the picture covers its edge, and the frustum test must leave it out. `None`
+/// if the cover is unknown: the box reaches the near plane, its distance is lost in rounding (of terms 2^14 times as large), `near` is below 1e-6 m,
+/// or a number is NaN, infinite or beyond 1e15.
 pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
     let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
     if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
@@ -102,7 +107,7 @@ pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], siz
     let (mut nearest, mut least, mut most) = (T::infinity(), size, [T::zero(); 2]);
     for corner in 0..8 {
         let place = [0, 1, 2].map(|i| if corner >> i & 1 == 1 { high[i] } else { low[i] });
-        // The sum of a row, and by how much it may be off.
+        // The sum of a row's terms, and a bound on its error.
         let summed = rows.map(|row| {
             let terms = [row[0] * place[0], row[1] * place[1], row[2] * place[2], row[3]];
             let of = |f: fn(T) -> T| f(terms[0]) + f(terms[1]) + f(terms[2]) + f(terms[3]);
@@ -131,8 +136,8 @@ pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], siz
     })
 }
 
-/// The finest level of a pyramid at which pixels from `first` to `last` lie in at most 2 x 2 texels: a texel of a level is made of 2 x 2 below it, those
-/// of level 0 are pixels.
+/// The finest level of a pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels. A texel of a level combines 2 x 2 texels of
+/// the level below; the texels of level 0 are pixels.
 pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
     let along = |axis: usize| {
         let start = (last[axis] - first[axis]).max(1).ilog2();
@@ -141,8 +146,9 @@ pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
     along(0).max(along(1))
 }
 
-/// Whether a box is hidden whose nearest place has this depth: all that was drawn over what it covers is nearer. `farthest` are the least depths of the
-/// texels of the pyramid that it lies in, reversed: 0 = nothing was drawn. Never where one is no number.
+/// Whether a box is hidden: everything that was drawn at the pixels that it covers is nearer than its nearest point, which has this `depth`.
+/// `farthest` are the least depths, reversed, in the texels of the pyramid that the box covers; 0 means that nothing was drawn. False if a depth is
+/// NaN.
 pub fn hidden<T: Real>(depth: T, farthest: [T; 4]) -> bool {
     farthest.iter().all(|&stored| depth < stored)
 }
@@ -157,17 +163,17 @@ mod tests {
     #[test]
     fn a_box_covers_what_its_corners_span() {
         let size = [200.0, 100.0];
-        // From -0.5 to 0.25 to the right and from 0 to 0.5 up, where it is nearest.
+        // The nearest face spans -0.5 to 0.25 to the right and 0 to 0.5 up.
         let seen = cover(ALONG_Y, 0.1, [-5.0, 10.0, 0.0], [2.5, 40.0, 5.0], size).expect("before the camera");
         assert_eq!((seen.first, seen.last), ([49.0, 24.0], [125.0, 50.0]));
         assert!((0.01..0.01 + 1e-7).contains(&seen.depth), "{}", seen.depth);
         assert_eq!(level([49, 24], [125, 50]), 6);
-        // Beside the picture, and larger than it.
+        // A box beside the picture, and a box larger than the picture.
         let beside = cover(ALONG_Y, 0.1, [90.0, 10.0, 0.0], [95.0, 11.0, 1.0], size).expect("before the camera");
         assert_eq!((beside.first[0], beside.last[0]), (199.0, 199.0));
         let all = cover(ALONG_Y, 0.1, [-1e6, 10.0, -1e6], [1e6, 11.0, 1e6], size).expect("before the camera");
         assert_eq!((all.first, all.last), ([0.0; 2], [199.0, 99.0]));
-        // Nothing is known of what reaches the near plane, of distances that are lost, and of what is no number.
+        // The cover is unknown if the box reaches the near plane, if the distance is lost in rounding, and if a number is NaN.
         let unknown = |low: [f64; 3], near: f64| cover(ALONG_Y, near, low, [20.0; 3], size).is_none();
         assert!(
             unknown([0.0, 0.09, 0.0], 0.1) && unknown([0.0, f64::NAN, 0.0], 0.1) && unknown([0.0; 3], f64::NAN) && unknown([9.0; 3], 0.0)
@@ -201,7 +207,7 @@ mod tests {
         let plane = [0.6, 0.0, 0.8, -5.0];
         assert!(beyond(plane, [-9.0, -1.0, 0.0], [1.0, 1.0, 4.9]));
         assert!(!beyond(plane, [-9.0, -1.0, 0.0], [1.0, 1.0, 5.6]));
-        // Products that are denormal, and whose sum is not.
+        // The products are denormal, but their sum is not.
         assert!(!beyond([1e-19_f32, 1e-19, 1e-19, -1.2e-38], [0.0; 3], [1.1e-19; 3]));
         assert!(!beyond(plane, [f64::NAN; 3], [f64::NAN; 3]) && !beyond(plane, [-f64::INFINITY; 3], [0.0; 3]));
     }
@@ -210,7 +216,7 @@ mod tests {
     fn a_patch_faces_away_only_with_all_its_normals() {
         let (up, below) = ([0.0, 0.0, 1.0], [0.0, 0.0, 10.0]);
         assert!(faces_away(up, 0.5, below, 1.0));
-        // 60 degrees of normals and 30 of the sphere are a right angle.
+        // 60 degrees of the cone and 30 degrees of the sphere add up to a right angle.
         assert!(faces_away(up, 0.866, below, 4.8) && !faces_away(up, 0.867, below, 5.01));
         assert!(!faces_away(up, 0.0, [10.0, 0.0, 0.0], 0.1) && !faces_away(up, 1.0, below, 1.0) && !faces_away(up, 0.5, below, 11.0));
         assert!(!faces_away([0.0; 3], 0.0, below, 1.0) && !faces_away([1e-31, 0.0, 0.0], 0.0, below, 1.0), "an axis without direction");

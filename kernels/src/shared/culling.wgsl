@@ -1,7 +1,8 @@
-// Whether a part of the terrain can be left out: it lies beyond a plane of the frustum, behind what is nearer, or all of it faces away.
-// All err to one side only: what is seen is never left out. culling.rs derives the margins CULLING_..., which the host hands over.
+// Whether a part of the terrain can be left out, because it lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away
+// completely. The tests are conservative: nothing visible is ever left out. culling.rs derives the margins CULLING_..., which the host passes to this
+// file.
 
-// Whether a box lies wholly beyond a plane, where n . p + w < 0 (`plane`: n, w). Never where a number is none, infinite or beyond 1e15.
+// Whether a box lies completely outside a plane, where n . p + w < 0 (`plane`: n, w). False if a number is NaN, infinite or beyond 1e15.
 fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
     let terms = plane.xyz * select(low, high, plane.xyz >= vec3<f32>(0.0));
     let size = abs(terms.x) + abs(terms.y) + abs(terms.z) + abs(plane.w);
@@ -10,7 +11,8 @@ fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
     return known && terms.x + terms.y + terms.z + plane.w < -(CULLING_SLACK * size + CULLING_FLUSHED);
 }
 
-// Whether all of a patch within `radius` of a point, `to_patch` from the eye, faces away; its normals lie in a cone.
+// Whether a patch faces away completely. It lies within `radius` of a point, `to_patch` goes from the eye to that point, and its normals lie in a
+// cone.
 fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>, radius: f32) -> bool {
     let known = usable_within_3(axis, CULLING_MOST) && usable_within_3(to_patch, CULLING_MOST)
         && usable_within_3(vec3<f32>(radius, sin_half_angle, 0.0), CULLING_MOST) && radius >= 0.0 && sin_half_angle >= 0.0
@@ -21,7 +23,7 @@ fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>,
     }
     let sines = vec2<f32>(sin_half_angle, radius / distance);
     let cosines = sqrt(max((vec2<f32>(1.0) - sines) * (vec2<f32>(1.0) + sines), vec2<f32>(0.0)));
-    // From a right angle on some normal faces the eye.
+    // If the angles add up to a right angle or more, some normal faces the eye.
     if cosines.x * cosines.y - sines.x * sines.y <= CULLING_ROUNDING {
         return false;
     }
@@ -29,25 +31,26 @@ fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>,
     return along > sines.x * cosines.y + cosines.x * sines.y + CULLING_ROUNDING;
 }
 
-// What a box covers on the screen, rounded outwards.
+// The pixels that a box covers on the screen, rounded outwards.
 struct CullingCover {
-    // Whether anything can be said.
+    // Whether the cover is known.
     known: bool,
     // First and last column and row of pixels, from the upper left corner.
     first: vec2<u32>,
     last: vec2<u32>,
-    // Of the nearest place: near plane's distance / distance along the view.
+    // Reversed depth of the nearest point: distance of the near plane / distance along the view.
     depth: f32,
 }
 
-// The sum of a row's terms at a place, and by how much it may be off.
+// The sum of a row's terms at a place, and a bound on its error.
 fn culling_summed(row: vec4<f32>, place: vec3<f32>) -> vec2<f32> {
     let terms = row.xyz * place;
     let size = abs(terms.x) + abs(terms.y) + abs(terms.z) + abs(row.w);
     return vec2<f32>(terms.x + terms.y + terms.z + row.w, CULLING_SLACK * size + CULLING_FLUSHED);
 }
 
-// What the box from `low` to `high` covers of a picture; rows of x, y and w of a matrix from its coordinates to clip space.
+// The pixels of a picture that the box from `low` to `high` covers. The rows are those for x, y and w of a matrix from the box's coordinates to clip
+// space.
 fn culling_cover(
     row_x: vec4<f32>, row_y: vec4<f32>, row_w: vec4<f32>, near: f32, low: vec3<f32>, high: vec3<f32>, size: vec2<u32>
 ) -> CullingCover {
@@ -86,14 +89,15 @@ fn culling_cover(
     );
 }
 
-// The finest level of a pyramid at which those pixels lie in at most 2 x 2 texels.
+// The finest level of a pyramid at which the pixels from `first` to `last` lie in at most 2 x 2 texels.
 fn culling_level(first: vec2<u32>, last: vec2<u32>) -> u32 {
     let start = firstLeadingBit(max(last - first, vec2<u32>(1u)));
     let level = start + select(vec2<u32>(0u), vec2<u32>(1u), (last >> start) - (first >> start) > vec2<u32>(1u));
     return max(level.x, level.y);
 }
 
-// Whether a box whose nearest place has this depth is hidden by what was drawn: `farthest` are least depths of texels of the pyramid.
+// Whether a box whose nearest point has this depth is hidden by what was drawn. `farthest` are the least depths in the texels of the pyramid that it
+// covers.
 fn culling_hidden(depth: f32, farthest: vec4<f32>) -> bool {
     let numbers = usable_number(farthest.x) && usable_number(farthest.y) && usable_number(farthest.z) && usable_number(farthest.w);
     return numbers && usable_number(depth) && all(vec4<f32>(depth) < farthest);

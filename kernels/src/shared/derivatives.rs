@@ -1,25 +1,24 @@
 //! Screen derivatives of the position, from depth and the triangle's plane.
 //!
-//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018: the rays through the neighbouring pixels are intersected with the
-//! plane through the point that holds its triangle. With P = t r and the neighbour's ray r' = r + s, the hit is
-//! t (n.r / n.r') r', and the derivative, that hit less P, is t (s - r' (n.s / n.r')): the same, without the subtraction of
-//! two long vectors that nearly cancel.
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018: the rays through the neighbouring pixels are intersected with the plane of the triangle
+//! at the point P. With P = t r and the neighbour's ray r' = r + s, the hit is t (n.r / n.r') r'. The derivative is the hit minus P, which equals t
+//! (s - r' (n.s / n.r')). This form avoids the subtraction of two long vectors that nearly cancel.
 
 use super::octahedral::unit;
 use super::real::{Real, add, dot, length, scale, sub};
 
-/// Smallest |cosine| between plane normal and neighbouring ray. The step along the surface then is at most about 100 times
-/// the step across the view: no texture filter resolves more, and behind the horizon there is no hit at all.
+/// Smallest |cosine| between plane normal and neighbouring ray. With this limit, the step along the surface is at most about 100 times the step
+/// across the view: no texture filter resolves more, and beyond the horizon of the plane there is no hit at all.
 pub const MIN_COSINE: f64 = 0.01;
 
-/// Step of the position to the neighbouring pixel, metres. The point is `ray * t`, relative to the eye; `ray_step` leads from its
-/// ray to the neighbour's; `normal`, of any length, is the plane's. Zero where the input is not finite, or the neighbour's ray or the step longer
-/// than 1e18: both are squared.
+/// Step of the position to the neighbouring pixel, metres. The point is `ray * t`, relative to the eye; `ray_step` is the difference between the
+/// neighbour's ray and `ray`; `normal` is a normal of the plane, of any length. Zero if the input is not finite, or if the neighbour's ray or the
+/// step is longer than 1e18, because both are squared.
 pub fn on_plane<T: Real>(ray: [T; 3], ray_step: [T; 3], t: T, normal: [T; 3]) -> [T; 3] {
     let n = unit(normal);
     let neighbour = add(ray, ray_step);
     let limit = (T::of(MIN_COSINE) * length(neighbour)).max(T::of(1e-20));
-    // The neighbour is taken to see the plane from the same side as the point does.
+    // The neighbour's ray is assumed to meet the plane from the same side as `ray` does.
     let towards = dot(n, neighbour);
     let facing = if dot(n, ray) >= T::zero() { towards.max(limit) } else { towards.min(-limit) };
     let step = scale(sub(ray_step, scale(neighbour, dot(n, ray_step) / facing)), t);

@@ -11,12 +11,12 @@ use super::real::Real;
 use crate::base::wgsl::Constant;
 use crate::variant::Flavour;
 
-/// Weights up to this one count as zero: half a step of an 8-bit channel, not worth a flavour's cost.
+/// Weights up to this one count as zero: half a step of an 8-bit channel is not worth the cost of a flavour.
 pub const MIN_WEIGHT: f64 = 1.0 / 512.0;
 /// Least weight, before normalisation, of each flavour of a forced variant.
 pub const FORCED_WEIGHT: f64 = 1e-3;
 
-/// What `flavour_weights.wgsl` is handed.
+/// Constants that the host passes to `flavour_weights.wgsl`.
 pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("FLAVOUR_BITS", Constant::U32(31)),
     ("FLAVOUR_FAR_ATLAS_BIT", Constant::U32(FAR_ATLAS)),
@@ -36,20 +36,20 @@ pub struct FlavourParams {
     pub cliff_near_m: f32,
     /// Half the width of a distance blend, as a share of its distance, 0..=1.
     pub distance_blend: f32,
-    /// Normal's z at which all is cliff, and at which nothing is: first < second; second <= -1 = no cliffs.
+    /// z of the normal below which everything is cliff, and z above which nothing is; first < second. second <= -1 means that there are no cliffs.
     pub cliff_cos: [f32; 2],
-    /// Normal's z at which all that is not cliff is splat, and at which nothing is: first < second.
+    /// z of the normal below which everything but cliff is splat, and z above which nothing is; first < second.
     pub splat_cos: [f32; 2],
-    /// Not 0 = there is a splat band.
+    /// Not 0 if there is a splat band.
     pub splat_enabled: u32,
-    /// Not 0 = there is a virtual texture; ground is all far atlas otherwise.
+    /// Not 0 if there is a virtual texture; otherwise all ground is far atlas.
     pub vt_enabled: u32,
-    /// To a multiple of 16 bytes, as uniform buffers want it.
+    /// Padding to a multiple of 16 bytes, which uniform buffers require.
     pub padding: [u32; 2],
 }
 
 /// Blend weights of the five flavours, >= 0, summing to 1. `distance`: metres along the view ray; `normal_z`: of the unit normal.
-/// What is not a number counts as far and flat, the cheapest.
+/// NaN counts as far and flat, which is the cheapest.
 pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T; 5] {
     let one = T::one();
     let distance = if distance < T::of(1e9) { distance.max(T::zero()) } else { T::of(1e9) };
@@ -68,15 +68,16 @@ pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T;
     [ground * (one - beyond_ground), ground * beyond_ground + of_cliff * beyond_cliff, cliff * near, cliff * (one - near), splat]
 }
 
-/// The set of flavours whose weight matters, as bits of [`crate::variant::Flavour`]; never empty (far atlas if nothing else).
+/// The set of flavours whose weight is above [`MIN_WEIGHT`], as bits of [`crate::variant::Flavour`]. It is never empty: without any other flavour it
+/// is far atlas.
 pub fn mask<T: Real>(weights: [T; 5]) -> u32 {
     let bits = (0..5).filter(|&i| weights[i] > T::of(MIN_WEIGHT)).map(|i| 1 << i).sum();
     if bits == 0 { FAR_ATLAS } else { bits }
 }
 
-/// The weights within a variant's `mask`, summing to 1. What [`mask`] leaves out is zero here too, so that a pixel looks the same in every
-/// variant that holds its mask. `forced`: every flavour of the mask gets at least [`FORCED_WEIGHT`], and so is really evaluated.
-/// Equal shares where none of the mask has a weight; far atlas where the mask is empty.
+/// The weights of the flavours in a variant's `mask`, summing to 1. A flavour that [`mask`] leaves out has weight zero here, too, so that a pixel
+/// looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`], so that it is
+/// really evaluated. If no flavour of the mask has a weight, they get equal shares; an empty mask gives far atlas.
 pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] {
     let mask = if mask & 31 == 0 { FAR_ATLAS } else { mask & 31 };
     let least = T::of(if forced { FORCED_WEIGHT } else { 0.0 });
@@ -92,13 +93,13 @@ pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] 
 
 const FAR_ATLAS: u32 = Flavour::FarAtlas.bit() as u32;
 
-/// 0 below `low`, 1 above `high`, Hermite between; a step where they meet.
+/// 0 below `low`, 1 above `high`, Hermite interpolation in between; a step if `low` equals `high`.
 fn ramp<T: Real>(x: T, low: T, high: T) -> T {
     let t = bounded((x - low) / (high - low).max(T::of(1e-6)), 0.0, 1.0);
     t * t * (T::of(3.0) - T::of(2.0) * t)
 }
 
-/// 0 before a distance, 1 behind it. A distance of 0 is always passed.
+/// 0 nearer than a border, 1 beyond it. Every distance is beyond a border of 0.
 fn behind<T: Real>(distance: T, border: f32, blend: f32) -> T {
     let border: T = bounded(T::of(f64::from(border)), 0.0, 1e9);
     let blend: T = bounded(T::of(f64::from(blend)), 0.0, 1.0);
@@ -108,8 +109,8 @@ fn behind<T: Real>(distance: T, border: f32, blend: f32) -> T {
     ramp(distance, border * (T::one() - blend), border * (T::one() + blend))
 }
 
-/// Weight of a slope: 1 where `normal_z` lies below a band of the normal's z (steeper), 0 above it. With [`FlavourParams::cliff_cos`] it is the
-/// weight of cliff. 0 throughout if the band ends at -1 or below.
+/// Weight of steep ground: 1 if `normal_z` is below `band` (steeper), 0 if it is above, and a smooth step inside. If `band` is
+/// [`FlavourParams::cliff_cos`], the result is the weight of cliff. Always 0 if the band ends at -1 or below.
 pub fn steep<T: Real>(normal_z: T, band: [f32; 2]) -> T {
     let [low, high]: [T; 2] = band.map(|z| bounded(T::of(f64::from(z)), -1.0, 1.0));
     if high <= -T::one() { T::zero() } else { T::one() - ramp(normal_z, low, high) }

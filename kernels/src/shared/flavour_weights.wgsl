@@ -11,28 +11,28 @@ struct FlavourParams {
     cliff_near_m: f32,
     // Half the width of a distance blend, as a share of its distance, 0..=1.
     distance_blend: f32,
-    // Normal's z at which all is cliff (x) and at which nothing is (y), x < y; y <= -1 = no cliffs.
+    // z of the normal below which everything is cliff (x), and z above which nothing is (y); x < y. y <= -1 means that there are no cliffs.
     cliff_cos: vec2<f32>,
-    // Normal's z at which all that is not cliff is splat (x) and at which nothing is (y), x < y.
+    // z of the normal below which everything but cliff is splat (x), and z above which nothing is (y); x < y.
     splat_cos: vec2<f32>,
-    // Not 0 = there is a splat band.
+    // Not 0 if there is a splat band.
     splat_enabled: u32,
-    // Not 0 = there is a virtual texture; ground is all far atlas otherwise.
+    // Not 0 if there is a virtual texture; otherwise all ground is far atlas.
     vt_enabled: u32,
-    // To a multiple of 16 bytes, as uniform buffers want it.
+    // Padding to a multiple of 16 bytes, which uniform buffers require.
     padding: vec2<u32>,
 }
 
-// FLAVOUR_MIN_WEIGHT: weights up to this one count as zero. FLAVOUR_FORCED_WEIGHT: the least weight, before normalisation, of each flavour of a forced
-// variant. flavour_weights.rs gives their reasons.
+// FLAVOUR_MIN_WEIGHT: weights up to this one count as zero. FLAVOUR_FORCED_WEIGHT: the smallest weight, before normalisation, of each flavour of a
+// forced variant. flavour_weights.rs gives the reasons for both.
 
-// 0 below `low`, 1 above `high`, Hermite between; a step where they meet.
+// 0 below `low`, 1 above `high`, Hermite interpolation in between; a step if `low` equals `high`.
 fn flavour_ramp(x: f32, low: f32, high: f32) -> f32 {
     let t = clamp((x - low) / max(high - low, 1e-6), 0.0, 1.0);
     return t * t * (3.0 - 2.0 * t);
 }
 
-// 0 before a distance, 1 behind it. A distance of 0 is always passed.
+// 0 nearer than a border, 1 beyond it. Every distance is beyond a border of 0.
 fn flavour_behind(distance: f32, border: f32, blend: f32) -> f32 {
     let at = usable_positive_1(border, 1e9);
     let share = usable_positive_1(blend, 1.0);
@@ -48,7 +48,7 @@ fn flavour_steep(normal_z: f32, band: vec2<f32>) -> f32 {
 
 // Blend weights of the five flavours, >= 0, summing to 1. `distance`: metres along the view ray; `normal_z`: of the unit normal.
 fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array<f32, 5> {
-    // Not a number: as far and as flat as can be, the cheapest flavour.
+    // NaN counts as far and flat, which gives the cheapest flavour.
     let d = select(1e9, clamp(distance, 0.0, 1e9), usable_number(distance));
     let z = select(1.0, clamp(normal_z, -1.0, 1.0), usable_number(normal_z));
 
@@ -57,7 +57,7 @@ fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array
     let behind_ground = select(1.0, flavour_behind(d, params.far_atlas_m, params.distance_blend), params.vt_enabled != 0u);
 
     let cliff = flavour_steep(z, params.cliff_cos);
-    // The band's share fades out with distance, and what it gives up is ground.
+    // The share of the splat band fades out with distance; ground takes its place.
     let band = select(0.0, flavour_steep(z, params.splat_cos) * (1.0 - behind_near), params.splat_enabled != 0u);
     let ground = (1.0 - cliff) * (1.0 - band);
 
@@ -70,7 +70,7 @@ fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array
     );
 }
 
-// The set of flavours whose weight matters; never empty (far atlas if nothing else).
+// The set of flavours whose weight is above FLAVOUR_MIN_WEIGHT. It is never empty: without any other flavour it is far atlas.
 fn flavour_mask(weights: array<f32, 5>) -> u32 {
     var mask = 0u;
     mask |= select(0u, 1u, weights[0] > FLAVOUR_MIN_WEIGHT);
@@ -87,9 +87,9 @@ fn flavour_restricted(weight: f32, present: bool, forced: bool) -> f32 {
     return select(0.0, select(w, max(w, FLAVOUR_FORCED_WEIGHT), forced), present);
 }
 
-// The weights within a variant's mask, summing to 1. What `flavour_mask` leaves out is zero here too, so that a pixel looks the
-// same in every variant that holds its mask. forced != 0: every flavour of the mask gets a weight, and so is really evaluated.
-// Equal shares where none of the mask has a weight; far atlas where the mask is empty.
+// The weights of the flavours in a variant's mask, summing to 1. A flavour that `flavour_mask` leaves out has weight zero here, too, so that a pixel
+// looks the same in every variant that contains its mask. If `forced` is not 0, every flavour of the mask gets a weight, so that it is really
+// evaluated. If no flavour of the mask has a weight, they get equal shares; an empty mask gives far atlas.
 fn flavour_weights_for(weights: array<f32, 5>, mask: u32, forced: u32) -> array<f32, 5> {
     let usable = mask & FLAVOUR_BITS;
     let m = select(usable, FLAVOUR_FAR_ATLAS_BIT, usable == 0u);

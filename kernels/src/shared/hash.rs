@@ -13,7 +13,7 @@ pub const fn pcg(v: u32) -> u32 {
 
 /// Four words to four words, each depending on all of the input.
 pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
-    // Each word takes in the product of two others; (target, factor, factor).
+    // Each word is increased by the product of two others: (target, factor, factor).
     const ROUND: [(usize, usize, usize); 4] = [(0, 1, 3), (1, 2, 0), (2, 0, 1), (3, 1, 2)];
     let round = |h: &mut [u32; 4]| {
         for (to, a, b) in ROUND {
@@ -38,7 +38,7 @@ pub const fn mix(seed: u32, salt: u32, level: u32) -> u32 {
     pcg(level.wrapping_add(pcg(salt.wrapping_add(pcg(seed)))))
 }
 
-/// Uniform in [0, 1), with 32 bits, for a cell of an integer grid: world generation's lattice values.
+/// Uniform in [0, 1), with 32 bits, for a cell of an integer grid. World generation uses it for lattice values.
 pub fn unit2(ix: i32, iy: i32, seed: u32, salt: u32) -> f64 {
     f64::from(pcg4d([ix.cast_unsigned(), iy.cast_unsigned(), seed, salt])[0]) / 4_294_967_296.0
 }

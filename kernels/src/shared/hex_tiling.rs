@@ -1,19 +1,19 @@
-//! Hex tiling: the plane in hexagons, each showing the texture at a random offset; around a point, three of them blended.
+//! Hex tiling: the plane is divided into hexagons, each of which shows the texture at a random offset; around a point, three hexagons are blended.
 //!
 //! Source: Mikkelsen, *Practical Real-Time Hex-Tiling*, JCGT 11(2), 2022, after Heitz and Neyret, *High-Performance By-Example Noise
-//! using a Histogram-Preserving Blending Operator*, HPG 2018. Of Mikkelsen's, the exponent 7 on barycentric weights; not his weighting by
-//! luminance, nor rotations. **Contrast is not preserved**: three independent offsets leave Σ w² of a texture's variance, a third
-//! where three hexagons meet. Heitz and Neyret divide by √Σ w², which needs a texture of Gaussian histogram.
+//! using a Histogram-Preserving Blending Operator*, HPG 2018. From Mikkelsen this takes the exponent 7 on barycentric weights, but neither his
+//! weighting by luminance nor his rotations. **Contrast is not preserved**: blending three independent offsets multiplies the variance of a texture
+//! by Σ w², which is a third where three hexagons meet. Heitz and Neyret divide by √Σ w², which needs a texture with a Gaussian histogram.
 //!
-//! Hexagons lie in the projection's plane. A power of two of them fits along a sector, and the skew of the lattice is a fraction, so that
-//! whole sectors are whole steps of it: ids are exact integers (modulo 2^16) however far from the origin.
+//! Hexagons lie in the plane of the projection. Their number along a sector is a power of two, and the skew of the lattice is a fraction, so that
+//! whole sectors are whole steps of the lattice: ids are exact integers (modulo 2^16) at any distance from the origin.
 
 use super::real::Real;
 use super::{bounded, hash, usable};
 
-/// Powers of two of hexagons along a sector, smallest and largest.
+/// Smallest and largest level: a sector has 2^level hexagons along its edge.
 pub const LEVELS: [i32; 2] = [-10, 15];
-/// Stands for 1/√3, 0.13 % smaller.
+/// The fraction 37/64, which replaces 1/√3. The two differ by 0.13 %.
 const SKEW: (i64, f64) = (37, 64.0);
 
 /// The hexagons around a point: ids, modulo 2^16, and weights, which sum to 1.
@@ -25,17 +25,18 @@ pub struct HexTiling<T> {
     pub weights: [T; 3],
 }
 
-/// Power of two of hexagons along a sector for a texture that repeats `repeats` times along it: near 2√3 to a repeat, within a factor √2.
+/// The level (2^level hexagons along a sector) for a texture that repeats `repeats` times along a sector: about 2√3 hexagons per repeat, within a
+/// factor √2.
 pub fn level<T: Real>(repeats: T) -> i32 {
     let spacings = bounded(repeats, 1e-6, 1e6) * T::of(12.0_f64.sqrt());
     spacings.log2().round().to_i32().expect("bounded").clamp(LEVELS[0], LEVELS[1])
 }
 
-/// The hexagons around a point at `sector` whole sectors and `position` metres, along both coordinates of a plane.
+/// The hexagons around a point. Both coordinates of the point in the plane are given as `sector` whole sectors plus `position` metres.
 pub fn at<T: Real>(sector: [i32; 2], position: [T; 2], sector_m: T, level: i32) -> HexTiling<T> {
     let level = level.clamp(LEVELS[0], LEVELS[1]);
     let skew = T::of(SKEW.0 as f64 / SKEW.1);
-    // Spacings in units of 2^-16, exact: 2^(16 + level) to a sector.
+    // Lattice spacings in units of 2^-16, exact: a sector has 2^(16 + level) units.
     let unit = 1_i64 << (10 + level);
     let [sx, sy] = sector.map(i64::from);
     let whole = [sx * 64 * unit - sy * SKEW.0 * unit, 2 * sy * SKEW.0 * unit].map(|w| w.rem_euclid(1 << 32));
@@ -61,7 +62,7 @@ pub fn at<T: Real>(sector: [i32; 2], position: [T; 2], sector_m: T, level: i32) 
     HexTiling { ids: [corner, [next(id[0]), id[1]], [id[0], next(id[1])]], weights: sharp.map(|w| w / sum) }
 }
 
-/// Offset of the texture in a hexagon, [0, 1)²; `salt` tells lattices apart. Bit-equal everywhere.
+/// Offset of the texture in a hexagon, [0, 1)²; `salt` distinguishes lattices. Bit-equal on every machine.
 pub fn offset<T: Real>(id: [u32; 2], salt: u32) -> [T; 2] {
     let h = hash::pcg4d([id[0], id[1], salt, 0]);
     [hash::to_unit(h[0]), hash::to_unit(h[1])]

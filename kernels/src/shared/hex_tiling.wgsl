@@ -1,13 +1,13 @@
-// Hex tiling: the plane in hexagons, each showing the texture at a random offset; around a point, three of them blended.
+// Hex tiling: the plane is divided into hexagons, each of which shows the texture at a random offset; around a point, three hexagons are blended.
 // Source: Mikkelsen, "Practical Real-Time Hex-Tiling", JCGT 11(2), 2022, after Heitz & Neyret, "High-Performance By-Example Noise
-// using a Histogram-Preserving Blending Operator", HPG 2018. Mikkelsen's exponent, without his weighting by luminance and without
-// rotations. Contrast is not preserved: independent offsets leave the share w1^2 + w2^2 + w3^2 of a texture's variance.
-// Hexagons lie in the projection's plane, a power of two of them along a sector, so that their ids are exact integers anywhere.
+// using a Histogram-Preserving Blending Operator", HPG 2018. It takes Mikkelsen's exponent, but neither his weighting by luminance nor his rotations.
+// Contrast is not preserved: blending independent offsets multiplies the variance of a texture by w1^2 + w2^2 + w3^2. Hexagons lie in the plane of
+// the projection. Their number along a sector is a power of two, so that their ids are exact integers everywhere.
 
-// Powers of two of hexagons along a sector.
+// Smallest and largest level: a sector has 2^level hexagons along its edge.
 const HEX_TILING_LEVEL_MIN: i32 = -10;
 const HEX_TILING_LEVEL_MAX: i32 = 15;
-// 1 / sqrt 3 = 0.5774 as a fraction, so that whole sectors are whole steps: hexagons are squashed by 0.13 %.
+// 1 / sqrt 3 = 0.5774 as the fraction 37 / 64, so that whole sectors are whole steps of the lattice. It distorts the hexagons by 0.13 %.
 const HEX_TILING_SKEW: u32 = 37u;
 const HEX_TILING_SKEW_BITS: u32 = 6u;
 
@@ -19,7 +19,8 @@ struct HexTiling {
     weights: vec3<f32>,         // sum to 1
 }
 
-// Power of two of hexagons along a sector for a texture that repeats so often along it: nearest to Mikkelsen's 2 sqrt 3 a repeat.
+// The level (2^level hexagons along a sector) for a texture that repeats `repeats` times along a sector: nearest to Mikkelsen's 2 sqrt 3 hexagons per
+// repeat.
 fn hex_tiling_level(repeats: f32) -> i32 {
     let usable = max(usable_positive_1(repeats, 1e6), 1e-6);
     return clamp(i32(floor(log2(usable) + 2.2924813)), HEX_TILING_LEVEL_MIN, HEX_TILING_LEVEL_MAX);
@@ -30,10 +31,11 @@ fn hex_tiling_power(w: f32) -> f32 {
     return square * square * square * w;
 }
 
-// The hexagons around a point: `sector` whole sectors and `position` metres, |position| at most a few sectors, along both coordinates.
+// The hexagons around a point. Both coordinates are given as `sector` whole sectors plus `position` metres, |position| at most a few sectors.
 fn hex_tiling_at(sector: vec2<i32>, position: vec2<f32>, sector_m: f32, level: i32) -> HexTiling {
     let k = clamp(level, HEX_TILING_LEVEL_MIN, HEX_TILING_LEVEL_MAX);
-    // Skewed coordinates a = x - y / sqrt 3, b = 2 y / sqrt 3 in units of a hexagon's spacing; whole sectors in fixed point, 16 bits each side.
+    // Skewed coordinates a = x - y / sqrt 3, b = 2 y / sqrt 3 in units of a hexagon's spacing. Whole sectors are in fixed point, with 16 bits before
+    // and after the point.
     let s = bitcast<vec2<u32>>(sector);
     let step = u32(k - HEX_TILING_LEVEL_MIN);
     let skewed_y = s.y * (HEX_TILING_SKEW << step);
@@ -47,7 +49,7 @@ fn hex_tiling_at(sector: vec2<i32>, position: vec2<f32>, sector_m: f32, level: i
     let corner = floor(at);
     let f = clamp(at - corner, vec2<f32>(0.0), vec2<f32>(1.0));
     let id = (whole >> vec2<u32>(16u)) + bitcast<vec2<u32>>(vec2<i32>(corner));
-    // Either half of the cell is a triangle of three hexagons' centres; weights are barycentric coordinates, sharpened.
+    // Each half of a cell is a triangle between the centres of three hexagons. The weights are its barycentric coordinates, sharpened.
     let upper = f.x + f.y >= 1.0;
     var w = vec3<f32>(1.0 - f.x - f.y, f.x, f.y);
     if upper {
@@ -70,7 +72,7 @@ fn hex_tiling_id(tiling: HexTiling, i: u32) -> vec2<u32> {
     return select(tiling.third, tiling.second, i == 1u);
 }
 
-// Offset of the texture in a hexagon, [0, 1)^2; `salt` tells lattices apart.
+// Offset of the texture in a hexagon, [0, 1)^2; `salt` distinguishes lattices.
 fn hex_tiling_offset(id: vec2<u32>, salt: u32) -> vec2<f32> {
     let h = hash_pcg4d(vec4<u32>(id, salt, 0u));
     return vec2<f32>(hash_to_unit(h.x), hash_to_unit(h.y));

@@ -1,13 +1,13 @@
 //! Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each of the others.
 //!
-//! Source: Luna, *Introduction to 3D Game Programming with DirectX 12*, 2016, terrain rendering. What a layer contributes in the end is
-//! w_i = p_i Π_{j>i} (1 - p_j). A blend map is painted; here it follows from the splat map, p_j = m_j / Σ_{i≤j} m_i with m the layers'
-//! shares, the one choice that gives w_i = m_i.
+//! Source: Luna, *Introduction to 3D Game Programming with DirectX 12*, 2016, terrain rendering. The final weight of a layer is
+//! w_i = p_i Π_{j>i} (1 - p_j). A blend map is normally painted; here it follows from the splat map: p_j = m_j / Σ_{i≤j} m_i, where m are the shares
+//! of the layers. This is the only choice that gives w_i = m_i.
 
 use super::bounded;
 use super::real::Real;
 
-/// Layers that the blend has.
+/// Number of layers of the blend.
 pub const LAYERS: usize = 8;
 
 /// Share of a layer in the four texels around a point, whose layers are `layers` and whose weights are `weights`, 0..=1: `layers_share`.
@@ -16,13 +16,13 @@ pub fn share<T: Real>(weights: [T; 4], layers: [u32; 4], layer: u32) -> T {
     of_layer.fold(T::zero(), |sum, (w, _)| sum + bounded(w, 0.0, 1.0))
 }
 
-/// Opacity of a layer by its share and the sum of the shares of the layers below it, both held within 0..=1e30: `layers_opacity`.
+/// Opacity of a layer, from its share and the sum of the shares of the layers below it. Both are clamped to 0..=1e30: `layers_opacity`.
 pub fn opacity<T: Real>(layer: u32, share: T, below: T) -> T {
     let [share, below] = [share, below].map(|x| bounded(x, 0.0, 1e30));
     if layer == 0 { T::one() } else { share / (share + below).max(T::of(1e-30)) }
 }
 
-/// Weights of the layers when each is blended over those below it by its opacity, held within 0..=1.
+/// Weights of the layers if each layer is blended over those below it with its opacity, which is clamped to 0..=1.
 pub fn weights<T: Real>(opacities: [T; LAYERS]) -> [T; LAYERS] {
     let opacities = opacities.map(|p| bounded(p, 0.0, 1.0));
     std::array::from_fn(|i| opacities[i + 1..].iter().fold(opacities[i], |w, &p| w * (T::one() - p)))

@@ -1,9 +1,10 @@
-//! What several stages share: pairs of a WGSL file and its reference of the same name.
+//! Functions that several stages share. Each WGSL file has a reference in Rust of the same name.
 //!
 //! A WGSL file holds free functions, prefixed by its topic, without bindings, overrides or directives, so that any
 //! shader can use it. The Rust functions are generic over [`real::Real`]: f64 is the
-//! truth, f32 the yardstick for the shader's error. `hash::pcg4d` here is `hash_pcg4d` there, and so on.
-//! Nothing in either returns NaN or infinity, whatever it is given, unless its documentation says that it only moves numbers.
+//! truth, f32 the yardstick for the shader's error. `hash::pcg4d` in Rust is `hash_pcg4d` in WGSL, and so on; a name in backticks at the end of a
+//! description is that of the function in WGSL. No function returns NaN or infinity, whatever its input, unless its documentation says that it only
+//! copies numbers.
 
 pub mod biplanar;
 pub mod blue_noise;
@@ -71,7 +72,8 @@ shared_files! {
     CULLING = "culling" needs [OCTAHEDRAL, USABLE] with culling::CONSTANTS,
 }
 
-/// `signal.wgsl`: the packing of measured pixels. Not part of [`WGSL`]: it converts to f16, which a validator counts as a capability of its own.
+/// `signal.wgsl`: the packing of measured pixels. It is not part of [`WGSL`], because it converts to f16, which is a separate capability in a
+/// validator.
 pub static SIGNAL: Wgsl = Wgsl::new("shared/signal.wgsl", include_str!("signal.wgsl"), &[&USABLE])
     .with(&[("SIGNAL_TERRAIN", Constant::U32(signal::TERRAIN)), ("SIGNAL_LARGEST", Constant::F32(signal::LARGEST))]);
 

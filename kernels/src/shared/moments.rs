@@ -1,36 +1,36 @@
-//! Mean and variance of a stream of numbers, one at a time.
+//! Mean and variance of a stream of numbers, updated with one number at a time.
 //!
 //! Welford's recurrence (*Technometrics* 4(3), 1962) with compensated sums (Knuth, *The Art of Computer Programming* 2, section 4.2.2,
-//! theorem B): in f32, a mean of 1e6 with a variance of 1e-6 and a stream of 1e6 numbers keep their digits. A sample is a number in two parts, since
-//! f32 alone has no two values 1e-3 apart near 1e6.
+//! theorem B): in f32, a mean of 1e6 with a variance of 1e-6 and a stream of 1e6 numbers keep their digits. A sample is given as the sum of two
+//! parts, because neighbouring f32 values near 1e6 are more than 1e-3 apart.
 
 use super::real::Real;
 
-/// What a stream has come to.
+/// The mean and variance of a stream so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments<T> {
     /// Mean, in two parts.
     pub mean: [T; 2],
     /// Sum of squared differences from the mean, in two parts.
     pub squares: [T; 2],
-    /// Samples.
+    /// Number of samples.
     pub count: u32,
 }
 
 impl<T: Real> Moments<T> {
-    /// Of no samples.
+    /// The moments of no samples.
     pub fn new() -> Moments<T> {
         Moments { mean: [T::zero(); 2], squares: [T::zero(); 2], count: 0 }
     }
 
-    /// Takes a sample in two parts (high, low): `moments_add`. One that is not finite, or farther than 1e15 from the mean so far, counts as
-    /// that: a million squares of those are in f32's range.
+    /// Adds a sample in two parts (high, low): `moments_add`. A sample that is not finite, or farther than 1e15 from the mean so far, counts as the
+    /// mean. With this limit, the sum of a million squares fits f32.
     pub fn add(&mut self, sample: [T; 2]) {
         self.count = self.count.saturating_add(1);
         let n = T::of(f64::from(self.count));
         let difference = (sample[0] - self.mean[0]) + (sample[1] - self.mean[1]);
         if self.count == 1 {
-            // Exactly the sample: the sum of its parts would round the lower one away.
+            // Both parts are kept: their rounded sum would lose the lower part.
             self.mean = if difference.abs() <= T::of(1e15) { sample } else { [T::zero(); 2] };
             return;
         }
@@ -55,7 +55,7 @@ impl<T: Real> Moments<T> {
     }
 }
 
-/// Sum of a two-part number and another: `moments_sum`.
+/// Sum of a two-part number and a plain number: `moments_sum`.
 fn sum<T: Real>(a: [T; 2], b: T) -> [T; 2] {
     let total = a[0] + b;
     let part = total - a[0];

@@ -1,15 +1,15 @@
-// Mean and variance of a stream of numbers, one at a time: Welford's recurrence with compensated sums, so that a mean of 1e6 with a variance
-// of 1e-6 and a stream of 1e6 numbers keep their digits in f32.
+// Mean and variance of a stream of numbers, updated with one number at a time: Welford's recurrence with compensated sums, so that a mean of 1e6 with
+// a variance of 1e-6 and a stream of 1e6 numbers keep their digits in f32.
 // Source: Welford, "Note on a Method for Calculating Corrected Sums of Squares and Products", Technometrics 4(3), 1962;
 // two-sum: Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B.
 
-// WGSL lets a compiler take (a + b) - a for b, and Mesa does: then nothing is compensated. Where a rounded sum must stay one it passes through an
-// exclusive or with `zero`, which is 0 but comes from memory, so that no compiler knows.
+// WGSL lets a compiler replace (a + b) - a by b, and Mesa does so, which removes the compensation. A sum that must be rounded therefore passes
+// through an exclusive or with `zero`, which is 0 but comes from memory, so that the compiler does not know its value.
 fn moments_rounded(x: f32, zero: u32) -> f32 {
     return bitcast<f32>(bitcast<u32>(x) ^ zero);
 }
 
-// Sum of a two-part number and another: (high, low) with |low| at most half an ulp of high.
+// Sum of a two-part number and a plain number: (high, low) with |low| at most half an ulp of high.
 fn moments_sum(a: vec2<f32>, b: f32, zero: u32) -> vec2<f32> {
     let sum = moments_rounded(a.x + b, zero);
     let part = moments_rounded(sum - a.x, zero);
@@ -19,14 +19,14 @@ fn moments_sum(a: vec2<f32>, b: f32, zero: u32) -> vec2<f32> {
     return vec2<f32>(high, low - moments_rounded(high - sum, zero));
 }
 
-// State: (mean high, mean low, squares high, squares low). `sample` is (high, low) too, low = 0 for a plain f32. `count` includes it, 1 for the first.
-// A sample that is not finite, or farther than 1e15 from the mean so far, counts as
-// that: a million squares of those are in the range of f32. `zero`: 0, from memory.
+// State: (mean high, mean low, squares high, squares low). `sample` is (high, low) too, low = 0 for a plain f32. `count` includes the sample, so it
+// is 1 for the first. A sample that is not finite, or farther than 1e15 from the mean so far, counts as the mean. With this limit, the sum of a
+// million squares fits f32. `zero` is 0, from memory.
 fn moments_add(state: vec4<f32>, sample: vec2<f32>, count: f32, zero: u32) -> vec4<f32> {
     let n = max(count, 1.0);
     let difference = moments_rounded(sample.x - state.x, zero) + moments_rounded(sample.y - state.y, zero);
     if n < 1.5 {
-        // Exactly the sample: the sum of its parts would round the lower one away.
+        // Both parts are kept: their rounded sum would lose the lower part.
         return select(vec4<f32>(0.0), vec4<f32>(sample, 0.0, 0.0), usable_within_1(difference, 1e15));
     }
     let delta = select(0.0, difference, usable_within_1(difference, 1e15));

@@ -1,20 +1,20 @@
-//! Where a point of this frame was seen by an earlier camera: exact, from depth and the two cameras.
+//! Where an earlier camera saw a point of this frame, computed exactly from depth and the two cameras.
 //!
-//! A point q relative to the earlier eye lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), r having length 1 along the view direction f.
-//! So its distance is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, since dx is perpendicular to f's and dy's part of the ray; y alike.
-//! The same mathematics as the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a matrix whose
-//! translation would lose digits far from the origin.
+//! A point q, relative to the earlier eye, lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), and r has length 1 along the view direction
+//! f. So its distance is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and dy. The same holds for y.
+//! This is the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a matrix whose translation would lose
+//! digits far from the origin.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::real::{Real, add, dot, length, scale};
 
-/// Nearest distance along the view direction, metres.
+/// Smallest distance along the view direction, metres.
 pub const MIN_DISTANCE: f64 = 1e-4;
-/// Farthest, metres.
+/// Largest distance along the view direction, metres.
 pub const FAR: f64 = 1e9;
 
-/// An earlier camera as seen from a later eye.
+/// The camera of an earlier frame, relative to the eye of a later frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Past<T> {
     /// The later eye minus the earlier one, metres.
@@ -23,7 +23,7 @@ pub struct Past<T> {
     pub forward: [T; 3],
     /// Pixel x = dot(`x_row`, q) / distance - `x_shift`.
     pub x_row: [T; 3],
-    /// Pixel y alike.
+    /// The same for pixel y: dot(`y_row`, q) / distance - `y_shift`.
     pub y_row: [T; 3],
     /// Shift of x, pixels.
     pub x_shift: T,
@@ -47,7 +47,7 @@ pub struct MotionPast {
 }
 
 impl<T: Real> Past<T> {
-    /// In another precision.
+    /// The same camera in another precision.
     pub fn cast<U: Real>(&self) -> Past<U> {
         let v = |a: [T; 3]| a.map(|x| U::of(x.to_f64()));
         Past {
@@ -60,7 +60,7 @@ impl<T: Real> Past<T> {
         }
     }
 
-    /// For the shader.
+    /// The camera in the layout that the shader reads.
     pub fn uniform(&self) -> MotionPast {
         let p = self.cast::<f32>();
         MotionPast {
@@ -76,7 +76,8 @@ impl<T: Real> Past<T> {
     }
 }
 
-/// Pixel and distance of a point relative to the later eye: `motion_reproject`. `[-1e9, -1e9, 0]` behind the camera or where the input is not finite.
+/// Pixel and distance at which the earlier camera sees a point, which is given relative to the later eye: `motion_reproject`. `[-1e9, -1e9, 0]` if
+/// the point is behind the earlier camera or the input is not finite.
 pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     let nowhere = [T::of(-1e9), T::of(-1e9), T::zero()];
     let q = add(point, past.offset);
@@ -88,7 +89,7 @@ pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     if pixel.iter().all(|p| p.abs() <= T::of(1e9)) { [pixel[0], pixel[1], distance] } else { nowhere }
 }
 
-/// The ray of an earlier pixel, 1 long along the view direction; zero where the input gives none that is finite: `motion_past_ray`.
+/// The ray of a pixel of the earlier camera, 1 long along the view direction; zero if the ray is not finite: `motion_past_ray`.
 pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     let x = (pixel[0] + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel[1] + past.y_shift) / dot(past.y_row, past.y_row);
@@ -96,7 +97,8 @@ pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     if ray.iter().all(|x| x.abs() <= T::of(1e30)) { ray } else { [T::zero(); 3] }
 }
 
-/// Where a pixel's ray meets the plane of the point: `motion_expected_distance`. 0 = edge-on or behind.
+/// Distance at which the ray of an earlier pixel meets the plane through the point: `motion_expected_distance`. 0 if the plane is edge-on or the hit
+/// lies behind the camera.
 pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], normal: [T; 3]) -> T {
     let along = dot(normal, ray);
     let distance = dot(normal, add(point, past.offset)) / along;
@@ -109,7 +111,7 @@ pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
-/// Whether a pixel is of quarter 0 to 3 of the picture: one that `motion_of_quarter` leads to.
+/// Whether a pixel belongs to quarter 0 to 3 of the picture: `motion_of_quarter` returns these pixels.
 pub fn in_quarter(pixel: [u32; 2], quarter: u32) -> bool {
     pixel[0] % 4 == (quarter + 2 * pixel[1]) % 4
 }

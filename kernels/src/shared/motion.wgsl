@@ -1,7 +1,8 @@
-// Where a point of this frame was seen by an earlier camera: exact, from depth and the two cameras. No velocity target, no search.
-// Positions are relative to an eye, and the two eyes differ by one vector that the host takes in f64: as good 1000 km from the origin as at it.
+// Where an earlier camera saw a point of this frame, computed exactly from depth and the two cameras, without a velocity target or a search.
+// Positions are relative to an eye, and the host computes the vector between the two eyes in f64, so the result is as precise 1000 km from the origin
+// as at the origin.
 
-// An earlier camera as seen from this frame's eye; rows of pixel coordinates come ready for a dot product.
+// An earlier camera relative to this frame's eye. A dot product with `x_row` or `y_row` gives a pixel coordinate.
 struct MotionPast {
     offset: vec3<f32>,      // this eye minus the earlier one, metres
     x_shift: f32,
@@ -13,10 +14,10 @@ struct MotionPast {
     pad_1: f32,
 }
 
-// MOTION_MIN_DISTANCE, MOTION_FAR: nearest and farthest distance along the view direction at which a pixel is told, metres.
+// MOTION_MIN_DISTANCE, MOTION_FAR: smallest and largest distance along the view direction at which a pixel is computed, metres.
 
-// Pixel (x, y; whole numbers are pixel centres) and distance along the earlier view direction of a point that is `point` from this frame's eye.
-// Behind the earlier camera, or where the input is not finite: distance 0, pixel -1e9.
+// Pixel (x, y; whole numbers are pixel centres) and distance along the earlier view direction of `point`, which is relative to this frame's eye. If
+// the point is behind the earlier camera, or the input is not finite: distance 0, pixel -1e9.
 fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
     let q = point + past.offset;
     let distance = dot(q, past.forward);
@@ -29,8 +30,8 @@ fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
 }
 
 // The distance along the earlier view direction at which the ray through pixel centre `pixel` meets the plane through the point with normal
-// `normal`; `ray` is that pixel's ray, 1 long along the view direction. What an unoccluded earlier depth must be close to.
-// 0 where the plane is edge-on or the hit lies behind.
+// `normal`; `ray` is that pixel's ray, 1 long along the view direction. If the point was not occluded, the earlier depth must be close to this
+// distance. 0 if the plane is edge-on or the hit lies behind the camera.
 fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, normal: vec3<f32>) -> f32 {
     let along = dot(normal, ray);
     let to_plane = dot(normal, point + past.offset);
@@ -39,8 +40,7 @@ fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, 
     return select(0.0, distance, !edge_on && distance > MOTION_MIN_DISTANCE && usable_number(distance) && distance < MOTION_FAR);
 }
 
-// The ray of a pixel of the earlier camera, from its rows: the inverse of the pixel coordinates above, for perpendicular rows. Zero where the input
-// gives none that is finite.
+// The ray of a pixel of the earlier camera: the inverse of the pixel coordinates above, for perpendicular rows. Zero if the ray is not finite.
 fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
     let x = (pixel.x + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel.y + past.y_shift) / dot(past.y_row, past.y_row);
@@ -53,8 +53,8 @@ fn motion_same_surface(found: f32, expected: f32, tolerance: f32) -> bool {
     return found > 0.0 && expected > 0.0 && abs(found - expected) <= tolerance * expected;
 }
 
-// Of the four pixels of row `y` from `first` on, a multiple of 4, the one that is of quarter 0..=3 of the picture: every fourth pixel of a row, two
-// further on in the next. Four quarters are the picture.
+// The pixel that belongs to quarter 0..=3 of the picture, among the four pixels of row `y` from `first`, a multiple of 4. A quarter has every fourth
+// pixel of a row, shifted by two in the next row. The four quarters together are the picture.
 fn motion_of_quarter(first: u32, y: u32, quarter: u32) -> u32 {
     return first + ((quarter + 2u * y) & 3u);
 }

@@ -1,22 +1,22 @@
 //! Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
 //!
-//! Seven kinds: bound to the ground (hashed alpha in two forms, white noise of fixed cells) or to the screen (white noise, interleaved
-//! gradient noise, a blue-noise mask, a spatio-temporal one). Each is uniform over seeds, exactly; what they differ in is how
-//! neighbours and frames hang together.
+//! There are seven kinds, bound to the ground (hashed alpha in two forms, white noise of fixed cells) or to the screen (white noise, interleaved
+//! gradient noise, a blue-noise mask, a spatio-temporal one). Each is exactly uniform over seeds; the kinds differ in how neighbouring pixels and
+//! frames are correlated.
 //!
 //! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) hashes the cell that holds the point. Cells are
-//! about as wide as a pixel; two neighbouring powers of two are blended, so that the scale follows the camera without a pop, and
-//! the blend's distribution function makes the result uniform again. Here cells are exact integers (sector index times
-//! cells per sector, plus cell in sector): the noise is the same 0 and 1000 km from the origin.
+//! about as wide as a pixel; two neighbouring powers of two are blended, so that the scale follows the camera without a pop, and the distribution
+//! function of the blend makes the result uniform again. Here cells are exact integers (sector index times cells per sector, plus cell in sector):
+//! the noise is the same at the origin and 1000 km from it.
 //!
-//! The anisotropic kind jumps where one axis reaches a power of two while the others do not: its blend runs along a
-//! cube's diagonal (a limit of the published method).
+//! The anisotropic kind jumps where one axis reaches a power of two while the others do not, because it blends along the diagonal of a cube of scales
+//! (a limit of the published method).
 //!
 //! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a
-//! sawtooth along one direction: a rational lattice whose 3 x 3 neighbourhoods hold evenly spread values. Here in fixed point, where
-//! the products are exact. A shift by whole pixels moves all values by almost the same amount, so that two shifts of one lattice
-//! would be one random number; the four decisions therefore see it through four symmetries of the square. The published function
-//! alone is not uniform (52.98 is no whole number: values above 0.983 are 1.9 % too rare); a hashed rotation per decision mends that.
+//! sawtooth along one direction: a rational lattice whose 3 x 3 neighbourhoods hold evenly spread values. It is computed in fixed point here, where
+//! the products are exact. A shift by whole pixels changes all values by almost the same amount, so two shifted copies of one lattice would not be
+//! independent; therefore each of the four decisions uses a different symmetry of the square. The published function alone is not uniform (52.98 is
+//! not a whole number, so values above 0.983 are 1.9 % too rare); a hashed rotation, which is an offset modulo 1, corrects this for each decision.
 
 use std::fmt;
 use std::str::FromStr;
@@ -32,23 +32,23 @@ pub const LEVEL_MAX: i32 = 16;
 /// The largest threshold: 1 - 2^-24, the largest f32 below 1.
 pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
 
-/// Scale of the fixed cells, log2 of cells per metre, where nothing else is said: 6.25 cm.
+/// Default scale of the fixed cells, log2 of cells per metre: cells of 6.25 cm.
 pub const WORLD_LEVEL: i32 = 4;
-/// Jimenez' numbers in units of 2^-32: the two slopes, 0.06711056 and 0.00583715 ...
+/// Interleaved gradient noise: Jimenez' slopes along x and y, 0.06711056 and 0.00583715, in units of 2^-32.
 pub const IGN_SLOPES: [u32; 2] = [288_237_660, 25_070_368];
-/// ... what a step of 5.588238 pixels along both axes, a frame, adds ...
+/// Interleaved gradient noise: what one frame adds, a step of 5.588238 pixels along both axes, in units of 2^-32.
 pub const IGN_FRAME: u32 = 1_750_839_832;
-/// ... and the factor, 52.9829189, as whole ...
+/// Interleaved gradient noise: the whole part of Jimenez' factor 52.9829189.
 pub const IGN_WHOLE: u32 = 52;
-/// ... and rest.
+/// Interleaved gradient noise: the fractional part of that factor, in units of 2^-32.
 pub const IGN_REST: u32 = 4_221_604_530;
 
-/// Where a threshold comes from.
+/// A kind of noise: the source of thresholds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NoiseKind {
     /// Hashed position, one scale for all axes.
     HashedIsotropic,
-    /// Hashed position, a scale per axis.
+    /// Hashed position, one scale per axis.
     HashedAnisotropic,
     /// White noise of pixel and frame.
     WhiteScreen,
@@ -58,18 +58,18 @@ pub enum NoiseKind {
     InterleavedGradient,
     /// A blue-noise mask over the screen, the same in every frame.
     Blue,
-    /// A blue-noise mask that is blue along time, too: a slice a frame.
+    /// A blue-noise mask that is also blue along time, with one slice per frame.
     SpatioTemporalBlue,
 }
 
-/// Why a text is not a kind of noise.
+/// The error for a text that is not a kind of noise.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{given}` is not a kind of noise: give one of {}", NoiseKind::ALL.map(NoiseKind::name).join(", "))]
 pub struct NotANoise {
     given: String,
 }
 
-/// What `noise.wgsl` is handed.
+/// Constants that the host passes to `noise.wgsl`.
 pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("NOISE_HASHED_ISOTROPIC", Constant::U32(NoiseKind::HashedIsotropic.code())),
     ("NOISE_HASHED_ANISOTROPIC", Constant::U32(NoiseKind::HashedAnisotropic.code())),
@@ -133,7 +133,7 @@ impl NoiseKind {
         matches!(self, NoiseKind::Blue | NoiseKind::SpatioTemporalBlue)
     }
 
-    /// Whether a camera that stands still sees the thresholds change with the frame.
+    /// Whether the thresholds change from frame to frame while the camera stands still.
     pub const fn is_per_frame(self) -> bool {
         matches!(self, NoiseKind::WhiteScreen | NoiseKind::InterleavedGradient | NoiseKind::SpatioTemporalBlue)
     }
@@ -153,7 +153,7 @@ impl FromStr for NoiseKind {
     }
 }
 
-/// The point a hashed threshold is wanted for.
+/// The point for which a hashed threshold is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HashedPoint<T> {
     /// Sector index, east and north.
@@ -170,7 +170,7 @@ pub struct HashedPoint<T> {
     pub hash_scale: T,
 }
 
-/// The two scales' numbers before they are blended.
+/// The random numbers of two neighbouring scales, before they are blended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoScales<T> {
     /// Uniform numbers of the larger cell.
@@ -187,7 +187,7 @@ impl<T: Real> TwoScales<T> {
         self.blended().map(|x| correct(x, self.lerp_factor))
     }
 
-    /// The blend alone. Not uniform: what [`correct`] is for.
+    /// The blend alone. It is not uniform; [`correct`] makes it uniform.
     pub fn blended(&self) -> [T; 4] {
         let l = self.lerp_factor;
         std::array::from_fn(|i| self.coarse[i] * (T::one() - l) + self.fine[i] * l)
@@ -199,7 +199,7 @@ pub fn hashed_isotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -
     isotropic_scales(point, seed, salt).thresholds()
 }
 
-/// Hashed-alpha thresholds, a scale per axis: `noise_hashed_anisotropic`.
+/// Hashed-alpha thresholds, one scale per axis: `noise_hashed_anisotropic`.
 pub fn hashed_anisotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> [T; 4] {
     anisotropic_scales(point, seed, salt).thresholds()
 }
@@ -213,7 +213,7 @@ pub fn isotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -
 
 /// The two scales behind [`hashed_anisotropic`].
 pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
-    // The paper's 0.707: a cell's diagonal, not its edge, spans the pixel.
+    // The inverse of the paper's factor 0.707: the diagonal of a cell, not its edge, spans the pixel.
     let widen = T::of(std::f64::consts::SQRT_2) * point.hash_scale;
     let axes: [(i32, T); 3] = std::array::from_fn(|i| split(level(widen * point.ddx[i].abs().max(point.ddy[i].abs()))));
     let k = axes.map(|(k, _)| k);
@@ -227,7 +227,7 @@ pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32)
 }
 
 /// P((1-l) U1 + l U2 < x) for independent uniform U1 and U2, with l = `lerp_factor`, both arguments in 0..=1: `noise_correct`.
-/// In [0, 1); x itself where l is 0 or 1. Wyman & McGuire 2017, the three cases of the distribution function.
+/// The result is in [0, 1); it is x itself if l is 0 or 1. Source: Wyman & McGuire 2017, the three cases of the distribution function.
 pub fn correct<T: Real>(x: T, lerp_factor: T) -> T {
     let one = T::one();
     let x = bounded(x, 0.0, 1.0);
@@ -275,8 +275,8 @@ pub fn interleaved_gradient<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, sal
     })
 }
 
-/// Place in [`blue_noise::ranks`] of the rank that a decision (0..=3) of a pixel takes, shifted on the torus for each seed, salt and
-/// decision; 0 for kinds without a mask: `noise_rank_index`.
+/// Index into [`blue_noise::ranks`] of the rank for a decision (0..=3) of a pixel: `noise_rank_index`. The mask is shifted on the torus for each
+/// seed, salt and decision. 0 for kinds without a mask.
 pub fn rank_index(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, decision: u32) -> u32 {
     const EDGE: u32 = blue_noise::EDGE;
     let slice = match kind {
@@ -289,7 +289,7 @@ pub fn rank_index(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt:
     slice * blue_noise::RANKS + y * EDGE + x
 }
 
-/// (rank + hashed jitter) / ranks for four ranks, in 24 bits: `noise_mask`. The jitter is as fresh as the kind's ranks.
+/// (rank + hashed jitter) / ranks for four ranks, in 24 bits: `noise_mask`. The jitter changes with the frame only if the ranks do.
 pub fn mask<T: Real>(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, ranks: [u32; 4]) -> [T; 4] {
     let frame = if kind.is_per_frame() { frame } else { 0 };
     let jitter = hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 1)]);
@@ -299,8 +299,8 @@ pub fn mask<T: Real>(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, sa
     })
 }
 
-/// The thresholds of this kind, of a point seen in a pixel of a frame: `noise_thresholds`, with the ranks that a shader's caller loads.
-/// `world_level` is for [`white_world`].
+/// The thresholds of this kind, for a point that is seen in a pixel of a frame: `noise_thresholds`. This function also looks up the ranks; in a
+/// shader, the caller loads them. `world_level` is used by [`white_world`].
 pub fn thresholds<T: Real>(
     kind: NoiseKind,
     point: &HashedPoint<T>,
@@ -324,13 +324,13 @@ pub fn thresholds<T: Real>(
     }
 }
 
-/// log2(cells per metre) at which a cell is `footprint` metres wide; finest where that is zero or not a number.
+/// log2(cells per metre) at which a cell is `footprint` metres wide; the finest level if that is zero or NaN.
 fn level<T: Real>(footprint: T) -> T {
     bounded(-bounded(footprint, 1e-6, 1e6).log2(), f64::from(LEVEL_MIN), f64::from(LEVEL_MAX))
 }
 
-/// The lower of the two scales around a level, and the share of the upper one, which always is the next integer (a ceiling
-/// would make both the same where the level is a whole number).
+/// The lower of the two scales around a level, and the share of the upper one. The upper scale is always the next integer: with a ceiling, both would
+/// be the same if the level is a whole number.
 fn split<T: Real>(level: T) -> (i32, T) {
     let k = level.floor().to_i32().expect("a level is finite and small").min(LEVEL_MAX - 1);
     (k, level - T::of(f64::from(k)))
@@ -343,16 +343,16 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
     hash::pcg4d([x, y, z, hash::mix(seed, salt, level)]).map(hash::to_unit)
 }
 
-/// 2^-100 m: times a number of cells it is not denormal.
+/// 2^-100 m. Multiplied by any number of cells per metre, it is not denormal.
 const LEAST_M: f64 = 7.888_609_052_210_118e-31;
 
-/// The cell that holds a point, modulo 2^32, where cells are 2^-`k` m wide along each axis: what hashed thresholds and white noise of
-/// the world hash. `k` outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`], which neither takes, loses sectors or digits.
+/// The cell that holds a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed thresholds and the white noise of the world hash this
+/// cell. Sectors or digits are lost if `k` is outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`], which neither of them uses.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());
         let position = point.position[axis];
-        // What is next to nothing lies at 0, on either side of which another cell begins: some devices take it for that, others do not.
+        // Tiny positions count as 0. A border between two cells lies at 0, and some devices flush tiny numbers to zero while others do not.
         let place = if position.abs() >= T::of(LEAST_M) { position } else { T::zero() };
         let in_sector = whole((usable(place) * per_metre).floor());
         let sectors = point.sector.get(axis).map_or(0, |&s| i64::from(s) * whole(bounded(point.sector_m * per_metre, 0.0, 1e12)));
@@ -360,7 +360,7 @@ pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     })
 }
 
-/// A whole number as integer, held within what a shader's i32 can come from in f32.
+/// Converts a whole number to an integer, clamped to the range in which a shader can convert f32 to i32.
 fn whole<T: Real>(x: T) -> i64 {
     bounded(x, -2_147_483_520.0, 2_147_483_520.0).to_i64().expect("bounded")
 }

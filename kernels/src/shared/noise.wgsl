@@ -1,20 +1,18 @@
 // Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
-// Source: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017: scale from screen derivatives (isotropic and
-// anisotropic), two discrete scales blended, and the CDF that makes the blend uniform again.
-// Cells are exact integers (sector index times cells per sector, plus cell in sector), so the noise is the
-// same 0 and 1000 km from the origin.
-// The other kinds, and the constants NOISE_... that the host hands over: see noise.rs.
+// Source: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017: a scale from screen derivatives (isotropic and anisotropic), a blend of two discrete
+// scales, and the distribution function that makes the blend uniform again. Cells are exact integers (sector index times cells per sector, plus cell
+// in sector), so the noise is the same at the origin and 1000 km from it. noise.rs describes the other kinds, and the constants NOISE_... that the
+// host passes to this file.
 
-// Scales are 2^k cells per metre, k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. With sectors of 32 m or more, a sector is a whole number of cells for every k.
-// The buffer of ranks holds a blue mask, then the slices of the spatio-temporal one, each NOISE_MASK_EDGE squared, row by row.
+// Scales are 2^k cells per metre, k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. If sectors are 32 m wide or wider, a sector is a whole number of cells
+// for every k. The buffer of ranks holds the blue-noise mask, then the slices of the spatio-temporal mask, each NOISE_MASK_EDGE squared, row by row.
 
 // The largest f32 below 1.
 const NOISE_BELOW_ONE: f32 = 0.99999994;
-// 2^-100 m: times a number of cells it is not denormal.
+// 2^-100 m. Multiplied by any number of cells per metre, it is not denormal.
 const NOISE_LEAST_M: f32 = 7.8886091e-31;
 
-// The scale, log2(cells per metre), at which a cell is `footprint` metres wide. Finest where the footprint
-// is zero or not a number.
+// The scale, log2(cells per metre), at which a cell is `footprint` metres wide. The finest scale if the footprint is zero or NaN.
 fn noise_level(footprint: f32) -> f32 {
     return clamp(-log2(max(usable_positive_1(footprint, 1e6), 1e-6)), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX);
 }
@@ -30,11 +28,11 @@ fn noise_power_of_two(k: i32) -> f32 {
     return bitcast<f32>(u32(clamp(k, -126, 127) + 127) << 23u);
 }
 
-// Cell along one axis whose coordinate is split in sector and position in sector.
+// Cell along one axis whose coordinate is split into sector and position in the sector.
 fn noise_cell(sector: i32, position: f32, sector_m: f32, k: i32) -> u32 {
     let cells_per_metre = noise_power_of_two(k);
     let cells_per_sector = u32(usable_positive_1(sector_m * cells_per_metre, 2147483520.0));
-    // What is next to nothing lies at 0, on either side of which another cell begins: some devices take it for that, others do not.
+    // Tiny positions count as 0. A border between two cells lies at 0, and some devices flush tiny numbers to zero while others do not.
     let place = select(0.0, position, abs(position) >= NOISE_LEAST_M);
     let cell = i32(clamp(floor(usable_1(place) * cells_per_metre), -2147483520.0, 2147483520.0));
     return bitcast<u32>(sector) * cells_per_sector + bitcast<u32>(cell);
@@ -53,14 +51,14 @@ fn noise_cell_units(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, k: ve
     return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
 }
 
-// P((1-l) U1 + l U2 < x) for independent uniform U1, U2: what turns the blend into a uniform number again.
-// In [0, 1); x itself where l is 0 or 1.
+// P((1-l) U1 + l U2 < x) for independent uniform U1, U2. It turns the blend into a uniform number again. The result is in [0, 1); it is x itself if l
+// is 0 or 1.
 fn noise_correct(x: f32, lerp_factor: f32) -> f32 {
     let l = usable_positive_1(lerp_factor, 1.0);
     let y = usable_positive_1(x, 1.0);
     let a = min(l, 1.0 - l);
     var p = (y - 0.5 * a) / (1.0 - a);
-    // a > y or a > 1 - y also says that a > 0, so the divisions are safe; ratios before squares keep small a from underflow.
+    // Both conditions imply that a is above 0, so the divisions are safe. Dividing before squaring avoids underflow for small a.
     if y < a {
         p = 0.5 * y * (y / a) / (1.0 - a);
     } else if 1.0 - y < a {
@@ -90,16 +88,16 @@ fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32,
     return noise_blend(coarse, fine, level - lower);
 }
 
-// Hashed alpha, anisotropic: a scale per axis. Parameters as above.
+// Hashed alpha, anisotropic: one scale per axis. Parameters as above.
 fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
-    // sqrt 2: a cell's diagonal, not its edge, spans the pixel.
+    // The factor is sqrt 2, because the diagonal of a cell, not its edge, spans the pixel.
     let footprint = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
     let level = vec3<f32>(noise_level(footprint.x), noise_level(footprint.y), noise_level(footprint.z));
     let lower = vec3<f32>(noise_lower(level.x), noise_lower(level.y), noise_lower(level.z));
     let k = vec3<i32>(lower);
     let coarse = noise_cell_units(sector, position, sector_m, k, seed, salt);
     let fine = noise_cell_units(sector, position, sector_m, k + vec3<i32>(1), seed, salt);
-    // Distances to the two corners of the unit cube of scales; they never are both zero.
+    // Distances to the two corners of the unit cube of scales; they are never both zero.
     let part = level - lower;
     let to_coarse = length(part);
     let to_fine = length(vec3<f32>(1.0) - part);
@@ -132,8 +130,8 @@ fn noise_interleaved_gradient_value(pixel: vec2<u32>, frame: u32) -> u32 {
     return inner * NOISE_IGN_WHOLE + noise_high_product(inner, NOISE_IGN_REST);
 }
 
-// Shifted by whole pixels and rotated for each decision, which also has a symmetry of the square to itself: shifts of one and the
-// same lattice would be one random number for all.
+// Interleaved gradient noise, shifted by whole pixels and rotated (an offset modulo 1) for each decision. Each decision also uses its own symmetry of
+// the square, because shifted copies of one lattice would not be independent.
 fn noise_interleaved_gradient(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec4<f32> {
     var units: vec4<f32>;
     for (var decision = 0u; decision < 4u; decision++) {
@@ -151,7 +149,7 @@ fn noise_needs_mask(kind: u32) -> bool {
     return kind == NOISE_BLUE || kind == NOISE_SPATIO_TEMPORAL_BLUE;
 }
 
-// Which rank of the buffer a decision, 0..3, takes: shifted on the torus for each seed, salt and decision, which keeps the
+// Index into the buffer of ranks for a decision, 0..=3. The mask is shifted on the torus for each seed, salt and decision, which preserves its
 // spectrum. 0 for kinds without a mask.
 fn noise_rank_index(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, decision: u32) -> u32 {
     if !noise_needs_mask(kind) {
@@ -162,7 +160,7 @@ fn noise_rank_index(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u3
     return slice * NOISE_MASK_RANKS + shifted.y * NOISE_MASK_EDGE + shifted.x;
 }
 
-// (rank + hashed jitter) / ranks: 12 bits of each. The jitter is as fresh as the kind's ranks.
+// (rank + hashed jitter) / ranks: 12 bits of each. The jitter changes with the frame only if the ranks do.
 fn noise_mask(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, ranks: vec4<u32>) -> vec4<f32> {
     let fresh = select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE);
     let jitter = hash_pcg4d(vec4<u32>(pixel, fresh, hash_mix(seed, salt, 1u)));
@@ -170,8 +168,8 @@ fn noise_mask(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, ran
     return vec4<f32>(hash_to_unit(u.x), hash_to_unit(u.y), hash_to_unit(u.z), hash_to_unit(u.w));
 }
 
-// The noise of this kind; an unknown kind is white. `world_level`: log2 of cells per metre of the fixed cells; `ranks`: what
-// noise_rank_index says for decisions 0 to 3, anything for kinds without a mask.
+// The noise of this kind; an unknown kind is white. `world_level`: log2 of cells per metre of the fixed cells; `ranks`: the ranks at noise_rank_index
+// for decisions 0 to 3; not used by kinds without a mask.
 fn noise_thresholds(
     kind: u32,
     sector: vec2<i32>,

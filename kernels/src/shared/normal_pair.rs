@@ -1,9 +1,9 @@
 //! Two normals in 32 bits: the plane of a triangle, from which derivatives follow, and the shading normal.
 //!
-//! Octahedral codes of 8 + 8 bits for each spend as much on the shading normal, which a texture blurs anyway, as on the plane, whose error the
-//! derivatives multiply by one over the cosine of incidence. But a plane has no sign, so half of the octahedron holds all of them, and the
-//! shading normal is near the plane's, so that of its code only the low bits need be told. What that saves makes the plane's lattice 8 times
-//! finer. Where the two are too far apart, the plane has 127 steps as before; the shading normal has its 8 + 8 bits in either case, exactly:
+//! Two octahedral codes of 8 + 8 bits spend as many bits on the shading normal, which a texture blurs anyway, as on the plane, whose error the
+//! derivatives multiply by one over the cosine of incidence. But a plane has no sign, so half of the octahedron holds all planes. The shading normal
+//! is near the plane's normal, so only the low bits of its code are stored. The bits saved make the plane's lattice 8 times finer. If the two normals
+//! are too far apart, the plane has 127 steps, as in an octahedral code. In either case, the 8 + 8 bits of the shading normal are kept exactly:
 //!
 //! | bits | 31 | plane | shading normal |
 //! | --- | --- | --- | --- |
@@ -11,38 +11,40 @@
 //! | plain | 1 | 30..=16, of [`PLAIN`] steps | 15..=8 and 7..=0, its codes |
 //!
 //! Sources: the octahedron is Cigolle et al.'s, *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014; the packing is
-//! our own, derived in `docs/stability-lab.md`, section 3. An error of ε in the plane bends a derivative by at most sin ε / cos, cos being that
-//! between the decoded plane's normal and the neighbour's ray (section 2 there).
+//! our own, derived in `docs/stability-lab.md`, section 3. An error of ε in the plane bends a derivative by at most sin ε / cos, where cos is the
+//! cosine between the decoded plane's normal and the neighbour's ray (section 2 there).
 
 use super::octahedral;
 use super::real::{Real, dot, sub};
 
-/// Steps of the plane's lattice from the middle of the octahedron's square to its rim: 8 a step of the shading normal's code.
+/// Steps of the plane's lattice from the middle of the octahedron's square to its rim: 8 for each step of the shading normal's code.
 pub const FINE: i32 = 1016;
-/// The same where the shading normal is too far from the plane's: a step a step of the code.
+/// The same if the shading normal is too far from the plane's normal: one for each step of the code.
 pub const PLAIN: i32 = 127;
-/// Largest angle between a plane and its fine code, radians (0.0798 degrees): √2 a step, as of octahedral codes, attained next to the faces' centres.
-/// On planes that the ray meets at less than that angle a point of the lattice may be seen from behind and another be taken: three times as much at most.
+/// Largest angle between a plane and its fine code, radians (0.0798 degrees): √2 times a step, as for octahedral codes, reached near the centres of
+/// the octahedron's faces. If the ray meets a plane at less than this angle, it may see the nearest lattice point from behind, so another point is
+/// taken; the error is then at most three times as large.
 pub const FINE_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 1016.0;
-/// The same of its plain code (0.638 degrees).
+/// The same for its plain code (0.638 degrees).
 pub const PLAIN_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 127.0;
 
-/// What a word holds.
+/// The contents of a word.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair<T> {
     /// Unit vector, z at least 0: the normal of the plane or its opposite.
     pub plane: [T; 3],
-    /// Code of the shading normal, 0..=254 each: [`super::octahedral::dequantise`] of 8 bits.
+    /// Code of the shading normal, 0..=254 each, for [`super::octahedral::dequantise`] with 8 bits.
     pub shading: [u32; 2],
 }
 
-/// Number of a point of the diamond |x| + |y| <= `half`, the octahedron's upper half: 0..=2 half² + 2 half, along one diagonal after the other.
+/// Index of a point of the diamond |x| + |y| <= `half`, which is the upper half of the octahedron. Indices are 0..=2 half² + 2 half, counted along
+/// one diagonal after the other.
 pub fn pack_diamond([x, y]: [i32; 2], half: i32) -> u32 {
-    // The sum and the difference have one parity, and 2 half + 1 is odd: the total is even.
+    // The sum and the difference have the same parity, and 2 half + 1 is odd, so the total is even.
     ((x + y + half) * (2 * half + 1) + (x - y + half)).cast_unsigned() >> 1
 }
 
-/// The point of a number. Numbers beyond the last count as that.
+/// The point with this index. Indices beyond the last one count as the last one.
 pub fn unpack_diamond(index: u32, half: i32) -> [i32; 2] {
     let twice = 2 * index.min((2 * half * half + 2 * half).cast_unsigned()).cast_signed();
     let width = 2 * half + 1;
@@ -57,8 +59,8 @@ fn direction<T: Real>([x, y]: [i32; 2], half: i32) -> [T; 3] {
     v.map(|c| c / length)
 }
 
-/// Of the points around unit vector `n`, z at least 0, the nearest that the ray, a unit vector, sees from the side from which it sees `n`. One is there,
-/// for `n` lies between them.
+/// The lattice point nearest to the unit vector `n` (z at least 0), among those around it that the unit vector `ray` sees from the same side as `n`.
+/// There is always one, because `n` lies between the points.
 fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
     let flat = octahedral::encode(n).map(|x| x * T::of(f64::from(half)));
     let whole = |x: T| x.to_i32().expect("within the square");
@@ -72,7 +74,7 @@ fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
             continue;
         }
         let decoded = direction(p, half);
-        // Seen from behind it would turn derivatives round.
+        // A plane that is seen from behind would reverse the derivatives.
         if along != T::zero() && dot(decoded, ray) * along <= T::zero() {
             continue;
         }
@@ -85,13 +87,14 @@ fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
     best
 }
 
-/// The code that a shading normal in the fine plane would have, 0..=254 each.
+/// The code of a shading normal that equals the normal of the fine plane, 0..=254 each.
 fn predict(p: [i32; 2]) -> [i32; 2] {
     p.map(|x| (x + FINE + 4) >> 3)
 }
 
-/// The word of a plane, given by a normal of any length and either sign, and of a shading normal's code, 0..=254 each; larger ones count as that.
-/// `ray` leads from the eye to the plane, in any length: the plane is decoded as seen from the same side. No usable direction counts as z.
+/// Encodes a plane, given by a normal of any length and either sign, and the code of a shading normal, 0..=254 each; larger codes count as 254. `ray`
+/// leads from the eye to the plane and may have any length; it sees the decoded plane from the same side as the given one. A vector without usable
+/// direction counts as z.
 pub fn encode<T: Real>(plane: [T; 3], ray: [T; 3], shading: [u32; 2]) -> u32 {
     let n = octahedral::unit(plane);
     let upper = if n[2] < T::zero() { n.map(|x| -x) } else { n };
@@ -106,12 +109,12 @@ pub fn encode<T: Real>(plane: [T; 3], ray: [T; 3], shading: [u32; 2]) -> u32 {
     (1 << 31) | (pack_diamond(nearest(upper, ray, PLAIN), PLAIN) << 16) | (x << 8) | y
 }
 
-/// What a word says; any word says something.
+/// Decodes a word. Every word is valid.
 pub fn decode<T: Real>(word: u32) -> Pair<T> {
     if word >> 31 == 0 {
         let p = unpack_diamond(word >> 10, FINE);
         let predicted = predict(p);
-        // Of the numbers with these low bits, the one within -16..16 of the predicted one.
+        // The number with these low bits whose difference from the predicted one is in -16..16.
         let code = |low: u32, predicted: i32| {
             let code = predicted + (((low & 31).cast_signed() - predicted + 16) & 31) - 16;
             code.clamp(0, 254).cast_unsigned()
@@ -133,7 +136,8 @@ mod tests {
         Draw { row: test, column: 0, table: 8 }
     }
 
-    /// A shading normal's code as terrain has it: away from the plane's normal by an angle of lognormal distribution, median 2 degrees, sigma 1.1.
+    /// A typical code of a shading normal on terrain: its angle to the plane's normal has a lognormal distribution with median 2 degrees and sigma
+    /// 1.1.
     fn shading(draw: &mut Draw, n: [f64; 3]) -> [u32; 2] {
         let [radius, turn] = [draw.between(1e-9, 1.0), draw.between(0.0, std::f64::consts::TAU)];
         let normal = (-2.0 * radius.ln()).sqrt() * turn.cos();
@@ -142,7 +146,7 @@ mod tests {
     }
 
     fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
-        // By the chord: an arc cosine has no digits at small angles.
+        // Computed from the chord, because an arc cosine has no precision at small angles.
         2.0 * (0.5 * length(sub(a, b))).min(1.0).asin()
     }
 
@@ -171,7 +175,7 @@ mod tests {
 
     #[test]
     fn the_code_predicted_is_the_nearest() {
-        // Another would be as good to itself, but the window around it would be lopsided.
+        // Another prediction would also be consistent, but its window would not be symmetric.
         for x in -FINE..=FINE {
             let [code, _] = predict([x, 0]);
             assert!((0..=254).contains(&code) && (8 * (code - PLAIN) - x).abs() <= 4, "{x} as {code}");
@@ -211,14 +215,14 @@ mod tests {
             assert_eq!(decode::<f64>(encode(n, ray, shading)).shading, shading, "{n:?}");
             assert_eq!(decode::<f64>(encode(single(n), single(ray), shading)).shading, shading, "{n:?} in f32");
             let usable = n.iter().all(|x| x.abs() <= 1e30) && n.iter().any(|x| x.abs() > 1e-30);
-            // Axes are exact, and so are vertical planes' zeros; no direction is z.
+            // Axes are exact, and so are the zeros of vertical planes. A vector without direction counts as z.
             if !usable || n[0] == 0.0 && n[1] == 0.0 {
                 assert_eq!(decode::<f64>(encode(n, ray, shading)).plane, [0.0, 0.0, 1.0], "{n:?}");
             } else if n[2] == 0.0 {
                 assert_eq!(decode::<f64>(encode(n, [0.0; 3], shading)).plane[2], 0.0, "{n:?}");
             }
         }
-        // What no code is counts as the last one.
+        // Values beyond the codes count as the last code.
         assert_eq!(decode::<f64>(encode([0.0, 0.0, 1.0], [0.0; 3], [255, u32::MAX])).shading, [254, 254]);
     }
 
@@ -229,13 +233,13 @@ mod tests {
         for _ in 0..400_000 {
             let (n, ray) = (draw.direction(), draw.direction());
             let own = octahedral::encode_precise(if n[2] < 0.0 { n.map(|x| -x) } else { n }, 8);
-            // A code on the other side of the octahedron is beyond every window.
+            // A code on the other side of the octahedron is outside every window.
             for (mode, shading) in [own, own.map(|q| (q + 127) % 255)].into_iter().enumerate() {
                 let word = encode(n, ray, shading);
                 assert_eq!(word >> 31, u32::try_from(mode).expect("0 or 1"));
                 let error = plane_error(n, decode(word).plane);
                 let supremum = [FINE_SUPREMUM, PLAIN_SUPREMUM][mode];
-                // Edge-on, a point that would be seen from behind is passed over.
+                // If the plane is nearly edge-on, a point that would be seen from behind is skipped.
                 let most = if dot(n, ray).abs() > supremum.sin() { supremum } else { 3.0 * supremum };
                 assert!(error <= most * (1.0 + 1e-9), "{n:?} seen along {ray:?}: {error} rad");
                 if most == supremum {
@@ -243,12 +247,13 @@ mod tests {
                 }
             }
         }
-        // No more is promised than is needed.
+        // The bounds are tight.
         assert!(worst.iter().all(|&share| share > 0.97), "{worst:?}");
     }
 
-    /// A plane with z at least 0 seen from above it at an incidence, degrees, in a random pixel of a random camera: the ray, its steps to the neighbours,
-    /// and the plane's normal. Field of view uniform in 20..100 degrees, any orientation, any pixel of 1920 x 1080.
+    /// A random pixel of a random camera that sees a plane at this incidence, degrees, from above: the ray, its steps to the neighbours, and the
+    /// plane's normal, whose z is at least 0. The field of view is uniform in 20..100 degrees; the orientation and the pixel of 1920 x 1080 are
+    /// arbitrary.
     fn sight(draw: &mut Draw, incidence: f64) -> ([f64; 3], [[f64; 3]; 2], [f64; 3]) {
         let forward = draw.direction();
         let right = draw.leaning(forward, std::f64::consts::FRAC_PI_2);
@@ -258,7 +263,7 @@ mod tests {
         let steps = [scale(right, pixel), scale(down, pixel)];
         let ray = add(forward, add(scale(steps[0], draw.between(-960.0, 960.0)), scale(steps[1], draw.between(-540.0, 540.0))));
         let n = draw.leaning(octahedral::unit(ray.map(|x| -x)), incidence.to_radians());
-        // The same sight through the origin, where it is of an overhang.
+        // For an overhang, everything is mirrored through the origin, so that z is at least 0.
         let up = if n[2] < 0.0 { -1.0 } else { 1.0 };
         (scale(ray, up), steps.map(|s| scale(s, up)), scale(n, up))
     }
@@ -316,7 +321,7 @@ mod tests {
     #[test]
     fn no_derivative_is_reversed_next_to_edge_on() {
         let mut draw = draw(4);
-        // Of fine words, of plain ones, and of plain ones whose encoder knows no ray.
+        // Number of reversed derivatives: with fine words, with plain words, and with plain words encoded without a ray.
         let mut reversed = [0; 3];
         const SIGHTS: usize = 20_000;
         for _ in 0..SIGHTS {

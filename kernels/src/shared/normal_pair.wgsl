@@ -3,7 +3,7 @@
 // plain (bit 31 = 1): 30..16 plane, of 127 steps  | 15..8, 7..0 the code
 // Octahedron: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
 
-// Steps of the plane's lattice from the middle to the rim, 8 times those of a code, and those of a code.
+// Steps of the plane's lattice from the middle to the rim. The fine lattice has 8 times as many as a code; the plain lattice has as many as a code.
 const NORMAL_PAIR_FINE: i32 = 1016;
 const NORMAL_PAIR_PLAIN: i32 = 127;
 
@@ -12,13 +12,13 @@ struct NormalPair {
     shading: vec2<i32>,     // code of the shading normal, 0..=254 each
 }
 
-// The upper half of the octahedron is the diamond |x| + |y| <= half; its points counted without a gap, along one diagonal after the other.
+// The upper half of the octahedron is the diamond |x| + |y| <= half. Its points are counted without a gap, along one diagonal after the other.
 fn normal_pair_pack_diamond(p: vec2<i32>, half: i32) -> u32 {
-    // The sum and the difference have one parity, and 2 half + 1 is odd: the total is even.
+    // The sum and the difference have the same parity, and 2 half + 1 is odd, so the total is even.
     return u32((p.x + p.y + half) * (2 * half + 1) + (p.x - p.y + half)) >> 1u;
 }
 
-// Indices beyond the last count as that.
+// The point with this index. Indices beyond the last one count as the last one.
 fn normal_pair_unpack_diamond(index: u32, half: i32) -> vec2<i32> {
     let last = u32(2 * half * half + 2 * half);
     let twice = 2 * i32(min(index, last));
@@ -28,13 +28,14 @@ fn normal_pair_unpack_diamond(index: u32, half: i32) -> vec2<i32> {
     return vec2<i32>((sum + difference) / 2, (sum - difference) / 2);
 }
 
-// The unit vector of a point of the diamond. Whole numbers up to the root: on the rim z is 0 and not a rounding error.
+// The unit vector of a point of the diamond. All numbers are whole before the root is taken, so that z on the rim is exactly 0.
 fn normal_pair_direction(p: vec2<i32>, half: i32) -> vec3<f32> {
     let v = vec3<f32>(vec3<i32>(p, half - abs(p.x) - abs(p.y)));
     return v / sqrt(dot(v, v));
 }
 
-// Of the points around unit vector n, z >= 0, the nearest that the ray sees from the side from which it sees n. One is there, for n lies between them.
+// The lattice point nearest to the unit vector n, z >= 0, among those around it that the ray sees from the same side as n. There is always one,
+// because n lies between the points.
 fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
     let flat = octahedral_encode(n) * f32(half);
     let low = vec2<i32>(floor(flat));
@@ -47,7 +48,7 @@ fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
             continue;
         }
         let decoded = normal_pair_direction(p, half);
-        // Seen from behind it would turn derivatives round.
+        // A plane that is seen from behind would reverse the derivatives.
         if along != 0.0 && dot(decoded, ray) * along <= 0.0 {
             continue;
         }
@@ -61,12 +62,12 @@ fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
     return best;
 }
 
-// The code that a shading normal in the fine plane would have.
+// The code of a shading normal that equals the normal of the fine plane.
 fn normal_pair_predict(p: vec2<i32>) -> vec2<i32> {
     return (p + NORMAL_PAIR_FINE + 4) >> vec2<u32>(3u);
 }
 
-// `plane` of any length and either sign, `ray` from the eye to it, `shading` as in NormalPair; larger codes count as 254.
+// `plane` is a normal of any length and either sign, `ray` leads from the eye to the plane, `shading` is as in NormalPair; larger codes count as 254.
 fn normal_pair_encode(plane: vec3<f32>, ray: vec3<f32>, shading: vec2<i32>) -> u32 {
     let n = octahedral_unit(plane);
     let upper = select(n, -n, n.z < 0.0);
@@ -81,13 +82,13 @@ fn normal_pair_encode(plane: vec3<f32>, ray: vec3<f32>, shading: vec2<i32>) -> u
     return 0x80000000u | (normal_pair_pack_diamond(plain, NORMAL_PAIR_PLAIN) << 16u) | (u32(code.x) << 8u) | u32(code.y);
 }
 
-// Any word gives a unit vector and a code.
+// Every word gives a unit vector and a code.
 fn normal_pair_decode(word: u32) -> NormalPair {
     if (word >> 31u) == 0u {
         let p = normal_pair_unpack_diamond(word >> 10u, NORMAL_PAIR_FINE);
         let predicted = normal_pair_predict(p);
         let low = vec2<i32>(vec2<u32>(word >> 5u, word) & vec2<u32>(31u));
-        // Of the numbers with these low bits, the one within -16..16 of the predicted one.
+        // The number with these low bits whose difference from the predicted one is in -16..16.
         let shading = predicted + ((low - predicted + 16) & vec2<i32>(31)) - 16;
         return NormalPair(normal_pair_direction(p, NORMAL_PAIR_FINE), clamp(shading, vec2<i32>(0), vec2<i32>(254)));
     }

@@ -1,12 +1,12 @@
-//! Unit vectors on the octahedron, two numbers each.
+//! Unit vectors as points on the octahedron, two numbers each.
 //!
 //! Source: Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014.
-//! Of b bits' codes, `0..=2 half` with half = 2^(b-1) - 1 are used: an odd count, so that zero, and with it the six axes, are exact.
+//! Codes of b bits use the values `0..=2 half` with half = 2^(b-1) - 1. Their number is odd, so that zero, and with it the six axes, are exact.
 
 use super::real::{Real, dot, sub};
 use super::{bounded, usable};
 
-/// Unit vector along `v`; z where `v` has no usable direction (every component below 1e-30, or any above 1e30 or not a number).
+/// Unit vector along `v`; z where `v` has no usable direction (every component is below 1e-30, or one is above 1e30 or NaN).
 pub fn unit<T: Real>(v: [T; 3]) -> [T; 3] {
     let size = v.iter().fold(T::zero(), |m, x| m.max(x.abs()));
     if !(v.iter().all(|x| x.abs() <= T::of(1e30)) && size > T::of(1e-30)) {
@@ -18,7 +18,7 @@ pub fn unit<T: Real>(v: [T; 3]) -> [T; 3] {
     scaled.map(|x| x / length)
 }
 
-/// Direction to the square [-1, 1]². Any length will do; no direction gives that of z.
+/// Maps a direction to the square [-1, 1]². The vector may have any length; without usable direction it counts as z.
 pub fn encode<T: Real>(n: [T; 3]) -> [T; 2] {
     let [x, y, z] = unit(n);
     let sum = x.abs() + y.abs() + z.abs();
@@ -26,7 +26,7 @@ pub fn encode<T: Real>(n: [T; 3]) -> [T; 2] {
     if z < T::zero() { fold([x, y]) } else { [x, y] }
 }
 
-/// Square to unit vector. Coordinates beyond ±1 are clamped.
+/// Maps a point of the square to a unit vector. Coordinates beyond ±1 are clamped.
 pub fn decode<T: Real>(e: [T; 2]) -> [T; 3] {
     let e = e.map(|x| bounded(usable(x), -1.0, 1.0));
     let z = T::one() - e[0].abs() - e[1].abs();
@@ -36,13 +36,13 @@ pub fn decode<T: Real>(e: [T; 2]) -> [T; 3] {
     v.map(|x| x / length)
 }
 
-/// Mirrors a corner of the square on its diagonal: the lower half of the octahedron. Its own inverse.
+/// Mirrors a corner of the square on its diagonal. The corners are the lower half of the octahedron. The function is its own inverse.
 fn fold<T: Real>(e: [T; 2]) -> [T; 2] {
     let sign = |x: T| if x >= T::zero() { T::one() } else { -T::one() };
     [(T::one() - e[1].abs()) * sign(e[0]), (T::one() - e[0].abs()) * sign(e[1])]
 }
 
-/// Largest code is twice this one, which stands for zero. `bits` is held within 2..=24.
+/// The code that stands for zero; the largest code is twice this. `bits` is clamped to 2..=24.
 pub fn half(bits: u32) -> u32 {
     (1 << (bits.clamp(2, 24) - 1)) - 1
 }
@@ -53,13 +53,13 @@ pub fn quantise<T: Real>(e: [T; 2], bits: u32) -> [u32; 2] {
     e.map(|x| code((bounded(usable(x), -1.0, 1.0) * T::of(half)).round() + T::of(half)))
 }
 
-/// Coordinates of a code; codes above `2 half` count as that.
+/// Coordinates of a code; codes above `2 half` count as `2 half`.
 pub fn dequantise<T: Real>(code: [u32; 2], bits: u32) -> [T; 2] {
     let half = half(bits);
     code.map(|q| T::of(f64::from(q.min(2 * half)) - f64::from(half)) / T::of(f64::from(half)))
 }
 
-/// The code, of the four around `n`, that decodes nearest to it. "oct-P" in the survey.
+/// The one of the four codes around `n` that decodes nearest to `n`. "oct-P" in the survey.
 pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
     let n = unit(n);
     let half = half(bits);
@@ -68,7 +68,7 @@ pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
     let mut best_error = T::infinity();
     for step in [[0, 0], [1, 0], [0, 1], [1, 1]] {
         let candidate = [(low[0] + step[0]).min(2 * half), (low[1] + step[1]).min(2 * half)];
-        // Squared distance orders like the dot product but keeps its digits where the angle is small.
+        // The squared distance gives the same order as the dot product, but it is precise at small angles.
         let off = sub(decode(dequantise(candidate, bits)), n);
         let error = dot(off, off);
         if error < best_error {
@@ -78,7 +78,7 @@ pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
     best
 }
 
-/// What to write to two unorm8 channels for a point of the square: `octahedral_quantise8`.
+/// The values that two unorm8 channels store for a point of the square: `octahedral_quantise8`.
 pub fn quantise8<T: Real>(e: [T; 2]) -> [T; 2] {
     quantise(e, 8).map(stored8)
 }
@@ -88,7 +88,7 @@ pub fn dequantise8<T: Real>(stored: [T; 2]) -> [T; 2] {
     dequantise(stored.map(|s| code((bounded(s, 0.0, 1.0) * T::of(255.0)).round())), 8)
 }
 
-/// What to write to two unorm8 channels for a direction, by the precise search: `octahedral_encode8_precise`.
+/// The values that two unorm8 channels store for a direction, by the precise search: `octahedral_encode8_precise`.
 pub fn encode8_precise<T: Real>(n: [T; 3]) -> [T; 2] {
     encode_precise(n, 8).map(stored8)
 }

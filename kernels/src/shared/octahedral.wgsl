@@ -1,8 +1,8 @@
-// Unit vectors on the octahedron, two numbers each.
+// Unit vectors as points on the octahedron, two numbers each.
 // Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
 // 8-bit codes use the 255 values 0..=254, so that zero and the six axes are exact.
 
-// Half the number of steps in use: codes -127..=127, stored as 0..=254.
+// Half the number of steps in use. Codes are -127..=127, stored as 0..=254.
 const OCTAHEDRAL_HALF: f32 = 127.0;
 // 127 times this f32 is exactly 1; a division need not be exact on a GPU.
 const OCTAHEDRAL_STEP: f32 = 0.007874016;
@@ -22,7 +22,7 @@ fn octahedral_sign(v: vec2<f32>) -> vec2<f32> {
     return select(vec2<f32>(-1.0), vec2<f32>(1.0), v >= vec2<f32>(0.0));
 }
 
-// Direction to square, [-1, 1]². Any length will do; no direction gives that of z.
+// Maps a direction to the square [-1, 1]². The vector may have any length; without usable direction it counts as z.
 fn octahedral_encode(n: vec3<f32>) -> vec2<f32> {
     let v = octahedral_unit(n);
     let flat = v.xy / (abs(v.x) + abs(v.y) + abs(v.z));
@@ -32,7 +32,7 @@ fn octahedral_encode(n: vec3<f32>) -> vec2<f32> {
     return flat;
 }
 
-// Square to unit vector.
+// Maps a point of the square to a unit vector.
 fn octahedral_decode(e: vec2<f32>) -> vec3<f32> {
     let inside = clamp(usable_2(e), vec2<f32>(-1.0), vec2<f32>(1.0));
     let z = 1.0 - abs(inside.x) - abs(inside.y);
@@ -44,14 +44,14 @@ fn octahedral_decode(e: vec2<f32>) -> vec3<f32> {
     return v / sqrt(dot(v, v));
 }
 
-// Codes of any count of bits are -half..=half with half = 2^(bits - 1) - 1; `step` is 1 / half, and half times it exactly 1.
+// Codes of any count of bits are -half..=half with half = 2^(bits - 1) - 1; `step` is 1 / half, chosen so that half times `step` is exactly 1.
 
 // The nearest code to each coordinate ("oct" in the survey).
 fn octahedral_quantise(e: vec2<f32>, half: f32) -> vec2<f32> {
     return clamp(round(usable_2(e) * half), vec2<f32>(-half), vec2<f32>(half));
 }
 
-// The code, of the four around n, that decodes nearest to it ("oct-P" in the survey).
+// The one of the four codes around n that decodes nearest to n ("oct-P" in the survey).
 fn octahedral_encode_precise(n: vec3<f32>, half: f32, step: f32) -> vec2<f32> {
     let unit = octahedral_unit(n);
     let low = floor(octahedral_encode(unit) * half);
@@ -59,7 +59,7 @@ fn octahedral_encode_precise(n: vec3<f32>, half: f32, step: f32) -> vec2<f32> {
     var best_error = 1e30;
     for (var i = 0u; i < 4u; i++) {
         let code = clamp(low + vec2<f32>(f32(i & 1u), f32(i >> 1u)), vec2<f32>(-half), vec2<f32>(half));
-        // Squared distance orders like the dot product but keeps its digits where the angle is small.
+        // The squared distance gives the same order as the dot product, but it is precise at small angles.
         let difference = octahedral_decode(code * step) - unit;
         let error = dot(difference, difference);
         if error < best_error {
@@ -74,12 +74,12 @@ fn octahedral_store8(code: vec2<f32>) -> vec2<f32> {
     return (code + OCTAHEDRAL_HALF) / 255.0;
 }
 
-// What to write to a unorm8 channel: q / 255 with q = round(127 e) + 127.
+// The value that a unorm8 channel stores: q / 255 with q = round(127 e) + 127.
 fn octahedral_quantise8(e: vec2<f32>) -> vec2<f32> {
     return octahedral_store8(octahedral_quantise(e, OCTAHEDRAL_HALF));
 }
 
-// What a unorm8 channel gives back, in [-1, 1]².
+// The point of the square [-1, 1]² that two unorm8 channels stand for.
 fn octahedral_dequantise8(stored: vec2<f32>) -> vec2<f32> {
     let code = clamp(round(usable_2(stored) * 255.0) - OCTAHEDRAL_HALF, vec2<f32>(-OCTAHEDRAL_HALF), vec2<f32>(OCTAHEDRAL_HALF));
     return code * OCTAHEDRAL_STEP;

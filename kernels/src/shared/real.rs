@@ -2,7 +2,7 @@
 
 use num_traits::Float;
 
-/// A real number the references are generic over: `f32` or `f64`.
+/// The type of real numbers in the references, which are generic: `f32` or `f64`.
 pub trait Real: Float + std::fmt::Debug + Send + Sync + 'static {
     /// The nearest value of this type.
     fn of(value: f64) -> Self;

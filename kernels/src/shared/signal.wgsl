@@ -1,9 +1,9 @@
-// A pixel of a measured sequence in two words: linear colour as f16, and what the shading pass knew of it.
-// Word 0: red, green. Word 1: blue, then 10 bits of fetches, 5 of the first random choice (0 = none), 1 that says terrain.
+// A pixel of a measured sequence in two words: linear colour as f16, and the fetches and the first random choice that the shading pass recorded. Word
+// 0: red, green. Word 1: blue, then 10 bits for fetches, 5 bits for the first random choice (0 = none), and 1 bit that marks terrain.
 
-// SIGNAL_TERRAIN: the bit of the second word that says terrain. SIGNAL_LARGEST: the largest colour that f16 has.
+// SIGNAL_TERRAIN: the bit of the second word that marks terrain. SIGNAL_LARGEST: the largest colour value that f16 can hold.
 
-// A colour as f16 has it; what is not finite counts as zero.
+// A colour clamped to the range of f16; numbers that are not finite count as zero.
 fn signal_held(colour: vec3<f32>) -> vec3<f32> {
     let held = clamp(colour, vec3<f32>(-SIGNAL_LARGEST), vec3<f32>(SIGNAL_LARGEST));
     return select(vec3<f32>(0.0), held, (bitcast<vec3<u32>>(colour) & vec3<u32>(USABLE_MAGNITUDE)) < vec3<u32>(0x7f800000u));

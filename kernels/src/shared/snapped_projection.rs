@@ -1,18 +1,19 @@
-//! One projection: from above on gentle slopes, else the vertical plane whose azimuth is nearest among multiples of 45°.
+//! A single projection: from above on gentle slopes, otherwise onto the vertical plane with the nearest azimuth among the multiples of 45°.
 //!
 //! Planes 0, 1, 2 are the tri-planar ones (looking along x, y, z); 3 looks along (1, 1), 4 along (1, -1).
-//! After Terrain3D (TokisanGames, `main.glsl`, `get_material`): there the normal at a splat texel, if its height is below a threshold (0.8),
-//! is rounded to a coarse grid, and the projection is across it; here it is the pixel's normal, and only its azimuth is rounded.
+//! After Terrain3D (TokisanGames, `main.glsl`, `get_material`): there, the normal at a splat texel is rounded to a coarse grid if its vertical
+//! component is below a threshold (0.8), and the texture is projected onto the plane across the rounded normal. Here, the normal of the pixel is
+//! used, and only its azimuth is rounded.
 
 use super::octahedral::unit;
 use super::real::Real;
 use super::triplanar;
 use super::usable;
 
-/// 1/√2 in 256ths, 0.013 % smaller, so that whole sectors count in exact fixed point.
+/// 1/√2 in units of 1/256, 0.013 % smaller, so that whole sectors are exact in fixed point.
 const DIAGONAL: i32 = 181;
 
-/// Plane of a normal; it is steep where its |z| is below `cosine`.
+/// The plane for a normal. The slope is steep if the |z| of the unit normal is below `cosine`.
 pub fn plane<T: Real>(n: [T; 3], cosine: T) -> u32 {
     let u = unit(n);
     let a = u.map(T::abs);
@@ -30,7 +31,7 @@ pub fn plane<T: Real>(n: [T; 3], cosine: T) -> u32 {
     }
 }
 
-/// Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2; what is beyond 1e30 or not a number, as zero.
+/// Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2. Numbers beyond 1e30 and NaN count as zero.
 pub fn coordinates<T: Real>(p: [T; 3], plane: u32) -> [T; 2] {
     let p = p.map(usable);
     let diagonal = T::of(f64::from(DIAGONAL) / 256.0);
@@ -41,7 +42,8 @@ pub fn coordinates<T: Real>(p: [T; 3], plane: u32) -> [T; 2] {
     }
 }
 
-/// Whole sectors along both coordinates, of `place` in sectors east, north, up. On a diagonal, to be counted at the rate of [`fixed`].
+/// Whole sectors along both coordinates of a plane; `place` is in sectors east, north and up. On a diagonal plane, [`fixed`] gives the repeats per
+/// sector for the first coordinate.
 pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
     let [x, y, z] = place;
     match plane {
@@ -53,8 +55,8 @@ pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
     }
 }
 
-/// Repeats per sector along the first coordinate, in the fixed point of [`super::tiling::fixed`], of which only the fraction is good on a
-/// diagonal (a scale of 0).
+/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`]. On a diagonal plane only the fraction is
+/// valid (a scale of 0).
 pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     match plane {
         3 | 4 => ((per_sector_fixed >> 8).wrapping_mul(DIAGONAL)).wrapping_add(((per_sector_fixed & 255) * DIAGONAL) >> 8),
@@ -62,7 +64,7 @@ pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     }
 }
 
-/// Height gradient in a plane, as gradient in the volume; what is beyond 1e30 or not a number counts as zero.
+/// Converts a height gradient in a plane to a gradient in the volume. Numbers beyond 1e30 and NaN count as zero.
 pub fn from_gradient<T: Real>(g: [T; 2], plane: u32) -> [T; 3] {
     let g = g.map(usable);
     let along = g[0] * T::of(std::f64::consts::FRAC_1_SQRT_2);

@@ -1,14 +1,14 @@
-// One projection: from above on gentle slopes, else the vertical plane whose azimuth is nearest among multiples of 45 degrees.
+// A single projection: from above on gentle slopes, otherwise onto the vertical plane with the nearest azimuth among the multiples of 45 degrees.
 // Planes 0, 1, 2 are the tri-planar ones (looking along x, y, z); 3 looks along (1, 1), 4 along (1, -1).
-// After Terrain3D (TokisanGames, main.glsl, get_material): there the splat texel's normal, below a threshold of its height, is rounded
-// to a coarse grid, and the projection is across it.
+// After Terrain3D (TokisanGames, main.glsl, get_material): there, the splat texel's normal is rounded to a coarse grid if its vertical component is
+// below a threshold, and the texture is projected onto the plane across the rounded normal.
 
-// 1 / sqrt 2 as a fraction of 256, 0.013 % smaller, so that whole sectors count in exact fixed point.
+// 1 / sqrt 2 in units of 1 / 256, 0.013 % smaller, so that whole sectors are exact in fixed point.
 const SNAPPED_DIAGONAL: i32 = 181;
 // tan 22.5 degrees.
 const SNAPPED_HALF_STEP: f32 = 0.41421356;
 
-// Plane of a normal; steeper than `cosine` is steep.
+// The plane for a normal. The slope is steep if the |z| of the unit normal is below `cosine`.
 fn snapped_plane(n: vec3<f32>, cosine: f32) -> u32 {
     let u = octahedral_unit(n);
     let a = abs(u);
@@ -24,7 +24,7 @@ fn snapped_plane(n: vec3<f32>, cosine: f32) -> u32 {
     return select(4u, 3u, (u.x > 0.0) == (u.y > 0.0));
 }
 
-// Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2; what is beyond 1e30 or not a number, as zero.
+// Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2. Numbers beyond 1e30 and NaN count as zero.
 fn snapped_coordinates(position: vec3<f32>, plane: u32) -> vec2<f32> {
     let p = usable_3(position);
     let diagonal = f32(SNAPPED_DIAGONAL) / 256.0;
@@ -37,7 +37,8 @@ fn snapped_coordinates(position: vec3<f32>, plane: u32) -> vec2<f32> {
     return triplanar_coordinates(p, plane);
 }
 
-// Whole sectors along both coordinates: `place` in sectors east, north, up. On a diagonal, to be counted at the rate of snapped_fixed.
+// Whole sectors along both coordinates of a plane; `place` is in sectors east, north and up. On a diagonal plane, snapped_fixed gives the repeats per
+// sector for the first coordinate.
 fn snapped_sectors(place: vec3<i32>, plane: u32) -> vec2<i32> {
     if plane == 0u {
         return place.yz;
@@ -54,13 +55,13 @@ fn snapped_sectors(place: vec3<i32>, plane: u32) -> vec2<i32> {
     return place.xy;
 }
 
-// Repeats per sector along the first coordinate, in the fixed point of tiling_fixed, of which only the fraction is good on a diagonal.
+// Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. On a diagonal plane only the fraction is valid.
 fn snapped_fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     let diagonal = (per_sector_fixed >> 8u) * SNAPPED_DIAGONAL + (((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u);
     return select(per_sector_fixed, diagonal, plane == 3u || plane == 4u);
 }
 
-// Height gradient in a plane, as gradient in the volume; what is beyond 1e30 or not a number counts as zero.
+// Converts a height gradient in a plane to a gradient in the volume. Numbers beyond 1e30 and NaN count as zero.
 fn snapped_from_gradient(gradient: vec2<f32>, plane: u32) -> vec3<f32> {
     let g = usable_2(gradient);
     let along = g.x * 0.70710678;

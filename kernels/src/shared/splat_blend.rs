@@ -1,17 +1,17 @@
-//! Weights of the four splat texels around a point: bilinear, bent by the materials' heights.
+//! Weights of the four splat texels around a point: bilinear weights, modified by the heights of the materials.
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018. The form used here is w'_i = w_i 2^(k (h_i - h_max)), normalised,
-//! with bilinear w. A texel keeps its factor w_i, so it comes and goes without a pop however high it is.
-//! Texels in the order 00, 10, 01, 11 (x first).
+//! with bilinear w. Each weight keeps its bilinear factor w_i, so a texel appears and disappears without a pop, whatever its height. Texels are in
+//! the order 00, 10, 01, 11 (x first).
 
 use super::real::Real;
 use super::{bounded, usable};
 
-/// Heights are held within ± this.
+/// Heights are clamped to ± this value.
 pub const MAX_HEIGHT: f64 = 1024.0;
-/// Sharpness is held within 0 and this.
+/// Sharpness is clamped to 0..=this value.
 pub const MAX_SHARPNESS: f64 = 1e4;
-/// A bilinear weight below this counts as zero: f32 could not divide by it.
+/// A bilinear weight below this counts as zero, because f32 cannot divide by it.
 pub const MIN_WEIGHT: f64 = 1e-30;
 
 /// Bilinear weights of a point at `fraction`, [0, 1]², between the texels.
@@ -21,13 +21,14 @@ pub fn bilinear<T: Real>(fraction: [T; 2]) -> [T; 4] {
     [(one - x) * (one - y), x * (one - y), (one - x) * y, x * y]
 }
 
-/// Height-bent weights, summing to 1; `sharpness` = k >= 0, 0 = plain bilinear; `heights` in any unit that k is the inverse of.
+/// Weights modified by heights, summing to 1. `sharpness` is k >= 0, where 0 gives plain bilinear weights. `heights` may be in any unit; k is in its
+/// inverse.
 pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 4] {
     let w = bilinear(fraction);
     let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
     let h = heights.map(|h| bounded(usable(h), -MAX_HEIGHT, MAX_HEIGHT));
     let used = |i: &usize| w[*i] > T::of(MIN_WEIGHT);
-    // Normalised through the largest term, whose own is then 1: no overflow, and no sum of underflows.
+    // Divided by the largest term, which is then 1: nothing overflows, and the sum cannot underflow.
     let score = |i: usize| w[i].log2() + k * h[i];
     let top = (0..4)
         .filter(used)
@@ -38,26 +39,26 @@ pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 
     bent.map(|x| x / sum)
 }
 
-/// The same weights term by term, for those who cannot hold all four terms: before term i is added with factor `share`, all that was summed
-/// so far is multiplied by `keep`. At the end the sum of shares, summed alike, is what to divide by; it is at least 1.
+/// The same weights term by term, for callers that cannot hold all four terms. Before term i is added with the factor `share`, multiply the sum so
+/// far by `keep`. At the end, divide by the sum of the shares, which is accumulated in the same way; it is at least 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run<T> {
     score: T,
     weight: T,
     height: T,
-    /// Factor on what was summed so far.
+    /// Factor on the sum so far.
     pub keep: T,
-    /// Factor of the term just given.
+    /// Factor on the term that was just added.
     pub share: T,
 }
 
 impl<T: Real> Run<T> {
-    /// Before the first term.
+    /// The state before the first term.
     pub fn start() -> Run<T> {
         Run { score: T::of(-1e30), weight: T::zero(), height: T::zero(), keep: T::one(), share: T::zero() }
     }
 
-    /// Takes a term of bilinear `weight`, 0..=1; the other parameters are those of [`weights`].
+    /// Adds a term with a bilinear `weight`, 0..=1. The other parameters are those of [`weights`].
     #[must_use]
     pub fn add(self, weight: T, height: T, sharpness: T) -> Run<T> {
         let w = bounded(weight, 0.0, 1.0);
@@ -67,7 +68,7 @@ impl<T: Real> Run<T> {
         let h = bounded(usable(height), -MAX_HEIGHT, MAX_HEIGHT);
         let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
         let score = w.log2() + k * h;
-        // Of the term (w, h), measured against the term that wins.
+        // The term (w, h) divided by the largest term, `winner`.
         let ratio = |w: T, h: T, winner: (T, T)| (w / winner.0) * (k * (h - winner.1)).exp2();
         if score > self.score {
             let keep = if self.weight > T::zero() { ratio(self.weight, self.height, (w, h)) } else { T::zero() };

@@ -1,11 +1,11 @@
-// Weights of the four splat texels around a point: bilinear, bent by the materials' heights.
+// Weights of the four splat texels around a point: bilinear weights, modified by the heights of the materials.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 (height-modified bilinear weights).
 // Order: 00, 10, 01, 11 (x first).
 
 // Heights and sharpness beyond these limits are clamped.
 const SPLAT_BLEND_MAX_HEIGHT: f32 = 1024.0;
 const SPLAT_BLEND_MAX_SHARPNESS: f32 = 1e4;
-// A bilinear weight below this counts as zero: f32 could not divide by it.
+// A bilinear weight below this counts as zero, because f32 cannot divide by it.
 const SPLAT_BLEND_MIN_WEIGHT: f32 = 1e-30;
 
 // Bilinear weights of a point at `fraction`, [0, 1]², between the texels.
@@ -23,8 +23,8 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
     let k = usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS);
     let used = w > vec4<f32>(SPLAT_BLEND_MIN_WEIGHT);
 
-    // Measured against the texel that wins in the end, not the highest: its own term is then exactly 1, no term
-    // exceeds 1 by more than rounding, and the sum cannot underflow where the highest texel's weight is tiny.
+    // Divided by the largest term, not by the term of the highest texel: the largest term is then exactly 1, no term exceeds 1 by more than rounding,
+    // and the sum cannot underflow if the weight of the highest texel is tiny.
     let score = select(vec4<f32>(-1e30), log2(max(w, vec4<f32>(SPLAT_BLEND_MIN_WEIGHT))) + k * h, used);
     var best_score = score.x;
     var best_weight = w.x;
@@ -43,16 +43,16 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
         best_weight = w.w;
         best_height = h.w;
     }
-    // The limit matters only to texels not used: it keeps infinity away from the select.
+    // The limit matters only for texels that are not used: it keeps infinity out of the select.
     let exponent = min(k * (h - vec4<f32>(best_height)), vec4<f32>(120.0));
     let bent = select(vec4<f32>(0.0), (w / best_weight) * exp2(exponent), used);
     return bent / (bent.x + bent.y + bent.z + bent.w);
 }
 
-// The same weights term by term, for those who cannot hold all four terms: before term i is added with factor `share`, all that was summed
-// so far is multiplied by `keep`. At the end the sum of shares, summed alike, is what to divide by; it is at least 1.
+// The same weights term by term, for callers that cannot hold all four terms. Before term i is added with the factor `share`, multiply the sum so far
+// by `keep`. At the end, divide by the sum of the shares, which is accumulated in the same way; it is at least 1.
 struct SplatBlendRun {
-    score: f32,                 // log2 w + k h of the term that wins so far
+    score: f32,                 // log2 w + k h of the largest term so far
     weight: f32,                // its w
     height: f32,                // its h
     keep: f32,
@@ -71,7 +71,7 @@ fn splat_blend_add(run: SplatBlendRun, weight: f32, height: f32, sharpness: f32)
     let h = clamp(usable_1(height), -SPLAT_BLEND_MAX_HEIGHT, SPLAT_BLEND_MAX_HEIGHT);
     let k = usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS);
     let score = log2(w) + k * h;
-    // Measured against the winner, as above. What comes first beats the weight 0 of the start, and keeps nothing of it.
+    // Divided by the largest term, as above. The first term replaces the start, whose weight is 0, and `keep` is then 0.
     if score > run.score {
         return SplatBlendRun(score, w, h, (run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0);
     }

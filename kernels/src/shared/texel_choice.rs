@@ -1,12 +1,12 @@
-//! Trilinear filtering by chance: one mip level and one texel, chosen so that the texel's expectation is the filtered value.
+//! Stochastic trilinear filtering: one mip level and one texel are chosen at random, so that the expected value of the texel is the filtered value.
 //!
 //! Source: Fajardo, Wronski, Salvi and Pharr, *Stochastic Texture Filtering*, 2023; Pharr et al., *Filtering After Shading with Stochastic
-//! Texture Filtering*, I3D 2024. u are independent uniform numbers in [0, 1), one a decision.
+//! Texture Filtering*, I3D 2024. The numbers u are independent and uniform in [0, 1), one per decision.
 
 use super::bounded;
 use super::real::Real;
 
-/// Level of a texture of `levels` (at least 1): floor or ceiling of `lod`, held within them.
+/// Mip level of a texture with `levels` levels (at least 1): floor or ceiling of `lod`, clamped to the levels.
 pub fn level<T: Real>(lod: T, levels: u32, u: T) -> u32 {
     let last = levels.max(1) - 1;
     let l = bounded(lod, 0.0, f64::from(last));
@@ -14,8 +14,8 @@ pub fn level<T: Real>(lod: T, levels: u32, u: T) -> u32 {
     (l.floor().to_u32().expect("held within the levels") + above).min(last)
 }
 
-/// Texel along one axis of a level of `size` texels (at least 1), repeated: one of the two whose centres are next to the coordinate, which
-/// counts repeats. Coordinates beyond 10^5 and what is no number count as 0.
+/// Texel along one axis of a repeated level with `size` texels (at least 1): one of the two whose centres are next to the coordinate. The coordinate
+/// is in repeats of the texture. Coordinates beyond 10^5 and NaN count as 0.
 pub fn texel<T: Real>(coordinate: T, size: u32, u: T) -> u32 {
     let texels = size.max(1);
     let c = if coordinate.abs() <= T::of(1e5) { coordinate } else { T::zero() };

@@ -5,11 +5,11 @@
 use super::bounded;
 use super::real::Real;
 
-/// Coarsest lower scale: textures repeat every 2^7 tiles there, 2^8 at its upper neighbour.
+/// Coarsest lower scale. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next one.
 pub const MAX_LEVEL: f64 = 7.0;
 
-/// (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles.
-/// One scale per octave of `distance` beyond `near` (metres both); `cliff`, 0..=1, is the cliff's weight: flat ground keeps scale 0.
+/// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles. There is one
+/// scale per octave of `distance` beyond `near` (both in metres). `cliff`, 0..=1, is the weight of cliff; flat ground keeps scale 0.
 pub fn scales<T: Real>(distance: T, near: T, cliff: T) -> (u32, T) {
     let near = bounded(near, 1e-6, 1e9);
     let octaves = (bounded(distance, 0.0, 1e9).max(near) / near).log2();
@@ -18,9 +18,9 @@ pub fn scales<T: Real>(distance: T, near: T, cliff: T) -> (u32, T) {
     (scale.to_u32().expect("a level is between 0 and 7"), level - scale)
 }
 
-/// Texture repeats per sector in the fixed point that [`fixed`] takes, 24 fractional bits, modulo 2^32 (which [`fixed`] never misses).
-/// `sector_m` and `tile_m` are metres, tile_m > 0. The tile that really results is `sector_m / (repeats)` with the rounded
-/// repeats of [`repeats`]; use them for the part within the sector, too, and borders fit.
+/// Texture repeats per sector in the fixed-point format of [`fixed`]: 24 fractional bits, modulo 2^32 ([`fixed`] does not need the higher bits).
+/// `sector_m` and `tile_m` are in metres, tile_m > 0. The actual size of a tile is `sector_m` divided by the rounded repeats of [`repeats`]. Use the
+/// rounded repeats for the part within the sector, too, so that textures are continuous across sector borders.
 #[allow(clippy::cast_possible_truncation, reason = "the fixed-point number counts modulo 2^32")]
 pub fn per_sector_fixed(sector_m: f64, tile_m: f64) -> i32 {
     rounded(sector_m, tile_m) as i64 as i32
@@ -32,12 +32,12 @@ pub fn repeats(sector_m: f64, tile_m: f64) -> f64 {
 }
 
 fn rounded(sector_m: f64, tile_m: f64) -> f64 {
-    // Up to 2^28 repeats: their product by 2^24 is still exact in f64.
+    // There are at most 2^28 repeats, whose product with 2^24 is still exact in f64.
     (bounded(sector_m / tile_m, -268_435_456.0, 268_435_456.0) * 16_777_216.0).round()
 }
 
-/// Texture coordinate of a sector's origin, [0, 1), rounded down to 24 bits: fract(sector c / 2^scale), with c, the repeats per sector,
-/// given as `per_sector_fixed` = c 2^24, see [`per_sector_fixed()`]. `scale` is held within 0..=8. Bit-equal in f32, f64 and the shader.
+/// Texture coordinate of a sector's origin, [0, 1), rounded down to 24 bits: fract(sector c / 2^scale), where c, the repeats per sector, is given as
+/// `per_sector_fixed` = c 2^24, see [`per_sector_fixed()`]. `scale` is clamped to 0..=8. Bit-equal in f32, f64 and the shader.
 pub fn fixed<T: Real>(sector: i32, per_sector_fixed: i32, scale: u32) -> T {
     let scale = scale.min(8);
     let repeat = (i64::from(sector) * i64::from(per_sector_fixed)).rem_euclid(1 << (24 + scale));

@@ -1,11 +1,11 @@
 // Texture tiling: scales that follow distance, and coordinates that stay exact far from the origin.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 (cliff tiling).
 
-// Coarsest lower scale: textures repeat every 2^7 tiles there, 2^8 at its upper neighbour.
+// Coarsest lower scale. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next one.
 const TILING_MAX_LEVEL: f32 = 7.0;
 
-// (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles.
-// One scale per octave of `distance` beyond `near` (metres both); `cliff`, 0..=1, is the cliff's weight: flat ground keeps scale 0.
+// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles. There is one
+// scale per octave of `distance` beyond `near` (both in metres). `cliff`, 0..=1, is the weight of cliff; flat ground keeps scale 0.
 fn tiling_scales(distance: f32, near: f32, cliff: f32) -> vec2<f32> {
     let reference = max(usable_positive_1(near, 1e9), 1e-6);
     let ratio = max(usable_positive_1(distance, 1e9) / reference, 1.0);
@@ -17,10 +17,10 @@ fn tiling_scales(distance: f32, near: f32, cliff: f32) -> vec2<f32> {
 
 // Texture coordinate of a sector's origin, [0, 1), rounded down to 24 bits: fract(sector * c / 2^scale), where c, the repeats
 // per sector, is given as `per_sector_fixed` = c * 2^24 and may wrap. `scale` is at most 8, so products modulo 2^32 suffice.
-// Add (position in sector / sector size) * c / 2^scale, with the same rounded c, and borders fit.
+// Add (position in sector / sector size) * c / 2^scale, with the same rounded c, so that textures are continuous across sector borders.
 fn tiling_fixed(sector: i32, per_sector_fixed: i32, scale: u32) -> f32 {
     let s = min(scale, 8u);
-    // A shift by 24 + s would be one by 32 at scale 8; counting from the top never is more than 8.
+    // A mask of 24 + s bits. It is made by shifting down, by at most 8; shifting up by 24 + s would be a shift by 32 at scale 8.
     let repeat = (bitcast<u32>(sector) * bitcast<u32>(per_sector_fixed)) & (0xffffffffu >> (8u - s));
     return f32(repeat >> s) * 5.9604644775390625e-8;
 }

@@ -8,21 +8,21 @@ use super::octahedral::unit;
 use super::real::{Real, dot, scale, sub};
 use super::{bounded, usable};
 
-/// Sharpness is held within 0 and this.
+/// Sharpness is clamped to 0..=this value.
 pub const MAX_SHARPNESS: f64 = 1e4;
 
-/// |n|^k, normalised to sum 1, k = `sharpness` >= 0; z alone where `n` has no direction. 0^0 counts as 1.
+/// |n|^k, normalised to sum 1; k is `sharpness` >= 0. If `n` has no direction, z gets all the weight. 0^0 counts as 1.
 pub fn weights<T: Real>(n: [T; 3], sharpness: T) -> [T; 3] {
     let a = unit(n).map(T::abs);
     let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
-    // Measured against the largest component, whose term then is 1: the sum cannot underflow.
+    // Divided by the largest component, whose term is then 1, so the sum cannot underflow.
     let top = a[0].max(a[1]).max(a[2]);
     let w = a.map(|x| (x / top).powf(k));
     let sum = w[0] + w[1] + w[2];
     w.map(|x| x / sum)
 }
 
-/// Coordinates in the plane that an axis looks at: (y, z), (x, z), (x, y). An axis above 2 counts as 2. Moves numbers only.
+/// Coordinates in the plane that an axis looks at: (y, z), (x, z), (x, y). An axis above 2 counts as 2. Only copies numbers.
 pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     match axis {
         0 => [p[1], p[2]],
@@ -31,7 +31,7 @@ pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     }
 }
 
-/// Height gradient in that plane (d/du, d/dv), as gradient in the volume. Moves numbers only.
+/// Converts a height gradient in that plane (d/du, d/dv) to a gradient in the volume. Only copies numbers.
 pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     match axis {
         0 => [T::zero(), g[0], g[1]],
@@ -40,11 +40,12 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     }
 }
 
-/// Steepest slope, metres per metre: its angle is next to a right one.
+/// Steepest slope, metres per metre; it is almost vertical.
 const MAX_SLOPE: f64 = 1e6;
 
 /// Normal of the surface displaced by a height whose volume gradient is `gradient` (metres per metre): n minus the surface gradient,
-/// which is the gradient's part along the surface. One steeper than 1e6 keeps its direction, and is as steep as that; a gradient that is not finite leaves `n` as it is.
+/// which is the gradient's part along the surface. A gradient steeper than 1e6 is reduced to 1e6 and keeps its direction; a gradient that is not
+/// finite leaves `n` as it is.
 pub fn perturb<T: Real>(n: [T; 3], gradient: [T; 3]) -> [T; 3] {
     let n = unit(n);
     let known = gradient.iter().all(|&g| usable(g) == g);

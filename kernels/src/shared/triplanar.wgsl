@@ -11,9 +11,9 @@ fn triplanar_power(ratio: f32, sharpness: f32) -> f32 {
     return select(at_zero, exp2(sharpness * log2(max(ratio, 1e-30))), ratio > 1e-30);
 }
 
-// |n|^k, normalised to sum 1; z alone where n has no direction. k = `sharpness` >= 0.
+// |n|^k, normalised to sum 1; k is `sharpness` >= 0. If n has no direction, z gets all the weight.
 fn triplanar_weights(n: vec3<f32>, sharpness: f32) -> vec3<f32> {
-    // Measured against the largest component, whose term then is exactly 1: the sum cannot underflow.
+    // Divided by the largest component, whose term is then exactly 1, so the sum cannot underflow.
     let a = abs(octahedral_unit(n));
     let r = a / max(max(a.x, a.y), a.z);
     let k = usable_positive_1(sharpness, TRIPLANAR_MAX_SHARPNESS);
@@ -32,7 +32,7 @@ fn triplanar_coordinates(p: vec3<f32>, axis: u32) -> vec2<f32> {
     return p.xy;
 }
 
-// Height gradient in that plane, as gradient in the volume.
+// Converts a height gradient in that plane to a gradient in the volume.
 fn triplanar_from_gradient(g: vec2<f32>, axis: u32) -> vec3<f32> {
     if axis == 0u {
         return vec3<f32>(0.0, g.x, g.y);
@@ -44,7 +44,7 @@ fn triplanar_from_gradient(g: vec2<f32>, axis: u32) -> vec3<f32> {
 }
 
 // Normal of the surface displaced by a height whose volume gradient is `gradient`: n minus the surface gradient.
-// A gradient that is not finite leaves n as it is; one steeper than 1e6 keeps its direction, and is as steep as that.
+// A gradient that is not finite leaves n as it is; one steeper than 1e6 is reduced to 1e6 and keeps its direction.
 fn triplanar_perturb(n: vec3<f32>, gradient: vec3<f32>) -> vec3<f32> {
     let unit = octahedral_unit(n);
     let known = select(vec3<f32>(0.0), gradient, vec3<bool>(usable_within_3(gradient, 1e30)));

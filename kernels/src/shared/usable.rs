@@ -1,8 +1,8 @@
-//! Numbers that can be computed with.
+//! Guards that keep NaN, infinity and very large numbers out of computations.
 
 use super::real::Real;
 
-/// `x` within `low..=high`; `low` where it is not a number. What is denormal in f32 counts as 0, since a device may take it for that.
+/// `x` clamped to `low..=high`; NaN gives `low`. Numbers that are denormal in f32 count as 0, because a device may flush them to zero.
 pub(super) fn bounded<T: Real>(x: T, low: f64, high: f64) -> T {
     let (low, high) = (T::of(low), T::of(high));
     let x = if x.abs() < T::of(f64::from(f32::MIN_POSITIVE)) { T::zero() } else { x };
@@ -15,7 +15,7 @@ pub(super) fn bounded<T: Real>(x: T, low: f64, high: f64) -> T {
     }
 }
 
-/// `x` where its magnitude is at most 1e30, zero elsewhere: what squares and sums of a few still hold in f32.
+/// `x` if its magnitude is at most 1e30, otherwise zero, also for NaN. Sums of a few such numbers still fit f32.
 pub(super) fn usable<T: Real>(x: T) -> T {
     if x.abs() <= T::of(1e30) { x } else { T::zero() }
 }

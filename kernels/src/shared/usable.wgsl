@@ -1,13 +1,13 @@
-// Numbers that can be computed with, told by their bits: WGSL lets a compiler take it that no number is NaN or infinite (14.6), and a device may
-// take denormals for zero, so that comparisons promise nothing of either.
+// Guards that keep NaN, infinity and very large numbers out of computations. They test bit patterns, because a WGSL compiler may assume that NaN and
+// infinity never occur (14.6), and a device may flush denormals to zero, so comparisons are not reliable for either.
 
-// Magnitude as an order of whole numbers: 0x7f800000 is infinity, what is above is NaN.
+// Mask of the magnitude. As integers, magnitudes keep their order: 0x7f800000 is infinity, and everything above is NaN.
 const USABLE_MAGNITUDE: u32 = 0x7fffffffu;
 // Bits of 1e30 and of 2^-126, the smallest number that is not denormal.
 const USABLE_MOST: u32 = 0x7149f2cau;
 const USABLE_LEAST: u32 = 0x00800000u;
 
-// x; 0 where it is not a number or beyond 1e30.
+// x, or 0 if it is NaN or beyond 1e30.
 fn usable_1(x: f32) -> f32 {
     return select(0.0, x, (bitcast<u32>(x) & USABLE_MAGNITUDE) <= USABLE_MOST);
 }
@@ -24,12 +24,12 @@ fn usable_4(x: vec4<f32>) -> vec4<f32> {
     return select(vec4<f32>(0.0), x, (bitcast<vec4<u32>>(x) & vec4<u32>(USABLE_MAGNITUDE)) <= vec4<u32>(USABLE_MOST));
 }
 
-// Whether every |x| <= `most`; not where one is not a number.
+// Whether every |x| <= `most`; false if one is NaN.
 fn usable_within_3(x: vec3<f32>, most: f32) -> bool {
     return all((bitcast<vec3<u32>>(x) & vec3<u32>(USABLE_MAGNITUDE)) <= vec3<u32>(bitcast<u32>(most)));
 }
 
-// x within 0..=`most`; 0 where it is denormal or not a number.
+// x clamped to 0..=`most`; 0 if it is denormal or NaN.
 fn usable_positive_1(x: f32, most: f32) -> f32 {
     let bits = bitcast<u32>(x);
     return select(0.0, min(x, most), bits >= USABLE_LEAST && bits <= 0x7f800000u);
@@ -43,12 +43,12 @@ fn usable_positive_4(x: vec4<f32>, most: f32) -> vec4<f32> {
     return vec4<f32>(usable_positive_2(x.xy, most), usable_positive_2(x.zw, most));
 }
 
-// Whether x is a number, be it infinite.
+// Whether x is not NaN; infinity counts as a number.
 fn usable_number(x: f32) -> bool {
     return (bitcast<u32>(x) & USABLE_MAGNITUDE) <= 0x7f800000u;
 }
 
-// Whether |x| <= `most`; not where it is not a number.
+// Whether |x| <= `most`; false if x is NaN.
 fn usable_within_1(x: f32, most: f32) -> bool {
     return (bitcast<u32>(x) & USABLE_MAGNITUDE) <= bitcast<u32>(most);
 }

@@ -1,6 +1,7 @@
-//! What a stage of the frame declares of itself, once: its name, its shader modules, its passes, what it allocates, how it is built, what it reports.
+//! The declaration of a stage of the frame, made once per stage: its name, shader modules, passes and allocations, how it is built, and
+//! what it reports.
 //!
-//! Building, hot reload, `explain`, the tests of shaders and the workbench's machine panel follow from the declarations in the table of stages
+//! Building, hot reload, `explain`, the tests of shaders and the workbench's machine panel use the declarations in the table of stages
 //! (`frame/stages.rs`). The order in which stages draw is written by hand, in `draw_into` (`frame/mod.rs`).
 
 use crate::base::error::Result;
@@ -11,49 +12,49 @@ use crate::scene::demands::Demands;
 use crate::terrain::Terrain;
 use crate::view::normals::NormalEncoding;
 
-/// What a stage is.
+/// What a stage declares about itself.
 pub struct Declaration {
-    /// Its name, as in messages and timings.
+    /// Its name, as shown in messages and timings.
     pub name: &'static str,
-    /// What it reads and makes, one sentence.
+    /// What it reads and makes, in one sentence.
     pub about: &'static str,
-    /// Shader modules it may compile, by scene and device.
+    /// Shader modules that it may compile, depending on scene and device.
     pub modules: &'static [&'static ShaderModule],
-    /// Its passes, required or not.
+    /// Its passes, including those that the scene does not require.
     pub passes: fn(&Demands) -> Vec<PassUse>,
-    /// Textures whose size follows from the scene, required or not.
+    /// Textures whose size depends on the scene, including those that the scene does not require.
     pub textures: fn(&Demands) -> Vec<TextureUse>,
-    /// Textures of the picture's size.
+    /// Textures that have the size of the picture.
     pub targets: fn(NormalEncoding) -> Vec<TargetUse>,
 }
 
 impl Declaration {
-    /// A stage without passes that allocates nothing: what a declaration leaves out.
+    /// A stage without passes and allocations: the defaults for fields that a declaration leaves out.
     pub const EMPTY: Declaration =
         Declaration { name: "", about: "", modules: &[], passes: |_| Vec::new(), textures: |_| Vec::new(), targets: |_| Vec::new() };
 }
 
-/// What stages are built from.
+/// What a stage is built from.
 #[derive(Clone, Copy)]
 pub struct Build<'a> {
     /// The device.
     pub gpu: &'a Gpu,
     /// Layout of group 0: the uniforms of a frame.
     pub frame: &'a wgpu::BindGroupLayout,
-    /// Group 1.
+    /// Bind group 1: the terrain data.
     pub terrain: &'a Terrain,
-    /// What the scene demands.
+    /// What the scene requires.
     pub demands: &'a Demands,
-    /// Edge of a tile, pixels.
+    /// Edge length of a tile, pixels.
     pub tile: u32,
 }
 
-/// Puts what was built anew into a stage.
+/// Puts the rebuilt parts into a stage.
 pub type Exchange<S> = Box<dyn FnOnce(&mut S)>;
 
 /// A stage of the frame.
 pub trait Stage: Sized + 'static {
-    /// What it is.
+    /// The declaration of the stage.
     const DECLARATION: Declaration;
 
     /// Compiles its shaders and allocates what does not depend on the picture.
@@ -62,10 +63,11 @@ pub trait Stage: Sized + 'static {
     /// When a shader does not compile.
     fn build(build: Build<'_>) -> Result<Self>;
 
-    /// Builds it again from the device's present shader sources. What costs much to make and does not depend on shaders stays.
+    /// Builds the stage again from the current shader sources of the device. Parts that are expensive to make and do not depend on shaders
+    /// are kept.
     ///
     /// # Errors
-    /// When a shader does not compile, or no pipeline comes of it.
+    /// When a shader does not compile or a pipeline cannot be created.
     fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<Self>> {
         let _ = self;
         let fresh = Self::build(build)?;
@@ -78,7 +80,7 @@ pub trait Stage: Sized + 'static {
         Self::DECLARATION.modules.to_vec()
     }
 
-    /// Its numbers of the last frame, if it has any.
+    /// The numbers that it reports about the last frame, if any.
     fn section(&self) -> Option<Section> {
         None
     }

@@ -1,13 +1,14 @@
-//! Temporal resolve: what a game does to noise before anybody sees it. Off by default, since it hides what is measured.
+//! Temporal resolve: combines frames over time, as games do to hide noise. Off by default, because it hides what is measured.
 //!
-//! *Exponential*: a history, fetched bilinearly where the surface point was one frame before, clamped to the 3 x 3 colour box of the current frame, and
-//! blended with a tenth of the current one (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
-//! *FlipQuad*: two of four samples a pixel each frame, on its edges, so that neighbours share them; the other two from the frame before (Akenine-Moller,
-//! *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015). A pixel shades one sample a frame. Its
-//! derivatives are those of whole pixel steps, taken on the triangle's plane and not between samples: they match in both frames, which in Far Cry 4 took a
-//! reordering of the samples.
+//! *Exponential*: a history is fetched bilinearly where the surface point was one frame before, clamped to the 3 x 3 colour box of the current frame,
+//! and blended with a tenth of the current frame (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
+//! *FlipQuad*: a pixel has four samples on its edges, so that neighbours share them. Each frame has two of them; the other two are from the frame
+//! before (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015). A pixel
+//! shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So they match in
+//! both frames; Far Cry 4 had to reorder the samples for that.
 //!
-//! Reads the ring of shaded pictures, links and positions. Writes the ring of resolved pictures and a history. Dispatch: a workgroup an 8 x 8 tile.
+//! Reads the ring of shaded pictures, links and positions. Writes the ring of resolved pictures and a history. Dispatch: one workgroup per 8 x 8
+//! tile.
 
 use std::fmt;
 use std::str::FromStr;
@@ -26,25 +27,26 @@ pub mod reference;
 
 /// Share of the current frame in the exponential history.
 pub const SHARE: f32 = 0.1;
-/// How far from the middle of an edge FlipQuad's sample lies, pixels: a sixth, so that the four have four rows and four columns, a third apart.
+/// Distance of a FlipQuad sample from the middle of its edge, pixels. With a sixth, the four samples lie in four rows and four columns that are a
+/// third of a pixel apart.
 pub const FLIPQUAD_SHIFT: f64 = 1.0 / 6.0;
 
 /// How frames are resolved over time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Resolve {
-    /// Each frame as it is.
+    /// No resolve: each frame as it is.
     #[default]
     Off,
     /// Exponential history, clipped to the 3 x 3 colour box of the current frame.
     Exponential,
-    /// FlipQuad: two samples a pixel and frame on pixel edges, alternate frames taking the other two of four.
+    /// FlipQuad: two samples per pixel and frame, on pixel edges; alternate frames take the other two of four samples.
     FlipQuad,
     /// FlipQuad, then the exponential history.
     FlipQuadExponential,
 }
 
 impl Resolve {
-    /// All of them.
+    /// All resolves.
     pub const ALL: [Resolve; 4] = [Resolve::Off, Resolve::Exponential, Resolve::FlipQuad, Resolve::FlipQuadExponential];
 
     /// Whether FlipQuad's samples are averaged.
@@ -95,15 +97,15 @@ impl FromStr for Resolve {
     }
 }
 
-/// Where in its pixel a frame is sampled.
+/// Where the sample of a frame lies in its pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum SamplePattern {
     /// At the centre.
     #[default]
     Centre,
-    /// FlipQuad's first frame: on the left edge, above or below its middle by turns from column to column.
+    /// FlipQuad's first frame: on the left edge, alternately above and below its middle from column to column.
     LeftEdges,
-    /// Its second: on the top edge, left or right of its middle by turns from row to row.
+    /// FlipQuad's second frame: on the top edge, alternately left and right of its middle from row to row.
     TopEdges,
 }
 
@@ -113,7 +115,7 @@ impl SamplePattern {
         self as u32
     }
 
-    /// The sample's place relative to the centre of pixel (x, y), pixels: `surface_sample_offset`.
+    /// Position of the sample relative to the centre of pixel (x, y), pixels: as `surface_sample_offset`.
     pub fn offset(self, pixel: [u32; 2]) -> [f64; 2] {
         let turn = |i: u32| if i.is_multiple_of(2) { FLIPQUAD_SHIFT } else { -FLIPQUAD_SHIFT };
         match self {
@@ -134,7 +136,7 @@ impl SamplePattern {
 }
 
 /// The layout of `TemporalFrame` in `temporal.wgsl`.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct TemporalFrame {
@@ -154,7 +156,7 @@ pub struct TemporalFrame {
 }
 
 impl TemporalFrame {
-    /// Of the `index`-th frame of a sequence.
+    /// The uniforms of frame `index` of a sequence.
     pub fn new(resolve: Resolve, size: [u32; 2], index: u32, slots: &Slots) -> TemporalFrame {
         let pixels = size[0] * size[1];
         TemporalFrame {
@@ -210,7 +212,7 @@ impl Temporal {
     }
 
     /// Records the resolve of one stream's frame `index`: from its ring into `resolved` (ring, two histories).
-    #[allow(clippy::too_many_arguments, reason = "a stage names all it reads and writes")]
+    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
     pub fn encode(
         &self,
         gpu: &Gpu,

@@ -1,4 +1,4 @@
-//! The resolve of one frame in f64: what `temporal.wgsl` is held to.
+//! The resolve of one frame in f64: the reference for `temporal.wgsl`.
 
 use super::{Resolve, SHARE, TemporalFrame};
 use crate::motion::NO_LINK;
@@ -10,11 +10,11 @@ pub struct Frame<'a> {
     pub now: &'a [[u32; 2]],
     /// The frame before, as shaded.
     pub before: &'a [[u32; 2]],
-    /// Index of the linked pixel of each, one frame before.
+    /// For each pixel, the index of the linked pixel one frame before.
     pub links: &'a [u32],
-    /// Where its point was, pixels.
+    /// For each pixel, where its point was one frame before, pixels.
     pub positions: &'a [[f32; 2]],
-    /// History before: colour, 1 where there is any.
+    /// The previous history: colour, and 1 where there is a history.
     pub history: &'a [[f64; 4]],
 }
 
@@ -26,7 +26,7 @@ fn mix(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share)
 }
 
-/// The new history of a frame: `temporal_main`. The resolved picture is its colour.
+/// The new history of a frame, as `temporal_main` computes it. The colour of the history is the resolved picture.
 pub fn resolve(resolve: Resolve, size: [u32; 2], index: u32, frame: &Frame<'_>) -> Vec<[f64; 4]> {
     let setup = TemporalFrame::new(resolve, size, index, &crate::motion::Slots::default());
     let [width, height] = size.map(|n| n as usize);

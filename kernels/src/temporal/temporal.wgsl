@@ -1,18 +1,19 @@
-// Temporal resolve of one stream: FlipQuad's four samples over two frames, then an exponential history held in the 3 x 3 colour box.
-// Sources: McAuley, "Rendering the World of Far Cry 4", GDC 2015 (temporal supersampling); Karis, "High Quality Temporal Supersampling", SIGGRAPH 2014.
+// Temporal resolve of one stream: FlipQuad's four samples over two frames, then an exponential history that is clamped to the 3 x 3 colour box.
+// Sources: McAuley, "Rendering the World of Far Cry 4", GDC 2015 (temporal supersampling);
+// Karis, "High Quality Temporal Supersampling", SIGGRAPH 2014.
 
 struct TemporalFrame {
     size: vec2<u32>,
     slot: u32,                  // where this frame's picture begins
-    past_slot: u32,             // and the one before
+    past_slot: u32,             // where the picture of the frame before begins
     has_past: u32,              // 1 = there is a frame before
     flipquad: u32,              // 1 = average FlipQuad's samples
     exponential: u32,           // 1 = blend into the history
-    share: f32,                 // of the current frame in the history, (0, 1]
-    neighbour: vec2<u32>,       // to the pixel that owns this frame's second sample: (1, 0) or (0, 1)
-    past_neighbour: vec2<u32>,  // the same one frame before
-    history_in: u32,            // where the history before begins
-    history_out: u32,           // and the new one
+    share: f32,                 // share of the current frame in the history, (0, 1]
+    neighbour: vec2<u32>,       // step to the pixel that owns this frame's second sample: (1, 0) or (0, 1)
+    past_neighbour: vec2<u32>,  // the same for the frame before
+    history_in: u32,            // where the previous history begins
+    history_out: u32,           // where the new history begins
     pad_0: u32,
     pad_1: u32,
 }
@@ -22,14 +23,14 @@ struct TemporalFrame {
 @group(0) @binding(2) var<storage, read> positions: array<vec2<f32>>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read_write> resolved: array<vec2<u32>>;
-// Colour, 1 where there is any.
+// Colour, and 1 where there is a history.
 @group(1) @binding(2) var<storage, read_write> history: array<vec4<f32>>;
 
 fn temporal_index(pixel: vec2<u32>) -> u32 {
     return pixel.y * temporal.size.x + pixel.x;
 }
 
-// A pixel's own sample of a frame and the one it shares with the neighbour across the edge.
+// Mean of a pixel's own sample in a frame and the sample that it shares with the neighbour across the edge.
 fn temporal_pair(slot: u32, pixel: vec2<u32>, step: vec2<u32>) -> vec3<f32> {
     let own = signal_colour(signal[slot + temporal_index(pixel)]);
     let across = pixel + step;

@@ -1,5 +1,5 @@
-//! Terrain data as shaders see it: atlases, sector data, palette, detail arrays, in one bind group that the geometry,
-//! virtual-texture and shading stages share.
+//! Terrain data for shaders: atlases, sector data, palette and detail arrays, in one bind group. The geometry, virtual-texture and shading
+//! stages share this group.
 //!
 //! Source: Moore, GDC 2018, "Terrain Sector Data", "Terrain Foreground Rendering".
 
@@ -17,7 +17,7 @@ use crate::shared;
 use crate::view;
 use crate::world::{LODS, NodeId, PaletteMeans, SECTORS};
 
-/// From a position to the texels of a material.
+/// Leads from a position to the texels of a material.
 pub static WGSL: Wgsl = Wgsl::new(
     "terrain/terrain.wgsl",
     include_str!("terrain.wgsl"),
@@ -29,7 +29,6 @@ pub static WGSL: Wgsl = Wgsl::new(
         &shared::SPLAT_BLEND,
         &shared::TEXEL_CHOICE,
         &shared::TILING,
-        &shared::TRIPLANAR,
     ],
 )
 .with(&[
@@ -41,28 +40,28 @@ pub static WGSL: Wgsl = Wgsl::new(
 pub static FOOTPRINT_WGSL: Wgsl =
     Wgsl::new("terrain/footprint.wgsl", include_str!("footprint.wgsl"), &[&WGSL, &view::WGSL, &shared::DERIVATIVES, &shared::VIEW]);
 
-/// The bind group and what it holds besides the atlases.
+/// The bind group and its resources, except the atlases.
 pub struct Terrain {
     /// Layout of group 1 of the stages that read terrain.
     pub layout: wgpu::BindGroupLayout,
-    /// Group 1.
+    /// Bind group 1.
     pub group: wgpu::BindGroup,
     resources: Resources,
 }
 
-/// What the group binds besides the atlases.
+/// The resources of the bind group, except the atlases.
 struct Resources {
     sector_data: wgpu::Buffer,
     entries: wgpu::Buffer,
     /// Albedo, normal, height.
     details: [wgpu::Texture; 3],
-    /// Of detail textures, of atlases.
+    /// For detail textures, for atlases.
     samplers: [wgpu::Sampler; 2],
 }
 
 fn detail_array(gpu: &Gpu, label: &str, chains: &[CompressedChain], format: wgpu::TextureFormat) -> wgpu::Texture {
     let (size, levels) = chains.first().map_or((4, 1), |c| (c.size, c.levels.len()));
-    // A level smaller than a block cannot be addressed by every driver as part of a chain whose base is larger; wgpu pads it.
+    // Not every driver can address a level smaller than a block in a mip chain with a larger base; wgpu pads such levels.
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: u32::try_from(chains.len().max(1)).unwrap_or(1) },
@@ -98,14 +97,14 @@ fn detail_arrays(gpu: &Gpu, palette: &Palette) -> [wgpu::Texture; 3] {
     ]
 }
 
-/// As many entries as a splat texel can name; those without a material are zeros.
+/// The palette as a table with an entry for every possible splat texel. Entries without a material are zeros.
 fn table(palette: &Palette) -> Vec<PaletteEntry> {
     let mut all = palette.entries.clone();
     all.resize(MAX_MATERIALS, PaletteEntry::zeroed());
     all
 }
 
-/// The palette's means in the form that baking wants.
+/// The means of the palette, in the form that baking needs.
 pub fn palette_means(palette: &Palette) -> PaletteMeans {
     PaletteMeans {
         albedo: palette.means.iter().map(|m| m.albedo).collect(),
@@ -114,7 +113,7 @@ pub fn palette_means(palette: &Palette) -> PaletteMeans {
     }
 }
 
-/// What the detail textures of a scene take. They exist also where no flavour samples them: every error is measured against the full blend.
+/// The detail textures that a scene needs. They exist even if no flavour samples them: every error is measured against the full blend.
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
     let textured = "cliffs, splat, pages, and the reference that errors are measured against";
     let [full, half] = [demands.detail_size, demands.detail_size / 2];
@@ -168,8 +167,8 @@ impl Terrain {
         Terrain { group: resources.bound(gpu, &layout, streaming), layout, resources }
     }
 
-    /// Shows another palette from the next frame on. `fresh`: the layers that changed, where the arrays are otherwise as they were
-    /// ([`Palette::fresh_layers`]); `None` makes all arrays anew.
+    /// Uses another palette from the next frame on. `fresh`: the layers that changed, if the arrays are otherwise the same
+    /// ([`Palette::fresh_layers`]); `None` makes all arrays again.
     pub fn replace_palette(&mut self, gpu: &Gpu, streaming: &Streaming, palette: &Palette, fresh: Option<&[usize]>) {
         gpu.queue.write_buffer(&self.resources.entries, 0, cast_slice(&table(palette)));
         let Some(fresh) = fresh else {
@@ -185,8 +184,8 @@ impl Terrain {
         }
     }
 
-    /// Tells shaders which nodes this frame may read. Only the frame's own nodes, never what else is still resident: a picture
-    /// must not depend on what was looked at before.
+    /// Tells shaders which nodes this frame may read: only the nodes of this frame, not other resident nodes, because a picture must not
+    /// depend on what was viewed before.
     pub fn update(&self, gpu: &Gpu, nodes: impl Iterator<Item = (NodeId, u32)>) {
         gpu.queue.write_buffer(&self.resources.sector_data, 0, cast_slice(&quadtree::sector_data(nodes)));
     }

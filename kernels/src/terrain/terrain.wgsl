@@ -1,8 +1,8 @@
-// Terrain data for any world position: sector data -> node -> atlases; splat texels -> materials -> detail textures.
-// Every texture sample that shading takes is counted here, where it happens.
+// Terrain data for any world position: sector data -> node -> atlases; splat texels -> materials -> detail textures. This file counts every
+// texture sample that shading takes, where it is taken.
 
 override COUNT_FETCHES: bool = false;
-// Detail textures are filtered anisotropically, by gradients. Where they are not, one LOD serves a tap's three textures.
+// Detail textures are filtered anisotropically, with gradients. Without this, the three textures of a tap share one LOD.
 override ANISOTROPIC: bool = false;
 // Detail textures are hex-tiled: three samples of each at random offsets.
 override HEX_TILING: bool = false;
@@ -13,7 +13,7 @@ struct PaletteEntry {
     height_layer: u32,
     flags: u32,
     per_sector_fixed: vec2<i32>,    // repeats per sector times cos, sin of the orientation, 24 fractional bits
-    per_metre: vec2<f32>,           // cos, sin over the edge of one repeat
+    per_metre: vec2<f32>,           // cos, sin divided by the edge of one repeat
     tint: vec3<f32>,
     normal_strength: f32,
     mean_albedo: vec3<f32>,
@@ -26,7 +26,7 @@ struct PaletteEntry {
 @group(1) @binding(3) var colour_modulation_atlas: texture_2d_array<f32>;
 @group(1) @binding(4) var splat_atlas: texture_2d_array<u32>;
 @group(1) @binding(5) var<storage, read> sector_data: array<vec2<u32>>;
-// Uniform, not storage: software Vulkan gathers from uniforms, and loops over lanes for storage.
+// A uniform buffer, not a storage buffer: software Vulkan reads uniform buffers with gathers, but storage buffers in a loop over lanes.
 @group(1) @binding(6) var<uniform> palette: array<PaletteEntry, 256>;
 @group(1) @binding(7) var detail_albedo: texture_2d_array<f32>;
 @group(1) @binding(8) var detail_normal: texture_2d_array<f32>;
@@ -42,7 +42,7 @@ fn count_fetch() {
     }
 }
 
-// A place on the terrain: exact sector, and metres inside it.
+// A position on the terrain: exact sector, and metres inside it.
 struct Place {
     sector: vec2<i32>,
     position: vec3<f32>,        // x, y in the sector, z = elevation
@@ -53,7 +53,7 @@ fn terrain_place(sector: vec2<i32>, local: vec3<f32>) -> Place {
     return Place(sector + vec2<i32>(steps), vec3<f32>(local.xy - steps * frame.sector_m, local.z));
 }
 
-// The finest loaded node of a place: its atlas slot (0 = none) and the place in it, 0..1.
+// The finest loaded node at a position: its atlas slot (0 = none) and the position in the node, 0..1.
 struct NodePlace {
     slot: u32,
     uv: vec2<f32>,
@@ -102,7 +102,7 @@ fn terrain_normal(slot: u32, node_uv: vec2<f32>) -> TerrainNormal {
     return TerrainNormal(terrain_unpack_normal(texel), texel.r, texel.b);
 }
 
-// The four splat texels around a place and the place between them.
+// The four splat texels around a position, and the position between them.
 struct SplatCell {
     slot: u32,
     corner: vec2<i32>,
@@ -121,7 +121,8 @@ fn terrain_splat_id(cell: SplatCell, texel: u32) -> u32 {
     return textureLoad(splat_atlas, cell.corner + vec2<i32>(vec2<u32>(texel & 1u, texel >> 1u)), cell.slot, 0).r;
 }
 
-// What a blend sums up. The gradient is the volume gradient of bump height (Mikkelsen 2020), linear where normals are not.
+// The quantities that a blend sums. The gradient is the volume gradient of the bump height (Mikkelsen 2020), because gradients can be
+// summed linearly and normals cannot.
 struct Surface {
     albedo: vec3<f32>,
     height: f32,
@@ -155,7 +156,7 @@ struct Footprint {
     ddy: vec3<f32>,
 }
 
-// A footprint as one projection sees it: what its taps share.
+// A footprint in the coordinates of one projection. All taps of the projection share it.
 struct Projection {
     plane: u32,                 // 0..2 look along x, y, z; 3 and 4 along a diagonal, see snapped_projection.wgsl
     sectors: vec2<i32>,         // whole sectors along both coordinates
@@ -167,7 +168,8 @@ struct Projection {
 
 fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
     let place = footprint.place;
-    // Elevation is folded by sectors like the horizontal axes, so that a wall on a high mountain is as exact as one at sea level.
+    // Elevation is split into whole sectors and a rest, like the horizontal axes, so that a wall on a high mountain is as exact as one at
+    // sea level.
     let storey = floor(place.position.z / frame.sector_m);
     let folded = vec3<f32>(place.position.xy, place.position.z - storey * frame.sector_m);
     let ddx = snapped_coordinates(footprint.ddx, plane) * frame.gradient_scale;
@@ -182,7 +184,8 @@ fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
     );
 }
 
-// A vector of the projection's plane in texture coordinates: turned by the material's orientation, `rate` = cos, sin over the tile's edge.
+// Converts a vector in the plane of the projection to texture coordinates: rotates it by the orientation of the material and scales it.
+// `rate` = cos, sin divided by the edge of the tile.
 fn terrain_turn(v: vec2<f32>, rate: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(v.x * rate.x + v.y * rate.y, v.y * rate.x - v.x * rate.y);
 }
@@ -191,7 +194,7 @@ fn terrain_rate(entry: PaletteEntry, scale: u32) -> vec2<f32> {
     return entry.per_metre * exp2(-f32(scale));
 }
 
-// Texture coordinate of a place. Whole sectors contribute in exact fixed point.
+// Texture coordinate of a position. Whole sectors contribute in exact fixed point.
 fn terrain_texture_coordinate(entry: PaletteEntry, projection: Projection, scale: u32) -> vec2<f32> {
     let fixed = entry.per_sector_fixed;
     let sectors = projection.sectors;
@@ -202,12 +205,12 @@ fn terrain_texture_coordinate(entry: PaletteEntry, projection: Projection, scale
     return base + terrain_turn(projection.position, terrain_rate(entry, scale));
 }
 
-// LOD of the albedo and normal textures, by WebGPU's rule: the longer of the two gradients, in texels.
+// LOD of the albedo and normal textures, by the rule of WebGPU: from the longer of the two gradients, in texels.
 fn terrain_lod(projection: Projection, rate: vec2<f32>) -> f32 {
     return 0.5 * log2(max(projection.longest_2 * dot(rate, rate), 1e-30)) + terrain_texels_log2(textureDimensions(detail_albedo).x);
 }
 
-// What the height texture's LOD has more than that.
+// Difference between the LOD of the height texture and the LOD of the albedo texture.
 fn terrain_height_lod() -> f32 {
     return terrain_texels_log2(textureDimensions(detail_height).x) - terrain_texels_log2(textureDimensions(detail_albedo).x);
 }
@@ -223,7 +226,7 @@ struct Texels {
     height: vec2<f32>,          // height, colour mask
 }
 
-// Three fetches, filtered.
+// Three filtered fetches.
 fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>) -> Texels {
     count_fetch();
     count_fetch();
@@ -245,9 +248,9 @@ fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, 
     );
 }
 
-// Three fetches, one texel each of a mip level that chance chooses too: their expectation is the trilinear filter's value. What the
-// product of two textures is made of (albedo, and the colour mask beside the height) is chosen independently, by `u` and by `v`: level,
-// column, row.
+// Three fetches of one texel each. Mip level and texel are chosen at random, so that the expected value is that of trilinear filtering.
+// Albedo and colour mask (stored beside the height) are multiplied with each other, so they are chosen independently: `u` chooses level,
+// column and row of the first two textures, `v` those of the height texture.
 fn terrain_texels_chosen(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>, u: vec4<f32>, v: vec4<f32>) -> Texels {
     let lod = terrain_lod(projection, rate);
     let level = texel_choice_level(lod, textureNumLevels(detail_albedo), u.x);
@@ -271,7 +274,7 @@ fn terrain_tint(entry: PaletteEntry, texels: Texels) -> vec3<f32> {
 }
 
 fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, texels: Texels) -> Surface {
-    // Slope = xy / z of the unit normal; z is held above 0.05.
+    // Slope = xy / z of the unit normal; z is at least 0.05.
     let xy = texels.normal.ag * 2.0 - 1.0;
     let slope = xy * (-entry.normal_strength * inverseSqrt(max(1.0 - dot(xy, xy), 0.0025)));
     let turned = vec2<f32>(slope.x * rate.x - slope.y * rate.y, slope.x * rate.y + slope.y * rate.x) * inverseSqrt(max(dot(rate, rate), 1e-30));
@@ -279,7 +282,7 @@ fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>,
     return Surface(texels.albedo * terrain_tint(entry, texels), texels.height.r, gradient, texels.normal.r, texels.normal.b);
 }
 
-// One material seen in one projection at one tiling scale 2^scale: three detail textures, or hex-tiled nine.
+// One material in one projection at the tiling scale 2^scale: three fetches from detail textures, or nine with hex tiling.
 // Texture coordinates are a linear map of the position, and so are their gradients (ruling 7).
 fn terrain_material(id: u32, projection: Projection, scale: u32) -> Surface {
     let entry = palette[id];
@@ -312,11 +315,12 @@ fn terrain_tap_chosen(cell: SplatCell, texel: u32, projection: Projection, scale
     return terrain_surface(entry, projection, rate, terrain_texels_chosen(entry, projection, rate, uv, u, v));
 }
 
-// Loops over taps run to `frame.taps` (always 4) and `frame.taps - 1u` (3 projections), `frame.taps - 2u` (2 tilings) rather than to a constant:
-// an unrolled splat flavour is 36 texture samples long, and software Vulkan then compiles for seconds what it runs in milliseconds.
+// Loops over taps run to `frame.taps` (always 4), `frame.taps - 1u` (3 projections) and `frame.taps - 2u` (2 tilings) instead of constants,
+// so that they are not unrolled. An unrolled splat flavour has 36 texture samples; software Vulkan then takes seconds to compile what it
+// runs in milliseconds.
 
-// Sixteen fetches: four taps, bilinear weights modified by height. Summed as they come: an array of taps, indexed by a loop that is not
-// unrolled, would live in memory.
+// Sixteen fetches: four taps with bilinear weights that are modified by height. Each tap is added at once: an array of taps that is indexed
+// by a loop that is not unrolled would be stored in memory.
 fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var run = splat_blend_start();
@@ -331,11 +335,11 @@ fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> S
     return surface_scale(1.0 / total, sum);
 }
 
-// Mips between the two bands of a texture: detail is what is finer than 2^3 pixels.
+// Number of mip levels between the two bands of a texture: the fine band contains detail finer than 2^3 pixels.
 const TERRAIN_BAND_MIPS: f32 = 3.0;
 
-// Twenty fetches: four taps of five, in two bands. Where a band is blended, it is blended over about its own wavelength: what is coarse by
-// bilinear weights, over the splat cell; what is fine by weights modified by height, over the relief.
+// Twenty fetches: four taps of five fetches, in two bands. Each band is blended over about its own wavelength: the coarse band by bilinear
+// weights, over the splat cell; the fine band by weights modified by height, over the relief.
 // Source: Burt & Adelson, "A Multiresolution Spline With Application to Image Mosaics", ACM ToG 2(4), 1983.
 fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
@@ -359,16 +363,17 @@ fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> S
         total = total * run.keep + run.share;
     }
     var sum = surface_scale(1.0 / total, fine);
-    // Detail of one material on the ground of another may reach below black.
+    // The detail of one material added to the coarse colour of another may be negative.
     sum.albedo = max(coarse + sum.albedo, vec3<f32>(0.0));
     return sum;
 }
 
-// Materials that are layers of their own are the first of the palette; any other is drawn as the layer that flags name.
+// Lowest bit of the layer in the flags. The first materials of the palette have layers of their own; any other material is drawn as the
+// layer in its flags.
 const TERRAIN_LAYER_BITS: u32 = 8u;
 
-// Twenty-eight fetches: four splat ids, from which the blend map follows, and the three textures of each of eight layers, which are
-// always sampled, as the method's own shader does.
+// Twenty-eight fetches: four splat ids, which give the blend map, and the three textures of each of the eight layers. All layers are always
+// sampled, as in the original shader of the method.
 fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var layers: vec4<u32>;
@@ -386,7 +391,7 @@ fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surfac
     return sum;
 }
 
-// Sixteen fetches: four taps, plain bilinear weights: the mean of choosing one of them by those weights.
+// Sixteen fetches: four taps with plain bilinear weights. This is the mean over random choices of one tap by these weights.
 fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var sum = surface_zero();
@@ -396,7 +401,7 @@ fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Su
     return sum;
 }
 
-// First and second moment of the albedo of a random choice by bilinear weights.
+// First and second moment of the albedo when one tap is chosen at random by bilinear weights.
 struct Moments {
     mean: vec3<f32>,
     square: vec3<f32>,

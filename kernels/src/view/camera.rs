@@ -1,4 +1,4 @@
-//! Where the camera stands, and the rays it looks along.
+//! Camera poses, and the rays through their pixels.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use glam::{DMat4, DVec2, DVec3, DVec4, IVec2, Mat4};
 use crate::scene::{CameraPath, CameraPose};
 use crate::shared::culling;
 
-/// Distance of the near plane, metres. Depth is reversed and infinite, so it costs no precision far away.
+/// Distance of the near plane, metres. Depth is reversed and infinite, so a near value costs no precision far away.
 pub const NEAR_M: f64 = 0.1;
 
 /// A camera in the world.
@@ -24,7 +24,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// A scene's camera; `ground_m` gives the elevation below a point where the pose counts from the ground.
+    /// The pose of a scene's camera. `ground_m` gives the elevation of the ground at a point; it is used if the pose is relative to the ground.
     pub fn of(camera: &CameraPose, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
         let [x, y, z] = camera.position;
         let base = if camera.above_ground { ground_m(x, y) } else { 0.0 };
@@ -46,8 +46,8 @@ impl Pose {
     }
 }
 
-/// The pose of frame `frame` of a path: Catmull-Rom through the keys, so that it passes each of them exactly. Yaw takes the shorter way
-/// round; where every key counts from the ground, so does every frame between them.
+/// The pose of frame `frame` of a path: a Catmull-Rom spline that passes through every key exactly. Yaw takes the shorter way round. If every key is
+/// relative to the ground, every frame between them is, too.
 pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
     let on_ground = path.keys.iter().all(|k| k.above_ground);
     let mut keys: Vec<Pose> = path.keys.iter().map(|k| Pose::of(k, |x, y| if on_ground { 0.0 } else { ground_m(x, y) })).collect();
@@ -75,7 +75,7 @@ pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) 
     }
 }
 
-/// A pose seen through an image of a certain size, with positions relative to the camera's sector.
+/// A pose with an image of a certain size. Positions are relative to the camera's sector.
 ///
 /// *Local* coordinates: x, y relative to the south-west corner of the camera's sector, z = elevation.
 #[derive(Clone, Copy, Debug)]
@@ -94,7 +94,7 @@ pub struct View {
     pub ray_dx: DVec3,
     /// Step of the ray from one pixel to the next below.
     pub ray_dy: DVec3,
-    /// Clip from local coordinates; reversed infinite depth.
+    /// The matrix from local coordinates to clip space; depth is reversed and infinite.
     pub clip_from_local: DMat4,
 }
 
@@ -134,7 +134,7 @@ impl View {
     }
 
     /// Whether a box in local coordinates may be visible: false only if it lies wholly beyond one of the frustum's planes
-    /// ([`culling::beyond`]). Of a box with NaN nothing is known.
+    /// ([`culling::beyond`]). A box with NaN counts as visible.
     pub fn sees(&self, low: DVec3, high: DVec3) -> bool {
         let m = self.clip_from_local;
         let (rx, ry, rw) = (m.row(0), m.row(1), m.row(3));
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn ten_kilometres_from_the_origin_a_view_is_the_same() {
-        // All that shaders are given is relative to a sector: the same numbers, whole sectors away.
+        // Everything that shaders receive is relative to a sector, so a view that is whole sectors away has the same numbers.
         let (near, far) = (pose(), Pose { position: pose().position + DVec3::new(156.0 * 64.0, -156.0 * 64.0, 0.0), ..pose() });
         let [near, far] = [near, far].map(|pose| View::new(pose, [320, 180], [0.3, -0.45], 64.0, 32_768.0));
         assert_eq!((near.camera, near.ray_00, near.ray_dx, near.ray_dy), (far.camera, far.ray_00, far.ray_dx, far.ray_dy));

@@ -1,10 +1,10 @@
-//! A scene's flavour rules as shaders read them.
+//! A scene's flavour rules, in the form that shaders read.
 
 use crate::scene::FlavourRules;
 use crate::shared::flavour_weights::FlavourParams;
 
 impl FlavourParams {
-    /// The parameters that a scene's rules say: slopes in degrees become the normal's z, blends lie half on either side of their slope.
+    /// The parameters for a scene's rules. Slopes in degrees become values of the normal's z; a slope blend lies half on either side of its slope.
     #[allow(clippy::cast_possible_truncation, reason = "shaders read f32")]
     pub fn new(rules: &FlavourRules) -> Self {
         let band = |slope_deg: f64| {

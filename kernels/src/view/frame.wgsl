@@ -1,5 +1,5 @@
-// What every stage of a frame knows: the camera, the flavour rules, the blend, the light.
-// Local coordinates: x, y in metres from the south-west corner of the camera's sector, z = elevation in metres.
+// Uniforms that every stage of a frame reads: the camera, the flavour rules, the blend, the light. Local coordinates: x, y in metres from the
+// south-west corner of the camera's sector, z = elevation in metres.
 
 struct Frame {
     clip_from_local: mat4x4<f32>,
@@ -15,32 +15,32 @@ struct Frame {
     size: vec2<u32>,            // image, pixels
     seed: u32,
     frame: u32,                 // frame index
-    forced_mask: u32,           // 0 = automatic, else the variant forced on every tile
+    forced_mask: u32,           // 0 = automatic choice, otherwise the variant that is forced on every tile
     page_levels: u32,           // levels of the virtual texture
-    tiles: vec2<u32>,           // image, 8 x 8 tiles, rounded up
+    tiles: vec2<u32>,           // size of the image in tiles, rounded up
     hash_scale: f32,            // cell size of hashed noise, pixels
     height_sharpness: f32,      // k in w 2^(k h)
     triplanar_sharpness: f32,   // k in |n|^k
     gradient_scale: f32,        // 2^mip bias
     page_texels_per_m: f32,     // texel density of virtual-texture level 0
-    page_anisotropy: f32,       // most ratio of major to minor axis that page filtering covers, 1..4
+    page_anisotropy: f32,       // largest ratio of major to minor axis that page filtering covers, 1..4
     flavours: FlavourParams,
     sun_direction: vec3<f32>,   // towards the sun
-    taps: u32,                  // 4: splat texels around a point, see terrain.wgsl
+    taps: u32,                  // always 4, the number of splat texels around a point; see terrain.wgsl
     sun_irradiance: vec3<f32>,  // on a surface facing it
     noise_world_level: i32,     // log2 of cells per metre of world-space white noise
     sky_zenith: vec3<f32>,      // radiance
-    sample_pattern: u32,        // where in its pixel a frame is sampled: 0 = centre, 1 = left edge, 2 = top edge, see footprint.wgsl
+    sample_pattern: u32,        // where each pixel is sampled: 0 = centre, 1 = left edge, 2 = top edge; see footprint.wgsl
     sky_horizon: vec3<f32>,     // radiance
     normals: u32,               // how the geometry pass stores its two normals: NORMALS_...
 }
 
-// NORMALS_OCTAHEDRAL: two octahedral codes of 8 + 8 bits. NORMALS_PLANE_FIRST: the plane and what the shading normal adds to it, see normal_pair.wgsl.
-// NORMALS_EXACT: two octahedral points in f32.
+// NORMALS_OCTAHEDRAL: two octahedral codes of 8 + 8 bits. NORMALS_PLANE_FIRST: the plane, and the shading normal relative to it, see
+// normal_pair.wgsl. NORMALS_EXACT: two octahedral points in f32.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 
-// The texel of the geometry pass's normals. `ray` leads from the eye to the plane.
+// The texel in which the geometry pass stores its two normals. `ray` leads from the eye to the plane.
 fn frame_normals(shading: vec3<f32>, plane: vec3<f32>, ray: vec3<f32>) -> vec4<f32> {
     if frame.normals == NORMALS_EXACT {
         return vec4<f32>(octahedral_encode(shading), octahedral_encode(plane));
@@ -52,7 +52,7 @@ fn frame_normals(shading: vec3<f32>, plane: vec3<f32>, ray: vec3<f32>) -> vec4<f
     return vec4<f32>(code, octahedral_encode8_precise(plane));
 }
 
-// The shading normal in a texel: to the bit the same from either form of 32 bits.
+// The shading normal in a texel. Both 32-bit forms give the same bits.
 fn frame_shading_normal(texel: vec4<f32>) -> vec3<f32> {
     if frame.normals == NORMALS_EXACT {
         return octahedral_decode(texel.xy);
@@ -64,7 +64,7 @@ fn frame_shading_normal(texel: vec4<f32>) -> vec3<f32> {
     return octahedral_decode(octahedral_dequantise8(code));
 }
 
-// The normal of the triangle's plane in a texel, or its opposite: a plane has no side.
+// The normal of the triangle's plane in a texel, or its opposite, because a plane has no sign.
 fn frame_plane(texel: vec4<f32>) -> vec3<f32> {
     if frame.normals == NORMALS_EXACT {
         return octahedral_decode(texel.zw);

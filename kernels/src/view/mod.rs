@@ -1,4 +1,4 @@
-//! Who looks, and what every stage knows of it: the camera, and the uniforms of a frame.
+//! The camera, and the uniforms of a frame that every stage reads.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,7 +11,7 @@ mod flavours;
 pub mod normals;
 mod reprojection;
 
-/// The uniforms that every stage knows, and the normals that the geometry pass stores.
+/// The uniforms that every stage reads, and the functions that read and write the normals of the geometry pass.
 pub static WGSL: Wgsl = Wgsl::new(
     "view/frame.wgsl",
     include_str!("frame.wgsl"),

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use crate::base::wgsl::Constant;
 use crate::shared::{normal_pair, octahedral};
 
-/// What `frame.wgsl` is handed.
+/// Constants that the host passes to `frame.wgsl`.
 pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("NORMALS_OCTAHEDRAL", Constant::U32(NormalEncoding::Octahedral.code())),
     ("NORMALS_PLANE_FIRST", Constant::U32(NormalEncoding::PlaneFirst.code())),
@@ -19,13 +19,14 @@ pub enum NormalEncoding {
     /// Two octahedral codes of 8 + 8 bits, as in Far Cry 5.
     #[default]
     Octahedral,
-    /// In the same 32 bits the triangle's plane 8 times finer, and the same code of the shading normal as what it adds to that: [`normal_pair`].
+    /// The same 32 bits, with the triangle's plane 8 times finer and the same code of the shading normal, which is stored relative to the plane:
+    /// [`normal_pair`].
     PlaneFirst,
-    /// Two points of the octahedron's square in f32: 128 bits, to tell what the others cost.
+    /// Two points of the octahedron's square in f32, 128 bits. It serves to measure the errors of the other encodings.
     Exact,
 }
 
-/// Why a text is not an encoding of normals.
+/// The error for a text that is not an encoding of normals.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{given}` is not an encoding of normals: give one of {}", NormalEncoding::ALL.map(NormalEncoding::name).join(", "))]
 pub struct NotAnEncoding {
@@ -70,8 +71,8 @@ impl NormalEncoding {
         }
     }
 
-    /// Shading normal and normal of the triangle's plane in a texel of [`Self::bytes`] bytes, unit vectors: `frame_shading_normal`, `frame_plane`. The
-    /// plane's may be the opposite of the triangle's.
+    /// Decodes a texel of [`Self::bytes`] bytes to two unit vectors: the shading normal and the normal of the triangle's plane. In WGSL:
+    /// `frame_shading_normal` and `frame_plane`. The plane's normal may be the opposite of the triangle's normal.
     ///
     /// # Panics
     /// When the texel has another size.

@@ -1,4 +1,4 @@
-//! An earlier camera as seen from a later eye.
+//! The camera of an earlier frame, relative to the eye of a later frame.
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use crate::shared::motion::Past;
 use crate::view::camera::View;
 
 impl Past<f64> {
-    /// The earlier view `past` from the eye of `now`. Both belong to one world.
+    /// The earlier view `past`, relative to the eye of `now`. Both views belong to the same world.
     pub fn between(now: &View, past: &View) -> Past<f64> {
         let row = |d: DVec3| d / d.length_squared();
         let (x_row, y_row) = (row(past.ray_dx), row(past.ray_dy));

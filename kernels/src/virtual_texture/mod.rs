@@ -1,12 +1,17 @@
 //! Virtual texture: pages of the blended splat map, seen from above, rendered once and sampled with 4 fetches.
 //!
-//! Reads depth, normals and mask (which pages are visible), the splat map (what is on them). Writes the page table (R32Uint, a 64 x 64 torus a
-//! level around the camera: physical layer + 1 in 11 bits, the rest of the page's address as a tag) and physical pages: 256² texels plus 4 of border
-//! on each side and one mip, in arrays of albedo (sRGB), smoothness + specular occlusion, and normal.
+//! Reads depth, normals and mask, which decide the visible pages, and the splat map, which is their content. Writes the page table (R32Uint; for each
+//! level a 64 x 64 torus around the camera; physical layer + 1 in 11 bits, the rest of the page's address as a tag) and the physical pages: 256²
+//! texels, a border of 4 texels on each side, and one further mip, in arrays of albedo (sRGB), smoothness + specular occlusion, and normal.
 //! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10.
 //!
-//! Each frame is complete: the pages its pixels ask for are rendered before it is shaded. Jittered feedback, page budgets, compression and
-//! FC4's adaptive address space take the places of `requests`, `fill` and the page table's windows when they come.
+//! Limits: the page table of a level is a torus of 64 x 64 cells around the camera. Two pages that are 64 pages apart share a cell. The page with the
+//! larger tag is kept, whatever the order of threads; pixels of the other page fall back on a coarser page. A frame that wants more than 256 pages
+//! replaces the finest ones by their parents, level by level; [`PageCounts::coarsened`] counts them. A pixel without its page looks through the
+//! coarser levels, one counted table fetch for each, and ends with the far atlas, so `vt` may cost more than 4 fetches.
+//!
+//! Each frame is complete: the pages that its pixels request are rendered before it is shaded. Not implemented yet: jittered feedback would replace
+//! `requests`, page budgets and compression would replace `fill`, and Far Cry 4's adaptive address space would replace the windows of the page table.
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -27,23 +32,23 @@ use crate::variant::Flavour;
 use crate::view;
 use crate::world::{Layout, NodeId, SECTORS};
 
-/// Payload texels along a page's edge.
+/// Texels along a page's edge, without the border.
 pub const PAGE_TEXELS: u32 = 256;
 /// Border texels on each side.
 pub const BORDER_TEXELS: u32 = 4;
-/// Stored texels along a page's edge.
+/// Texels along a page's edge, with the border.
 pub const STORED_TEXELS: u32 = PAGE_TEXELS + 2 * BORDER_TEXELS;
-/// Levels: page edges of 1 m to 8 192 m.
+/// Number of levels; the edge of a page is 1 m at the finest level and 8 192 m at the coarsest.
 pub const LEVELS: u32 = 14;
 /// Texel density of level 0, texels per metre.
 pub const TEXELS_PER_M: f64 = 256.0;
 /// Pages along the edge of a level's page table.
 pub const WINDOW: u32 = 64;
-/// Physical pages kept at once: some 180 MB.
+/// Number of physical pages, about 180 MB.
 pub const CAPACITY: u32 = 256;
 const TAG_BITS: u32 = 10;
 
-/// Bits of a page-table cell that hold the physical layer + 1; a tag follows, row above column.
+/// Bits of a page-table cell that hold the physical layer + 1. The tag is above them: first the bits of the column, then those of the row.
 const LAYER_BITS: u32 = 11;
 const LAYER_MASK: u32 = (1 << LAYER_BITS) - 1;
 const TAG_MASK: u32 = (1 << TAG_BITS) - 1;
@@ -95,14 +100,14 @@ impl PageId {
         ((self.level * WINDOW + self.y % WINDOW) * WINDOW + self.x % WINDOW) as usize
     }
 
-    /// What its cell holds besides the physical layer.
+    /// Tag of the page: what its cell holds besides the physical layer.
     fn tag(self) -> u32 {
         let wrap = TAG_MASK;
         ((self.y / WINDOW) & wrap) << (LAYER_BITS + TAG_BITS) | ((self.x / WINDOW) & wrap) << LAYER_BITS
     }
 
-    /// The page of a non-zero request. A tag wraps around after 2^16 pages; of the pages it can mean, the one nearest `camera` (the finest
-    /// page the camera stands on) is meant: no picture asks for fine pages 32 km away.
+    /// The page of a non-zero request. Tags repeat every 2^16 pages, so several pages match; the result is the match nearest to `camera` (the finest
+    /// page under the camera), because no picture requests fine pages 32 km away.
     fn of_request(index: usize, request: u32, camera: [i64; 2]) -> PageId {
         let index = u32::try_from(index).unwrap_or(0);
         let wrap = TAG_MASK;
@@ -125,13 +130,13 @@ impl PageId {
     }
 }
 
-/// One page to render, one mip level of it; the layout matches `PageJob` in `page.wgsl`.
+/// One mip level of one page to render; the layout matches `PageJob` in `page.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct PageJob {
     /// Sector of the page's south-west corner.
     pub sector: [i32; 2],
-    /// That corner in the sector, metres.
+    /// Position of that corner in the sector, metres.
     pub origin: [f32; 2],
     /// Edge of a texel of this mip level, metres.
     pub texel_m: f32,
@@ -139,40 +144,40 @@ pub struct PageJob {
     pub border: f32,
 }
 
-/// What one frame did.
+/// Pages of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PageCounts {
-    /// Pages the picture asked for.
+    /// Pages that the picture requested.
     pub wanted: usize,
-    /// Of those, rendered now.
+    /// Pages that were not cached and were rendered for this frame.
     pub rendered: usize,
     /// Pages replaced by a coarser one because the cache was full.
     pub coarsened: usize,
-    /// Pages the picture asked for, by level.
+    /// Pages that the picture requested, by level.
     pub wanted_by_level: [usize; LEVELS as usize],
 }
 
-/// What is kept of the pages that pictures asked for.
+/// Contents of the page cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CacheCounts {
-    /// Pages kept.
+    /// Cached pages.
     pub resident: usize,
-    /// The most that can be; 0 = the scene has no virtual texture.
+    /// Largest possible number of cached pages; 0 = the scene has no virtual texture.
     pub capacity: usize,
-    /// Bytes of pages and page table as allocated, used or not.
+    /// Bytes allocated for pages and page table, used or not.
     pub bytes: u64,
-    /// Pages kept, by level.
+    /// Cached pages, by level.
     pub by_level: [usize; LEVELS as usize],
 }
 
 struct Physical {
     layer: u32,
-    /// Of the nodes it was rendered from: a page is good only while they are the frame's.
+    /// Fingerprint of the source nodes; the page is stale once they change.
     source: u64,
     used: u64,
 }
 
-/// What is compiled only for scenes that have a virtual texture.
+/// The passes, which are compiled only for scenes that have a virtual texture.
 struct Passes {
     request_pipeline: wgpu::ComputePipeline,
     request_layout: wgpu::BindGroupLayout,
@@ -188,21 +193,21 @@ pub struct VirtualTexture {
     pub table: wgpu::Texture,
     /// Albedo, (smoothness, specular occlusion), normal.
     pub pages: [wgpu::Texture; 3],
-    /// Trilinear, anisotropic within the border.
+    /// Trilinear, and anisotropic as far as the border of a page allows.
     pub sampler: wgpu::Sampler,
     cache: HashMap<PageId, Physical>,
     free: Vec<u32>,
     frame: u64,
-    /// Of the last frame.
+    /// Counts of the last frame.
     counts: PageCounts,
 }
 
-/// Anisotropy of page filtering: what the scene asks for, as far as the border of 4 texels reaches.
+/// Anisotropy of page filtering: that of the scene, limited to 4 by the border of 4 texels.
 pub fn anisotropy(scene: u16) -> u16 {
     scene.clamp(1, 4)
 }
 
-/// Why its passes and textures are, or are not, required.
+/// Why the passes and textures are required or not.
 const fn reason(required: bool) -> &'static str {
     if required { "virtual texture" } else { "no virtual texture" }
 }
@@ -213,7 +218,7 @@ const PAGE_FORMATS: [wgpu::TextureFormat; 3] =
     [wgpu::TextureFormat::Rgba8UnormSrgb, wgpu::TextureFormat::Rg8Unorm, wgpu::TextureFormat::Rg8Unorm];
 
 impl Passes {
-    /// Compiles both.
+    /// Compiles both passes.
     ///
     /// # Errors
     /// When a shader does not compile.
@@ -268,7 +273,7 @@ fn pages_section(wanted: &PageCounts, cache: &CacheCounts) -> Section {
     } else {
         rows.push(row("Pages wanted", wanted.wanted));
         rows.push(row("Pages rendered for this frame", wanted.rendered));
-        rows.push(row("Pages given up for coarser ones", wanted.coarsened));
+        rows.push(row("Pages replaced by coarser ones", wanted.coarsened));
         rows.push(row("Pages kept", format!("{} of {}", cache.resident, cache.capacity)));
         for (level, (wanted, kept)) in (0..).zip(wanted.wanted_by_level.iter().zip(&cache.by_level)) {
             if *wanted > 0 || *kept > 0 {
@@ -278,7 +283,7 @@ fn pages_section(wanted: &PageCounts, cache: &CacheCounts) -> Section {
         }
         rows.push(row("Memory of the pages", mebibytes(cache.bytes)));
     }
-    Section { name: "Pages", about: "Virtual texture: what pixels ask for is rendered once, from above, and kept", rows }
+    Section { name: "Pages", about: "Virtual texture: pages that pixels request are rendered once, seen from above, and cached", rows }
 }
 
 impl Stage for VirtualTexture {
@@ -305,7 +310,7 @@ impl Stage for VirtualTexture {
         ..Declaration::EMPTY
     };
 
-    /// Compiles the passes and allocates the physical pages. Without a virtual texture in the scene nothing is compiled, and the textures are there only
+    /// Compiles the passes and allocates the physical pages. If the scene has no virtual texture, nothing is compiled, and the textures exist only
     /// because the shading pass must have something bound.
     fn build(build: Build<'_>) -> Result<VirtualTexture> {
         let gpu = build.gpu;
@@ -356,7 +361,7 @@ impl Stage for VirtualTexture {
         if build.demands.has(Flavour::VirtualTexture) { Self::DECLARATION.modules.to_vec() } else { Vec::new() }
     }
 
-    /// The passes. The cache stays, but its pages are rendered again.
+    /// Rebuilds the passes. The cache stays allocated, but its pages are rendered again.
     fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<VirtualTexture>> {
         let passes = Some(Passes::new(build)?);
         Ok(Box::new(move |stage| {
@@ -371,15 +376,17 @@ impl Stage for VirtualTexture {
 }
 
 impl VirtualTexture {
-    /// Forgets all pages: what they were rendered with has changed.
+    /// Empties the cache, because something from which the pages were rendered has changed.
     pub fn forget(&mut self) {
         self.free.extend(self.cache.drain().map(|(_, physical)| physical.layer));
-        // Layers are taken from the end, lowest first, as when nothing had been rendered yet.
+        // Restores the initial order: layers are taken from the end, the lowest first.
         self.free.sort_unstable_by_key(|&layer| std::cmp::Reverse(layer));
     }
 
-    /// A frame that looks at no page.
+    /// Resets the counts, for a frame that samples no pages.
     pub fn rest(&mut self) -> PageCounts {
+        // What the frame before asked for serves this one no more.
+        self.frame += 1;
         self.counts = PageCounts::default();
         self.counts
     }
@@ -389,13 +396,13 @@ impl VirtualTexture {
         self.passes.is_some()
     }
 
-    /// The page that served the last frame where it asked for `page`: that one, or the finest there is above it.
+    /// The page that the last frame used in place of `page`: `page` itself, or else the finest cached page above it.
     pub fn serving(&self, page: PageId) -> Option<PageId> {
         let serves = |page: &PageId| self.cache.get(page).is_some_and(|physical| physical.used == self.frame);
         std::iter::successors(Some(page), |page| page.parent()).find(serves)
     }
 
-    /// What is kept now.
+    /// Current contents of the cache.
     pub fn cache_counts(&self) -> CacheCounts {
         let mut by_level = [0; LEVELS as usize];
         for page in self.cache.keys() {
@@ -441,8 +448,8 @@ impl VirtualTexture {
         pass.dispatch_workgroups(targets.mask.width().div_ceil(8), targets.mask.height().div_ceil(8), 1);
     }
 
-    /// Reads the requests back and renders what is missing; the page table then serves the frame. The request pass must have run.
-    /// `nodes`: those the frame may read, and what tells states of their materials apart.
+    /// Reads the requests back, renders the missing pages, and writes the page table for this frame. The request pass must have run. `nodes`: the
+    /// nodes that the frame may read, each with the revision of its materials.
     ///
     /// # Errors
     /// When the device is lost.
@@ -465,7 +472,7 @@ impl VirtualTexture {
             counts.wanted_by_level[page.level as usize] += 1;
         }
         let capacity = self.pages[0].depth_or_array_layers() as usize;
-        // Too many for the cache: the finest give way to their parents, level by level.
+        // Too many pages for the cache: replace the finest pages by their parents, level by level.
         while wanted.len() > capacity {
             let finest = wanted.iter().map(|p| p.level).min().unwrap_or(0);
             counts.coarsened += wanted.iter().filter(|p| p.level == finest).count();
@@ -473,7 +480,7 @@ impl VirtualTexture {
             wanted.sort_unstable();
             wanted.dedup();
         }
-        // Coarse first, so that the order of slots does not depend on a hash map.
+        // Coarse pages first: a fixed order, so that the layers do not depend on the order of a hash map.
         wanted.sort_unstable_by_key(|p| (std::cmp::Reverse(p.level), p.y, p.x));
         let finest = finest_nodes(nodes);
         for page in &wanted {
@@ -516,7 +523,7 @@ impl VirtualTexture {
         let mut table = vec![0u32; (LEVELS * WINDOW * WINDOW) as usize];
         for (page, physical) in self.cache.iter().filter(|(_, p)| p.used == self.frame) {
             let entry = page.tag() | (physical.layer + 1);
-            // Two pages of one cell: the larger tag, as the request pass decides it.
+            // If two pages share a cell, keep the one with the larger tag, as the request pass does.
             table[page.cell()] = table[page.cell()].max(entry);
         }
         gpu.queue.write_texture(
@@ -590,13 +597,13 @@ impl VirtualTexture {
     }
 }
 
-/// Per sector the LOD and the state of the finest node loaded: what a page's content depends on.
+/// LOD and revision of the finest loaded node of each sector; the content of a page depends on them.
 fn finest_nodes(nodes: &[(NodeId, u64)]) -> Vec<(u8, u64)> {
     // Coarse before fine, so that the finest is written last.
     let mut sorted = nodes.to_vec();
     sorted.sort_unstable_by_key(|(n, _)| (std::cmp::Reverse(n.lod), n.y, n.x));
     let side = usize::from(SECTORS);
-    // Where no node is loaded there is no LOD either.
+    // `u8::MAX`: no node is loaded there.
     let mut map = vec![(u8::MAX, 0); side * side];
     for (node, revision) in sorted {
         let edge = 1usize << node.lod;

@@ -1,8 +1,8 @@
-// Renders one page of the virtual texture from the splat map, seen from above, one tiling scale.
+// Renders one page of the virtual texture from the splat map, seen from above, at one tiling scale.
 
 struct PageJob {
     sector: vec2<i32>,          // sector of the page's south-west corner
-    origin: vec2<f32>,          // that corner in the sector, metres
+    origin: vec2<f32>,          // position of that corner in the sector, metres
     texel_m: f32,
     border: f32,                // texels of border on each side, at this mip level
 }
@@ -32,7 +32,7 @@ fn page_fragment(in: PageVarying) -> PageTargets {
     // Row 0 of a page is its southern edge.
     let local = job.origin + (in.clip.xy - job.border) * job.texel_m;
     let place = terrain_place(job.sector, vec3<f32>(local, 0.0));
-    // The bias of mip levels acts where pages are sampled, and must not act twice.
+    // The mip bias is applied when pages are sampled; dividing by it here avoids applying it twice.
     let step = job.texel_m / frame.gradient_scale;
     let footprint = Footprint(place, vec3<f32>(step, 0.0, 0.0), vec3<f32>(0.0, step, 0.0));
     let node = terrain_node(place);

@@ -22,7 +22,8 @@ fn virtual_texture_request(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let footprint = surface_footprint(id.xy, depth, textureLoad(normal_target, id.xy, 0));
-    // Shading computes the level anew, in another pipeline, and may round a value at the border of two levels the other way: ask for both.
+    // The shading pass computes the level again, in another pipeline, and may round differently at the border of two levels. So both levels are
+    // requested.
     let low = virtual_texture_level(footprint.ddx, footprint.ddy, -0.001);
     let high = virtual_texture_level(footprint.ddx, footprint.ddy, 0.001);
     virtual_texture_mark(footprint.place, low);
@@ -35,6 +36,6 @@ fn virtual_texture_mark(place: Place, level: u32) {
     let page = virtual_texture_address(place, level).page;
     let cell = page & vec2<i32>(VIRTUAL_WINDOW - 1);
     let index = (level * u32(VIRTUAL_WINDOW) + u32(cell.y)) * u32(VIRTUAL_WINDOW) + u32(cell.x);
-    // Two wanted pages may share a cell (64 pages apart): the larger tag wins, whatever the order of threads.
+    // Two requested pages that are 64 pages apart share a cell. The larger tag wins, whatever the order of threads.
     atomicMax(&requests[index], virtual_texture_tag(page) | 1u);
 }

@@ -1,4 +1,4 @@
-// Virtual-texture addresses: where a place's page lies in the page table, and which level its footprint asks for.
+// Virtual-texture addresses: the page of a position, and the level that a footprint requires.
 
 // The page table of each level is a torus of VIRTUAL_WINDOW squared pages around the camera.
 
@@ -7,7 +7,7 @@ struct VirtualAddress {
     uv: vec2<f32>,              // 0..1 inside the page's payload
 }
 
-// The level a footprint asks for; `offset` moves it by a fraction of a level.
+// The level that a footprint requires; `offset` shifts it by a fraction of a level.
 fn virtual_texture_level(ddx: vec3<f32>, ddy: vec3<f32>, offset: f32) -> u32 {
     let across = length(ddx.xy);
     let down = length(ddy.xy);
@@ -21,14 +21,14 @@ fn virtual_texture_address(place: Place, level: u32) -> VirtualAddress {
     let pages_per_sector = i32(round(frame.sector_m * pages_per_m));
     let in_sector = place.position.xy * pages_per_m;
     let whole = floor(in_sector);
-    // Rounding may put the world's south-western rim a hair outside it.
+    // Rounding may put the south-western border of the world slightly outside the world.
     let finest = max(place.sector * pages_per_sector + vec2<i32>(whole), vec2<i32>(0));
     let span = 1 << level;
     let uv = (vec2<f32>(finest & vec2<i32>(span - 1)) + (in_sector - whole)) / f32(span);
     return VirtualAddress(finest >> vec2<u32>(level), uv);
 }
 
-// What a page-table cell must hold besides the layer, so that a page 64 further on is not taken for this one.
+// Tag of a page in its page-table cell: it distinguishes pages that share the cell because they are a multiple of 64 pages apart.
 fn virtual_texture_tag(page: vec2<i32>) -> u32 {
     let wrap = vec2<u32>(page >> vec2<u32>(VIRTUAL_WINDOW_BITS)) & vec2<u32>(VIRTUAL_TAG_MASK);
     return (wrap.y << (VIRTUAL_LAYER_BITS + VIRTUAL_TAG_BITS)) | (wrap.x << VIRTUAL_LAYER_BITS);

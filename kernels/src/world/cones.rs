@@ -1,16 +1,18 @@
-//! Normal cones of patches: which way the triangles of a 16 x 16-quad patch face, for back-face culling of whole patches.
+//! Normal cones of patches, for back-face culling of whole patches: a cone contains the normals of all triangles of a patch of 16 x 16
+//! quads.
 //!
-//! A cone is an axis a and a half angle: every triangle normal n of the patch has angle(n, a) <= half angle. Stored in one
-//! texel of a BC3 image (SYSTEMS A): axis x and y in red and green (0.5 v + 0.5), z >= 0 follows, sin(half angle) in alpha;
-//! alpha 255 means "90 degrees or more: never cull". Block compression bends the axis by degrees, so the half angle is measured
-//! from the *decoded* axis, and the alpha block is written here such that it never decodes below what is needed (Ruling 5).
+//! A cone is an axis a and a half angle: angle(n, a) <= half angle for every triangle normal n of the patch. It is stored in one texel of a
+//! BC3 image (SYSTEMS A): x and y of the axis in red and green (0.5 v + 0.5), sin(half angle) in alpha. The z of the axis is >= 0 and
+//! follows from x and y. Alpha 255 means 90 degrees or more: the patch is never culled. Block compression changes the axis by degrees. The
+//! half angle is therefore measured from the *decoded* axis, and this module writes the alpha block so that it never decodes to less than
+//! needed (Ruling 5).
 
 use crate::blocks::{self, BlockFormat, Effort};
 
 /// Patches along a node's edge.
 pub const PATCHES: usize = 8;
 
-/// A patch's cone as a shader sees it.
+/// The cone of a patch, as a shader decodes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
     /// Unit axis, z >= 0.
@@ -20,14 +22,15 @@ pub struct Cone {
 }
 
 impl Cone {
-    /// Whether the cone holds this unit normal.
+    /// Whether the cone contains this unit normal.
     pub fn contains(&self, normal: [f64; 3]) -> bool {
         let cosine = (1.0 - self.sin_half_angle * self.sin_half_angle).max(0.0).sqrt();
         self.sin_half_angle >= 1.0 || dot(self.axis, normal) >= cosine - 1e-12
     }
 }
 
-/// Encodes the cones of 64 patches, given each patch's unit triangle normals (row 0 = south). 64 bytes of BC3, 8 x 8.
+/// Encodes the cones of 64 patches from the unit triangle normals of each patch (row 0 = south). Returns 64 bytes: a BC3 image of 8 x 8
+/// texels.
 ///
 /// # Panics
 /// If there are not 64 patches.
@@ -64,7 +67,7 @@ fn to_code(v: f64) -> u8 {
     (v * 127.5 + 127.5).round().clamp(0.0, 255.0) as u8
 }
 
-/// The unit axis that two stored values (0..=255) stand for; beyond the unit circle the nearest point on it.
+/// The unit axis that two stored values (0..=255) encode. Values outside the unit circle are moved to the nearest point on it.
 fn axis_of(red: f64, green: f64) -> [f64; 3] {
     let (x, y) = (red / 127.5 - 1.0, green / 127.5 - 1.0);
     let xy = x * x + y * y;
@@ -76,12 +79,12 @@ fn axis_of(red: f64, green: f64) -> [f64; 3] {
     }
 }
 
-/// Smallest alpha code that makes the cone about the decoded axis hold all normals.
+/// Smallest alpha code with which the cone around the decoded axis contains all normals.
 ///
-/// Decoders may round the colour line differently by a code, so the axis is allowed to move by one code in both channels; one more
-/// code of alpha covers their rounding of the alpha line.
+/// Decoders may round interpolated colours differently by one code, so the axis is allowed to move by one code in both channels. One
+/// additional code of alpha covers different rounding of interpolated alpha.
 fn needed_code(normals: &[[f64; 3]], red: u8, green: u8) -> u8 {
-    // What is no direction is in no cone but that of all.
+    // Only the cone that contains all directions is safe for a normal that is NaN or infinite.
     if normals.iter().flatten().any(|x| !x.is_finite()) {
         return 255;
     }
@@ -102,8 +105,8 @@ fn needed_code(normals: &[[f64; 3]], red: u8, green: u8) -> u8 {
     ((sine * 255.0).ceil() + 1.0).min(255.0) as u8
 }
 
-/// An axis near the centre of the smallest cone about the normals: their mean, then drawn towards the farthest a few times
-/// (Badoiu & Clarkson 2003, "Smaller core-sets for balls", on the sphere).
+/// An axis near the centre of the smallest cone around the normals. It starts at their mean and moves towards the farthest normal, 16 times
+/// (Badoiu & Clarkson 2003, "Smaller core-sets for balls", here on the sphere).
 fn enclosing_axis(normals: &[[f64; 3]]) -> [f64; 3] {
     let sum = normals.iter().fold([0.0; 3], |s, n| [s[0] + n[0], s[1] + n[1], s[2] + n[2]]);
     let mut axis = normalize(sum);

@@ -1,15 +1,15 @@
-//! A procedural alpine world: elevation as a function of position and seed, nothing else.
+//! A procedural alpine world: elevation as a function of position and seed only.
 //!
-//! Layers, each fed by the ones above: domain warp; a network of broad valleys (zero lines of noise); ridged multifractal massifs whose
-//! octaves fade where the ground is already steep (Musgrave 1994; the damping by accumulated slope is Quilez's "derivative" fBm);
-//! gullies that run down the local slope; buttresses; strata of three thicknesses, whose hard beds stand as rock faces, 3 to 120 m tall,
-//! and whose soft beds lie as ledges; fine relief down to a metre. Everything is made of sums, products, square roots and floors, so
-//! that all machines agree on every bit.
+//! The layers, each of which depends on the ones before it: domain warp; a network of broad valleys (zero lines of noise); ridged
+//! multifractal massifs whose octaves fade where the ground is already steep (Musgrave 1994; the damping by accumulated slope is Quilez's
+//! "derivative" fBm); gullies that run down the local slope; buttresses; strata of three thicknesses, whose hard beds form rock faces, 3 to
+//! 120 m tall, and whose soft beds form ledges; fine relief down to a metre. All computations are sums, products, square roots and floors,
+//! so that all machines agree on every bit.
 
 /// Edge of the world, metres.
 pub const EXTENT_M: f64 = 10_240.0;
 
-/// Closed bound on every elevation, metres.
+/// Inclusive bounds of all elevations, metres.
 pub const HEIGHT_RANGE_M: (f64, f64) = (150.0, 2550.0);
 
 /// A value and its derivatives along x and y.
@@ -37,7 +37,7 @@ impl Dual {
         Dual { v: self.v * o.v, x: self.x * o.v + self.v * o.x, y: self.y * o.v + self.v * o.y }
     }
 
-    /// f(self) with f's value and derivative given.
+    /// f(self), from the value and the derivative of f.
     fn map(self, v: f64, derivative: f64) -> Dual {
         Dual { v, x: self.x * derivative, y: self.y * derivative }
     }
@@ -47,14 +47,14 @@ impl Dual {
     }
 }
 
-/// PCG-RXS-M-XS, 32 bits (O'Neill 2014; Jarzynski & Olano 2020): one word in, one out, for lattices.
+/// PCG-RXS-M-XS, 32 bits (O'Neill 2014; Jarzynski & Olano 2020): hashes one word to one word, for lattices.
 fn pcg(v: u32) -> u32 {
     let state = v.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
     (word >> 22) ^ word
 }
 
-/// Rotations by exact rational angles: cosine and sine of Pythagorean triples, an octave each, so that no two lattices line up.
+/// Rotations by exact rational angles: cosine and sine from Pythagorean triples. Each octave has its own, so that no two lattices line up.
 const TURNS: [[f64; 2]; 8] = [
     [0.8, 0.6],
     [5.0 / 13.0, -12.0 / 13.0],
@@ -66,10 +66,10 @@ const TURNS: [[f64; 2]; 8] = [
     [60.0 / 61.0, 11.0 / 61.0],
 ];
 
-/// Adding it rounds to an integer, whose two's complement is then in the low mantissa bits: 1.5 * 2^52.
+/// 1.5 * 2^52. Adding it to a number rounds the number to an integer; the low mantissa bits of the sum are the integer in two's complement.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
-/// Floor (as a wrapped integer) and fraction of |v| < 2^51, without the library call that plain x86-64 makes of `floor`.
+/// Floor (as a wrapped integer) and fraction of v, for |v| < 2^51. `floor` itself is a library call on plain x86-64, which is slower.
 fn split(v: f64) -> (u32, f64) {
     let shifted = v + ROUNDER;
     let fraction = v - (shifted - ROUNDER);
@@ -77,10 +77,10 @@ fn split(v: f64) -> (u32, f64) {
     if fraction < 0.0 { (nearest.wrapping_sub(1), fraction + 1.0) } else { (nearest, fraction) }
 }
 
-/// One octave of gradient noise: a turned, shifted lattice of a certain wavelength.
+/// One octave of gradient noise: a rotated, shifted lattice with its own wavelength.
 #[derive(Clone, Copy, Debug)]
 struct Octave {
-    /// Lattice from world: first row (c, s), second (-s, c), over the wavelength.
+    /// Matrix from world to lattice: first row (c, s), second row (-s, c). Both include the division by the wavelength.
     c: f64,
     s: f64,
     shift: [f64; 2],
@@ -95,7 +95,7 @@ impl Octave {
         Octave { c: cosine / wavelength_m, s: sine / wavelength_m, shift, seed }
     }
 
-    /// Square of the lattice's points per metre.
+    /// Square of the number of lattice points per metre.
     fn frequency_squared(&self) -> f64 {
         self.c * self.c + self.s * self.s
     }
@@ -106,13 +106,13 @@ impl Octave {
         (iu, iv, fu, fv)
     }
 
-    /// The value of [`Octave::noise`] alone.
+    /// The value of [`Octave::noise`], without the derivatives.
     fn value(&self, x: f64, y: f64) -> f64 {
         let (iu, iv, fu, fv) = self.lattice(x, y);
         let rows = [pcg(iv.wrapping_add(self.seed)), pcg(iv.wrapping_add(1).wrapping_add(self.seed))];
         let corner = |j: usize, i: u32, u: f64, v: f64| {
             let h = pcg(rows[j].wrapping_add(iu).wrapping_add(i));
-            // Both halves of the word are used as they are; the scale to -1..=1 follows once, below.
+            // The two halves of the word are not scaled here; the result is scaled to -1..=1 once, below.
             (f64::from(h & 0xffff) - 32767.5) * u + (f64::from(h >> 16) - 32767.5) * v
         };
         let fade = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
@@ -145,24 +145,25 @@ impl Octave {
         let mix = |g00: f64, g10: f64, g01: f64, g11: f64| g00 + a * (g10 - g00) + b * (g01 - g00) + a * b * (g00 - g10 - g01 + g11);
         let du = mix(g00.0, g10.0, g01.0, g11.0) + da * (d10 - d00 + b * k);
         let dv = mix(g00.1, g10.1, g01.1, g11.1) + db * (d01 - d00 + a * k);
-        // Gradients in a square are shorter than unit ones: 1.5 brings the noise back to about -1..=1.
+        // Gradients that are random in a square are shorter on average than unit vectors: the factor 1.5 brings the noise back to about
+        // -1..=1.
         Dual { v: value * 1.5, x: (du * self.c - dv * self.s) * 1.5, y: (du * self.s + dv * self.c) * 1.5 }
     }
 }
 
-/// cos and sin of 2 pi t by polynomials: good to 1e-3, the same bits everywhere.
+/// cos and sin of 2 pi t by polynomials: accurate to 1e-3, with the same bits on all machines.
 fn wave(t: f64) -> (f64, f64) {
     let sine = |t: f64| {
         let t = t - ((t + ROUNDER) - ROUNDER);
-        // A parabola through the zeros and peaks of the sine, then sharpened once.
+        // A parabola through the zeros and peaks of the sine, then one step of refinement.
         let p = 8.0 * t - 16.0 * t * t.abs();
         p * (0.775 + 0.225 * p.abs())
     };
     (sine(t + 0.25), sine(t))
 }
 
-/// Gullies: waves across a given direction, locally coherent, blended from jittered cells (after the "phacelle" noise of
-/// Johansen's eroded terrain, 2023, and before it Clay John's), so that they run down a slope and branch where it turns.
+/// Gullies: waves across a given direction, locally coherent, blended from jittered cells, so that they run down a slope and branch where
+/// the slope turns. They follow the "phacelle" noise of Johansen's eroded terrain, 2023, and the earlier noise of Clay John.
 #[derive(Clone, Copy, Debug)]
 struct Gullies {
     octave: Octave,
@@ -174,11 +175,11 @@ impl Gullies {
         Gullies { octave: Octave::new(seed, index, wavelength_m), wavelength_m }
     }
 
-    /// Value in -1..=1 and its derivatives per metre, for the unit down-slope direction (x, y).
+    /// Value in -1..=1 and its derivatives per metre. `down` is the unit vector down the slope.
     fn at(&self, x: f64, y: f64, down: [f64; 2]) -> Dual {
         let o = &self.octave;
         let (iu, iv, fu, fv) = o.lattice(x, y);
-        // The direction across the slope, turned into the lattice.
+        // The direction across the slope, in lattice coordinates.
         let (cosine, sine) = (o.c * self.wavelength_m, o.s * self.wavelength_m);
         let across = [-down[1], down[0]];
         let (au, av) = (cosine * across[0] + sine * across[1], cosine * across[1] - sine * across[0]);
@@ -210,34 +211,35 @@ fn smoothstep(from: f64, to: f64, v: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A staircase of period 1 and mean slope 1: treads of slope `tread`, risers over the share `riser` of each period, in its middle.
-/// Returns the offset from the ramp, staircase(t) - t.
+/// A staircase of period 1 and mean slope 1. Its treads have the slope `tread`. Its riser takes the share `riser` in the middle of each
+/// period. Returns the offset from the ramp, staircase(t) - t.
 fn stairs(t: f64, riser: f64, tread: f64) -> f64 {
     let s = t - t.floor();
     let edge = 0.5 * (1.0 - riser);
     let rise = 1.0 - tread;
     let step = ((s - edge) / riser).clamp(0.0, 1.0);
-    // A sharp brink above, a concave foot below: the ramp of the riser eased at its foot only.
+    // The riser has a sharp upper edge and a concave foot: its ramp is eased at the foot only.
     tread * s + rise * (step * (0.55 + step * (0.9 - 0.45 * step))) - s
 }
 
-/// A sequence of hard and soft beds: the ground's own height, remapped so that hard beds stand as walls and soft ones lie as ledges.
+/// A sequence of hard and soft beds. The height of the ground is remapped so that hard beds become walls and soft beds become ledges.
 ///
-/// The remapping never falls, so a ridge stays a ridge and a wall follows the contours of the ground below it: no crest becomes thinner
-/// than the ground makes it, which a coarse grid of vertices would draw as a row of needles.
+/// The remapping is monotonic, so a ridge stays a ridge and a wall follows the contours of the ground below it. No crest becomes thinner
+/// than it is in the ground: a coarse grid of vertices would draw a thin crest as a row of needles.
 #[derive(Clone, Copy, Debug)]
 struct Strata {
     seed: u32,
     /// Height from one hard bed to the next, metres.
     period_m: f64,
-    /// Tangent that a wall has on average; ground that is as steep already stays as it is.
+    /// Slope (tangent) that a wall has on average. Ground that is already this steep stays as it is.
     wall: f64,
-    /// Share of a period that its wall rises through: of the softest bed, of the hardest.
+    /// Share of a period that its wall takes in height: for the softest bed, for the hardest bed.
     rise: [f64; 2],
 }
 
 impl Strata {
-    /// Ground with its beds worked out by erosion. `bend`: how far the beds lie below their level here, metres; `strength`, 0..=1.
+    /// The ground after erosion has exposed its beds. `bend`: by how many metres the beds lie below their usual level here. `strength`:
+    /// 0..=1.
     fn on(&self, ground: Dual, bend: f64, strength: f64) -> Dual {
         let t = (ground.v + bend) / self.period_m;
         let bed = t.floor();
@@ -245,15 +247,15 @@ impl Strata {
         let h = pcg((bed as i32 as u32) ^ self.seed);
         let part = |bits: u32| f64::from(bits & 0xffff) * (1.0 / 65535.0);
         let rise = self.rise[0] + (self.rise[1] - self.rise[0]) * part(h);
-        // Share of the ground's own rise that the wall takes: as little as the wall's slope asks for, but no less than a third, so that
-        // gentle ground has steps and no walls.
+        // Share of the ground's own rise over which the wall stands: as little as the slope of the wall requires, but no less than 0.3 of
+        // `rise`, so that gentle ground has steps instead of walls.
         let slope = ground.slope_squared().sqrt();
         let width = rise * (slope / self.wall).clamp(0.3, 1.0);
         let start = 0.5 + 0.2 * (part(h >> 16) - 0.5) - 0.5 * width;
         let q = ((s - start) / width).clamp(0.0, 1.0);
         let tread = (1.0 - rise) / (1.0 - width);
-        // A long foot below and a short round brink above, both as steep as the ledges where they meet them: a sharp edge would run over a
-        // grid of vertices in teeth.
+        // The wall has a long foot and a short rounded top. Both are as steep as the ledges where they meet them: a sharp edge would look
+        // jagged on a grid of vertices.
         let extra = rise - tread * width;
         let stepped = tread * s + extra * (q * q * (2.0 - q * q));
         let rate = tread + extra / width * (4.0 * q * (1.0 - q * q));
@@ -262,10 +264,10 @@ impl Strata {
     }
 }
 
-/// Octaves of fine relief that slope and curvature are measured with.
+/// Number of octaves of fine relief that are included where slope and curvature are measured.
 const BROAD_OCTAVES: usize = 1;
 
-/// The generator.
+/// The generator of the procedural world.
 #[derive(Clone, Debug)]
 pub struct Generator {
     warp: [Octave; 2],
@@ -281,7 +283,7 @@ pub struct Generator {
 }
 
 impl Generator {
-    /// The generator of a seed.
+    /// The generator for a seed.
     pub fn new(seed: u32) -> Generator {
         let octave = |index: u32, wavelength_m: f64| Octave::new(seed, index, wavelength_m);
         let gullies = |index: u32, wavelength_m: f64| Gullies::new(seed, index, wavelength_m);
@@ -300,22 +302,22 @@ impl Generator {
         }
     }
 
-    /// Elevation at a place, metres, within [`HEIGHT_RANGE_M`].
+    /// Elevation at a position, metres, within [`HEIGHT_RANGE_M`].
     pub fn height_m(&self, x: f64, y: f64) -> f64 {
         self.heights_m(x, y)[0]
     }
 
-    /// Elevation without the relief finer than some 10 m: what slope and curvature are measured on, since differences over a few
-    /// metres would take boulders for cliffs.
+    /// Elevation without relief finer than about 10 m. Slope and curvature are measured from it, because differences over a few metres
+    /// would treat boulders as cliffs.
     pub fn broad_height_m(&self, x: f64, y: f64) -> f64 {
         saturate(self.broad(x, y).height)
     }
 
-    /// [`Generator::height_m`] and [`Generator::broad_height_m`], in the time of the first.
+    /// [`Generator::height_m`] and [`Generator::broad_height_m`]. Both together take no longer than the first alone.
     pub fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
         let broad = self.broad(x, y);
         let mut height = broad.height;
-        // Thin beds, on rock only, and fainter where a wall would squeeze them to less than a few vertices.
+        // Thin beds: on rock only, and weaker on steep ground, where a bed would be less than a few vertices wide.
         if broad.rock > 0.0 {
             let squeezed = smoothstep(1.1, 2.3, broad.beds.slope_squared().sqrt());
             let strength = broad.rock * (0.55 - 0.4 * squeezed);
@@ -326,12 +328,12 @@ impl Generator {
     }
 
     fn broad(&self, x: f64, y: f64) -> Broad {
-        // Domain warp, with its Jacobian for the derivatives of what follows.
+        // Domain warp. Its Jacobian is needed for the derivatives of the layers that follow.
         let (wx, wy) = (self.warp[0].noise(x, y).scale(330.0), self.warp[1].noise(x, y).scale(330.0));
         let (px, py) = (x + wx.v, y + wy.v);
         let warped = |n: Dual| Dual { v: n.v, x: n.x * (1.0 + wx.x) + n.y * wy.x, y: n.x * wx.y + n.y * (1.0 + wy.y) };
 
-        // Valleys: zero lines of a broad noise; flat floors, walls that steepen upwards, then an even rise.
+        // Valleys: zero lines of a broad noise, with flat floors and walls that become steeper upwards, up to a constant rise.
         let region = warped(self.valleys[1].noise(px, py));
         let n = warped(self.valleys[0].noise(px, py)).plus(region.scale(0.55));
         let distance = (n.v * n.v + 0.001).sqrt();
@@ -342,17 +344,17 @@ impl Generator {
         let denominator = 1.0 / (above + 0.30);
         let lift = distance.map(above * above * denominator, above * (above + 0.60) * denominator * denominator);
 
-        // Massifs: ridged octaves, each weaker where the ground so far is steep, and only where valleys leave room.
+        // Massifs: ridged octaves, only where the valleys leave room. Each octave is weaker where the ground so far is steep.
         let mut height = lift.scale(760.0).plus(region.scale(30.0)).plus(self.uplift.noise(x, y).scale(430.0));
         height.v += 470.0;
         let room = lift.v / (lift.v + 0.12);
         let mut weight = lift.map(room, 0.12 / ((lift.v + 0.12) * (lift.v + 0.12)));
         let mut amplitude = 860.0;
-        // Gullies end below a crest: they run down either side of it, and between them it would be cut into teeth.
+        // Gullies end below a crest. They run down both sides of it, and would cut it into teeth if they crossed it.
         let mut below_crest = 1.0;
         for (octave, k) in self.massifs.iter().zip(0..) {
             let n = warped(octave.noise(px, py));
-            // A crest is rounded over some 30 m to either side, whatever the octave.
+            // A crest is rounded over about 30 m on either side, in every octave.
             let fold = (n.v * n.v + 1100.0 * octave.frequency_squared()).sqrt();
             let ridge = 1.0 - fold;
             let ridge = n.map(ridge * ridge, -2.0 * ridge * n.v / fold);
@@ -365,7 +367,7 @@ impl Generator {
             }
         }
 
-        // Summits stand out: what rises above the middle ground rises a third higher.
+        // Summits stand out: the part of the height above 850 m is raised by up to a third.
         let above = (height.v - 850.0).max(0.0);
         let denominator = 1.0 / (above + 350.0);
         let stretch = height.map(0.33 * above * above * denominator, 0.33 * above * (above + 700.0) * denominator * denominator);
@@ -376,7 +378,7 @@ impl Generator {
             height = height.plus(cut(gully, x, y, height, depth * (0.3 + 0.7 * below_crest)));
         }
 
-        // Buttresses and bays, which the walls then follow.
+        // Buttresses and bays; the walls that are made next follow them.
         let slope = height.slope_squared().sqrt();
         let steep = smoothstep(0.35, 0.75, slope + 0.15 * region.v);
         let mut bend = 0.0;
@@ -400,22 +402,23 @@ impl Generator {
     }
 }
 
-/// Ground without its finest relief, and what that relief depends on.
+/// Ground without its finest relief, and the values on which that relief depends.
 #[derive(Clone, Copy, Debug)]
 struct Broad {
-    /// Elevation, metres, before it is bent into [`HEIGHT_RANGE_M`].
+    /// Elevation, metres, before it is compressed into [`HEIGHT_RANGE_M`].
     height: f64,
-    /// The same without noise: what thin beds run along.
+    /// The same without noise. Thin beds follow it.
     beds: Dual,
-    /// How far beds lie below their level, metres.
+    /// By how many metres beds lie below their usual level.
     bend: f64,
-    /// How far the ground is rock, 0..=1.
+    /// Degree to which the ground is rock, 0..=1.
     rock: f64,
-    /// Amplitude of the octave that follows, metres.
+    /// Amplitude of the next octave of fine relief, metres.
     amplitude: f64,
 }
 
-/// An elevation and the amplitude of its next octave, after some octaves of fine relief: hummocks on turf; on `rock`, creases between blocks.
+/// Adds octaves of fine relief: hummocks on turf; creases between blocks where the ground is `rock`. Takes and returns an elevation and the
+/// amplitude of the next octave.
 fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -> (f64, f64) {
     octaves.iter().fold(ground, |(height, amplitude), octave| {
         let n = octave.value(x, y);
@@ -424,14 +427,14 @@ fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -
     })
 }
 
-/// Gullies of a depth (metres) down the slope of the ground so far.
+/// Gullies with a given depth (metres) that run down the slope of the ground so far.
 fn cut(gullies: &Gullies, x: f64, y: f64, ground: Dual, depth_m: f64) -> Dual {
     let slope = ground.slope_squared().sqrt();
     let strength = smoothstep(0.1, 0.8, slope) * depth_m;
     if strength > 0.0 { gullies.at(x, y, [-ground.x / slope, -ground.y / slope]).scale(strength) } else { Dual::constant(0.0) }
 }
 
-/// Bends elevations near the bounds back inside, so that no summit is a flat cut.
+/// Compresses elevations near the upper bound, so that no summit is cut off flat.
 fn saturate(h: f64) -> f64 {
     const KNEE: f64 = 2200.0;
     let room = HEIGHT_RANGE_M.1 - KNEE;
@@ -439,7 +442,7 @@ fn saturate(h: f64) -> f64 {
     h.clamp(HEIGHT_RANGE_M.0, HEIGHT_RANGE_M.1)
 }
 
-/// Relief below the resolution of an imported heightmap.
+/// Relief finer than the resolution of an imported heightmap.
 #[derive(Clone, Debug)]
 pub struct Relief {
     octaves: Vec<Octave>,
@@ -447,7 +450,7 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Relief from half the data's spacing down to a metre or so.
+    /// Relief from half the spacing of the data down to about a metre.
     pub fn new(seed: u32, data_spacing_m: f64) -> Relief {
         let mut octaves = Vec::new();
         let mut wavelength = data_spacing_m.max(2.0);
@@ -458,8 +461,8 @@ impl Relief {
         Relief { octaves, bend: Octave::new(seed, 60, 4.0 * data_spacing_m.max(2.0)) }
     }
 
-    /// Offset in -`detail_m`..=`detail_m` for ground of elevation `height_m` whose data rise by `slope` (tangent): bumps where it is
-    /// gentle, ledges and faces where it is steep.
+    /// Offset in -`detail_m`..=`detail_m` for ground with the elevation `height_m` whose data have the slope `slope` (tangent): bumps where
+    /// the ground is gentle, ledges and faces where it is steep.
     pub fn offset_m(&self, x: f64, y: f64, height_m: f64, slope: f64, detail_m: f64) -> f64 {
         let steep = smoothstep(0.5, 1.2, slope);
         let mut bumps = 0.0;

@@ -1,8 +1,12 @@
-//! The `world` stage: from a scene to node payloads, each made on demand on worker threads.
+//! The `world` stage: makes node payloads from a scene, on demand and on worker threads.
 //!
-//! Reads the scene (generator or heightmap, splat rules, holes) and the palette's mean looks; makes [`NodePayload`]s. The world is a
-//! function of position and never one array: 34 125 nodes can exist, some 500 are asked for at a time (SYSTEMS A, Ruling 12).
+//! Reads the scene (generator or heightmap, splat rules, holes) and the mean looks of the palette's materials; makes [`NodePayload`]s. The
+//! world is a function of position and is never stored as one array: 34 125 nodes can exist, about 500 are needed at a time (SYSTEMS A,
+//! Ruling 12).
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Data".
+//!
+//! Limits: a procedural world has holes only where its scene lists them. A world from a heightmap always has holes: the ground ends where
+//! the data end.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -27,7 +31,7 @@ use rules::Rules;
 
 /// Sectors along the world's edge.
 pub const SECTORS: u16 = 160;
-/// LODs of the quadtree: 0 (the finest, a sector a node) to 5.
+/// Number of LODs of the quadtree: 0 (the finest, one node per sector) to 5.
 pub const LODS: u8 = 6;
 /// Edge of a sector of an unscaled world, metres.
 pub const SECTOR_M: f64 = 64.0;
@@ -39,14 +43,14 @@ pub const NODE_QUADS: u16 = 128;
 pub struct NodeId {
     /// 0 = finest.
     pub lod: u8,
-    /// Nodes of this LOD from the world's western edge.
+    /// Column of the node, in nodes of this LOD from the western edge of the world.
     pub x: u16,
-    /// Nodes of this LOD from the world's southern edge.
+    /// Row of the node, in nodes of this LOD from the southern edge of the world.
     pub y: u16,
 }
 
 impl NodeId {
-    /// Nodes of a LOD along the world's edge.
+    /// Number of nodes of a LOD along the edge of the world.
     pub const fn per_side(lod: u8) -> u16 {
         SECTORS >> lod
     }
@@ -61,13 +65,13 @@ impl NodeId {
     /// The four children in the order south-west, south-east, north-west, north-east.
     ///
     /// # Panics
-    /// On LOD 0, which has none.
+    /// If the LOD is 0: such a node has no children.
     pub fn children(self) -> [NodeId; 4] {
         assert!(self.lod > 0, "a node of LOD 0 has no children");
         [0, 1, 2, 3].map(|i| NodeId { lod: self.lod - 1, x: self.x * 2 + i % 2, y: self.y * 2 + i / 2 })
     }
 
-    /// The node that holds this one; `None` for a root.
+    /// The node that contains this one; `None` for a root.
     pub fn parent(self) -> Option<NodeId> {
         (self.lod + 1 < LODS).then_some(NodeId { lod: self.lod + 1, x: self.x / 2, y: self.y / 2 })
     }
@@ -78,17 +82,17 @@ impl NodeId {
     }
 }
 
-/// How the quadtree lies over the world.
+/// How the quadtree covers the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layout {
-    /// Edge of a LOD 0 node: 64 m times a power of two, the smallest with which 160 sectors hold the world.
+    /// Edge of a node of LOD 0, metres: 64 m times the smallest power of two with which 160 sectors cover the world.
     pub sector_m: f64,
-    /// Finest LOD that exists: how deep the data deserves.
+    /// Finest LOD that exists. It follows from the spacing of the data.
     pub finest_lod: u8,
 }
 
 impl Layout {
-    /// A layout for a world `extent_m` wide whose data are `data_spacing_m` apart; `None` = detail at every scale.
+    /// The layout of a world that is `extent_m` wide and has samples `data_spacing_m` apart; `None`: the world has detail at every scale.
     pub fn of(extent_m: f64, data_spacing_m: Option<f64>) -> Layout {
         let mut sector_m = SECTOR_M;
         while sector_m * f64::from(SECTORS) < extent_m {
@@ -106,7 +110,7 @@ impl Layout {
         self.sector_m * f64::from(1u32 << lod)
     }
 
-    /// Distance of two heights of a node, metres.
+    /// Distance between neighbouring heights of a node, metres.
     pub fn spacing_m(&self, lod: u8) -> f64 {
         self.node_m(lod) / f64::from(NODE_QUADS)
     }
@@ -116,7 +120,7 @@ impl Layout {
         self.sector_m * f64::from(SECTORS)
     }
 
-    /// The node of a LOD that holds a point; `None` outside the world.
+    /// The node of a LOD that contains a point; `None` outside the world.
     pub fn node_at(&self, lod: u8, x: f64, y: f64) -> Option<NodeId> {
         let edge = self.node_m(lod);
         let index = |v: f64| {
@@ -133,17 +137,17 @@ enum Source {
     Data { map: Arc<Heightmap>, detail_m: f64, relief: generator::Relief },
 }
 
-/// A node, and what it was made from.
+/// The payload of a node, and the data from which it was made.
 pub struct Baked {
-    /// What is loaded.
+    /// The data that is loaded to the GPU.
     pub payload: NodePayload,
-    /// What lies under its materials.
+    /// The ground, which does not depend on materials.
     pub ground: Ground,
-    /// Its materials.
+    /// The materials on the ground.
     pub cover: Cover,
 }
 
-/// A world: heights, holes and materials as functions of position. Shared freely between threads.
+/// A world: heights, holes and materials as functions of position. Threads can share it.
 pub struct World {
     layout: Layout,
     source: Source,
@@ -157,7 +161,8 @@ pub struct World {
     rules: Rules,
     material_count: usize,
     max_slope_deg: OnceLock<f64>,
-    /// Bits of the steepest slope that is known to be reached, degrees; of numbers that are not negative they have the numbers' order.
+    /// The largest slope, in degrees, that is known to occur, stored as the bits of an `f64`: the bits of non-negative numbers have the
+    /// same order as the numbers.
     reached_deg: AtomicU64,
 }
 
@@ -165,7 +170,7 @@ impl World {
     /// The world of a validated scene. Reads the heightmap, if the scene has one.
     ///
     /// # Errors
-    /// [`Error::Heightmap`] where the heightmap cannot be used (see [`heightmap::read`]), [`Error::File`] where it cannot be read.
+    /// [`Error::Heightmap`] if the heightmap cannot be used (see [`heightmap::read`]), [`Error::File`] if it cannot be read.
     pub fn new(scene: &Scene) -> Result<World> {
         let rules = Rules::new(scene);
         let material_count = scene.materials.len();
@@ -205,7 +210,7 @@ impl World {
         }
     }
 
-    /// The world of a heightmap that no scene names yet.
+    /// The world of a heightmap that does not belong to a scene yet.
     pub(crate) fn from_heightmap(
         map: Heightmap,
         detail_m: f64,
@@ -238,23 +243,24 @@ impl World {
         }
     }
 
-    /// How the quadtree lies over this world.
+    /// How the quadtree covers this world.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Elevations that height 0 and 65535 of every payload stand for, metres. One range for all nodes: heights on shared edges have
-    /// equal bits.
+    /// Elevations, in metres, that the heights 0 and 65535 of every payload stand for. All nodes use one range, so heights on shared edges
+    /// have equal bits.
     pub fn height_range_m(&self) -> (f64, f64) {
         self.height_range_m
     }
 
-    /// Width and depth of the data, metres, centred on the origin.
+    /// Width and depth of the data, metres. The data are centred on the origin.
     pub fn extent_m(&self) -> [f64; 2] {
         self.half_extent_m.map(|h| 2.0 * h)
     }
 
-    /// Elevation of the continuous source, metres, within [`World::height_range_m`]. Outside the data, that of the nearest edge.
+    /// Elevation of the continuous source, metres, within [`World::height_range_m`]. Outside a heightmap, the elevation of the nearest
+    /// point on its edge.
     pub fn height_m(&self, x: f64, y: f64) -> f64 {
         let height = match &self.source {
             Source::Generated(generator) => generator.height_m(x, y),
@@ -270,7 +276,8 @@ impl World {
         height.clamp(self.height_range_m.0, self.height_range_m.1)
     }
 
-    /// [`World::height_m`] and the elevation that slope and curvature are measured on, in the time of the first.
+    /// [`World::height_m`], and the elevation from which slope and curvature are measured. Both together take no longer than the first
+    /// alone.
     fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
         match &self.source {
             Source::Generated(generator) => {
@@ -281,7 +288,7 @@ impl World {
         }
     }
 
-    /// The elevation that slope and curvature are measured on, metres: the source less the relief finer than the footprint.
+    /// The elevation from which slope and curvature are measured, metres: the source without relief that is finer than the footprint.
     fn broad_height_m(&self, x: f64, y: f64) -> f64 {
         match &self.source {
             Source::Generated(generator) => generator.broad_height_m(x, y),
@@ -289,7 +296,12 @@ impl World {
         }
     }
 
-    /// The nearest 16-bit height.
+    /// Elevation of vertex (i, j), 0..=128, of a node as it is drawn, metres: filtered where the node is coarser than the finest LOD, and quantised.
+    pub fn vertex_elevation_m(&self, node: NodeId, vertex: [u32; 2]) -> f64 {
+        self.elevation_m(self.quantise(payload::vertex_height_m(self, node, vertex)))
+    }
+
+    /// The 16-bit height that is nearest to an elevation in metres.
     pub fn quantise(&self, height_m: f64) -> u16 {
         let (low, high) = self.height_range_m;
         ((height_m - low) / (high - low) * 65535.0).round().clamp(0.0, 65535.0) as u16
@@ -301,8 +313,8 @@ impl World {
         low + (high - low) * (f64::from(height) / 65535.0)
     }
 
-    /// Height of the finest grid as drawn, metres: quantised vertices, triangles with alternating diagonals (Ruling 11).
-    /// Positions outside the world count as on its edge.
+    /// Height of the surface as drawn at the finest LOD, metres: quantised vertices, triangles with alternating diagonals (Ruling 11). A
+    /// position outside the world is moved to its edge.
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
         let spacing = self.layout.spacing_m(self.layout.finest_lod);
         let half = self.layout.world_m() / 2.0;
@@ -318,11 +330,11 @@ impl World {
             self.elevation_m(self.quantise(height))
         };
         let corners = [vertex(0.0, 0.0), vertex(1.0, 0.0), vertex(0.0, 1.0), vertex(1.0, 1.0)];
-        // A node has an even number of quads, so world indices alternate like a node's own.
+        // A node has an even number of quads, so diagonals alternate in the same way whether quads are counted in the world or in the node.
         payload::height_in_quad(corners, payload::diagonal_rises(i as usize, j as usize), u, v)
     }
 
-    /// Whether a node exists: it is no finer than the data deserve and touches the data's area.
+    /// Whether a node exists: its LOD is not finer than the finest of the layout, and it overlaps the area of the data.
     pub fn exists(&self, node: NodeId) -> bool {
         let side = if node.lod < LODS { NodeId::per_side(node.lod) } else { 0 };
         if node.lod < self.layout.finest_lod || node.x >= side || node.y >= side {
@@ -333,7 +345,8 @@ impl World {
         (0..2).all(|k| low[k] < self.half_extent_m[k] && low[k] + edge > -self.half_extent_m[k])
     }
 
-    /// Whether there is no ground at a place: in one of the scene's holes (their rim belongs to the ground), or outside the data.
+    /// Whether there is no ground at a position: it is in one of the scene's holes (the rim of a hole belongs to the ground), or outside
+    /// the data.
     pub fn is_hole(&self, x: f64, y: f64) -> bool {
         let outside = x.abs() > self.half_extent_m[0] || y.abs() > self.half_extent_m[1];
         outside
@@ -343,7 +356,7 @@ impl World {
             })
     }
 
-    /// Whether a rectangle (south-west, north-east) is certainly free of holes.
+    /// Whether a rectangle (south-west corner, north-east corner) certainly has no holes.
     fn is_whole(&self, low: [f64; 2], high: [f64; 2]) -> bool {
         let inside = (0..2).all(|k| low[k] >= -self.half_extent_m[k] && high[k] <= self.half_extent_m[k]);
         let touched = |hole: &Hole| (0..2).all(|k| hole.centre[k] + hole.radius_m > low[k] && hole.centre[k] - hole.radius_m < high[k]);
@@ -355,19 +368,20 @@ impl World {
         &self.rules
     }
 
-    /// Width over which rules measure slope and curvature, metres: a power of two, at least 4 and at least the data's spacing.
+    /// Width over which rules measure slope and curvature, metres: a power of two, at least 4 and at least the spacing of the data.
     pub fn footprint_m(&self) -> f64 {
         self.footprint_m
     }
 
-    /// Slope in degrees and mean curvature in 1/m (convex positive) at a place, as the rules see them up to their interpolation.
+    /// Slope in degrees and mean curvature in 1/m (positive where convex) at a position. The rules use the same values, but interpolate
+    /// them.
     pub fn relief_at(&self, x: f64, y: f64) -> (f64, f64) {
         let reach = self.footprint_m / 2.0;
         let h = |dx: f64, dy: f64| self.broad_height_m(x + dx, y + dy);
         payload::slope_and_curvature(payload::differences(h(0.0, 0.0), h(-reach, 0.0), h(reach, 0.0), h(0.0, -reach), h(0.0, reach), reach))
     }
 
-    /// Palette index of the material at a place.
+    /// Palette index of the material at a position.
     pub fn material_at(&self, x: f64, y: f64) -> u8 {
         let (slope_deg, curvature) = self.relief_at(x, y);
         self.rules.material_at(self.height_m(x, y), slope_deg, curvature, x, y)
@@ -381,7 +395,7 @@ impl World {
         self.colour_modulation
     }
 
-    /// Colour modulation at a place: 0.5 leaves a colour alone. Broad patches of light and dark with a slight shift of hue.
+    /// Colour modulation at a position; 0.5 leaves a colour unchanged. It has broad light and dark patches with slight shifts of hue.
     fn modulation_at(&self, x: f64, y: f64) -> [f64; 3] {
         let seed = hash::pcg4d([self.seed, 0xc0, 0x10, 0x5e])[0];
         let light = rules::value_noise(x / 90.0, y / 90.0, seed) - 0.5;
@@ -403,12 +417,12 @@ impl World {
         Baked { payload: self.dress(&ground, &cover, palette), ground, cover }
     }
 
-    /// Which materials lie on a node's ground.
+    /// The materials on the ground of a node.
     pub fn cover(&self, ground: &Ground) -> Cover {
         payload::cover(self, ground)
     }
 
-    /// The payload that follows from both.
+    /// The payload that follows from ground and cover.
     ///
     /// # Panics
     /// If the palette lacks a material of the scene.
@@ -416,7 +430,7 @@ impl World {
         payload::bake(self, ground, cover, palette)
     }
 
-    /// This world with materials laid by the rules and strokes of another scene. The heightmap is shared.
+    /// This world with materials that the rules and strokes of another scene place. The heightmap is shared.
     #[must_use]
     pub fn laid_by(&self, scene: &Scene) -> World {
         World {
@@ -435,7 +449,7 @@ impl World {
         }
     }
 
-    /// Makes many nodes on rayon's worker threads, in the order given; the result does not depend on their number.
+    /// Makes many nodes on rayon's worker threads and returns them in the order given. The result does not depend on the number of threads.
     /// `on_done` is called once per finished node, in any order.
     ///
     /// # Panics
@@ -449,8 +463,8 @@ impl World {
         nodes.par_iter().map(bake).collect()
     }
 
-    /// The steepest slope, degrees. Exact for data without added relief (over all triangles of neighbouring samples); else the steepest of
-    /// a coarse scan with differences over the finest spacing. Computed once.
+    /// The steepest slope, degrees. For data without added relief it is exact (over all triangles of neighbouring samples). Otherwise it
+    /// includes the steepest slope that a coarse scan finds, with differences over the finest spacing. Computed once.
     pub fn max_slope_deg(&self) -> f64 {
         *self.max_slope_deg.get_or_init(|| {
             let of_data = match &self.source {
@@ -462,7 +476,8 @@ impl World {
         })
     }
 
-    /// Whether [`World::max_slope_deg`] is at least so many degrees: told sooner than how many it is, since one place is enough.
+    /// Whether [`World::max_slope_deg`] is at least this many degrees. This is faster than computing the maximum, because one steep
+    /// position is enough.
     pub fn is_as_steep_as(&self, degrees: f64) -> bool {
         if degrees <= f64::from_bits(self.reached_deg.load(Ordering::Relaxed)) {
             return true;
@@ -488,7 +503,7 @@ impl World {
         (0..SCAN_SIDE).into_par_iter().map(row).reduce(|| 0.0, f64::max)
     }
 
-    /// Slope (tangent) at a place of the scan, over the finest spacing.
+    /// Slope (tangent) at a point of the scan, measured over the finest spacing.
     fn scanned_slope(&self, i: u32, j: u32) -> f64 {
         let step = self.layout.spacing_m(self.layout.finest_lod);
         let at = |k: u32, axis: usize| ((f64::from(k) + 0.5) / f64::from(SCAN_SIDE) * 2.0 - 1.0) * (self.half_extent_m[axis] - step);
@@ -499,17 +514,17 @@ impl World {
     }
 }
 
-/// Places along an edge of the scan for the steepest slope.
+/// Number of points along an edge of the scan for the steepest slope.
 const SCAN_SIDE: u32 = 192;
 
-/// Rules never measure slope over less, metres: boulders are not cliffs.
+/// Minimum width over which rules measure slope, metres, so that boulders do not count as cliffs.
 const MIN_FOOTPRINT_M: f64 = 4.0;
 
-/// Runs work, and what it does in parallel, on so many threads instead of one per core; 0 = one per core.
+/// Runs `work`, including its parallel parts, on this many threads instead of one per core; 0 = one per core.
 ///
 /// # Errors
 /// [`Error::Request`] if the system refuses that many threads.
 pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    Ok(pool.map_err(|e| Error::Request(format!("{threads} worker threads: {e}; ask for fewer")))?.install(work))
+    Ok(pool.map_err(|e| Error::Request(format!("cannot start {threads} worker threads: {e}; use fewer")))?.install(work))
 }

@@ -1,12 +1,12 @@
-//! A node's payload: everything streaming loads for one quadtree node (SYSTEMS A).
+//! The payload of a node: all data that streaming loads for one node of the quadtree (SYSTEMS A).
 //!
-//! One grid of heights, wider than the node by a border, serves heights, normals and cones, so that they agree. Nodes coarser than the
-//! finest LOD filter it: samples of ground that is rougher than their spacing would be drawn as combs. Heights on a node's edges are
-//! never filtered. Those are all that nodes of different LODs weld to each other (see `geometry/stitch.wgsl`), and they must be the same
-//! in both.
+//! Heights, normals and cones are computed from one grid of heights, so that they agree. The grid is wider than the node by a border. In
+//! nodes coarser than the finest LOD, the grid is filtered: samples of ground that is rougher than their spacing would be drawn as combs.
+//! Heights on the edges of a node are never filtered. Nodes of different LODs are welded only at these heights (see
+//! `geometry/stitch.wgsl`), which must be the same in both nodes.
 //!
-//! Slope and curvature for the splat rules are measured with a fixed footprint in metres whatever the node's LOD, and so is the height:
-//! a coarse node lays the same materials.
+//! Slope and curvature for the splat rules are measured over a fixed footprint in metres, whatever the LOD of the node, and the height for
+//! the rules is not filtered. A coarse node therefore gets the same materials as a fine one.
 
 use std::sync::LazyLock;
 
@@ -16,7 +16,7 @@ use crate::blocks::{self, BlockFormat, Effort};
 
 /// Heights along a node's edge.
 pub const HEIGHT_SIDE: usize = 129;
-/// Texels along the edge of normal, albedo and colour modulation: 128 and 2 of border on each side.
+/// Texels along the edge of the normal, albedo and colour modulation maps: 128, and 2 of border on each side.
 pub const TEXTURE_SIDE: usize = 132;
 /// Splat texels along a node's edge.
 pub const SPLAT_SIDE: usize = 65;
@@ -25,12 +25,12 @@ pub const BORDER: usize = 2;
 /// Bytes of a payload.
 pub const PAYLOAD_BYTES: usize = 72_419;
 
-/// Heights along the edge of the working grid: vertices -2..=130, so that each of the 132 texels has its 4 corners.
+/// Heights along the edge of the working grid: vertices -2..=130, so that each of the 132 texels has heights at its 4 corners.
 const GRID_SIDE: usize = TEXTURE_SIDE + 1;
-/// Splat texels along the edge of the working grid: -1..=65, so that border texels of the albedo lie between four.
+/// Splat texels along the edge of the working grid: -1..=65, so that border texels of the albedo also lie between four splat texels.
 const SPLAT_GRID_SIDE: usize = SPLAT_SIDE + 2;
 
-/// Mean looks of the palette's materials, for the baked albedo and the packed channels; one entry per material.
+/// Mean look of each material of the palette, for the baked albedo and the packed channels; one entry per material.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PaletteMeans {
     /// Linear mean albedo, tint included, 0..=1.
@@ -41,7 +41,7 @@ pub struct PaletteMeans {
     pub specular_occlusion: Vec<f32>,
 }
 
-/// What is loaded for one node; 72 419 bytes in GPU formats.
+/// The data that is loaded for one node; 72 419 bytes in GPU formats.
 ///
 /// Vertex (i, j) lies at i/128, j/128 of the node's edge from its south-west corner; row 0 is south. Texel (i, j) of a 132 x 132 image
 /// has its centre at (i - 1.5)/128; splat texel (i, j) lies at i/64.
@@ -49,22 +49,22 @@ pub struct PaletteMeans {
 pub struct NodePayload {
     /// Which node.
     pub id: NodeId,
-    /// Lowest of `height`.
+    /// Minimum of `height`.
     pub min_height: u16,
-    /// Highest of `height`.
+    /// Maximum of `height`.
     pub max_height: u16,
-    /// R16_UNORM 129 x 129: elevation over [`World::height_range_m`].
+    /// R16_UNORM 129 x 129: elevation, relative to [`World::height_range_m`].
     pub height: Vec<u16>,
     /// BC3 132 x 132: alpha = 0.5 n.x + 0.5, green = 0.5 n.y + 0.5 of the world-space normal (z > 0), red = smoothness, blue = specular
     /// occlusion.
     pub normal: Vec<u8>,
     /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 where vertex (i - 2, j - 2) lies in a hole.
     pub albedo: Vec<u8>,
-    /// BC1 132 x 132, linear; 0.5 leaves the colour alone, c multiplies it by 2 c.
+    /// BC1 132 x 132, linear; a value c multiplies the colour by 2 c, so 0.5 changes nothing.
     pub colour_modulation: Vec<u8>,
     /// R8 65 x 65: palette index.
     pub splat: Vec<u8>,
-    /// BC3 8 x 8: a cone per patch, see [`cones`].
+    /// BC3 8 x 8: one cone per patch, see [`cones`].
     pub cones: Vec<u8>,
 }
 
@@ -75,7 +75,7 @@ impl NodePayload {
     }
 }
 
-/// What is under a node's materials: what rules decide by, and what stays when they change. Some 250 KB.
+/// The ground of a node without its materials: the input of the splat rules, which stays valid when the rules change. About 250 KB.
 pub struct Ground {
     id: NodeId,
     grid: Grid,
@@ -88,7 +88,7 @@ impl Ground {
     pub(super) fn of(world: &World, id: NodeId) -> Ground {
         let (mut grid, broad) = Grid::of(world, id);
         let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing, &broad);
-        // As in [`Grid::of`].
+        // As in [`Grid::of`]: splat texel k is vertex 2 k + 2 of the working grid.
         let texels = (0..SPLAT_GRID_SIDE).flat_map(|j| (0..SPLAT_GRID_SIDE).map(move |i| (2 * i, 2 * j)));
         let source = texels.map(|(i, j)| grid.height(i, j)).collect();
         if id.lod > world.layout().finest_lod {
@@ -103,10 +103,10 @@ impl Ground {
     }
 }
 
-/// Palette indices at the splat texels of a node and at those around it, row by row: 67 x 67.
+/// Palette indices at the splat texels of a node and at one ring of splat texels around it, row by row: 67 x 67.
 pub type Cover = Vec<u8>;
 
-/// Makes the payload of a node of whose ground the materials are known.
+/// Makes the payload of a node from its ground and its materials.
 pub(super) fn bake(world: &World, ground: &Ground, splat_grid: &Cover, palette: &PaletteMeans) -> NodePayload {
     let materials = world.material_count();
     assert!(
@@ -137,13 +137,13 @@ pub(super) fn bake(world: &World, ground: &Ground, splat_grid: &Cover, palette: 
 struct Grid {
     /// South-west corner of the node, world metres.
     origin: [f64; 2],
-    /// Distance of two vertices, metres.
+    /// Distance between neighbouring vertices, metres.
     spacing: f64,
     heights: Vec<f64>,
 }
 
 impl Grid {
-    /// A node's grid, and the elevations that slope and curvature are measured on at its splat texels -1..=65.
+    /// The grid of a node, and the elevations at its splat texels -1..=65 from which slope and curvature are measured.
     fn of(world: &World, id: NodeId) -> (Grid, Vec<f64>) {
         let layout = world.layout();
         let origin = id.origin_m(layout).to_array();
@@ -153,7 +153,7 @@ impl Grid {
         for j in 0..GRID_SIDE {
             for i in 0..GRID_SIDE {
                 let [x, y] = grid.vertex(i, j);
-                // Splat texel i - 1 is the working grid's vertex 2 (i - 1) + 2.
+                // Splat texel k is vertex 2 k + 2 of the working grid.
                 if i % 2 == 0 && j % 2 == 0 {
                     let [height, measured] = world.heights_m(x, y);
                     grid.heights.push(height);
@@ -166,8 +166,8 @@ impl Grid {
         (grid, broad)
     }
 
-    /// World position of the working grid's vertex (i, j), i.e. of the node's vertex (i - 2, j - 2). Spacing and origin are dyadic
-    /// fractions, so neighbours compute the very same position.
+    /// World position of vertex (i, j) of the working grid, which is vertex (i - 2, j - 2) of the node. Spacing and origin are dyadic
+    /// fractions, so neighbouring nodes compute exactly the same position.
     fn vertex(&self, i: usize, j: usize) -> [f64; 2] {
         let at = |origin: f64, k: usize| origin + (k as f64 - BORDER as f64) * self.spacing;
         [at(self.origin[0], i), at(self.origin[1], j)]
@@ -177,23 +177,16 @@ impl Grid {
         self.heights[j * GRID_SIDE + i]
     }
 
-    /// Replaces heights by means over the neighbouring vertices, weighted 1 2 1 along either axis, which leaves nothing of what changes to
-    /// and fro from vertex to vertex. The node's edges, prolonged through the border, keep their heights, and the vertices next to them
-    /// half of theirs; so neighbours agree on the border, too.
+    /// Filters every height that has neighbours on all sides: [`filtered`].
     fn filter(&mut self) {
-        // Vertices from the nearest edge of a node, at most 2, over 2.
-        let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;
         let last = GRID_SIDE - 1;
-        let along_x = |i: usize, j: usize| 0.25 * (self.height(i - 1, j) + self.height(i + 1, j)) + 0.5 * self.height(i, j);
-        let mut filtered = self.heights.clone();
+        let mut heights = self.heights.clone();
         for j in 1..last {
             for i in 1..last {
-                let mean = 0.25 * (along_x(i, j - 1) + along_x(i, j + 1)) + 0.5 * along_x(i, j);
-                let height = self.height(i, j);
-                filtered[j * GRID_SIDE + i] = height + share(i).min(share(j)) * (mean - height);
+                heights[j * GRID_SIDE + i] = filtered(|i, j| self.height(i, j), i, j);
             }
         }
-        self.heights = filtered;
+        self.heights = heights;
     }
 
     fn quantised(&self, world: &World) -> Vec<u16> {
@@ -206,7 +199,7 @@ impl Grid {
         height
     }
 
-    /// Unit normal at the centre of texel (i, j), from its four corners.
+    /// Unit normal at the centre of texel (i, j), from the heights at its four corners.
     fn normal(&self, i: usize, j: usize) -> [f64; 3] {
         let [sw, se, nw, ne] = [self.height(i, j), self.height(i + 1, j), self.height(i, j + 1), self.height(i + 1, j + 1)];
         let dx = (se - sw + ne - nw) / (2.0 * self.spacing);
@@ -215,13 +208,36 @@ impl Grid {
     }
 }
 
+/// The mean of a working grid's vertex (i, j) and its neighbours, weighted 1 2 1 along either axis, which removes what alternates from vertex to vertex.
+/// Vertices on the node's edges, prolonged through the border, keep their heights, and the vertices next to them half of theirs; so neighbours agree on
+/// the border, too.
+fn filtered(height: impl Fn(usize, usize) -> f64, i: usize, j: usize) -> f64 {
+    // Vertices from the nearest edge of a node, at most 2, over 2.
+    let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;
+    let along_x = |j: usize| 0.25 * (height(i - 1, j) + height(i + 1, j)) + 0.5 * height(i, j);
+    let mean = 0.25 * (along_x(j - 1) + along_x(j + 1)) + 0.5 * along_x(j);
+    height(i, j) + share(i).min(share(j)) * (mean - height(i, j))
+}
+
+/// Height of vertex (i, j), 0..=128, of a node as its payload has it before quantisation, metres.
+pub(super) fn vertex_height_m(world: &World, id: NodeId, [i, j]: [u32; 2]) -> f64 {
+    let layout = world.layout();
+    let grid = Grid { origin: id.origin_m(layout).to_array(), spacing: layout.spacing_m(id.lod), heights: Vec::new() };
+    let height = |i: usize, j: usize| {
+        let [x, y] = grid.vertex(i, j);
+        world.height_m(x, y)
+    };
+    let (i, j) = (i as usize + BORDER, j as usize + BORDER);
+    if id.lod > layout.finest_lod { filtered(height, i, j) } else { height(i, j) }
+}
+
 /// Materials of splat texels -1..=65.
 pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
     let Ground { grid, source, relief, .. } = ground;
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
     for j in 0..SPLAT_GRID_SIDE {
         for i in 0..SPLAT_GRID_SIDE {
-            // As in [`Grid::of`].
+            // As in [`Grid::of`]: splat texel k is vertex 2 k + 2 of the working grid.
             let [x, y] = grid.vertex(2 * i, 2 * j);
             let (slope_deg, curvature) = relief.at(i, j);
             splat.push(world.rules().material_at(source[j * SPLAT_GRID_SIDE + i], slope_deg, curvature, x, y));
@@ -232,21 +248,22 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
 
 /// Slope and curvature at splat texels, from differences over a fixed footprint.
 ///
-/// Both are defined on a lattice of half the footprint, fixed in the world, and linear in between: texels finer than the lattice share
-/// its samples, coarser ones lie on it, so all LODs see one function.
+/// Both are defined at the points of a lattice that is fixed in the world and has half the footprint as its spacing, and interpolated
+/// linearly in between. Texels finer than the lattice are interpolated between its points; coarser texels lie on its points. So all LODs
+/// use the same function.
 struct RuleRelief {
     values: Vec<(f64, f64)>,
 }
 
 impl RuleRelief {
-    /// `broad`: the elevations that they are measured on, at the texels.
+    /// `broad`: the elevations at the texels from which both are measured.
     fn of(world: &World, origin: [f64; 2], step: f64, broad: &[f64]) -> RuleRelief {
         let reach = world.footprint_m() / 2.0;
         let count = SPLAT_GRID_SIDE;
         let start = [origin[0] - step, origin[1] - step];
         let mut values = Vec::with_capacity(count * count);
         if step < reach {
-            // Lattice nodes around the texels, one more on each side for differences.
+            // Lattice points around the texels, with one more on each side for differences.
             let first = start.map(|s| (s / reach).floor() - 1.0);
             let side = ((count - 1) as f64 * step / reach).ceil() as usize + 4;
             let mut lattice = Vec::with_capacity(side * side);
@@ -301,7 +318,7 @@ pub(super) fn slope_and_curvature([dx, dy, curvature]: [f64; 3]) -> (f64, f64) {
     ((dx * dx + dy * dy).sqrt().atan().to_degrees(), curvature)
 }
 
-/// Mean looks at the 132 x 132 texel centres, between the four splat texels around each.
+/// Mean looks at the 132 x 132 texel centres, interpolated between the four splat texels around each centre.
 struct Looks {
     /// Linear RGB, smoothness, specular occlusion.
     texels: Vec<[f32; 5]>,
@@ -315,7 +332,7 @@ impl Looks {
             [r, g, b, palette.smoothness[i], palette.specular_occlusion[i]]
         };
         let mut texels = Vec::with_capacity(TEXTURE_SIDE * TEXTURE_SIDE);
-        // Texel i lies at (i - 1.5)/128 of the edge: in splat texels (i - 1.5)/2, in the working grid one more.
+        // Texel i lies at (i - 1.5)/128 of the edge: at (i - 1.5)/2 in splat texels, and 1 more in the working grid.
         let place = |i: usize| {
             let at = (i as f32 - 1.5) / 2.0 + 1.0;
             let cell = at.floor();
@@ -359,12 +376,12 @@ fn normals(grid: &Grid, looks: &Looks) -> Vec<u8> {
             rgba.extend_from_slice(&[unorm8(f64::from(look[3])), stored(n[1]), unorm8(f64::from(look[4])), stored(n[0])]);
         }
     }
-    // The normal matters most: smoothness and occlusion ride along on the colour line that suits it.
+    // The normal matters most: the colour line is fitted mainly to n.y, and smoothness and occlusion follow it as well as they can.
     blocks::encode(BlockFormat::Bc3, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [0.15, 1.0, 0.1], Effort::Fast)
 }
 
-/// sRGB bytes of 4097 evenly spaced linear values (IEC 61966-2-1): the square root hides the coarse dark end well enough at 8 bits,
-/// so the table is indexed by it.
+/// sRGB bytes (IEC 61966-2-1) of 4097 linear values, indexed by the square root of the value: evenly spaced linear values would be too
+/// coarse in the dark, evenly spaced roots are accurate enough for 8 bits.
 static SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let encode = |root: f64| unorm8(srgb_from_linear(root * root));
     (0..=4096).map(|i| encode(f64::from(i) / 4096.0)).collect()
@@ -389,7 +406,7 @@ fn albedo(world: &World, grid: &Grid, looks: &Looks) -> Vec<u8> {
     blocks::encode(BlockFormat::Bc1, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [0.3, 0.6, 0.1], Effort::Fast)
 }
 
-/// The image that changes nothing: all texels neutral.
+/// A colour modulation map that changes nothing: all texels are neutral.
 static NEUTRAL: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let rgba = [128, 128, 128, 255].repeat(TEXTURE_SIDE * TEXTURE_SIDE);
     blocks::encode(BlockFormat::Bc1, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [1.0; 3], Effort::Fast)
@@ -411,14 +428,14 @@ fn colour_modulation(world: &World, grid: &Grid) -> Vec<u8> {
     blocks::encode(BlockFormat::Bc1, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [1.0; 3], Effort::Fast)
 }
 
-/// Whether the quad (i, j) is split from its south-west to its north-east corner; the others from south-east to north-west.
+/// Whether the quad (i, j) is split from its south-west to its north-east corner. The other quads are split from south-east to north-west.
 ///
 /// The diagonals alternate, so that every second vertex touches 8 triangles (Ruling 11).
 pub const fn diagonal_rises(i: usize, j: usize) -> bool {
     (i + j).is_multiple_of(2)
 }
 
-/// Unit normals of the two triangles of each quad, gathered by patch; of the heights as drawn.
+/// Unit normals of the two triangles of each quad, grouped by patch. They are computed from the heights as drawn.
 fn patch_normals(world: &World, height: &[u16], spacing: f64) -> Vec<Vec<[f64; 3]>> {
     let quads = HEIGHT_SIDE - 1;
     let per_patch = quads / cones::PATCHES;
@@ -436,18 +453,18 @@ fn patch_normals(world: &World, height: &[u16], spacing: f64) -> Vec<Vec<[f64; 3
     patches
 }
 
-/// Height differences per quad along x and y of the two triangles of a quad with corner heights south-west, south-east, north-west,
-/// north-east: first the triangle with the southern edge, then the one with the northern.
+/// Height differences per quad along x and y of the two triangles of a quad: first the triangle with the southern edge, then the triangle
+/// with the northern edge. The corner heights are given in the order south-west, south-east, north-west, north-east.
 pub(super) fn triangle_gradients([sw, se, nw, ne]: [f64; 4], rises: bool) -> [[f64; 2]; 2] {
     if rises { [[se - sw, ne - se], [ne - nw, nw - sw]] } else { [[se - sw, nw - sw], [ne - nw, ne - se]] }
 }
 
-/// Height inside a quad of the same corners, at u, v in 0..=1 from its south-west corner.
+/// Height inside a quad at (u, v) in 0..=1 from its south-west corner. The corner heights are in the order of [`triangle_gradients`].
 pub(super) fn height_in_quad(corners: [f64; 4], rises: bool, u: f64, v: f64) -> f64 {
     let [sw, _, _, ne] = corners;
     let [southern, northern] = triangle_gradients(corners, rises);
     if rises {
-        // The southern triangle holds u >= v; both start from the south-west corner.
+        // The southern triangle contains the points with u >= v. Both triangles contain the south-west corner.
         let [dx, dy] = if u >= v { southern } else { northern };
         sw + dx * u + dy * v
     } else if u + v <= 1.0 {

@@ -1,12 +1,12 @@
-//! Splat rules: which material lies where, from height, slope, curvature and noise, and what a brush did to that.
+//! Splat rules decide which material lies where, by height, slope, curvature and noise. Brush strokes change their result.
 //!
-//! The weight of a rule is a product of trapezoid masks (see [`crate::scene::Rule`]) and of the masks that were painted for its material; the rule of
-//! the largest weight wins, except where a material was painted itself (see [`crate::scene::Stroke`]).
+//! The weight of a rule is the product of its trapezoid masks (see [`crate::scene::Rule`]) and of the masks that were painted for its
+//! material. The rule with the largest weight wins, except where a material itself was painted (see [`crate::scene::Stroke`]).
 
 use crate::scene::{Rule, Scene, Stroke, StrokeKind, World};
 use crate::shared::hash;
 
-/// Rules made ready: names resolved to palette indices, noise thresholds from covers.
+/// Prepared rules: names are resolved to palette indices, covers are converted to noise thresholds.
 #[derive(Clone, Debug)]
 pub struct Rules {
     rules: Vec<Prepared>,
@@ -14,12 +14,12 @@ pub struct Rules {
     strokes: Vec<Painted>,
 }
 
-/// A stroke made ready.
+/// A prepared stroke.
 #[derive(Clone, Debug)]
 struct Painted {
     material: u8,
     stroke: Stroke,
-    /// What it cannot reach beyond: south-west and north-east corner, world metres.
+    /// Bounding box: south-west and north-east corner, world metres.
     bounds: [[f64; 2]; 2],
 }
 
@@ -62,18 +62,19 @@ impl Rules {
         Rules { rules: rules.collect(), strokes: strokes.collect() }
     }
 
-    /// What was painted at a place, the last stroke first.
+    /// The strokes of one kind that may reach a position, the last one first.
     fn painted(&self, kind: StrokeKind, x: f64, y: f64) -> impl Iterator<Item = &Painted> {
         self.strokes.iter().rev().filter(move |p| p.stroke.kind == kind && p.may_reach(x, y))
     }
 
-    /// Factor that was painted on the weights of a material's rules.
+    /// The painted factor on the weights of a material's rules.
     fn mask_of(&self, material: u8, x: f64, y: f64) -> f64 {
         self.painted(StrokeKind::Mask, x, y).filter(|p| p.material == material).map(|p| p.factor(x, y)).product()
     }
 
-    /// Palette index of the material at a place: height in metres, slope in degrees, mean curvature in 1/m (convex positive),
-    /// world position in metres. What was painted last lies above all; where every rule's weight is 0, the first rule's material.
+    /// Palette index of the material at a position: height in metres, slope in degrees, mean curvature in 1/m (positive where convex),
+    /// world position in metres. The material that was painted last replaces the result of the rules. If the weight of every rule is 0, the
+    /// material of the first rule is used.
     pub fn material_at(&self, height_m: f64, slope_deg: f64, curvature: f64, x: f64, y: f64) -> u8 {
         if let Some(painted) = self.painted(StrokeKind::Splat, x, y).find(|p| p.depth_m(x, y) > 0.0) {
             return painted.material;
@@ -84,7 +85,7 @@ impl Rules {
             if weight > 0.0 {
                 weight *= self.mask_of(prepared.material, x, y);
             }
-            // Noise is the dear factor, and it only ever lowers a weight.
+            // Noise is the expensive factor, and it can only lower a weight: skip it for rules that cannot win.
             if weight > 0.0 && weight >= best.0 {
                 weight *= prepared.noise_mask(x, y);
                 if weight > 0.0 && weight >= best.0 {
@@ -95,7 +96,7 @@ impl Rules {
         best.1
     }
 
-    /// Weights of all rules at a place, in the scene's order; of what was painted, with the masks.
+    /// Weights of all rules at a position, in the order of the scene. They include painted masks, but not painted materials.
     pub fn weights_at(&self, height_m: f64, slope_deg: f64, curvature: f64, x: f64, y: f64) -> Vec<f64> {
         let weight =
             |p: &Prepared| p.geometric_weight(height_m, slope_deg, curvature) * self.mask_of(p.material, x, y) * p.noise_mask(x, y);
@@ -139,7 +140,7 @@ impl Painted {
         (low[0]..=high[0]).contains(&x) && (low[1]..=high[1]).contains(&y)
     }
 
-    /// How far inside the line's edge a place lies, metres; negative outside.
+    /// Distance of a position from the edge of the painted line, metres: positive inside, negative outside.
     fn depth_m(&self, x: f64, y: f64) -> f64 {
         let points = &self.stroke.points;
         let to = |a: [f64; 2], b: [f64; 2]| {
@@ -154,7 +155,7 @@ impl Painted {
         self.stroke.radius_m - nearest.sqrt()
     }
 
-    /// Of a mask: 1 outside, the stroke's amount in its middle, smooth in between.
+    /// Factor of a mask stroke: 1 outside, the amount of the stroke in its middle, smooth in between.
     fn factor(&self, x: f64, y: f64) -> f64 {
         let depth = self.depth_m(x, y);
         let t = if self.stroke.fade_m > 0.0 { (depth / self.stroke.fade_m).clamp(0.0, 1.0) } else { f64::from(u8::from(depth > 0.0)) };
@@ -162,7 +163,7 @@ impl Painted {
     }
 }
 
-/// 1 inside the band, falling linearly to 0 over `fade` on either side; 1 everywhere without a band.
+/// 1 inside the band, falling linearly to 0 over `fade` on either side. Without a band, 1 everywhere.
 fn trapezoid(value: f64, band: Option<[f64; 2]>, fade: f64) -> f64 {
     let Some([from, to]) = band else { return 1.0 };
     let outside = (from - value).max(value - to).max(0.0);
@@ -178,7 +179,7 @@ fn trapezoid(value: f64, band: Option<[f64; 2]>, fade: f64) -> f64 {
 /// Value noise in 0..=1 on a unit lattice: two octaves, the finer at 2.7 times the frequency and a third of the weight.
 pub fn value_noise(x: f64, y: f64, seed: u32) -> f64 {
     let coarse = lattice_noise(x, y, seed);
-    // A turned lattice (a 3-4-5 triangle), so that the two octaves' cells do not line up.
+    // The lattice is rotated (by the angle of a 3-4-5 triangle), so that the cells of the two octaves do not line up.
     let fine = lattice_noise((0.8 * x - 0.6 * y) * 2.7, (0.6 * x + 0.8 * y) * 2.7, seed ^ 0x9e37_79b9);
     0.75 * coarse + 0.25 * fine
 }
@@ -186,7 +187,7 @@ pub fn value_noise(x: f64, y: f64, seed: u32) -> f64 {
 fn lattice_noise(x: f64, y: f64, seed: u32) -> f64 {
     let (cell_x, cell_y) = (x.floor(), y.floor());
     let (fx, fy) = (x - cell_x, y - cell_y);
-    // Lattice indices wrap at 2^32: a period no world reaches.
+    // Lattice indices wrap at 2^32; no world is that large.
     let (ix, iy) = (cell_x as i64 as u32, cell_y as i64 as u32);
     let row = |j: u32| {
         let corner = |i: u32| f64::from(hash::pcg4d([ix.wrapping_add(i), iy.wrapping_add(j), seed, 0x0a7e])[0]) / f64::from(u32::MAX);
@@ -199,7 +200,8 @@ fn lattice_noise(x: f64, y: f64, seed: u32) -> f64 {
     a + (b - a) * t
 }
 
-/// 257 quantiles of [`value_noise`], measured: covers are shares of the ground, and the noise is not uniform.
+/// 257 measured quantiles of [`value_noise`]. They convert covers, which are shares of the ground, to thresholds: the noise is not
+/// uniformly distributed.
 fn noise_quantiles() -> Vec<f64> {
     const SIDE: u32 = 128;
     let mut values: Vec<f64> = (0..SIDE * SIDE)

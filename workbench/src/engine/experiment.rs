@@ -1,4 +1,5 @@
-//! What is on screen as an experiment: saved as a definition that `experiments run` accepts, and run by that program while the window goes on.
+//! Saves the current settings and view as a definition that `experiments run` accepts, and runs experiments with that program while the window stays
+//! usable.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -23,39 +24,39 @@ use crate::model::editing::with_absolute_paths;
 use crate::model::settings::Settings;
 use crate::model::viewpoint::{EYE_M, Viewpoint};
 
-/// Name of the camera that stands for a place that no camera of the scene has.
+/// Name of the camera that is added to the scene for a free viewpoint.
 const CAMERA: &str = "workbench";
-/// Lines of a report that are shown: the answer, what was checked, and most of the table.
+/// Lines of a report that are shown: the answer, the checks, and most of the table.
 const EXCERPT: usize = 40;
-/// How often a process is asked whether it has ended.
+/// How often to check whether a process has ended.
 const NAP: Duration = Duration::from_millis(10);
-/// Longest wait, when a run is dropped, for it to stop by itself.
+/// When a run is dropped, how long to wait for it to stop by itself before it is killed.
 const FAREWELL: Duration = Duration::from_secs(3);
 
-/// How much of it is measured.
+/// The extent of the measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// Width and height of a picture, pixels.
     pub size: [u32; 2],
-    /// Frames of the sequence, from frame 0, at least 1; at least 2 for what compares frames.
+    /// Frames of the sequence, from frame 0, at least 1; at least 2 for metrics that compare frames.
     pub frames: u32,
-    /// Seeds that bias and variance are taken over; 0 = neither is measured, else at least 2.
+    /// Seeds for bias and variance, at least 2; 0 = neither is measured.
     pub seeds: u32,
 }
 
-/// Saves what is on screen into a new folder, whole or not at all: `NAME.toml`, and beside it `scene.toml` where the scene is not the built-in
-/// one with other numbers, or the camera stands where none of the scene's does. Returns the definition's file.
+/// Saves the current settings and view into a new folder, completely or not at all. The folder has `NAME.toml`. It also has `scene.toml`, unless the
+/// scene differs from the built-in one only in numbers and the viewpoint is a camera or path of the scene. Returns the file of the definition.
 ///
-/// Files that the scene names are named by absolute paths. A run has frames from 0 on; what is on screen is its frame of the same number.
+/// Paths in the scene file become absolute. A run has frames from 0 on; the picture on screen is its frame of the same number.
 ///
 /// # Errors
-/// One line with the remedy: the name is none for a file, the folder exists or cannot be written, a definition cannot say what is on screen (a path
-/// that was recorded), or `experiments` would refuse it.
+/// One line with the remedy: the name is not suitable, the folder exists or cannot be written, a definition cannot describe the view (a recorded
+/// path), or `experiments` would refuse the definition.
 pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoint, extent: Extent) -> Result<PathBuf> {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    ensure!(!name.is_empty() && name.chars().all(plain), "`{name}` names no experiment: use letters a to z, digits, - and _");
-    ensure!(!name.eq_ignore_ascii_case("scene"), "`{name}` is the name of the scene beside the experiment: choose another");
-    ensure!(!folder.exists(), "{} exists, and is not written over: choose another name, or remove it", folder.display());
+    ensure!(!name.is_empty() && name.chars().all(plain), "`{name}` is not a name for an experiment: use letters a to z, digits, - and _");
+    ensure!(!name.eq_ignore_ascii_case("scene"), "`{name}` is reserved for the scene file next to the experiment: choose another name");
+    ensure!(!folder.exists(), "{} exists, and is not overwritten: choose another name, or remove it", folder.display());
     let (view, camera) = view(&settings.scene, viewpoint)?;
 
     let staging = WholeFolder::beside(folder).with_context(|| format!("cannot write into {}: choose another folder", folder.display()))?;
@@ -100,14 +101,14 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     };
     let file = format!("{name}.toml");
     let text = format!("# Saved from the workbench. To run it: experiments run {file} --out out\n{}", definition.to_toml()?);
-    // By the same reader as a run's, so that nothing is saved that could not be run.
+    // Check the text with the same parser that a run uses, so that every saved definition can be run.
     definition::parse(&text, &file, staging.folder())?;
     write_in(&staging, &file, &text)?;
     staging.finish().with_context(|| format!("cannot make the folder {}: choose another", folder.display()))?;
     Ok(folder.join(file))
 }
 
-/// The settings of the frame that are not a run's own, by their keys in a definition.
+/// The settings of the frame that differ from the defaults of a run, by their keys in a definition.
 fn frame_settings(settings: &Settings) -> BTreeMap<String, Value> {
     let usual = FrameSettings::default();
     let all = FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Definition));
@@ -117,17 +118,24 @@ fn frame_settings(settings: &Settings) -> BTreeMap<String, Value> {
     differing.map(|(setting, value)| (setting.key.to_owned(), value)).collect()
 }
 
-/// Name of the view, and the camera that the scene needs for it.
+/// Name of the view, and the camera that must be added to the scene for it, if any.
 fn view(scene: &Scene, viewpoint: &Viewpoint) -> Result<(String, Option<CameraPose>)> {
     let is_camera = |name: &str| scene.cameras.iter().any(|camera| camera.name == name);
     match viewpoint {
         Viewpoint::Camera(name) => Ok((name.clone(), None)),
         Viewpoint::Path(name) => {
-            ensure!(!is_camera(name), "scene `{}` has a camera `{name}`, too, which a run would take for the path: rename one", scene.name);
+            ensure!(
+                !is_camera(name),
+                "scene `{}` also has a camera `{name}`, which a run would use instead of the path: rename one",
+                scene.name
+            );
             Ok((name.clone(), None))
         }
         Viewpoint::Recorded(path) => {
-            bail!("the view is a replay of `{}`, which a definition has no words for: go to a camera, a path or a place", path.name)
+            bail!(
+                "the view is a replay of `{}`, which a definition cannot describe: go to a camera, a path of the scene, or a place",
+                path.name
+            )
         }
         Viewpoint::Free { pose, walking } => {
             let is_taken = |name: &str| is_camera(name) || scene.paths.iter().any(|path| path.name == name);
@@ -137,7 +145,8 @@ fn view(scene: &Scene, viewpoint: &Viewpoint) -> Result<(String, Option<CameraPo
                 number += 1;
                 name = format!("{CAMERA}-{number}");
             }
-            // Who walks has a height over the ground, which the run finds again; what the pose says of it may be a step old.
+            // When walking, save the height above the ground, because the elevation in the pose may be out of date. The run adds the elevation of the
+            // ground.
             let z = if *walking { EYE_M } else { pose.position.z };
             let camera = CameraPose {
                 name: name.clone(),
@@ -152,10 +161,10 @@ fn view(scene: &Scene, viewpoint: &Viewpoint) -> Result<(String, Option<CameraPo
     }
 }
 
-/// The settings in which a scene differs from the built-in one, by their keys; `None` if it differs in anything else.
+/// The settings in which a scene differs from the built-in one, by their keys; `None` if it also differs in other ways.
 fn changes(scene: &Scene) -> Option<BTreeMap<String, Value>> {
     let mut built_in = scene::load(scene::DEFAULT).ok()?;
-    // The built-in scene names no files, and so it makes no difference where they would be.
+    // The built-in scene names no files, so its folder has no effect.
     let wanted = Scene { folder: built_in.folder.clone(), ..scene.clone() };
     let mut changes = BTreeMap::new();
     for setting in scene::settings() {
@@ -173,8 +182,8 @@ fn write_in(staging: &WholeFolder, name: &str, text: &str) -> Result<()> {
     fs::write(&file, text).with_context(|| format!("cannot write {}: make room, or choose another folder", file.display()))
 }
 
-/// The definitions in a folder, by name: its `.toml` files but for `scene.toml`, and those that [`save`] left in folders of their own name. A file is
-/// itself; what is not there has none.
+/// The definitions in a folder, sorted by path: its `.toml` files except `scene.toml`, and those that [`save`] wrote in subfolders. For the path of a
+/// file, the result is that file; for a path that does not exist, it is empty.
 pub fn definitions(place: &Path) -> Vec<PathBuf> {
     if place.is_file() {
         return vec![place.to_owned()];
@@ -195,12 +204,12 @@ fn definition_at(path: PathBuf) -> Option<PathBuf> {
     is_definition.then_some(path)
 }
 
-/// Why a definition cannot be run as it stands, one line: what is wrong in it, or a file that it names and that is not there.
+/// Why a definition cannot be run, one line: an error in it, or a file that it names does not exist. `None` = it can be run.
 pub fn lacks(definition: &Path) -> Option<String> {
     definition::load(definition).err().map(|error| one_line(&format!("{error:#}")))
 }
 
-/// The folder of definitions that come with the program: below the working directory, or below a folder that holds this program.
+/// The folder of definitions that come with the program. It is searched in the working directory, and in all folders above this program.
 pub fn shipped() -> Option<PathBuf> {
     let definitions = Path::new("experiments").join("definitions");
     let own = std::env::current_exe().unwrap_or_default();
@@ -208,15 +217,15 @@ pub fn shipped() -> Option<PathBuf> {
     std::iter::once(definitions.clone()).chain(places).find(|folder| folder.is_dir())
 }
 
-/// A definition's name on buttons: that of its file.
+/// Name of a definition on buttons: the name of its file without extension.
 pub fn name(definition: &Path) -> String {
     definition.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Opens a page in the program that the system has for it, without waiting for it.
+/// Opens a page with the default program of the system, without waiting for it.
 ///
 /// # Errors
-/// There is no program that finds one.
+/// The command that opens it cannot be started.
 pub fn open(page: &Path) -> Result<()> {
     let opener = match std::env::consts::OS {
         "windows" => "explorer",
@@ -225,12 +234,12 @@ pub fn open(page: &Path) -> Result<()> {
     };
     let started = Command::new(opener).arg(page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
     let mut child = started.with_context(|| format!("`{opener}` cannot be started: open {} in a browser", page.display()))?;
-    // Its status says nothing reliable; it only has to be taken.
+    // Its exit status is not reliable. It is waited for only so that no zombie process remains.
     thread::spawn(move || child.wait());
     Ok(())
 }
 
-/// The program that runs experiments: beside this one, in the folder above (where tests find it), or on the search path.
+/// The program `experiments`: in the folder of this program, in the folder above it (for tests), or on the search path.
 fn program() -> Result<PathBuf> {
     let name = format!("experiments{}", std::env::consts::EXE_SUFFIX);
     let own = std::env::current_exe().unwrap_or_default();
@@ -240,21 +249,21 @@ fn program() -> Result<PathBuf> {
     let profile = if cfg!(debug_assertions) { "" } else { " --release" };
     found.with_context(|| {
         format!(
-            "the program `experiments` is neither beside this one nor on the search path: `cargo build{profile} -p experiments` makes it"
+            "the program `experiments` is neither next to this one nor on the search path: build it with `cargo build{profile} -p experiments`"
         )
     })
 }
 
-/// What a run came to.
+/// The result of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// Its report.html.
+    /// Path of its report.html.
     pub page: PathBuf,
-    /// The first lines of the report.md beside it, Markdown; empty if that cannot be read.
+    /// The first lines of the report.md next to it, Markdown; empty if it cannot be read.
     pub excerpt: String,
 }
 
-/// A run of the program `experiments` under way, or what came of it. Dropped, it is stopped.
+/// A run of the program `experiments`, in progress or ended. Dropping it stops the run.
 pub struct Run {
     name: String,
     began: Instant,
@@ -266,20 +275,20 @@ struct Shared {
     said: Mutex<Said>,
 }
 
-/// What the process has said of itself.
+/// The output of the process so far.
 #[derive(Default)]
 struct Said {
     last: String,
     error: Option<String>,
     page: Option<PathBuf>,
-    /// How often it was asked to stop.
+    /// How often it has been asked to stop.
     cancelled: u32,
     outcome: Option<Result<Report, String>>,
 }
 
 impl Run {
-    /// Starts a definition; its results go to a folder of its name in `out`. One that was stopped goes on, and a finished one is reported
-    /// anew. `wake` is called whenever there is something to show.
+    /// Runs a definition; its results go to a folder with its name in `out`. A run that was stopped continues, and a finished one writes its report
+    /// again. `wake` is called whenever there is something new to show.
     ///
     /// # Errors
     /// There is no program `experiments`, or it cannot be started.
@@ -289,14 +298,14 @@ impl Run {
         Run::follow(command, name(definition), wake)
     }
 
-    /// Starts a process that speaks as `experiments run` does.
+    /// Starts a process that prints the same kind of output as `experiments run`.
     fn follow(mut command: Command, name: String, wake: impl Fn() + Send + 'static) -> Result<Run> {
-        // One pipe for both, so that the last line is the last one.
+        // One pipe for standard output and standard error, so that their lines stay in order.
         let (output, input) = io::pipe().context("the run's output cannot be followed")?;
         let second = input.try_clone().context("the run's output cannot be followed")?;
         command.stdin(Stdio::null()).stdout(input).stderr(second);
         let child = command.spawn().with_context(|| format!("{} cannot be started", command.get_program().display()))?;
-        // It holds ends of the pipe, which would never close.
+        // The command holds writing ends of the pipe. While it exists, reading would never reach the end.
         drop(command);
         let shared = Arc::new(Shared { child: Mutex::new(child), said: Mutex::new(Said::default()) });
         let own = shared.clone();
@@ -314,22 +323,22 @@ impl Run {
         &self.name
     }
 
-    /// The last line that the program has said; empty before the first.
+    /// The last line that the program printed; empty before the first one.
     pub fn progress(&self) -> String {
         lock(&self.shared.said).last.clone()
     }
 
-    /// Whether it has ended, in whichever way.
+    /// Whether it has ended, successfully or not.
     pub fn is_done(&self) -> bool {
         lock(&self.shared.said).outcome.is_some()
     }
 
-    /// What came of it, once it has ended: the report, or one line that says why there is none.
+    /// The result once it has ended: the report, or one line that says why there is none.
     pub fn outcome(&self) -> Option<Result<Report, String>> {
         lock(&self.shared.said).outcome.clone()
     }
 
-    /// Asks it to stop, as Ctrl-C does: what is finished is kept, and [`Run::start`] goes on from there. Asked again, it is ended at once.
+    /// Asks it to stop, as Ctrl-C does. Finished parts are kept, and [`Run::start`] continues from there. A second call ends it at once.
     pub fn cancel(&self) {
         let shared = self.shared.clone();
         thread::spawn(move || shared.cancel());
@@ -341,7 +350,7 @@ impl Drop for Run {
         if self.is_done() {
             return;
         }
-        // Not by a thread, which the end of this program would stop before it has done anything.
+        // Do not use `Run::cancel`: if this program is ending, the thread that it starts might be stopped before it does anything.
         self.shared.cancel();
         let began = Instant::now();
         while !self.is_done() {
@@ -354,7 +363,7 @@ impl Drop for Run {
 }
 
 impl Shared {
-    /// Takes in what the process says until it has ended.
+    /// Reads the output of the process until it has ended.
     fn listen(&self, output: PipeReader, wake: &dyn Fn()) {
         for line in BufReader::new(output).split(b'\n') {
             let Ok(line) = line else { break };
@@ -362,7 +371,7 @@ impl Shared {
             wake();
         }
         let status = loop {
-            // Waiting within the lock would keep a cancellation out.
+            // Poll, because waiting while holding the lock would block a cancellation.
             let ended = lock(&self.child).try_wait();
             match ended {
                 Ok(None) => thread::sleep(NAP),
@@ -370,7 +379,7 @@ impl Shared {
                 Err(error) => break Err(error),
             }
         };
-        // The window looks at what is said, and does not wait for a disk.
+        // Read the report without holding the lock, so that the window does not wait for a disk.
         let page = lock(&self.said).page.clone();
         let report = page.map(|page| Report { excerpt: excerpt(&page), page });
         let mut said = lock(&self.said);
@@ -380,7 +389,7 @@ impl Shared {
         wake();
     }
 
-    /// The first time as Ctrl-C, then for good. While the process is locked its number cannot become another's.
+    /// Interrupts the process at the first call and kills it at later calls. While the lock is held, the process id cannot be reused.
     fn cancel(&self) {
         let mut child = lock(&self.child);
         if !matches!(child.try_wait(), Ok(None)) {
@@ -393,14 +402,14 @@ impl Shared {
         if first && interrupt(&child) {
             return;
         }
-        // It fails for a process that has ended, which is what is wanted.
+        // This fails if the process has ended already, which is fine.
         drop(child.kill());
     }
 }
 
-/// Sends what Ctrl-C sends; says whether that was possible.
+/// Sends the signal of Ctrl-C. Returns whether that was possible.
 fn interrupt(child: &Child) -> bool {
-    // Built into every shell, while there need not be a program `kill`.
+    // `kill` is built into every shell, but a separate program `kill` may be missing.
     let kill = || Command::new("sh").arg("-c").arg(format!("kill -INT {}", child.id())).stdin(Stdio::null()).output();
     cfg!(unix) && kill().is_ok_and(|output| output.status.success())
 }
@@ -421,10 +430,10 @@ impl Said {
     }
 
     fn conclude(&self, status: io::Result<ExitStatus>, report: Option<Report>) -> Result<Report, String> {
-        let status = status.map_err(|error| format!("nobody knows how the run ended: {error}"))?;
+        let status = status.map_err(|error| format!("it is unknown how the run ended: {error}"))?;
         match report {
             Some(report) if status.success() => Ok(report),
-            _ if self.cancelled > 0 => Err("stopped; what was finished is kept, and running it again goes on from there".to_owned()),
+            _ if self.cancelled > 0 => Err("stopped; finished parts are kept, and running it again continues from there".to_owned()),
             _ => Err(self.error.clone().unwrap_or_else(|| format!("the run ended without a report ({status}): {}", self.last))),
         }
     }
@@ -432,7 +441,7 @@ impl Said {
 
 fn excerpt(page: &Path) -> String {
     let text = fs::read_to_string(page.with_extension("md")).unwrap_or_default();
-    // The window's fonts lack the report's ticks and crosses.
+    // The fonts of the window do not have the check marks and crosses of the report.
     text.lines().take(EXCERPT).collect::<Vec<_>>().join("\n").replace('\u{2705}', "[holds]").replace('\u{274c}', "[fails]")
 }
 
@@ -459,7 +468,7 @@ mod tests {
         Viewpoint::Camera(name.to_owned())
     }
 
-    /// The scene of a saved definition, with the folder of another: where files are is not what a scene says.
+    /// The scene of a saved definition, with the folder of another one, since the folder does not count in comparisons.
     fn saved_scene(definition: &Definition, like: &Scene) -> Scene {
         Scene { folder: like.folder.clone(), ..definition.scene(&None, None).expect("a scene") }
     }
@@ -481,17 +490,17 @@ mod tests {
         for (list, name) in [(&definition.estimators, "biplanar"), (&definition.noises, "white"), (&definition.temporal, "off")] {
             assert_eq!(*list, [name]);
         }
-        // The built-in scene with other numbers is no file of its own.
+        // The built-in scene with other numbers needs no scene file.
         assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(scene::DEFAULT), 2));
         assert_eq!(fs::read_dir(folder.0.join("seen")).expect("a folder").count(), 1);
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
-        // Another scene is.
+        // Another scene does.
         settings.scene.materials[0].tile_m *= 2.0;
         let file = save(&folder.0.join("other"), "other", &settings, &camera("cliff"), EXTENT).expect("it is saved");
         let definition = definition::load(&file).expect("it is read");
         assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(scene::FILE), 0));
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
-        // So is what was edited and painted.
+        // So does a scene with edits and strokes.
         let stroke = Stroke {
             kind: StrokeKind::Splat,
             material: settings.scene.materials[1].name.clone(),
@@ -506,7 +515,7 @@ mod tests {
         let file = save(&folder.0.join("painted"), "painted", &settings, &camera("cliff"), EXTENT).expect("it is saved");
         let definition = definition::load(&file).expect("it is read");
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
-        // Automatic choice by either kernel has a name; a path has its own frames.
+        // The automatic choice has a name for either kernel; a path has its own number of frames.
         for (generic, name) in [(false, "auto"), (true, "generic")] {
             let mut settings = settings.clone();
             (settings.frame.variant, settings.frame.generic) = (None, generic);
@@ -555,7 +564,7 @@ mod tests {
             let found = Pose::of(camera, |_, _| 400.0);
             let expected = pose.position.with_z(if walking { 400.0 + EYE_M } else { 431.0 });
             assert_eq!(found.position, expected);
-            // Degrees and back again: not to the last bit.
+            // Converting to degrees and back does not keep the last bits.
             for (a, b) in found.axes().into_iter().zip(pose.axes()) {
                 assert!((a - b).length() < 1e-14, "{a} {b}");
             }
@@ -648,7 +657,7 @@ mod tests {
         let error = save(&seen, "seen", &settings(), &camera("ground"), EXTENT).expect_err("it is there").to_string();
         assert!(error.contains("seen exists") && error.contains("choose another name"), "{error}");
         assert_eq!((fs::read(&file).expect("still there"), folder.names().len()), (before, 1));
-        // Neither is a file, or an empty folder.
+        // A file, or an empty folder, is not overwritten either.
         fs::write(folder.0.join("file"), b"x").expect("a temporary file");
         fs::create_dir(folder.0.join("empty")).expect("a temporary folder");
         for name in ["file", "empty"] {
@@ -701,7 +710,7 @@ mod tests {
         let run = shell(ENDLESS);
         wait(&run, "a word", |run| !run.progress().is_empty());
         assert!(!run.is_done() && run.outcome().is_none());
-        // Interrupts may be ignored where tests run in the background; the second time is for good.
+        // A background process may ignore interrupts; the second call kills the process.
         run.cancel();
         thread::sleep(Duration::from_millis(500));
         run.cancel();

@@ -1,43 +1,46 @@
-//! Metrics of the pictures as they are drawn: variance, bias, flips, flicker and clumping, followed along the surface.
+//! Live metrics of the pictures as they are drawn: variance, bias, flips, flicker and clumping, for surface points that are followed from frame to
+//! frame.
 
 use std::collections::VecDeque;
 
 use kernels::base::error::Result;
-use kernels::frame::picture::Picture;
-use kernels::frame::{RenderRequest, Renderer};
+use kernels::frame::picture::{AovSet, Picture};
+use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::metrics::{Followed, Sample, Summary};
 use kernels::motion::{Links, NO_LINK};
 use kernels::shared::signal::luminance;
+use kernels::variant::{Flavour, Variant};
 use rayon::prelude::*;
 
 use crate::model::metrics::{LAYERS, Metrics, Reading};
 use crate::model::settings::Settings;
 
-/// Frames that plots go back.
+/// Number of frames in the plots.
 const HISTORY: usize = 240;
 
-/// What is followed from picture to picture.
+/// The state of the live metrics.
 #[derive(Default)]
 pub struct Live {
     links: Option<Links>,
     followed: [Followed; 2],
-    /// What the numbers are of: settings of both, resets.
+    /// What the metrics belong to: the settings of A and B, and the number of restarts.
     of: Option<([Option<Settings>; 2], u32)>,
-    /// Frame and pose that were taken in last: a picture that is only looked at otherwise is not a further frame.
+    /// The request of the last picture that was measured. A picture of the same frame and pose, for example with another layer, is not measured
+    /// again.
     last: Option<RenderRequest>,
-    /// What was summed last.
+    /// The region for which sums were computed last.
     region: Option<[f32; 4]>,
     history: VecDeque<Reading>,
 }
 
 impl Live {
-    /// Takes the pictures of A and B of one view in, right after they were drawn, the request being the last one.
+    /// Measures the pictures of A and B of one view. Call it right after they were drawn; `request` must be the last request of A.
     ///
     /// # Errors
-    /// When the device fails.
+    /// The device fails.
     pub fn take(
         &mut self,
-        renderer: &Renderer<'_>,
+        renderer: &mut Renderer<'_>,
         metrics: &Metrics,
         request: &RenderRequest,
         settings: [Option<&Settings>; 2],
@@ -71,8 +74,20 @@ impl Live {
             self.sum_again(metrics, request.view.size);
             return Ok(());
         };
-        // Flips and flicker are told from one frame to the next: over a gap, nothing is followed.
-        let mut found = renderer.drawn_as(request)?.link(links)?;
+        // Flips and flicker compare consecutive frames. Across a gap in the frames, no point is followed.
+        let mut found = match renderer.drawn_as(request) {
+            Ok(frame) => frame.link(links)?,
+            // B has other geometry: the links of A need that of A again, by the cheapest shading there is.
+            Err(_) => {
+                let again = request.with(|r| {
+                    r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+                    r.outputs.aovs = AovSet::default();
+                    r.outputs.lit = false;
+                    r.outputs.count_fetches = false;
+                });
+                renderer.draw(&again)?.link(links)?
+            }
+        };
         let follows = |last: &RenderRequest| {
             request.shading.frame == last.shading.frame || request.shading.frame == last.shading.frame.wrapping_add(1)
         };
@@ -81,7 +96,7 @@ impl Live {
             self.history.clear();
         }
         let links = found;
-        self.last = Some(request.clone());
+        self.last = Some(*request);
         let [a, b] = pictures.map(|picture| picture.and_then(samples));
         if let (Some(a), Some(b)) = (&a, &b) {
             let against = |a: &Sample, b: &Sample| Sample { error: a.luminance - b.luminance, ..*a };
@@ -102,7 +117,7 @@ impl Live {
         Ok(())
     }
 
-    /// Sums the last frame over another region: what it comes to is known, the course until then is not.
+    /// If the region changed, sums the last frame again over the new region; the history restarts.
     fn sum_again(&mut self, metrics: &Metrics, size: [u32; 2]) {
         if let (true, Some(last)) = (self.region != metrics.region, self.history.back().copied()) {
             self.region = metrics.region;
@@ -110,7 +125,7 @@ impl Live {
         }
     }
 
-    /// What the region comes to now.
+    /// The current metrics of the region.
     fn summaries(&self, metrics: &Metrics, size: [u32; 2]) -> [Option<Summary>; 2] {
         let [left, top, right, bottom] = metrics.region.unwrap_or([0.0, 0.0, 1.0, 1.0]);
         let at = |share: f32, side: u32| (f64::from(share.clamp(0.0, 1.0)) * f64::from(side)).round() as usize;
@@ -118,18 +133,18 @@ impl Live {
         self.followed.each_ref().map(|f| if f.points().is_empty() { None } else { f.summary(low, high) })
     }
 
-    /// The moments of each pixel of A or B.
+    /// The statistics of each pixel, of A (0) or B (1).
     pub fn side(&self, index: usize) -> &Followed {
         &self.followed[index]
     }
 
-    /// The readings since the numbers were begun, the newest last.
+    /// The readings since measuring began, the newest last.
     pub fn history(&self) -> Vec<Reading> {
         self.history.iter().copied().collect()
     }
 }
 
-/// What a picture says of each pixel, if it has the layers.
+/// The samples of all pixels of a picture, if it has the necessary layers.
 fn samples(picture: &Picture) -> Option<Vec<Sample>> {
     let (albedo, choices) = (picture.vectors(LAYERS[0])?, picture.values(LAYERS[1])?);
     let sample = |((albedo, &choice), seen): ((&[f32; 3], &f32), &[f32; 4])| Sample {

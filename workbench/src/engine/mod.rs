@@ -1,8 +1,9 @@
-//! The thread that draws: the window never waits for a picture, and a picture never for the window.
+//! The drawing thread: the window never waits for a picture, and drawing never waits for the window.
 //!
-//! It has a device of its own. What is wanted next lies in a mailbox of one place, where the newest wish replaces an older one; what was drawn last lies
-//! in another. Pictures come back as texels: on a software adapter two devices are two queues, so that a long frame holds up no click, and a device that
-//! is lost is made anew without the window noticing more than a pause.
+//! The thread has a device of its own. A mailbox with room for one wish holds the next request; a newer wish replaces an older one. A second mailbox
+//! holds the news, with the last picture. Pictures are passed as texels, not as textures of a shared device, for two reasons: on a software adapter,
+//! two devices have two queues, so that a long frame does not delay clicks; and if the device is lost, it can be replaced with only a pause in the
+//! window.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -40,45 +41,45 @@ use live::Live;
 use reload::{INTERVAL, Reload};
 use sketch::Sketch;
 
-/// Edge of the picture that is drawn only to have a shader compiled.
+/// Edge of a picture that is drawn only to compile a shader, pixels.
 const WARMING_SIDE: u32 = 16;
-/// How long the window waits before it is drawn again for a picture, or for what cannot wait. Without any wait it would be drawn twice for each, and where a
-/// processor paints it that takes as long as the picture.
+/// Repaint delay for a new picture and other urgent news. With a delay of zero, egui would paint the window twice, which on a software adapter takes
+/// as long as the picture.
 const SOON: Duration = Duration::from_micros(1);
-/// How long for how far something is: where a processor paints the window, what is waited for would take almost twice as long beside one that is drawn for
-/// each step of it, or that turns a wheel.
+/// Repaint delay for progress. On a software adapter, painting the window for each step, or animating a spinner, would make the task take almost
+/// twice as long.
 pub(crate) const PROGRESS: Duration = Duration::from_millis(500);
-/// Times in a row that a lost device is made anew before giving up.
+/// Number of times in a row that a lost device is replaced before giving up.
 const DEVICES: u32 = 3;
 
 #[derive(Default)]
 struct Mail {
     wish: Option<Wish>,
-    /// Whether shaders that nothing was drawn with yet are made ready between pictures.
+    /// Whether to compile unused shaders between pictures.
     warming: bool,
-    /// Whether what was drawn is to be forgotten: nobody looks at it any more.
+    /// Whether the thread must forget what it drew, because its window has closed.
     rest: bool,
-    /// Devices that are to be lost, each as it draws a picture.
+    /// Number of devices to destroy, one at each picture, for tests.
     lose: u32,
     stop: bool,
     /// Whether the thread has ended, for whatever reason.
     ended: bool,
 }
 
-/// What is called whenever there are news, with how long they may wait.
+/// Called when there are news, with the time for which they may wait.
 type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
 
 struct Boxes {
     mail: Mutex<Mail>,
     arrived: Condvar,
-    /// Tells that the thread rests, or has ended.
+    /// Signals that the thread rests or has ended.
     rested: Condvar,
     news: Mutex<News>,
-    /// Belongs to the window that looks.
+    /// Wakes the window that currently uses the thread.
     wake: Mutex<Wake>,
 }
 
-/// What a mutex holds, also after a thread that held it has panicked: what is in there is whole at any moment.
+/// Locks a mutex, even if a thread panicked while it held the lock. This is sound here because the data is consistent at any moment.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -99,7 +100,7 @@ impl Boxes {
         self.wake(SOON);
     }
 
-    /// Tells how far something is.
+    /// Changes the news because of progress, which may wait to be shown.
     fn report(&self, change: impl FnOnce(&mut News)) {
         change(&mut lock(&self.news));
         self.wake(PROGRESS);
@@ -110,12 +111,12 @@ impl Boxes {
         wake(within);
     }
 
-    /// Shaders that are ready, of all; none of none where nobody makes them ready.
+    /// Number of compiled shaders, and of all; zeros if shaders are not being compiled in advance.
     fn warmth(&self, warmed: &Warmed) -> [usize; 2] {
         if self.is_warming() { warmed.count() } else { [0; 2] }
     }
 
-    /// Whether the device is to be lost now, for a test.
+    /// Whether a test wants the device to be lost now.
     fn is_to_lose(&self) -> bool {
         let mut mail = lock(&self.mail);
         let lose = mail.lose > 0;
@@ -127,7 +128,8 @@ impl Boxes {
         lock(&self.mail).warming
     }
 
-    /// The newest wish; without one, waits for it, at most for `patience` if that is given; or returns at once if shaders are `cold` and wanted warm.
+    /// The newest wish. If there is none, waits for one, at most for `patience` if given; but returns at once if shaders remain to be compiled in
+    /// advance (`cold`, and requested by [`Engine::warm`]).
     fn next(&self, cold: bool, patience: Option<Duration>) -> Next {
         let mut mail = lock(&self.mail);
         let mut waited = false;
@@ -159,7 +161,7 @@ impl Boxes {
 enum Next {
     Wish(Box<Wish>),
     Idle,
-    /// Forget what was drawn, and say so.
+    /// Forget what was drawn, and signal it.
     Rest,
     Stop,
 }
@@ -168,13 +170,13 @@ enum Next {
 pub struct Engine {
     boxes: Arc<Boxes>,
     thread: Option<JoinHandle<()>>,
-    /// The scene that the thread goes on with for another window, if it is one that is used again.
+    /// The scene of the thread, if it is in use through the pool ([`Engine::shared`]).
     scene: Option<Box<Scene>>,
 }
 
 impl Engine {
-    /// Starts the thread. `shaders`: a folder laid out as `kernels/src` whose WGSL files are drawn with, and followed. `wake` is called whenever there
-    /// are news, with how long they may wait.
+    /// Starts the thread. `shaders` is a folder with the layout of `kernels/src`; the thread draws with the WGSL files in it and watches them for
+    /// changes. `wake` is called when there are news, with the time for which they may wait.
     pub fn start(shaders: Option<PathBuf>, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
@@ -182,7 +184,8 @@ impl Engine {
             let outcome = catch_unwind(AssertUnwindSafe(|| draw_on_devices(&own, shaders.map(Reload::new))));
             if outcome.is_err() {
                 own.tell(|news| {
-                    news.failure = Some("drawing stopped by an internal error; please report it, and restart the program".to_owned())
+                    news.failure =
+                        Some("drawing stopped because of an internal error; please report it, and restart the program".to_owned())
                 });
             }
             own.ended();
@@ -190,24 +193,24 @@ impl Engine {
         Engine { boxes, thread: Some(thread), scene: None }
     }
 
-    /// Asks for a picture; a wish that was not begun yet is replaced.
+    /// Requests a picture. It replaces an earlier wish that has not been started.
     pub fn wish(&self, wish: Wish) {
         lock(&self.boxes.mail).wish = Some(wish);
         self.boxes.arrived.notify_one();
     }
 
-    /// Loses so many devices, each before a picture that is no first look, as a driver may at any time: for tests of what follows.
+    /// For tests: loses a number of devices, each before a picture that is not a first look, as a driver may do at any time.
     pub fn lose_devices(&self, count: u32) {
         lock(&self.boxes.mail).lose = count;
     }
 
-    /// Makes shaders ready that a click may ask for, whenever there is no picture to draw.
+    /// Compiles shaders that a click may need whenever there is no picture to draw.
     pub fn warm(&self) {
         lock(&self.boxes.mail).warming = true;
         self.boxes.arrived.notify_one();
     }
 
-    /// What there is.
+    /// The current news.
     pub fn news(&self) -> News {
         lock(&self.boxes.news).clone()
     }
@@ -221,18 +224,18 @@ impl Drop for Engine {
         lock(&self.boxes.mail).stop = true;
         self.boxes.arrived.notify_one();
         if let Some(thread) = self.thread.take() {
-            // A panic in there was told as a failure.
+            // A panic in the thread has been reported as a failure.
             let _ = thread.join();
         }
     }
 }
 
-/// Why drawing on a device or of a scene ended.
+/// Why drawing with a device or a scene ended.
 enum End {
     Stop,
-    /// A wish for another scene than the one that is loaded.
+    /// This wish is for another scene than the loaded one.
     Scene(Box<Wish>),
-    /// The device failed at this wish.
+    /// The device failed while drawing this wish.
     Device(Box<Wish>),
 }
 
@@ -264,7 +267,7 @@ fn draw_on_devices(boxes: &Arc<Boxes>, mut reload: Option<Reload>) {
                 (news.progress, news.failure) = (None, Some(why.to_owned()));
                 news.unloaded = pending.take().map(|wish| wish.opened);
             });
-            // What is wished for next may be less than the device failed at.
+            // The next wish may need less of the device than the one that failed.
             let Some(wish) = awaited(boxes) else { return };
             boxes.tell(|news| news.failure = None);
             (pending, losses) = (Some(wish), 0);
@@ -272,7 +275,7 @@ fn draw_on_devices(boxes: &Arc<Boxes>, mut reload: Option<Reload>) {
     }
 }
 
-/// The next wish, however long it takes; `None` = there will be none.
+/// Waits for the next wish, without a time limit; `None` = the thread must stop.
 fn awaited(boxes: &Boxes) -> Option<Box<Wish>> {
     loop {
         match boxes.next(false, None) {
@@ -295,7 +298,7 @@ fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, lo
                 None => return End::Stop,
             },
         };
-        // Why the scene before could not be drawn is not said of this one.
+        // An error of the previous scene does not apply to this one.
         boxes.tell(|news| {
             if news.unloaded != Some(wish.opened) {
                 (news.failure, news.unloaded) = (None, None);
@@ -308,7 +311,7 @@ fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, lo
                 end => return end,
             },
             Err(kernels::base::error::Error::Gpu(_)) => return End::Device(wish),
-            // The scene cannot be drawn: the next wish may bring another.
+            // The scene cannot be drawn. The next wish may be for another scene.
             Err(error) => boxes.tell(|news| {
                 (news.progress, news.failure) = (None, Some(error.to_string()));
                 news.unloaded = Some(wish.opened);
@@ -328,7 +331,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
     let tell: sketch::Tell = Arc::new(move |progress| own.report(|news| news.progress = Some(progress)));
     let mut sketch = Sketch::of(&renderer);
     loop {
-        // A folder is looked at, and textures are waited for, also while nothing is wished for.
+        // Without a wish, the thread must still check the shader folder and wait for textures.
         let patience = if sketch.is_some() { Some(sketch::INTERVAL) } else { reload.is_some().then_some(INTERVAL) };
         match sketch.as_mut().and_then(|sketch| sketch.step(&mut renderer)) {
             None => {}
@@ -338,7 +341,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
             }
             Some(Err(why)) => {
                 boxes.tell(|news| (news.progress, news.failure, news.unloaded) = (None, Some(why), Some(opened)));
-                // Another scene may do better.
+                // Wait for a wish for another scene.
                 match boxes.next(false, None) {
                     Next::Wish(wish) => return End::Scene(wish),
                     Next::Idle => continue,
@@ -352,17 +355,17 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                 news.shaders_edited = !renderer.gpu().sources().is_empty();
             });
             if outcome.is_ok_and(|report| !report.stages.is_empty()) {
-                // What was measured, and what is ready, was so with other shaders.
+                // Metrics and compiled shaders of the old sources are no longer valid.
                 (live, warmed) = (Live::default(), Warmed::default());
                 next = again(next, last.take());
             }
         }
         let wish = match next {
             Next::Stop => return End::Stop,
-            // Nobody waits for its textures.
+            // The textures of the sketch are no longer needed.
             Next::Rest if sketch.is_some() => return End::Stop,
             Next::Rest => {
-                // Whoever wishes next is another.
+                // The next wish comes from another window.
                 (live, warmed, last) = (Live::default(), Warmed::default(), None);
                 boxes.rested();
                 next = boxes.next(false, patience);
@@ -383,7 +386,8 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
         if wish.opened != opened {
             return End::Scene(wish);
         }
-        // Its own textures are in the making, most of which others leave as they are.
+        // The textures of the loaded scene are still being made. This wish needs others, but can reuse most of these, so it waits until they are
+        // finished.
         if sketch.is_some() && renderer.needs_textures(&wish.settings.scene) {
             last = Some(wish);
             next = boxes.next(false, patience);
@@ -430,14 +434,14 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                 boxes.tell(|news| {
                     news.failure = Some(error.to_string());
                     if !is_draft {
-                        // The scene is there; what was asked of it is refused.
+                        // The scene is loaded; only this request is refused.
                         (news.progress, news.loaded, news.unloaded) = (None, Some(opened), None);
                     }
                 });
             }
         }
         next = boxes.next(warmed.is_open(), patience);
-        // Wishes that come without a pause would leave no time for shaders that a click may want: one a picture.
+        // If wishes arrive without a pause, there is no idle time to compile shaders in advance: compile one after each picture.
         if let (Next::Wish(_), true) = (&next, warmed.is_open() && boxes.is_warming()) {
             if warmed.step(&mut renderer).is_err() {
                 warmed.give_up();
@@ -447,7 +451,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
     }
 }
 
-/// The last wish once more, unless there is a newer one.
+/// Repeats the last wish, unless there is a newer one.
 fn again(next: Next, last: Option<Box<Wish>>) -> Next {
     match (next, last) {
         (Next::Idle, Some(wish)) => Next::Wish(wish),
@@ -455,7 +459,7 @@ fn again(next: Next, last: Option<Box<Wish>>) -> Next {
     }
 }
 
-/// Draws a first look at what is wanted: A alone, and nothing measured.
+/// Draws a first look for a wish: only A, without metrics.
 fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
@@ -486,14 +490,14 @@ fn culled_ground_m(renderer: &Renderer<'_>, wish: &Wish) -> Option<f64> {
     wish.culled_from.map(|pose| renderer.ground_m(pose.position.x, pose.position.y))
 }
 
-/// Draws A, and B if it is wanted, and measures them.
+/// Draws A, and B if requested, and measures them.
 fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
     let measured = wish.is_measured();
     let request = wish.request(pose, &wish.layers());
     let picture = renderer.render(&request)?;
-    // Before B, whose tints may be others.
+    // Read these before B is drawn, because B may have other tints.
     let mean_albedos = renderer.mean_albedos().to_vec();
     let pixel = match wish.probe {
         Some(probe) => oracle::inspect(renderer, &request, oracle::pixel_at(probe, wish.size))?,
@@ -504,7 +508,7 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::b
         None => (None, None),
         Some(Ok(second)) => (Some(second), None),
         Some(Err(error @ kernels::base::error::Error::Gpu(_))) => return Err(error),
-        // A is as good without it.
+        // A can be shown without B.
         Some(Err(error)) => (None, Some(error.to_string())),
     };
     let b = b.filter(|_| second.is_some());
@@ -537,7 +541,7 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::b
     Ok((request, shown))
 }
 
-/// Draws B of the view that A was drawn of.
+/// Draws B with the view of A.
 fn draw_second(
     renderer: &mut Renderer<'_>,
     settings: &Settings,
@@ -545,8 +549,8 @@ fn draw_second(
     measured: bool,
 ) -> kernels::base::error::Result<Picture> {
     if !renderer.retune(&settings.scene)? {
-        let text = "B is not drawn: it needs another set of flavours than A (a distance, slope or band takes one out or in), or textures of another size; \
-                    keep B anew, or undo that";
+        let text = "B is not drawn: it needs another set of flavours than A (because of a distance, slope or band), or textures of another size; \
+                    use `Keep A as B` again, or undo the change";
         return Err(kernels::base::error::Error::Request(text.to_owned()));
     }
     let request = settings.request(a.view.pose, a.view.size, a.shading.frame, if measured { &LAYERS } else { &[] });
@@ -556,7 +560,7 @@ fn draw_second(
     }))
 }
 
-/// What B looks like, and how far A is from it.
+/// B for display, and how much A differs from it.
 fn compared(wish: &Wish, a: &Picture, b: Picture, settings: Settings, live: &Live) -> Second {
     let pairs = a.hdr.iter().zip(&b.hdr).filter(|(a, _)| a[3] > 0.0);
     let (mut count, mut squares, mut sum, mut largest) = (0_u32, 0.0_f64, 0.0_f64, 0.0_f64);
@@ -581,7 +585,7 @@ fn compared(wish: &Wish, a: &Picture, b: Picture, settings: Settings, live: &Liv
     }
 }
 
-/// Where a wish is taken from.
+/// The pose of the camera for a wish.
 fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Pose> {
     let ground = |x: f64, y: f64| renderer.ground_m(x, y);
     let scene = renderer.scene();
@@ -606,8 +610,8 @@ fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Po
     }
 }
 
-/// Which shaders were made ready for the estimator, the noise and the counting in use: software adapters compile one when something is first drawn with
-/// it, so something small is.
+/// The shaders that have been compiled for the current estimator, noise and counting. A software adapter compiles a shader when it first draws with
+/// it, so a small picture is drawn with each.
 #[derive(Default)]
 struct Warmed {
     like: Option<RenderRequest>,
@@ -616,12 +620,12 @@ struct Warmed {
 }
 
 impl Warmed {
-    /// All that the panel of variants can force. Automatic choice runs tiles by the same 31.
+    /// All choices that the panel of variants can force. The automatic choice uses the same 31 shaders.
     fn all() -> impl Iterator<Item = VariantChoice> {
         Variant::all().map(VariantChoice::Forced).chain([VariantChoice::GenericAuto])
     }
 
-    /// Takes note of what a picture was drawn by.
+    /// Records which shaders drew a picture.
     fn drew(&mut self, request: &RenderRequest, picture: &Picture) {
         let same = |like: &RenderRequest| {
             (like.shading.estimator, like.shading.noise, like.shading.two_tilings, like.wants_diagnostics())
@@ -630,10 +634,10 @@ impl Warmed {
         if !self.like.as_ref().is_some_and(same) {
             self.ready.clear();
             self.missing = Warmed::all().collect();
-            // The full sets come last: they take longest and are wanted least.
+            // Sets of many flavours come last: they take longest to compile and are needed least often.
             self.missing.reverse();
         }
-        self.like = Some(request.clone());
+        self.like = Some(*request);
         match request.shading.variant {
             VariantChoice::GenericAuto | VariantChoice::GenericForced(_) => {
                 self.ready.insert(VariantChoice::GenericAuto);
@@ -656,12 +660,12 @@ impl Warmed {
         [all - self.missing.len(), all]
     }
 
-    /// A variant that this scene cannot run is refused when it is wanted, too.
+    /// Skips a variant that cannot be compiled for this scene. It reports its error when a wish asks for it.
     fn give_up(&mut self) {
         self.missing.pop();
     }
 
-    /// Makes the next one ready.
+    /// Compiles the next shader.
     fn step(&mut self, renderer: &mut Renderer<'_>) -> kernels::base::error::Result<()> {
         let (Some(like), Some(&choice)) = (&self.like, self.missing.last()) else { return Ok(()) };
         let size = [WARMING_SIDE; 2];

@@ -1,8 +1,9 @@
-//! Drawing threads that are used again: windows without a screen come and go, and a software adapter compiles a minute for each scene.
+//! A pool of drawing threads for windows without a screen, as in tests. Starting a thread for each window would be slow: a software adapter compiles
+//! shaders for a minute per scene.
 //!
-//! When its window goes, a thread forgets what it drew and what it measured. The next window of the same scene finds a device and a loaded scene,
-//! with the shaders, terrain nodes and pages that others needed: no picture depends on those. What a frame had to make anew does, as the nodes that
-//! it loaded: whoever counts that starts a thread of its own.
+//! When its window closes, a thread forgets what it drew and measured. The next window of the same scene gets a device and a loaded scene, with the
+//! shaders, terrain nodes and pages that earlier windows needed. No picture depends on these. Counts of work in a frame do, such as the number of
+//! nodes that it loaded; tests that check them start a thread of their own.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -12,15 +13,15 @@ use kernels::scene::Scene;
 use super::{Boxes, Engine, Wake, lock};
 use crate::model::picture::News;
 
-/// Threads that wait, at most: each holds a device and the textures of a scene.
+/// Maximum number of idle threads: each holds a device and the textures of a scene.
 const MOST: usize = 4;
 
-/// Threads that nobody uses. At the end of the program they are waiting for a wish, so that they end with it.
+/// Idle threads. They wait for a wish, so they simply end together with the program.
 static IDLE: Mutex<Vec<Engine>> = Mutex::new(Vec::new());
 
 impl Engine {
-    /// As [`Engine::start`] with the shaders of the program, but by a thread that drew this scene for another window, if one waits; and dropped, it
-    /// waits for the next.
+    /// Like [`Engine::start`] with the shaders of the program, but uses an idle thread that has drawn this scene for another window, if there is one.
+    /// When the engine is dropped, its thread becomes idle again.
     pub fn shared(scene: &Scene, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let idle = {
             let mut idle = lock(&IDLE);
@@ -35,9 +36,9 @@ impl Engine {
         engine
     }
 
-    /// Leaves the thread to the next window, if it is one that is used again. Says whether it did; if not, it is to be ended.
+    /// Puts the thread into the pool, if it was started by [`Engine::shared`]. Returns whether it did; if not, the caller must end the thread.
     pub(super) fn give_back(&mut self) -> bool {
-        // Whatever a test fails at is no other's business.
+        // After a failed test, the thread may be in a bad state: do not use it again.
         let Some(scene) = self.scene.take().filter(|_| !std::thread::panicking()) else { return false };
         if !self.boxes.rest() {
             return false;
@@ -56,8 +57,8 @@ impl Engine {
 }
 
 impl Boxes {
-    /// Has the thread forget what it drew, once it is done with the picture in hand; then there are no news but who draws. Says whether the thread is
-    /// still there.
+    /// Makes the thread forget what it drew, after it has finished the current picture, and clears the news except for the adapter. Returns whether
+    /// the thread is still running.
     fn rest(&self) -> bool {
         let alive = {
             let mut mail = lock(&self.mail);
@@ -76,13 +77,13 @@ impl Boxes {
         alive
     }
 
-    /// To be called by the thread when it has forgotten what it drew.
+    /// The thread calls this when it has forgotten what it drew.
     pub(super) fn rested(&self) {
         lock(&self.mail).rest = false;
         self.rested.notify_all();
     }
 
-    /// To be called by the thread as the last thing it does.
+    /// The thread calls this last.
     pub(super) fn ended(&self) {
         lock(&self.mail).ended = true;
         self.rested.notify_all();
@@ -99,7 +100,7 @@ mod tests {
     use super::*;
     use crate::model::picture::Adapter;
 
-    /// A thread that keeps to the rules without drawing: whatever it is asked for, it is slow, and fails.
+    /// A thread that follows the protocol but does not draw: it is slow, and every request fails.
     fn pretended(scene: &Scene, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
@@ -113,7 +114,7 @@ mod tests {
                     Next::Stop => break,
                     Next::Wish(_) | Next::Idle => continue,
                 }
-                // Whoever has rested waits.
+                // After resting, it waits.
                 if matches!(own.next(false, None), Next::Stop) {
                     break;
                 }
@@ -139,7 +140,7 @@ mod tests {
             }
         };
 
-        // Given back in the middle of its work, it is waited for: nothing is told afterwards.
+        // If it is given back in the middle of its work, the caller waits for it, and no news follow.
         let engine = pretended(&first, wake(0));
         engine.warm();
         let boxes = engine.boxes.clone();
@@ -149,7 +150,7 @@ mod tests {
         drop(engine);
         assert_eq!(idle(), 1);
         let before = woken[0].load(Ordering::Relaxed);
-        // Another scene's window has no use for it, this one's has.
+        // A window of another scene cannot use it, a window of the same scene can.
         assert!(!lock(&IDLE).iter().any(|engine| engine.scene.as_deref() == Some(&other)));
         let engine = Engine::shared(&first, wake(1));
         assert!(Arc::ptr_eq(&engine.boxes, &boxes) && idle() == 0);
@@ -159,20 +160,20 @@ mod tests {
         assert_eq!(news.adapter.map(|adapter| adapter.name).as_deref(), Some("pretended"));
         assert!(!lock(&boxes.mail).warming);
         assert_eq!((woken[0].load(Ordering::Relaxed), woken[1].load(Ordering::Relaxed)), (before, 0));
-        // What it tells from now on wakes the new window alone.
+        // From now on, its news wake only the new window.
         boxes.tell(|_| {});
         assert_eq!((woken[0].load(Ordering::Relaxed), woken[1].load(Ordering::Relaxed)), (before, 1));
         drop(engine);
         assert_eq!(idle(), 1);
 
-        // One that has ended is not kept.
+        // A thread that has ended is not put into the pool.
         let engine = pretended(&other, |_| {});
         lock(&engine.boxes.mail).stop = true;
         engine.boxes.arrived.notify_one();
         drop(engine);
         assert_eq!(idle(), 1);
 
-        // Nor is one too many: the oldest goes.
+        // If there are too many, the oldest is ended.
         let more: Vec<Engine> = (0..MOST).map(|_| pretended(&other, |_| {})).collect();
         drop(more);
         assert_eq!(idle(), MOST);

@@ -1,7 +1,8 @@
-//! Shaders that are edited while they draw: which files of a folder changed, and what becomes of it.
+//! Reloading of shaders that are edited while the workbench runs: finds changed files in a folder, and rebuilds the stages that use them.
 //!
-//! A change that compiles is drawn with; one that does not leaves everything as it was, and is told as one line with file, line and message. No file
-//! system tells of its changes alike, so the files are looked at, four times a second: some thirty, whose modification times take microseconds.
+//! A change that compiles takes effect. For one that does not, the old shaders stay in use, and the error is reported as one line with file, line and
+//! message. Notifications of changes differ between file systems, so the files are polled four times a second. There are about thirty of them, and
+//! reading a modification time takes microseconds.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -9,23 +10,23 @@ use std::time::{Duration, Instant, SystemTime};
 use kernels::frame::{ReloadReport, Renderer, shader_files};
 use kernels::gpu::{Gpu, Sources};
 
-/// Pause between two looks at the files.
+/// Time between two checks of the files.
 pub const INTERVAL: Duration = Duration::from_millis(250);
 
-/// What tells one version of a file from another: when it was written, and its length in bytes.
+/// Identifies the version of a file: modification time, and length in bytes.
 type Stamp = (SystemTime, u64);
 
-/// A file, as it was when it was looked at last.
+/// A file, as it was at the last check.
 struct Watched {
-    /// Path in the folder.
+    /// Path relative to the folder.
     name: String,
-    /// Absent where there is no such file.
+    /// `None` = the file does not exist.
     stamp: Option<Stamp>,
-    /// Whether it is named once more.
+    /// Whether the next check reports the file once more.
     again: bool,
 }
 
-/// Looks for changes of some files of a folder.
+/// Finds changes of given files in a folder.
 pub struct Watcher {
     folder: PathBuf,
     files: Vec<Watched>,
@@ -33,17 +34,17 @@ pub struct Watcher {
 }
 
 impl Watcher {
-    /// Watches `names`, paths in `folder`.
+    /// Watches the files `names`, which are paths relative to `folder`.
     pub fn new(folder: PathBuf, names: impl IntoIterator<Item = String>) -> Watcher {
         let files = names.into_iter().map(|name| Watched { name, stamp: None, again: true }).collect();
         Watcher { folder, files, looked: None }
     }
 
-    /// The files that changed, came or went since they were looked at last; the first time all. Absent if none did, or the last look is less than
-    /// [`INTERVAL`] ago.
+    /// The files that were changed, created or removed since the last check; at the first check, all files. `None` if there are none, or if the last
+    /// check is less than [`INTERVAL`] ago.
     ///
-    /// A changed file is named at the next look, too: an editor may have been in the middle of writing it, and have ended within the same tick of the
-    /// file system's clock. So whoever reads a file when it is named has read its last version in the end.
+    /// A changed file is reported again at the next check, because an editor may still have been writing it and may have finished within the same
+    /// tick of the file system's clock. A caller that reads each reported file therefore always ends up with its last version.
     pub fn changed(&mut self) -> Option<Vec<String>> {
         if self.looked.is_some_and(|at| at.elapsed() < INTERVAL) {
             return None;
@@ -66,7 +67,7 @@ impl Watcher {
         names
     }
 
-    /// Names nothing until something changes.
+    /// Takes the current files as unchanged: nothing is reported until a file changes.
     fn rest(&mut self) {
         self.look();
         for file in &mut self.files {
@@ -80,25 +81,25 @@ fn stamp(file: &Path) -> Option<Stamp> {
     Some((data.modified().ok()?, data.len()))
 }
 
-/// Keeps a renderer's shaders as they are in a folder.
+/// Keeps the shaders of a renderer up to date with a folder.
 pub struct Reload {
     folder: PathBuf,
     watcher: Watcher,
-    /// What was last given to a renderer, whether it compiled or not; absent if the folder could not be read.
+    /// The sources that were last given to a renderer, whether they compiled or not; `None` if the folder could not be read.
     tried: Option<Sources>,
 }
 
 impl Reload {
-    /// Follows the WGSL files of `folder`, which is laid out as `kernels/src`.
+    /// Watches the WGSL files in `folder`, which has the layout of `kernels/src`.
     pub fn new(folder: PathBuf) -> Reload {
         let watcher = Watcher::new(folder.clone(), shader_files().iter().map(|file| file.path.to_owned()));
         Reload { folder, watcher, tried: None }
     }
 
-    /// Takes changes over, if there are any: `None` if not, else what was built anew (nothing, if a change was taken back).
+    /// Applies changes to the renderer. `None` if there are none; otherwise a report of what was rebuilt (nothing, if a change was reverted).
     ///
     /// # Errors
-    /// In one line: a file that cannot be read, or the compiler's complaint with file and line. The renderer then draws as before.
+    /// One line: a file cannot be read, or a compiler error with file and line. The renderer then continues with its old shaders.
     pub fn step(&mut self, renderer: &mut Renderer<'_>) -> Option<Result<ReloadReport, String>> {
         self.watcher.changed()?;
         match Sources::read(&self.folder, &shader_files()) {
@@ -114,14 +115,16 @@ impl Reload {
         }
     }
 
-    /// To be called when a device failed and another is about to take its place, which draws with the shaders of the program. Those of the folder may
-    /// be what it failed at, so they are left alone until a file is saved. Returns what is to be told, if the device drew with any.
+    /// Call this when a device failed, before it is replaced. The new device draws with the shaders of the program. The shaders in the folder may be
+    /// the cause of the failure, so they are not used until one of them is saved. Returns a message if the device was using shaders from the folder.
     pub fn device_failed(&mut self, gpu: &Gpu) -> Option<String> {
         self.tried = None;
         self.watcher.rest();
         let folder = self.folder.display();
         (!gpu.sources().is_empty()).then(|| {
-            format!("the graphics device failed with the shaders of {folder}: those of the program draw until a file there is saved")
+            format!(
+                "the graphics device failed with the shaders of {folder}: the program's own shaders are used until a file there is saved"
+            )
         })
     }
 }
@@ -159,7 +162,7 @@ mod tests {
         assert_eq!(watcher.look(), ["b/c.wgsl"]);
         assert_eq!(watcher.look(), ["b/c.wgsl"]);
         assert!(watcher.look().is_empty());
-        // Files that nobody asked for are nobody's business.
+        // Files that are not watched are not reported.
         write(&folder, "d.wgsl", "1");
         assert!(watcher.look().is_empty());
     }
@@ -170,11 +173,11 @@ mod tests {
         let mut watcher = watcher(&folder);
         watcher.rest();
         assert!(watcher.look().is_empty());
-        // As editors save: into a new file that takes the place of the old.
+        // Some editors save into a new file, which then replaces the old one.
         write(&folder, "a.wgsl~", "333");
         std::fs::rename(folder.0.join("a.wgsl~"), folder.0.join("a.wgsl")).expect("renamed");
         assert_eq!(watcher.look(), ["a.wgsl"]);
-        // Or emptied first; the text that follows is a change of its own.
+        // Others empty the file first; writing the text afterwards is a second change.
         write(&folder, "a.wgsl", "");
         assert_eq!(watcher.look(), ["a.wgsl"]);
         write(&folder, "a.wgsl", "4444");

@@ -1,4 +1,5 @@
-//! The first look at a scene: drawn from small textures on coarse terrain by the cheapest shader, while the scene's own textures are being made.
+//! The first look at a scene (sketch): drawn with small textures, coarse terrain and the cheapest shader, while the textures of the scene are being
+//! made.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,35 +15,35 @@ use kernels::quadtree::LOD_BIASES;
 use kernels::scene::Scene;
 use kernels::variant::{Flavour, Variant};
 
-/// Edge of the textures that a scene is first drawn with, texels: they are made in less time than the first shader.
+/// Edge of the textures of a first look, texels. They are made in less time than it takes to compile the first shader.
 pub const TEXELS: u32 = 64;
 
-/// How often it is asked whether they are there.
+/// How often the thread checks whether the textures of the scene are ready.
 pub const INTERVAL: Duration = Duration::from_millis(30);
 
-/// Tells how far something is.
+/// Reports progress.
 pub type Tell = Arc<dyn Fn(Progress) + Send + Sync>;
 
-/// A scene whose textures are in the making.
+/// A scene whose textures are being made.
 pub struct Sketch {
-    /// What they are made for.
+    /// The scene for which they are made.
     scene: Scene,
     sector_m: f64,
-    /// Where they come from, once they are being made.
+    /// Receives the finished textures; `None` = making them has not begun.
     finished: Option<Receiver<Result<Palette>>>,
-    /// Whether nobody waits for them any more.
+    /// Whether the textures are no longer needed.
     abandoned: Arc<AtomicBool>,
 }
 
 impl Sketch {
-    /// Of the scene that a renderer draws, if it has only small textures for it.
+    /// A sketch for the scene of a renderer, if the renderer has only small textures for it.
     pub fn of(renderer: &Renderer<'_>) -> Option<Sketch> {
         let sector_m = renderer.world().layout().sector_m;
         renderer.is_sketch().then(|| Sketch { scene: renderer.scene().clone(), sector_m, finished: None, abandoned: Arc::default() })
     }
 
-    /// Begins with the textures, unless that was done. They take every core, so that it is called once there is a picture; and workers of their own,
-    /// since pictures that are drawn meanwhile have theirs.
+    /// Begins to make the textures, unless that was done before. This uses all cores, so call it after the first picture. It uses a thread pool of
+    /// its own, because drawing uses the global one at the same time.
     pub fn begin(&mut self, tell: &Tell) {
         let (scene, sector_m, tell, abandoned) = (self.scene.clone(), self.sector_m, tell.clone(), self.abandoned.clone());
         self.finished.get_or_insert_with(|| {
@@ -50,7 +51,7 @@ impl Sketch {
             std::thread::spawn(move || {
                 let progress = |name: &str| {
                     if abandoned.load(Ordering::Relaxed) {
-                        return Err(Error::Request("nobody waits for these textures any more".to_owned()));
+                        return Err(Error::Request("these textures are no longer needed".to_owned()));
                     }
                     tell(Progress { stage: name.to_owned(), done: 0, total: 0 });
                     Ok(())
@@ -60,19 +61,21 @@ impl Sketch {
                     Ok(workers) => workers.install(build),
                     Err(_) => build(),
                 };
-                // Where another scene was opened, nobody does.
+                // Sending fails if another scene was opened in the meantime.
                 let _ = sender.send(palette);
             });
             finished
         });
     }
 
-    /// Takes the textures over once they are there. `None` = not yet; else whether the renderer draws with its scene's own textures now, or why there
-    /// are none.
+    /// Passes the textures to the renderer once they are ready. `None` = they are not ready; `Ok` = the renderer now draws with them; `Err` = why
+    /// they could not be made.
     pub fn step(&mut self, renderer: &mut Renderer<'_>) -> Option<std::result::Result<(), String>> {
         match self.finished.as_ref()?.try_recv() {
             Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(Err("making textures stopped by an internal error; please report it".to_owned())),
+            Err(TryRecvError::Disconnected) => {
+                Some(Err("making textures stopped because of an internal error; please report it".to_owned()))
+            }
             Ok(Err(error)) => Some(Err(error.to_string())),
             Ok(Ok(palette)) => {
                 debug_assert!(self.scene.materials == renderer.scene().materials, "another palette was made for other materials");
@@ -89,7 +92,7 @@ impl Drop for Sketch {
     }
 }
 
-/// The picture that is drawn in place of another for a first look.
+/// The request for a first look, derived from the request for the full picture.
 pub fn draft(request: &RenderRequest) -> RenderRequest {
     request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));

@@ -1,7 +1,7 @@
-//! The brush: a place in the picture is one on the ground, and where the pointer passed is a stroke of the scene.
+//! The brush: it turns the way of the pointer over the picture into strokes on the ground.
 //!
-//! Places come from the depth of the picture that is on screen, by the same arithmetic as the inspector's ([`place_at`]). Between two positions of the
-//! pointer each pixel in between is looked at, so that a stroke lies where the pointer was seen to pass and stops at sky and at the edge of a ridge.
+//! Places on the ground are computed from the depth of the picture on screen, with the same function as in the inspector ([`place_at`]). Every pixel
+//! between two positions of the pointer is examined, so that a stroke follows the ground under the pointer. It ends at sky and at a ridge's edge.
 
 use std::f64::consts::TAU;
 
@@ -16,45 +16,46 @@ use kernels::oracle::{pixel_at, place_at};
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
 /// Largest factor that a brush puts on the weights of rules.
 pub const MOST_AMOUNT: f64 = 16.0;
-/// Points of a stroke: baking holds every splat texel near it against each of them.
+/// Maximum number of points of a stroke. Baking compares every splat texel near the stroke with each of them.
 pub const MOST_POINTS: usize = 4096;
-/// Strokes of a scene, beyond which a brush adds none.
+/// Maximum number of strokes of a scene: the brush adds no more.
 pub const MOST_STROKES: usize = 1000;
-/// Points of all strokes of a scene together, beyond which a brush adds none: a scene file may have 4 MiB, and each point takes some 40 bytes of it.
+/// Maximum number of points of all strokes of a scene together: the brush adds no more. A scene file may have 4 MiB, and a point takes about 40
+/// bytes.
 pub const MOST_IN_ALL: usize = 65_536;
-/// Smallest distance of two points, as a share of the radius.
+/// Smallest distance between two points of a stroke, as a share of the radius.
 const SPACING: f64 = 0.25;
-/// How far beside the line a point may lie that is left out, as a share of the radius.
+/// A point may be left out if it lies at most this far from the simplified line, as a share of the radius.
 const BESIDE: f64 = 1.0 / 16.0;
-/// Points in a row that may be left out, each of which is looked at again for every new one.
+/// Maximum number of consecutive points that are left out. The limit bounds the cost, since every new point is compared with all of them.
 const MOST_LEFT_OUT: usize = 256;
-/// Ratio of the depths of two neighbouring pixels above which they may be of different ground, one behind the other.
+/// Two neighbouring pixels may show different ground, one behind the other, if the ratio of their depths exceeds this.
 const EDGE: f64 = 1.5;
-/// And how far, as a share of the step, the inverse depth then is from where a plane would have it, which is linear in the picture: ground that runs
-/// towards the horizon has large ratios, too.
+/// Second condition for such an edge: the inverse depth differs from the continuation of a plane by more than this share of its step. The ratio alone
+/// does not suffice, since ground near the horizon has large ratios, too. On a plane, the inverse depth is linear in the picture.
 const BEND: f64 = 0.5;
-/// Points of the ring that shows the brush.
+/// Number of points of the ring that shows the brush.
 const RING: u32 = 64;
-/// Places of the ground around a ring that its slope is taken from.
+/// Number of places on the ground around the centre from which the slope of the ring is computed.
 const AROUND: u32 = 8;
-/// Steepest slope of a ring, metres up for a metre along.
+/// Steepest slope of the ring, metres of height per metre of distance.
 const STEEPEST: f64 = 4.0;
 
-/// The ground as a picture shows it. Places in the picture are shares of its width and height from the top left.
+/// The ground, as reconstructed from the depth of a picture. Places in the picture are shares of its width and height, from the top left.
 pub struct Ground<'a> {
     view: View,
-    /// Metres along the view direction, 0 = sky; row by row from the top.
+    /// Depth along the view direction in metres, row by row from the top; 0 = sky.
     depths: &'a [f32],
 }
 
 impl<'a> Ground<'a> {
-    /// A view, and the depths of its pixels; `None` = those are not of its size.
+    /// The ground of a view, from the depths of its pixels. `None` = the number of depths does not match the size of the view.
     pub fn new(view: View, depths: &'a [f32]) -> Option<Ground<'a>> {
         let [width, height] = view.size.map(|side| side as usize);
         (depths.len() == width * height && !depths.is_empty()).then_some(Ground { view, depths })
     }
 
-    /// Of a picture; `None` = its depth was not asked for.
+    /// The ground of a picture. `None` = the picture has no depth layer.
     pub fn of(shown: &'a Shown) -> Option<Ground<'a>> {
         let layout = &shown.layout;
         let view = View::new(shown.pose, shown.picture.size, [0.0; 2], layout.sector_m, layout.world_m());
@@ -66,15 +67,14 @@ impl<'a> Ground<'a> {
         f64::from(self.depths[y as usize * self.view.size[0] as usize + x as usize])
     }
 
-    /// The place on the ground that is seen there, world metres; `None` = sky, or beside the picture.
+    /// The place on the ground that is visible at `at`, in world metres. `None` = sky, or outside of the picture.
     pub fn at(&self, at: [f32; 2]) -> Option<DVec3> {
         let is_inside = at.iter().all(|share| (0.0..=1.0).contains(share));
         let depth_m = self.depth_m(at);
         (is_inside && depth_m > 0.0).then(|| place_at(&self.view, pixel_at(at, self.view.size), depth_m))
     }
 
-    /// The places on the ground that a line in the picture passes after its beginning, pixel by pixel. `None` = sky, or an edge with other ground
-    /// behind it.
+    /// The places on the ground along a line in the picture, pixel by pixel, without its start. `None` = sky, or an edge with other ground behind it.
     pub fn between(&self, from: [f32; 2], to: [f32; 2]) -> Vec<Option<DVec3>> {
         let pixels = |k: usize| (to[k] - from[k]).abs() * self.view.size[k] as f32;
         let steps = pixels(0).max(pixels(1)).ceil().max(1.0);
@@ -99,18 +99,18 @@ impl<'a> Ground<'a> {
         places
     }
 
-    /// Where in the picture a place of the world is; `None` = behind the camera. It may lie beside the picture, and behind other ground.
+    /// Where a place of the world is in the picture. `None` = it is behind the camera. The result may lie outside of the picture or be occluded.
     pub fn seen(&self, place: DVec3) -> Option<[f32; 2]> {
         let View { pose, camera, clip_from_local, .. } = self.view;
         let clip = clip_from_local * (place - pose.position + camera).extend(1.0);
         (clip.w > NEAR_M).then(|| [(0.5 + clip.x / clip.w * 0.5) as f32, (0.5 - clip.y / clip.w * 0.5) as f32])
     }
 
-    /// A circle on the ground, closed: seen from above it is one, and it lies in the plane that fits best what is seen around its centre.
+    /// A closed ring on the ground. It is a circle when seen from above, and lies in the plane that best fits the visible ground around its centre.
     pub fn ring(&self, centre: DVec3, radius_m: f64) -> Vec<Option<[f32; 2]>> {
         let around = |count: u32| (0..count).map(move |i| DVec2::from_angle(TAU * f64::from(i) / f64::from(count)) * radius_m);
         let seen = around(AROUND).filter_map(|offset| self.at(self.seen(centre + offset.extend(0.0))?));
-        // What is far away is other ground, behind or before this one.
+        // Places far from the centre belong to other ground, in front of this ground or behind it.
         let slope = slope(seen.map(|place| place - centre).filter(|offset| offset.truncate().length() <= 2.0 * radius_m));
         let mut ring: Vec<_> = around(RING).map(|offset| self.seen(centre + offset.extend(slope.dot(offset)))).collect();
         let first = ring.first().copied();
@@ -119,7 +119,7 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// Metres up for a metre east and north, of the plane through the origin that fits best, by least squares; level where the points do not tell.
+/// Slope towards east and north, metres per metre, of the least-squares plane through the origin. Zero if the points do not determine it.
 fn slope(offsets: impl Iterator<Item = DVec3>) -> DVec2 {
     let ([mut xx, mut xy, mut yy], mut rises) = ([0.0_f64; 3], DVec2::ZERO);
     for offset in offsets {
@@ -135,7 +135,7 @@ fn slope(offsets: impl Iterator<Item = DVec3>) -> DVec2 {
     (DVec2::new(rises.x * yy - rises.y * xy, rises.y * xx - rises.x * xy) / determinant).clamp_length_max(STEEPEST)
 }
 
-/// Metres from a point to the nearest one of a line.
+/// Distance from a point to a line segment, metres.
 fn distance_m(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
     let along = to - from;
     let length_2 = along.length_squared();
@@ -145,24 +145,24 @@ fn distance_m(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
 
 /// Length of the line that a stroke follows, metres.
 pub fn length_m(stroke: &Stroke) -> f64 {
-    // Folded, since the sum of no numbers is -0.
+    // `fold` starts from 0; `sum` of an empty iterator is -0.
     stroke.points.windows(2).fold(0.0, |sum, pair| sum + DVec2::from_array(pair[0]).distance(DVec2::from_array(pair[1])))
 }
 
-/// What the next stroke is like, and the one that is being painted.
+/// Settings of the next stroke, and the stroke that is being painted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Brush {
     /// Whether a drag in the picture paints.
     pub paints: bool,
     /// What a stroke changes.
     pub kind: StrokeKind,
-    /// Name of the material that is laid, or whose rules are weighted.
+    /// Name of the material that is laid, or of the material whose rules are weighted.
     pub material: String,
-    /// Metres, within [`RADII_M`].
+    /// Radius in metres, within [`RADII_M`].
     pub radius_m: f64,
-    /// Soft edge of a mask, metres inwards; more than the radius is the radius.
+    /// Width of the soft edge of a mask, metres inwards from its edge; at most the radius.
     pub fade_m: f64,
-    /// Factor of a mask on the weights of the material's rules, 0 to [`MOST_AMOUNT`].
+    /// Factor of a mask on the weights of the material's rules, from 0 to [`MOST_AMOUNT`].
     pub amount: f64,
     drawing: Option<Drawing>,
     full: Option<String>,
@@ -171,20 +171,20 @@ pub struct Brush {
 /// A drag that is being painted.
 #[derive(Clone, Debug, PartialEq)]
 struct Drawing {
-    /// Which of the pictures in the viewport it is on, from the left.
+    /// Index of the picture in the viewport on which it began, from the left.
     part: usize,
-    /// Where the pointer was last; `None` = beside the picture.
+    /// Last position of the pointer; `None` = outside of the picture.
     pointer: Option<[f32; 2]>,
-    /// Whether that place was painted.
+    /// Whether the position where the drag began has been painted.
     began: bool,
-    /// Number of the stroke that grows; `None` = the next place begins one.
+    /// Index of the stroke that is extended; `None` = the next place begins a new stroke.
     stroke: Option<usize>,
-    /// Places left out since the last but one point of that stroke.
+    /// Places that were left out since the second to last point of that stroke.
     left_out: Vec<DVec2>,
 }
 
 impl Default for Brush {
-    /// Lays a material, some steps wide.
+    /// Lays a material with a radius of 4 m.
     fn default() -> Brush {
         Brush {
             paints: false,
@@ -200,7 +200,7 @@ impl Default for Brush {
 }
 
 impl Brush {
-    /// Takes a material that the scene has, where its own is not one.
+    /// Selects the first material of the scene if the scene does not have the selected one.
     pub fn fit(&mut self, scene: &Scene) {
         let known = scene.materials.iter().any(|material| material.name == self.material);
         if let (false, Some(first)) = (known, scene.materials.first()) {
@@ -208,7 +208,7 @@ impl Brush {
         }
     }
 
-    /// Begins a drag at a place of one of the pictures in the viewport.
+    /// Begins a drag at a position in one of the pictures in the viewport.
     pub fn begin(&mut self, part: usize, from: [f32; 2]) {
         self.full = None;
         self.drawing = Some(Drawing { part, pointer: Some(from), began: false, stroke: None, left_out: Vec::new() });
@@ -219,22 +219,22 @@ impl Brush {
         self.drawing.is_some()
     }
 
-    /// The picture that it is on, from the left.
+    /// Index of the picture on which the drag began, from the left.
     pub fn part(&self) -> Option<usize> {
         self.drawing.as_ref().map(|drawing| drawing.part)
     }
 
-    /// Ends it.
+    /// Ends the drag.
     pub fn finish(&mut self) {
         self.drawing = None;
     }
 
-    /// Why the last drag was not painted whole; one line.
+    /// Why the last drag was not painted completely; one line.
     pub fn full(&self) -> Option<&str> {
         self.full.as_deref()
     }
 
-    /// Paints where the pointer passed on its way to a place; `None` = it left the picture.
+    /// Paints along the way of the pointer to a position; `None` = it left the picture.
     pub fn drag(&mut self, scene: &mut Scene, ground: &Ground<'_>, to: Option<[f32; 2]>) {
         let Some(mut drawing) = self.drawing.take() else { return };
         self.fit(scene);
@@ -257,9 +257,9 @@ impl Brush {
         self.drawing = Some(drawing);
     }
 
-    /// Lets the stroke grow to a place.
+    /// Extends the stroke to a place, or begins a new stroke there.
     fn pass(&mut self, drawing: &mut Drawing, scene: &mut Scene, place: DVec2) {
-        // What was undone meanwhile is gone, and the next place begins anew.
+        // If the stroke was undone in the meantime, this place begins a new one.
         let index = drawing.stroke.filter(|index| index + 1 == scene.strokes.len());
         let last = index.and_then(|index| scene.strokes[index].points.last().copied());
         let (Some(index), Some(last)) = (index, last.map(DVec2::from_array)) else {
@@ -275,7 +275,7 @@ impl Brush {
         if last.distance(place) <= SPACING * stroke.radius_m {
             return;
         }
-        // Where the line runs straight on, its end moves.
+        // If the line continues straight, move its end instead of adding a point.
         drawing.left_out.push(last);
         let count = stroke.points.len();
         let corner = count.checked_sub(2).map(|before| DVec2::from_array(stroke.points[before]));
@@ -287,7 +287,7 @@ impl Brush {
         }
         drawing.left_out.clear();
         if count >= MOST_POINTS {
-            self.full = Some(format!("the stroke has {MOST_POINTS} points: let go, and begin another one"));
+            self.full = Some(format!("the stroke has {MOST_POINTS} points, the most that are possible: let go, and begin another stroke"));
             return;
         }
         if points_in_all(scene) >= MOST_IN_ALL {
@@ -299,7 +299,7 @@ impl Brush {
 
     fn stroke(&self, from: DVec2) -> Stroke {
         let (fade_m, amount) = match self.kind {
-            // Of no meaning, and then alike in all.
+            // These have no effect on this kind; zero, so that equal strokes compare as equal.
             StrokeKind::Splat => (0.0, 0.0),
             StrokeKind::Mask => (self.fade_m.min(self.radius_m).max(0.0), self.amount),
         };
@@ -311,12 +311,12 @@ fn points_in_all(scene: &Scene) -> usize {
     scene.strokes.iter().map(|stroke| stroke.points.len()).sum()
 }
 
-/// Why a scene takes no further stroke; one line.
+/// Why the scene can take no further stroke, if it cannot; one line.
 fn crowded(scene: &Scene) -> Option<String> {
     let (strokes, points) = (scene.strokes.len(), points_in_all(scene));
     let is_full = strokes >= MOST_STROKES || points >= MOST_IN_ALL;
     is_full.then(|| {
-        format!("the scene has {strokes} of {MOST_STROKES} strokes and {points} of {MOST_IN_ALL} points: remove some strokes, to paint on")
+        format!("the scene has {strokes} of {MOST_STROKES} strokes and {points} of {MOST_IN_ALL} points: remove some strokes to paint more")
     })
 }
 
@@ -352,7 +352,7 @@ mod tests {
         Brush { material: "moss".to_owned(), radius_m, ..Brush::default() }
     }
 
-    /// Metres from a place to a stroke's line.
+    /// Distance from a place to the line of a stroke, metres.
     fn beside_m(stroke: &Stroke, place: DVec2) -> f64 {
         let points: Vec<DVec2> = stroke.points.iter().copied().map(DVec2::from_array).collect();
         let alone = points[0].distance(place);
@@ -386,7 +386,7 @@ mod tests {
         let depths = plane(&view, DVec2::ZERO);
         let ground = Ground::new(view, &depths).expect("of its size");
         let (mut scene, mut brush) = (plain(), brush(2.0));
-        // Level with the horizon on level ground, the line is straight.
+        // On level ground, a line parallel to the horizon is straight.
         brush.begin(0, [0.103, 0.8]);
         for share in [0.3, 0.31, 0.903] {
             brush.drag(&mut scene, &ground, Some([share, 0.8]));
@@ -397,7 +397,7 @@ mod tests {
         assert_eq!((stroke.kind, stroke.material.as_str(), stroke.radius_m, stroke.fade_m), (StrokeKind::Splat, "moss", 2.0, 0.0));
         let [from, to] = [0.103, 0.903].map(|share| ground.at([share, 0.8]).expect("ground").truncate());
         assert!((length_m(&stroke) - from.distance(to)).abs() <= SPACING * 2.0, "{} m", length_m(&stroke));
-        // Around corners every place is near the line, and there are far fewer points than places.
+        // At a corner, too, every place is near the line, and the stroke has far fewer points than there are places.
         let corners = [[0.2, 0.9], [0.8, 0.9], [0.8, 0.6], [0.3, 0.7], [0.31, 0.95]];
         brush.begin(0, corners[0]);
         for at in corners {
@@ -411,7 +411,7 @@ mod tests {
             assert!(beside <= (SPACING + BESIDE) * 2.0 + 1e-9, "{beside} m beside the line at {place}");
         }
         assert!(passed.len() > 150 && stroke.points.len() < passed.len() / 3, "{} points of {}", stroke.points.len(), passed.len());
-        // Seen to be so: the corner alone would be too little.
+        // Positive control: the straight line between the ends would be too far from the places.
         assert!(passed.iter().any(|place| distance_m(place.truncate(), [from, to]) > 4.0));
     }
 
@@ -426,7 +426,7 @@ mod tests {
         brush.drag(&mut scene, &ground, Some([0.5, 0.8]));
         let stroke = &scene.strokes[0];
         assert_eq!((stroke.fade_m, stroke.amount, stroke.points.len()), (2.0, 0.25, 1));
-        // A material that the scene has not, is none to paint with.
+        // A material that the scene does not have is replaced by its first one.
         assert_eq!(stroke.material, scene.materials[0].name);
         assert!(scene::validate(&scene).is_ok());
     }
@@ -443,7 +443,7 @@ mod tests {
             }
             depths
         };
-        // A gap of sky leaves two strokes, a pillar before the ground three.
+        // A gap of sky splits the drag into two strokes, a pillar in front of the ground into three.
         for (depths, strokes) in [(columns(70, |_| 0.0), 2), (columns(70, |depth| depth / 2.0), 3), (plain_depths.clone(), 1)] {
             let ground = Ground::new(view, &depths).expect("of its size");
             let (mut scene, mut brush) = (plain(), brush(1.0));
@@ -456,7 +456,7 @@ mod tests {
                 let apart = apart.distance(DVec2::from_array(scene.strokes[1].points[0]));
                 assert!(apart > 0.5 * across, "{apart} m of {across} m");
             }
-            // Off the picture and in again it begins anew, too.
+            // A drag that leaves the picture and returns begins a new stroke, too.
             brush.drag(&mut scene, &ground, None);
             brush.drag(&mut scene, &ground, Some([0.5, 0.95]));
             assert_eq!(scene.strokes.len(), strokes + 1);
@@ -475,13 +475,13 @@ mod tests {
         assert_eq!((scene.strokes.len(), scene.strokes[0].points.len()), (1, MOST_POINTS));
         assert!(brush.full().is_some_and(|text| text.contains("let go")), "{:?}", brush.full());
         assert!(scene::validate(&scene).is_ok());
-        // All of them together, too: by a stroke that begins, and by one that grows.
+        // The limit on all points together holds, too: for a new stroke, and for one that is extended.
         let long = scene.strokes[0].clone();
         let one = Stroke { points: vec![[0.0, 0.0]], ..long.clone() };
         let many = vec![long; MOST_IN_ALL / MOST_POINTS];
         let mut grown = many.clone();
         grown.pop();
-        // One point is another stroke's, which would grow.
+        // Room for one point, which the new stroke takes; it cannot be extended.
         grown.push(Stroke { points: many[0].points[1..].to_vec(), ..one.clone() });
         grown.push(one.clone());
         for (strokes, stroke) in [(vec![one; MOST_STROKES], None), (many, None), (grown.clone(), Some(grown.len() - 1))] {
@@ -521,7 +521,7 @@ mod tests {
             assert_eq!((ring.len(), ring[0]), (RING as usize + 1, ring[RING as usize]));
             for at in ring {
                 let place = ground.at(at.expect("before the camera")).expect("ground");
-                // As exact as pixels are.
+                // Pixels limit the precision.
                 let radius = place.truncate().distance(centre.truncate());
                 assert!((radius - 6.0).abs() < 1.0, "{radius} m on {rise}");
             }

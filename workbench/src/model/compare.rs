@@ -1,4 +1,4 @@
-//! Two ways to shade one view, beside each other: A is what the panels edit, B what it is held against.
+//! The comparison of two ways to shade one view: A has the settings that the panels edit, and is compared with B.
 
 use kernels::frame::FrameSettings;
 use kernels::shading::Estimator;
@@ -12,18 +12,18 @@ pub enum Mode {
     /// Only A is drawn.
     #[default]
     Off,
-    /// A on the left of a line, B on its right.
+    /// A to the left of a line, B to its right.
     Wipe,
-    /// The same cut-out of both, next to each other.
+    /// The same part of both pictures, next to each other.
     SideBySide,
-    /// One of them at a time, changed by a key.
+    /// One picture at a time; a key switches between them.
     Flicker,
-    /// How much they differ.
+    /// The absolute difference of the two pictures.
     Difference,
 }
 
 impl Mode {
-    /// All of them, in the order of the menu.
+    /// All modes, in the order of the menu.
     pub const ALL: [Mode; 5] = [Mode::Off, Mode::Wipe, Mode::SideBySide, Mode::Flicker, Mode::Difference];
 
     /// Its name in the menu.
@@ -37,32 +37,32 @@ impl Mode {
         }
     }
 
-    /// What is seen.
+    /// What the viewport shows in this mode.
     pub const fn about(self) -> &'static str {
         match self {
             Mode::Off => "B is not drawn",
             Mode::Wipe => "A left of the line, B right of it; drag the line",
             Mode::SideBySide => "The same part of both",
-            Mode::Flicker => "One at a time; X shows the other",
+            Mode::Flicker => "One picture at a time; the key X shows the other",
             Mode::Difference => "Absolute difference in luminance, 0.001 black to 1 white, logarithmic",
         }
     }
 }
 
-/// What A is held against.
+/// What B is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Other {
-    /// The exact blend of what A's estimator draws from: its mean, without noise.
+    /// The exact blend for the settings of A: the mean of its random choices, without noise.
     #[default]
     Exact,
-    /// Full splat on two tilings on every pixel, exact: 96 fetches.
+    /// The reference blend: full splat with two tilings on every pixel, exact, 96 fetches.
     Full,
-    /// Settings that were kept.
+    /// Settings that were stored with `Keep A as B`.
     Kept(Box<Settings>),
 }
 
 impl Other {
-    /// What it is called in the menu.
+    /// Its name in the menu.
     pub const fn name(&self) -> &'static str {
         match self {
             Other::Exact => "exact blend of A",
@@ -82,10 +82,14 @@ pub struct Compare {
 }
 
 impl Compare {
-    /// What B is drawn by; `None` = it is not drawn. How a picture is looked at (layer, scale, counting, timing) is A's.
+    /// The settings of B; `None` = B is not drawn. The settings of the display (layer, scale, exposure, tone curve, counting, timing) are those of A.
     pub fn b(&self, a: &Settings) -> Option<Settings> {
         let Settings { layer, scale, counts, times_variants, .. } = *a;
-        let looked_at_as_a = |b: &Settings| Settings { layer, scale, counts, times_variants, ..b.clone() };
+        let (exposure, tone_curve) = (a.frame.exposure, a.frame.tone_curve);
+        let looked_at_as_a = |b: &Settings| {
+            let frame = FrameSettings { exposure, tone_curve, ..b.frame };
+            Settings { frame, layer, scale, counts, times_variants, ..b.clone() }
+        };
         match (self.mode, &self.other) {
             (Mode::Off, _) => None,
             (_, Other::Exact) => Some(Settings { frame: FrameSettings { estimator: Estimator::Exact, ..a.frame }, ..a.clone() }),
@@ -98,7 +102,7 @@ impl Compare {
         }
     }
 
-    /// Keeps A as B.
+    /// Stores the settings of A as B.
     pub fn keep(&mut self, a: &Settings) {
         self.other = Other::Kept(Box::new(a.clone()));
         if self.mode == Mode::Off {
@@ -106,7 +110,7 @@ impl Compare {
         }
     }
 
-    /// Exchanges A and B, as far as they decide how the terrain looks.
+    /// Exchanges the settings of A and B, except those of the display.
     pub fn swap(&mut self, a: &mut Settings) {
         let drawn = Compare { mode: Mode::Wipe, other: self.other.clone() };
         if let Some(b) = drawn.b(a) {
@@ -115,7 +119,7 @@ impl Compare {
     }
 }
 
-/// What tells two settings apart, in words; the choice of shaders alone if nothing does.
+/// Describes in words how `own` differs from `other`; the choice of variant alone if there is no difference.
 pub fn label(own: &Settings, other: &Settings) -> String {
     let mut parts = Vec::new();
     if own.choice() != other.choice() {

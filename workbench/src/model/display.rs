@@ -1,4 +1,4 @@
-//! From a picture's numbers to colours on the screen, and what those mean: legends and pictures take their colours from the same [`Scale`]s.
+//! Colours for the values of a picture, and legends for them. Pictures and legends use the same [`Scale`]s, so that they agree.
 
 use std::sync::LazyLock;
 
@@ -31,49 +31,49 @@ pub enum Layer {
     Fetches,
     /// The first random choice of each pixel.
     Choice,
-    /// Standard deviation of luminance over the frames followed.
+    /// Standard deviation of luminance over frames, along the surface.
     Deviation,
     /// Mean absolute difference in luminance from frame to frame.
     Flicker,
     /// Share of choices that differ from the frame before.
     Flips,
-    /// Mean difference in luminance from the picture compared with.
+    /// Mean difference in luminance to B.
     Bias,
 }
 
-/// How a value becomes a colour, in the picture and on the bar that explains it.
+/// The mapping of a value to a colour, in the picture and on the bar of the legend.
 #[derive(Debug, PartialEq)]
 pub struct Scale {
-    /// What the values are.
+    /// What the values mean.
     pub name: &'static str,
     colours: Colours,
-    /// Values at the bar's ends, whose colours those beyond have, too.
+    /// Values at the ends of the bar. Values beyond them are clamped.
     ends: [f32; 2],
     logarithmic: bool,
-    /// Values that are marked on the bar, and what is written there.
+    /// Values that are marked on the bar, and their labels.
     pub ticks: &'static [(f32, &'static str)],
 }
 
 /// The colours along a bar.
 #[derive(Debug, PartialEq)]
 enum Colours {
-    /// From black to pale yellow, in equal steps to the eye.
+    /// From black to pale yellow, perceptually uniform.
     Magma,
-    /// Blue, grey in the middle, orange.
+    /// From blue through grey to orange.
     Diverging,
     /// From black to red (0), green (1) or blue (2).
     Channel(usize),
 }
 
 impl Scale {
-    /// Where a value is on the bar, from 0 at the left to 1 at the right.
+    /// Position of a value on the bar, from 0 at the left to 1 at the right.
     pub fn place(&self, value: f32) -> f32 {
         let [low, high] = self.ends;
         let place = if self.logarithmic { (value.max(low) / low).ln() / (high / low).ln() } else { (value - low) / (high - low) };
         place.clamp(0.0, 1.0)
     }
 
-    /// The colour at a place on the bar, sRGB.
+    /// The colour at a position on the bar, sRGB.
     pub fn at(&self, place: f32) -> [u8; 3] {
         match self.colours {
             Colours::Magma => MAGMA[((place.clamp(0.0, 1.0) * 255.0) as usize).min(MAGMA.len() - 1)],
@@ -94,7 +94,7 @@ impl Scale {
 
 static MAGMA: LazyLock<Vec<[u8; 3]>> = LazyLock::new(magma);
 
-/// Metres.
+/// Depth, metres.
 static DEPTH: [Scale; 1] = [Scale {
     name: "distance along the view direction",
     colours: Colours::Magma,
@@ -102,9 +102,9 @@ static DEPTH: [Scale; 1] = [Scale {
     logarithmic: true,
     ticks: &[(1.0, "1 m"), (10.0, "10 m"), (100.0, "100 m"), (1000.0, "1 km"), (10_000.0, "10 km")],
 }];
-/// Up to full splat on two tilings.
+/// Fetches, up to those of full splat with two tilings.
 static FETCHES: [Scale; 1] = [Scale {
-    name: "texture fetches a pixel",
+    name: "texture fetches per pixel",
     colours: Colours::Magma,
     ends: [0.0, 96.0],
     logarithmic: false,
@@ -129,7 +129,7 @@ static DIFFERENCE: [Scale; 1] =
     [Scale { name: "|A - B| in luminance", colours: Colours::Magma, ends: [1e-3, 1.0], logarithmic: true, ticks: LUMINANCES }];
 const LUMINANCES: &[(f32, &str)] = &[(1e-3, "0.001"), (0.01, "0.01"), (0.1, "0.1"), (1.0, "1")];
 static FLIPS: [Scale; 1] = [Scale {
-    name: "share of choices other than the frame before",
+    name: "share of choices that differ from the previous frame",
     colours: Colours::Magma,
     ends: [0.0, 1.0],
     logarithmic: false,
@@ -143,20 +143,20 @@ static BIAS: [Scale; 1] = [Scale {
     ticks: &[(-0.1, "-0.1"), (0.0, "0"), (0.1, "0.1")],
 }];
 
-/// Colours of choices, which have no order: by turns around the circle of hues, neighbours far apart.
+/// Colours of choices. Choices have no order, so neighbouring colours have very different hues.
 const CHOICES: [[u8; 3]; 8] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [213, 94, 0], [204, 121, 167], [160, 160, 160]];
-/// The largest choice: four splat texels along three axes.
+/// The largest code of a choice: four splat texels times three axes.
 const MOST_CHOICES: usize = 12;
 
 /// What the colours of a picture mean.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Legend {
-    /// More than a bar or swatches can say: [`Layer::legend`].
+    /// Text, where neither bars nor swatches apply: [`Layer::legend`].
     Words,
-    /// A value a bar.
+    /// One bar for each value.
     Bars(&'static [Scale]),
-    /// A meaning a colour.
+    /// One colour for each meaning.
     Swatches(Vec<Swatch>),
 }
 
@@ -169,7 +169,7 @@ pub struct Swatch {
     pub name: String,
 }
 
-/// Blue below 0, grey at 0, orange above, as far apart for those who tell red and green with trouble; -1 to 1.
+/// Blue below 0, grey at 0, orange above 0, for values from -1 to 1. These colours can also be distinguished with red-green colour blindness.
 fn diverging(value: f32) -> [u8; 3] {
     const ENDS: [[f32; 3]; 3] = [[0.0, 114.0, 178.0], [70.0, 70.0, 70.0], [240.0, 160.0, 0.0]];
     let value = value.clamp(-1.0, 1.0);
@@ -177,7 +177,7 @@ fn diverging(value: f32) -> [u8; 3] {
     std::array::from_fn(|k| (ENDS[1][k] + (end[k] - ENDS[1][k]) * value.abs()) as u8)
 }
 
-/// How much the lit luminance of two pictures differs, in the colours of [`difference_legend`].
+/// The absolute difference in lit luminance of two pictures, in the colours of [`difference_legend`].
 pub fn difference(a: &Picture, b: &Picture) -> Vec<[u8; 3]> {
     let lit = |t: &[f32; 4]| luminance([t[0], t[1], t[2]]) as f32;
     let colour = |(a, b): (&[f32; 4], &[f32; 4])| DIFFERENCE[0].colour((lit(a) - lit(b)).abs());
@@ -248,18 +248,18 @@ impl Layer {
             Layer::Albedo => "linear albedo as sRGB",
             Layer::Normal => "x, y, z from -1 to 1 as red, green, blue",
             Layer::Depth => "1 m black to 10 km white, logarithmic",
-            Layer::Mask => "flavours that a pixel needs; mixtures are means",
-            Layer::Tiles => "variant that a tile runs; mixtures are means",
-            Layer::Fetches => "0 black to 96 white texture fetches a pixel",
-            Layer::Choice => "a colour a choice; black: no random choice",
+            Layer::Mask => "flavours that a pixel needs; sets of flavours have mean colours",
+            Layer::Tiles => "variant that a tile runs; sets of flavours have mean colours",
+            Layer::Fetches => "texture fetches per pixel, 0 black to 96 white",
+            Layer::Choice => "one colour per choice; black: no random choice",
             Layer::Deviation => "standard deviation of luminance over frames, 0.001 black to 1 white, logarithmic",
-            Layer::Flicker => "mean |difference| in luminance to the frame before, 0.001 black to 1 white, logarithmic",
-            Layer::Flips => "share of choices other than the frame before, 0 black to 1 white",
+            Layer::Flicker => "mean |difference| in luminance to the previous frame, 0.001 black to 1 white, logarithmic",
+            Layer::Flips => "share of choices that differ from the previous frame, 0 black to 1 white",
             Layer::Bias => "mean A - B, -0.1 blue, 0 grey, 0.1 orange; grey where B is not drawn",
         }
     }
 
-    /// The layer of the renderer that it is made from; `None` = the picture itself.
+    /// The layer of the renderer that it shows; `None` = it is made from the picture itself.
     pub const fn aov(self) -> Option<&'static str> {
         match self {
             Layer::Lit | Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias => None,
@@ -273,17 +273,17 @@ impl Layer {
         }
     }
 
-    /// What is shown of B: nothing is measured of it against another picture, so that in place of its bias there is the picture.
+    /// The layer to show for B. B has no bias, because it is not compared with another picture; the lit picture is shown instead.
     pub fn of_second(self) -> Layer {
         if self == Layer::Bias { Layer::Lit } else { self }
     }
 
-    /// Whether it shows what live metrics follow.
+    /// Whether it shows a live metric.
     pub const fn is_measured(self) -> bool {
         matches!(self, Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias)
     }
 
-    /// What its values are coloured by, where they are numbers.
+    /// The scales of its values, if they are numbers.
     fn scales(self) -> &'static [Scale] {
         match self {
             Layer::Normal => &NORMAL,
@@ -322,7 +322,7 @@ impl Layer {
         }
     }
 
-    /// The colours of what was followed, over a darkened picture where there is no terrain or nothing to say yet.
+    /// The colours of a live metric. Pixels without terrain or without a value yet show the picture, darkened.
     fn measured(self, picture: &Picture, followed: &Followed) -> Vec<[u8; 3]> {
         let colour = |(point, seen): (&Point, &[u8; 3])| {
             let value = match self {
@@ -375,7 +375,7 @@ mod tests {
 
     use super::*;
 
-    /// A picture of so many pixels of grey terrain in a row, with one layer.
+    /// A picture of a single row of pixels of grey terrain, with one layer.
     fn picture(name: &str, values: Values, pixels: usize) -> Picture {
         let width = u32::try_from(pixels).expect("few");
         Picture {
@@ -396,7 +396,7 @@ mod tests {
         }
     }
 
-    /// Colours of the bar where its ticks are.
+    /// Colours of the bar at its ticks.
     fn at_ticks(scale: &Scale) -> Vec<[u8; 3]> {
         scale.ticks.iter().map(|(value, _)| scale.at(scale.place(*value))).collect()
     }
@@ -413,7 +413,7 @@ mod tests {
             assert_eq!(layer.colours(&picture, &Followed::default()), at_ticks(scale), "{}", layer.name());
             assert_eq!(bars(&layer.legend_for(&picture)), layer.scales());
         }
-        // A normal's channels are three bars.
+        // The channels of a normal have three bars.
         let components = values(&NORMAL[0]);
         let normals: Vec<[f32; 3]> = components.iter().map(|&c| [c, -c, 0.5 * c]).collect();
         let picture = picture("normal", Values::Xyz(normals.clone()), normals.len());
@@ -425,7 +425,7 @@ mod tests {
 
     #[test]
     fn what_is_measured_has_the_colours_of_its_bar() {
-        // The second frame is brighter by as much as a tick says: that is its flicker, its deviation is half of it.
+        // The second frame is brighter by the value of a tick. This is its flicker; its deviation is half of it.
         let ticks = values(&FLICKER[0]);
         let count = u32::try_from(ticks.len()).expect("few");
         let links: Vec<u32> = (0..count).collect();
@@ -457,7 +457,7 @@ mod tests {
         for (texel, (value, _)) in b.hdr.iter_mut().zip(scale.ticks) {
             *texel = [0.2 + value, 0.2 + value, 0.2 + value, 1.0];
         }
-        // Rounding may move a value over the border to the colour beside, of 256.
+        // Rounding may move a value to the neighbouring one of the 256 colours.
         for (colour, (value, _)) in difference(&a, &b).into_iter().zip(scale.ticks) {
             let beside = [-1.0, 0.0, 1.0].map(|step| scale.at(scale.place(*value) + step / 255.0));
             assert!(beside.contains(&colour), "{colour:?} at {value} is none of {beside:?}");
@@ -474,7 +474,7 @@ mod tests {
             let ends = [places[0], places[places.len() - 1]];
             assert!(ends[0].abs() < 1e-6 && (ends[1] - 1.0).abs() < 1e-6, "{}: {places:?}", scale.name);
             assert!(at_ticks(scale).windows(2).all(|pair| pair[0] != pair[1]), "{}", scale.name);
-            // Beyond the ends there is nothing further, and what is no number has a colour, too.
+            // Values beyond the ends are clamped, and NaN has a colour, too.
             assert_eq!(scale.colour(f32::MAX), scale.at(1.0), "{}", scale.name);
             assert_eq!(scale.colour(f32::MIN), scale.at(0.0), "{}", scale.name);
             let _ = scale.colour(f32::NAN);
@@ -503,7 +503,7 @@ mod tests {
         let colours: Vec<[u8; 3]> = swatches.iter().map(|swatch| swatch.colour).collect();
         assert_eq!(Layer::Choice.colours(&picture, &Followed::default()), colours);
         assert_eq!((swatches[0].name.as_str(), swatches[1].name.as_str(), swatches[8].name.as_str()), ("none", "1, 9", "8"));
-        // Words where there is neither, and where the layer is not there.
+        // Text for layers with neither bars nor swatches, and where the layer is missing from the picture.
         for layer in [Layer::Lit, Layer::Albedo, Layer::Mask] {
             assert_eq!(layer.legend_for(&picture), Legend::Words, "{}", layer.name());
         }

@@ -1,4 +1,4 @@
-//! What is typed, selected and waited for in panels that belong to a scene: another scene begins with none of it.
+//! Text that is being typed, selections, and open dialogs of the panels. They belong to a scene, and are empty when another scene is opened.
 
 use std::path::{self, Path, PathBuf};
 use std::sync::mpsc::Receiver;
@@ -9,20 +9,20 @@ use super::kept::MOST_RECENT;
 use super::picture::Shown;
 use super::places::{Places, Recorded, Recording};
 
-/// The places and paths of the scene, and what is being typed and recorded.
+/// The places and paths of the scene, and the text fields and recording of their panel.
 #[derive(Default)]
 pub(crate) struct PlacesDraft {
-    /// What is kept.
+    /// The stored places and paths.
     pub(crate) all: Places,
     pub(crate) recording: Option<Recording>,
     pub(crate) name: String,
     pub(crate) file: String,
-    /// What became of the last click, or why it could not be done.
+    /// The result of the last click, or its error.
     pub(crate) said: Option<Result<String, String>>,
 }
 
 impl PlacesDraft {
-    /// Takes note of the picture on screen, if a path is recorded.
+    /// Adds the picture on screen to the recording, if there is one.
     pub(crate) fn watch(&mut self, shown: &Shown) {
         let Some(recording) = &mut self.recording else { return };
         if let Err(end) = recording.see(shown.wish.frame, shown.pose) {
@@ -31,7 +31,7 @@ impl PlacesDraft {
         }
     }
 
-    /// Ends the recording and keeps the path.
+    /// Ends the recording and stores the path.
     pub(crate) fn stop(&mut self) {
         let Some(recording) = self.recording.take() else { return };
         let name = std::mem::take(&mut self.name);
@@ -41,14 +41,14 @@ impl PlacesDraft {
         }));
     }
 
-    /// Reads a path from the file that is typed.
+    /// Reads a path from the file in the text field.
     pub(crate) fn read(&mut self) -> Result<String, String> {
         let path = Recorded::read(self.typed_file()?)?;
         let frames = path.frames();
         Ok(format!("read `{}`, {frames} frames", self.all.add(path)))
     }
 
-    /// Writes a path to the file that is typed.
+    /// Writes a path to the file in the text field.
     pub(crate) fn write(&self, path: &Recorded) -> Result<String, String> {
         let file = self.typed_file()?;
         path.write(file)?;
@@ -63,79 +63,79 @@ impl PlacesDraft {
     }
 }
 
-/// What is selected and typed.
+/// The selection and the text fields of the panel of materials.
 #[derive(Default)]
 pub(crate) struct MaterialsDraft {
     pub(crate) selected: usize,
-    /// The name in its field, and the one that it stands for: they differ while a name is typed that cannot be given.
+    /// The name in the text field, and the current name of the material. They differ while the typed name is not valid.
     pub(crate) name: [String; 2],
-    /// Why it cannot.
+    /// Why the typed name is not valid.
     pub(crate) misnamed: Option<String>,
-    /// The folder in its field.
+    /// The folder in the text field.
     pub(crate) folder: String,
-    /// Whose folder was put there last.
+    /// The folder of a material that was last copied into that field.
     pub(crate) foldered: Option<PathBuf>,
-    /// What came of the last click on a material.
+    /// The result of the last action on a material.
     pub(crate) said: Option<Result<String, String>>,
-    /// The folder that is being chosen.
+    /// The open dialog that chooses a folder.
     pub(crate) dialog: Option<Dialog>,
-    /// The scene file in its field.
+    /// The scene file in the text field.
     pub(crate) file: String,
     pub(crate) overwrites: bool,
-    /// What came of saving.
+    /// The result of the last saving.
     pub(crate) saved: Option<Result<String, String>>,
-    /// Files that are this scene's: the one that was opened, and those that it was saved into.
+    /// The files of this scene: the file that was opened, and those in which it was saved.
     pub(crate) own: Vec<PathBuf>,
 }
 
-/// A choice of a folder, in a window of the system's on a thread of its own.
+/// A system dialog that chooses a folder, on a thread of its own.
 pub(crate) struct Dialog {
-    /// Name of the material that it is for.
+    /// Name of the material for which the folder is chosen.
     pub(crate) material: String,
     pub(crate) chosen: Receiver<Option<PathBuf>>,
 }
 
 impl MaterialsDraft {
-    /// Takes note of what the scene was opened from, as [`scene::load`] takes it; nothing of it is written over unless asked for.
+    /// Records what the scene was opened from (what [`scene::load`] takes). That file is overwritten only if the user asks for it.
     pub(crate) fn opened(&mut self, given: &str) {
         if given == scene::DEFAULT {
             return;
         }
         let given = Path::new(given);
         let file = if given.is_dir() { given.join(scene::FILE) } else { given.to_owned() };
-        // Without an absolute path it is not told from another file, and not written over.
+        // A file without an absolute path cannot be distinguished from others, so it is never overwritten.
         self.own.extend(path::absolute(file).ok().filter(|file| !self.own.contains(file)));
     }
 }
 
-/// What came of the last click that could fail.
+/// The result of the last action in the panel of rules that could fail.
 #[derive(Default)]
 pub(crate) struct RulesDraft {
     pub(crate) said: Option<Result<String, String>>,
 }
 
-/// Scenes to choose from, and what is being chosen.
+/// The recent scenes, and the state of opening another scene.
 #[derive(Default)]
 pub(crate) struct Scenes {
-    /// Scenes that were open, the newest first, as [`scene::load`] takes them.
+    /// Recent scenes as [`scene::load`] takes them, the newest first.
     pub(crate) recent: Vec<String>,
-    /// What is done if somebody says that edits may be lost.
+    /// The action that waits for the user to confirm that edits may be lost.
     pub(crate) waits: Option<Waiting>,
-    /// The file that is being chosen in a window of the system's.
+    /// The open system dialog that chooses a scene file.
     pub(crate) dialog: Option<Receiver<Option<PathBuf>>>,
 }
 
-/// What would lose edits.
+/// An action that would lose edits.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Waiting {
-    /// Opening the scene of this name.
+    /// Opening the scene with this name.
     Open(String),
     /// Closing the window.
     Close,
 }
 
 impl Scenes {
-    /// Takes note of the scene that is open.
+    /// Puts the scene that was opened first in the list of recent ones.
     pub(crate) fn opened(&mut self, name: &str) {
         self.recent.retain(|other| other != name);
         self.recent.insert(0, name.to_owned());

@@ -1,4 +1,4 @@
-//! Changes to materials and rules that keep a scene whole, and the scene as a file.
+//! Changes of materials and rules that keep the scene consistent, and saving the scene as a file.
 
 use std::fs::{self, File};
 use std::io::Write as _;
@@ -8,15 +8,15 @@ use kernels::base::error::Error;
 use kernels::base::files::write_whole;
 use kernels::scene::{self, Material, Rule, Scene, World};
 
-/// Materials that the index of a splat map tells apart.
+/// Maximum number of materials of a scene: as many as the index in a splat map can distinguish.
 pub const MOST_MATERIALS: usize = 256;
 /// Longest name, characters.
 const LONGEST_NAME: usize = 100;
-/// Images that a folder of textures must hold, and what their names may end in: those that [`kernels::materials::folder::load`] looks for.
+/// Images that a folder of textures must contain, and their possible extensions, as in [`kernels::materials::folder::load`].
 const MAPS: [&str; 4] = ["albedo", "normal", "height", "roughness"];
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
-/// The scene as it can be read from anywhere.
+/// The scene with absolute paths, so that its file can be read from any folder.
 ///
 /// # Errors
 /// A file that it names has no absolute path.
@@ -34,16 +34,16 @@ pub(crate) fn with_absolute_paths(scene: &Scene) -> Result<Scene, String> {
     Ok(copy)
 }
 
-/// Gives a material another name, by which rules and strokes know it from then on.
+/// Renames a material, also in the rules and strokes that use it.
 ///
 /// # Errors
-/// One line: it is no name, or another material's. Nothing was changed.
+/// One line: the name is not valid, or another material has it. Nothing is changed.
 pub fn rename_material(scene: &mut Scene, index: usize, name: &str) -> Result<(), String> {
     if name.trim().is_empty() || name.chars().count() > LONGEST_NAME || name.chars().any(char::is_control) {
-        return Err(format!("`{}` is no name: give 1 to {LONGEST_NAME} characters on one line", name.escape_debug()));
+        return Err(format!("`{}` is not a valid name: give 1 to {LONGEST_NAME} characters on one line", name.escape_debug()));
     }
     if scene.materials.iter().enumerate().any(|(i, material)| i != index && material.name == name) {
-        return Err(format!("`{name}` is the name of another material: give each its own"));
+        return Err(format!("`{name}` is the name of another material: give each material its own name"));
     }
     let Some(material) = scene.materials.get_mut(index) else { return Ok(()) };
     let before = std::mem::replace(&mut material.name, name.to_owned());
@@ -55,13 +55,13 @@ pub fn rename_material(scene: &mut Scene, index: usize, name: &str) -> Result<()
     Ok(())
 }
 
-/// Adds a copy of a material under a name of its own, at the end, so that no other changes its place in the palette. Returns its place.
+/// Adds a copy of a material under a new name. The copy is the last material, so that the others keep their places in the palette. Returns its index.
 ///
 /// # Errors
-/// One line: there is none to copy, or no room.
+/// One line: there is no material to copy, or there are too many.
 pub fn add_material(scene: &mut Scene, like: usize) -> Result<usize, String> {
     if scene.materials.len() >= MOST_MATERIALS {
-        return Err(format!("there are {MOST_MATERIALS} materials, as many as a splat map tells apart: remove one first"));
+        return Err(format!("there are {MOST_MATERIALS} materials, the most that a splat map can distinguish: remove one first"));
     }
     let Some(mut material) = scene.materials.get(like).cloned() else { return Err("there is no material to copy".to_owned()) };
     let is_taken = |name: &str| scene.materials.iter().any(|material| material.name == name);
@@ -79,10 +79,10 @@ pub fn add_material(scene: &mut Scene, like: usize) -> Result<usize, String> {
     Ok(scene.materials.len() - 1)
 }
 
-/// Takes a material out of the scene.
+/// Removes a material from the scene.
 ///
 /// # Errors
-/// One line: rules or strokes use it, or it is the last one. Nothing was changed.
+/// One line: rules or strokes use it, or it is the last one. Nothing is changed.
 pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
     let Some(material) = scene.materials.get(index) else { return Ok(()) };
     let name = &material.name;
@@ -95,7 +95,7 @@ pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
     };
     let users: Vec<String> = [counted(rules, "rule"), counted(strokes, "stroke")].into_iter().flatten().collect();
     if !users.is_empty() {
-        return Err(format!("`{name}` is used by {}: give those another material, or remove them first", users.join(" and ")));
+        return Err(format!("`{name}` is used by {}: give these another material, or remove them first", users.join(" and ")));
     }
     if scene.materials.len() == 1 {
         return Err(format!("`{name}` is the last material, and a scene needs one: add another first"));
@@ -104,8 +104,9 @@ pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// The material of the scene's file that a material is, or was before it was renamed: the one of its name, or else the one in its place if that has
-/// lost its name, unless some were removed, so that places are others'. `None` = it was added.
+/// The material in the file of the scene (`original`) from which a material comes. That is the material with the same name. If there is none, it is
+/// the one with the same index, provided that no material has its name now (so it was renamed) and that none were removed (which shifts indices).
+/// `None` = the material was added.
 pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'a Material> {
     let material = scene.materials.get(index)?;
     let namesake = original.materials.iter().find(|other| other.name == material.name);
@@ -114,10 +115,10 @@ pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'
     namesake.or_else(|| in_place().filter(|other| !has(&other.name)))
 }
 
-/// Makes a material what it is in the scene's file, its name included; one that was added stays.
+/// Restores a material, including its name, from the file of the scene. A material that was added is not changed.
 pub fn reset_material(scene: &mut Scene, original: &Scene, index: usize) {
     let Some(origin) = origin(scene, original, index) else { return };
-    // It is in the file, and no other has it: a name that can be given.
+    // Renaming succeeds: the name is valid, since the file has it, and no other material has it.
     if rename_material(scene, index, &origin.name).is_ok()
         && let Some(material) = scene.materials.get_mut(index)
     {
@@ -125,10 +126,10 @@ pub fn reset_material(scene: &mut Scene, original: &Scene, index: usize) {
     }
 }
 
-/// The rules of the scene's file, for materials by the names that they have now.
+/// The rules in the file of the scene, with the current names of their materials.
 ///
 /// # Errors
-/// One line: a material of theirs was removed.
+/// One line: a material that they use was removed.
 pub fn usual_rules(scene: &Scene, original: &Scene) -> Result<Vec<Rule>, String> {
     let present = |name: &str| {
         let is_it = |&index: &usize| origin(scene, original, index).is_some_and(|material| material.name == name);
@@ -136,15 +137,15 @@ pub fn usual_rules(scene: &Scene, original: &Scene) -> Result<Vec<Rule>, String>
     };
     let named = |rule: &Rule| match present(&rule.material) {
         Some(material) => Ok(Rule { material, ..rule.clone() }),
-        None => Err(format!("`{}` lies by these rules and was removed: add a material of that name first", rule.material)),
+        None => Err(format!("these rules use `{}`, which was removed: add a material with that name first", rule.material)),
     };
     original.rules.iter().map(named).collect()
 }
 
-/// Lets a material have its textures from a folder. `folder` is as the scene's file would name it: absolute, or relative to the file's own folder.
+/// Takes the textures of a material from a folder. `folder` is absolute, or relative to the folder of the scene, as in a scene file.
 ///
 /// # Errors
-/// One line: as [`holds_textures`]. Nothing was changed.
+/// One line: as [`holds_textures`]. Nothing is changed.
 pub fn take_folder(scene: &mut Scene, index: usize, folder: PathBuf) -> Result<(), String> {
     holds_textures(&scene.folder.join(&folder))?;
     if let Some(material) = scene.materials.get_mut(index) {
@@ -153,24 +154,25 @@ pub fn take_folder(scene: &mut Scene, index: usize, folder: PathBuf) -> Result<(
     Ok(())
 }
 
-/// Looks whether a folder has the images that a material is made of. What is in them is read by the thread that draws, which takes longer.
+/// Checks that a folder contains the images of a material. Their contents are read later, on the drawing thread, because that takes longer.
 ///
 /// # Errors
-/// One line with the remedy: there is no such folder, or an image is missing.
+/// One line with the remedy: the folder does not exist, or an image is missing.
 pub fn holds_textures(folder: &Path) -> Result<(), String> {
     let shown = folder.display();
     let wanted = format!("{} (.png, .jpg or .jpeg)", MAPS.join(", "));
-    let entries = fs::read_dir(folder).map_err(|error| format!("cannot read the folder {shown}: {error}: give one that holds {wanted}"))?;
+    let entries =
+        fs::read_dir(folder).map_err(|error| format!("cannot read the folder {shown}: {error}: give one that contains {wanted}"))?;
     let files: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
     let is_there = |map: &str| EXTENSIONS.iter().any(|extension| files.contains(&format!("{map}.{extension}")));
     let missing: Vec<&str> = MAPS.into_iter().filter(|&map| !is_there(map)).collect();
     if missing.is_empty() {
         return Ok(());
     }
-    Err(format!("{shown} holds no {} image: give a folder that holds {wanted}", missing.join(", no ")))
+    Err(format!("{shown} holds no {} image: give a folder that contains {wanted}", missing.join(", no ")))
 }
 
-/// The scene as a file in another folder says it: what its own names relative to itself, by absolute paths.
+/// The scene for a file in `folder`. If that is not the folder of the scene, the paths that the scene names become absolute.
 fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
     let place = |folder: &Path| fs::canonicalize(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }).ok();
     let stays = place(&scene.folder).is_some_and(|own| place(folder) == Some(own));
@@ -178,29 +180,29 @@ fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
     Ok(Scene { folder: folder.to_owned(), ..copy })
 }
 
-/// Writes a scene as a file that [`scene::load`] reads back as it is: whole or not at all. `own` are the files that are this scene's, and
-/// `overwrites` whether one of them may be written over; no other is. Returns the file.
+/// Writes a scene to a file, completely or not at all, after checking that [`scene::load`] reads it back unchanged. `own` are the files of this
+/// scene; if `overwrites` is set, one of them may be overwritten. No other file is. Returns the absolute path of the file.
 ///
 /// # Errors
-/// One line with the remedy: the scene cannot be as it is; the file is none, exists, or cannot be written; it could not be read back.
+/// One line with the remedy: the scene is invalid; the file name is not suitable, the file exists or cannot be written; or it cannot be read back.
 pub fn save(scene: &Scene, file: &Path, own: &[PathBuf], overwrites: bool) -> Result<PathBuf, String> {
     let shown = file.display();
     if file.extension().is_none_or(|extension| extension != "toml") {
-        return Err(format!("`{shown}` names no scene: give a file name that ends in .toml"));
+        return Err(format!("`{shown}` is not a name for a scene file: give a file name that ends in .toml"));
     }
-    scene::validate(scene).map_err(|error| format!("{error}; a scene is saved once it can be drawn"))?;
+    scene::validate(scene).map_err(|error| format!("{error}; only a scene that can be drawn can be saved"))?;
     let file = path::absolute(file).map_err(|error| format!("{shown} has no absolute path ({error}): give one"))?;
     let folder = file.parent().unwrap_or(Path::new("/"));
     if !folder.is_dir() {
-        return Err(format!("there is no folder {}: make it, or choose another", folder.display()));
+        return Err(format!("there is no folder {}: create it, or choose another", folder.display()));
     }
     if file.symlink_metadata().is_ok() {
         let is_own = |own: &PathBuf| fs::canonicalize(own).is_ok_and(|own| fs::canonicalize(&file).is_ok_and(|file| file == own));
         if !own.iter().any(is_own) {
-            return Err(format!("{shown} exists and is not this scene's own file, so that it is not written over: choose another name"));
+            return Err(format!("{shown} exists and is not this scene's own file, so it is not overwritten: choose another name"));
         }
         if !overwrites {
-            return Err(format!("{shown} exists: tick `Overwrite` to write over this scene's own file, or choose another name"));
+            return Err(format!("{shown} exists: tick `Overwrite` to replace this scene's own file, or choose another name"));
         }
     }
     let copy = from_folder(scene, folder)?;
@@ -212,16 +214,16 @@ pub fn save(scene: &Scene, file: &Path, own: &[PathBuf], overwrites: bool) -> Re
             file.sync_all()
         };
         written().map_err(|source| Error::File { file: file.clone(), source })?;
-        // As the next start reads it.
+        // Read it in the same way as the next start does.
         let read = scene::load(&temporary.to_string_lossy())?;
-        if read == copy { Ok(()) } else { Err(Error::Request("it says something else".to_owned())) }
+        if read == copy { Ok(()) } else { Err(Error::Request("the scene that was read is different".to_owned())) }
     });
     done.map_err(|error| match error {
         Error::File { source, .. } => {
-            format!("cannot write {shown}: {source}: make room if the disk is full, or choose a folder that can be written")
+            format!("cannot write {shown}: {source}: make room if the disk is full, or choose a folder in which you may write")
         }
         Error::Scene { what, .. } | Error::Request(what) => {
-            format!("{shown} is not written, since it could not be read back: {what}; of many or long strokes remove some")
+            format!("{shown} is not written, because it could not be read back: {what}; if there are many or long strokes, remove some")
         }
         other => format!("cannot write {shown}: {other}"),
     })?;
@@ -245,7 +247,7 @@ mod tests {
         scene.materials.iter().position(|material| material.name == name).expect("a material")
     }
 
-    /// With everything changed that can be.
+    /// The built-in scene with all kinds of edits.
     fn edited() -> Scene {
         let mut scene = plain();
         let moss = place(&scene, "moss");
@@ -280,9 +282,9 @@ mod tests {
         rename_material(&mut scene, granite, "basalt").expect("a name");
         assert_eq!((users(&scene, "basalt"), users(&scene, "granite")), ([before[0], 1], [0, 0]));
         assert!(before[0] > 0 && scene::validate(&scene).is_ok());
-        // What is none, and what is taken, changes nothing.
+        // An invalid name, or one that is taken, changes nothing.
         let was = scene.clone();
-        for (name, says) in [("", "is no name"), (" ", "is no name"), ("a\nb", "is no name"), ("grass", "another material")] {
+        for (name, says) in [("", "not a valid"), (" ", "not a valid"), ("a\nb", "not a valid"), ("grass", "another material")] {
             let error = rename_material(&mut scene, granite, name).expect_err(name);
             assert!(error.contains(says) && error.lines().count() == 1, "{error}");
             assert!(scene == was, "{name}");
@@ -347,7 +349,7 @@ mod tests {
         assert_eq!(origin(&scene, &original, moss), Some(&original.materials[moss]));
         assert_eq!(origin(&scene, &original, snow), Some(&original.materials[snow]));
         assert_eq!(origin(&scene, &original, added), None);
-        // Rules go back, to the names of now.
+        // A reset of the rules uses the current names of the materials.
         scene.rules.truncate(1);
         scene.rules = usual_rules(&scene, &original).expect("all are there");
         assert!(scene::validate(&scene).is_ok() && scene.rules.iter().any(|rule| rule.material == "old moss"));
@@ -370,7 +372,7 @@ mod tests {
         let error = take_folder(&mut scene, 0, "nowhere".into()).expect_err("there is none");
         assert!(error.contains("nowhere") && error.contains("albedo, normal, height, roughness"), "{error}");
         fs::create_dir(folder.0.join("rock")).expect("can be made");
-        // One after the other, in any of the formats; this and the reader agree on what is missing.
+        // Add the images one by one, in any of the formats. This check and the reader agree on what is missing.
         let files = ["albedo.png", "normal.jpg", "height.jpeg", "roughness.png"];
         for (i, file) in files.into_iter().enumerate() {
             let error = take_folder(&mut scene, 0, "rock".into()).expect_err("not all are there");
@@ -434,7 +436,7 @@ mod tests {
             holes: Vec::new(),
             colour_modulation: 0.0,
         };
-        // Beside the old file, names stay as they are.
+        // In the same folder, relative paths stay as they are.
         let file = save(&scene, &from.join("scene.toml"), &[], false).expect("it is saved");
         assert!(scene::load(&file.display().to_string()).expect("it is read") == scene);
         let file = save(&scene, &to.join("scene.toml"), &[], false).expect("it is saved");
@@ -464,11 +466,11 @@ mod tests {
             assert!(error.contains(says) && error.lines().count() == 1, "{error}");
         }
         assert_eq!((fs::read(&file).expect("there"), fs::read(&other).expect("there")), (before.clone(), b"mine".to_vec()));
-        // Its own file by another way to it.
+        // Its own file, by another path.
         let own = folder.0.join(".").join("scene.toml");
         save(&changed, &file, &[own], true).expect("its own, and asked for");
         assert!(fs::read(&file).expect("there") != before);
-        // What cannot be drawn, or would not be read again, is not saved.
+        // A scene that cannot be drawn or read back is not saved.
         let mut wrong = edited();
         wrong.rules.clear();
         let error = save(&wrong, &folder.0.join("wrong.toml"), &[], false).expect_err("no rules");

@@ -1,4 +1,4 @@
-//! Writing files whole.
+//! Writing files completely or not at all.
 
 use std::fs::File;
 use std::io::Write;
@@ -7,7 +7,7 @@ use std::path::Path;
 use kernels::base::error::Error;
 use kernels::base::files::write_whole;
 
-/// Writes a file under a temporary name, brings it to the disk, and gives it its name: it is whole, or what was there before.
+/// Writes a file under a temporary name, flushes it to the disk, and renames it. The path then has either the whole new file or its old content.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let done = write_whole(path, |temporary| {
         let written = || -> std::io::Result<()> {
@@ -19,7 +19,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     });
     done.map_err(|error| match error {
         Error::File { source, .. } => {
-            format!("cannot write {}: {source}: make room if the disk is full, or choose a folder that can be written", path.display())
+            format!("cannot write {}: {source}: make room if the disk is full, or choose a folder in which you may write", path.display())
         }
         other => format!("cannot write {}: {other}", path.display()),
     })

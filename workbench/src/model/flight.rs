@@ -1,4 +1,4 @@
-//! Moving the camera: flying, walking on the ground, or about a place on it.
+//! Moving the camera: flying, walking on the ground, or orbiting a place.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -6,39 +6,39 @@ use eframe::egui::{InputState, Key, Vec2};
 use glam::DVec3;
 use kernels::view::camera::Pose;
 
-/// Speeds that the wheel reaches, metres a second.
+/// Lowest and highest speed that the wheel can set, metres per second.
 pub const SPEEDS_M_S: [f64; 2] = [0.05, 2000.0];
-/// How much a notch of the wheel changes the speed.
+/// Factor by which a notch of the wheel changes the speed or the distance.
 const NOTCH: f64 = 1.15;
-/// Steepest look up or down, radians: never quite along the axis that says where up is.
+/// Steepest pitch up or down, radians. The view direction must not be parallel to the up axis.
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
-/// Smallest and largest distance from what is orbited, metres.
+/// Smallest and largest distance from the orbited place, metres.
 pub const ORBITS_M: [f64; 2] = [0.5, 50_000.0];
-/// How far beside the middle what is orbited may be seen, radians: more than rounding, and less than anybody sees.
+/// Largest angle between the view direction and the orbited place, radians: above rounding errors, and too small to be visible.
 const BESIDE: f64 = 1e-6;
-/// Smallest and largest distance of what is orbited where there is only sky to look at, metres.
+/// Smallest and largest distance of the orbited place if only sky is visible, metres.
 const AHEAD_M: [f64; 2] = [20.0, 2000.0];
 
-/// What a camera moves about.
+/// The place that the camera orbits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Orbit {
-    /// Nothing: it flies or walks.
+    /// None: the camera flies or walks.
     #[default]
     Off,
-    /// What was probed, or the ground in the middle of the picture, once a picture shows where that is.
+    /// The inspected pixel, or else the ground in the middle of the picture. Its position is not known until a picture has been drawn.
     Sought,
-    /// This place, world metres, which stays in the middle.
+    /// This place, world metres, which stays in the middle of the picture.
     About(DVec3),
 }
 
 /// How the camera moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flight {
-    /// Metres a second.
+    /// Speed, metres per second.
     pub speed_m_s: f64,
-    /// Whether the eye keeps its height over the ground.
+    /// Whether the camera stays at eye height over the ground.
     pub walking: bool,
-    /// What it moves about, if it does that instead.
+    /// The place that the camera orbits, if it does not fly or walk.
     pub orbit: Orbit,
 }
 
@@ -49,12 +49,13 @@ impl Default for Flight {
 }
 
 impl Flight {
-    /// The place that is orbited, if it is known.
+    /// The orbited place, if it is known.
     pub fn target(&self) -> Option<DVec3> {
         if let Orbit::About(target) = self.orbit { Some(target) } else { None }
     }
 
-    /// Turns the view by a drag of so many points in a viewport of such a height, so that what was under the pointer stays there; says whether it did.
+    /// Turns the view by a drag, so that the point under the pointer stays there. `drag` and `height` (of the viewport) are in points. Returns
+    /// whether the pose changed.
     pub fn turn(&self, pose: &mut Pose, drag: Vec2, height: f32) -> bool {
         if drag == Vec2::ZERO || height <= 0.0 {
             return false;
@@ -66,8 +67,8 @@ impl Flight {
         true
     }
 
-    /// Moves by the keys that are held, for so many seconds; says whether it did. Walking keeps to the horizontal, and so does what
-    /// is orbited, which comes along.
+    /// Moves the camera for a time according to the keys that are held. Returns whether the pose changed. When walking or orbiting, W and S move
+    /// horizontally. The orbited place moves along with the camera.
     pub fn advance(&mut self, pose: &mut Pose, input: &InputState, seconds: f64) -> bool {
         let held = |key: Key| f64::from(u8::from(input.key_down(key)));
         let wanted = [held(Key::D) - held(Key::A), held(Key::E) - held(Key::Q), held(Key::W) - held(Key::S)];
@@ -87,13 +88,13 @@ impl Flight {
         true
     }
 
-    /// Changes the speed by so many notches of the wheel.
+    /// Changes the speed by a number of notches of the wheel.
     pub fn hasten(&mut self, notches: f64) {
         self.speed_m_s = (self.speed_m_s * NOTCH.powf(notches)).clamp(SPEEDS_M_S[0], SPEEDS_M_S[1]);
     }
 }
 
-/// The view of `target` from a distance, within [`ORBITS_M`], along the pose's direction, its pitch being kept off the axis that says where up is.
+/// The pose that looks at `target` from a distance, clamped to [`ORBITS_M`], in the direction of `pose`. The pitch is kept away from the up axis.
 fn around(pose: &Pose, target: DVec3, distance_m: f64) -> Pose {
     let [nearest, farthest] = ORBITS_M;
     let mut pose = Pose { yaw: pose.yaw.rem_euclid(TAU), pitch: pose.pitch.clamp(-STEEPEST, STEEPEST), ..*pose };
@@ -102,7 +103,7 @@ fn around(pose: &Pose, target: DVec3, distance_m: f64) -> Pose {
     pose
 }
 
-/// The pose turned so that `target` is in the middle, at its distance. It stands where it did, unless that is straight above or below, or too near or
+/// The pose turned so that `target` is in the middle of the view. The position stays, unless it is straight above or below the target, too near, or
 /// too far.
 pub fn facing(pose: &Pose, target: DVec3) -> Pose {
     let towards = target - pose.position;
@@ -118,14 +119,15 @@ pub fn is_centred(pose: &Pose, target: DVec3) -> bool {
     forward.dot(towards) > 0.0 && forward.cross(towards).length() <= BESIDE * towards.length()
 }
 
-/// A place to move about where there is only sky: ahead, the farther the higher the camera stands over the ground at elevation `ground_m`.
+/// A place to orbit if only sky is visible: straight ahead, at a distance that grows with the height of the camera over the ground, which has the
+/// elevation `ground_m`.
 pub fn ahead(pose: &Pose, ground_m: f64) -> DVec3 {
     let [_, _, forward] = pose.axes();
     pose.position + forward * (4.0 * (pose.position.z - ground_m).abs()).clamp(AHEAD_M[0], AHEAD_M[1])
 }
 
-/// Moves about `target` by a drag of so many points in a viewport of such a height, which is half a turn: what is nearer than the target follows the
-/// pointer. Says whether it did.
+/// Orbits `target` by a drag. `drag` and `height` (of the viewport) are in points; a drag over the whole height is half a turn. Points nearer than
+/// the target follow the pointer. Returns whether the pose changed.
 pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     if drag == Vec2::ZERO || height <= 0.0 {
         return false;
@@ -136,7 +138,7 @@ pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     true
 }
 
-/// Comes nearer to `target` by so many notches of the wheel, or leaves it; says whether it did.
+/// Moves towards `target` by a number of notches of the wheel, or away from it if negative. Returns whether the pose changed.
 pub fn approach(pose: &mut Pose, target: DVec3, notches: f64) -> bool {
     *pose = around(pose, target, pose.position.distance(target) * NOTCH.powf(-notches));
     notches != 0.0
@@ -155,7 +157,7 @@ mod tests {
         let mut at = pose();
         assert!(Flight::default().turn(&mut at, Vec2::new(0.0, 100.0), 100.0));
         assert!((at.pitch - 1.0).abs() < 1e-6, "what was at the top is dragged to the bottom: looks up by the field of view");
-        // Dragged to the right, the world moves to the right: the view turns left, past north.
+        // A drag to the right moves the world to the right: the view turns left, past north.
         assert!(Flight::default().turn(&mut at, Vec2::new(20.0, 0.0), 100.0));
         assert!((at.yaw - (TAU - 0.1)).abs() < 1e-6);
         Flight::default().turn(&mut at, Vec2::new(0.0, 1e6), 100.0);
@@ -183,7 +185,7 @@ mod tests {
         })
     }
 
-    /// Sine of the angle between the middle of the view and a place, or more if that is behind.
+    /// Distance between the unit vectors of the view direction and the direction to a place: for small angles, the angle in radians.
     fn beside(pose: &Pose, target: DVec3) -> f64 {
         let [_, _, forward] = pose.axes();
         (target - pose.position).normalize_or_zero().distance(forward)
@@ -236,7 +238,7 @@ mod tests {
                 let [right, up, _] = at.axes();
                 assert!((at.pitch.abs() - STEEPEST).abs() < 1e-12 && (at.yaw - start.yaw).abs() < 1e-12, "{at:?}");
                 assert!(up.z > 0.0 && right.distance(start.axes()[0]) < 1e-9, "upside down: {up}");
-                // A little back is a little, and not half a turn.
+                // A small drag back changes the pose slightly, and does not turn it by half a turn.
                 let there = at;
                 swing(&mut at, target, Vec2::new(0.0, -pull.signum()), 400.0);
                 assert!(at.position.distance(there.position) < 0.02 * start.position.distance(target), "{there:?} to {at:?}");

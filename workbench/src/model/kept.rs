@@ -1,8 +1,8 @@
-//! What is kept from one start to the next: how panes are arranged, what was chosen, numbers that were changed, places and paths. A TOML file of
-//! the user's own ([`place`]), which can be read and mended; nothing in it is needed to start.
+//! The state that is saved from one start to the next: the arrangement of panes, choices, changed numbers, places and paths. It is a TOML file of the
+//! user ([`place`]), which can be read and edited by hand. The workbench also starts without it.
 //!
-//! It is written whole or not at all, and never over something that this program has not written: what cannot be understood is set aside, what a
-//! newer program wrote is left alone.
+//! The file is written completely or not at all, and never over something that this program did not write: a file that cannot be understood is
+//! renamed, and one of a newer version of the program is left as it is.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -28,32 +28,32 @@ use super::places::{Place, Places, Recorded};
 use super::settings::{Settings, differences, kept_names, numbers};
 
 /// Version of the file. Raised when a key is added or changes its meaning: an older program then leaves the file alone.
-pub const VERSION: u32 = 2;
-/// Scenes that are remembered.
+pub const VERSION: u32 = 3;
+/// Maximum number of scenes in the list of recent ones.
 pub const MOST_RECENT: usize = 10;
-/// How often changes are looked for.
+/// How often the state is checked for changes.
 pub const EVERY: Duration = Duration::from_secs(3);
-/// The choices that an adapter makes where nobody else does: the scale of the picture and the vertex stride.
+/// The settings whose defaults depend on the adapter: the render scale and the vertex stride.
 const OF_ADAPTER: [&str; 2] = ["scale", "vertex_stride"];
 
-/// Everything that is kept.
+/// The saved state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kept {
     version: u32,
-    /// Scenes that were open, the newest first, each once, at most [`MOST_RECENT`]: [`scene_name`].
+    /// Recent scenes, by their [`scene_name`]: the newest first, each once, at most [`MOST_RECENT`].
     #[serde(default)]
     recent: Vec<String>,
     #[serde(default)]
     look: Look,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     layout: Option<Layout>,
-    /// What belongs to one scene, by its name.
+    /// The state that belongs to one scene, by the name of the scene.
     #[serde(default, rename = "scene", skip_serializing_if = "BTreeMap::is_empty")]
     scenes: BTreeMap<String, OfScene>,
 }
 
-/// Choices, by the names of their settings ([`Settings::kept`]). What is left out stays as it is.
+/// Choices, by the names of their settings ([`Settings::kept`]). A setting that is missing is not changed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 struct Look(BTreeMap<String, Value>);
 
@@ -63,18 +63,18 @@ impl<'de> Deserialize<'de> for Look {
         let known = kept_names();
         let unknown = choices.keys().find(|name| !known.contains(&name.as_str())).cloned();
         match unknown {
-            // In the words of the reader's own errors, which are explained by them.
+            // The same wording as the errors of the TOML reader, because those are parsed to add a suggestion.
             Some(name) => Err(D::Error::custom(format!("unknown field `{name}`, expected one of `{}`", known.join("`, `")))),
             None => Ok(Look(choices)),
         }
     }
 }
 
-/// What belongs to one scene.
+/// The state that belongs to one scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct OfScene {
-    /// Numbers that are not those of the scene's file, by their keys in it: the file may be edited, and keeps its edits.
+    /// Only the numbers that differ from the file of the scene, by their keys in it. Later edits of other numbers in that file thus take effect.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     numbers: BTreeMap<String, f64>,
     #[serde(rename = "place", skip_serializing_if = "Vec::is_empty")]
@@ -94,25 +94,25 @@ impl Look {
         Look(settings.kept().map(|(name, value)| (name.to_owned(), value)).collect())
     }
 
-    /// Makes the choices, and says what could not be chosen.
+    /// Applies the choices; returns a line for each that is refused.
     fn apply(&self, settings: &mut Settings) -> Vec<String> {
         let refused = self.0.iter().filter_map(|(name, value)| settings.take(name, value).err());
         refused.map(|why| left_out(&why)).collect()
     }
 }
 
-/// The warning about a value that stays as it is.
+/// The warning about a saved value that is not applied.
 fn left_out(why: &str) -> String {
-    format!("a kept value is left out: {}", one_line(why))
+    format!("a saved value is left out: {}", one_line(why))
 }
 
 impl Kept {
-    /// What there is to keep now. `before` is what was kept until then: of other scenes everything stays. `scene_name` names the scene
-    /// ([`scene_name`]), and `original` is it as its file says.
+    /// The state to save now. `before` is the state that was saved until now; its entries for other scenes are copied. `scene_name` is the name of
+    /// the scene ([`scene_name`]), and `original` is the scene as its file has it.
     pub fn of(before: &Kept, scene_name: &str, settings: &Settings, original: &Scene, places: &Places, tree: &Tree<Pane>) -> Kept {
         let changed = differences(&settings.scene, original).into_iter().filter(|(_, [now, _])| now.is_finite());
         let numbers = changed.map(|(parameter, [now, _])| (parameter.key.to_owned(), now));
-        // Numbers that the scene cannot have would be refused at the next start, and those before them would be lost.
+        // Numbers that make the scene invalid would be refused at the next start. Keep the valid ones that were saved before.
         let numbers = match scene::validate(&settings.scene) {
             Ok(()) => numbers.collect(),
             Err(_) => before.scenes.get(scene_name).map(|scene| scene.numbers.clone()).unwrap_or_default(),
@@ -129,12 +129,12 @@ impl Kept {
         Kept { version: VERSION, recent, look: Look::of(settings), layout: Layout::of(tree), scenes }
     }
 
-    /// Makes the choices again, and changes no number; returns a line for everything that is not possible any more, which stays as it is.
+    /// Applies the saved choices, and no numbers. Returns a line for each choice that is no longer possible; that setting is not changed.
     pub fn apply_look(&self, settings: &mut Settings) -> Vec<String> {
         self.look.apply(settings)
     }
 
-    /// Changes the numbers of this scene that were changed, and no choice; returns lines as [`Kept::apply_look`] does.
+    /// Applies the saved numbers of this scene, and no choices. Returns lines like [`Kept::apply_look`].
     pub fn apply_numbers(&self, scene_name: &str, scene: &mut Scene) -> Vec<String> {
         let mut said = Vec::new();
         let mut changed = scene.clone();
@@ -147,12 +147,12 @@ impl Kept {
         }
         match scene::validate(&changed) {
             Ok(()) => *scene = changed,
-            Err(error) => said.push(format!("the kept numbers are left out, since they do not fit the scene: {error}")),
+            Err(error) => said.push(format!("the saved numbers are left out, because they make the scene invalid: {error}")),
         }
         said
     }
 
-    /// The same, with the scale of the picture and the vertex stride that were kept before.
+    /// The same state, with the render scale and the vertex stride of `before`.
     #[must_use]
     pub fn with_scale_and_stride_of(mut self, before: &Kept) -> Kept {
         for name in OF_ADAPTER {
@@ -162,7 +162,8 @@ impl Kept {
         self
     }
 
-    /// The same, but for the scale of the picture and the vertex stride where they are these: where nobody chose them, the adapter of the next start does.
+    /// The same state, without the render scale and the vertex stride if they have these default values. The next start then uses the defaults for
+    /// its adapter.
     #[must_use]
     pub fn without_usual(mut self, scale: f64, stride: u32) -> Kept {
         for (name, usual) in OF_ADAPTER.into_iter().zip([scale.value(), stride.value()]) {
@@ -171,7 +172,7 @@ impl Kept {
         self
     }
 
-    /// The arrangement of panes, under the identifier of the window's tree; `None` = as usual.
+    /// The saved arrangement of panes, with `id` as the identifier of the tree; `None` = the default arrangement.
     pub fn tree(&self, id: egui::Id) -> Option<Tree<Pane>> {
         self.layout.as_ref()?.tree(id)
     }
@@ -181,29 +182,29 @@ impl Kept {
         self.scenes.get(scene_name).map_or_else(Places::default, |scene| Places::new(scene.places.clone(), scene.paths.clone()))
     }
 
-    /// Scenes that were open, the newest first, at most [`MOST_RECENT`]: what [`scene::load`] takes.
+    /// Recent scenes, in the form that [`scene::load`] accepts: newest first, at most [`MOST_RECENT`].
     pub fn recent(&self) -> &[String] {
         &self.recent
     }
 
-    /// Whether a scale of the picture and a vertex stride are kept, which no adapter should change then.
+    /// Whether a render scale and a vertex stride are saved; the defaults for the adapter must not replace them.
     pub fn has_scale_and_stride(&self) -> [bool; 2] {
         OF_ADAPTER.map(|name| self.look.0.contains_key(name))
     }
 
-    /// Reads what is kept, and a line where somebody should know of it. Without a file: nothing kept, and no line. A file that is not of this
-    /// kind, or damaged, is renamed to `NAME.damaged` (or `NAME.damaged-2`, and so on); one of a newer version, and one that cannot be read,
-    /// stay.
+    /// Reads the saved state, and returns a line if there is a problem that the user should know. Without a file, the state is empty and there is no
+    /// line. A file that is damaged or of another kind is renamed to `NAME.damaged` (`NAME.damaged-2`, and so on). A file of a newer version, or one
+    /// that cannot be read, is left as it is.
     pub fn load(path: &Path) -> (Kept, Option<String>) {
         let line = match Found::at(path) {
             Found::Nothing => return (Kept::default(), None),
             Found::Kept(kept) => return (*kept, None),
             Found::Refused(Refused::Foreign(what)) => match set_aside(path) {
                 Ok(aside) => format!(
-                    "{what}; it is set aside as {}, and everything is as usual: mend it and give it its name back to have it again",
+                    "{what}; it is renamed to {}, and defaults are used: to use it again, correct it and give it its old name",
                     aside.display()
                 ),
-                Err(error) => format!("{what}; it cannot be set aside ({error}), so that nothing is kept: move it away"),
+                Err(error) => format!("{what}; it cannot be renamed ({error}), so that nothing is saved: move it away"),
             },
             Found::Refused(Refused::Newer(version)) => newer(path, version),
             Found::Unreadable(why) => unreadable(path, &why),
@@ -211,13 +212,13 @@ impl Kept {
         (Kept::default(), Some(line))
     }
 
-    /// Reads the contents of a file of what is kept, which `name` names in errors.
+    /// Parses the contents of a file of the saved state. `name` names the file in errors.
     ///
     /// # Errors
-    /// What else it is.
+    /// Why the contents are refused.
     pub fn parse(bytes: Vec<u8>, name: &str) -> Result<Kept, Refused> {
         let Ok(text) = String::from_utf8(bytes) else { return Err(Refused::Foreign(format!("{name} is not UTF-8 text"))) };
-        // Before anything else is asked of it: a newer version may mean something else by every other key.
+        // Check the version first: in a newer version, every other key may have another meaning.
         if let Ok(Versioned { version }) = toml::from_str(&text)
             && version > i64::from(VERSION)
         {
@@ -230,24 +231,24 @@ impl Kept {
         }
     }
 
-    /// Writes what is kept: whole or not at all, and only where there is no file, or one of this kind.
+    /// Writes the saved state, completely or not at all, and only if there is no file yet or the existing one is of this kind.
     ///
     /// # Errors
-    /// One line: what stands there is of a newer version, of another kind, or cannot be read; or the file cannot be written. What was there stays.
+    /// One line: the existing file is of a newer version, of another kind, or cannot be read; or the file cannot be written. An existing file stays.
     pub fn save(&self, path: &Path) -> Result<(), String> {
         match Found::at(path) {
             Found::Nothing => {}
             Found::Kept(there) => return self.beside(*there).write(path),
             Found::Refused(Refused::Newer(version)) => return Err(newer(path, version)),
             Found::Refused(Refused::Foreign(what)) => {
-                return Err(format!("{what}; it is not written over, so that nothing is kept: move it away"));
+                return Err(format!("{what}; it is not overwritten, so that nothing is saved: move it away"));
             }
             Found::Unreadable(why) => return Err(unreadable(path, &why)),
         }
         self.write(path)
     }
 
-    /// With the other scenes as they are in the file: another window may have one of them open.
+    /// The same state, with the other scenes as they are in the file, because another window may have changed them.
     fn beside(&self, there: Kept) -> Kept {
         let own = self.recent.first();
         let mut scenes = there.scenes;
@@ -272,25 +273,25 @@ impl Kept {
     }
 }
 
-/// What a file is that is not read.
+/// Why the contents of a file are refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refused {
-    /// Of another kind, or damaged: one line that says what is wrong, and where.
+    /// The file is of another kind or damaged: one line that says what is wrong, and where.
     Foreign(String),
-    /// Of this version, which is newer than [`VERSION`].
+    /// The file has this version, which is newer than [`VERSION`].
     Newer(i64),
 }
 
-/// What stands in a place.
+/// What a path leads to.
 enum Found {
     Nothing,
     Kept(Box<Kept>),
     Refused(Refused),
-    /// Why.
+    /// With the reason.
     Unreadable(String),
 }
 
-/// What every version of the file has.
+/// The key that every version of the file has.
 #[derive(Deserialize)]
 struct Versioned {
     version: i64,
@@ -298,10 +299,10 @@ struct Versioned {
 
 impl Found {
     fn at(path: &Path) -> Found {
-        // A device or pipe has no end to read to.
+        // Reading from a device or pipe may never end.
         let bytes = match fs::metadata(path).map(|metadata| metadata.is_file()) {
             Ok(true) => fs::read(path),
-            Ok(false) => return Found::Unreadable("it is no plain file".to_owned()),
+            Ok(false) => return Found::Unreadable("it is not a regular file".to_owned()),
             Err(error) => Err(error),
         };
         let bytes = match bytes {
@@ -318,17 +319,17 @@ impl Found {
 
 fn newer(path: &Path, version: i64) -> String {
     format!(
-        "{} is of version {version}, this program knows {VERSION}: it is left alone, so that nothing is kept; use the newer program, or set \
-         SCREE_STATE to another file",
+        "{} has version {version}, but this program knows only {VERSION}: it is not changed, so that nothing is saved; use the newer program, \
+         or set SCREE_STATE to another file",
         path.display()
     )
 }
 
 fn unreadable(path: &Path, why: &str) -> String {
-    format!("cannot read {}: {why}: nothing is kept; mend that, or set SCREE_STATE to another file", path.display())
+    format!("cannot read {}: {why}: nothing is saved; correct that, or set SCREE_STATE to another file", path.display())
 }
 
-/// Gives a file a name of its own beside its place.
+/// Renames a file to a free name in the same folder, and returns that name.
 fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
     let mut number = 1;
     loop {
@@ -342,14 +343,14 @@ fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
     }
 }
 
-/// The file of what is kept: `$SCREE_STATE`, or `scree/workbench.toml` in `$XDG_STATE_HOME` or `~/.local/state`, on Windows in `%APPDATA%`, on
-/// macOS in `~/Library/Application Support`. `None` = the machine names no such folder: nothing is kept.
+/// The file of the saved state: `$SCREE_STATE`, or `scree/workbench.toml` in `$XDG_STATE_HOME` or `~/.local/state`, on Windows in `%APPDATA%`, on
+/// macOS in `~/Library/Application Support`. `None` = none of these variables is set, and nothing is saved.
 pub fn place() -> Option<PathBuf> {
     place_by(|name| std::env::var_os(name))
 }
 
 fn place_by(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
-    // What is not absolute would be another file in every folder that the program is started in.
+    // A relative path would be a different file in each working directory.
     let folder = |name: &str| variable(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
     if let Some(file) = variable("SCREE_STATE").filter(|file| !file.is_empty()) {
         return Some(file.into());
@@ -364,17 +365,17 @@ fn place_by(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     Some(state?.join("scree").join("workbench.toml"))
 }
 
-/// What a scene is called here: the absolute path of what [`scene::load`] was given, or `default`.
+/// The name of a scene in the saved state: the absolute path of what [`scene::load`] was given, or `default`.
 pub fn scene_name(given: &str) -> String {
     let absolute = || std::path::absolute(given).ok()?.into_os_string().into_string().ok();
     if given == scene::DEFAULT { given.to_owned() } else { absolute().unwrap_or_else(|| given.to_owned()) }
 }
 
-/// Keeps what there is, now and then, and without the window waiting for a disk.
+/// Saves the state at intervals, on another thread, so that the window does not wait for a disk.
 #[derive(Debug)]
 pub struct Keeper {
     path: PathBuf,
-    /// What the file has, or is about to have.
+    /// The state that is in the file, or is being written to it.
     kept: Kept,
     looked: Instant,
     writing: Option<JoinHandle<Result<(), String>>>,
@@ -382,24 +383,24 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Reads what is kept in a file; the line is that of [`Kept::load`].
+    /// Reads the saved state from a file; the line is that of [`Kept::load`].
     pub fn open(path: PathBuf) -> (Keeper, Option<String>) {
         let (kept, line) = Kept::load(&path);
         (Keeper { path, kept, looked: Instant::now(), writing: None, failure: None }, line)
     }
 
-    /// What is kept.
+    /// The saved state.
     pub fn kept(&self) -> &Kept {
         &self.kept
     }
 
-    /// Why it could not be written, as long as it cannot; one line.
+    /// Why the last attempt to write failed, until an attempt succeeds; one line.
     pub fn failure(&self) -> Option<&str> {
         self.failure.as_deref()
     }
 
-    /// To be called as often as the window is drawn: every [`EVERY`] looks at what there is to keep, and if it has changed begins to write it.
-    /// `present` is given what was kept before.
+    /// Call this whenever the window is drawn. Once every [`EVERY`], it calls `present` for the state to save, and begins to write it if it has
+    /// changed. `present` receives the state that was saved before.
     pub fn tend(&mut self, now: Instant, present: impl FnOnce(&Kept) -> Kept) {
         if self.writing.as_ref().is_some_and(|writing| !writing.is_finished()) || now.saturating_duration_since(self.looked) < EVERY {
             return;
@@ -412,7 +413,7 @@ impl Keeper {
         }
     }
 
-    /// Writes what there is to keep, if it has changed, and waits until it is written.
+    /// Writes the state if it has changed, and waits until it is written.
     ///
     /// # Errors
     /// As [`Kept::save`].
@@ -424,7 +425,7 @@ impl Keeper {
         self.failure.clone().map_or(Ok(()), Err)
     }
 
-    /// Takes over what there is; says whether the file does not have it.
+    /// Takes over the present state. Returns whether it must be written.
     fn take(&mut self, present: impl FnOnce(&Kept) -> Kept) -> bool {
         let present = present(&self.kept);
         let changed = present != self.kept || self.failure.is_some();
@@ -432,10 +433,11 @@ impl Keeper {
         changed
     }
 
-    /// Waits for a writing under way, and takes note of its outcome.
+    /// Waits for the thread that writes, and records its outcome.
     fn join(&mut self) {
         if let Some(writing) = self.writing.take() {
-            let outcome = writing.join().unwrap_or_else(|_| Err("keeping stopped by an internal error; please report it".to_owned()));
+            let outcome =
+                writing.join().unwrap_or_else(|_| Err("saving stopped because of an internal error; please report it".to_owned()));
             self.failure = outcome.err();
         }
     }
@@ -484,7 +486,7 @@ mod tests {
         places
     }
 
-    /// Everything other than usual.
+    /// A state in which everything differs from the defaults.
     fn changed() -> Settings {
         let mut settings = Settings::new(plain());
         settings.scene.blend.hash_scale = 2.0 / 3.0;
@@ -526,7 +528,7 @@ mod tests {
         assert!(
             read.has_scale_and_stride() == [true; 2] && read.tree(egui::Id::unique("again")).as_ref().and_then(Layout::of) == kept().layout
         );
-        // What was read is what is written: nothing creeps from start to start.
+        // The state that was read is written again unchanged, so that nothing drifts from start to start.
         let mut original = plain();
         original.blend.mip_bias = 0.5;
         let mut settings = Settings::new(original.clone());
@@ -546,7 +548,7 @@ mod tests {
         let mut settings = usual.clone();
         apply(&elsewhere, ELSEWHERE, &mut settings);
         assert_eq!(settings, usual);
-        // Another scene has its own numbers, and is looked at as the one before.
+        // Another scene has its own numbers, but the same choices.
         assert_eq!(elsewhere.apply_numbers(scene::DEFAULT, &mut settings.scene), Vec::<String>::new());
         assert_eq!(settings, Settings { scene: changed().scene, ..usual });
         apply(&elsewhere, scene::DEFAULT, &mut settings);
@@ -572,7 +574,7 @@ mod tests {
         for (text, number) in texts.iter().zip(1..) {
             fs::write(file_of(&folder), text).expect("written");
             let refusal = kept().save(&file_of(&folder)).expect_err("not ours");
-            assert!(refusal.contains("not written over") && fs::read(file_of(&folder)).expect("still there") == *text, "{refusal}");
+            assert!(refusal.contains("not overwritten") && fs::read(file_of(&folder)).expect("still there") == *text, "{refusal}");
             let (kept, line) = Kept::load(&file_of(&folder));
             let line = line.expect("somebody should know");
             let aside = if number == 1 { "workbench.toml.damaged".to_owned() } else { format!("workbench.toml.damaged-{number}") };
@@ -583,21 +585,22 @@ mod tests {
         fs::write(file_of(&folder), "version = 1\n[look]\nnoises = 3\n").expect("written");
         let line = Kept::load(&file_of(&folder)).1.expect("a key of no meaning");
         assert!(line.contains("workbench.toml:3") && line.contains("did you mean `noise`"), "{line}");
-        // In place of a file something that is none.
+        // A folder in the place of the file.
         fs::create_dir(file_of(&folder)).expect("made");
         let line = Kept::load(&file_of(&folder)).1.expect("a folder");
-        assert!(line.contains("no plain file") && file_of(&folder).is_dir() && kept().save(&file_of(&folder)).is_err(), "{line}");
+        assert!(line.contains("not a regular file") && file_of(&folder).is_dir() && kept().save(&file_of(&folder)).is_err(), "{line}");
     }
 
     #[test]
     fn a_newer_version_is_left_alone() {
         let folder = Folder::new("newer");
-        let text = "version = 3\nlook = \"of another kind\"\n";
-        fs::write(file_of(&folder), text).expect("written");
+        let newer = VERSION + 1;
+        let text = format!("version = {newer}\nlook = \"of another kind\"\n");
+        fs::write(file_of(&folder), &text).expect("written");
         let (kept, line) = Kept::load(&file_of(&folder));
-        assert!(kept == Kept::default() && line.as_ref().is_some_and(|line| line.contains("version 3")), "{line:?}");
+        assert!(kept == Kept::default() && line.as_ref().is_some_and(|line| line.contains(&format!("version {newer}"))), "{line:?}");
         assert!(kept.save(&file_of(&folder)).expect_err("not written over").contains("SCREE_STATE"));
-        assert_eq!((fs::read_to_string(file_of(&folder)).expect("still there").as_str(), folder.names().len()), (text, 1));
+        assert_eq!((fs::read_to_string(file_of(&folder)).expect("still there"), folder.names().len()), (text, 1));
     }
 
     #[test]
@@ -619,13 +622,13 @@ mod tests {
         (expected.frame.estimator, expected.frame.seed) = (Estimator::Stf, 5);
         expected.scene.blend.hash_scale = 3.0;
         assert_eq!(settings, expected);
-        // Numbers that the scene cannot have, as its file is now.
+        // Numbers that make the scene invalid, given its current file.
         let mut impossible = Kept { look: Look::default(), ..kept.clone() };
         impossible.scenes.entry(scene::DEFAULT.to_owned()).or_default().numbers =
             BTreeMap::from([("flavours.cliff_near_m".to_owned(), 9000.0)]);
         let said = apply(&impossible, scene::DEFAULT, &mut settings);
         assert!(said.len() == 1 && said[0].contains("cliff_near_m") && settings.scene == expected.scene, "{said:?}");
-        // They are not kept in the first place: what was kept before stays.
+        // Such numbers are not saved; those that were saved before stay.
         let mut numbers = changed();
         numbers.scene.flavours.cliff_near_m = 9000.0;
         let kept = Kept::of(&kept, scene::DEFAULT, &numbers, &plain(), &Places::default(), &tree());
@@ -637,7 +640,7 @@ mod tests {
         let folder = Folder::new("whole");
         kept().save(&file_of(&folder)).expect("written");
         let before = fs::read(file_of(&folder)).expect("there");
-        // What the temporary file would be called is taken.
+        // The name of the temporary file is taken.
         fs::create_dir(folder.0.join(format!("workbench.toml.{}.tmp", std::process::id()))).expect("made");
         let error = Kept::default().save(&file_of(&folder)).expect_err("cannot be written");
         assert!(error.contains("workbench.toml") && error.contains("make room"), "{error}");
@@ -654,13 +657,13 @@ mod tests {
         keeper.tend(begun + 2 * EVERY, |before| Kept { look: Look::of(&changed()), ..before.clone() });
         keeper.finish(Kept::clone).expect("written");
         assert_eq!(Kept::load(&file_of(&folder)).0.look, Look::of(&changed()));
-        // Nothing new, nothing written.
+        // Without a change, nothing is written.
         fs::remove_file(file_of(&folder)).expect("was there");
         keeper.finish(Kept::clone).expect("nothing to do");
         assert!(folder.names().is_empty());
-        // A failure stays until it is mended.
+        // A failure is reported until an attempt succeeds.
         fs::create_dir(file_of(&folder)).expect("made");
-        assert!(keeper.finish(|_| kept()).is_err() && keeper.failure().is_some_and(|line| line.contains("no plain file")));
+        assert!(keeper.finish(|_| kept()).is_err() && keeper.failure().is_some_and(|line| line.contains("not a regular file")));
         fs::remove_dir(file_of(&folder)).expect("was there");
         keeper.finish(Kept::clone).expect("mended");
         assert!(keeper.failure().is_none() && folder.names() == ["workbench.toml"]);

@@ -1,24 +1,24 @@
-//! What is measured of the pictures as they are drawn, and the numbers that come of it.
+//! Settings of the live metrics, and their results.
 
 use kernels::metrics::Summary;
 
-/// Layers of a picture that metrics are taken from.
+/// Layers of a picture from which the metrics are computed.
 pub const LAYERS: [&str; 2] = ["albedo", "choice"];
-/// Windows on offer, frames.
+/// Shortest and longest window, frames.
 pub const WINDOWS: [u32; 2] = [2, 1024];
 
-/// What is measured of the pictures.
+/// Settings of the live metrics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metrics {
-    /// Whether anything is.
+    /// Whether metrics are computed.
     pub on: bool,
-    /// Frames that a number goes back, exponentially.
+    /// Length of the exponential window, frames.
     pub window: u32,
-    /// Whether the numbers stay as they are.
+    /// Whether the metrics are frozen at their current values.
     pub frozen: bool,
-    /// How often they were begun anew.
+    /// Number of restarts; a change of it restarts the metrics.
     pub resets: u32,
-    /// Left, top, right and bottom of what is summed, as shares of the picture; `None` = all.
+    /// The measured region as left, top, right and bottom, in shares of the picture; `None` = the whole picture.
     pub region: Option<[f32; 4]>,
 }
 
@@ -28,7 +28,7 @@ impl Default for Metrics {
     }
 }
 
-/// One frame's numbers, of A and of B.
+/// The metrics of one frame, for A and B.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// The frame.

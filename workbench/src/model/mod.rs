@@ -1,4 +1,4 @@
-//! What the panels show and change, without the window and without the thread that draws: [`state::Model`] and its parts.
+//! What the panels show and change: [`state::Model`] and its parts. It depends neither on the window nor on the drawing thread.
 
 pub mod brush;
 pub mod compare;

@@ -1,5 +1,6 @@
-//! The panes of the window and how they are arranged; as it is kept, by their titles and shares. The window library's own format would not do: TOML holds neither its
-//! identifiers (64 bits, unsigned) nor its empty values, and a pane that came or went with a version would make it unreadable.
+//! The panes of the window and their arrangement, and the form in which the arrangement is saved: by titles and shares. The format of the window
+//! library is not suitable: TOML can represent neither its identifiers (unsigned 64 bits) nor its empty values, and a pane that a version adds or
+//! removes would make the file unreadable.
 
 use eframe::egui;
 use egui_tiles::{Container, Grid, GridLayout, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
@@ -10,36 +11,36 @@ use serde::{Deserialize, Serialize};
 pub enum Pane {
     /// The picture.
     Viewport,
-    /// Which shaders.
+    /// Choice of variant, estimator and noise.
     Variants,
-    /// Textures and how they lie on the ground.
+    /// Materials: their textures, and how these lie on the ground.
     Materials,
-    /// Which material lies where.
+    /// Splat rules: which material lies where.
     Rules,
-    /// What is painted over that.
+    /// The brush, and the strokes that are painted over the rules.
     Brush,
-    /// A beside B.
+    /// Comparison of A with B.
     Compare,
-    /// What is measured of the pictures.
+    /// Live metrics of the pictures.
     Metrics,
-    /// The scene's numbers.
+    /// The numeric settings of the scene and the frame.
     Parameters,
-    /// What the frame took.
+    /// Times of the frame.
     Frame,
-    /// One pixel, taken apart.
+    /// How one pixel was shaded.
     Inspector,
-    /// What each stage made of it: nodes on a map, atlases, pages, tiles.
+    /// What each stage reports of the frame: nodes on a map, atlases, pages, tiles.
     Machine,
-    /// Experiments to save and to run.
+    /// Saving the current settings as an experiment, and running experiments.
     Experiments,
-    /// Places to go back to, and paths to fly again.
+    /// Stored places and recorded paths.
     Places,
-    /// What is to be seen, and the keys.
+    /// A short introduction, and the keys.
     Help,
 }
 
 impl Pane {
-    /// All of them.
+    /// All panes.
     pub const ALL: [Pane; 14] = [
         Pane::Viewport,
         Pane::Variants,
@@ -78,12 +79,12 @@ impl Pane {
     }
 }
 
-/// What the window's panes are remembered by.
+/// The identifier of the tree of panes in the window.
 pub(crate) fn tree_id() -> egui::Id {
     egui::Id::unique("workbench")
 }
 
-/// The picture on the left, everything else in two stacks on the right.
+/// The default arrangement: the picture on the left, all other panes in two groups of tabs on the right.
 pub(crate) fn usual() -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let viewport = tiles.insert_pane(Pane::Viewport);
@@ -106,7 +107,7 @@ pub(crate) fn usual() -> Tree<Pane> {
     Tree::new(tree_id(), root, tiles)
 }
 
-/// A pane, or what holds several. Shares are relative to each other, above 0; where one is missing or none, it is 1.
+/// A pane, or a container of several. Shares are relative to each other and above 0. A share that is missing or invalid counts as 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Layout {
@@ -115,42 +116,42 @@ pub enum Layout {
         /// Its title: [`Pane::name`].
         name: String,
     },
-    /// One on top of the other.
+    /// Tabs: one child is visible at a time.
     Tabs {
-        /// Which is on top, from 0.
+        /// Index of the visible child, from 0.
         open: usize,
-        /// What there is, from the left.
+        /// The children, from the left.
         children: Vec<Layout>,
     },
-    /// Beside each other.
+    /// Children beside each other.
     Row {
-        /// Shares of the width, one a child.
+        /// Shares of the width, one per child.
         shares: Vec<f32>,
-        /// What there is, from the left.
+        /// The children, from the left.
         children: Vec<Layout>,
     },
-    /// Below each other.
+    /// Children below each other.
     Column {
-        /// Shares of the height, one a child.
+        /// Shares of the height, one per child.
         shares: Vec<f32>,
-        /// What there is, from the top.
+        /// The children, from the top.
         children: Vec<Layout>,
     },
-    /// In rows and columns.
+    /// Children in rows and columns.
     Grid {
-        /// How many columns; 0 = as many as fit.
+        /// Number of columns; 0 = as many as fit.
         columns: usize,
-        /// Shares of the width, one a column.
+        /// Shares of the width, one per column.
         column_shares: Vec<f32>,
-        /// Shares of the height, one a row.
+        /// Shares of the height, one per row.
         row_shares: Vec<f32>,
-        /// What there is, row by row.
+        /// The children, row by row.
         children: Vec<Layout>,
     },
 }
 
 impl Layout {
-    /// How panes are arranged now; `None` = there are none.
+    /// The current arrangement; `None` = there are no panes.
     pub fn of(tree: &Tree<Pane>) -> Option<Layout> {
         Layout::of_tile(&tree.tiles, tree.root()?)
     }
@@ -180,8 +181,8 @@ impl Layout {
         })
     }
 
-    /// The arrangement again, under the identifier of the window's tree. Panes that are not known any more, and second ones of a name, are left
-    /// out; panes that it does not have yet are added to the last tabs, since nothing else would open them. `None` = no pane is left.
+    /// The tree for this arrangement, with the given identifier. Panes with an unknown name, or a name that occurs a second time, are left out. Panes
+    /// that the arrangement lacks are added to the last tabs, because there is no other way to open them. `None` = no pane is left.
     pub fn tree(&self, id: egui::Id) -> Option<Tree<Pane>> {
         let mut making = Making { tiles: Tiles::default(), left: Pane::ALL.to_vec(), tabs: None };
         let mut root = making.insert(self)?;
@@ -203,12 +204,12 @@ impl Layout {
     }
 }
 
-/// A tree on its way.
+/// A tree while it is being built.
 struct Making {
     tiles: Tiles<Pane>,
-    /// Panes that have no place yet.
+    /// Panes that are not in the tree yet.
     left: Vec<Pane>,
-    /// The last tabs.
+    /// The tabs that were added last.
     tabs: Option<TileId>,
 }
 
@@ -245,7 +246,7 @@ impl Making {
         }
     }
 
-    /// What became of each child that has a pane, with its place among them.
+    /// Adds all children. Returns those that contain a pane, with their index among the children.
     fn insert_all(&mut self, children: &[Layout]) -> Vec<(usize, TileId)> {
         children.iter().enumerate().filter_map(|(place, child)| Some((place, self.insert(child)?))).collect()
     }
@@ -263,7 +264,7 @@ impl Making {
     }
 }
 
-/// A share that leaves every pane visible.
+/// The share, or 1 if it would make the pane invisible.
 fn usable(share: f32) -> f32 {
     if share.is_finite() && share > 0.0 { share } else { 1.0 }
 }
@@ -280,7 +281,7 @@ mod tests {
         Layout::Pane { name: pane.name().to_owned() }
     }
 
-    /// All panes: the first beside a column of a grid and of tabs, the last tab on top.
+    /// All panes: the first one beside a column of a grid and tabs, of which the last is open.
     fn all() -> Layout {
         let [first, second, third] = [0, 1, 2].map(|i| pane(Pane::ALL[i]));
         let grid = Layout::Grid { columns: 2, column_shares: vec![0.75, 1.25], row_shares: vec![1.0], children: vec![second, third] };
@@ -294,7 +295,7 @@ mod tests {
     fn a_layout_becomes_a_tree_and_the_same_layout_again() {
         let tree = all().tree(id()).expect("panes");
         assert_eq!(Layout::of(&tree), Some(all()));
-        // As text, too.
+        // The same after writing it as text and reading it again.
         let text = toml::to_string(&all()).expect("can be written");
         assert_eq!(toml::from_str::<Layout>(&text).expect("can be read"), all(), "{text}");
     }
@@ -310,7 +311,7 @@ mod tests {
         let Layout::Tabs { open, children } = &children[1] else { panic!("tabs stay tabs") };
         let expected: Vec<Layout> = Pane::ALL[1..].iter().map(|&p| pane(p)).collect();
         assert_eq!((*open, children), (0, &expected));
-        // Without tabs, new ones get some.
+        // Without tabs, tabs are created for the new panes.
         let Some(Layout::Row { children, .. }) = pane(Pane::ALL[0]).tree(id()).as_ref().and_then(Layout::of) else {
             panic!("a row is made")
         };

@@ -1,4 +1,4 @@
-//! Pictures as they are wanted and as they are drawn: what the window asks of the drawing thread, and what comes back.
+//! Requests for pictures, and the pictures: what the window asks the drawing thread for, and what it gets.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,63 +15,64 @@ use super::settings::Settings;
 use super::viewpoint::Viewpoint;
 use kernels::oracle::Pixel;
 
-/// A picture that is wanted.
+/// A request for a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wish {
-    /// How it looks: A.
+    /// The settings of A.
     pub settings: Settings,
-    /// What it is held against.
+    /// What it is compared with.
     pub compare: Compare,
-    /// What is measured of it.
+    /// Live metrics of it.
     pub metrics: Metrics,
-    /// From where.
+    /// The viewpoint.
     pub viewpoint: Viewpoint,
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
-    /// The only time there is.
+    /// The frame number, on which noise and camera paths depend. There is no other time.
     pub frame: u32,
-    /// Place of a pixel that is taken apart, in shares of the picture; `None` = none is.
+    /// Position of the inspected pixel, as shares of the picture; `None` = no pixel is inspected.
     pub probe: Option<[f32; 2]>,
-    /// Whether places on the ground are looked for, by the picture's depth: for a brush, and for what is orbited.
+    /// Whether the depth layer is needed to find places on the ground: for the brush, and for the orbited place.
     pub seeks: bool,
-    /// Where nodes and patches are selected from in place of the viewpoint; `None` = from there.
+    /// The pose for which nodes and patches are culled while culling is frozen; `None` = the viewpoint.
     pub culled_from: Option<Pose>,
-    /// Number of the opening that the scene comes from: another one is loaded anew, with the files that it names, also if the scene is equal.
+    /// Number that identifies the loading of the scene. If it changes, the scene and the files that it names are loaded again, even if the scene is
+    /// equal.
     pub opened: u32,
 }
 
 impl Wish {
-    /// Whether pictures are followed from frame to frame.
+    /// Whether live metrics follow the pictures from frame to frame.
     pub fn is_measured(&self) -> bool {
         self.metrics.on || self.settings.layer.is_measured()
     }
 
-    /// Layers that are wanted besides the one on show.
+    /// The layers that are needed in addition to the layer on screen.
     pub(crate) fn layers(&self) -> Vec<&'static str> {
         let measured: &[&str] = if self.is_measured() { &LAYERS } else { &[] };
         let sought: &[&str] = if self.seeks { &["depth"] } else { &[] };
         [measured, sought].concat()
     }
 
-    /// The picture of A, with these layers besides the one on show.
+    /// The request for the picture of A, with these layers in addition to the layer on screen.
     pub(crate) fn request(&self, pose: Pose, layers: &[&str]) -> RenderRequest {
         self.settings.request(pose, self.size, self.frame, layers).with(|r| r.geometry.culled_from = self.culled_from)
     }
 }
 
-/// The picture compared with.
+/// B: the second picture of a comparison.
 pub struct Second {
-    /// What it was drawn by.
+    /// The settings that it was drawn with.
     pub settings: Settings,
     /// sRGB, row by row from the top.
     pub texels: Vec<[u8; 3]>,
     /// What its colours mean.
     pub legend: Legend,
-    /// How much it differs from the first, as colours, where that is shown.
+    /// The difference to A as colours, if it is shown.
     pub difference: Option<Vec<[u8; 3]>>,
     /// Root mean squared difference of lit linear colour over terrain.
     pub rmse: f64,
-    /// Mean of A less B over terrain, luminance.
+    /// Mean of A - B over terrain, luminance.
     pub mean: f64,
     /// Largest absolute difference over terrain, luminance.
     pub largest: f64,
@@ -81,23 +82,23 @@ pub struct Second {
 
 /// A picture that was drawn.
 pub struct Shown {
-    /// As it was wanted.
+    /// The wish that it fulfils.
     pub wish: Wish,
-    /// Where the camera stood.
+    /// The pose of the camera.
     pub pose: Pose,
     /// sRGB, row by row from the top.
     pub texels: Vec<[u8; 3]>,
     /// What its colours mean.
     pub legend: Legend,
-    /// Whether it is a first look, which shows only where everything is.
+    /// Whether it is a first look: drawn with small textures on coarse terrain, only to show where everything is.
     pub draft: bool,
     /// The picture and its numbers.
     pub picture: Picture,
-    /// B, if it was wanted.
+    /// B, if it was requested.
     pub second: Option<Second>,
-    /// The pixel that was to be taken apart, of A; `None` = none was, or it is sky.
+    /// The inspected pixel of A; `None` = no pixel was inspected, or it shows sky.
     pub pixel: Option<Pixel>,
-    /// Why there is no B though it was wanted; one line.
+    /// Why B is missing although it was requested; one line.
     pub alone: Option<String>,
     /// Elevation of the ground below the camera, metres.
     pub ground_m: f64,
@@ -107,14 +108,14 @@ pub struct Shown {
     pub layout: kernels::world::Layout,
     /// Mean linear albedo of each material of the wish's scene, tint included.
     pub mean_albedos: Vec<[f32; 3]>,
-    /// What was measured since the numbers were begun, the newest last.
+    /// The readings since measuring began, the newest last.
     pub readings: Vec<Reading>,
-    /// From the wish to the texels.
+    /// Time from the wish to the finished texels.
     pub took: Duration,
 }
 
 impl Shown {
-    /// Mean linear albedo of a material of this name, tint included; `None` = the picture's scene has none.
+    /// Mean linear albedo of the material with this name, tint included; `None` = the scene of the picture has no such material.
     pub fn mean_albedo(&self, material: &str) -> Option<[f32; 3]> {
         let place = self.wish.settings.scene.materials.iter().position(|known| known.name == material)?;
         self.mean_albedos.get(place).copied()
@@ -126,31 +127,31 @@ impl Shown {
 pub struct Adapter {
     /// Name given by the driver.
     pub name: String,
-    /// Whether it is a processor that only behaves as a graphics card: its times are good for ratios only.
+    /// Whether it is a software adapter (a driver that runs on the processor): only ratios of its times are meaningful.
     pub software: bool,
-    /// Why scenes are drawn without anisotropic filtering, if they are.
+    /// Why scenes are drawn without anisotropic filtering; `None` = they are drawn with it.
     pub without_anisotropy: Option<&'static str>,
 }
 
-/// What the thread has to say.
+/// The state that the drawing thread reports.
 #[derive(Clone, Default)]
 pub struct News {
     /// The last picture.
     pub shown: Option<Arc<Shown>>,
     /// The device.
     pub adapter: Option<Adapter>,
-    /// What is being done that takes a while.
+    /// Progress of a long task.
     pub progress: Option<Progress>,
-    /// Shaders that are compiled, of those that a click may ask for.
+    /// Number of compiled shaders, and of all that a click may need.
     pub warm: [usize; 2],
     /// Why the last wish was not fulfilled; one line.
     pub failure: Option<String>,
-    /// Number of the opening whose scene was loaded last, with all that it names.
+    /// [`Wish::opened`] of the scene that was loaded last, with all files that it names.
     pub loaded: Option<u32>,
-    /// Number of the opening whose scene could not be loaded, if that was the last one; the failure says why.
+    /// [`Wish::opened`] of the scene that could not be loaded, if the last one could not. `failure` says why.
     pub unloaded: Option<u32>,
-    /// Why the shaders of the folder are not those that draw; one line with file, line and message. The last that compiled draw.
+    /// Why the shaders in the watched folder are not in use; one line with file, line and message. The last shaders that compiled stay in use.
     pub shader_error: Option<String>,
-    /// Whether other shaders draw than the program's own.
+    /// Whether shaders other than those of the program are in use.
     pub shaders_edited: bool,
 }

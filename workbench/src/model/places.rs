@@ -1,4 +1,4 @@
-//! Places to go back to, and paths that were flown: what they are called, and how they are written.
+//! Places (stored camera poses) and recorded paths: their names, and how they are stored in files.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
@@ -15,24 +15,25 @@ use serde::{Deserialize, Serialize};
 
 use super::files;
 
-/// Longest path, frames: 28 minutes at 60 a second, 5 MB.
+/// Maximum number of frames of a path: 28 minutes at 60 frames a second, 5 MB.
 pub const MOST_FRAMES: usize = 100_000;
-/// Frames that may be missing between two pictures of a recording: stepping by hand runs ahead of the pictures.
+/// Maximum number of frames that may be missing between two pictures of a recording. Frames are missing where somebody steps faster than pictures are
+/// drawn.
 const LONGEST_GAP: usize = 60;
 /// Longest name, characters.
 const NAME_LENGTH: usize = 100;
-/// Largest file that is read as a path, bytes: one of the longest takes about 12 million.
+/// Largest file that is read as a path, bytes. The longest possible path takes about 12 million bytes.
 const MOST_BYTES: u64 = 64 << 20;
-/// Columns of a path's file. Angles are radians: not every f64 of radians is some f64 of degrees times pi/180, and a replay shall stand where the
-/// flight stood, to the last bit.
+/// Columns of the file of a path. Angles are in radians, so that a replay has the poses of the recording to the last bit: not every f64 in radians
+/// equals an f64 in degrees times pi/180.
 const COLUMNS: [&str; 7] = ["frame", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "fov_rad"];
 
-/// The degrees that give these radians again, where any do; else about the nearest. So an angle may change by its last two bits when it is first
-/// written, and never again.
+/// The angle in degrees that converts back to exactly these radians, if there is one; otherwise approximately the nearest one. An angle may therefore
+/// change in its last two bits when it is first written, and does not change after that.
 fn degrees(radians: f64) -> f64 {
     let nearest = radians.to_degrees();
     let (mut above, mut below) = (nearest, nearest);
-    // Two factors and two products are rounded, each by at most 2^-53: together four units in the last place where those are finest.
+    // Two factors and two products are rounded, each by at most 2^-53. Together these are at most four units in the last place.
     for _ in 0..=4 {
         if let Some(exact) = [above, below].into_iter().find(|degrees| degrees.to_radians() == radians) {
             return exact;
@@ -42,7 +43,7 @@ fn degrees(radians: f64) -> f64 {
     nearest
 }
 
-/// Refuses what no camera can be.
+/// Checks that a camera can have this pose.
 fn check(pose: Pose) -> Result<Pose, String> {
     if !pose.position.is_finite() || !pose.yaw.is_finite() {
         return Err("position and yaw must be finite".to_owned());
@@ -56,13 +57,13 @@ fn check(pose: Pose) -> Result<Pose, String> {
     Ok(pose)
 }
 
-/// A place to go back to. In files it is a camera as scenes have them, so that it can be copied into one.
+/// A stored camera pose. In files it has the form of a scene's camera, so that it can be copied into a scene file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "CameraPose", into = "CameraPose")]
 pub struct Place {
     /// Its name, one line.
     pub name: String,
-    /// Where, and which way.
+    /// Position, direction and field of view.
     pub pose: Pose,
 }
 
@@ -84,14 +85,17 @@ impl TryFrom<CameraPose> for Place {
 
     fn try_from(camera: CameraPose) -> Result<Place, String> {
         if camera.above_ground {
-            return Err(format!("`{}` counts from the ground, which only a scene's camera can: give z as elevation", camera.name));
+            return Err(format!(
+                "`{}` gives its height above the ground, which only a camera of a scene can: give z as elevation",
+                camera.name
+            ));
         }
         let pose = check(Pose::of(&camera, |_, _| 0.0)).map_err(|what| format!("`{}`: {what}", camera.name))?;
         Ok(Place { name: camera.name, pose })
     }
 }
 
-/// A path that was flown: a pose a frame, over and over. Clones share the poses.
+/// A recorded path: one pose per frame; it repeats after its last frame. Clones share the poses.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct Recorded {
@@ -100,7 +104,7 @@ pub struct Recorded {
     poses: Arc<[Pose]>,
 }
 
-/// A path in the file of what is kept: rows of x, y, z in metres, yaw, pitch and field of view in radians.
+/// A path in the file of the saved state: rows of x, y and z in metres, then yaw, pitch and field of view in radians.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
@@ -135,16 +139,16 @@ fn pose([x, y, z, yaw, pitch, fov]: [f64; 6]) -> Result<Pose, String> {
 
 impl PartialEq for Recorded {
     fn eq(&self, other: &Recorded) -> bool {
-        // Viewpoints are compared at every drawing of the window: clones must not cost a walk along the path.
+        // Viewpoints are compared each time the window is drawn, so that comparing clones must not cost a pass over all poses.
         self.name == other.name && (Arc::ptr_eq(&self.poses, &other.poses) || self.poses == other.poses)
     }
 }
 
 impl Recorded {
-    /// A path of these poses, one a frame.
+    /// A path with one of these poses per frame.
     ///
     /// # Errors
-    /// There is none, or more than [`MOST_FRAMES`].
+    /// There are no poses, or more than [`MOST_FRAMES`].
     pub fn new(name: &str, poses: Vec<Pose>) -> Result<Recorded, String> {
         match poses.len() {
             0 => Err("has no frames".to_owned()),
@@ -153,17 +157,17 @@ impl Recorded {
         }
     }
 
-    /// How many frames it has, 1 to [`MOST_FRAMES`].
+    /// Number of frames, 1 to [`MOST_FRAMES`].
     pub fn frames(&self) -> usize {
         self.poses.len()
     }
 
-    /// Where the camera stands in a frame; after the last comes the first again.
+    /// The pose of the camera in a frame. After the last frame the path begins again.
     pub fn pose(&self, frame: u32) -> Pose {
         self.poses[frame as usize % self.poses.len()]
     }
 
-    /// The path as a table: a header of names and units, a row a frame. Numbers are the shortest that read back as the same bits.
+    /// The path as a table: a header with names and units, then one row per frame. Numbers have the fewest digits that read back as the same bits.
     pub fn to_csv(&self) -> String {
         let mut text = COLUMNS.join(",");
         text.push('\n');
@@ -174,11 +178,11 @@ impl Recorded {
         text
     }
 
-    /// Reads what [`Recorded::to_csv`] makes. `place` names the table in errors.
+    /// Reads a table that [`Recorded::to_csv`] wrote. `place` names the table in errors.
     ///
     /// # Errors
-    /// One line with the place and the line: other columns, frames that do not count from 0, a cell that is no number, a pose that no camera can
-    /// have, no row, or too many.
+    /// One line with the place and the line: the columns are different, frames do not count up from 0, a cell is not a number, a pose is impossible
+    /// for a camera, or there are no rows or too many.
     pub fn from_csv(name: &str, table: impl Read, place: &str) -> Result<Recorded, String> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table);
         let header = reader.headers().map_err(|error| format!("{place}: {}", one_line(&explain(&error))))?;
@@ -193,7 +197,10 @@ impl Recorded {
             let wrong = |what: String| format!("{place}, line {line}: {}", one_line(&what));
             let frame = record.get(0).unwrap_or_default();
             if frame.parse::<usize>() != Ok(poses.len()) {
-                return Err(wrong(format!("the frame is `{frame}`, must be {}: frames count from 0, none is left out", poses.len())));
+                return Err(wrong(format!(
+                    "the frame is `{frame}`, must be {}: frames count from 0, and none may be left out",
+                    poses.len()
+                )));
             }
             if poses.len() == MOST_FRAMES {
                 return Err(wrong(format!("a path has at most {MOST_FRAMES} frames: cut it into several")));
@@ -204,13 +211,13 @@ impl Recorded {
             }
             poses.push(pose(row).map_err(wrong)?);
         }
-        Recorded::new(name, poses).map_err(|what| format!("{place} {what}: give a row a frame"))
+        Recorded::new(name, poses).map_err(|what| format!("{place} {what}: give one row per frame"))
     }
 
-    /// Writes the table as a new file: whole or not at all.
+    /// Writes the table as a new file. The file is either complete or not written at all.
     ///
     /// # Errors
-    /// One line: there is something of this name, or it cannot be written.
+    /// One line: the file exists already, or cannot be written.
     pub fn write(&self, file: &Path) -> Result<(), String> {
         if file.symlink_metadata().is_ok() {
             return Err(format!("{} exists: give another name, or remove it first", file.display()));
@@ -218,17 +225,19 @@ impl Recorded {
         files::write(file, self.to_csv().as_bytes())
     }
 
-    /// Reads a table from a file; the path is called like the file.
+    /// Reads a table from a file. The path gets the name of the file, without its extension.
     ///
     /// # Errors
-    /// One line: it cannot be read, or as [`Recorded::from_csv`].
+    /// One line: the file cannot be read, or as [`Recorded::from_csv`].
     pub fn read(file: &Path) -> Result<Recorded, String> {
         let place = file.display().to_string();
         let unreadable = |error: std::io::Error| format!("cannot read {place}: {error}");
-        // A device or pipe has no end to read to.
+        // Reading from a device or pipe may never end.
         let metadata = fs::metadata(file).map_err(unreadable)?;
         if !metadata.is_file() || metadata.len() > MOST_BYTES {
-            return Err(format!("{place} is no plain file, or larger than any path: give a table as `Write ... to a file` makes them"));
+            return Err(format!(
+                "{place} is not a regular file, or it is larger than any path: give a table that `Write ... to a file` made"
+            ));
         }
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Recorded::from_csv(&name, File::open(file).map_err(unreadable)?, &place)
@@ -241,21 +250,21 @@ fn explain(error: &csv::Error) -> String {
             let line = pos.as_ref().map_or(0, csv::Position::line);
             format!("line {line} has {len} cells, must have {}", COLUMNS.len())
         }
-        csv::ErrorKind::Utf8 { .. } => "it is no text: give a table as `Write ... to a file` makes them".to_owned(),
+        csv::ErrorKind::Utf8 { .. } => "it is not UTF-8 text: give a table that `Write ... to a file` made".to_owned(),
         _ => error.to_string(),
     }
 }
 
-/// Why a recording is over before it was stopped.
+/// Why a recording ended by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It has [`MOST_FRAMES`].
+    /// It has [`MOST_FRAMES`] frames.
     Full,
-    /// The frame index went back, or too far ahead.
+    /// The frame number went back, or too far ahead.
     Jumped {
         /// The last frame that was recorded.
         from: usize,
-        /// The one that came then.
+        /// The frame that followed it.
         to: usize,
     },
 }
@@ -269,18 +278,18 @@ impl fmt::Display for Ended {
     }
 }
 
-/// A path while it is flown: a pose a frame, from frame 0, so that a replay has the noise of the flight, too.
+/// A path that is being recorded: one pose per frame, from frame 0 on, so that a replay also has the same noise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     poses: Vec<Pose>,
 }
 
 impl Recording {
-    /// Takes note of a picture that is shown; the same one may come any number of times. Until one of frame 0 comes, pictures are those from before.
-    /// Of several pictures of a frame the last counts; in a frame without one the camera stands where it stood.
+    /// Records the pose of the picture on screen. The same picture may be passed repeatedly. Pictures before that of frame 0 are ignored. If a frame
+    /// has several pictures, the last one counts; if it has none, it gets the pose of the frame before.
     ///
     /// # Errors
-    /// What ends the recording. The frames until then stay.
+    /// Why the recording ended. The frames recorded until then remain.
     pub fn see(&mut self, frame: u32, pose: Pose) -> Result<(), Ended> {
         let (frame, next) = (frame as usize, self.poses.len());
         let Some(last) = self.poses.last_mut() else {
@@ -305,17 +314,17 @@ impl Recording {
         Ok(())
     }
 
-    /// Frames so far, at most [`MOST_FRAMES`].
+    /// Number of frames so far, at most [`MOST_FRAMES`].
     pub fn frames(&self) -> usize {
         self.poses.len()
     }
 
-    /// The path.
+    /// The recorded path.
     ///
     /// # Errors
-    /// No picture came.
+    /// No frame was recorded.
     pub fn finish(self, name: &str) -> Result<Recorded, String> {
-        Recorded::new(name, self.poses).map_err(|what| format!("the recording {what}: let time run, or step, before it is stopped"))
+        Recorded::new(name, self.poses).map_err(|what| format!("the recording {what}: let time run, or step, before you stop it"))
     }
 }
 
@@ -327,7 +336,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// These places and paths; second ones of a name get a name of their own.
+    /// A collection of these places and paths. Where a name occurs twice, the second one gets a new name.
     pub fn new(places: Vec<Place>, paths: Vec<Recorded>) -> Places {
         let mut all = Places::default();
         for Place { name, pose } in places {
@@ -339,7 +348,7 @@ impl Places {
         all
     }
 
-    /// The places, in the order in which they were kept.
+    /// The places, in the order in which they were added.
     pub fn places(&self) -> &[Place] {
         &self.places
     }
@@ -349,12 +358,12 @@ impl Places {
         &self.paths
     }
 
-    /// Whether there is nothing.
+    /// Whether there are neither places nor paths.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty() && self.paths.is_empty()
     }
 
-    /// Keeps a place, under the name that is wanted or one made from it; returns that name.
+    /// Adds a place under the given name, or one derived from it if it is taken. Returns the name.
     pub fn keep(&mut self, name: &str, pose: Pose) -> &str {
         let name = unique(name, "place", |name| self.places.iter().any(|place| place.name == name));
         let at = self.places.len();
@@ -362,7 +371,7 @@ impl Places {
         &self.places[at].name
     }
 
-    /// Adds a path, under its name or one made from it; returns that name.
+    /// Adds a path under its name, or one derived from it if it is taken. Returns the name.
     pub fn add(&mut self, path: Recorded) -> &str {
         let name = unique(&path.name, "path", |name| self.paths.iter().any(|path| path.name == name));
         let at = self.paths.len();
@@ -370,18 +379,18 @@ impl Places {
         &self.paths[at].name
     }
 
-    /// Forgets a place.
+    /// Removes a place.
     pub fn forget(&mut self, name: &str) {
         self.places.retain(|place| place.name != name);
     }
 
-    /// Forgets a path.
+    /// Removes a path.
     pub fn forget_path(&mut self, name: &str) {
         self.paths.retain(|path| path.name != name);
     }
 }
 
-/// The name that is wanted, on one line, if nothing has it, else with the next number that is free: `ridge`, `ridge 2`, `ridge 3`.
+/// The wanted name as one line, with the next free number if the name is taken: `ridge`, `ridge 2`, `ridge 3`.
 fn unique(wanted: &str, usual: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let plain: String = wanted.chars().filter(|c| !c.is_control()).take(NAME_LENGTH).collect();
     let wanted = if plain.trim().is_empty() { usual } else { plain.trim() };
@@ -408,7 +417,7 @@ mod tests {
 
     use super::*;
 
-    /// Numbers whose decimals have no end, from an explicit seed.
+    /// Numbers with many digits, from an explicit seed.
     fn poses(count: usize) -> Vec<Pose> {
         let mut state = 1_u64;
         let mut next = || {
@@ -470,7 +479,7 @@ mod tests {
         let row = "0,1,2,3,0.5,0,1";
         for (text, parts) in [
             ("frame,x_m\n0,1\n".to_owned(), ["t.csv, line 1", "yaw_rad"]),
-            (format!("{header}\n"), ["t.csv has no frames", "a row a frame"]),
+            (format!("{header}\n"), ["t.csv has no frames", "one row per frame"]),
             (format!("{header}\n{row}\n2,1,2,3,0.5,0,1\n"), ["t.csv, line 3", "`2`, must be 1"]),
             (format!("{header}\n{row}\n1,1,2,3,0.5,0\n"), ["line 3", "6 cells, must have 7"]),
             (format!("{header}\n0,1,2,three,0.5,0,1\n"), ["t.csv, line 2", "column `z_m`: `three`"]),
@@ -483,9 +492,9 @@ mod tests {
         }
         for picture in [&b"\x89PNG\r\n\x1a\n\0\xff"[..], &[header.as_bytes(), b"\n0,1,2,3,\xff,0,1\n"].concat()] {
             let error = Recorded::from_csv("t", picture, "t.csv").expect_err("no text");
-            assert!(error.starts_with("t.csv: it is no text: give a table") && !error.contains('\n'), "{error}");
+            assert!(error.starts_with("t.csv: it is not UTF-8 text: give a table") && !error.contains('\n'), "{error}");
         }
-        // Blanks and the line ends of other systems are not wrong.
+        // Blanks, and the line ends of other systems, are accepted.
         assert!(Recorded::from_csv("t", format!("{header}\r\n {row}\r\n\r\n").as_bytes(), "t.csv").is_ok());
         assert!(Recorded::read(Path::new("nowhere/at/all.csv")).expect_err("no such file").contains("all.csv"));
     }
@@ -507,7 +516,7 @@ mod tests {
     fn a_recording_has_a_pose_a_frame_and_an_end() {
         let at = poses(8);
         let mut recording = Recording::default();
-        // A picture from before, the first, the same again, the camera moved while time stood still.
+        // A picture from before the recording; the first one; the same one again; and one with a moved camera while time stood still.
         for (frame, pose) in [(57, at[0]), (0, at[1]), (0, at[1]), (0, at[2]), (1, at[3])] {
             recording.see(frame, pose).expect("goes on");
         }

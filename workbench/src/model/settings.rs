@@ -1,4 +1,4 @@
-//! What is on screen, except where the camera stands: undo takes it back, together with the comparison.
+//! Everything that decides how the terrain looks, except the camera. Undo restores it, together with the comparison.
 
 use kernels::base::names::suggestion;
 use kernels::frame::picture::AovSet;
@@ -14,9 +14,9 @@ use super::display::Layer;
 /// Everything that decides how the terrain looks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// The scene, with the numbers that were changed.
+    /// The scene, with the edits made in the workbench.
     pub scene: Scene,
-    /// Choices of the frame.
+    /// Settings of the frame.
     pub frame: FrameSettings,
     /// Pixels drawn per pixel of the screen, along a side.
     pub scale: f64,
@@ -78,7 +78,7 @@ pub const LAYER: Setting<Settings> = Setting {
     field_mut: |settings| Some(&mut settings.layer),
 };
 
-/// The settings that only the workbench has: how a picture is looked at.
+/// The settings that only the workbench has; they decide how a picture is displayed.
 pub const OWN: [&Setting<Settings>; 4] = [&SCALE, &LAYER, &COUNTS, &TIMES_VARIANTS];
 
 impl Field for Layer {
@@ -108,21 +108,21 @@ pub fn differences(own: &Scene, other: &Scene) -> Vec<(&'static Setting<Scene>, 
 }
 
 impl Settings {
-    /// A scene as its file says; everything else has its default.
+    /// The settings for a scene; everything else has its default.
     pub fn new(scene: Scene) -> Settings {
         Settings { scene, frame: FrameSettings::default(), scale: 1.0, layer: Layer::Lit, counts: false, times_variants: false }
     }
 
-    /// The settings that are kept from one start to the next, by the last part of their keys. Those of the scene are kept apart.
+    /// The settings that are saved from one start to the next, by the last part of their keys. The settings of the scene are saved separately.
     pub fn kept(&self) -> impl Iterator<Item = (&'static str, Value)> {
         let of_frame = frame_settings().filter_map(move |setting| Some((setting.name(), setting.get(&self.frame)?)));
         of_frame.chain(OWN.into_iter().filter_map(move |setting| Some((setting.name(), setting.get(self)?))))
     }
 
-    /// Sets what was kept under a name.
+    /// Sets a setting to a saved value.
     ///
     /// # Errors
-    /// One sentence: there is no such setting, or it does not accept the value. Nothing has changed then.
+    /// One sentence: there is no such setting, or it does not accept the value. Nothing is changed.
     pub fn take(&mut self, name: &str, value: &Value) -> Result<(), String> {
         if let Some(setting) = frame_settings().find(|setting| setting.name() == name) {
             return setting.set(&mut self.frame, value);
@@ -133,30 +133,32 @@ impl Settings {
         }
     }
 
-    /// Which shader shades which tile.
+    /// How the variant of each tile is chosen.
     pub fn choice(&self) -> VariantChoice {
         self.frame.choice()
     }
 
-    /// What the choice of shaders is called: `auto`, `splat`, `generic vt+splat`.
+    /// Name of that choice: `auto`, `splat`, `generic vt+splat`.
     pub fn choice_name(&self) -> String {
         let what = self.frame.variant.map_or_else(|| "auto".to_owned(), |variant| variant.to_string());
         if self.frame.generic { format!("generic {what}") } else { what }
     }
 
-    /// Adds a flavour to those forced, or takes it away; without any left the choice is automatic again.
+    /// Adds a flavour to the forced ones, or removes it. When none is left, the choice is automatic.
     pub fn toggle(&mut self, flavour: Flavour) {
         let mask = self.frame.variant.map_or(0, Variant::mask) ^ flavour.bit();
         self.frame.variant = Variant::new(mask);
     }
 
-    /// Whether both make the same pictures, however those are looked at.
+    /// Whether both render the same pictures. Differences in how these are displayed do not count.
     pub fn looks_like(&self, other: &Settings) -> bool {
         let Settings { scale, layer, counts, times_variants, .. } = *self;
-        *self == Settings { scale, layer, counts, times_variants, ..other.clone() }
+        let FrameSettings { exposure, tone_curve, .. } = self.frame;
+        let frame = FrameSettings { exposure, tone_curve, ..other.frame };
+        *self == Settings { frame, scale, layer, counts, times_variants, ..other.clone() }
     }
 
-    /// The picture of one frame, with the layer on show and `others`.
+    /// The request for the picture of a frame, with the layer on screen and the layers `others`.
     pub fn request(&self, pose: Pose, size: [u32; 2], frame: u32, others: &[&str]) -> RenderRequest {
         let layers: Vec<&str> = self.layer.aov().into_iter().chain(others.iter().copied()).collect();
         self.frame.request(pose, size, frame).with(|r| {
@@ -168,7 +170,7 @@ impl Settings {
     }
 }
 
-/// The settings of a frame that the workbench shows and keeps.
+/// The settings of a frame that the workbench shows and saves.
 pub fn frame_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
     FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Workbench))
 }
@@ -187,6 +189,7 @@ pub fn kept_names() -> Vec<&'static str> {
 
 #[cfg(test)]
 mod tests {
+    use kernels::display::ToneCurve;
     use kernels::scene;
 
     use super::*;
@@ -210,7 +213,8 @@ mod tests {
     #[test]
     fn what_is_only_looked_at_otherwise_looks_the_same() {
         let settings = Settings::new(scene::load(scene::DEFAULT).expect("built in"));
-        let otherwise = Settings { scale: 0.5, layer: Layer::Depth, counts: true, times_variants: true, ..settings.clone() };
+        let frame = FrameSettings { exposure: 2.0, tone_curve: ToneCurve::Clip, ..settings.frame };
+        let otherwise = Settings { frame, scale: 0.5, layer: Layer::Depth, counts: true, times_variants: true, ..settings.clone() };
         assert!(settings.looks_like(&otherwise) && otherwise.looks_like(&settings));
         let mut otherwise = settings.clone();
         otherwise.frame.seed = 1;

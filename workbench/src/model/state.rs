@@ -1,4 +1,5 @@
-//! The model: what is on screen, how it is looked at, what is undone and kept. Panels show and change it; the window asks for its pictures.
+//! The model: the current settings, how pictures are displayed, the undo history, and the saved state. Panels show and change it; the window requests
+//! the pictures that it describes.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -24,37 +25,37 @@ use super::viewpoint::{Viewpoint, usual_viewpoint};
 
 mod opening;
 
-/// Pictures that the graph of frame times goes back.
+/// Number of pictures in the graph of frame times.
 const TIMES: usize = 120;
-/// Pixels drawn per pixel of the screen, along a side, where a processor draws.
+/// Default render scale on a software adapter: pixels drawn per pixel of the screen, along a side.
 const SOFTWARE_SCALE: f64 = 0.5;
-/// Vertices of the terrain that are drawn there, see [`FrameSettings::vertex_stride`](kernels::frame::FrameSettings::vertex_stride): a processor takes its time by vertices; relief
-/// near the eye and the edges of steep steps look coarser for it.
+/// Default of [`FrameSettings::vertex_stride`](kernels::frame::FrameSettings::vertex_stride) on a software adapter, where vertices are expensive.
+/// Relief near the camera and the edges of steep steps look coarser with it.
 const SOFTWARE_STRIDE: u32 = 4;
 
-/// The frame index and whether it goes on.
+/// The frame number, and whether time runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Clock {
-    /// The frame that is wanted next, or was drawn last if paused.
+    /// The frame that is drawn next, or the frame on screen while paused.
     pub frame: u32,
     /// Whether time stands still.
     pub paused: bool,
 }
 
-/// How the pictures are looked at, which changes none of them.
+/// How pictures are displayed; this does not change what is rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Looking {
     /// Magnification, from 1.
     pub zoom: f32,
-    /// The place in the middle of the viewport, as shares of the picture.
+    /// The position in the picture that is in the middle of the viewport, as shares of the width and height of the picture.
     pub centre: [f32; 2],
     /// Whether a magnified cut-out follows the pointer.
     pub loupe: bool,
-    /// Where the line of a wipe is, as a share of the viewport's width.
+    /// Position of the line in the mode *Wipe*, as a share of the width of the viewport.
     pub wipe: f32,
-    /// Whether B is up, where one is shown at a time.
+    /// Whether B is on screen, in the mode that shows one picture at a time.
     pub b: bool,
-    /// Whether the drag that is going on draws the rectangle that is measured.
+    /// Whether the current drag draws the rectangle to measure.
     pub measures: bool,
 }
 
@@ -66,72 +67,72 @@ impl Default for Looking {
 
 /// What the panels show and change.
 pub struct Model {
-    /// What the thread that draws said last.
+    /// The latest news of the drawing thread.
     pub(crate) news: News,
-    /// What is on screen.
+    /// The current settings: everything that decides how the terrain looks.
     pub settings: Settings,
-    /// The scene as it was loaded: what a reset goes back to.
+    /// The scene as it was loaded; a reset restores values from it.
     pub(crate) original: Scene,
-    /// What it is held against.
+    /// What the picture is compared with.
     pub compare: Compare,
-    /// What is measured of it.
+    /// Live metrics of the pictures.
     pub metrics: Metrics,
-    /// Place of the pixel that is taken apart, in shares of the picture; `None` = none is.
+    /// Position of the inspected pixel, as shares of the picture; `None` = no pixel is inspected.
     pub probe: Option<[f32; 2]>,
     undoer: Undoer<(Settings, Compare)>,
-    /// Where it is seen from.
+    /// The viewpoint.
     pub viewpoint: Viewpoint,
     pub(crate) flight: Flight,
-    /// Where culling is frozen, if it is.
+    /// The pose at which culling is frozen; `None` = it is not frozen.
     pub culled_from: Option<Pose>,
-    /// What a drag in the picture paints, if it does.
+    /// The brush.
     pub brush: Brush,
-    /// Time.
+    /// The frame number, and whether time runs.
     pub clock: Clock,
-    /// Size of the picture that the viewport has room for, pixels.
+    /// Size of the viewport, pixels.
     pub(crate) room: [u32; 2],
     /// Longest side of a picture that the window can show, pixels.
     pub(crate) most_side: u32,
     pub(crate) textures: [Option<TextureHandle>; 3],
-    /// How the pictures are looked at.
+    /// How pictures are displayed.
     pub(crate) looking: Looking,
-    /// Why the scene cannot be as the sliders have it.
+    /// Why the current settings make no valid scene, if they do not.
     impossible: Option<String>,
-    /// The last scene that could be: it goes on being drawn when files that it names are removed.
+    /// The last valid scene. It is not validated again, so that it is still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
-    /// How long the window took for each of its own drawings, which is how long a click waits at most.
+    /// How long each drawing of the window itself took. A click waits at most this long.
     pub(crate) answers: VecDeque<Duration>,
-    /// Whether somebody chose the scale, and the vertex stride, at an earlier start.
+    /// Whether the saved state has a render scale and a vertex stride that the user chose.
     chosen: [bool; 2],
-    /// Whether the window is closed even if edits are lost.
+    /// Whether the window may close although edits would be lost.
     leaves: bool,
-    /// Whether what suits the adapter was chosen.
+    /// Whether the defaults for the adapter have been applied.
     adapted: bool,
-    /// The scale that nobody chose.
+    /// The default render scale for the adapter.
     pub(crate) usual_scale: f64,
-    /// The vertex stride that nobody chose.
+    /// The default vertex stride for the adapter.
     pub(crate) usual_stride: u32,
     pub(crate) places: PlacesDraft,
     pub(crate) materials: MaterialsDraft,
     pub(crate) rules: RulesDraft,
     pub(crate) scenes: Scenes,
-    /// What the scene was opened from, as [`scene::load`] takes it; `None` = from no file.
+    /// What the scene was opened from, as [`scene::load`] takes it; `None` = it does not come from a file.
     given: Option<String>,
-    /// Number of its opening, as [`Wish::opened`].
+    /// Number that identifies this loading of the scene, see [`Wish::opened`].
     opened: u32,
-    /// The scene before it, until it is loaded.
+    /// The previous scene, until the drawing thread has loaded the current one.
     before: Option<Box<opening::Before>>,
-    /// What writes what is kept; `None` = nothing is.
+    /// Writes the saved state; `None` = nothing is saved.
     keeping: Option<Keeper>,
-    /// What somebody should know of what was kept and opened, until it is dismissed.
+    /// Notes for the user, about the saved state and scenes that were opened. They are shown until dismissed.
     pub(crate) notes: Vec<String>,
-    /// How the panes are arranged.
+    /// The arrangement of the panes.
     pub(crate) tree: Tree<Pane>,
 }
 
 impl Model {
-    /// A scene as it is opened first.
+    /// A model of a scene, with defaults for everything else.
     pub(crate) fn new(scene: Scene) -> Model {
         Model {
             news: News::default(),
@@ -172,7 +173,7 @@ impl Model {
         }
     }
 
-    /// Takes note of what the scene was opened from, as [`scene::load`] takes it: a file that is asked for may then be written over.
+    /// Records what the scene was opened from (what [`scene::load`] takes). Saving may then overwrite that file, if the user asks for it.
     pub fn come_from(&mut self, given: &str) {
         self.materials.opened(given);
         let name = kept::scene_name(given);
@@ -180,7 +181,7 @@ impl Model {
         self.given = Some(name);
     }
 
-    /// Takes up what is kept of the scene of this name ([`kept::scene_name`]), and keeps it from now on. `notes` are shown until they are dismissed.
+    /// Applies the saved state of the scene with this name ([`kept::scene_name`]) and saves its state from now on. `notes` are shown until dismissed.
     pub fn keep_with(&mut self, keeper: Keeper, scene_name: String, mut notes: Vec<String>) {
         let kept = keeper.kept();
         notes.extend(kept.apply_look(&mut self.settings));
@@ -189,38 +190,38 @@ impl Model {
         if let Some(tree) = kept.tree(panes::tree_id()) {
             self.tree = tree;
         }
-        // Who chose a scale keeps it on a software adapter, too.
+        // A scale that the user chose also applies on a software adapter.
         self.chosen = kept.has_scale_and_stride();
         (self.keeping, self.given) = (Some(keeper), Some(scene_name));
         notes.extend(self.take_up());
         self.notes = notes;
     }
 
-    /// What there is to keep.
+    /// The state to save.
     fn present(&self, before: &Kept, scene_name: &str) -> Kept {
         let kept = Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree);
-        // What is usual is not known before the adapter is.
+        // The defaults are not known until the adapter is known.
         if self.adapted { kept.without_usual(self.usual_scale, self.usual_stride) } else { kept.with_scale_and_stride_of(before) }
     }
 
-    /// Keeps what has changed, now and then.
+    /// Saves changed state at intervals.
     pub(crate) fn keep(&mut self, ctx: &egui::Context) {
         let Some(name) = self.given.clone() else { return };
         let Some(mut keeper) = self.keeping.take() else { return };
-        // Of a scene that may not be one nothing is kept.
+        // Do not save the state of a scene that has not loaded.
         if self.before.is_none() {
             keeper.tend(Instant::now(), |before| self.present(before, &name));
         }
         self.keeping = Some(keeper);
-        // A change that nothing follows would wait for the next one.
+        // Without this, a change would not be saved until the window is painted for another reason.
         ctx.request_repaint_after(kept::EVERY);
     }
 
-    /// Keeps what has changed, and waits until it is written.
+    /// Saves changed state, and waits until it is written.
     pub(crate) fn keep_now(&mut self) {
         let Some(name) = self.given.clone() else { return };
         let Some(mut keeper) = self.keeping.take() else { return };
-        // Why it could not be is in the keeper's failure.
+        // The keeper remembers the failure.
         let _ = keeper.finish(|before| self.present(before, &name));
         self.keeping = Some(keeper);
     }
@@ -230,37 +231,37 @@ impl Model {
         self.news.shown.as_ref()
     }
 
-    /// The last picture, if it is of the scene that is open: until another one is loaded, the old one's picture stays.
+    /// The last picture, if it shows the current scene. While another scene is being loaded, the picture of the previous scene stays on screen.
     pub fn shown_here(&self) -> Option<&Arc<Shown>> {
         self.shown().filter(|shown| shown.wish.opened == self.opened)
     }
 
-    /// Where a panel is in the window, points; `None` = it is behind another.
+    /// Rectangle of a panel in the window, points; `None` = another panel is in front of it.
     pub fn place_of(&self, pane: Pane) -> Option<egui::Rect> {
         let tile = self.tree.tiles.find_pane(&pane)?;
         self.tree.tiles.is_visible(tile).then(|| self.tree.tiles.rect(tile)).flatten()
     }
 
-    /// Whether the picture is the one that the controls ask for.
+    /// Whether the picture on screen is the one that the controls describe.
     pub fn is_settled(&self) -> bool {
         let Some(shown) = self.shown().filter(|shown| !shown.draft) else { return false };
         let same_time = !self.clock.paused || shown.wish.frame == self.clock.frame;
         same_time && shown.wish == Wish { frame: shown.wish.frame, ..self.wish() }
     }
 
-    /// What is being done that takes a while.
+    /// Progress of a long task of the drawing thread.
     pub fn progress(&self) -> Option<&kernels::base::progress::Progress> {
         self.news.progress.as_ref()
     }
 
-    /// Why there is no picture of what the controls ask for.
+    /// Why there is no picture of what the controls describe.
     pub fn failure(&self) -> Option<&str> {
-        // Why another scene could not be loaded is no failure of this one.
+        // A failure to load another scene does not concern this one.
         let own = self.news.unloaded.is_none_or(|opened| opened == self.opened);
         self.impossible.as_deref().or(self.news.failure.as_deref().filter(|_| own))
     }
 
-    /// Why the shaders of the folder are not those that draw.
+    /// Why the shaders in the watched folder are not in use.
     pub fn shader_error(&self) -> Option<&str> {
         self.news.shader_error.as_deref()
     }
@@ -270,7 +271,7 @@ impl Model {
         !self.room.contains(&0)
     }
 
-    /// Whether every shader that a click may ask for is ready.
+    /// Whether every shader that a click may need is compiled.
     pub fn is_warm(&self) -> bool {
         self.news.warm[1] > 0 && self.news.warm[0] == self.news.warm[1]
     }
@@ -280,7 +281,7 @@ impl Model {
         scaled(self.room, self.settings.scale, self.most_side)
     }
 
-    /// Goes on to the next frame if this one was shown, so that none is left out.
+    /// Advances to the next frame once this one is on screen, so that no frame is skipped.
     pub(crate) fn tick(&mut self) {
         let frame = self.clock.frame;
         if !self.clock.paused && self.shown_here().is_some_and(|shown| shown.wish.frame == frame) {
@@ -288,7 +289,7 @@ impl Model {
         }
     }
 
-    /// Chooses what suits the adapter, once it is known and where nobody chose otherwise.
+    /// Applies the defaults for the adapter once it is known, except where the user chose a value.
     pub(crate) fn adapt(&mut self) {
         let Some(adapter) = &self.news.adapter else { return };
         let untouched = [self.settings.scale == self.usual_scale, self.settings.frame.vertex_stride == self.usual_stride];
@@ -300,22 +301,22 @@ impl Model {
             if !self.chosen[1] && untouched[1] {
                 self.settings.frame.vertex_stride = self.usual_stride;
             }
-            // Nobody did this, so nobody takes it back.
+            // The user did not make this change, so undo must not revert it.
             self.undoer = Undoer::default();
         }
     }
 
-    /// Adds to the times from one picture to the next.
+    /// Records the time from one picture to the next.
     pub(crate) fn picture_took(&mut self, time: Duration) {
         remember(&mut self.times, time);
     }
 
-    /// Adds to the times that the window took to be drawn.
+    /// Records how long a drawing of the window took.
     pub(crate) fn window_took(&mut self, time: Duration) {
         remember(&mut self.answers, time);
     }
 
-    /// Whether a picture can be drawn as the controls describe it. What a slider made impossible is said, and the picture stays as it was.
+    /// Whether the picture that the controls describe can be drawn. If not, [`Model::failure`] says why, and the last picture stays on screen.
     pub(crate) fn is_possible(&mut self) -> bool {
         if self.checked.as_deref() != Some(&self.settings.scene) {
             self.impossible = scene::validate(&self.settings.scene).err().map(|error| error.to_string());
@@ -324,12 +325,12 @@ impl Model {
         self.impossible.is_none() && self.has_room() && self.news.adapter.is_some()
     }
 
-    /// Why what is to be kept could not be written.
+    /// Why the state could not be saved.
     pub(crate) fn keeping_failure(&self) -> Option<&str> {
         self.keeping.as_ref().and_then(Keeper::failure)
     }
 
-    /// The picture that the controls describe.
+    /// The wish for the picture that the controls describe.
     pub(crate) fn wish(&self) -> Wish {
         Wish {
             settings: self.settings.clone(),
@@ -345,10 +346,10 @@ impl Model {
         }
     }
 
-    /// The pose of the last picture, to go on from.
+    /// The current pose of the camera, from which it moves on.
     pub fn pose(&self) -> Option<Pose> {
         match &self.viewpoint {
-            // A walker's height is known by the thread that draws; the place may be ahead of the picture.
+            // Only the drawing thread knows the height of a walker. Its position may be ahead of that in the picture.
             Viewpoint::Free { pose, walking: true } => {
                 let z = self.shown_here().map_or(pose.position.z, |shown| shown.pose.position.z);
                 Some(Pose { position: pose.position.with_z(z), ..*pose })
@@ -358,23 +359,23 @@ impl Model {
         }
     }
 
-    /// Leaves a camera or a path, to fly on from where it is.
+    /// Leaves a camera or a path: the camera is free from now on, starting at this pose.
     pub(crate) fn fly(&mut self, pose: Pose) {
         self.viewpoint = Viewpoint::Free { pose, walking: self.flight.walking };
     }
 
-    /// Begins to move about what is looked at, or ends it.
+    /// Begins or ends orbiting.
     pub(crate) fn orbit(&mut self, on: bool) {
         self.flight.orbit = if on { Orbit::Sought } else { Orbit::Off };
         self.flight.walking &= !on;
     }
 
-    /// The place that the camera moves about, world metres; `None` = it flies or walks.
+    /// The place that the camera orbits, world metres; `None` = it flies or walks.
     pub fn orbited(&self) -> Option<DVec3> {
         self.flight.target()
     }
 
-    /// Begins to move about a place as soon as the picture shows where that is.
+    /// Begins to orbit as soon as the picture gives the position of the target.
     pub(crate) fn seek(&mut self) {
         if self.flight.orbit != Orbit::Sought {
             return;
@@ -388,30 +389,30 @@ impl Model {
         }
     }
 
-    /// Goes on with the nodes and patches of this moment, or ends that.
+    /// Freezes culling at the current pose, or releases it.
     pub(crate) fn freeze_culling(&mut self) {
         self.culled_from = if self.culled_from.is_some() { None } else { self.pose() };
     }
 
-    /// Goes one frame on and stops there.
+    /// Advances by one frame and pauses.
     pub(crate) fn step(&mut self) {
         self.clock = Clock { frame: self.clock.frame.wrapping_add(u32::from(self.clock.paused)), paused: true };
     }
 
-    /// What undo takes back.
+    /// The values that undo restores.
     fn undoable(&self) -> (Settings, Compare) {
         (self.settings.clone(), self.compare.clone())
     }
 
-    /// Makes what is on screen a point that undo goes back to, so that what was done before and what follows are taken back each for itself.
+    /// Adds an undo point, so that the changes before it and those after it are undone separately.
     pub(crate) fn undo_point(&mut self, ctx: &egui::Context) {
         let present = self.undoable();
-        // It is fed first, since that is what ends a redo.
+        // Feed the state first, because that discards the changes that redo would restore.
         self.undoer.feed_state(ctx.input(|i| i.time), &present);
         self.undoer.add_undo(&present);
     }
 
-    /// Takes note of what has changed. A drag of the brush is one change, however long it is and however often it pauses.
+    /// Passes the current values to the undo history. A drag of the brush counts as one change, regardless of its length and of pauses in it.
     pub(crate) fn watch_changes(&mut self, ctx: &egui::Context) {
         let held = ctx.input(|i| i.pointer.primary_down());
         if self.brush.is_drawing() && held {
@@ -447,14 +448,14 @@ impl Model {
     }
 }
 
-/// A size in the shape of `room`, `scale` times as large, but with no side longer than `most`; a side of 0 stays that.
+/// `room` scaled by `scale`, or by less so that no side is longer than `most`. A side of 0 stays 0.
 fn scaled(room: [u32; 2], scale: f64, most: u32) -> [u32; 2] {
     let longest = f64::from(room[0].max(room[1]).max(1));
     let scale = scale.min(f64::from(most) / longest);
     room.map(|side| if side == 0 { 0 } else { ((f64::from(side) * scale).round() as u32).max(1) })
 }
 
-/// Adds a time to the last [`TIMES`].
+/// Appends a time and keeps the last [`TIMES`] of them.
 fn remember(times: &mut VecDeque<Duration>, time: Duration) {
     times.push_back(time);
     if times.len() > TIMES {

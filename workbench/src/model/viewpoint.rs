@@ -1,4 +1,4 @@
-//! Where a picture is taken from.
+//! The viewpoint of a picture.
 
 use std::sync::Arc;
 
@@ -11,25 +11,25 @@ use super::places::Recorded;
 /// Height of the eye when walking, metres.
 pub const EYE_M: f64 = 1.7;
 
-/// Where a picture is taken from.
+/// The viewpoint of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Viewpoint {
     /// A camera of the scene.
     Camera(String),
-    /// The frame's place on a path of the scene, over and over.
+    /// A path of the scene, at the current frame; it repeats after its last frame.
     Path(String),
-    /// A path that was flown: the frame's place on it, over and over.
+    /// A recorded path, at the current frame; it repeats after its last frame.
     Recorded(Arc<Recorded>),
-    /// Anywhere.
+    /// A free camera.
     Free {
-        /// Where.
+        /// The pose of the camera.
         pose: Pose,
-        /// Whether the eye keeps its height over the ground.
+        /// Whether the camera stays at eye height over the ground ([`EYE_M`]).
         walking: bool,
     },
 }
 
-/// From where a scene is seen first.
+/// The viewpoint with which a scene opens.
 pub(crate) fn usual_viewpoint(scene: &Scene) -> Viewpoint {
     match (scene.paths.iter().find(|p| p.name == "forwards").or(scene.paths.first()), scene.cameras.first()) {
         (Some(path), _) => Viewpoint::Path(path.name.clone()),

@@ -1,4 +1,4 @@
-//! The brush: what the next stroke is like, and the strokes there are.
+//! The panel *Brush*: the settings of the next stroke, and the list of strokes.
 
 use eframe::egui::{self, Button, Role, Ui, WidgetInfo};
 use kernels::scene::{Stroke, StrokeKind};
@@ -7,7 +7,7 @@ use super::{Number, choose, number};
 use crate::model::brush::{Brush, Ground, MOST_AMOUNT, RADII_M, length_m};
 use crate::model::state::Model;
 
-/// Both kinds, in the order of the menu.
+/// Both kinds of strokes, in the order of the menu.
 const KINDS: [StrokeKind; 2] = [StrokeKind::Splat, StrokeKind::Mask];
 
 const fn name(kind: StrokeKind) -> &'static str {
@@ -19,22 +19,22 @@ const fn name(kind: StrokeKind) -> &'static str {
 
 const fn about(kind: StrokeKind) -> &'static str {
     match kind {
-        StrokeKind::Splat => "The material lies wherever the brush passed, whatever the rules say",
-        StrokeKind::Mask => "The weights of the rules that lay the material are multiplied by the amount",
+        StrokeKind::Splat => "Lays the material wherever the brush passes, regardless of the rules",
+        StrokeKind::Mask => "Multiplies the weights of the rules for this material by the amount",
     }
 }
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     model.brush.fit(&model.settings.scene);
     ui.checkbox(&mut model.brush.paints, "Paint")
-        .on_hover_text("A drag or a click in the picture paints on the ground, and Shift and a drag looks around (B)");
+        .on_hover_text("When on, a drag or click in the picture paints on the ground, and Shift with a drag looks around (key B)");
     settings(model, ui);
     notes(model, ui);
     ui.separator();
     strokes(model, ui);
 }
 
-/// What the next stroke is like.
+/// The settings of the next stroke.
 fn settings(model: &mut Model, ui: &mut Ui) {
     let names: Vec<String> = model.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
     let (brush, usual) = (&mut model.brush, Brush::default());
@@ -45,46 +45,46 @@ fn settings(model: &mut Model, ui: &mut Ui) {
         ui.end_row();
         let shown = brush.material.clone();
         let all = names.into_iter().map(|name| (name.clone(), name, "")).collect();
-        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("What is laid, or whose rules are weighted");
+        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("The material to lay, or whose rules are weighted");
         ui.end_row();
-        let about = "Half the width of a stroke, on the ground seen from above.";
+        let about = "Radius of the brush on the ground, seen from above.";
         let row = Number { name: "Brush radius", unit: "m", range: RADII_M, logarithmic: true, about };
         number(ui, &row, &mut brush.radius_m, Some(usual.radius_m));
         if brush.kind == StrokeKind::Mask {
-            let about = "Soft edge of a mask, inwards from its edge: 0 is hard.";
+            let about = "Width of the soft edge of a mask, inwards from its edge. 0 is a hard edge.";
             let row = Number { name: "Brush fade", unit: "m", range: [0.0, brush.radius_m], logarithmic: false, about };
             number(ui, &row, &mut brush.fade_m, Some(usual.fade_m));
-            let about = "Factor on the weights of the material's rules: 0 keeps it away, 1 changes nothing, above 1 favours it.";
+            let about = "Factor on the weights of the rules for the material: 0 removes it, 1 changes nothing, above 1 favours it.";
             let row = Number { name: "Brush amount", unit: "x", range: [0.0, MOST_AMOUNT], logarithmic: false, about };
             number(ui, &row, &mut brush.amount, Some(usual.amount));
         }
     });
 }
 
-/// Why a drag may not do what is expected.
+/// Warnings for cases in which painting has no effect.
 fn notes(model: &Model, ui: &mut Ui) {
     let brush = &model.brush;
     let has_rule = model.settings.scene.rules.iter().any(|rule| rule.material == brush.material);
     let warn = ui.visuals().warn_fg_color;
     if brush.kind == StrokeKind::Mask && !has_rule {
-        ui.colored_label(warn, format!("No rule lays `{}`, so that a mask of it changes nothing.", brush.material));
+        ui.colored_label(warn, format!("No rule uses `{}`, so a mask for it has no effect.", brush.material));
     }
     if brush.paints && model.shown_here().is_none_or(|shown| Ground::of(shown).is_none()) {
-        ui.label("The ground is not known yet: wait for the picture.");
+        ui.label("The position of the ground is not known yet: wait for the next picture.");
     }
     if let Some(full) = brush.full() {
         ui.colored_label(warn, full);
     }
 }
 
-/// The strokes there are, in the order in which they lie.
+/// The list of strokes, in the order in which they are applied.
 fn strokes(model: &mut Model, ui: &mut Ui) {
     let strokes = &mut model.settings.scene.strokes;
     let count = strokes.len();
     ui.horizontal_wrapped(|ui| {
         ui.label(format!("{}, a later one over an earlier one", counted(count, "stroke")));
         let clear = ui.add_enabled(count > 0, Button::new("Clear strokes"));
-        if clear.on_hover_text("Removes all of them, those of the scene's file, too; undo brings them back").clicked() {
+        if clear.on_hover_text("Removes all strokes, including those from the scene file. Undo restores them.").clicked() {
             strokes.clear();
         }
     });

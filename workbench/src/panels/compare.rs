@@ -1,4 +1,4 @@
-//! A beside B: what B is, and how both are shown.
+//! The panel *Compare*: what B is, how A and B are shown, and how much they differ.
 
 use eframe::egui::{self, Ui};
 use experiments::judge;
@@ -16,8 +16,12 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         choose(ui, "Show", &mut model.compare.mode, shown, all);
         ui.end_row();
         let mut others = vec![
-            (Other::Exact, Other::Exact.name().to_owned(), "The mean of what A's estimator draws: no noise"),
-            (Other::Full, Other::Full.name().to_owned(), "Exact, on every pixel: what cheaper shading is judged by"),
+            (Other::Exact, Other::Exact.name().to_owned(), "The mean of the random choices of A, without noise"),
+            (
+                Other::Full,
+                Other::Full.name().to_owned(),
+                "The exact reference blend on every pixel, against which cheaper shading is judged",
+            ),
         ];
         if let Other::Kept(kept) = &model.compare.other {
             others.push((Other::Kept(kept.clone()), model.compare.other.name().to_owned(), ""));
@@ -27,15 +31,15 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         ui.end_row();
     });
     ui.horizontal_wrapped(|ui| {
-        if ui.button("Keep A as B").on_hover_text("Then change A, and see what that does").clicked() {
+        if ui.button("Keep A as B").on_hover_text("Stores the settings of A as B. Then change A to see the effect.").clicked() {
             model.compare.keep(&model.settings);
         }
         let drawn = model.compare.mode != Mode::Off;
-        if ui.add_enabled(drawn, egui::Button::new("Swap A and B")).on_hover_text("To edit B").clicked() {
+        if ui.add_enabled(drawn, egui::Button::new("Swap A and B")).on_hover_text("Exchanges A and B, so that you can edit B").clicked() {
             model.compare.swap(&mut model.settings);
             model.keep_viewpoint();
         }
-        if ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text("A or B, one at a time (X)").clicked() {
+        if ui.add_enabled(drawn, egui::Button::new("Other picture")).on_hover_text("Switches between A and B (key X)").clicked() {
             flick(model);
         }
     });
@@ -44,11 +48,11 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         let label = ui.label("Zoom");
         ui.add(egui::Slider::new(&mut model.looking.zoom, 1.0..=64.0).logarithmic(true).suffix(" x"))
             .labelled_by(label.id)
-            .on_hover_text("Of both alike; Ctrl and the wheel over the picture");
+            .on_hover_text("Magnification of both pictures (Ctrl and the wheel over the picture)");
         if ui.button("Fit").clicked() {
             (model.looking.zoom, model.looking.centre) = (1.0, [0.5; 2]);
         }
-        ui.checkbox(&mut model.looking.loupe, "Loupe").on_hover_text("Eight times what is under the pointer, of A and of B (L)");
+        ui.checkbox(&mut model.looking.loupe, "Loupe").on_hover_text("Magnifies A and B under the pointer eight times (key L)");
     });
     if model.compare.mode == Mode::Wipe {
         let label = ui.label("Wipe at");
@@ -59,7 +63,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     }
 }
 
-/// Shows the other one of two pictures; where both are up or none is compared, begins to show one at a time.
+/// Shows the other picture, in the mode that shows one at a time; in any other mode, changes to that mode and shows B.
 pub(crate) fn flick(model: &mut Model) {
     if model.compare.mode == Mode::Flicker {
         model.looking.b ^= true;
@@ -69,7 +73,7 @@ pub(crate) fn flick(model: &mut Model) {
     }
 }
 
-/// How far apart the pictures on show are.
+/// Shows how much the two pictures differ.
 fn numbers(shown: &Shown, ui: &mut Ui) {
     if let Some(alone) = &shown.alone {
         ui.colored_label(ui.visuals().warn_fg_color, alone);
@@ -86,10 +90,10 @@ fn numbers(shown: &Shown, ui: &mut Ui) {
             ui.label(value);
             ui.end_row();
         };
-        row("RMSE", format!("{rmse:.5}"), "Root mean squared difference of lit linear colour over terrain");
-        row("PSNR", if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() }, "Of the same, against a peak of 1");
-        row("Mean A - B", format!("{mean:+.5}"), "In luminance");
-        row("Largest |A - B|", format!("{largest:.4}"), "In luminance");
+        row("RMSE", format!("{rmse:.5}"), "Root mean squared difference of lit linear colour, over terrain");
+        row("PSNR", if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() }, "The same as a ratio to a peak of 1");
+        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in luminance");
+        row("Largest |A - B|", format!("{largest:.4}"), "Largest difference in luminance");
     });
     ui.label("Of this frame, lit, at one sample a pixel on both sides; experiments judge against a supersampled reference.");
 }

@@ -1,4 +1,4 @@
-//! The control of a setting, as its table says: what it is called, what it accepts, and what it does.
+//! The control of a setting. Its label, range and tooltip come from the table of settings.
 
 use eframe::egui::{DragValue, Response, Slider, SliderClamping, Ui};
 use kernels::settings::{Kind, Setting, shown};
@@ -6,8 +6,8 @@ use toml::Value;
 
 use super::{choose, reset};
 
-/// A label and the control of a setting; a flag has its label within. Inside a grid they are two columns. `about_item` says more of one value in a
-/// list; it may be empty.
+/// A label and the control of a setting; the checkbox of a flag includes its label. In a grid, they take two columns. `about_item` gives the tooltip
+/// of a value in a list; an empty one is not shown.
 pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about_item: fn(&str) -> &'static str) -> Option<Response> {
     let before = setting.get(owner)?;
     let mut value = before.clone();
@@ -19,8 +19,11 @@ pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about
             let logarithmic = setting.listing.slider.is_some_and(|slider| slider.logarithmic);
             let suffix = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
             let label = ui.label(setting.label()).on_hover_text(about);
-            let slider = Slider::new(number, ends[0]..=ends[1]).logarithmic(logarithmic).clamping(SliderClamping::Always);
-            ui.add(slider.suffix(suffix).max_decimals(2)).labelled_by(label.id).on_hover_text(about)
+            // A number outside the ends, but within the range, may be typed.
+            let slider = Slider::new(number, ends[0]..=ends[1]).logarithmic(logarithmic).clamping(SliderClamping::Never);
+            let response = ui.add(slider.suffix(suffix).max_decimals(2)).labelled_by(label.id).on_hover_text(about);
+            *number = number.clamp(range.least, range.most);
+            response
         }
         (Kind::Whole(least, most), Value::Integer(whole)) => {
             let label = ui.label(setting.label()).on_hover_text(about);
@@ -36,7 +39,7 @@ pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about
             let current = shown(value);
             choose(ui, setting.label(), value, &current, items).on_hover_text(about)
         }
-        // Texts and lists of numbers have controls of their own.
+        // Settings with text or lists of numbers have their own controls elsewhere.
         _ => return None,
     };
     if value != before {
@@ -47,7 +50,7 @@ pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about
     Some(response)
 }
 
-/// A button that takes a setting back to its usual value.
+/// A button that resets a setting to the value `usual`.
 pub(crate) fn reset_setting<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, usual: &Value) {
     let Some(mut value) = setting.get(owner) else { return };
     let before = value.clone();

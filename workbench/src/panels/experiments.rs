@@ -1,4 +1,4 @@
-//! What is on screen as an experiment, and experiments that run beside the window.
+//! The panel *Experiments*: saving the current settings as an experiment, and running experiments as separate processes.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -13,23 +13,23 @@ use crate::model::state::Model;
 
 /// Width of a text field, points.
 const FIELD: f32 = 220.0;
-/// Most frames and seeds offered; a definition may ask for more.
+/// Maximum number of frames and seeds that the panel offers; a definition may have more.
 const MOST_FRAMES: u32 = 1000;
 const MOST_SEEDS: u32 = 4096;
 
 /// State of the panel.
 pub(crate) struct ExperimentsPanel {
-    /// Where saved experiments go, a folder each.
+    /// Folder for saved experiments; each gets a folder of its own in it.
     folder: String,
-    /// Name of the next one.
+    /// Name of the next experiment.
     name: String,
     frames: u32,
     seeds: u32,
-    /// Where other definitions are: a folder or a file.
+    /// Folder of further definitions, or one definition file.
     definitions: String,
-    /// Where results go.
+    /// Folder for results.
     out: String,
-    /// What came of the last saving, starting or opening: what was done, or what went wrong.
+    /// Result or error of the last action (saving, starting, opening).
     said: Option<Result<String, String>>,
     listed: Listed,
     run: Option<Run>,
@@ -40,7 +40,7 @@ impl Default for ExperimentsPanel {
         ExperimentsPanel {
             folder: "saved-experiments".to_owned(),
             name: "seen".to_owned(),
-            // As the demo: enough to look four frames back, and for a variance.
+            // As in the demo: enough frames for a lag of four, and enough seeds for a variance.
             frames: 5,
             seeds: 16,
             definitions: experiment::shipped().map(|folder| folder.display().to_string()).unwrap_or_default(),
@@ -52,16 +52,16 @@ impl Default for ExperimentsPanel {
     }
 }
 
-/// The definitions that were found, and where that was: folders are read when another is named, not with every picture of the window.
+/// The definitions that were found, and where. Folders are read when their name changes or the panel appears, not each time the window is drawn.
 #[derive(Default)]
 struct Listed {
     places: Option<[String; 2]>,
     found: Vec<Found>,
-    /// The drawing of the window that the panel was part of last: what was found may have changed while it was not.
+    /// Number of the last drawing of the window in which the panel was visible. While it is hidden, the files may change.
     drawn: u64,
 }
 
-/// A definition, and why it cannot be run.
+/// A definition, and why it cannot be run, if it cannot.
 #[derive(Clone)]
 struct Found {
     file: PathBuf,
@@ -73,12 +73,12 @@ impl ExperimentsPanel {
         self.run.as_ref().is_some_and(|run| !run.is_done())
     }
 
-    /// Notes what came of something that was done.
+    /// Stores the outcome of an action, to show it.
     fn note(&mut self, outcome: Result<String>) {
         self.said = Some(outcome.map_err(|error| format!("{error:#}").replace('\n', " ")));
     }
 
-    /// Definitions, saved ones first. `drawing`: number of the window's drawing.
+    /// The definitions, saved ones first. `drawing` is the number of the current drawing of the window.
     fn found(&mut self, drawing: u64) -> Vec<Found> {
         let places = [self.folder.clone(), self.definitions.clone()];
         let before = std::mem::replace(&mut self.listed.drawn, drawing);
@@ -125,30 +125,30 @@ fn count(ui: &mut Ui, label: &str, value: &mut u32, range: [u32; 2], about: &str
     ui.end_row();
 }
 
-/// What is on screen becomes a definition.
+/// The controls for saving the current settings as an experiment.
 fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
     egui::Grid::new("saving").num_columns(2).show(ui, |ui| {
-        place(ui, "Folder", &mut panel.folder, "Receives a folder for each experiment that is saved");
+        place(ui, "Folder", &mut panel.folder, "Each saved experiment gets a folder in this one");
         field(ui, "Experiment name", &mut panel.name, "Name of its folder and of the .toml file in it: letters a to z, digits, - and _");
         count(
             ui,
             "Frames of the run",
             &mut panel.frames,
             [1, MOST_FRAMES],
-            "From frame 0 on; at least 2 for flips and flicker, 5 to look four frames back",
+            "Number of frames from frame 0 on: at least 2 for flips and flicker, 5 to compare frames four apart",
         );
         count(
             ui,
             "Seeds of the run",
             &mut panel.seeds,
             [0, MOST_SEEDS],
-            "Bias and variance are taken over them; 0 leaves those out, else at least 2",
+            "Number of seeds for bias and variance: at least 2, or 0 to measure neither",
         );
     });
-    let hint = "Scene with its numbers, view, size, variant, estimator and noise, as `experiments run` and `check` read them";
+    let hint = "Saves scene, numbers, view, size, variant, estimator and noise as a definition for `experiments run` and `check`";
     if ui.button("Save as experiment").on_hover_text(hint).clicked() {
         let saved = save(panel, model);
-        // A folder may have appeared.
+        // Read the folder again, since it may be new.
         panel.listed.places = None;
         panel.note(saved);
     }
@@ -157,13 +157,10 @@ fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
 
 fn save(panel: &ExperimentsPanel, model: &Model) -> Result<String> {
     let size = model.shown().context("there is no picture yet: wait for it")?.wish.size;
-    ensure!(
-        model.culled_from.is_none(),
-        "a run draws what its own camera sees, and culling is frozen elsewhere: let go of `Freeze culling`"
-    );
+    ensure!(model.culled_from.is_none(), "a run culls for its own camera, but culling is frozen here: let go of `Freeze culling`");
     ensure!(
         !model.news.shaders_edited,
-        "a run draws with the program's own shaders, and edited ones are on screen: take the edits back, or build with them"
+        "a run draws with the program's own shaders, but edited ones are on screen: revert the edits, or build the programs with them"
     );
     let extent = Extent { size, frames: panel.frames, seeds: panel.seeds };
     let folder = Path::new(&panel.folder).join(&panel.name);
@@ -171,15 +168,15 @@ fn save(panel: &ExperimentsPanel, model: &Model) -> Result<String> {
     Ok(format!("Saved {}", file.display()))
 }
 
-/// What can be run.
+/// The list of definitions, with a button to run each.
 fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     egui::Grid::new("definitions").num_columns(2).show(ui, |ui| {
         place(ui, "Definitions", &mut panel.definitions, "A folder of definitions, or one .toml file");
-        place(ui, "Results", &mut panel.out, "Receives a folder for each run");
+        place(ui, "Results", &mut panel.out, "Each run gets a folder in this one");
     });
     let found = panel.found(ui.ctx().cumulative_frame_nr());
     if found.is_empty() {
-        ui.label("No definition is there: save one, or name a folder or a .toml file.");
+        ui.label("No definitions were found: save one, or name a folder or a .toml file.");
         return;
     }
     let idle = !panel.is_running();
@@ -187,9 +184,9 @@ fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         for Found { file, lacks } in &found {
             let button = ui.add_enabled(idle && lacks.is_none(), Button::new(format!("Run {}", experiment::name(file))));
-            let why = lacks.as_deref().unwrap_or("Another run is under way: wait for it, or cancel it");
+            let why = lacks.as_deref().unwrap_or("Another run is in progress: wait for it, or cancel it");
             let button = button.on_disabled_hover_text(why);
-            if button.on_hover_text(format!("{}; one that was stopped goes on", file.display())).clicked() {
+            if button.on_hover_text(format!("{}; a run that was stopped continues", file.display())).clicked() {
                 wanted = Some(file);
             }
         }
@@ -199,16 +196,16 @@ fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     }
 }
 
-/// The run under way, or the last one.
+/// The current run, or the last one.
 fn running(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     let Some(run) = &panel.run else { return };
     let Some(outcome) = run.outcome() else {
-        if ui.button("Cancel run").on_hover_text("What is finished is kept; once more to stop at once").clicked() {
+        if ui.button("Cancel run").on_hover_text("Finished parts are kept. Click again to stop at once.").clicked() {
             run.cancel();
         }
-        // The button stays where it is whatever is said.
+        // The text comes after the button, so that the button does not move when the text changes.
         ui.label(format!("{} runs for {} s: {}", run.name(), run.seconds(), run.progress()));
-        ui.label("Times are true only while nothing else draws: pause the picture.");
+        ui.label("Times are valid only while nothing else draws: pause the picture.");
         ui.ctx().request_repaint_after(Duration::from_secs(1));
         return;
     };
@@ -220,10 +217,10 @@ fn running(panel: &mut ExperimentsPanel, ui: &mut Ui) {
         }
     };
     ui.label(format!("{} is done: {}", run.name(), report.page.display()));
-    if ui.button("Open report").on_hover_text("In the browser").clicked() {
+    if ui.button("Open report").on_hover_text("Opens the report in the browser").clicked() {
         let outcome = experiment::open(&report.page).map(|()| format!("Opened {}", report.page.display()));
         panel.note(outcome);
     }
-    // Tables are wider than the panel, and unreadable with their lines broken.
+    // Do not wrap: tables are wider than the panel, and would be unreadable with wrapped lines.
     ui.add(egui::Label::new(RichText::new(report.excerpt).monospace()).extend());
 }

@@ -1,4 +1,4 @@
-//! What the frame took.
+//! The panel *Frame*: times of the frame.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -35,7 +35,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
 }
 
-/// Passes with their times, milliseconds. Where each variant was shaded in a pass of its own, those stand below their sum.
+/// Passes with their times in milliseconds. If each variant was shaded in a pass of its own, these passes are listed below their sum.
 fn passes(passes: &[PassTime]) -> Vec<(String, f64)> {
     let mut rows: Vec<(String, f64)> = Vec::new();
     let mut sum = None;
@@ -54,14 +54,14 @@ fn passes(passes: &[PassTime]) -> Vec<(String, f64)> {
     rows
 }
 
-/// Median and longest of some times, milliseconds.
+/// Median and longest of the times, milliseconds.
 fn median_and_longest(times: &VecDeque<Duration>) -> Option<[f64; 2]> {
     let mut sorted: Vec<f64> = times.iter().map(|t| t.as_secs_f64() * 1e3).collect();
     sorted.sort_by(f64::total_cmp);
     Some([*sorted.get(sorted.len() / 2)?, *sorted.last()?])
 }
 
-/// From picture to picture, a bar each.
+/// A bar chart of the times from picture to picture.
 fn times(model: &Model, ui: &mut Ui) {
     let Some([median, worst]) = median_and_longest(&model.times) else { return };
     ui.label(format!(
@@ -70,7 +70,7 @@ fn times(model: &Model, ui: &mut Ui) {
         model.times.len()
     ));
     if let Some([median, worst]) = median_and_longest(&model.answers) {
-        let hint = "What the window itself took to draw, apart from the pictures: as long as a click waits at most";
+        let hint = "Time to draw the window itself, without the pictures. A click waits at most this long.";
         ui.label(format!("Window: median {median:.0} ms, longest {worst:.0} ms of the last {}", model.answers.len())).on_hover_text(hint);
     }
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 48.0), Sense::hover());

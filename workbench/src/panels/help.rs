@@ -1,4 +1,4 @@
-//! What is to be seen, and the keys.
+//! The panel *Help*: a short introduction, and the keys.
 
 use eframe::egui::{Label, Ui};
 
@@ -31,7 +31,7 @@ const KEYS: [(&str, &str); 22] = [
     ("drop a file or folder", "open a scene, or take a folder of textures"),
 ];
 
-/// Width of the keys' column, points.
+/// Width of the column of keys, points.
 const KEY_COLUMN: f32 = 170.0;
 
 pub(crate) fn show(ui: &mut Ui) {

@@ -1,4 +1,4 @@
-//! What is known of one pixel: a table of what the stages made of it.
+//! The panel *Inspector*: a table of how the stages computed one pixel.
 
 use eframe::egui::{self, Button, DragValue, Ui};
 use kernels::variant::{Flavour, Variant};
@@ -7,7 +7,7 @@ use crate::model::settings::Settings;
 use crate::model::state::Model;
 use kernels::oracle::{Derivative, Pixel, chosen, pixel_at, probe_of};
 
-/// Splat texels of a cell, in their order.
+/// The four splat texels around a pixel, in their order.
 const CORNERS: [&str; 4] = ["south-west", "south-east", "north-west", "north-east"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -29,11 +29,11 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     if model.probe.is_none() {
         ui.label("Click a place in the picture, or give a pixel's column and row.");
     } else if shown.wish.probe != model.probe {
-        ui.label("...").on_hover_text("The table is of the pixel before");
+        ui.label("...").on_hover_text("The table still shows the previous pixel");
     } else if shown.draft {
-        ui.label("A first look is not taken apart: wait for the scene's textures.");
+        ui.label("This is only a preview (first look). Wait until the textures of the scene are ready, then inspect a pixel.");
     } else if shown.pixel.is_none() {
-        ui.label("Sky: no terrain is seen there.");
+        ui.label("Sky: this pixel shows no terrain.");
     }
     egui::Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for row in &rows {
@@ -44,7 +44,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
 }
 
-/// Which pixel, and what is done with its table.
+/// The controls: which pixel is inspected, and what to do with its table.
 fn place(model: &mut Model, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
     let mut pixel = model.probe.map_or(size.map(|side| side / 2), |probe| pixel_at(probe, size));
     let mut moved = false;
@@ -53,20 +53,20 @@ fn place(model: &mut Model, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
             let label = ui.label(name);
             let last = side.saturating_sub(1);
             let drag = ui.add(DragValue::new(at).range(0..=last).suffix(" px")).labelled_by(label.id);
-            moved |= drag.on_hover_text(format!("Counted from 0 at the {from} of the picture as it was drawn, up to {last}")).changed();
+            moved |= drag.on_hover_text(format!("From 0 at the {from} of the rendered picture to {last}")).changed();
         }
     });
     if moved {
         model.probe = Some(probe_of(pixel, size));
     }
     ui.horizontal_wrapped(|ui| {
-        if ui.add_enabled(!rows.is_empty(), Button::new("Copy")).on_hover_text("The table as lines of name, tabulator, value").clicked() {
+        if ui.add_enabled(!rows.is_empty(), Button::new("Copy")).on_hover_text("Copies the table as lines of name, tab, value").clicked() {
             let text: String = rows.iter().map(|row| format!("{}\t{}\n", row.name, row.value)).collect();
             ui.ctx().copy_text(text);
         }
         if ui
             .add_enabled(model.probe.is_some(), Button::new("Let go"))
-            .on_hover_text("Follows no pixel any more: each picture is shaded only once")
+            .on_hover_text("Inspects no pixel any more. This saves shading each picture a second time.")
             .clicked()
         {
             model.probe = None;
@@ -74,7 +74,7 @@ fn place(model: &mut Model, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
     });
 }
 
-/// Unit vectors, and steps in metres.
+/// Formats a vector.
 fn vector([x, y, z]: [f64; 3], decimals: usize) -> String {
     format!("{x:.decimals$}, {y:.decimals$}, {z:.decimals$}")
 }
@@ -83,45 +83,53 @@ fn percent(share: f64) -> String {
     format!("{:.2} %", 100.0 * share)
 }
 
-/// The flavours of a mask by name, and its number.
+/// Formats a mask: the names of its flavours, and its number.
 fn flavours(mask: u8) -> String {
     Variant::new(mask).map_or_else(|| format!("none ({mask})"), |variant| format!("{variant} ({mask})"))
 }
 
-/// A normal with the slope that it stands for.
+/// Formats a normal and its slope.
 fn normal(n: [f64; 3]) -> String {
     format!("{}; slope {:.2} deg", vector(n, 5), n[2].clamp(-1.0, 1.0).acos().to_degrees())
 }
 
-/// The whole table of a pixel of a picture that was drawn with these settings.
+/// The table for a pixel of a picture that was drawn with these settings.
 fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut row = |name: &str, value: String, about: &'static str| rows.push(Row { name: name.to_owned(), value, about });
-    row("Pixel", format!("{}, {} px", pixel.pixel[0], pixel.pixel[1]), "Column and row in the picture as it was drawn, from the top left");
+    row("Pixel", format!("{}, {} px", pixel.pixel[0], pixel.pixel[1]), "Column and row in the rendered picture, from the top left");
     row(
         "World position",
         format!("{} m", vector(pixel.position, 4)),
-        "East and north of the middle of the world, and elevation; from depth along the pixel's ray, in f64",
+        "Metres east and north of the centre of the world, and elevation. Computed from the depth along the ray of the pixel, in f64.",
     );
-    row("Sector", format!("{}, {}", pixel.sector[0], pixel.sector[1]), "From the world's south-west corner");
-    row("Depth", format!("{:.4} m", pixel.depth_m), "Along the view direction: what the depth buffer holds, near / depth");
-    row("Distance", format!("{:.4} m", pixel.distance_m), "Along the pixel's ray: what flavours go by");
-    row("Shading normal", normal(pixel.shading_normal), "As stored: weights of flavours and projections follow it");
-    row("Triangle normal", normal(pixel.triangle_normal), "As stored: derivatives follow it");
+    row(
+        "Sector",
+        format!("{}, {}", pixel.sector[0], pixel.sector[1]),
+        "Column and row of the sector, from the south-west corner of the world",
+    );
+    row("Depth", format!("{:.4} m", pixel.depth_m), "Distance along the view direction. The depth buffer stores near plane / depth.");
+    row("Distance", format!("{:.4} m", pixel.distance_m), "Distance along the ray of the pixel. The weights of flavours depend on it.");
+    row("Shading normal", normal(pixel.shading_normal), "As stored. The weights of flavours and projections depend on it.");
+    row("Triangle normal", normal(pixel.triangle_normal), "As stored. Derivatives depend on it.");
     match (pixel.triangle, pixel.normal_error()) {
         (Some(triangle), Some(error)) => {
-            row("Exact triangle normal", normal(triangle.normal), "Of the world's triangle that is drawn here, in f64");
+            row(
+                "Exact triangle normal",
+                normal(triangle.normal),
+                "Normal of the triangle that is drawn here, computed from the world data in f64",
+            );
             row("Normal off by", format!("{:.3} deg", error.to_degrees()), "Angle between the stored and the exact normal of the triangle");
             row(
                 "Triangle",
                 format!("LOD {}, vertices {} m apart", triangle.lod, triangle.spacing_m),
-                "Of the quadtree node drawn here; 0 is the finest LOD",
+                "Level of the quadtree node that is drawn here (0 is the finest), and the spacing of its vertices",
             );
         }
         _ => row(
             "Triangle",
             "not the world's".to_owned(),
-            "No triangle of the world lies where depth says: the shader that places vertices was edited",
+            "The world data has no triangle at this depth. This happens if the shader that places vertices was edited.",
         ),
     }
     for (step, [name, exact, off]) in pixel
@@ -129,25 +137,33 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
         .iter()
         .zip([["Step right", "Step right, exact", "Step right, error"], ["Step down", "Step down, exact", "Step down, error"]])
     {
-        row(name, format!("{} m", vector(step.shader, 5)), "Of the position to the next pixel, as the shader has it");
+        row(
+            name,
+            format!("{} m", vector(step.shader, 5)),
+            "Change of the position from this pixel to the next one, as computed by the shader",
+        );
         let of_exact = step.exact.map_or_else(|| "none".to_owned(), |step| format!("{} m", vector(step, 5)));
-        row(exact, of_exact, "To where the next pixel's ray meets the exact triangle's plane; none where it looks past it");
+        row(exact, of_exact, "To where the ray of the next pixel meets the plane of the exact triangle; none if it does not");
         row(
             off,
             derivative_error(step),
-            "Difference as a share of the exact step; and how many mip levels textures are too coarse (above 0) or too fine",
+            "Error as a share of the exact step, and the resulting error of the mip level: above 0, textures are too coarse; below 0, too fine",
         );
     }
-    row("Flavours needed", flavours(pixel.mask), "The mask: flavours of which this pixel shows enough to see");
-    row("Tile variant", flavours(pixel.variant), "The flavours that all pixels of its tile together need, or those forced");
+    row("Flavours needed", flavours(pixel.mask), "The mask: the flavours with a visible weight in this pixel");
+    row("Tile variant", flavours(pixel.variant), "The flavours that the pixels of its tile need together, or the forced ones");
     for (flavour, weight) in Flavour::ALL.into_iter().zip(pixel.flavours).filter(|(_, weight)| *weight > 0.0) {
-        row(&format!("Weight of {}", flavour.name()), percent(weight), "Share of the flavour in this pixel, within the tile's variant");
+        row(
+            &format!("Weight of {}", flavour.name()),
+            percent(weight),
+            "Weight of the flavour in this pixel, within the variant of its tile",
+        );
     }
     for (texel, corner) in pixel.splat.iter().zip(CORNERS) {
         row(
             &format!("Material {corner}"),
             format!("{} (no. {}), {}, by height {}", texel.material, texel.index, percent(texel.weight), percent(texel.blended)),
-            "Splat texel beside the pixel: material, place in the palette, bilinear weight, and what the materials' heights make of it in a blend of all four",
+            "Splat texel next to the pixel: material, index in the palette, bilinear weight, and weight if all four are blended by height",
         );
     }
     choice(pixel, settings, &mut row);
@@ -162,7 +178,7 @@ fn derivative_error(step: &Derivative) -> String {
     }
 }
 
-/// Thresholds, and what came of them.
+/// The rows about the random choice: thresholds, and the resulting choice.
 fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String, &'static str)) {
     let named = |code: u32| match chosen(code) {
         None => "none".to_owned(),
@@ -176,29 +192,33 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
         row(
             "Drawn by",
             format!("{}, {} noise", draw.flavour.name(), settings.frame.noise.name()),
-            "The flavour that draws a random number first, and where the number is from",
+            "The flavour that makes the first random choice, and the noise that gives its threshold",
         );
         if let Some(threshold) = draw.projection {
             let weights: Vec<String> = AXES.into_iter().zip(draw.projections).map(|(axis, w)| format!("{axis} {}", percent(w))).collect();
-            row("Projection threshold", format!("{threshold:.6}"), "From 0 to 1: the projection is where weights, summed up, pass it");
-            row("Projections", weights.join(", "), "Weights of the projections that look along east (x), north (y) and up (z)");
+            row(
+                "Projection threshold",
+                format!("{threshold:.6}"),
+                "From 0 to 1; the first projection whose cumulative weight exceeds it is chosen",
+            );
+            row("Projections", weights.join(", "), "Weights of the projections along east (x), north (y) and up (z)");
         }
         row(
             "Material threshold",
             format!("{:.6}", draw.material),
-            "From 0 to 1: the material is where bilinear weights, summed up, pass it",
+            "From 0 to 1; the first material whose cumulative bilinear weight exceeds it is chosen",
         );
     }
     row(
         "Choice",
         named(pixel.choice),
-        "The first random choice as the shader recorded it: material, and the projection if that is random, too",
+        "The first random choice, as recorded by the shader: the material, and the projection if it is chosen at random, too",
     );
     let verdict = if pixel.agrees() { "the same".to_owned() } else { named(pixel.draw.map_or(0, |draw| draw.expected)) };
     row(
         "Choice by reference",
         verdict,
-        "What follows from the thresholds; within rounding of a border the shader may fall to the other side",
+        "The choice that follows from the thresholds. The shader may choose differently if a threshold equals a sum of weights up to rounding.",
     );
 }
 
@@ -211,29 +231,29 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Page",
         format!("level {level}, column {x}, row {y}"),
-        "Asked for by this pixel; columns and rows of that level from the world's south-west corner",
+        "The page that this pixel requests. Columns and rows of its level count from the south-west corner of the world.",
     );
     row(
         "Place in page",
         format!("{:.2}, {:.2} of {} texels", page.texel[0], page.texel[1], kernels::virtual_texture::PAGE_TEXELS),
-        "From the page's south-west corner",
+        "Position in the page, from its south-west corner",
     );
     row(
         "Footprint",
         format!("{:.2} x {:.2}, covered {:.2} texels", page.footprint[0], page.footprint[1], page.covered),
-        "Texels of level 0 from pixel to pixel, seen from above, mip bias included; and what filtering covers, which anisotropy makes smaller",
+        "Shorter and longer step to the next pixels, in texels of level 0, with mip bias; and the length that decides the level",
     );
     row(
         "Page LOD",
         format!("{:.3}: level {level}, mip {:.3}", page.lod, page.mip),
-        "log2 of what is covered: the whole of it is the level, the rest the mip in the page",
+        "log2 of the covered length. The integer part is the level, the fraction is the mip level within the page.",
     );
     let served = match page.served {
         Some(served) if served == page.id => "the same".to_owned(),
         Some(kernels::virtual_texture::PageId { level, x, y }) => format!("level {level}, column {x}, row {y}"),
         None => "none: far atlas".to_owned(),
     };
-    row("Page sampled", served, "A coarser one than asked for where not all pages of the frame fit");
+    row("Page sampled", served, "Coarser than the requested page if the cache cannot hold all pages of the frame");
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What the colours of a picture mean, over it.
+//! The legend on top of a picture.
 
 use eframe::egui::{Align2, Color32, FontId, Mesh, Rect, Role, Sense, Stroke, Ui, WidgetInfo, pos2, vec2};
 
@@ -6,15 +6,15 @@ use crate::model::display::{Legend, Scale, Swatch};
 
 /// Width and height of a bar of colours, points.
 const BAR: [f32; 2] = [240.0, 10.0];
-/// Length of a tick below it, and size of what is written there, points.
+/// Length of a tick below the bar, and size of its text, points.
 const TICK: f32 = 4.0;
 const TEXT: f32 = 11.0;
-/// Pieces that a bar is drawn of, from colour to colour.
+/// Number of segments of a bar; colours are interpolated within a segment.
 const PIECES: u16 = 128;
 /// Edge of a swatch, points.
 const SWATCH: f32 = 12.0;
 
-/// Draws a legend. `name`: what the picture shows, as no other picture on screen is called; `words`: what its colours mean.
+/// Draws a legend. `name` is the name of the layer, which must be unique among the pictures on screen. `words` explains its colours.
 pub(crate) fn show(ui: &mut Ui, name: &str, words: &str, legend: &Legend) {
     match legend {
         Legend::Words => {
@@ -38,7 +38,7 @@ pub(crate) fn show(ui: &mut Ui, name: &str, words: &str, legend: &Legend) {
     }
 }
 
-/// A bar of all colours, with ticks below.
+/// A bar with all colours of a scale, and ticks below it.
 fn bar(ui: &mut Ui, title: &str, words: &str, scale: &Scale) {
     let [longest, height] = BAR;
     let size = vec2(ui.available_width().min(longest), height + TICK + TEXT + 2.0);
@@ -64,7 +64,7 @@ fn bar(ui: &mut Ui, title: &str, words: &str, scale: &Scale) {
         let place = scale.place(*value);
         let x = bar.left() + place * bar.width();
         painter.vline(x, bar.top()..=bar.bottom() + TICK, Stroke::new(1.0, Color32::WHITE));
-        // What is written at the ends stays beside the bar's inside.
+        // Align the text at the ends so that it does not extend beyond the bar.
         let align = if place < 0.01 {
             Align2::LEFT_TOP
         } else if place > 0.99 {
@@ -77,7 +77,7 @@ fn bar(ui: &mut Ui, title: &str, words: &str, scale: &Scale) {
     response.on_hover_text(words);
 }
 
-/// A colour and what it stands for.
+/// A swatch of a colour, and its meaning.
 fn one(ui: &mut Ui, name: &str, words: &str, swatch: &Swatch) {
     let Swatch { colour: [r, g, b], name: meaning } = swatch;
     let text = ui.painter().layout_no_wrap(meaning.clone(), FontId::proportional(TEXT), Color32::WHITE);

@@ -1,4 +1,4 @@
-//! What each stage made of the frame: the nodes drawn on a map, with the frustum seen from outside, and the sections of numbers that stages report.
+//! The panel *Machine*: a map of the drawn nodes and the frustum, seen from above, and the numbers that the stages report.
 
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Slider, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::DVec2;
@@ -8,24 +8,24 @@ use kernels::world::{LODS, Layout, NodeId};
 use crate::model::picture::Shown;
 use crate::model::state::Model;
 
-/// The narrowest span of the map, and the one it begins with, metres.
+/// Smallest and initial span of the map, metres.
 const NARROWEST_M: f64 = 200.0;
 const USUAL_M: f64 = 4000.0;
 /// Smallest and largest edge of the map on the screen, points.
 const MAP_POINTS: [f32; 2] = [120.0, 480.0];
-/// Points of a wheel or a drag by which the span changes e-fold.
+/// Points of a wheel turn or a drag that change the span by a factor of e.
 const POINTS_PER_E: f32 = 200.0;
-/// Length of the arrow that says where the camera looks, points.
+/// Length of the arrow for the view direction, points.
 const ARROW_POINTS: f32 = 22.0;
-/// Edge of a colour in the legend, points.
+/// Edge of a swatch in the legend, points.
 const SWATCH_POINTS: f32 = 12.0;
-/// Colours of levels, the finest first: viridis, equal steps to the eye, from light to dark also where hues look alike.
+/// Colours of levels, the finest first: viridis, which is perceptually uniform and runs from light to dark, so that it works with colour blindness.
 const LEVEL_COLOURS: [[u8; 3]; LODS as usize] =
     [[253, 231, 37], [122, 209, 81], [34, 168, 132], [42, 120, 142], [65, 68, 135], [68, 1, 84]];
 
-/// How the map is looked at.
+/// State of the panel.
 pub(crate) struct MachinePanel {
-    /// Metres along the map's edge.
+    /// Length of an edge of the map, metres.
     span_m: f64,
 }
 
@@ -42,9 +42,9 @@ struct Level {
     lod: u8,
     /// Edge of a node, metres.
     edge_m: f64,
-    /// Edge of a texel of the baked atlas, metres: as far apart as heights are.
+    /// Edge of a texel of the baked atlas, metres; equal to the spacing of heights.
     texel_m: f64,
-    /// Nodes drawn.
+    /// Number of drawn nodes.
     nodes: usize,
 }
 
@@ -70,7 +70,7 @@ pub(crate) fn show(panel: &mut MachinePanel, model: &Model, ui: &mut Ui) {
     }
 }
 
-/// The levels that this world has, the finest first, and how many nodes of each are drawn.
+/// The levels of this world, the finest first, with the number of drawn nodes of each.
 fn levels(drawn: &[NodeId], layout: &Layout) -> Vec<Level> {
     let nodes = |lod| drawn.iter().filter(|node| node.lod == lod).count();
     (layout.finest_lod..LODS)
@@ -83,15 +83,15 @@ fn level_colour(lod: u8) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// What the map's colours stand for; a colour's name is its whole row, since colours are not seen by everybody.
+/// The legend of the map. The accessible name of a swatch contains its whole row, because not everybody can see colours.
 fn legend(levels: &[Level], ui: &mut Ui) {
     egui::Grid::new("levels").num_columns(5).striped(true).show(ui, |ui| {
         for (name, about) in [
-            ("", "The level's colour on the map"),
+            ("", "Colour of the level on the map"),
             ("Level", "0 is the finest"),
-            ("Edge", "Of a node"),
-            ("Nodes", "Drawn in this frame"),
-            ("Texel", "Of the baked atlas: 128 along a node's edge, as many as quads"),
+            ("Edge", "Edge of a node"),
+            ("Nodes", "Number of nodes drawn in this frame"),
+            ("Texel", "Edge of a texel of the baked atlas. A node has 128 texels along its edge, as many as quads."),
         ] {
             ui.label(name).on_hover_text(about);
         }
@@ -110,13 +110,13 @@ fn legend(levels: &[Level], ui: &mut Ui) {
     });
 }
 
-/// A square of the world on the screen, north up.
+/// The map: a square part of the world on the screen, with north at the top.
 struct Map {
-    /// What is in the middle, world metres.
+    /// Centre of the map, world metres.
     centre: DVec2,
-    /// Metres along an edge.
+    /// Length of an edge, metres.
     span_m: f64,
-    /// Where it is on the screen.
+    /// Its rectangle on the screen.
     rect: Rect,
 }
 
@@ -125,13 +125,13 @@ impl Map {
         f64::from(self.rect.width()) / self.span_m
     }
 
-    /// Where a place, in world metres, is on the screen.
+    /// Position on the screen of a place in world metres.
     fn on_screen(&self, place: DVec2) -> Pos2 {
         let [east, north] = ((place - self.centre) * self.points_per_m()).to_array();
         self.rect.center() + vec2(east as f32, -north as f32)
     }
 
-    /// A square with this south-west corner and edge, in world metres.
+    /// Rectangle on the screen of a square with this south-west corner and edge, in world metres.
     fn square(&self, corner: DVec2, edge_m: f64) -> Rect {
         Rect::from_two_pos(self.on_screen(corner), self.on_screen(corner + edge_m))
     }
@@ -141,19 +141,19 @@ impl Map {
     }
 }
 
-/// The span after the wheel, a drag upwards or fingers spread by `points` have come closer.
+/// The span after zooming in by `points`, with the wheel, an upward drag, or a pinch.
 fn closer(span_m: f64, points: f32, widest_m: f64) -> f64 {
     (span_m * f64::from(-points / POINTS_PER_E).exp()).clamp(NARROWEST_M, widest_m.max(NARROWEST_M))
 }
 
-/// The longest of 1, 2, 5, 10, 20 ... metres within a length, which is at least 1.
+/// The longest of 1, 2, 5, 10, 20, ... metres that is at most `longest_m`; 1 if that is shorter than 1 m.
 fn round_length_m(longest_m: f64) -> f64 {
     let decade = 10_f64.powi(longest_m.max(1.0).log10().floor() as i32);
     [5.0, 2.0].into_iter().map(|digit| digit * decade).find(|&length| length <= longest_m).unwrap_or(decade)
 }
 
-/// What the frustum holds of level ground at an elevation, cut off somewhere beyond `reach_m` from the camera: corners of a convex polygon, in
-/// world metres. Empty where the camera is not above that ground or sees none of it.
+/// The part of level ground at an elevation that is in the frustum, as the corners of a convex polygon in world metres. It is cut off at some
+/// distance beyond `reach_m` from the camera. Empty if the camera is not above that ground, or sees none of it.
 fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> Vec<DVec2> {
     let above_m = pose.position.z - ground_m;
     if above_m <= 0.0 || size.contains(&0) {
@@ -164,7 +164,7 @@ fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> V
     let half_width = half_height * f64::from(size[0]) / f64::from(size[1]);
     let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
     let corners = corners.map(|[x, y]: [f64; 2]| forward + right * (half_width * x) + up * (half_height * y));
-    // Rays are 1 long along the view direction. What sinks less than this meets the ground beyond `reach_m`, or never.
+    // Rays have length 1 along the view direction. A ray that descends less than this meets the ground beyond `reach_m`, or never.
     let highest = -above_m / (4.0 * reach_m.max(above_m));
     let mut rays = Vec::new();
     for (i, &ray) in corners.iter().enumerate() {
@@ -179,7 +179,7 @@ fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> V
     rays.into_iter().map(|ray| pose.position.truncate() + ray.truncate() * (above_m / -ray.z)).collect()
 }
 
-/// The nodes drawn, from above, and the camera among them.
+/// Draws the map with the drawn nodes and the camera, seen from above.
 fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     let (layout, pose) = (&shown.layout, &shown.pose);
     let widest_m = layout.world_m().max(NARROWEST_M);
@@ -188,14 +188,14 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
         let slider = Slider::new(span_m, NARROWEST_M..=widest_m).logarithmic(true).clamping(egui::SliderClamping::Always);
         ui.add(slider.suffix(" m").max_decimals(0))
             .labelled_by(label.id)
-            .on_hover_text("Along the map's edge; the wheel over the map changes it, and a drag up or down");
+            .on_hover_text("Length of an edge of the map. The wheel, or a drag up or down, over the map changes it.");
     });
     let edge = ui.available_width().clamp(MAP_POINTS[0], MAP_POINTS[1]);
     let (response, painter) = ui.allocate_painter(vec2(edge, edge), Sense::drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Map of nodes"));
     let mut points = -response.drag_delta().y;
     if response.hovered() {
-        // Taken, so that the panel does not scroll as well.
+        // Consume the scrolling, so that the panel does not scroll as well.
         points += ui.input_mut(|i| std::mem::take(&mut i.smooth_scroll_delta.y));
         points += ui.input(egui::InputState::zoom_delta).max(f32::MIN_POSITIVE).ln() * POINTS_PER_E;
     }
@@ -219,20 +219,20 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     camera(&painter, &map, pose, shown.wish.size, shown.ground_m, Color32::WHITE);
     scale_bar(&map, &painter);
     response.on_hover_text(
-        "Nodes drawn, by level, north up; the camera, where it looks, and what its picture holds of level ground at its feet",
+        "Drawn nodes, coloured by level, with north at the top. The camera, its view direction, and an outline of the level ground that it sees.",
     );
     if frozen.is_some() {
-        ui.label("Nodes are those that the yellow camera sees: culling is frozen there.");
+        ui.label("Culling is frozen: the nodes are those that the yellow camera sees.");
     }
 }
 
-/// A camera, where it looks, and what its picture holds of level ground at its feet.
+/// Draws a camera, its view direction, and the outline of the level ground that it sees.
 fn camera(painter: &egui::Painter, map: &Map, pose: &Pose, size: [u32; 2], ground_m: f64, colour: Color32) {
     let outline = ground_outline(pose, size, ground_m, map.span_m);
     let outline: Vec<Pos2> = outline.into_iter().map(|place| map.on_screen(place)).collect();
     let at = map.on_screen(pose.position.truncate());
     let look = vec2(pose.yaw.sin() as f32, -pose.yaw.cos() as f32) * ARROW_POINTS;
-    // White or yellow on black shows on every level's colour.
+    // White or yellow with a black border is visible on the colours of all levels.
     for stroke in [Stroke::new(4.0, Color32::BLACK), Stroke::new(1.5, colour)] {
         if outline.len() > 2 {
             painter.add(egui::Shape::closed_line(outline.clone(), stroke));
@@ -242,7 +242,7 @@ fn camera(painter: &egui::Painter, map: &Map, pose: &Pose, size: [u32; 2], groun
     }
 }
 
-/// The scale in a corner of the map.
+/// The scale bar in a corner of the map.
 fn scale_bar(map: &Map, painter: &egui::Painter) {
     let length_m = round_length_m(map.span_m / 4.0);
     let bar =
@@ -267,7 +267,7 @@ mod tests {
     }
 
     fn pose(pitch_deg: f64, fov_deg: f64) -> Pose {
-        // To the east.
+        // Looks east.
         let yaw = 90.0_f64.to_radians();
         Pose { position: DVec3::new(300.0, -40.0, 150.0), yaw, pitch: pitch_deg.to_radians(), fov: fov_deg.to_radians() }
     }
@@ -276,12 +276,12 @@ mod tests {
     fn nodes_lie_in_their_place_with_north_up() {
         let layout = Layout::of(10_240.0, None);
         let map = map_of(DVec2::ZERO, 400.0);
-        // Half a point a metre: the two nodes of level 0 at the world's centre, and their parent.
+        // Half a point per metre: two nodes of level 0 at the centre of the world, and their parent.
         let node = |lod, x, y| map.node(NodeId { lod, x, y }, &layout);
         assert_eq!(node(0, 80, 80), Rect::from_min_max(pos2(150.0, 88.0), pos2(182.0, 120.0)));
         assert_eq!(node(0, 80, 79), Rect::from_min_max(pos2(150.0, 120.0), pos2(182.0, 152.0)));
         assert_eq!(node(1, 40, 40), Rect::from_min_max(pos2(150.0, 56.0), pos2(214.0, 120.0)));
-        // Children tile their parent, wherever the camera is.
+        // The four children of a node cover it exactly, at any position of the camera.
         let map = map_of(DVec2::new(-777.0, 1234.5), 3000.0);
         let parent = NodeId { lod: 3, x: 8, y: 11 };
         let union = parent.children().into_iter().map(|child| map.node(child, &layout)).reduce(Rect::union).expect("four");
@@ -291,7 +291,7 @@ mod tests {
 
     #[test]
     fn straight_down_the_outline_is_the_picture_on_the_ground() {
-        // 100 m above the ground, 90 degrees high and twice as wide: 200 m by 400 m, the picture's width lying across the view direction.
+        // 100 m above the ground, with a vertical field of view of 90 degrees and an aspect ratio of 2: 200 m by 400 m. North to south is the width.
         let corners = ground_outline(&pose(-90.0, 90.0), [640, 320], 50.0, 1000.0);
         let expected = [[200.0, -240.0], [200.0, 160.0], [400.0, -240.0], [400.0, 160.0]].map(DVec2::from_array);
         assert_eq!(corners.len(), 4);
@@ -321,7 +321,7 @@ mod tests {
         assert!(ground_outline(&pose(40.0, 60.0), [320, 160], 100.0, 1000.0).is_empty());
         assert!(ground_outline(&pose(-20.0, 60.0), [320, 160], 150.0, 1000.0).is_empty());
         assert!(ground_outline(&pose(-20.0, 60.0), [320, 0], 100.0, 1000.0).is_empty());
-        // Positive control, far above a small map.
+        // Positive control: far above a small map.
         assert_eq!(ground_outline(&pose(-60.0, 60.0), [320, 160], -20_000.0, 200.0).len(), 4);
     }
 
@@ -333,7 +333,7 @@ mod tests {
         let levels = levels(&drawn, &layout);
         assert_eq!(levels.iter().map(|level| level.nodes).collect::<Vec<_>>(), [3, 0, 0, 1, 0, 1]);
         assert_eq!(levels[3], Level { lod: 3, edge_m: 512.0, texel_m: 4.0, nodes: 1 });
-        // A world whose data deserve no more begins with a coarser level.
+        // A world with coarse data has a coarser finest level.
         let coarse = super::levels(&drawn[..1], &Layout::of(10_240.0, Some(2.0)));
         assert_eq!(coarse.iter().map(|level| level.lod).collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
     }

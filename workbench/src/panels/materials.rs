@@ -1,4 +1,4 @@
-//! The scene's materials, and the scene with its changes as a file.
+//! The panel *Materials*: the materials of the scene, and saving the edited scene as a file.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{TryRecvError, channel};
@@ -18,7 +18,7 @@ const SWATCH: f32 = 14.0;
 /// Largest tint that a scene file accepts.
 const MOST_TINT: f64 = 16.0;
 
-/// Where textures come from.
+/// The source of the textures of a material.
 #[derive(Clone, PartialEq)]
 enum Source {
     Procedural(String),
@@ -44,7 +44,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     saving(model, ui);
 }
 
-/// Takes over the folder that was chosen in the system's window, as soon as one is: to be called with every drawing of the window.
+/// Applies the folder that was chosen in the system dialog, once there is one. Call this whenever the window is drawn.
 pub(crate) fn listen(model: &mut Model) {
     let Some(dialog) = model.materials.dialog.take() else { return };
     let folder = match dialog.chosen.try_recv() {
@@ -54,29 +54,29 @@ pub(crate) fn listen(model: &mut Model) {
         }
         Ok(Some(folder)) => folder,
         Ok(None) | Err(TryRecvError::Disconnected) => {
-            model.materials.said = Some(Ok("No folder was chosen; one can be typed under `Texture folder`, too.".to_owned()));
+            model.materials.said = Some(Ok("No folder was chosen. You can also type one in `Texture folder`.".to_owned()));
             return;
         }
     };
     match model.settings.scene.materials.iter().position(|material| material.name == dialog.material) {
         Some(index) => take_folder(model, index, folder),
-        None => model.materials.said = Some(Err(format!("`{}` is not there any more: choose another material", dialog.material))),
+        None => model.materials.said = Some(Err(format!("the material `{}` does not exist any more: choose another one", dialog.material))),
     }
 }
 
-/// A folder was dropped on the window: the selected material takes its textures from there.
+/// Takes the textures of the selected material from a folder that was dropped on the window.
 pub(crate) fn dropped(model: &mut Model, path: &Path) {
     take_folder(model, model.materials.selected, path.to_owned());
 }
 
-/// Lets a material take its textures from a folder, and says what came of it.
+/// Takes the textures of a material from a folder, and shows the outcome.
 fn take_folder(model: &mut Model, index: usize, folder: PathBuf) {
     let Some(name) = model.settings.scene.materials.get(index).map(|material| material.name.clone()) else { return };
-    let done = format!("`{name}` is made of {}.", folder.display());
+    let done = format!("`{name}` now uses the textures in {}.", folder.display());
     model.materials.said = Some(editing::take_folder(&mut model.settings.scene, index, folder).map(|()| done));
 }
 
-/// Which materials there are, which is selected, and what is done with it.
+/// The list of materials, and the buttons for the selected one.
 fn list(model: &mut Model, ui: &mut Ui) {
     let shown = model.shown_here().cloned();
     let panel = &mut model.materials;
@@ -84,7 +84,7 @@ fn list(model: &mut Model, ui: &mut Ui) {
     panel.selected = panel.selected.min(scene.materials.len().saturating_sub(1));
     ui.horizontal_wrapped(|ui| {
         for (i, material) in scene.materials.iter().enumerate() {
-            // Not in a row of their own, which would not wrap.
+            // Swatch and name are not grouped in a horizontal layout, because that would not wrap.
             swatch(ui, &material.name, shown.as_ref().and_then(|shown| shown.mean_albedo(&material.name)));
             let selected = panel.selected == i;
             let item = ui.selectable_label(selected, &material.name);
@@ -95,43 +95,43 @@ fn list(model: &mut Model, ui: &mut Ui) {
         }
     });
     ui.horizontal_wrapped(|ui| {
-        if ui.button("Add material").on_hover_text("A copy of the selected one, under a name of its own").clicked() {
+        if ui.button("Add material").on_hover_text("Adds a copy of the selected material under a new name").clicked() {
             panel.said = match editing::add_material(scene, panel.selected) {
                 Ok(added) => {
                     panel.selected = added;
-                    Some(Ok(format!("`{}` lies nowhere yet: give it a rule, or paint with it.", scene.materials[added].name)))
+                    Some(Ok(format!("`{}` is not used yet: give it a rule, or paint with it.", scene.materials[added].name)))
                 }
                 Err(why) => Some(Err(why)),
             };
         }
-        if ui.button("Remove material").on_hover_text("Only what no rule and no stroke uses").clicked() {
+        if ui.button("Remove material").on_hover_text("Removes the selected material, if no rule or stroke uses it").clicked() {
             panel.said = editing::remove_material(scene, panel.selected).err().map(Err);
         }
         let original = &model.original;
         let origin = editing::origin(scene, original, panel.selected);
         let changed = origin.is_some() && scene.materials.get(panel.selected) != origin;
         let reset = ui.add_enabled(changed, Button::new("Reset material"));
-        if reset.on_hover_text("Back to what it is in the scene's file").clicked() {
+        if reset.on_hover_text("Restores the material from the scene file").clicked() {
             editing::reset_material(scene, original, panel.selected);
             panel.said = None;
         }
     });
 }
 
-/// What it looks like from far away in the picture on show; empty where it is not in there yet.
+/// A swatch of the mean colour of a material in the current picture; empty if the picture does not have the material yet.
 fn swatch(ui: &mut Ui, name: &str, albedo: Option<[f32; 3]>) {
     let (rect, response) = ui.allocate_exact_size(vec2(SWATCH, SWATCH), Sense::hover());
     let Some([r, g, b]) = albedo.map(|albedo| albedo.map(|c| c.clamp(0.0, 1.0))) else {
         ui.painter().rect_stroke(rect, 2.0, ui.visuals().widgets.noninteractive.bg_stroke, StrokeKind::Inside);
-        response.on_hover_text(format!("{name} is not in the picture yet"));
+        response.on_hover_text(format!("The picture does not have {name} yet"));
         return;
     };
     ui.painter().rect_filled(rect, 2.0, Color32::from(Rgba::from_rgb(r, g, b)));
-    let text = format!("Mean albedo of {name}, tint included: {r:.3} {g:.3} {b:.3} of linear red, green, blue");
+    let text = format!("Mean albedo of {name}, tint included: linear red, green, blue {r:.3} {g:.3} {b:.3}");
     response.on_hover_text(text);
 }
 
-/// The name, which rules and strokes follow.
+/// The name of the material. Renaming it also changes the rules and strokes that use it.
 fn name(model: &mut Model, ui: &mut Ui, index: usize) {
     let panel = &mut model.materials;
     let present = model.settings.scene.materials[index].name.clone();
@@ -141,7 +141,7 @@ fn name(model: &mut Model, ui: &mut Ui, index: usize) {
     }
     let label = ui.label("Material name");
     let field = ui.add(TextEdit::singleline(&mut panel.name[0]).desired_width(FIELD)).labelled_by(label.id);
-    if field.on_hover_text("1 to 100 characters; rules and strokes follow").changed() {
+    if field.on_hover_text("1 to 100 characters. Rules and strokes that use the material are changed, too.").changed() {
         let wanted = panel.name[0].clone();
         panel.misnamed = editing::rename_material(&mut model.settings.scene, index, &wanted).err();
         if panel.misnamed.is_none() {
@@ -154,7 +154,7 @@ fn name(model: &mut Model, ui: &mut Ui, index: usize) {
     ui.end_row();
 }
 
-/// Where its textures come from.
+/// The source of its textures.
 fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     let material = &model.settings.scene.materials[index];
     if model.materials.foldered != material.folder {
@@ -169,9 +169,9 @@ fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
         Source::Procedural(name) => name.clone(),
         Source::Folder => "folder".to_owned(),
     };
-    let built_in = NAMES.into_iter().map(|name| (Source::Procedural(name.to_owned()), name.to_owned(), "made by the program"));
-    let all = built_in.chain([(Source::Folder, "folder".to_owned(), "images in the folder under `Texture folder`")]).collect();
-    choose(ui, "Texture source", &mut source, &shown, all).on_hover_text("Textures that the program makes, or images in a folder");
+    let built_in = NAMES.into_iter().map(|name| (Source::Procedural(name.to_owned()), name.to_owned(), "generated by the program"));
+    let all = built_in.chain([(Source::Folder, "folder".to_owned(), "images in the folder named in `Texture folder`")]).collect();
+    choose(ui, "Texture source", &mut source, &shown, all).on_hover_text("Generated textures, or images in a folder");
     if source != before {
         match source {
             Source::Procedural(name) => {
@@ -187,11 +187,13 @@ fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     let label = ui.label("Texture folder");
     let field = ui.add(TextEdit::singleline(&mut model.materials.folder).desired_width(FIELD)).labelled_by(label.id);
     let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
-    field.on_hover_text("Holds albedo, normal, height and roughness (.png, .jpg or .jpeg); relative to the scene's folder, or absolute");
+    field.on_hover_text(
+        "Folder with albedo, normal, height and roughness (.png, .jpg or .jpeg); absolute, or relative to the scene's folder",
+    );
     ui.end_row();
 
     ui.label("");
-    if ui.button("Use texture folder").on_hover_text("Takes the textures from the folder that is typed").clicked() || entered {
+    if ui.button("Use texture folder").on_hover_text("Uses the textures in the folder named above").clicked() || entered {
         take_typed_folder(model, index);
     }
     ui.end_row();
@@ -199,13 +201,13 @@ fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     ui.label("");
     let idle = model.materials.dialog.is_none();
     let load = ui.add_enabled(idle, Button::new("Load texture folder..."));
-    if load.on_hover_text("Chooses a folder of textures, which can be dropped on the window, too").clicked() {
+    if load.on_hover_text("Chooses a folder of textures. You can also drop a folder on the window.").clicked() {
         model.materials.dialog = Some(choose_folder(model.settings.scene.materials[index].name.clone(), ui.ctx().clone()));
     }
     ui.end_row();
 }
 
-/// Takes the folder in the field for a material.
+/// Applies the folder in the text field to a material.
 fn take_typed_folder(model: &mut Model, index: usize) {
     let typed = model.materials.folder.trim().to_owned();
     if typed.is_empty() {
@@ -215,37 +217,37 @@ fn take_typed_folder(model: &mut Model, index: usize) {
     }
 }
 
-/// Opens the system's window for folders, and does not wait for it.
+/// Opens the system dialog for folders without waiting for it.
 fn choose_folder(material: String, ctx: egui::Context) -> Dialog {
     let (sender, chosen) = channel();
     let title = format!("Textures of {material}");
     std::thread::spawn(move || {
         let folder = rfd::FileDialog::new().set_title(title).pick_folder();
-        // Nobody waits for it any more where the program has ended.
+        // Sending fails if the program is ending.
         let _ = sender.send(folder);
         ctx.request_repaint();
     });
     Dialog { material, chosen }
 }
 
-/// How its textures lie on the ground.
+/// The numbers that decide how its textures look on the ground.
 fn numbers(model: &mut Model, ui: &mut Ui, index: usize) {
     let usual = editing::origin(&model.settings.scene, &model.original, index).cloned();
     let usual = usual.as_ref();
     let material = &mut model.settings.scene.materials[index];
-    let about = "Edge of one repeat of the texture on the ground.";
+    let about = "Size of one repetition of the texture on the ground.";
     let row = Number { name: "Texture tile", unit: "m", range: [0.1, 1000.0], logarithmic: true, about };
     number(ui, &row, &mut material.tile_m, usual.map(|usual| usual.tile_m));
-    let about = "Turns the texture on the ground.";
+    let about = "Rotation of the texture on the ground.";
     let row = Number { name: "Texture turn", unit: "deg", range: [-360.0, 360.0], logarithmic: false, about };
     number(ui, &row, &mut material.orientation_deg, usual.map(|usual| usual.orientation_deg));
-    let about = "Strength of the normal map: 0 is flat, 1 as it was made.";
+    let about = "Strength of the normal map. 0 is flat, 1 is unchanged.";
     let row = Number { name: "Normal strength", unit: "x", range: [0.0, 16.0], logarithmic: false, about };
     number(ui, &row, &mut material.normal_strength, usual.map(|usual| usual.normal_strength));
     tint(ui, &mut material.tint, usual.map(|usual| &usual.tint));
 }
 
-/// The tint: by the colour picker up to 1, by numbers further.
+/// The tint: a colour picker for values up to 1, and number fields also for higher ones.
 fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
     let hint = "Factor on the colour of the texture where its colour mask is 1, linear RGB, 0 to 16";
     ui.label("Tint").on_hover_text(hint);
@@ -267,19 +269,17 @@ fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
     ui.end_row();
 }
 
-/// The scene as a file.
+/// The controls for saving the scene as a file.
 fn saving(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let panel = &mut model.materials;
         let label = ui.label("Scene file");
         let field = TextEdit::singleline(&mut panel.file).desired_width(FIELD).hint_text("scene.toml");
-        ui.add(field)
-            .labelled_by(label.id)
-            .on_hover_text(format!("A .toml file that does not exist yet, or the scene's own. {}", from_here()));
+        ui.add(field).labelled_by(label.id).on_hover_text(format!("Name of a new .toml file, or of the scene's own file. {}", from_here()));
         ui.checkbox(&mut panel.overwrites, "Overwrite")
-            .on_hover_text("Writes over the file that this scene was opened from or saved into; over no other");
+            .on_hover_text("Allows overwriting the file from which this scene was opened, or in which it was saved, but no other file");
     });
-    let hint = "Writes the scene with its materials, rules, strokes and numbers as a file, which this program and `experiments` read";
+    let hint = "Writes the scene with its materials, rules, strokes and numbers to a file for this program and `experiments`";
     if ui.button("Save scene as...").on_hover_text(hint).clicked() {
         let panel = &model.materials;
         let saved = match panel.file.trim() {

@@ -1,4 +1,4 @@
-//! What is measured of the pictures as they go by: numbers, and their course.
+//! The panel *Metrics*: live metrics of the pictures, as numbers and as plots over frames.
 
 use eframe::egui::{self, Slider, Ui};
 use egui_plot::{Legend, Line, Plot, PlotPoints};
@@ -17,23 +17,23 @@ struct Quantity {
 const QUANTITIES: [Quantity; 5] = [
     Quantity {
         name: "Flip rate",
-        about: "Share of random choices that differ from the frame before, at the same surface point",
+        about: "Share of random choices that differ from those in the previous frame at the same surface point",
         of: |s| s.flip_rate,
     },
     Quantity {
         name: "Flicker",
-        about: "Mean |difference| in luminance of linear albedo to the frame before, at the same surface point",
+        about: "Mean absolute difference in luminance of linear albedo to the previous frame at the same surface point",
         of: |s| Some(s.flicker),
     },
     Quantity {
         name: "Noise",
-        about: "Square root of the mean variance of luminance over frames, following the surface",
+        about: "Square root of the mean variance of luminance over frames, at the same surface point",
         of: |s| Some(s.variance.sqrt()),
     },
-    Quantity { name: "Bias", about: "Mean A - B in luminance, where B is drawn", of: |s| s.bias },
+    Quantity { name: "Bias", about: "Mean A - B in luminance, if B is drawn", of: |s| s.bias },
     Quantity {
         name: "Clumping",
-        about: "Variance of 5 x 5 blocks of this frame's noise, relative to white noise (1). Noise is A - B, or without B what differs from the running mean",
+        about: "Variance of means of the noise over 5 x 5 blocks; white noise has 1. Noise is A - B, or the deviation from the running mean",
         of: |s| s.clumping,
     },
 ];
@@ -41,14 +41,14 @@ const QUANTITIES: [Quantity; 5] = [
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let Metrics { on, window, frozen, resets, region } = &mut model.metrics;
     ui.horizontal_wrapped(|ui| {
-        ui.checkbox(on, "Measure").on_hover_text("By shaders that record choices: times are not those of the plain ones");
-        ui.checkbox(frozen, "Freeze").on_hover_text("The numbers stay as they are; let go, they begin anew");
+        ui.checkbox(on, "Measure").on_hover_text("Uses shaders that record choices, so that times differ from those of the plain shaders");
+        ui.checkbox(frozen, "Freeze").on_hover_text("Keeps the numbers as they are. When released, measuring begins anew.");
         if ui.button("Begin anew").clicked() {
             *resets = resets.wrapping_add(1);
         }
         if ui
             .add_enabled(region.is_some(), egui::Button::new("Whole picture"))
-            .on_hover_text("Ctrl and a drag measure a rectangle")
+            .on_hover_text("Measures the whole picture again. Ctrl and a drag select a rectangle.")
             .clicked()
         {
             *region = None;
@@ -58,7 +58,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         let label = ui.label("Window");
         ui.add(Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames"))
             .labelled_by(label.id)
-            .on_hover_text("How far back numbers go: a frame weighs one part in so many");
+            .on_hover_text("Length of the exponential window: the newest frame has a weight of 1 / window");
     });
     let Some(shown) = model.shown().cloned() else { return };
     let Some(last) = shown.readings.last() else {
@@ -84,12 +84,12 @@ fn table(last: &Reading, ui: &mut Ui) {
             }
             ui.end_row();
         }
-        ui.label("Pixels").on_hover_text("Of terrain");
+        ui.label("Pixels").on_hover_text("Number of pixels that show terrain");
         for side in &last.sides {
             ui.label(side.map_or_else(|| "-".to_owned(), |s| s.terrain.to_string()));
         }
         ui.end_row();
-        ui.label("Frames").on_hover_text("That the median pixel was followed, at most the window");
+        ui.label("Frames").on_hover_text("Number of frames for which the median pixel has been followed, at most the window");
         for side in &last.sides {
             ui.label(side.map_or_else(|| "-".to_owned(), |s| format!("{:.0}", s.frames)));
         }

@@ -1,4 +1,4 @@
-//! What the window is made of. A panel is a function of the model, of what it remembers itself, and of a place.
+//! The panels of the window. A panel is a function that draws into a `Ui`, given the model and, for some panels, a state of its own.
 
 pub(crate) mod brush;
 pub(crate) mod compare;
@@ -26,7 +26,7 @@ use machine::MachinePanel;
 use crate::model::panes::Pane;
 use crate::model::state::Model;
 
-/// What panels remember themselves, whatever scene is open.
+/// The states of panels that have one of their own. They do not depend on the scene.
 #[derive(Default)]
 pub(crate) struct Panels {
     machine: MachinePanel,
@@ -34,7 +34,7 @@ pub(crate) struct Panels {
 }
 
 impl Panels {
-    /// Draws a pane's panel.
+    /// Draws the panel of a pane.
     pub(crate) fn show(&mut self, pane: Pane, model: &mut Model, ui: &mut Ui) {
         if pane == Pane::Viewport {
             // The picture fills its pane.
@@ -62,7 +62,7 @@ impl Panels {
     }
 }
 
-/// A labelled list of which one is chosen; `items` are values with their names and what is said of them.
+/// A labelled drop-down list. `items` are the values with their names and tooltips; an empty tooltip is not shown.
 pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, shown: &str, items: Vec<(T, String, &str)>) -> Response {
     let text = ui.label(label);
     let combo = ComboBox::from_id_salt(label).selected_text(shown).show_ui(ui, |ui| {
@@ -76,13 +76,13 @@ pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, sh
     combo.response.labelled_by(text.id)
 }
 
-/// A number that is edited.
+/// The description of a control for a number.
 pub(crate) struct Number<'a> {
-    /// What it is called, as nothing else on screen is.
+    /// Its label, which must be unique on screen.
     pub(crate) name: &'a str,
-    /// Its unit; empty = none.
+    /// Its unit; empty = it has none.
     pub(crate) unit: &'a str,
-    /// Smallest and largest value offered.
+    /// Smallest and largest value of the slider.
     pub(crate) range: [f64; 2],
     /// Whether the slider is logarithmic.
     pub(crate) logarithmic: bool,
@@ -90,11 +90,11 @@ pub(crate) struct Number<'a> {
     pub(crate) about: &'a str,
 }
 
-/// A row of a grid with three columns: name, slider, and a way back to the usual value; `None` = there is none.
+/// A row of a grid with three columns: label, slider, and a button that resets the value to `usual`. `None` = there is no such value.
 pub(crate) fn number(ui: &mut Ui, number: &Number<'_>, value: &mut f64, usual: Option<f64>) {
     let Number { name, unit, range, logarithmic, about } = *number;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    let back = usual.map_or_else(String::new, |usual| format!(", usually {usual}{unit}"));
+    let back = usual.map_or_else(String::new, |usual| format!(", default {usual}{unit}"));
     let hint = format!("{about}\nFrom {} to {}{unit}{back}.", range[0], range[1]);
     let label = ui.label(name).on_hover_text(&hint);
     let slider = Slider::new(value, range[0]..=range[1]).logarithmic(logarithmic).clamping(SliderClamping::Edits);
@@ -103,12 +103,13 @@ pub(crate) fn number(ui: &mut Ui, number: &Number<'_>, value: &mut f64, usual: O
     ui.end_row();
 }
 
-/// A button that takes a value back to the usual one.
+/// A button that resets a value to `usual`. `None` = there is no such value, and the button is disabled.
 pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T, usual: Option<&T>) {
     let changed = usual.is_some_and(|usual| *usual != *value);
     let button = ui.add_enabled(changed, Button::new("Reset").small());
     button.widget_info(|| WidgetInfo::labeled(Role::Button, changed, format!("Reset {name}")));
-    let hint = if usual.is_some() { "Back to what it usually is" } else { "It was added here, and has nothing to go back to" };
+    let hint =
+        if usual.is_some() { "Resets this to its original value" } else { "This was added in the workbench, so it has no original value" };
     if button.on_hover_text(hint).clicked()
         && let Some(usual) = usual
     {
@@ -116,13 +117,13 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     }
 }
 
-/// To what names of files and folders are relative that are typed.
+/// A hint for fields in which paths are typed: the folder that relative paths start from.
 pub(crate) fn from_here() -> String {
     let here = std::env::current_dir().map_or_else(|_| "the working directory".to_owned(), |folder| folder.display().to_string());
     format!("Absolute, or from {here}")
 }
 
-/// What came of something that was done to `what`, or what went wrong. What is new is scrolled to.
+/// Shows the result or the error of an action on `what`. Scrolls to a new result.
 pub(crate) fn outcome(ui: &mut Ui, what: &str, said: Option<&Result<String, String>>) {
     let id = ui.scope_id().with(("outcome", what));
     let Some(said) = said else {
@@ -134,7 +135,7 @@ pub(crate) fn outcome(ui: &mut Ui, what: &str, said: Option<&Result<String, Stri
         Err(wrong) => (wrong, Some(ui.visuals().error_fg_color)),
     };
     let shown = colour.into_iter().fold(RichText::new(text), RichText::color);
-    // Panels scroll sideways, too: a long line would go on out of sight.
+    // Panels also scroll sideways, so that a long line would continue out of sight. Wrap it at the visible edge.
     let place = ui.scope(|ui| {
         ui.set_max_width(ui.clip_rect().right() - ui.cursor().left());
         ui.add(Label::new(shown).wrap())

@@ -1,4 +1,4 @@
-//! The scene's numbers and those of the frame, each with its unit, range, and a way back.
+//! The panel *Parameters*: the numbers of the scene and the frame, with unit, range and a reset button.
 
 use eframe::egui::{self, Slider, Ui};
 use kernels::scene::Scene;
@@ -9,9 +9,12 @@ use super::reset;
 use crate::model::settings::{SCALE, frame_settings, numbers};
 use crate::model::state::Model;
 
-/// Points that a row takes beside its slider, and the slider's narrowest and widest.
+/// Width of a row without its slider, and smallest and largest width of the slider, points.
 const BESIDE: f32 = 310.0;
 const SLIDER: [f32; 2] = [30.0, 200.0];
+
+/// A number of the scene with the ends of its slider.
+type Row = (&'static Setting<Scene>, Ends);
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.spacing_mut().slider_width = (ui.available_width() - BESIDE).clamp(SLIDER[0], SLIDER[1]);
@@ -19,7 +22,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         control(ui, &SCALE, &mut model.settings, |_| "");
         reset_setting(ui, &SCALE, &mut model.settings, &model.usual_scale.value());
     });
-    // The other settings of a frame are in the panel of variants.
+    // The other settings of a frame are in the panel *Variants*.
     for setting in frame_settings().filter(|setting| matches!(setting.kind, Kind::Number(_) | Kind::OneOf(_))) {
         let usual = if setting.name() == "vertex_stride" { Some(model.usual_stride.value()) } else { (setting.default)() };
         ui.horizontal(|ui| {
@@ -29,7 +32,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             }
         });
     }
-    let mut groups: Vec<(&str, Vec<(&Setting<Scene>, Ends)>)> = Vec::new();
+    let mut groups: Vec<(&str, Vec<Row>)> = Vec::new();
     for (setting, ends) in numbers() {
         match groups.last_mut() {
             Some((group, rows)) if *group == setting.listing.group => rows.push((setting, ends)),

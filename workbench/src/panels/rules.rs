@@ -1,4 +1,4 @@
-//! The splat rules: which material lies where, before anything is painted.
+//! The panel *Rules*: the splat rules, which decide where each material lies before strokes are painted.
 
 use eframe::egui::{self, Button, CollapsingHeader, DragValue, Role, Ui, WidgetInfo};
 use kernels::scene::Rule;
@@ -7,17 +7,17 @@ use super::{choose, outcome};
 use crate::model::editing::usual_rules;
 use crate::model::state::Model;
 
-/// A band of a rule: what it is of, and what a scene file accepts.
+/// A band of a rule: its quantity, and the values that a scene file accepts.
 struct Band {
     name: &'static str,
     unit: &'static str,
     /// Smallest and largest value accepted.
     limits: [f64; 2],
-    /// What it is when it is switched on: everything there is to see.
+    /// The band when it is switched on: wide enough to change nothing.
     whole: [f64; 2],
     /// Largest fade accepted.
     most_fade: f64,
-    /// A point of a drag.
+    /// Change of the value per point of a drag.
     speed: f64,
     about: &'static str,
 }
@@ -50,7 +50,7 @@ const CURVATURE: Band = Band {
     about: "Mean curvature, below 0 in gullies and above 0 on ridges",
 };
 
-/// What is to be done with a rule, once all are drawn.
+/// The change of a rule to make after all rules have been drawn.
 enum Wanted {
     Up,
     Down,
@@ -92,18 +92,18 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     }
 }
 
-/// What is done with all of them.
+/// The buttons for the list of rules.
 fn buttons(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let rules = &mut model.settings.scene.rules;
         let add = ui.add_enabled(!rules.is_empty(), Button::new("Add rule"));
-        if add.on_hover_text("A copy of the last one, which changes nothing until it is edited").clicked() {
+        if add.on_hover_text("Adds a copy of the last rule, which has no effect until you edit it").clicked() {
             let last = rules.last().cloned();
             rules.extend(last);
         }
         let changed = *rules != model.original.rules;
         let reset = ui.add_enabled(changed, Button::new("Reset rules"));
-        if reset.on_hover_text("Back to those of the scene's file").clicked() {
+        if reset.on_hover_text("Restores the rules of the scene file").clicked() {
             model.rules.said = match usual_rules(&model.settings.scene, &model.original) {
                 Ok(rules) => {
                     model.settings.scene.rules = rules;
@@ -120,28 +120,28 @@ fn buttons(model: &mut Model, ui: &mut Ui) {
 fn one(ui: &mut Ui, number: usize, rule: &mut Rule, names: &[String]) {
     let shown = rule.material.clone();
     let all = names.iter().map(|name| (name.clone(), name.clone(), "")).collect();
-    choose(ui, &format!("Rule {number} material"), &mut rule.material, &shown, all).on_hover_text("What it lays");
+    choose(ui, &format!("Rule {number} material"), &mut rule.material, &shown, all).on_hover_text("The material of this rule");
     ui.end_row();
-    let hint = "Factor on the product of what is below, 0.000001 to 1000000; 1 where a scene file gives none";
+    let hint = "Factor on the product of the bands and noise below, 0.000001 to 1000000. The default in a scene file is 1.";
     let label = ui.label(format!("Rule {number} weight"));
     value(ui, &mut rule.weight, [1.0e-6, 1.0e6], 0.01, "").labelled_by(label.id).on_hover_text(hint);
     ui.end_row();
     band(ui, number, &HEIGHT, &mut rule.height_m, &mut rule.height_fade_m);
     band(ui, number, &SLOPE, &mut rule.slope_deg, &mut rule.slope_fade_deg);
     band(ui, number, &CURVATURE, &mut rule.curvature, &mut rule.curvature_fade);
-    let hint = "Size of the patches in which noise lets the rule lie, 0 to 100000 m; 0 = everywhere";
+    let hint = "Size of the noise patches where the rule applies, 0 to 100000 m; 0 = it applies everywhere";
     let label = ui.label(format!("Rule {number} noise"));
     value(ui, &mut rule.noise_m, [0.0, 1.0e5], 1.0, " m").labelled_by(label.id).on_hover_text(hint);
     ui.end_row();
     if rule.noise_m > 0.0 {
-        let hint = "Share of the ground that noise lets through, 0 to 1; 0.5 where a scene file gives none";
+        let hint = "Share of the ground that the noise patches cover, 0 to 1. The default in a scene file is 0.5.";
         let label = ui.label(format!("Rule {number} cover"));
         value(ui, &mut rule.noise_cover, [0.0, 1.0], 0.01, "").labelled_by(label.id).on_hover_text(hint);
         ui.end_row();
     }
 }
 
-/// A number that stays what it is until it is edited, and then within its range.
+/// A control for a number. It limits the number to the range only when the number is edited.
 fn value(ui: &mut Ui, value: &mut f64, [low, high]: [f64; 2], speed: f64, unit: &str) -> egui::Response {
     let drag = DragValue::new(&mut *value).range(low..=high).clamp_existing_to_range(false).speed(speed).suffix(unit).max_decimals(4);
     let response = ui.add(drag);
@@ -151,11 +151,12 @@ fn value(ui: &mut Ui, value: &mut f64, [low, high]: [f64; 2], speed: f64, unit: 
     response
 }
 
-/// Whether there is a band, its ends and its fade.
+/// The controls of a band: whether there is one, its ends, and its fade.
 fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fade: &mut f64) {
     let Band { name, unit, limits: [lowest, highest], whole, most_fade, speed, about } = *kind;
     let mut has = band.is_some();
-    if ui.checkbox(&mut has, format!("Rule {number} {name} band")).on_hover_text(format!("{about} between two values")).changed() {
+    if ui.checkbox(&mut has, format!("Rule {number} {name} band")).on_hover_text(format!("Limits the rule to a range. {about}.")).changed()
+    {
         *band = has.then_some(whole);
     }
     let Some([from, to]) = band else {
@@ -164,21 +165,21 @@ fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fa
         return;
     };
     ui.horizontal(|ui| {
-        let hint = format!("{about} from which the rule has its whole weight, from {lowest}{unit} up to the other end");
+        let hint = format!("Lower end of the range in which the rule has its full weight, from {lowest}{unit} to the upper end. {about}.");
         let label = ui.label(format!("Rule {number} {name} from"));
         value(ui, from, [lowest, *to], speed, unit).labelled_by(label.id).on_hover_text(hint);
     });
     ui.end_row();
     ui.label("");
     ui.horizontal(|ui| {
-        let hint = format!("{about} up to which it has that, from the other end up to {highest}{unit}");
+        let hint = format!("Upper end of the range in which the rule has its full weight, from the lower end to {highest}{unit}. {about}.");
         let label = ui.label(format!("Rule {number} {name} to"));
         value(ui, to, [*from, highest], speed, unit).labelled_by(label.id).on_hover_text(hint);
     });
     ui.end_row();
     ui.label("");
     ui.horizontal(|ui| {
-        let hint = format!("How far outside of the band the weight falls to 0, 0 to {most_fade}{unit}; 0 = at once");
+        let hint = format!("Distance outside of the range over which the weight falls to 0, from 0 to {most_fade}{unit}. 0 = abruptly.");
         let label = ui.label(format!("Rule {number} {name} fade"));
         value(ui, fade, [0.0, most_fade], speed, unit).labelled_by(label.id).on_hover_text(hint);
     });

@@ -1,4 +1,4 @@
-//! Which scene is open, and opening others.
+//! The menu of scenes, and the question about unsaved edits.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -13,26 +13,26 @@ use crate::model::state::Model;
 pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
     let given = model.given().map(str::to_owned);
     let about = match &given {
-        Some(name) => format!("On show: {name}"),
-        None => format!("On show: {}, of no file", model.settings.scene.name),
+        Some(name) => format!("Current scene: {name}"),
+        None => format!("Current scene: {}, not from a file", model.settings.scene.name),
     };
     let mut wanted = None;
     let menu = ui.menu_button("Scene", |ui| {
         let idle = model.scenes.dialog.is_none();
         let open = ui.add_enabled(idle, Button::new("Open..."));
-        if open.on_hover_text("Chooses a scene's .toml file, which can be dropped on the window, too").clicked() {
+        if open.on_hover_text("Chooses the .toml file of a scene. You can also drop a file on the window.").clicked() {
             let folder = given.as_deref().and_then(|name| Path::new(name).parent()).map(Path::to_owned);
             model.scenes.dialog = Some(choose_file(folder, ui.ctx().clone()));
             ui.close();
         }
-        if ui.button("Default scene").on_hover_text("The built-in one").clicked() {
+        if ui.button("Default scene").on_hover_text("Opens the built-in scene").clicked() {
             wanted = Some(scene::DEFAULT.to_owned());
             ui.close();
         }
         let reload = ui.add_enabled(given.is_some(), Button::new("Reload scene"));
-        let hint = "Reads its file and all that it names again: the scene is what they say, and undo brings back edits";
+        let hint = "Reads the scene file and all files that it names again. Edits are replaced; undo restores them.";
         if reload.on_hover_text(hint).clicked() {
-            // What is wrong is in a note.
+            // An error is shown as a note.
             let _ = model.reload(ui.ctx());
             ui.close();
         }
@@ -56,32 +56,32 @@ pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
     }
 }
 
-/// Opens a scene; what is wrong, or may be lost, is said in the window.
+/// Opens a scene. Errors are shown as notes, and the window asks about unsaved edits.
 fn open(model: &mut Model, name: &str) {
     let _ = model.open(name);
 }
 
-/// Opens the scene of a file that was chosen or dropped.
+/// Opens a scene file that was chosen or dropped.
 pub(crate) fn open_file(model: &mut Model, file: &Path) {
     match file.to_str() {
         Some(name) => open(model, name),
-        None => model.say(format!("{} cannot be opened: its name is no Unicode; give it another", file.display())),
+        None => model.say(format!("{} cannot be opened: its name is not valid Unicode; rename it", file.display())),
     }
 }
 
-/// Opens what was chosen in the system's window, as soon as something is: to be called with every drawing of the window.
+/// Opens the file that was chosen in the system dialog, once there is one. Call this whenever the window is drawn.
 pub(crate) fn listen(model: &mut Model) {
     let Some(dialog) = model.scenes.dialog.take() else { return };
     match dialog.try_recv() {
         Err(TryRecvError::Empty) => model.scenes.dialog = Some(dialog),
         Ok(Some(file)) => open_file(model, &file),
         Ok(None) | Err(TryRecvError::Disconnected) => {
-            model.say("No scene was chosen; a file can be dropped on the window, or named where the program is started, too.".to_owned());
+            model.say("No scene was chosen. You can also drop a file on the window, or name it on the command line.".to_owned());
         }
     }
 }
 
-/// Opens the system's window for files, and does not wait for it.
+/// Opens the system dialog for files without waiting for it.
 fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<PathBuf>> {
     let (sender, chosen) = channel();
     std::thread::spawn(move || {
@@ -90,32 +90,32 @@ fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<P
             Some(folder) => dialog.set_directory(folder),
             None => dialog,
         };
-        // Nobody waits for it any more where the program has ended.
+        // Sending fails if the program is ending.
         let _ = sender.send(dialog.pick_file());
         ctx.request_repaint();
     });
     chosen
 }
 
-/// Asks whether edits may be lost, where something waits for it.
+/// Asks whether edits may be lost, if an action waits for the answer.
 pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
     let Some(waiting) = model.scenes.waits.clone() else { return };
     let (then, yes) = match &waiting {
-        Waiting::Open(name) => (format!("with {name} in its place they are lost, and undo does not help"), "Open without saving"),
-        Waiting::Close => ("once the window is closed they are lost".to_owned(), "Close without saving"),
+        Waiting::Open(name) => (format!("opening {name} discards them, and undo cannot restore them"), "Open without saving"),
+        Waiting::Close => ("closing the window discards them".to_owned(), "Close without saving"),
     };
     egui::Panel::top("unsaved").show(ui, |ui| {
-        let text = format!("`{}` has materials, rules or strokes that are in no file: {then}.", model.original.name);
+        let text = format!("`{}` has materials, rules or strokes that are not saved in a file: {then}.", model.original.name);
         ui.colored_label(ui.visuals().warn_fg_color, text);
         ui.horizontal_wrapped(|ui| {
-            if ui.button(yes).on_hover_text("The edits are lost").clicked() {
+            if ui.button(yes).on_hover_text("Discards the edits").clicked() {
                 match &waiting {
-                    // What is wrong is in a note.
+                    // An error is shown as a note.
                     Waiting::Open(name) => drop(model.open_anyway(name)),
                     Waiting::Close => model.close_anyway(ui.ctx()),
                 }
             }
-            if ui.button("Keep this scene").on_hover_text("`Save scene as...` under Materials writes it").clicked() {
+            if ui.button("Keep this scene").on_hover_text("Use `Save scene as...` in the panel Materials to save it").clicked() {
                 model.scenes.waits = None;
             }
         });

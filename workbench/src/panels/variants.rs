@@ -1,4 +1,4 @@
-//! Which shaders: the 31 sets of flavours, forced at a click, and what stands behind them.
+//! The panel *Variants*: forcing one of the 31 variants, and choosing estimator, noise and other settings of shading.
 
 use eframe::egui::{self, Color32, RichText, Ui};
 use kernels::frame::FrameReport;
@@ -10,10 +10,10 @@ use super::control::control;
 use crate::model::settings::{COUNTS, Settings, TIMES_VARIANTS, frame_settings};
 use crate::model::state::Model;
 
-/// Columns of the 31.
+/// Columns of the table of 31 variants.
 const COLUMNS: usize = 4;
 
-/// What shading took by one kernel.
+/// Time of shading with one kernel.
 #[derive(Clone, Debug, PartialEq)]
 struct Timed {
     /// `None` = the generic kernel.
@@ -23,13 +23,13 @@ struct Timed {
 }
 
 impl Timed {
-    /// Nanoseconds a tile.
+    /// Nanoseconds per tile.
     fn ns_a_tile(&self) -> f64 {
         1e6 * self.ms / f64::from(self.tiles.max(1))
     }
 }
 
-/// What shading took by each variant that had a pass of its own, the longest first.
+/// Times of the variants that had a pass of their own, the longest first.
 fn timed(report: &FrameReport) -> Vec<Timed> {
     let one = |name: &str, ms: f64| {
         let variant = if name == "generic" { None } else { Some(name.parse::<Variant>().ok()?) };
@@ -42,10 +42,10 @@ fn timed(report: &FrameReport) -> Vec<Timed> {
     timed
 }
 
-/// What names of passes begin with that shade one variant.
+/// Prefix of the names of passes that shade one variant.
 pub(super) const PASS: &str = "shading: ";
 
-/// Fetches a pixel that are promised of a variant.
+/// Promised fetches per pixel of a variant.
 fn promised(settings: &Settings, variant: Variant) -> u32 {
     settings.frame.estimator.promised_fetches_of(variant)
 }
@@ -54,13 +54,13 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         if ui
             .selectable_label(model.settings.frame.variant.is_none(), "Automatic")
-            .on_hover_text("Each tile what its pixels need (0)")
+            .on_hover_text("Each tile runs the variant that its pixels need (key 0)")
             .clicked()
         {
             model.settings.frame.variant = None;
         }
         ui.checkbox(&mut model.settings.frame.generic, "Generic kernel")
-            .on_hover_text("One shader that takes the set at run time: what specialised ones are measured against (G)");
+            .on_hover_text("One shader that receives the set of flavours at run time, as a baseline for the specialised shaders (key G)");
     });
     ui.separator();
     ui.label("Flavours on every tile");
@@ -69,7 +69,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             let on = model.settings.frame.variant.is_some_and(|v| v.has(flavour));
             let text = RichText::new(format!("{key} {}", flavour.name()));
             let hint =
-                format!("{}: {} fetches a pixel (key {key})", about(flavour), model.settings.frame.estimator.promised_fetches(flavour));
+                format!("{}: {} fetches per pixel (key {key})", about(flavour), model.settings.frame.estimator.promised_fetches(flavour));
             if ui.selectable_label(on, text).on_hover_text(hint).clicked() {
                 model.settings.toggle(flavour);
             }
@@ -100,29 +100,29 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
             ui.end_row();
         }
     });
-    // The generic kernel is chosen above.
+    // The control of the generic kernel is at the top of the panel.
     for setting in frame_settings().filter(|setting| matches!(setting.kind, Kind::Flag) && setting.name() != "generic") {
         control(ui, setting, &mut model.settings.frame, |_| "");
     }
     control(ui, &COUNTS, &mut model.settings, |_| "");
 }
 
-/// What each variant took, the longest first; `all`: tiles with terrain.
+/// The table of times, the longest first. `all` is the number of tiles with terrain.
 fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
     let Some(shown) = model.shown().filter(|shown| shown.wish.settings.times_variants && !shown.draft) else { return };
     if times.is_empty() {
-        ui.label("No times: the picture shows no terrain, or the device tells none.");
+        ui.label("No times: the picture shows no terrain, or the device does not measure times.");
         return;
     }
     let settings = &shown.wish.settings;
     egui::Grid::new("times of variants").num_columns(6).striped(true).show(ui, |ui| {
         for (name, about) in [
-            ("Variant", "Kernels that had tiles, the one that took longest first"),
-            ("Tiles", "Of 8 x 8 pixels"),
-            ("Share", "Of the tiles with terrain"),
-            ("Fetches", "A pixel, as promised: without colour modulation and the second tiling of splat"),
-            ("ms", "Time of its pass on the device"),
-            ("ns a tile", "That time over its tiles"),
+            ("Variant", "Kernels that ran on at least one tile, the longest time first"),
+            ("Tiles", "Number of tiles of 8 x 8 pixels"),
+            ("Share", "Share of the tiles with terrain"),
+            ("Fetches", "Promised fetches per pixel, without colour modulation and the second tiling of splat"),
+            ("ms", "Time of its pass on the device, milliseconds"),
+            ("ns a tile", "That time divided by the number of its tiles"),
         ] {
             ui.label(name).on_hover_text(about);
         }
@@ -131,7 +131,7 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
             ui.label(timed.variant.map_or_else(|| "generic".to_owned(), |variant| variant.to_string()));
             ui.label(timed.tiles.to_string());
             ui.label(format!("{:.1} %", 100.0 * f64::from(timed.tiles) / f64::from(all)));
-            // The generic kernel takes what each tile needs, unless all are made to need the same.
+            // The generic kernel runs the flavours that each tile needs, which have no single number of fetches unless a variant is forced.
             let fetches = timed.variant.or(settings.frame.variant).map(|variant| promised(settings, variant));
             ui.label(fetches.map_or_else(|| "-".to_owned(), |fetches| fetches.to_string()));
             ui.label(format!("{:.3}", timed.ms));
@@ -141,7 +141,7 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
     });
 }
 
-/// One of the 31: its number, its flavours as five stripes, its tiles of all, and what it took if that is known.
+/// The button of a variant: its number, and its share of the tiles. The tooltip has its fetches, its tiles, and its time if known.
 fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2], timed: Option<&Timed>) {
     let forced = model.settings.frame.variant == Some(variant);
     let [r, g, b] = variant.colour();
@@ -165,14 +165,14 @@ fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2]
     let response = ui.add(button);
     let name = variant.to_string();
     response.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, forced, format!("Variant {name}")));
-    if response.on_hover_text(format!("{name}: {fetches} fetches a pixel, {tiles} of {all} tiles{took}")).clicked() {
+    if response.on_hover_text(format!("{name}: {fetches} fetches per pixel, {tiles} of {all} tiles{took}")).clicked() {
         model.settings.frame.variant = if forced { None } else { Some(variant) };
     }
 }
 
 const fn about(flavour: Flavour) -> &'static str {
     match flavour {
-        Flavour::VirtualTexture => "shaded from above once, kept in pages",
+        Flavour::VirtualTexture => "blended once as seen from above, and cached in pages",
         Flavour::FarAtlas => "albedo and normal baked into the quadtree",
         Flavour::NearCliff => "three projections, one random material each",
         Flavour::FarCliff => "two tilings, one random projection and material each",
@@ -180,12 +180,12 @@ const fn about(flavour: Flavour) -> &'static str {
     }
 }
 
-/// What is said of a way to store normals.
+/// The tooltip of a way to store normals.
 fn of_normals(name: &str) -> &'static str {
     match name.parse() {
-        Ok(NormalEncoding::Octahedral) => "8 + 8 bits each, as in Far Cry 5",
-        Ok(NormalEncoding::PlaneFirst) => "In the same 32 bits the plane 8 times finer; the shading normal stays what it is",
-        Ok(NormalEncoding::Exact) => "In 128 bits: what the others cost",
+        Ok(NormalEncoding::Octahedral) => "8 + 8 bits each for shading normal and plane, as in Far Cry 5",
+        Ok(NormalEncoding::PlaneFirst) => "The same 32 bits, with a plane that is 8 times finer and an unchanged shading normal",
+        Ok(NormalEncoding::Exact) => "128 bits without compression, to measure the error of the others",
         Err(_) => "",
     }
 }
@@ -206,7 +206,7 @@ mod tests {
         let expected = [Timed { variant: Some(splat), tiles: 100, ms: 2.0 }, Timed { variant: Some(far), tiles: 400, ms: 0.5 }];
         assert_eq!(timed(&report), expected);
         assert!((expected[0].ns_a_tile() - 20_000.0).abs() < 1e-9 && (expected[1].ns_a_tile() - 1250.0).abs() < 1e-9);
-        // The generic kernel runs on all tiles; one pass for all is none of theirs.
+        // The generic kernel runs on all tiles. A single pass for all variants gives no time per variant.
         report.passes = vec![pass("shading: generic", 3.0)];
         assert_eq!(timed(&report), [Timed { variant: None, tiles: 500, ms: 3.0 }]);
         report.passes = vec![pass("shading", 3.0), pass("shading: of the past", 1.0)];

@@ -1,4 +1,4 @@
-//! The picture, and moving about in it.
+//! The panel *Viewport*: the picture, and navigation in it.
 
 use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 use glam::DVec3;
@@ -13,14 +13,14 @@ use crate::model::settings::Settings;
 use crate::model::state::{Looking, Model};
 use crate::model::viewpoint::Viewpoint;
 
-/// Longest step of the camera between two frames of the window, seconds: a stall must not throw it across the map.
+/// Longest time step of the camera movement between two drawings of the window, seconds. A stall must not throw the camera across the map.
 const LONGEST_STEP_S: f32 = 0.25;
-/// Points of the wheel that are a notch.
+/// Points of scrolling for one notch of the wheel.
 const NOTCH_POINTS: f32 = 50.0;
 
-/// Points at which a line can be grasped.
+/// Width of the area in which a line can be dragged, points.
 const GRASP: f32 = 10.0;
-/// Where the arms of a crosshair begin and end, points from its middle.
+/// Distances from the centre at which the arms of the crosshair begin and end, points.
 const CROSS: [f32; 2] = [4.0, 12.0];
 /// Edge of the loupe, points, and how much it magnifies.
 const LOUPE: [f32; 2] = [150.0, 8.0];
@@ -31,7 +31,8 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let pixels = ui.ctx().pixels_per_point();
     model.room = [rect.width(), rect.height()].map(|side| (side * pixels).round().max(0.0) as u32);
     let painter = ui.painter_at(rect);
-    // Nothing is painted below the picture: a processor would take as long for it, and the window is black. Why there is no picture says the status.
+    // No background is painted: the window is black anyway, and painting takes time on a software adapter. The status line says why there is no
+    // picture.
     if model.textures[0].is_none() && model.failure().is_none() {
         let text = model.news.progress.as_ref().map_or("starting", |p| p.stage.as_str());
         painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(16.0), Color32::GRAY);
@@ -41,7 +42,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     }
     let parts = parts(model, rect);
     if let [left, right] = &parts[..] {
-        // The gap between two that stand side by side, for those without a window.
+        // Paint the gap between pictures side by side: without a real window, the background is not black.
         painter.rect_filled(Rect::from_min_max(left.clip.right_top(), right.clip.left_bottom()), 0.0, Color32::BLACK);
     }
     for part in &parts {
@@ -77,7 +78,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     }
 }
 
-/// Marks the pixel that is taken apart, without covering it.
+/// Marks the inspected pixel without covering it.
 fn crosshair(painter: &egui::Painter, at: egui::Pos2) {
     for (width, colour) in [(3.0, Color32::BLACK), (1.0, Color32::WHITE)] {
         for along in [vec2(1.0, 0.0), vec2(0.0, 1.0), vec2(-1.0, 0.0), vec2(0.0, -1.0)] {
@@ -86,7 +87,7 @@ fn crosshair(painter: &egui::Painter, at: egui::Pos2) {
     }
 }
 
-/// Where one of the pictures is on the screen.
+/// A picture in the viewport, and its position on the screen.
 struct Part {
     texture: usize,
     place: Rect,
@@ -95,20 +96,20 @@ struct Part {
 }
 
 impl Part {
-    /// Where a place of the picture (shares of it) is on the screen.
+    /// Position on the screen of a position in the picture (in shares of it).
     fn on_screen(&self, at: egui::Pos2) -> egui::Pos2 {
         self.place.min + (at - self.uv.min) / self.uv.size() * self.place.size()
     }
 
-    /// What place of the picture is there on the screen.
+    /// Position in the picture (in shares of it) of a position on the screen.
     fn in_picture(&self, at: egui::Pos2) -> egui::Pos2 {
         self.uv.min + (at - self.place.min) / self.place.size() * self.uv.size()
     }
 }
 
-/// What the viewport is divided into.
+/// The parts of the viewport, one per visible picture.
 fn parts(model: &Model, rect: Rect) -> Vec<Part> {
-    // What is up is what was drawn: a mode that was only just chosen has no second picture yet.
+    // Use the mode of the last picture, since there is no second picture yet for a mode that was just chosen.
     let mode = model.shown().filter(|shown| shown.second.is_some()).map_or(Mode::Off, |shown| shown.wish.compare.mode);
     let whole = |texture, clip| Part { texture, place: rect, clip, uv: cut_out(&model.looking, 1.0) };
     match mode {
@@ -128,14 +129,14 @@ fn parts(model: &Model, rect: Rect) -> Vec<Part> {
     }
 }
 
-/// The part of the picture that is looked at, `width` of the viewport wide.
+/// The visible part of the picture, in shares of it, for a part of the viewport with this share of its width.
 fn cut_out(looking: &Looking, width: f32) -> Rect {
     let size = vec2(width, 1.0) / looking.zoom.max(1.0);
     let middle = |k: usize, side: f32| looking.centre[k].clamp(side / 2.0, 1.0 - side / 2.0);
     Rect::from_center_size(pos2(middle(0, size.x), middle(1, size.y)), size)
 }
 
-/// The line between A and B; says whether it is being dragged.
+/// Shows the line between A and B. Returns whether it is being dragged.
 fn wipe(model: &mut Model, ui: &Ui, rect: Rect) -> bool {
     if model.compare.mode != Mode::Wipe || model.textures[1].is_none() {
         return false;
@@ -149,7 +150,7 @@ fn wipe(model: &mut Model, ui: &Ui, rect: Rect) -> bool {
     response.dragged()
 }
 
-/// Says which picture is which, and what its colours mean.
+/// Shows a caption and a legend on each picture.
 fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
     let Some(shown) = model.shown().cloned() else { return };
     let settings = &shown.wish.settings;
@@ -166,7 +167,7 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
             (Some(second), _) => format!("{}, {}", both(settings, &second.settings, "|A - B|, A"), both(&second.settings, settings, "B")),
         };
         let layer = if part.texture == 1 { settings.layer.of_second() } else { settings.layer };
-        // A first look is lit, whatever is wanted.
+        // A first look always shows the lit picture.
         let layer = if shown.draft { Layer::Lit } else { layer };
         let own = |side: &str| format!("{}{side}", layer.name());
         let (name, words, legend) = match (&shown.second, part.texture) {
@@ -185,11 +186,12 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
             ui.visuals_mut().override_text_color = Some(Color32::WHITE);
             ui.label(text);
             if shown.draft {
-                ui.label("first look").on_hover_text("From small textures and by the cheapest shader, until the scene's textures are made");
+                ui.label("first look")
+                    .on_hover_text("Drawn with small textures and the cheapest shader until the textures of the scene are ready");
             }
             if shown.wish.culled_from.is_some() {
                 let frozen = ui.label(RichText::new("culling frozen").color(Color32::YELLOW));
-                frozen.on_hover_text("Nodes and patches are those of another view (C)");
+                frozen.on_hover_text("Nodes and patches are those of another view (key C)");
             }
             if let Some(legend) = legend {
                 legend::show(ui, &name, words, legend);
@@ -198,7 +200,7 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
     }
 }
 
-/// What is under the pointer, magnified, of A and of B.
+/// Shows the loupe: A and B under the pointer, magnified.
 fn loupe(model: &Model, ui: &Ui, response: &egui::Response, parts: &[Part]) {
     let Some(pointer) = response.hover_pos().filter(|_| model.looking.loupe) else { return };
     let Some(part) = parts.iter().find(|part| part.clip.contains(pointer)) else { return };
@@ -215,7 +217,7 @@ fn loupe(model: &Model, ui: &Ui, response: &egui::Response, parts: &[Part]) {
     }
 }
 
-/// Ctrl and a drag: the rectangle that is measured. Says whether one is being drawn.
+/// Handles Ctrl and a drag, which select the rectangle to measure. Returns whether one is being drawn.
 fn measure_region(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part]) -> bool {
     if response.drag_started() {
         model.looking.measures = ui.input(|i| i.modifiers.command);
@@ -233,7 +235,7 @@ fn measure_region(model: &mut Model, ui: &Ui, response: &egui::Response, parts: 
     true
 }
 
-/// What the brush paints, and its ring on the ground. `may_begin`: a drag or a click that begins now is the brush's.
+/// Paints with the brush, and shows its ring on the ground. `may_begin`: a drag or click that begins now paints.
 fn paint(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part], may_begin: bool) {
     let Some(shown) = model.shown_here().cloned().filter(|_| model.brush.paints) else { return };
     let primary = egui::PointerButton::Primary;
@@ -246,7 +248,7 @@ fn paint(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part], 
     if let Some(from) = pressed.filter(|_| may_begin)
         && let Some(i) = parts.iter().position(|part| part.clip.contains(from))
     {
-        // What was changed just before is taken back for itself.
+        // Changes made before the stroke are undone separately from it.
         model.undo_point(ui.ctx());
         model.brush.begin(i, parts[i].in_picture(from).into());
     }
@@ -305,7 +307,7 @@ fn navigate(model: &mut Model, ui: &Ui, response: &egui::Response, rect: Rect) {
     }
 }
 
-/// What is orbited, as long as it is: whoever walks, or goes to another view, does so no more.
+/// The orbited place, if any. Walking, or changing to another view, ends orbiting.
 fn orbited(model: &mut Model, pose: &Pose) -> Option<DVec3> {
     let target = model.flight.target()?;
     if model.flight.walking || !flight::is_centred(pose, target) {
@@ -315,7 +317,7 @@ fn orbited(model: &mut Model, pose: &Pose) -> Option<DVec3> {
     Some(target)
 }
 
-/// Cameras and paths of the scene, the layer on show, and how fast the camera is.
+/// The controls for the viewpoint, the layer, and the movement of the camera.
 pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
     let name = match &model.viewpoint {
         Viewpoint::Camera(name) => format!("camera {name}"),
@@ -329,31 +331,34 @@ pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
     let cameras = scene.cameras.iter().map(|c| (Viewpoint::Camera(c.name.clone()), format!("camera {}", c.name), ""));
     let paths = scene.paths.iter().map(|p| (Viewpoint::Path(p.name.clone()), format!("path {}", p.name), ""));
     let all = cameras.chain(paths).collect();
-    choose(ui, "View", &mut model.viewpoint, &name, all).on_hover_text("Cameras and paths of the scene; drag or W A S D to leave them");
+    choose(ui, "View", &mut model.viewpoint, &name, all).on_hover_text("Cameras and paths of the scene. A drag or W A S D leaves them.");
     let all = Layer::ALL.into_iter().map(|l| (l, l.name().to_owned(), l.legend())).collect();
     let shown = model.settings.layer.name();
     choose(ui, "Layer", &mut model.settings.layer, shown, all);
-    ui.checkbox(&mut model.flight.walking, "Walk").on_hover_text("Keep the eye 1.7 m over the ground (F)");
+    ui.checkbox(&mut model.flight.walking, "Walk").on_hover_text("Keeps the camera 1.7 m above the ground (key F)");
     let mut orbits = model.flight.orbit != Orbit::Off;
-    let hint = "Move about the pixel that is taken apart, or else what is in the middle of the picture (O): a drag turns, the wheel nears, \
-                W A S D take it along";
+    let hint = "Orbits the inspected pixel, or else the middle of the picture (key O). A drag turns, the wheel moves closer or away, \
+                W A S D also move the orbited place.";
     if ui.checkbox(&mut orbits, "Orbit").on_hover_text(hint).changed() {
         model.orbit(orbits);
     }
     match model.flight.target().zip(model.pose()) {
         Some((target, pose)) => {
             let distance_m = pose.position.distance(target);
-            ui.label(format!("{distance_m:.2} m away")).on_hover_text("From what is orbited: the wheel over the picture changes it");
+            ui.label(format!("{distance_m:.2} m away"))
+                .on_hover_text("Distance to the orbited place. The wheel over the picture changes it.");
         }
         None => {
-            ui.label(format!("{:.3} m/s", model.flight.speed_m_s)).on_hover_text("Speed: the wheel over the picture changes it");
+            ui.label(format!("{:.3} m/s", model.flight.speed_m_s))
+                .on_hover_text("Speed of the camera. The wheel over the picture changes it.");
         }
     }
     let frozen = model.culled_from.is_some();
     let able = frozen || model.pose().is_some();
     let button = ui.add_enabled(able, egui::Button::new("Freeze culling").selected(frozen));
     button.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, able, frozen, "Freeze culling"));
-    let hint = "Goes on drawing the nodes and patches of this moment, so that what culling leaves out is seen from elsewhere (C)";
+    let hint =
+        "Keeps drawing the nodes and patches of the current view, so that you can see from elsewhere what culling leaves out (key C)";
     if button.on_hover_text(hint).clicked() {
         model.freeze_culling();
     }

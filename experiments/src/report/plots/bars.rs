@@ -1,4 +1,4 @@
-//! Times of passes, stacked.
+//! Times of passes, as stacked bars.
 
 use std::collections::BTreeMap;
 
@@ -11,16 +11,16 @@ use super::{GREY, GRID, INK, Rgb, WIDTH, failed, inline, rgb, text};
 use crate::report::html;
 use crate::report::numbers::number;
 
-/// Fill colours of stacked bars, in order; told apart by the colour-blind (Okabe and Ito 2008, *Color Universal Design*).
+/// Fill colours of stacked bars, in order; distinguishable for colour-blind readers (Okabe and Ito 2008, *Color Universal Design*).
 const BAR_COLOURS: [Rgb; 6] = [(86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (0, 114, 178), (204, 121, 167)];
 
-/// The frame's passes in their order; what else was timed follows.
+/// The passes of a frame, in order; other timed passes follow.
 const PASSES: [&str; 5] = ["geometry", "classification", "page requests", "shading", "lighting"];
 
-/// A figure of the times of passes, milliseconds, of some rows, with its legend.
+/// A figure of pass times in milliseconds for some rows, with its legend.
 ///
 /// # Errors
-/// When the backend fails.
+/// The drawing backend fails.
 pub(crate) fn passes(rows: &[(String, BTreeMap<String, f64>)], software: bool) -> Result<String> {
     let mut names: Vec<&str> = PASSES.into_iter().filter(|p| rows.iter().any(|(_, times)| times.contains_key(*p))).collect();
     for pass in rows.iter().flat_map(|(_, times)| times.keys()) {
@@ -36,11 +36,11 @@ pub(crate) fn passes(rows: &[(String, BTreeMap<String, f64>)], software: bool) -
     Ok(html::figure(svg, &legend))
 }
 
-/// Times of passes: a bar for each name, stacked in the order of the passes, which are coloured as in [`BAR_COLOURS`].
+/// Times of passes: one bar for each name, stacked in the order of the passes, with the colours of [`BAR_COLOURS`].
 /// `None` without any time.
 ///
 /// # Errors
-/// When the backend fails.
+/// The drawing backend fails.
 fn bars(bars: &[(String, Vec<f64>)], title: &str, x_title: &str) -> Result<Option<String>> {
     let total = |parts: &[f64]| parts.iter().filter(|v| v.is_finite()).sum::<f64>();
     let longest = bars.iter().map(|(_, parts)| total(parts)).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! Where the labels of a plot go, so that none hides another.
+//! Placement of the labels of a plot, so that no label hides another.
 
 use anyhow::Result;
 use plotters::coord::Shift;
@@ -8,7 +8,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::{GREY, failed, text};
 
-/// Mean advance of a character of a sans-serif face over its size, on the wide side: labels are placed before a browser measures them.
+/// Mean advance width of a character of a sans-serif font, relative to its size. It is a high estimate, because labels are placed before a browser
+/// measures them.
 const ADVANCE: f64 = 0.57;
 const LABEL_PX: f64 = 13.0;
 
@@ -36,14 +37,14 @@ impl Box2 {
     }
 }
 
-/// A text that wants a place near a point.
+/// A text that needs a place near a point.
 #[derive(Clone, Debug)]
 pub(super) struct Wanted {
     pub(super) words: String,
     pub(super) at: (i32, i32),
     pub(super) radius: f64,
     pub(super) ink: RGBColor,
-    /// Left out if it would hide anything but the line.
+    /// Whether the text is omitted if it would hide anything except the line.
     pub(super) optional: bool,
 }
 
@@ -53,12 +54,12 @@ pub(super) struct Placed {
     words: String,
     ink: RGBColor,
     pub(super) area: Box2,
-    /// From the point to the text, where they are far apart.
+    /// A line from the point to the text, if they are far apart.
     leader: Option<[(i32, i32); 2]>,
 }
 
-/// Gives each text, in turn, the nearest of some places around its point that hides least:
-/// other texts above all, then points, then the line.
+/// Places each text in turn near its point. Among several places it takes the nearest one that hides the least: texts matter most, then points, then
+/// the line.
 pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: Box2) -> Vec<Placed> {
     const HIDES_POINT: f64 = 40.0;
     let markers: Vec<Box2> = points.iter().map(|p| Box2::around(*p, 4.0)).collect();
@@ -77,7 +78,7 @@ pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)
         for gap in [4.0, 14.0, 26.0, 40.0, 56.0, 74.0].into_iter().filter(|g| !text.optional || *g < 30.0) {
             let r = text.radius + gap;
             let d = r * 0.7;
-            // East first, as in writing; the offsets are to the text's left top corner.
+            // The right side first, as in writing; the offsets are those of the text's top left corner.
             let corners = [
                 (r, -height / 2.0),
                 (d, -d - height),
@@ -136,20 +137,20 @@ mod tests {
         let frame = Box2 { left: 0.0, right: 600.0, top: 0.0, bottom: 400.0 };
         let at = [(300, 200), (306, 203), (297, 209), (590, 10)];
         let texts: Vec<Wanted> = at.iter().map(|p| wanted("near-cliff+splat", *p)).collect();
-        // Without points in the way: texts alone must keep texts apart.
+        // Without points: texts must still not overlap each other.
         let placed = place(&texts, &[], &[], frame);
         assert_eq!(placed.len(), texts.len());
         for (i, a) in placed.iter().enumerate() {
             assert!(a.area.inside(&frame), "{a:?}");
             assert!(placed[..i].iter().all(|b| !a.area.meets(&b.area)), "{placed:?}");
         }
-        // Where there is no room, an optional text is left out; others stay.
+        // Where there is no room, an optional text is omitted; others are kept.
         let small = Box2 { left: 290.0, right: 420.0, top: 190.0, bottom: 214.0 };
         let kept = |optional: bool| {
             place(&[wanted("auto", at[0]), Wanted { optional, ..wanted("near-cliff+splat", at[1]) }], &at, &[], small).len()
         };
         assert_eq!([kept(true), kept(false)], [1, 2]);
-        // Negative control: the same texts, each simply to the right of its point, do meet.
+        // Negative control: the same texts overlap if each is simply placed to the right of its point.
         let naive = |p: (i32, i32)| Box2 { left: f64::from(p.0) + 9.0, right: f64::from(p.0) + 120.0, ..Box2::around(p, 8.0) };
         assert!(naive(at[0]).meets(&naive(at[1])));
     }

@@ -1,4 +1,4 @@
-//! Curves over a parameter, a lag or a frequency, with their confidence bands.
+//! Curves over a parameter, a lag or a frequency, with confidence bands.
 
 use anyhow::Result;
 use plotters::element::{Circle, PathElement, Polygon};
@@ -6,16 +6,16 @@ use plotters::prelude::{Color, IntoDrawingArea, LineSeries, SVGBackend};
 
 use super::{GREY, HALF_WIDTH, Hint, Rgb, Scale, axes, even_ticks, failed, inline, overlay, rgb};
 
-/// A place on a curve.
+/// A point of a curve.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CurvePoint {
-    /// Where, on the horizontal axis.
+    /// Position on the horizontal axis.
     pub(crate) x: f64,
-    /// How much.
+    /// Position on the vertical axis.
     pub(crate) y: f64,
-    /// Half-width of the interval of `y`; 0 = not known.
+    /// Half-width of the confidence interval of `y`; 0 = unknown.
     pub(crate) half: f64,
-    /// What it says when it is pointed at.
+    /// Its tooltip and link.
     pub(crate) hint: Option<Hint>,
 }
 
@@ -24,35 +24,35 @@ pub(crate) struct CurvePoint {
 pub(crate) struct Curve {
     /// Its colour.
     pub(crate) colour: Rgb,
-    /// Its points, by rising x.
+    /// Its points, by increasing x.
     pub(crate) points: Vec<CurvePoint>,
 }
 
-/// A plot of curves, of half the page's width.
+/// A plot of curves with half the width of the page.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lines<'a> {
-    /// What it shows, for those who do not see it.
+    /// Description, also for screen readers.
     pub(crate) title: &'a str,
     /// Title of the horizontal axis.
     pub(crate) x_title: &'a str,
     /// Title of the vertical axis.
     pub(crate) y_title: &'a str,
-    /// Whether the horizontal axis is logarithmic: only where all x are above 0.
+    /// Whether the horizontal axis is logarithmic; requires all x to be above 0.
     pub(crate) x_logarithmic: bool,
-    /// Whether the vertical axis is logarithmic: then what is not above 0 is left out.
+    /// Whether the vertical axis is logarithmic; values that are not above 0 are then omitted.
     pub(crate) y_logarithmic: bool,
-    /// Names of x = 0, 1, 2, ... where x is no number.
+    /// Names of x = 0, 1, 2, ..., if x is not a number.
     pub(crate) x_names: Vec<String>,
-    /// x are whole numbers, each with a tick.
+    /// Whether x are whole numbers, each with a tick.
     pub(crate) x_whole: bool,
-    /// A value to compare with, dashed, and its name.
+    /// A value for comparison, drawn as a dashed line, and its name.
     pub(crate) baseline: Option<(f64, &'a str)>,
 }
 
 /// Draws curves; `None` where no point can be drawn.
 ///
 /// # Errors
-/// When the backend fails.
+/// The drawing backend fails.
 pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>> {
     const HEIGHT: u32 = 300;
     let shown =
@@ -64,7 +64,7 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
     let range = |values: &mut dyn Iterator<Item = f64>| values.fold((f64::MAX, f64::MIN), |(a, b), v| (v.min(a), v.max(b)));
     let (x_low, x_high) = range(&mut all().map(|p| p.x));
     let baseline = plot.baseline.map(|b| b.0).filter(|b| !plot.y_logarithmic || *b > 0.0);
-    // An interval may leave the plot, but not by more than the curve is high: a point that is hardly known must not flatten the others.
+    // An interval may extend beyond the plot by at most the height of the curve: a point with a large error must not flatten the others.
     let (y_low, y_high) = range(&mut all().map(|p| p.y).chain(baseline));
     let (reach_low, reach_high) = range(&mut all().flat_map(|p| [p.y - p.half, p.y + p.half]));
     let room = (y_high - y_low).max(0.5 * y_high.abs());
@@ -82,7 +82,7 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
     let y_scale = if plot.y_logarithmic {
         Scale::new(y_low / 1.3, y_high * 1.3, true)
     } else {
-        // From 0, unless all is far from it: then a difference would not show.
+        // The axis starts at 0, unless all values are far from 0; then differences would not be visible.
         let low = reach_low.max(y_low - room);
         let high = reach_high.min(y_high + room).max(y_high);
         let from = if low < 0.0 || low > 0.7 * high { low - 0.08 * (high - low).max(0.02 * high.abs()) } else { 0.0 };
@@ -96,7 +96,7 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
         let root = SVGBackend::with_string(&mut svg, (HALF_WIDTH, HEIGHT)).into_drawing_area();
         let mut chart = axes(&root, &x_scale, &y_scale, [plot.x_title, plot.y_title])?;
         if let Some(value) = baseline {
-            // Dashes: plotters has none for a plain line.
+            // Drawn as single dashes, because plotters has no dashed style for a plain line.
             let (left, right) = (x_scale.from, x_scale.to);
             let along = |k: u32| left + (right - left) * f64::from(k) / 80.0;
             let dashes = (0..40).map(|k| vec![(along(2 * k), y_scale.at(value)), (along(2 * k + 1), y_scale.at(value))]);
@@ -119,7 +119,7 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
             let colour = rgb(curve.colour);
             let points: Vec<&CurvePoint> = curve.points.iter().filter(shown).collect();
             chart.draw_series(LineSeries::new(points.iter().map(|p| place(p.x, p.y)), colour.stroke_width(2))).map_err(failed)?;
-            // So many points are a line, and their marks only in its way.
+            // With many points the curve is already a line, and marks would only hide it.
             let radius = if points.len() > 24 { 0 } else { 3 };
             for point in points {
                 let at = chart.backend_coord(&place(point.x, point.y));
@@ -152,7 +152,7 @@ mod tests {
         let without = svg(&[curve(&[(1.0, 2.0, 0.0), (2.0, 3.0, 0.0)])], &plot).expect("points");
         assert!(with.contains("<polygon") && !without.contains("<polygon"));
         assert_eq!(with.matches("<circle").count(), 2);
-        // What cannot be drawn is left out, and a plot of nothing else with it.
+        // Points that cannot be drawn are omitted; a plot without points is omitted as well.
         let lost = [(f64::NAN, 1.0, 0.0), (1.0, f64::INFINITY, 0.0)];
         assert!(svg(&[curve(&lost), curve(&[])], &plot).is_none());
         let logarithmic = Lines { y_logarithmic: true, x_logarithmic: true, ..plot };

@@ -1,6 +1,6 @@
-//! The plots of a report, as SVG to be set inside an HTML page.
+//! The plots of a report, as SVG that is embedded in an HTML page.
 //!
-//! Axes are linear in what is drawn: a logarithmic axis shows log10 of its values, and its ticks say the values.
+//! Axes are linear in the drawn coordinate: a logarithmic axis shows log10 of its values, and its ticks show the values.
 
 mod bars;
 mod labels;
@@ -24,9 +24,9 @@ pub(super) use pareto::{LEGEND as PARETO_LEGEND, Marker, Point, pareto};
 use super::html::escape;
 use super::numbers::number;
 
-/// Width of a plot that stands alone, in user units, which are CSS pixels at the page's full width.
+/// Width of a plot that fills the page, in user units, which are CSS pixels at full page width.
 const WIDTH: u32 = 1080;
-/// Width of a plot that stands beside another.
+/// Width of a plot that has another one next to it.
 const HALF_WIDTH: u32 = 528;
 /// plotters writes `font-size` = size / 1.24, its estimate of the line height of a font.
 const LINE_HEIGHT: f64 = 1.24;
@@ -35,14 +35,15 @@ const INK: RGBColor = RGBColor(31, 41, 51);
 const GREY: RGBColor = RGBColor(150, 160, 172);
 const GRID: RGBColor = RGBColor(230, 234, 239);
 
-/// A colour that the page can name, too.
+/// A colour that the HTML page can use as well.
 pub(super) type Rgb = (u8, u8, u8);
 
-/// Colours of what has no order, told apart by the colour-blind (Tol 2021, *Colour Schemes*, "muted", its palest ones left out or last).
+/// Colours for values without an order, distinguishable for colour-blind readers (Tol 2021, *Colour Schemes*, "muted"; the palest colours are omitted
+/// or last).
 pub(super) const COLOURS: [Rgb; 8] =
     [(51, 34, 136), (204, 102, 119), (17, 119, 51), (230, 140, 30), (68, 170, 153), (170, 68, 153), (110, 170, 220), (153, 153, 51)];
 
-/// The colour of number `index` of `count` things: from dark blue over green to yellow where they are in order, else one of [`COLOURS`].
+/// The colour of item `index` of `count`: from dark blue over green to yellow for ordered items, otherwise one of [`COLOURS`].
 pub(super) fn colour(index: usize, count: usize, ordered: bool) -> Rgb {
     if !ordered {
         return COLOURS[index % COLOURS.len()];
@@ -59,34 +60,34 @@ fn rgb((r, g, b): Rgb) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// What a reader is told who points at a mark, and where its numbers are.
+/// The tooltip of a mark, and the location of its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Hint {
-    /// Which row of the run and which values, text.
+    /// The row of the run and the values, text.
     pub(super) words: String,
-    /// Anchor of the page: the table's row.
+    /// Anchor of the row in the page's table.
     pub(super) anchor: String,
     /// The values drawn, x and y, unrounded.
     pub(super) values: [f64; 2],
 }
 
-/// The range of an axis, in what is drawn.
+/// The range of an axis, in the drawn coordinate.
 #[derive(Clone, Debug)]
 struct Scale {
     logarithmic: bool,
     from: f64,
     to: f64,
     ticks: Vec<f64>,
-    /// Words at 0, 1, 2, ...; none = numbers.
+    /// Names at 0, 1, 2, ...; empty = numbers.
     names: Vec<String>,
 }
 
 impl Scale {
-    /// From a value to another, both finite; a logarithmic one needs both above 0.
+    /// A scale between two finite values; both must be above 0 for a logarithmic scale.
     fn new(from: f64, to: f64, logarithmic: bool) -> Scale {
         if logarithmic {
             let powers = ticks(from, to);
-            // Within less than a decade there may be too few to read a value by.
+            // A range of less than a decade may contain too few powers of ten to read values from.
             let values = if powers.len() < 3 { even_ticks(from, to, 5) } else { powers };
             let ticks = values.into_iter().map(f64::log10).collect();
             return Scale { logarithmic, from: from.log10(), to: to.log10(), ticks, names: Vec::new() };
@@ -106,7 +107,8 @@ impl Scale {
     }
 }
 
-/// plotters' view of a scale: linear in what is drawn, with its ticks. (Its own combinator of ticks cannot be formatted on a plain axis.)
+/// plotters' view of a scale: linear in the drawn coordinate, with its ticks. (plotters' own combinator for ticks cannot be formatted on a plain
+/// axis.)
 impl Ranged for Scale {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
@@ -126,7 +128,7 @@ impl Ranged for Scale {
 
 type Chart<'a, 'svg> = ChartContext<'a, SVGBackend<'svg>, Cartesian2d<Scale, Scale>>;
 
-/// Draws axes, grid and titles, and says where points go.
+/// Draws axes, grid and titles, and returns the mapping of points.
 fn axes<'a, 'svg>(root: &'a DrawingArea<SVGBackend<'svg>, Shift>, x: &Scale, y: &Scale, titles: [&str; 2]) -> Result<Chart<'a, 'svg>> {
     let mut chart = ChartBuilder::on(root)
         .margin_top(12)
@@ -161,14 +163,14 @@ fn text(px: f64, colour: RGBColor) -> TextStyle<'static> {
     style
 }
 
-/// 1, 2 and 5 times powers of ten within the range; the powers alone where it spans more than four of them.
+/// 1, 2 and 5 times powers of ten within the range; only the powers if the range spans more than four of them.
 fn ticks(from: f64, to: f64) -> Vec<f64> {
     let steps: &[f64] = if (to / from).log10() > 4.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
     let decades = from.log10().floor() as i32..=to.log10().floor() as i32;
     decades.flat_map(|d| steps.iter().map(move |k| k * 10f64.powi(d))).filter(|t| (from..=to).contains(t)).collect()
 }
 
-/// At most `count` and a few multiples of 1, 2 or 5 times a power of ten within the range.
+/// About `count` multiples of 1, 2 or 5 times a power of ten within the range.
 fn even_ticks(from: f64, to: f64, count: u32) -> Vec<f64> {
     let rough = (to - from) / f64::from(count.max(1));
     if !(rough > 0.0 && rough.is_finite()) {
@@ -177,11 +179,11 @@ fn even_ticks(from: f64, to: f64, count: u32) -> Vec<f64> {
     let power = 10f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * power).find(|s| *s >= rough * 0.999).unwrap_or(10.0 * power);
     let first = (from / step).ceil() as i64;
-    // As multiples, so that 0 is 0 and not the rest of a sum.
+    // Computed as multiples, so that 0 is exact and not the rounding error of a sum.
     (first..).map(|i| i as f64 * step).take_while(|t| *t <= to + step * 1e-6).collect()
 }
 
-/// Invisible circles over marks that say what they are and lead to their row. plotters draws no such thing.
+/// Invisible circles over marks, with a tooltip and a link to their row. plotters cannot draw these.
 fn overlay(marks: impl Iterator<Item = ((i32, i32), i32, Hint)>) -> String {
     let mut svg = String::new();
     for ((x, y), radius, hint) in marks {
@@ -197,7 +199,7 @@ fn overlay(marks: impl Iterator<Item = ((i32, i32), i32, Hint)>) -> String {
     svg
 }
 
-/// Lets the page decide the size, gives the picture a name for those who do not see it, and lays `over` on it.
+/// Lets the page determine the size, adds a name for screen readers, and overlays `over`.
 fn inline(svg: &str, title: &str, over: &str) -> String {
     let named = format!("<svg role=\"img\" aria-label=\"{}\"", escape(title));
     let start = svg.find(" viewBox").map_or(svg, |at| &svg[at..]);

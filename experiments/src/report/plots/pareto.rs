@@ -1,4 +1,4 @@
-//! Cost against error, a point per choice, and the front of what nothing beats in both.
+//! Cost against error, with a point per choice and the front of the points that are not dominated.
 
 use anyhow::Result;
 use plotters::element::{Circle, PathElement};
@@ -11,14 +11,14 @@ const FRONT: RGBColor = RGBColor(94, 113, 137);
 const AUTO: RGBColor = RGBColor(200, 60, 50);
 const GENERIC: RGBColor = RGBColor(29, 111, 165);
 
-/// What the marks of [`pareto`] mean while points have no colours of their own, as HTML.
+/// Legend of the marks of [`pareto`] if points have no colours of their own, as HTML.
 pub(crate) const LEGEND: &str = "<span class=\"entry\"><span class=\"key auto\"></span>auto</span> \
     <span class=\"entry\"><span class=\"key generic\"></span>generic</span> \
     <span class=\"entry\"><span class=\"key flavour\"></span>one flavour</span> \
     <span class=\"entry\"><span class=\"key combination\"></span>several flavours</span> \
     <span class=\"entry\"><span class=\"key front\"></span>Pareto front: nothing is both cheaper and closer (more names in the table)</span>";
 
-/// More points than this, and only the front, single flavours and what was chosen freely are named, where there is room.
+/// With more points than this, only the front, single flavours and automatic choices are labelled, where there is room.
 const MANY: usize = 40;
 
 /// How a point is drawn.
@@ -26,7 +26,7 @@ const MANY: usize = 40;
 pub(crate) enum Marker {
     /// Filled, in the accent colour.
     Auto,
-    /// A ring, so that it shows around a point in the same place.
+    /// A ring, so that it is visible around another point in the same place.
     Generic,
     /// A dark dot.
     Flavour,
@@ -64,28 +64,28 @@ impl Marker {
 pub(crate) struct Point {
     /// Its name.
     pub(crate) label: String,
-    /// What it has in common with others: points of a group in one place share a label.
+    /// The group of the point: points of a group in one place share a label.
     pub(crate) group: String,
     /// Cost, > 0.
     pub(crate) x: f64,
     /// Error.
     pub(crate) y: f64,
-    /// Half-widths of the intervals of both; 0 = not known.
+    /// Half-widths of the confidence intervals of both; 0 = unknown.
     pub(crate) half: [f64; 2],
-    /// How it is drawn.
+    /// How the point is drawn.
     pub(crate) marker: Marker,
-    /// Its own colour.
+    /// Its own colour, if it has one.
     pub(crate) colour: Option<Rgb>,
-    /// Whether no other point is at least as good in both: labelled, and on the line.
+    /// Whether no other point is at least as good in both; such points are labelled and lie on the line.
     pub(crate) front: bool,
-    /// What it says when it is pointed at.
+    /// Its tooltip and link.
     pub(crate) hint: Option<Hint>,
 }
 
-/// A plot of cost (logarithmic) against error, with the front as a step line; `None` where no point can be drawn.
+/// A plot of cost (logarithmic) against error, with the front as a stepped line; `None` if no point can be drawn.
 ///
 /// # Errors
-/// When the backend fails.
+/// The drawing backend fails.
 pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str) -> Result<Option<String>> {
     const HEIGHT: u32 = 430;
     let points: Vec<&Point> = points.iter().filter(|p| p.x > 0.0 && p.x.is_finite() && p.y.is_finite()).collect();
@@ -118,12 +118,12 @@ pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str
             chart.draw_series(bars.into_iter().flatten().map(|bar| PathElement::new(bar, style))).map_err(failed)?;
         }
 
-        // Small dots first, so that what is highlighted lies on top.
+        // Small dots are drawn first, so that highlighted points lie on top.
         let at: Vec<(i32, i32)> = points.iter().map(|p| chart.backend_coord(&place(p.x, p.y))).collect();
         let order = [Marker::Combination, Marker::Flavour, Marker::Auto, Marker::Generic];
         let in_order = || order.into_iter().flat_map(|marker| points.iter().zip(&at).filter(move |(p, _)| p.marker == marker));
         for (point, centre) in in_order() {
-            // In one place, the colour drawn last would pass for the only one: what a group's points share has none.
+            // In one place, the colour that is drawn last would look like the only one, so the shared points of a group get no colour.
             let shared = points.iter().zip(&at).any(|(other, place)| {
                 let near = (place.0 - centre.0).abs() <= 1 && (place.1 - centre.1).abs() <= 1;
                 near && other.group == point.group && other.marker == point.marker && other.colour != point.colour
@@ -149,7 +149,7 @@ pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str
     Ok(Some(inline(&svg, title, &over)))
 }
 
-/// The border of what a front dominates, from the top of the plot to its right edge.
+/// The border of the area that a front dominates, from the top of the plot to its right edge.
 fn steps(front: &[(f64, f64)], right: f64, top: f64) -> impl Iterator<Item = (f64, f64)> {
     let start = front.first().map(|f| (f.0, top));
     let end = front.last().map(|f| (right, f.1));
@@ -158,7 +158,7 @@ fn steps(front: &[(f64, f64)], right: f64, top: f64) -> impl Iterator<Item = (f6
     start.into_iter().chain(inner).chain(end)
 }
 
-/// The labels that points want, the most important first; points in one place share one.
+/// The labels of points, the most important first; points in one place share one.
 fn wanted(points: &[&Point], at: &[(i32, i32)]) -> Vec<Wanted> {
     let many = points.len() > MANY;
     let rank = |p: &Point| match p.marker {
@@ -170,7 +170,7 @@ fn wanted(points: &[&Point], at: &[(i32, i32)]) -> Vec<Wanted> {
     };
     let mut order: Vec<_> = points.iter().zip(at).filter_map(|(p, at)| Some((rank(p)?, *p, *at))).collect();
     order.sort_by_key(|(rank, _, _)| *rank);
-    // Alike are those of one group, over a greater distance than others: what they share is said once.
+    // Points of one group are merged over a larger distance than others, and their shared name is shown once.
     let mut places: Vec<(Vec<&Point>, (i32, i32), u32)> = Vec::new();
     for (rank, point, at) in order {
         let near = |(others, place, _): &&mut (Vec<&Point>, (i32, i32), u32)| {
@@ -223,7 +223,7 @@ mod tests {
         let words = |at: &[(i32, i32)]| wanted(&points, at).into_iter().map(|w| w.words).collect::<Vec<_>>();
         assert_eq!(words(&[(5, 5), (6, 5), (5, 5)]), ["auto, generic"]);
         assert_eq!(words(&[(5, 5), (60, 5), (5, 5)]), ["auto", "generic"]);
-        // Three of a group are named once, from further away than three of different groups.
+        // Three points of a group are labelled once, over a larger distance than three points of different groups.
         let alike = |i: u32| Point { label: format!("vt \u{b7} {i}"), group: "vt".to_owned(), ..point("", Marker::Flavour, 1.0) };
         let (one, two, three) = (alike(1), alike(2), alike(3));
         let words = |all: &[&Point], at: &[(i32, i32)]| wanted(all, at).into_iter().map(|w| w.words).collect::<Vec<_>>();

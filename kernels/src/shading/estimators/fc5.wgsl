@@ -1,6 +1,6 @@
-// Far Cry 5's estimator (Moore, GDC 2018, "Cliff Shading"): random choices on cliffs. Also what biplanar projection and, near, hex tiling keep.
+// Far Cry 5's estimator (Moore, GDC 2018, "Cliff Shading"): random choices on cliffs. Biplanar projection uses it too, and hex tiling on near cliff.
 
-// Alpha-blended projections, one random splat material each: 12 fetches, with two projections 8, hex-tiled 30.
+// Alpha-blended projections, each with one random splat material: 12 fetches; 8 with two projections, 30 with hex tiling.
 fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
     var sum = surface_zero();
     let thresholds = shade_noise(pixel, SALT_NEAR_CLIFF);
@@ -8,7 +8,7 @@ fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
     for (var i = 0u; i < shade_projections(); i++) {
         let texel = select_of_4(weights, thresholds[i]);
         if i == 0u {
-            // The material alone: all projections are seen.
+            // Records the material alone, because all projections are blended.
             shade_choose(texel, 0u);
         }
         let tap = terrain_tap(pixel.cell, texel, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
@@ -17,7 +17,7 @@ fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
     return sum;
 }
 
-// Two alpha-blended tiling scales, each one random projection and material: 8 fetches.
+// Two alpha-blended tiling scales, each with one random projection and material: 8 fetches.
 fn shade_fc5_far_cliff(pixel: Pixel) -> Surface {
     let lower = u32(pixel.tiling.x);
     let shares = vec2<f32>(1.0 - pixel.tiling.y, pixel.tiling.y);

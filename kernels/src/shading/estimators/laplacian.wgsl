@@ -1,6 +1,6 @@
 // Two bands of a Laplacian pyramid (Burt and Adelson, 1983).
 
-// 20 fetches a projection.
+// 20 fetches per projection.
 fn shade_laplacian_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
     return terrain_splat_bands(pixel.cell, projection, scale);
 }
@@ -8,7 +8,7 @@ fn shade_laplacian_blend(pixel: Pixel, projection: Projection, scale: u32) -> Su
 fn shade_laplacian_far_cliff(pixel: Pixel) -> Surface {
     let lower = u32(pixel.tiling.x);
     var sum = surface_zero();
-    // Blending both scales would double the price; the lower one alone jumps where the scale steps.
+    // Blending both scales would double the cost. With the lower scale alone, textures jump where the scale changes.
     for (var i = 0u; i < shade_projections(); i++) {
         let blend = shade_laplacian_blend(pixel, terrain_projection(pixel.planes[i], pixel.footprint), lower);
         sum = surface_add(sum, pixel.projections[i], blend);

@@ -1,4 +1,4 @@
-// The mean of what is chosen at random: the exact blend of `fc5`, of biplanar projection and of hex tiling.
+// The mean over all random choices: the exact blend of `fc5`, of biplanar projection and of hex tiling.
 
 fn shade_mean_near_cliff(pixel: Pixel) -> Surface {
     var sum = surface_zero();

@@ -1,6 +1,6 @@
-// Four materials in one projection: from above, or on steep ground a vertical plane of eight directions (after Terrain3D).
+// Four materials in one projection: from above or, on steep ground, onto a vertical plane in one of eight directions (after Terrain3D).
 
-// Cosine of the slope from which on the snapped projection is a vertical one: Terrain3D's default.
+// Cosine of the slope above which the projection is onto a vertical plane: Terrain3D's default.
 const SHADING_SNAPPED_COSINE: f32 = 0.8;
 
 fn shade_snapped_project(pixel: ptr<function, Pixel>) {

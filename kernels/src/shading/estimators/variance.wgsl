@@ -1,8 +1,8 @@
-// The variance over seeds that theory gives `fc5`, in place of albedo.
+// The theoretical variance of `fc5` over seeds, in place of albedo.
 
 fn shade_variance_near_cliff(pixel: Pixel) -> Surface {
     var sum = surface_zero();
-    // Independent choices per projection: variances add with squared weights.
+    // The choices of the projections are independent, so variances add with squared weights.
     for (var i = 0u; i < shade_projections(); i++) {
         let moments = terrain_splat_moments(pixel.cell, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
         let w = pixel.projections[i];
@@ -15,7 +15,7 @@ fn shade_variance_far_cliff(pixel: Pixel) -> Surface {
     let lower = u32(pixel.tiling.x);
     let shares = vec2<f32>(1.0 - pixel.tiling.y, pixel.tiling.y);
     var sum = surface_zero();
-    // One choice among 3 x 4 per tiling, independent between tilings.
+    // One choice among 3 projections x 4 materials per tiling scale; the choices of the scales are independent.
     for (var t = 0u; t < frame.taps - 2u; t++) {
         var mean = vec3<f32>(0.0);
         var square = vec3<f32>(0.0);

@@ -7,7 +7,7 @@ struct FarAtlas {
 
 fn shade_far_atlas(pixel: Pixel) -> FarAtlas {
     count_fetch();
-    // Texels of holes are black and transparent: dividing by the filtered alpha keeps them out of the colour around a hole.
+    // Texels of holes are black and transparent. Dividing by the filtered alpha keeps their black out of the colour around a hole.
     let texel = textureSampleLevel(albedo_atlas, atlas_sampler, terrain_atlas_uv(pixel.node.uv), pixel.node.slot, 0.0);
     let albedo = texel.rgb / max(texel.a, 0.25);
     count_fetch();

@@ -1,4 +1,4 @@
-// Far cliff, by the estimator.
+// Far cliff, as the estimator computes it.
 
 fn shade_far_cliff(pixel: Pixel) -> Surface {
     if ESTIMATOR == ESTIMATOR_STF {

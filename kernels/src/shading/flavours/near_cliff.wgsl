@@ -1,4 +1,4 @@
-// Near cliff, by the estimator.
+// Near cliff, as the estimator computes it.
 
 fn shade_near_cliff(pixel: Pixel) -> Surface {
     if ESTIMATOR == ESTIMATOR_STF {

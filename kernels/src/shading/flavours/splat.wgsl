@@ -1,4 +1,4 @@
-// Full splat, by the estimator.
+// Full splat, as the estimator computes it.
 
 // Three projections of four materials, all blended: 48 fetches, or 96 with two tiling scales.
 fn shade_splat(pixel: Pixel) -> Surface {

@@ -1,4 +1,4 @@
-//! Another scene in the same window: what belongs to a scene is put away, and taken up again if the other one turns out not to be one.
+//! Opening another scene in the same window. The state of the current scene is set aside, and restored if the other scene cannot be loaded.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -15,10 +15,10 @@ use crate::model::kept;
 use crate::model::settings::Settings;
 use crate::model::viewpoint::{Viewpoint, usual_viewpoint};
 
-/// The number of the next opening, of all windows; every window begins with 0.
+/// The next value of [`Wish::opened`](crate::model::picture::Wish::opened), common to all windows. Every window begins with 0.
 static NEXT: AtomicU32 = AtomicU32::new(1);
 
-/// What belongs to the scene that was open before, as long as it is not known whether the other one can be loaded.
+/// The state of the previous scene, until it is known whether the current one can be loaded.
 pub(super) struct Before {
     scene: Scene,
     original: Scene,
@@ -28,22 +28,22 @@ pub(super) struct Before {
     clock: Clock,
     probe: Option<[f32; 2]>,
     given: Option<String>,
-    /// Drafts that were emptied, if they were.
+    /// The drafts of the panels, if they were emptied for the current scene.
     panels: Option<(PlacesDraft, MaterialsDraft, RulesDraft)>,
 }
 
-/// Reads a scene; what is wrong with it is one line.
+/// Reads a scene; an error is one line.
 fn load(name: &str) -> Result<Scene, String> {
     scene::load(name).map_err(|error| error.to_string().replace('\n', " "))
 }
 
 impl Model {
-    /// Opens another scene, as [`scene::load`] takes it. What is kept of the one that is open is kept first. Files that the scene names are read
-    /// afterwards: if that fails, the window goes back to the scene before, and a note says why.
+    /// Opens another scene; `given` is what [`scene::load`] takes. The state of the current scene is saved first. The drawing thread reads the files
+    /// that the scene names afterwards; if that fails, the window returns to the previous scene, and a note says why.
     ///
     /// # Errors
-    /// One line: the scene cannot be read, which a note says, too; or edits that are in no file would be lost, which the window asks about. The scene
-    /// that is open stays.
+    /// One line: the scene cannot be read (a note says so, too), or edits that are not saved in a file would be lost (the window asks about them).
+    /// The current scene stays open.
     pub fn open(&mut self, given: &str) -> Result<(), String> {
         if !self.has_unsaved_edits() {
             return self.open_anyway(given);
@@ -52,7 +52,7 @@ impl Model {
         Err(format!("`{}` has edits that are in no file: save it, or choose `Open without saving`", self.original.name))
     }
 
-    /// As [`Model::open`], whatever is lost.
+    /// Like [`Model::open`], even if edits are lost.
     pub(crate) fn open_anyway(&mut self, given: &str) -> Result<(), String> {
         self.scenes.waits = None;
         let name = kept::scene_name(given);
@@ -68,7 +68,7 @@ impl Model {
         }
     }
 
-    /// Keeps the window open and asks, if it is about to be closed and edits would be lost.
+    /// If the window is about to close and edits would be lost, keeps it open and asks.
     pub(crate) fn watch_closing(&mut self, ctx: &egui::Context) {
         if ctx.input(|i| i.viewport().close_requested()) && !self.leaves && self.has_unsaved_edits() {
             ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
@@ -76,22 +76,22 @@ impl Model {
         }
     }
 
-    /// Closes the window, whatever is lost.
+    /// Closes the window, even if edits are lost.
     pub(crate) fn close_anyway(&mut self, ctx: &egui::Context) {
         self.scenes.waits = None;
         self.leaves = true;
         ctx.send_viewport_cmd(egui::ViewportCommand::Close);
     }
 
-    /// Reads the scene's file again: the scene is what that says, and undo brings back what it was.
+    /// Reads the file of the scene again and replaces the scene. Undo restores the scene as it was.
     ///
     /// # Errors
-    /// One line, which a note says, too: there is no file any more, or it cannot be read. The scene stays.
+    /// One line, which is also a note: the file does not exist any more, or cannot be read. The scene stays.
     pub(crate) fn reload(&mut self, ctx: &egui::Context) -> Result<(), String> {
         let read = match &self.given {
-            None => Err("the scene is of no file: `Save scene as...` makes one".to_owned()),
+            None => Err("the scene does not come from a file: save it with `Save scene as...` first".to_owned()),
             Some(name) if name != scene::DEFAULT && !Path::new(name).exists() => {
-                Err(format!("{name} is gone: the scene goes on as it was read; `Save scene as...` writes it again"))
+                Err(format!("{name} is gone: the scene stays as it is; `Save scene as...` writes it to a file again"))
             }
             Some(name) => load(name),
         };
@@ -106,7 +106,7 @@ impl Model {
         Ok(())
     }
 
-    /// Goes to the usual view if the scene has no such camera or path any more.
+    /// Returns to the default viewpoint if the scene no longer has the current camera or path.
     pub(crate) fn keep_viewpoint(&mut self) {
         let scene = &self.settings.scene;
         let is_there = match &self.viewpoint {
@@ -119,10 +119,10 @@ impl Model {
         }
     }
 
-    /// Takes note that the scene was saved into a file, as it is: that is its file from now on.
+    /// Records that the scene was saved in a file, which is its file from now on.
     pub(crate) fn saved_as(&mut self, file: &Path) {
         self.original = self.settings.scene.clone();
-        // A file whose name is no text cannot be opened by it, or kept.
+        // A file name that is not valid UTF-8 can be neither opened by name nor saved in the state.
         let Some(name) = file.to_str().map(kept::scene_name).filter(|name| self.given.as_ref() != Some(name)) else { return };
         self.materials.opened(&name);
         self.scenes.opened(&name);
@@ -130,39 +130,39 @@ impl Model {
         self.keep_now();
     }
 
-    /// What the scene was opened from, as [`scene::load`] takes it; `None` = from no file.
+    /// What the scene was opened from, as [`scene::load`] takes it; `None` = it does not come from a file.
     pub fn given(&self) -> Option<&str> {
         self.given.as_deref()
     }
 
-    /// What somebody should know, until it is dismissed; the newest last.
+    /// Notes for the user that have not been dismissed; the newest last.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Whether it is not known yet whether the scene that was opened can be loaded.
+    /// Whether the drawing thread has not finished loading the scene that was opened.
     pub fn is_opening(&self) -> bool {
         self.before.is_some()
     }
 
-    /// Whether materials, rules or strokes would be lost with another scene: numbers are kept.
+    /// Whether materials, rules or strokes have unsaved edits. Numbers do not count, since they are part of the saved state.
     fn has_unsaved_edits(&self) -> bool {
         let (now, file) = (&self.settings.scene, &self.original);
         now.materials != file.materials || now.rules != file.rules || now.strokes != file.strokes
     }
 
-    /// Takes up what is kept of the scene that is open; returns a line for everything that is not possible any more.
+    /// Applies the saved state of the current scene. Returns a line for each part that is no longer possible.
     pub(super) fn take_up(&mut self) -> Vec<String> {
         let Some((keeper, name)) = self.keeping.as_ref().zip(self.given.as_ref()) else { return Vec::new() };
         self.places.all = keeper.kept().places(name);
         keeper.kept().apply_numbers(name, &mut self.settings.scene)
     }
 
-    /// Puts a scene in the place of the one that is open.
+    /// Replaces the current scene.
     fn take_over(&mut self, name: String, scene: Scene) {
         self.brush.finish();
         self.places.stop();
-        // Of a scene that may not be one nothing is kept.
+        // Do not save the state of a scene that has not loaded.
         if self.before.is_none() {
             self.keep_now();
         }
@@ -179,7 +179,7 @@ impl Model {
         self.clock.frame = 0;
         (self.probe, self.culled_from, self.flight.orbit) = (None, None, Orbit::Off);
         if matches!(self.compare.other, Other::Kept(_)) {
-            // It is of the scene before.
+            // The stored settings belong to the previous scene.
             self.compare = Compare::default();
         }
         self.materials.opened(&name);
@@ -190,7 +190,7 @@ impl Model {
         self.opened = NEXT.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Puts away what belongs to the scene that is open, unless it is itself one that may have to be left again.
+    /// Sets the state of the current scene aside, unless that scene has not been loaded itself.
     fn remember(&mut self) {
         if self.before.is_some() {
             return;
@@ -208,7 +208,7 @@ impl Model {
         }));
     }
 
-    /// Takes note of whether the scene that was opened could be loaded, and goes back to the one before if not.
+    /// Checks whether the scene that was opened has been loaded. If loading failed, returns to the previous scene.
     pub(crate) fn settle_opening(&mut self) {
         if self.news.loaded == Some(self.opened) {
             self.before = None;
@@ -233,7 +233,7 @@ impl Model {
         self.opened = NEXT.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Adds a note, once.
+    /// Adds a note, unless it is already there.
     pub(crate) fn say(&mut self, note: String) {
         if !self.notes.contains(&note) {
             self.notes.push(note);

@@ -1,0 +1,27 @@
+//! The examples of `kernels` do what they say, and stay as short as they promise.
+
+use crate::fixtures::{Folder, small_scene};
+
+#[path = "../kernels/examples/probe_table.rs"]
+mod probe_table;
+#[path = "../kernels/examples/render_png.rs"]
+mod render_png;
+
+#[test]
+fn a_frame_is_drawn_to_png_in_under_forty_lines() {
+    let folder = Folder::new("example");
+    let file = folder.0.join("frame.png");
+    render_png::render(&small_scene(), [64, 48], &file).expect("draws");
+    let picture = image::open(&file).expect("a PNG").to_rgb8();
+    assert_eq!(picture.dimensions(), (64, 48));
+    let first = picture.get_pixel(0, 0);
+    assert!(picture.pixels().any(|pixel| pixel != first), "the picture is of one colour");
+    assert!(include_str!("../kernels/examples/render_png.rs").lines().count() < 40);
+}
+
+#[test]
+fn a_shared_function_runs_over_a_table() {
+    let (name, error) = probe_table::largest_error().expect("runs");
+    // Unit vectors and codes in f32: an ulp or a few of 1, or of a code of 254.
+    assert!(name == "octahedral" && error < 1e-4, "{name}: {error}");
+}
