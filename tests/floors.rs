@@ -78,6 +78,14 @@ fn workbench_keeps_its_floors() {
     check("workbench/src/model", WORKBENCH_MODEL);
 }
 
+#[test]
+fn no_folder_has_a_cycle_between_its_modules() {
+    for name in ["kernels", "experiments", "workbench"] {
+        let found = cycles(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name).join("src"));
+        assert!(found.is_empty(), "{name}:\n{}", found.join("\n"));
+    }
+}
+
 /// Fails with a line for each import that goes up, and for each module that the list lacks or that does not exist. `folder`: from the workspace's root,
 /// the `src` of a crate or a folder of a module inside it.
 fn check(folder: &str, floors: &Floors) {
@@ -97,20 +105,11 @@ fn faults(folder: &Path, floors: &Floors) -> Vec<String> {
             }
         }
     }
-    let root = ["lib.rs", "mod.rs"].map(|name| folder.join(name)).into_iter().find(|file| file.is_file());
-    let root = root.unwrap_or_else(|| panic!("{} holds neither lib.rs nor mod.rs", folder.display()));
-    let inside: Vec<String> = folder.iter().map(|name| name.to_string_lossy().into_owned()).collect();
-    let source = inside.iter().rposition(|name| name == "src").expect("folders are inside a `src`");
-    let mut reading = Reading { prefix: inside[source + 1..].to_vec(), imports: Vec::new(), faults: Vec::new() };
-    let modules: Vec<ItemMod> = modules_of(&parsed(&root)).cloned().collect();
-    for module in &modules {
-        let name = module.ident.to_string();
-        if !floor_of.contains_key(name.as_str()) {
-            faults.push(format!("`{name}` is not in the list: give it a floor"));
-        }
-        reading.module(&root, folder, &reading.prefix.clone(), module);
+    let (modules, mut reading) = read(folder);
+    for module in modules.iter().filter(|module| !floor_of.contains_key(module.as_str())) {
+        faults.push(format!("`{module}` is not in the list: give it a floor"));
     }
-    let exists = |name: &str| modules.iter().any(|module| module.ident == name);
+    let exists = |name: &str| modules.iter().any(|module| module == name);
     faults.extend(floor_of.keys().filter(|name| !exists(name)).map(|name| format!("the list names `{name}`, which does not exist")));
     for Import { file, line, path, from, to } in &reading.imports {
         let place = format!("{}:{line}: `{path}`", file.strip_prefix(folder).unwrap_or(file).display());
@@ -124,8 +123,55 @@ fn faults(folder: &Path, floors: &Floors) -> Vec<String> {
             faults.push(format!("{place}: `{from}` (floor {own}) imports from `{to}` (floor {other}), {how}"));
         }
     }
-    faults.extend(reading.faults);
+    faults.append(&mut reading.faults);
     faults
+}
+
+/// The file that declares the modules of a folder.
+fn root_of(folder: &Path) -> Option<PathBuf> {
+    [folder.join("lib.rs"), folder.join("mod.rs"), folder.with_extension("rs")].into_iter().find(|file| file.is_file())
+}
+
+/// The modules that the root file of a folder declares, and everything that they import.
+fn read(folder: &Path) -> (Vec<String>, Reading) {
+    let root = root_of(folder).unwrap_or_else(|| panic!("{} has no lib.rs, no mod.rs and no file of its name", folder.display()));
+    let inside: Vec<String> = folder.iter().map(|name| name.to_string_lossy().into_owned()).collect();
+    let source = inside.iter().rposition(|name| name == "src").expect("folders are inside a `src`");
+    let mut reading = Reading { prefix: inside[source + 1..].to_vec(), imports: Vec::new(), faults: Vec::new() };
+    let items = parsed(&root);
+    let modules = modules_of(&items).map(|module| {
+        reading.module(&root, folder, &reading.prefix.clone(), module);
+        module.ident.to_string()
+    });
+    (modules.collect(), reading)
+}
+
+/// The imports that are part of a cycle, or lead from one cycle to another, between modules of one folder: a line each, for `folder` and the folders
+/// below it. Imports between a module and those inside it do not count.
+fn cycles(folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    if root_of(folder).is_some() {
+        let (mut left, reading) = read(folder);
+        found.extend(reading.faults);
+        let mut imports: Vec<&Import> = reading.imports.iter().filter(|import| import.from != import.to).collect();
+        // Modules that import none of the others that are left, or that none of these imports, are in no cycle.
+        loop {
+            imports.retain(|import| left.contains(&import.from) && left.contains(&import.to));
+            let before = left.len();
+            left.retain(|module| imports.iter().any(|import| import.from == *module) && imports.iter().any(|import| import.to == *module));
+            if left.len() == before {
+                break;
+            }
+        }
+        found.extend(imports.iter().map(|Import { file, line, path, from, to }| {
+            format!("{}:{line}: `{path}`: `{from}` and `{to}` are part of a cycle", file.strip_prefix(folder).unwrap_or(file).display())
+        }));
+    }
+    let entries = fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut below: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).filter(|path| path.is_dir()).collect();
+    below.sort();
+    found.extend(below.iter().flat_map(|folder| cycles(folder)));
+    found
 }
 
 /// Something that a module of the folder takes from another place of the folder.
@@ -434,6 +480,27 @@ fn nested_files_are_followed_and_folders_inside_a_crate_have_their_own_lists() {
     assert_eq!(inside.len(), 2, "{inside:?}");
     assert!(inside[0].contains("`one` (floor 1) imports from `two` (floor 2)"), "{inside:?}");
     assert!(inside[1].contains("`crate::low::Own`") && inside[1].contains("imports from the root"), "{inside:?}");
+}
+
+#[test]
+fn cycles_inside_folders_are_found() {
+    let of = |name: &str, three: &str| {
+        let files = [
+            ("lib.rs", "mod low; mod high;"),
+            ("low.rs", ""),
+            ("high/mod.rs", "mod one; mod two; mod three; mod user; fn f() { one::f(); }"),
+            ("high/one.rs", "use super::two::X; use super::f; use crate::low::Y;"),
+            ("high/two.rs", "use crate::high::three::X;"),
+            ("high/three.rs", three),
+            ("high/user.rs", "use super::one::X;"),
+        ];
+        let folder = crate_of(name, &files);
+        cycles(&folder.0.join("src"))
+    };
+    assert_eq!(of("no-cycle", "use crate::low::X;"), [""; 0]);
+    let found = of("cycle", "\nuse super::one::X;");
+    assert_eq!(found.len(), 3, "{found:?}");
+    assert!(found.contains(&"three.rs:2: `crate::high::one::X`: `three` and `one` are part of a cycle".to_owned()), "{found:?}");
 }
 
 #[test]
