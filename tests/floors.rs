@@ -17,11 +17,11 @@ type Floors = [&'static [&'static str]];
 
 /// A run goes from its definition to its parts, its files and its report; the command line drives it.
 const EXPERIMENTS: &Floors = &[
-    &["process", "metrics", "row", "settings"], // words that everything else uses
-    &["definition", "judge"],                   // what is asked, and how pictures are judged
+    &["process", "metrics", "row", "settings"], // used by everything else
+    &["definition", "judge"],                   // the experiment, and the metrics of pictures
     &["unit", "expectations", "stability"],
     &["store"],            // the folder of a run
-    &["runner", "report"], // what fills it, and what reads it
+    &["runner", "report"], // writes into it; reads from it
     &["cli"],
     &["commands"],
 ];
@@ -34,7 +34,7 @@ const WORKBENCH_MODEL: &Floors = &[
     &["files", "display", "panes", "flight", "editing", "metrics"],
     &["settings", "places"],
     &["compare", "viewpoint", "kept"],
-    &["picture"], // what is asked of the engine, and what comes back
+    &["picture"], // requests to the engine, and its results
     &["brush", "drafts"],
     &["state"],
 ];
@@ -46,7 +46,7 @@ const KERNELS: &Floors = &[
     &["variant"],                  // five flavours and their sets
     &["shared"],                   // functions that stages share, WGSL and f64
     &["gpu"],                      // the device
-    &["scene"],                    // what a scene file says
+    &["scene"],                    // the content of a scene file
     &["view", "decode", "blocks"], // the camera; files into arrays; block compression
     &["world", "materials"],       // node payloads and textures, on the processor
     &["import", "quadtree"],       // a heightmap becomes a scene; which nodes
@@ -59,7 +59,7 @@ const KERNELS: &Floors = &[
     &["lighting", "composition", "metrics", "inspect"],
     &["display"],
     &["frame"],           // the stages in their order
-    &["oracle", "probe"], // who asks whether all that is right
+    &["oracle", "probe"], // references and probes that check the others
 ];
 
 #[test]
