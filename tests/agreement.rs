@@ -15,7 +15,7 @@ use kernels::base::wgsl::Piece;
 use kernels::classification::{self, Classification, Lists, reference::tile_masks, tiles};
 use kernels::geometry;
 use kernels::gpu::bindings::{Binding, aspect, view};
-use kernels::gpu::{self, Gpu, GpuOptions, Timer};
+use kernels::gpu::{self, Gpu, GpuOptions, Recording};
 use kernels::probe::table::Cells;
 use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
 use kernels::shared::splat_blend;
@@ -1107,9 +1107,10 @@ impl Scenery {
         let buffer = gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
         let frame = gpu.group("frame", layout, &[buffer.as_entire_binding()]);
         let (targets, lists) = (self.upload(gpu), Lists::new(gpu, self.size, classification::TILE));
-        let mut encoder = gpu.encoder("classification");
-        pass.encode(gpu, &mut encoder, &mut Timer::new(gpu), &frame, &targets, &lists);
-        gpu.submit_and_wait(encoder).unwrap_or_else(|e| panic!("{e}"));
+        let groups = [&frame];
+        let mut rec = Recording::new(gpu, &groups);
+        pass.encode(&mut rec, &targets, &lists);
+        rec.submit().unwrap_or_else(|e| panic!("{e}"));
         lists.read(gpu).unwrap_or_else(|e| panic!("{e}"))
     }
 

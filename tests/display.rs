@@ -1,6 +1,7 @@
 //! Display: tone mapping on the device against its reference, and what it leaves alone.
 
 use kernels::display::{Exposure, ToneCurve, reference};
+use kernels::frame::RenderRequest;
 use kernels::frame::picture::Picture;
 
 use crate::fixtures::{renderer, request};
@@ -8,6 +9,12 @@ use crate::fixtures::{renderer, request};
 /// Codes by which a picture as the device displayed it may differ from the rounded reference. WGSL gives `pow` the error of exp2(y log2(x)): log2 has an
 /// absolute error of 2^-21 near 1 and 3 ulp elsewhere, so the relative error stays below 1e-5, that is 0.003 of a code at 255.
 const CODE: f64 = 0.01;
+
+/// Asks for a displayed picture.
+fn displayed(request: &mut RenderRequest, exposure: Exposure) {
+    request.outputs.displayed = true;
+    request.stages.display = exposure;
+}
 
 /// The largest distance of a code from the reference's value, beyond the half code that rounding costs.
 fn worst(picture: &Picture, exposure: Exposure) -> f64 {
@@ -24,14 +31,15 @@ fn worst(picture: &Picture, exposure: Exposure) -> f64 {
 fn displayed_pictures_agree_with_the_reference() {
     let mut renderer = renderer();
     for stops in [0.0, -3.0, 2.5] {
-        for curve in ToneCurve::ALL {
-            let exposure = Exposure { stops, curve };
-            let request = request(&renderer, "ground").with(|r| r.outputs.display = Some(exposure));
+        for tone_curve in ToneCurve::ALL {
+            let exposure = Exposure { exposure: stops, tone_curve };
+            let request = request(&renderer, "ground").with(|r| displayed(r, exposure));
             let picture = renderer.render(&request).expect("renders");
             assert!(worst(&picture, exposure) <= CODE, "{exposure:?}: {}", worst(&picture, exposure));
             // Negative controls: a third of a stop, and the other curve.
-            let off = Exposure { stops: stops + 1.0 / 3.0, curve };
-            let other = Exposure { stops, curve: if curve == ToneCurve::Clip { ToneCurve::Reinhard } else { ToneCurve::Clip } };
+            let off = Exposure { exposure: stops + 1.0 / 3.0, ..exposure };
+            let other = if tone_curve == ToneCurve::Clip { ToneCurve::Reinhard } else { ToneCurve::Clip };
+            let other = Exposure { tone_curve: other, ..exposure };
             assert!(worst(&picture, off) > 1.0 && worst(&picture, other) > 1.0, "{exposure:?}: a wrong exposure was not noticed");
         }
     }
@@ -41,7 +49,7 @@ fn displayed_pictures_agree_with_the_reference() {
 fn exposure_changes_nothing_that_is_measured() {
     let mut renderer = renderer();
     let plain = request(&renderer, "ground");
-    let shown = plain.with(|r| r.outputs.display = Some(Exposure { stops: 4.0, curve: ToneCurve::Clip }));
+    let shown = plain.with(|r| displayed(r, Exposure { exposure: 4.0, tone_curve: ToneCurve::Clip }));
     let (plain, shown) = (renderer.render(&plain).expect("renders"), renderer.render(&shown).expect("renders"));
     assert!(plain.displayed.is_none() && shown.displayed.is_some());
     assert_eq!(plain.hdr, shown.hdr);
@@ -55,7 +63,7 @@ fn exposure_changes_nothing_that_is_measured() {
 fn an_exposure_out_of_range_is_refused() {
     let mut renderer = renderer();
     for stops in [17.0, f64::NAN, f64::NEG_INFINITY] {
-        let wrong = request(&renderer, "ground").with(|r| r.outputs.display = Some(Exposure { stops, curve: ToneCurve::Reinhard }));
+        let wrong = request(&renderer, "ground").with(|r| displayed(r, Exposure { exposure: stops, tone_curve: ToneCurve::Reinhard }));
         let error = renderer.render(&wrong).expect_err("no such exposure").to_string();
         assert!(error.contains("-16 to 16"), "{error}");
     }

@@ -625,7 +625,7 @@ fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
     let mut seen = [0; 5];
     for index in 0..5000 {
         let n = direction(index);
-        let plane = snapped_projection::plane(n, 0.8);
+        let plane = snapped_projection::plane(n, kernels::shading::SNAPPED_COSINE);
         seen[plane as usize] += 1;
         assert_eq!(plane == 2, n[2].abs() >= 0.8);
         if plane == 2 {

@@ -2,6 +2,9 @@
 
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
+use kernels::gpu::bindings::view;
+use kernels::gpu::{CLEAR, Recording, Timer};
+use kernels::oracle;
 use kernels::scene;
 use kernels::shading::{Estimator, VARIANCE_SCALE};
 use kernels::shared::noise::NoiseKind;
@@ -362,5 +365,63 @@ fn a_picture_of_the_sky_holds_nothing_of_the_one_before() {
         let picture = renderer.render(&odd).expect("renders");
         assert_eq!(picture.hdr.len(), (size[0] * size[1]) as usize);
         assert!(picture.hdr.iter().flatten().all(|v| v.is_finite()), "{size:?} {fov}");
+    }
+}
+
+#[test]
+fn only_a_lit_picture_is_read_and_only_the_geometry_drawn_last_is_used_again() {
+    let mut renderer = renderer();
+    let request = request(&renderer, "cliff").with(|r| {
+        r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+        r.outputs.displayed = true;
+    });
+    let lit = renderer.render(&request).expect("renders");
+    assert!(lit.hdr.len() == (SIZE[0] * SIZE[1]) as usize && lit.displayed.is_some());
+    // A frame that is not lit leaves the lit picture of the frame before in the target. It is not read.
+    let unlit = renderer.render(&request.with(|r| r.outputs.lit = false)).expect("renders");
+    assert!(unlit.hdr.is_empty() && unlit.displayed.is_none());
+    assert_eq!(unlit.vectors("albedo"), lit.vectors("albedo"));
+
+    // Other shading on the same geometry is fine, another view is not.
+    let other_shading = request.with(|r| r.shading.seed = 5);
+    assert_eq!(renderer.drawn_as(&other_shading).expect("the same geometry").request(), &other_shading);
+    for elsewhere in [request.with(|r| r.view.pose.yaw += 0.1), request.with(|r| r.geometry.vertex_stride = 2)] {
+        let Err(error) = renderer.drawn_as(&elsewhere) else { panic!("this geometry was not drawn") };
+        assert!(error.to_string().contains("not the one that was drawn last"), "{error}");
+    }
+}
+
+#[test]
+fn a_frame_without_pages_uses_no_page_of_the_frame_before() {
+    let mut renderer = renderer();
+    let ground = request(&renderer, "ground");
+    let forced = |flavour| ground.with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(flavour)));
+    let below = [SIZE[0] / 2, SIZE[1] - 2];
+    let pixel = oracle::inspect(&mut renderer, &forced(Flavour::VirtualTexture), below).expect("inspects").expect("terrain");
+    let page = pixel.page.expect("shaded from a page");
+    assert!(page.served.is_some() && renderer.page_serving(page.id) == page.served);
+    let baked = renderer.render(&forced(Flavour::FarAtlas)).expect("renders").report;
+    assert_eq!((baked.pages.wanted, baked.pages.rendered), (0, 0));
+    assert_eq!(renderer.page_serving(page.id), None, "a page of the frame before");
+}
+
+#[test]
+fn more_passes_than_a_timer_holds_are_an_error_and_not_a_shorter_list() {
+    let target = gpu().target("nothing", [1, 1], wgpu::TextureFormat::R8Unorm);
+    let times = |passes: u32| {
+        let mut rec = Recording::new(gpu(), &[]);
+        for pass in 0..passes {
+            rec.render(&format!("pass {pass}"), &[&view(&target)], CLEAR, None, 0, &[]);
+        }
+        rec.finish()
+    };
+    let full = times(Timer::CAPACITY).expect("as many as fit");
+    if gpu().features.contains(wgpu::Features::TIMESTAMP_QUERY) {
+        let names: Vec<&str> = full.iter().map(|pass| pass.name.as_str()).collect();
+        assert_eq!((names.len(), names[0], names[63]), (64, "pass 0", "pass 63"));
+        let error = times(Timer::CAPACITY + 2).expect_err("two too many").to_string();
+        assert!(error.contains("2 of 66 passes were not timed"), "{error}");
+    } else {
+        assert!(full.is_empty() && times(Timer::CAPACITY + 2).expect("nothing is timed").is_empty());
     }
 }

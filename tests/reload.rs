@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use kernels::base::error::{Error, Result};
+use kernels::display::ToneCurve;
 use kernels::frame::picture::Picture;
 use kernels::frame::{ReloadReport, RenderRequest, Renderer, VariantChoice, shader_files};
 use kernels::gpu::{Gpu, Sources};
@@ -20,6 +21,10 @@ use crate::fixtures::{request, small_scene, terrain};
 const LIGHTING: &str = "lighting/lighting.wgsl";
 const LIT: &str = "return vec4<f32>(sun + sky_diffuse + sky_specular, 1.0);";
 const LIT_BY_HALF: &str = "return vec4<f32>(0.5 * (sun + sky_diffuse + sky_specular), 1.0);";
+/// NaN, infinity, and a number. The compiler must not know them, so they depend on the pixel.
+const LIT_BY_NO_NUMBER: &str =
+    "return vec4<f32>(bitcast<f32>(0x7fc00000u | (index.x & 1u)), bitcast<f32>(0x7f800000u + (index.x - index.x)), 0.25, 1.0);";
+const DISPLAY: &str = "display/display.wgsl";
 const NORMAL: &str = "let n = normal_smoothness.xyz;";
 const NO_SUCH_NAME: &str = "let n = no_such_name.xyz;";
 
@@ -161,6 +166,37 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     assert_eq!(folder.reload(&mut renderer).expect("compiles").stages, ["lighting"]);
     assert_eq!(draw(&mut renderer, &request).hdr, first.hdr);
     gpu.check().expect("no mistake was left to the device");
+}
+
+#[test]
+fn a_change_of_the_display_alters_what_is_shown_and_nothing_that_is_measured() {
+    let folder = Folder::new("display");
+    let gpu = Gpu::new().expect("an adapter");
+    let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
+    let request = forced(&renderer, Flavour::FarAtlas.bit()).with(|r| r.outputs.displayed = true);
+    let first = draw(&mut renderer, &request);
+    folder.edit(DISPLAY, "texel.rgb * display.exposure", "texel.rgb * display.exposure * 0.0");
+    let report = folder.reload(&mut renderer).expect("compiles");
+    assert_eq!((report.files, report.stages), (vec![DISPLAY.to_owned()], vec!["display"]));
+    let black = draw(&mut renderer, &request);
+    let codes = |picture: &Picture| picture.displayed.clone().expect("asked for");
+    assert_eq!(black.hdr, first.hdr);
+    assert!(codes(&black).iter().all(|code| code[..3] == [0; 3]) && codes(&first).iter().any(|code| code[..3] != [0; 3]));
+    folder.edit(DISPLAY, "texel.rgb * display.exposure * 0.0", "texel.rgb * display.exposure");
+
+    // Radiance that is NaN is displayed as black, and infinite radiance as white with the curve `clip`; the other channels are left alone.
+    folder.edit(LIGHTING, LIT, LIT_BY_NO_NUMBER);
+    let report = folder.reload(&mut renderer).expect("compiles");
+    assert_eq!(report.stages, ["lighting", "display"]);
+    let clipped = request.with(|r| r.stages.display.tone_curve = ToneCurve::Clip);
+    let picture = draw(&mut renderer, &clipped);
+    let mut count = 0;
+    for (texel, code) in picture.hdr.iter().zip(codes(&picture)).filter(|(texel, _)| texel[3] > 0.0) {
+        assert!(texel[0].is_nan() && texel[1] == f32::INFINITY && texel[2] == 0.25, "{texel:?}");
+        assert_eq!(code, [0, 255, 137, 255]);
+        count += 1;
+    }
+    assert!(count > 100, "{count} pixels of terrain");
 }
 
 fn forced(renderer: &Renderer<'_>, mask: u8) -> RenderRequest {

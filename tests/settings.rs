@@ -120,11 +120,11 @@ fn settings_read_and_write_what_the_file_holds() {
         assert!(count >= 20, "{count} settings");
     }
     let usual = FrameSettings::default();
-    for setting in FrameSettings::SETTINGS {
+    for setting in frame::settings() {
         let value = setting.get(&usual).expect("a frame has them all");
         let mut changed = usual;
         setting.set(&mut changed, &another(setting.kind, &value)).unwrap_or_else(|what| panic!("{what}"));
-        let others = FrameSettings::SETTINGS.iter().filter(|other| other.get(&changed) != other.get(&usual));
+        let others = frame::settings().filter(|other| other.get(&changed) != other.get(&usual));
         assert_eq!(others.map(|other| other.key).collect::<Vec<_>>(), [setting.key]);
         setting.set(&mut changed, &wrong(setting.kind)).expect_err("not accepted");
     }
@@ -145,7 +145,7 @@ fn defaults_are_what_an_empty_table_gives() {
             }
         }
     }
-    for setting in FrameSettings::SETTINGS {
+    for setting in frame::settings() {
         assert_eq!(setting.get(&FrameSettings::default()), (setting.default)(), "{}", setting.key);
     }
 }
@@ -199,7 +199,7 @@ fn a_wrong_value_of_a_frame_is_said_in_one_sentence_everywhere() {
     assert_eq!(nine, "`frame.lod_bias` is 9, must be -2 to 4");
     assert_eq!(bias.set(&mut FrameSettings::default(), &Value::Float(9.0)), Err(nine.clone()));
     let mut homes = 0;
-    for setting in FrameSettings::SETTINGS {
+    for setting in frame::settings() {
         let said = sentence(setting, &mut FrameSettings::default());
         let value = wrong(setting.kind);
         if setting.has_home(Home::Definition) {

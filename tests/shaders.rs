@@ -138,7 +138,8 @@ fn every_file_declares_what_it_needs_and_no_more() {
                         })
                     })
             };
-            let names: Vec<String> = need.text.lines().filter_map(declares).collect();
+            let constants = need.constants.iter().map(|(name, _)| (*name).to_owned());
+            let names: Vec<String> = need.text.lines().filter_map(declares).chain(constants).collect();
             assert!(names.iter().any(|name| used.contains(name)), "{} needs {}, but uses nothing of it", file.path, need.path);
         }
     }

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use kernels::base::names::suggestion;
-use kernels::frame::FrameSettings;
+use kernels::frame::{self, FrameSettings};
 use kernels::scene::{self, Scene};
 use kernels::settings::{Home, Kind, Setting, shown};
 use toml::Value;
@@ -18,7 +18,7 @@ const GENERIC: &str = "generic";
 pub(crate) struct FrameArgs(pub(crate) FrameSettings);
 
 fn options() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
-    FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Option))
+    frame::settings().filter(|setting| setting.has_home(Home::Option))
 }
 
 /// The value of an option, or a message if it is not accepted.
@@ -99,6 +99,11 @@ pub(crate) struct SceneArgs {
 }
 
 impl SceneArgs {
+    /// The settings that are replaced, with their values.
+    pub(crate) fn replaced(&self) -> impl Iterator<Item = (&'static str, &Value)> {
+        self.settings.iter().map(|(key, value)| (*key, value))
+    }
+
     /// The scene named `name`, with these settings applied.
     ///
     /// # Errors
@@ -115,6 +120,9 @@ impl SceneArgs {
 }
 
 fn unknown(key: &str) -> String {
+    if let Some(setting) = frame::setting(key).filter(|setting| setting.has_home(Home::Option)) {
+        return format!("`{key}` is a setting of the frame, not of the scene: give --{} instead", setting.option());
+    }
     let known: Vec<&str> = scene::settings().map(|setting| setting.key).collect();
     format!("`{key}` is not a setting of a scene: {}", suggestion(key, &known))
 }
@@ -196,6 +204,7 @@ mod tests {
         assert_eq!(assignment("sky.zenith = 0, 0.5, 1"), Ok(("sky.zenith", zenith)));
         assert_eq!(assignment("blend.hash_scale=0"), Err("`blend.hash_scale` is 0, must be 0.01 to 100".to_owned()));
         assert!(assignment("blend.hash_scal=1").is_err_and(|what| what.contains("did you mean `blend.hash_scale`?")));
+        assert!(assignment("frame.exposure=1").is_err_and(|what| what.contains("give --exposure instead")));
         assert!(assignment("blend.hash_scale").is_err_and(|what| what.contains("KEY=VALUE")));
         let args = SceneArgs { settings: vec![("world.detail_m", Value::Float(1.0))] };
         assert!(args.scene("default").is_err_and(|error| error.to_string().contains("`world.detail_m` does not exist here")));

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use kernels::display::Exposure;
 use kernels::frame::export::write_png;
 use kernels::scene::{self, Scene};
 use kernels::view::camera::Pose;
@@ -13,10 +12,9 @@ pub(crate) fn render(scene: &Scene, size: [u32; 2], file: &Path) -> Result<()> {
     let gpu = Gpu::new()?;
     let mut renderer = Renderer::new(&gpu, scene, &|_| {})?;
     let pose = Pose::of(&scene.cameras[0], |x, y| renderer.ground_m(x, y));
-    let exposure = Exposure::default();
-    let request = RenderRequest::new(pose, size).with(|r| r.outputs.display = Some(exposure));
+    let request = RenderRequest::new(pose, size).with(|r| r.outputs.displayed = true);
     let picture = renderer.render(&request)?;
-    write_png(file, &picture, exposure)
+    write_png(file, &picture, request.stages.display)
 }
 
 #[allow(dead_code, reason = "a test calls the function above")]

@@ -33,6 +33,11 @@ impl Flavour {
         self as u8
     }
 
+    /// Its index in arrays of five.
+    pub const fn index(self) -> usize {
+        self.bit().trailing_zeros() as usize
+    }
+
     /// The name used in files, tables and on the command line.
     pub const fn name(self) -> &'static str {
         match self {

@@ -8,7 +8,6 @@ use anyhow::{Context, Result};
 use kernels::base::files::write_whole;
 use kernels::base::progress::Progress;
 use kernels::composition::{Destination, Layers};
-use kernels::display::Exposure;
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
 use kernels::gpu::Gpu;
@@ -102,7 +101,7 @@ fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs) -> Resul
         let drawn = began.elapsed();
         let shown = renderer.draw(&request.with(|r| {
             r.outputs.aovs = layers_read;
-            r.outputs.display = Some(Exposure::default());
+            r.outputs.displayed = true;
         }))?;
         let began = Instant::now();
         shown.read()?;

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use kernels::base::names::nearest;
 use kernels::base::progress::Progress;
+use kernels::display::Exposure;
 use kernels::frame::export;
 use kernels::frame::picture::{AovSet, Layer, Picture};
-use kernels::frame::{RenderRequest, Renderer, RendererOptions, VariantChoice};
+use kernels::frame::{self, RenderRequest, Renderer, RendererOptions, VariantChoice};
 use kernels::gpu::Gpu;
 use kernels::scene::{CameraPath, CameraPose, Scene};
 use kernels::shading::Estimator;
@@ -29,6 +30,10 @@ struct Summary {
     estimator: String,
     noise: String,
     seed: u32,
+    /// Every setting of the frame and its stages, by its key.
+    settings: serde_json::Map<String, serde_json::Value>,
+    /// Settings of the scene that `--set` replaced, by their keys.
+    set: serde_json::Map<String, serde_json::Value>,
     /// Samples per pixel of the reference; absent unless `--reference` was given.
     #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<u32>,
@@ -52,6 +57,11 @@ struct FrameSummary {
     tiles: serde_json::Map<String, serde_json::Value>,
 }
 
+/// A value of a setting as JSON.
+fn json(value: &toml::Value) -> serde_json::Value {
+    serde_json::to_value(value).unwrap_or_default()
+}
+
 /// The camera of the pictures: a camera of the scene, a path, or a pose given on the command line.
 enum Shot<'a> {
     Still(CameraPose),
@@ -63,6 +73,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     check_output_file(&args.out)?;
     let scene = args.scene_settings.scene(&args.scene)?;
     let frame_settings = args.frame.0;
+    let is_png = extension(&args.out) == "png";
+    if !is_png && frame_settings.stages.display != Exposure::default() {
+        bail!(
+            "--exposure and --tone-curve do not apply to {}: OpenEXR holds linear radiance; leave them out, or write a PNG",
+            args.out.display()
+        );
+    }
     let shot = shot(args, &scene)?;
     let frames = match (&shot, args.frames) {
         (_, Some(frames)) => frames,
@@ -78,7 +95,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let options = RendererOptions { tile: frame_settings.tile, ..RendererOptions::default() };
     let mut renderer = Renderer::with(&gpu, &scene, options, &show)?;
     let aovs = AovSet::from_names(&args.aov)?;
-    let is_png = extension(&args.out) == "png";
     let mut summary = Summary {
         scene: scene.name.clone(),
         size: args.size,
@@ -86,6 +102,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         estimator: args.reference.map_or(frame_settings.estimator, |_| Estimator::Exact).to_string(),
         noise: frame_settings.noise.to_string(),
         seed: frame_settings.seed,
+        settings: frame::settings().filter_map(|setting| Some((setting.key.to_owned(), json(&setting.get(&frame_settings)?)))).collect(),
+        set: args.scene_settings.replaced().map(|(key, value)| (key.to_owned(), json(value))).collect(),
         reference: args.reference,
         adapter: gpu.info.name.clone(),
         software: gpu.is_software(),
@@ -101,7 +119,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         let request = frame_settings.request(pose, args.size, frame).with(|r| {
             r.outputs.aovs = aovs;
             // Pictures that are averaged are converted for display after averaging.
-            r.outputs.display = (is_png && args.reference.is_none()).then(|| frame_settings.display());
+            r.outputs.displayed = is_png && args.reference.is_none();
         });
         let picture = match args.reference {
             None => {
@@ -117,7 +135,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         }
         let file = if numbered { numbered_file(&args.out, frame) } else { args.out.clone() };
         if is_png {
-            export::write_png(&file, &picture, frame_settings.display())?;
+            export::write_png(&file, &picture, frame_settings.stages.display)?;
         } else {
             export::write_exr(&file, &picture)?;
         }

@@ -42,7 +42,7 @@ fn set_of_frame(settings: &mut FrameSettings, parameter: &str, value: &Value) ->
 
 /// The settings of the frame that a definition sets or varies.
 pub(super) fn frame_parameters() -> Vec<&'static str> {
-    FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Definition)).map(|setting| setting.key).collect()
+    frame::settings().filter(|setting| setting.has_home(Home::Definition)).map(|setting| setting.key).collect()
 }
 
 /// Largest number of steps in the path of a scene parameter: `material.grass.tint.2` has four. Some thousand nested tables would overflow the stack.

@@ -12,8 +12,8 @@ use crate::base::wgsl::{Constant, Wgsl};
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::uses::PassUse;
-use crate::gpu::{Gpu, ShaderModule, Timer, constants, read_buffer};
-use crate::stage::{Build, Declaration, Stage};
+use crate::gpu::{Gpu, Recording, ShaderModule, constants, read_buffer};
+use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::variant::Variant;
 use crate::view;
 
@@ -142,6 +142,13 @@ impl Stage for Classification {
         ..Declaration::EMPTY
     };
 
+    type Settings = ();
+    type Targets = Lists;
+
+    fn targets(canvas: Canvas<'_>) -> Lists {
+        Lists::new(canvas.gpu, canvas.size, canvas.tile)
+    }
+
     fn build(build: Build<'_>) -> Result<Classification> {
         Classification::new(build.gpu, build.frame, build.tile)
     }
@@ -188,18 +195,10 @@ impl Classification {
     }
 
     /// Records the pass.
-    pub fn encode(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut Timer,
-        frame: &wgpu::BindGroup,
-        targets: &geometry::Targets,
-        lists: &Lists,
-    ) {
-        let empty: Vec<[u32; 4]> = vec![[tile_vertices(gpu), 0, 0, 0]; LISTS as usize];
-        gpu.queue.write_buffer(&lists.arguments, 0, cast_slice(&empty));
-        let group = gpu.group(
+    pub fn encode(&self, rec: &mut Recording<'_>, targets: &geometry::Targets, lists: &Lists) {
+        let empty: Vec<[u32; 4]> = vec![[tile_vertices(rec.gpu), 0, 0, 0]; LISTS as usize];
+        rec.gpu.queue.write_buffer(&lists.arguments, 0, cast_slice(&empty));
+        let group = rec.gpu.group(
             "classification",
             &self.layout,
             &[
@@ -210,14 +209,7 @@ impl Classification {
             ],
         );
         let [x, y] = lists.tiles_xy;
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("classification"),
-            timestamp_writes: timer.compute("classification"),
-        });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, frame, &[]);
-        pass.set_bind_group(1, &group, &[]);
-        pass.dispatch_workgroups(x, y, 1);
+        rec.compute("classification", &self.pipeline, 1, &[&group]).dispatch_workgroups(x, y, 1);
     }
 }
 

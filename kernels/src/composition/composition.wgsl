@@ -34,7 +34,6 @@ fn composition_albedo(flavour: u32, pixel: vec2<u32>) -> vec3<f32> {
     }
 }
 
-// Fetches, choice << 16.
 fn composition_diagnostics(flavour: u32, pixel: vec2<u32>) -> u32 {
     switch flavour {
         case 0u: { return textureLoad(diagnostics_0, pixel, 0).r; }
@@ -86,13 +85,13 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
                 continue;
             }
             albedo += select(w, w * w, stream.squared != 0u) * layers[flavour];
-            fetches += known[flavour] & 0xffffu;
-            if flavour > 0u {
+            fetches += diagnostics_fetches(known[flavour]);
+            if flavour != FLAVOUR_VT {
                 shared_fetches += stream.modulated;
             }
             // The first recorded choice, in the order in which the shading pass evaluates the flavours.
             if choice == 0u {
-                choice = (known[flavour] >> 16u) & 255u;
+                choice = diagnostics_choice(known[flavour]);
             }
         }
         fetches -= max(shared_fetches, 1u) - 1u;

@@ -14,10 +14,10 @@ use crate::base::error::Result;
 use crate::base::wgsl::Wgsl;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, ShaderModule};
+use crate::gpu::{Gpu, Recording, ShaderModule};
 use crate::shading;
 use crate::shared;
-use crate::stage::{Build, Declaration, Stage};
+use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::variant::{Flavour, Variant};
 use crate::view;
 
@@ -90,7 +90,7 @@ impl Layers {
 
     /// Records the copy of the shading pass's results into the layer of `flavour`.
     pub fn capture(&self, encoder: &mut wgpu::CommandEncoder, flavour: Flavour, targets: &shading::Targets) {
-        let index = flavour.bit().trailing_zeros() as usize;
+        let index = flavour.index();
         for (from, to) in [(&targets.albedo, &self.albedo[index]), (&targets.diagnostics, &self.diagnostics[index])] {
             encoder.copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), from.size());
         }
@@ -108,7 +108,7 @@ pub struct Composition {
 static WGSL: Wgsl = Wgsl::new(
     "composition/composition.wgsl",
     include_str!("composition.wgsl"),
-    &[&view::WGSL, &shared::FLAVOUR_WEIGHTS, &shared::SIGNAL, &shared::VIEW],
+    &[&view::WGSL, &shading::diagnostics::WGSL, &shared::FLAVOUR_WEIGHTS, &shared::SIGNAL, &shared::VIEW],
 );
 
 /// The stage's shader module.
@@ -121,6 +121,11 @@ impl Stage for Composition {
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
+
+    type Settings = ();
+    type Targets = ();
+
+    fn targets(_: Canvas<'_>) {}
 
     fn build(build: Build<'_>) -> Result<Composition> {
         let Build { gpu, frame: frame_layout, demands, .. } = build;
@@ -152,15 +157,8 @@ impl Composition {
 
     /// Records the pass: each stream goes to its destination. One dispatch makes all streams and reads each layer once; if the streams do not fit one
     /// binding, there are several dispatches.
-    pub fn encode(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        frame: &wgpu::BindGroup,
-        geometry: &geometry::Targets,
-        layers: &Layers,
-        destinations: &[Destination<'_>],
-    ) {
+    pub fn encode(&self, rec: &mut Recording<'_>, geometry: &geometry::Targets, layers: &Layers, destinations: &[Destination<'_>]) {
+        let (gpu, frame, encoder) = (rec.gpu, rec.frame(), &mut rec.encoder);
         let depth = aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly);
         let mut views = vec![depth, view(&geometry.normals)];
         views.extend(layers.albedo.iter().chain(&layers.diagnostics).map(view));

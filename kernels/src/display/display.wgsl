@@ -12,22 +12,21 @@ struct DisplayUniforms {
 
 @vertex
 fn display_vertex(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
-    let corner = vec2<f32>(f32((vertex << 1u) & 2u), f32(vertex & 2u));
-    return vec4<f32>(corner * 2.0 - 1.0, 0.0, 1.0);
+    return full_screen_position(vertex);
 }
 
 // Reinhard et al. 2002, equation 4, on luminance; the ratios of the channels are kept.
 fn display_reinhard(radiance: vec3<f32>) -> vec3<f32> {
     let luminance = dot(radiance, vec3<f32>(DISPLAY_RED, DISPLAY_GREEN, DISPLAY_BLUE));
-    if !(luminance > 0.0) {
+    if luminance <= 0.0 {
         return vec3<f32>(0.0);
     }
     return radiance * ((1.0 + luminance / (DISPLAY_WHITE * DISPLAY_WHITE)) / (1.0 + luminance));
 }
 
-// IEC 61966-2-1. Values that are not above 0, such as NaN, become 0.
+// IEC 61966-2-1. Values that are not above 0, and NaN, become 0.
 fn display_srgb(linear: vec3<f32>) -> vec3<f32> {
-    let held = select(vec3<f32>(0.0), min(linear, vec3<f32>(1.0)), linear > vec3<f32>(0.0));
+    let held = vec3<f32>(usable_positive_1(linear.r, 1.0), usable_positive_1(linear.g, 1.0), usable_positive_1(linear.b, 1.0));
     return select(1.055 * pow(held, vec3<f32>(1.0 / 2.4)) - 0.055, 12.92 * held, held <= vec3<f32>(0.0031308));
 }
 

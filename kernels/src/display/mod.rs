@@ -12,8 +12,11 @@ use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
 use crate::gpu::bindings::{Binding, FLAT, view};
 use crate::gpu::uses::{PassUse, TargetUse};
-use crate::gpu::{Gpu, ShaderModule, Timer};
-use crate::stage::{Build, Declaration, Stage};
+use crate::gpu::{Recording, ShaderModule};
+use crate::settings::{Home, Kind, Listing, Range, named, table};
+use crate::shared;
+use crate::stage::{Build, Canvas, Declaration, Stage};
+use crate::view;
 
 pub mod reference;
 
@@ -52,23 +55,29 @@ impl ToneCurve {
     }
 }
 
-/// How a picture is exposed.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Exposure {
-    /// Radiance is multiplied by 2^stops; [`STOPS`] is the range.
-    pub stops: f64,
-    /// The curve that maps radiance to the screen.
-    pub curve: ToneCurve,
+named!(ToneCurve);
+
+const DISPLAY: Listing = Listing::new("Display", &[Home::Option, Home::Workbench]);
+
+table! {
+    /// How a picture is shown to people.
+    #[derive(Copy)]
+    Exposure as "frame", {
+        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. Metrics and OpenEXR files are not exposed.
+        exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
+        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip` above 1. Metrics and OpenEXR files are not mapped.
+        tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
+    }
 }
 
 impl Exposure {
     /// Factor on radiance.
     pub fn factor(self) -> f64 {
-        self.stops.exp2()
+        self.exposure.exp2()
     }
 }
 
-static WGSL: Wgsl = Wgsl::new("display/display.wgsl", include_str!("display.wgsl"), &[]).with(&[
+static WGSL: Wgsl = Wgsl::new("display/display.wgsl", include_str!("display.wgsl"), &[&view::FULL_SCREEN, &shared::USABLE]).with(&[
     ("DISPLAY_REINHARD", Constant::U32(ToneCurve::Reinhard.code())),
     ("DISPLAY_WHITE", Constant::real(WHITE)),
     ("DISPLAY_RED", Constant::real(LUMINANCE[0])),
@@ -111,6 +120,13 @@ impl Stage for Display {
         ..Declaration::EMPTY
     };
 
+    type Settings = Exposure;
+    type Targets = wgpu::Texture;
+
+    fn targets(canvas: Canvas<'_>) -> wgpu::Texture {
+        canvas.gpu.target("displayed picture", canvas.size, FORMAT)
+    }
+
     fn build(build: Build<'_>) -> Result<Display> {
         let gpu = build.gpu;
         let shader = MODULE.compile(gpu)?;
@@ -123,32 +139,11 @@ impl Stage for Display {
 impl Display {
     /// Records the pass.
     #[allow(clippy::cast_possible_truncation, reason = "shaders compute in f32")]
-    pub fn encode(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut Timer,
-        exposure: Exposure,
-        image: &wgpu::Texture,
-        displayed: &wgpu::Texture,
-    ) {
-        let uniforms = DisplayUniforms { exposure: exposure.factor() as f32, curve: exposure.curve.code(), pad_0: 0, pad_1: 0 };
-        let buffer = gpu.buffer_with("display", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
+    pub fn encode(&self, rec: &mut Recording<'_>, exposure: Exposure, image: &wgpu::Texture, displayed: &wgpu::Texture) {
+        let uniforms = DisplayUniforms { exposure: exposure.factor() as f32, curve: exposure.tone_curve.code(), pad_0: 0, pad_1: 0 };
+        let buffer = rec.gpu.buffer_with("display", wgpu::BufferUsages::UNIFORM, bytes_of(&uniforms));
         let resources = [buffer.as_entire_binding(), wgpu::BindingResource::TextureView(&view(image))];
-        let group = gpu.group("display", &self.layout, &resources);
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("display"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &view(displayed),
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
-            })],
-            timestamp_writes: timer.render("display"),
-            ..Default::default()
-        });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.draw(0..3, 0..1);
+        let group = rec.gpu.group("display", &self.layout, &resources);
+        rec.full_screen("display", &self.pipeline, displayed, 0, &[&group]);
     }
 }

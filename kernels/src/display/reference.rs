@@ -7,7 +7,7 @@ use crate::shared::real::Real;
 /// Linear radiance to sRGB-encoded values, 0..=1. NaN becomes 0.
 pub fn tone_map<T: Real>(radiance: [T; 3], exposure: Exposure) -> [T; 3] {
     let radiance = radiance.map(|c| c * T::of(exposure.factor()));
-    let mapped = match exposure.curve {
+    let mapped = match exposure.tone_curve {
         ToneCurve::Reinhard => {
             let luminance = luminance(radiance);
             let white = T::of(WHITE);
@@ -28,21 +28,21 @@ pub fn codes(radiance: [f32; 3], exposure: Exposure) -> [u8; 3] {
 mod tests {
     use super::*;
 
-    const PLAIN: Exposure = Exposure { stops: 0.0, curve: ToneCurve::Reinhard };
+    const PLAIN: Exposure = Exposure { exposure: 0.0, tone_curve: ToneCurve::Reinhard };
 
     #[test]
     fn white_is_mapped_to_white_and_black_to_black() {
         assert_eq!(codes([0.0; 3], PLAIN), [0; 3]);
         assert_eq!(codes([WHITE as f32; 3], PLAIN), [255; 3]);
-        assert_eq!(codes([1.0; 3], Exposure { curve: ToneCurve::Clip, ..PLAIN }), [255; 3]);
+        assert_eq!(codes([1.0; 3], Exposure { tone_curve: ToneCurve::Clip, ..PLAIN }), [255; 3]);
         assert_eq!(codes([f32::NAN, 1.0, -1.0], PLAIN), [0; 3]);
     }
 
     #[test]
     fn a_stop_doubles_radiance() {
-        let brighter = Exposure { stops: 1.0, ..PLAIN };
+        let brighter = Exposure { exposure: 1.0, ..PLAIN };
         assert_eq!(tone_map([0.1, 0.2, 0.3], brighter), tone_map([0.2, 0.4, 0.6], PLAIN));
-        let darker = Exposure { stops: -3.0, ..PLAIN };
+        let darker = Exposure { exposure: -3.0, ..PLAIN };
         assert_eq!(tone_map([0.8, 1.6, 2.4], darker), tone_map([0.1, 0.2, 0.3], PLAIN));
     }
 

@@ -1,10 +1,13 @@
 //! A drawn frame, and what can be read or computed from it.
 
+use std::ops::Deref;
+
 use crate::base::error::{Error, Result};
 use crate::composition::{Destination, Layers};
 use crate::frame::picture::Picture;
 use crate::frame::{FrameReport, RenderRequest, Renderer, Targets};
-use crate::gpu::{PassTime, Timer};
+use crate::geometry;
+use crate::gpu::{PassTime, Recording};
 use crate::inspect::Inspected;
 use crate::metrics::{FrameSums, Meter};
 use crate::motion::Links;
@@ -12,37 +15,29 @@ use crate::variant::Variant;
 use crate::view::camera::View;
 
 /// A drawn frame on the device, with the request that made it. It borrows the renderer, so that nothing else can be drawn while it is in use.
+///
+/// What needs only its geometry is a method of [`DrawnGeometry`].
 pub struct Frame<'f, 'a> {
-    renderer: &'f Renderer<'a>,
-    targets: &'f Targets,
-    request: RenderRequest,
-    view: View,
+    geometry: DrawnGeometry<'f, 'a>,
     report: FrameReport,
+}
+
+impl<'f, 'a> Deref for Frame<'f, 'a> {
+    type Target = DrawnGeometry<'f, 'a>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.geometry
+    }
 }
 
 impl<'f, 'a> Frame<'f, 'a> {
     pub(super) fn new(renderer: &'f Renderer<'a>, targets: &'f Targets, request: RenderRequest, report: FrameReport) -> Frame<'f, 'a> {
-        Frame { view: renderer.view(&request), renderer, targets, request, report }
-    }
-
-    /// The request that made it.
-    pub fn request(&self) -> &RenderRequest {
-        &self.request
-    }
-
-    /// The view that it shows.
-    pub fn view(&self) -> &View {
-        &self.view
+        Frame { geometry: DrawnGeometry::new(renderer, targets, request), report }
     }
 
     /// The report of the frame.
     pub fn report(&self) -> &FrameReport {
         &self.report
-    }
-
-    /// The renderer that drew it.
-    pub fn renderer(&self) -> &'f Renderer<'a> {
-        self.renderer
     }
 
     /// Its targets, for tests and inspection.
@@ -55,12 +50,47 @@ impl<'f, 'a> Frame<'f, 'a> {
         self.report
     }
 
-    /// Reads back the linear picture and the requested layers.
+    /// Reads back the requested picture and layers.
     ///
     /// # Errors
     /// When the device is lost.
     pub fn read(self) -> Result<Picture> {
         Picture::read(self)
+    }
+}
+
+/// The geometry of a view on the device: depth, normals and classification mask. What was shaded on it may belong to another request, so it has no
+/// picture to read.
+pub struct DrawnGeometry<'f, 'a> {
+    renderer: &'f Renderer<'a>,
+    targets: &'f Targets,
+    request: RenderRequest,
+    view: View,
+}
+
+impl<'f, 'a> DrawnGeometry<'f, 'a> {
+    pub(super) fn new(renderer: &'f Renderer<'a>, targets: &'f Targets, request: RenderRequest) -> DrawnGeometry<'f, 'a> {
+        DrawnGeometry { view: renderer.view(&request), renderer, targets, request }
+    }
+
+    /// The request that has this geometry.
+    pub fn request(&self) -> &RenderRequest {
+        &self.request
+    }
+
+    /// The view that it shows.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// The renderer that drew it.
+    pub fn renderer(&self) -> &'f Renderer<'a> {
+        self.renderer
+    }
+
+    /// The targets of the geometry pass.
+    pub fn geometry_targets(&self) -> &'f geometry::Targets {
+        &self.targets.geometry
     }
 
     /// Where each pixel's surface point was in the frame of the previous call with these `links`: one index per pixel,
@@ -84,10 +114,11 @@ impl<'f, 'a> Frame<'f, 'a> {
     /// # Errors
     /// When the device fails.
     pub fn compose(&self, layers: &Layers, destinations: &[Destination<'_>]) -> Result<()> {
-        let gpu = &self.renderer.gpu;
-        let mut encoder = gpu.encoder("composition");
-        self.renderer.stages.composition.encode(gpu, &mut encoder, &self.uniforms(), &self.targets.geometry, layers, destinations);
-        gpu.submit_and_wait(encoder)
+        let uniforms = self.uniforms();
+        let groups = [&uniforms];
+        let mut rec = Recording::new(&self.renderer.gpu, &groups);
+        self.renderer.stages.composition.encode(&mut rec, &self.targets.geometry, layers, destinations);
+        rec.submit()
     }
 
     /// Composes the streams of `meter` (`variants`: one per stream; `None` = each pixel has the flavours that it needs) and compares them with the
@@ -98,22 +129,21 @@ impl<'f, 'a> Frame<'f, 'a> {
     pub fn measure(&self, layers: &Layers, meter: &mut Meter, variants: &[Option<Variant>]) -> Result<(Vec<FrameSums>, Vec<PassTime>)> {
         let (gpu, composition) = (&self.renderer.gpu, &self.renderer.stages.composition);
         let uniforms = self.uniforms();
-        let mut timer = Timer::new(gpu);
-        let mut encoder = gpu.encoder("metrics");
+        let groups = [&uniforms];
+        let mut rec = Recording::new(gpu, &groups);
         let slots = meter.slots();
-        meter.motion.encode(gpu, &mut encoder, &mut timer, &uniforms, &self.targets.geometry, &self.view, &slots);
+        meter.motion.encode(&mut rec, &self.targets.geometry, &self.view, &slots);
         let destinations: Vec<_> = variants
             .iter()
             .zip(&meter.streams)
             .map(|(&v, s)| Destination { stream: composition.stream(v), signal: &s.signal, offset: slots.now })
             .collect();
-        composition.encode(gpu, &mut encoder, &uniforms, &self.targets.geometry, layers, &destinations);
-        meter.encode(gpu, &mut encoder, &mut timer);
-        timer.resolve(&mut encoder);
-        gpu.submit_and_wait(encoder)?;
+        composition.encode(&mut rec, &self.targets.geometry, layers, &destinations);
+        meter.encode(gpu, &mut rec.encoder, &mut rec.timer);
+        let passes = rec.finish()?;
         let sums = meter.read(gpu)?;
         meter.motion.advance(self.view);
-        Ok((sums, timer.read(gpu)?))
+        Ok((sums, passes))
     }
 
     /// Position, derivatives and splat texels of each pixel, row by row from the top.

@@ -6,14 +6,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
 use crate::base::section::{Section, mebibytes, row};
-use crate::classification::{self, Lists};
+use crate::classification;
 use crate::composition::{Composition, Layers};
 use crate::culling::{self, Patch};
-use crate::display;
-use crate::geometry;
 use crate::gpu::bindings::Binding;
-use crate::gpu::{Gpu, Sources, Timer};
-use crate::lighting;
+use crate::gpu::{Gpu, Recording, Sources};
 use crate::materials::Palette;
 use crate::metrics::Meter;
 use crate::motion::Links;
@@ -21,13 +18,12 @@ use crate::quadtree;
 use crate::residency::Streaming;
 use crate::scene::demands::Demands;
 use crate::scene::{self, Scene};
-use crate::shading::{self, Kernel, PipelineKey};
-use crate::stage::Build;
+use crate::shading::{Kernel, PipelineKey, ShadingPass};
+use crate::stage::{Build, Canvas};
 use crate::temporal::Resolve;
 use crate::terrain::{Terrain, palette_means};
 use crate::variant::{Flavour, Variant};
 use crate::view::camera::View;
-use crate::view::normals::NormalEncoding;
 use crate::virtual_texture;
 use crate::world::{NodeId, PaletteMeans, World};
 
@@ -43,33 +39,18 @@ mod settings;
 mod stages;
 mod uniforms;
 
-pub use drawn::Frame;
+pub use drawn::{DrawnGeometry, Frame};
 pub use edit::EditCounts;
 pub use reload::ReloadReport;
 pub use report::FrameReport;
 pub use request::{
     GeometryKey, GeometryRequest, MAX_PIXELS, MAX_SIDE, Outputs, RenderRequest, ShadingRequest, VariantChoice, ViewRequest, check_size,
 };
-pub use settings::{ClassifyBy, FRAME, FrameSettings, setting};
-pub use stages::{DECLARATIONS, FOLLOWING, shader_files};
+pub use settings::{ClassifyBy, FRAME, FrameSettings, setting, settings};
+pub use stages::{DECLARATIONS, FOLLOWING, StageSettings, Targets, shader_files, stage_settings};
 
 use picture::Picture;
 use stages::Stages;
-
-/// All targets of the picture's size.
-pub struct Targets {
-    /// Targets of the geometry pass.
-    pub geometry: geometry::Targets,
-    /// Tile lists of the classification pass.
-    pub lists: Lists,
-    /// Targets of the shading pass.
-    pub shading: shading::Targets,
-    /// Linear HDR picture.
-    pub image: wgpu::Texture,
-    /// Tone-mapped sRGB picture.
-    pub displayed: wgpu::Texture,
-    size: [u32; 2],
-}
 
 /// Options of a renderer that are not part of a scene, and that an experiment can vary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -243,11 +224,11 @@ impl<'a> Renderer<'a> {
         request.check(&self.gpu.device.limits(), self.options.tile)?;
         self.check_variant(request.shading.variant)?;
         let (size, normals) = (request.view.size, request.geometry.normals);
-        let targets = match self.targets.take().filter(|t| t.size == size && t.geometry.normals.format() == normals.format()) {
+        let targets = match self.targets.take().filter(|targets| targets.fit(size, normals)) {
             Some(targets) => targets,
             None => {
                 self.drawn = None;
-                Targets::new(&self.gpu, size, normals, self.options.tile)
+                Targets::new(Canvas { gpu: &self.gpu, size, normals, tile: self.options.tile })
             }
         };
         let report = self.draw_into(request, &targets);
@@ -260,11 +241,9 @@ impl<'a> Renderer<'a> {
         let gpu = self.gpu.clone();
         let gpu = &gpu;
         let view = self.view(request);
-        let frame = self.frame_group(request);
-        let terrain_group = self.terrain.group.clone();
-        let groups = [&frame, &terrain_group];
-        let mut timer = Timer::new(gpu);
-        let mut encoder = gpu.encoder("geometry");
+        let (frame, terrain) = (self.frame_group(request), self.terrain.group.clone());
+        let groups = [&frame, &terrain];
+        let mut rec = Recording::new(gpu, &groups);
 
         let key = request.geometry_key();
         // If the geometry is reused, no nodes are loaded.
@@ -277,19 +256,18 @@ impl<'a> Renderer<'a> {
                 let (visited, nodes, patches) = self.visible_patches(request, &view, &eye)?;
                 loaded = self.streaming.loaded();
                 // geometry: depth, stencil, mask, normals
-                let stride = request.geometry.vertex_stride;
-                self.stages.geometry.encode(gpu, &mut encoder, &mut timer, groups, &patches, stride, &targets.geometry);
+                self.stages.geometry.encode(&mut rec, &patches, request.geometry.vertex_stride, &targets.geometry);
                 Drawn { key, visited, nodes, patches: patches.len() }
             }
         };
         // classification: tiles per variant; requests: visible virtual-texture pages
-        self.stages.classification.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.lists);
+        self.stages.classification.encode(&mut rec, &targets.geometry, &targets.classification);
         let has_pages = self.stages.virtual_texture.is_required() && request.shading.variant.may_use(Flavour::VirtualTexture);
         if has_pages {
-            self.stages.virtual_texture.encode_requests(gpu, &mut encoder, &mut timer, groups, &targets.geometry);
+            self.stages.virtual_texture.encode_requests(&mut rec, &targets.geometry);
         }
-        gpu.submit_and_wait(encoder)?;
-        let tiles = self.stages.classification.read_counts(gpu, &targets.lists)?;
+        rec.submit()?;
+        let tiles = self.stages.classification.read_counts(gpu, &targets.classification)?;
 
         // virtual texture: pages that are missing
         let pages = if has_pages {
@@ -301,32 +279,19 @@ impl<'a> Renderer<'a> {
 
         // shading: G-buffer, by the variants that have tiles; lighting: linear HDR
         let keys = self.warm(request, &tiles)?;
-        let mut encoder = gpu.encoder("shading");
-        self.stages.shading.encode(
-            gpu,
-            &mut encoder,
-            &mut timer,
-            groups,
-            &targets.geometry,
-            &targets.lists,
-            &self.stages.virtual_texture,
-            &targets.shading,
-            &keys,
-            request.wants_diagnostics(),
-            request.outputs.time_variants,
-        );
+        let how = ShadingPass { keys: &keys, diagnostics: request.wants_diagnostics(), timed: request.outputs.time_variants };
+        let pages_of_frame = &self.stages.virtual_texture;
+        self.stages.shading.encode(&mut rec, &targets.geometry, &targets.classification, pages_of_frame, how, &targets.shading);
         if request.outputs.lit {
-            self.stages.lighting.encode(gpu, &mut encoder, &mut timer, &frame, &targets.geometry, &targets.shading, &targets.image);
+            self.stages.lighting.encode(&mut rec, &targets.geometry, &targets.shading, &targets.lighting);
         }
         // display: tone-mapped sRGB
-        if let Some(exposure) = request.outputs.display.filter(|_| request.outputs.lit) {
-            self.stages.display.encode(gpu, &mut encoder, &mut timer, exposure, &targets.image, &targets.displayed);
+        if request.is_displayed() {
+            self.stages.display.encode(&mut rec, request.stages.display, &targets.lighting, &targets.display);
         }
-        timer.resolve(&mut encoder);
-        gpu.submit_and_wait(encoder)?;
 
         let report = FrameReport {
-            passes: timer.read(gpu)?,
+            passes: rec.finish()?,
             visited: drawn.visited.len(),
             loaded,
             edited: std::mem::take(&mut self.edited),
@@ -375,10 +340,9 @@ impl<'a> Renderer<'a> {
     ///
     /// # Errors
     /// As [`Renderer::render`].
-    pub fn draw_flavours(&mut self, request: &RenderRequest, flavours: Variant, layers: &Layers) -> Result<Frame<'_, 'a>> {
-        let mut report = FrameReport::default();
+    pub fn draw_flavours(&mut self, request: &RenderRequest, flavours: Variant, layers: &Layers) -> Result<DrawnGeometry<'_, 'a>> {
         for flavour in flavours.flavours() {
-            report = self.draw_targets(&request.with(|r| {
+            self.draw_targets(&request.with(|r| {
                 r.shading.variant = VariantChoice::Forced(Variant::only(flavour));
                 r.outputs.count_fetches = true;
                 r.outputs.lit = false;
@@ -390,18 +354,16 @@ impl<'a> Renderer<'a> {
             self.gpu.queue.submit([encoder.finish()]);
         }
         let targets = self.targets.as_ref().expect("a variant has a flavour");
-        Ok(Frame::new(self, targets, *request, report))
+        Ok(DrawnGeometry::new(self, targets, *request))
     }
 
-    /// The frame in the targets, with the shading and outputs that `request` asks for. Its geometry must be that of the last frame drawn.
+    /// The geometry of the last frame drawn, which must be the geometry of `request`.
     ///
     /// # Errors
     /// When nothing was drawn yet, or the last frame had other geometry.
-    pub fn drawn_as(&self, request: &RenderRequest) -> Result<Frame<'_, 'a>> {
+    pub fn drawn_as(&self, request: &RenderRequest) -> Result<DrawnGeometry<'_, 'a>> {
         match (&self.targets, &self.drawn) {
-            (Some(targets), Some(drawn)) if drawn.key == request.geometry_key() => {
-                Ok(Frame::new(self, targets, *request, FrameReport::default()))
-            }
+            (Some(targets), Some(drawn)) if drawn.key == request.geometry_key() => Ok(DrawnGeometry::new(self, targets, *request)),
             _ => Err(Error::Request("this view is not the one that was drawn last: draw it first".to_owned())),
         }
     }
@@ -495,19 +457,6 @@ impl<'a> Renderer<'a> {
             self.stages.shading.display(&keys, !request.outputs.keep_geometry);
         }
         Ok(keys)
-    }
-}
-
-impl Targets {
-    fn new(gpu: &Gpu, size: [u32; 2], normals: NormalEncoding, tile: u32) -> Targets {
-        Targets {
-            geometry: geometry::Targets::new(gpu, size, normals),
-            lists: Lists::new(gpu, size, tile),
-            shading: shading::Targets::new(gpu, size),
-            image: gpu.target("image", size, lighting::FORMAT),
-            displayed: gpu.target("displayed picture", size, display::FORMAT),
-            size,
-        }
     }
 }
 

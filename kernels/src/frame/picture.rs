@@ -1,12 +1,14 @@
 //! A finished picture with its layers.
 
 use half::f16;
+use half::slice::HalfFloatSliceExt as _;
 
 use crate::base::error::{Error, Result};
 use crate::base::names::nearest;
 use crate::display::{Exposure, reference};
 use crate::frame::{Frame, FrameReport};
-use crate::gpu::read_texture;
+use crate::gpu::TextureReading;
+use crate::shading::diagnostics;
 
 /// Names of all layers, in the order in which they are written.
 pub const AOV_NAMES: [&str; 10] = ["albedo", "normal", "depth", "mask", "variant", "fetches", "choice", "position", "ddx", "ddy"];
@@ -67,7 +69,7 @@ pub enum Layer {
 pub struct Picture {
     /// Size in pixels.
     pub size: [u32; 2],
-    /// Linear radiance; alpha 1 = terrain, 0 = sky.
+    /// Linear radiance; alpha 1 = terrain, 0 = sky. Empty if the request did not ask for a lit picture.
     pub hdr: Vec<[f32; 4]>,
     /// Tone-mapped sRGB codes for people, alpha as in `hdr`; `None` if the request did not ask for them.
     pub displayed: Option<Vec<[u8; 4]>>,
@@ -81,63 +83,66 @@ pub struct Picture {
     pub report: FrameReport,
 }
 
-fn rgba16(bytes: &[u8]) -> Vec<[f32; 4]> {
-    let words: Vec<[f16; 4]> = bytemuck::pod_collect_to_vec(bytes);
-    words.into_iter().map(|t| t.map(f16::to_f32)).collect()
+/// The first three numbers of texels that have four, as f16.
+fn rgb(bytes: &[u8]) -> Vec<[f32; 3]> {
+    let halves: Vec<f16> = bytemuck::pod_collect_to_vec(bytes);
+    halves.to_f32_vec().chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2]]).collect()
 }
 
 impl Picture {
-    /// Reads a frame back.
+    /// Reads a frame back. All textures are read together.
     ///
     /// # Errors
     /// When the device is lost.
     pub(super) fn read(frame: Frame<'_, '_>) -> Result<Picture> {
         let (gpu, targets, request) = (frame.renderer().gpu(), frame.targets(), frame.request());
-        let hdr = bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.image, wgpu::TextureAspect::All, 16)?);
-        let displayed = match request.outputs.display {
-            Some(_) if request.outputs.lit => {
-                Some(bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.displayed, wgpu::TextureAspect::All, 4)?))
-            }
-            _ => None,
-        };
         let wanted = request.outputs.aovs;
+        let counted = wanted.needs_diagnostics() || request.outputs.count_fetches;
+        let mut reading = TextureReading::default();
+        let mut read = |wanted: bool, texture, aspect, bytes| wanted.then(|| reading.add(texture, aspect, bytes));
+        let all = wgpu::TextureAspect::All;
+        let hdr = read(request.outputs.lit, &targets.lighting, all, 16);
+        let displayed = read(request.is_displayed(), &targets.display, all, 4);
+        let albedo = read(wanted.has("albedo"), &targets.shading.albedo, all, 8);
+        let normal = read(wanted.has("normal"), &targets.shading.normal, all, 8);
+        let depth = read(wanted.has("depth"), &targets.geometry.depth_stencil, wgpu::TextureAspect::DepthOnly, 4);
+        let mask = read(wanted.has("mask"), &targets.geometry.mask, all, 1);
+        let counts = read(counted, &targets.shading.diagnostics, all, 4);
+        let texels = reading.run(gpu)?;
+        let texels = |place: Option<usize>| place.map(|place| texels[place].as_slice());
+
         let mut layers = Vec::new();
         let mut add = |name: &str, layer: Layer| layers.push((name.to_owned(), layer));
-        let rgb = |t: &[f32; 4]| [t[0], t[1], t[2]];
-        if wanted.has("albedo") {
-            let texels = rgba16(&read_texture(gpu, &targets.shading.albedo, wgpu::TextureAspect::All, 8)?);
-            add("albedo", Layer::Rgb(texels.iter().map(rgb).collect()));
+        if let Some(bytes) = texels(albedo) {
+            add("albedo", Layer::Rgb(rgb(bytes)));
         }
-        if wanted.has("normal") {
-            let texels = rgba16(&read_texture(gpu, &targets.shading.normal, wgpu::TextureAspect::All, 8)?);
-            add("normal", Layer::Xyz(texels.iter().map(rgb).collect()));
+        if let Some(bytes) = texels(normal) {
+            add("normal", Layer::Xyz(rgb(bytes)));
         }
-        if wanted.has("depth") {
-            let depth: Vec<f32> =
-                bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.geometry.depth_stencil, wgpu::TextureAspect::DepthOnly, 4)?);
+        if let Some(bytes) = texels(depth) {
+            let depth: Vec<f32> = bytemuck::pod_collect_to_vec(bytes);
             // Metres along the view direction; 0 = no terrain.
             let metres = |d: f32| if d > 0.0 { crate::view::camera::NEAR_M as f32 / d } else { 0.0 };
             add("depth", Layer::Value(depth.into_iter().map(metres).collect()));
         }
-        if wanted.has("mask") {
-            let mask = read_texture(gpu, &targets.geometry.mask, wgpu::TextureAspect::All, 1)?;
-            add("mask", Layer::Value(mask.into_iter().map(f32::from).collect()));
+        if let Some(bytes) = texels(mask) {
+            add("mask", Layer::Value(bytes.iter().copied().map(f32::from).collect()));
         }
         let mut fetches_per_px = None;
-        if wanted.needs_diagnostics() || request.outputs.count_fetches {
-            let words: Vec<u32> =
-                bytemuck::pod_collect_to_vec(&read_texture(gpu, &targets.shading.diagnostics, wgpu::TextureAspect::All, 4)?);
-            let layer = |shift: u32, bits: u32| Layer::Value(words.iter().map(|w| (w >> shift & ((1 << bits) - 1)) as f32).collect());
+        if let Some(bytes) = texels(counts) {
+            let words: Vec<u32> = bytemuck::pod_collect_to_vec(bytes);
+            let layer = |part: fn(u32) -> u32| Layer::Value(words.iter().map(|&word| part(word) as f32).collect());
             if wanted.has("variant") {
-                add("variant", layer(24, 8));
+                add("variant", layer(diagnostics::mask));
             }
             if wanted.has("fetches") {
-                add("fetches", layer(0, 16));
+                add("fetches", layer(diagnostics::fetches));
             }
             if wanted.has("choice") {
-                add("choice", layer(16, 8));
+                add("choice", layer(diagnostics::choice));
             }
-            let shaded: Vec<u32> = words.iter().filter(|w| **w >> 24 != 0).map(|w| w & 0xffff).collect();
+            let shaded: Vec<u32> =
+                words.iter().filter(|&&word| diagnostics::mask(word) != 0).map(|&word| diagnostics::fetches(word)).collect();
             fetches_per_px = Some(shaded.iter().map(|&n| f64::from(n)).sum::<f64>() / (shaded.len().max(1) as f64));
         }
         if wanted.needs_inspection() {
@@ -156,6 +161,8 @@ impl Picture {
             }
         }
         let size = request.view.size;
+        let hdr = texels(hdr).map(bytemuck::pod_collect_to_vec).unwrap_or_default();
+        let displayed = texels(displayed).map(bytemuck::pod_collect_to_vec);
         let report = frame.into_report();
         let passes = report.passes.iter().map(|p| (p.name.clone(), p.time_ms)).collect();
         Ok(Picture { size, hdr, displayed, layers, passes, fetches_per_px, report })

@@ -1,9 +1,8 @@
 //! The request for a picture: the view, how its geometry is made, how it is shaded, and the outputs.
 
-use super::FrameSettings;
+use super::{FrameSettings, StageSettings};
 use crate::base::error::{Error, Result};
 use crate::classification;
-use crate::display::Exposure;
 use crate::frame::picture::AovSet;
 use crate::shading::Estimator;
 use crate::shared::noise::NoiseKind;
@@ -97,8 +96,8 @@ pub struct Outputs {
     pub count_fetches: bool,
     /// Whether the picture is lit. If not, only the G-buffer is made.
     pub lit: bool,
-    /// Exposure and tone curve of the picture for people; `None` = it is not displayed.
-    pub display: Option<Exposure>,
+    /// Whether the lit picture is also tone-mapped for people to look at, with the settings of the stage `display`.
+    pub displayed: bool,
     /// Whether each variant is shaded and timed in a pass of its own. It is off when the shading pass is timed as a whole.
     pub time_variants: bool,
     /// Reuses the geometry of the last frame instead of drawing it, if its [`GeometryKey`] is the same: for many seeds or variants of one view.
@@ -116,6 +115,8 @@ pub struct RenderRequest {
     pub shading: ShadingRequest,
     /// The outputs.
     pub outputs: Outputs,
+    /// Settings of the stages.
+    pub stages: StageSettings,
 }
 
 impl RenderRequest {
@@ -136,6 +137,11 @@ impl RenderRequest {
         GeometryKey { view: self.view, geometry: self.geometry }
     }
 
+    /// Whether the picture is tone-mapped for people to look at.
+    pub fn is_displayed(&self) -> bool {
+        self.outputs.lit && self.outputs.displayed
+    }
+
     /// Whether the shading pass has to count fetches and record choices.
     pub fn wants_diagnostics(&self) -> bool {
         self.outputs.count_fetches || self.outputs.aovs.needs_diagnostics()
@@ -144,12 +150,11 @@ impl RenderRequest {
     /// Refuses a request that cannot be drawn with these limits.
     ///
     /// # Errors
-    /// When the size, the LOD bias or the vertex stride is out of range.
+    /// When the size, the LOD bias, the vertex stride or a setting of a stage is out of range.
     pub fn check(&self, limits: &wgpu::Limits, tile: u32) -> Result<()> {
         check_size(self.view.size, limits, tile)?;
         let GeometryRequest { lod_bias, vertex_stride, .. } = self.geometry;
-        let exposure = self.outputs.display.unwrap_or_default().stops;
-        let settings = FrameSettings { lod_bias, vertex_stride, exposure, ..FrameSettings::default() };
+        let settings = FrameSettings { lod_bias, vertex_stride, stages: self.stages, ..FrameSettings::default() };
         settings.check().map_err(|wrong| Error::Request(wrong.to_string()))
     }
 }

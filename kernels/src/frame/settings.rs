@@ -2,14 +2,14 @@
 
 use toml::Value;
 
+use super::stages::{StageSettings, stage_settings};
 use super::{GeometryRequest, Outputs, RenderRequest, ShadingRequest, VariantChoice, ViewRequest};
 use crate::base::document::Checked;
 use crate::classification;
-use crate::display::{Exposure, STOPS, ToneCurve};
 use crate::frame::picture::AovSet;
 use crate::geometry;
 use crate::quadtree::LOD_BIASES;
-use crate::settings::{self, Field, Home, Kind, Listing, Range, Setting, table};
+use crate::settings::{self, Field, Home, Kind, Listing, Range, Setting, named, table};
 use crate::shading::Estimator;
 use crate::shared::noise::NoiseKind;
 use crate::temporal::SamplePattern;
@@ -28,13 +28,16 @@ const GEOMETRY: Listing = Listing::new("Geometry", &[Home::Definition, Home::Opt
 /// In a definition, these settings are lists, which have keys of their own.
 const VARIANTS: Listing = Listing::new("Shading", &[Home::DefinitionList("variants"), Home::Option, Home::Workbench]);
 const ESTIMATORS: Listing = Listing::new("Shading", &[Home::DefinitionList("estimators"), Home::Option, Home::Workbench]);
-const DISPLAY: Listing = Listing::new("Display", &[Home::Option, Home::Workbench]);
 const NOISES: Listing = Listing::new("Shading", &[Home::DefinitionList("noises"), Home::Option, Home::Workbench]);
 
 table! {
     /// Choices of a frame, which no scene makes.
     #[derive(Copy)]
-    FrameSettings of FrameSettings as "frame" at |frame| frame, {
+    FrameSettings of FrameSettings as "frame" at |frame| frame,
+    parts
+        /// The settings that stages declare.
+        stages: StageSettings,
+    {
         /// The variant that shades every tile. `auto`: each tile by the variant its pixels need.
         variant: Option<Variant> = None, "", Kind::Text(VARIANT), VARIANTS.shown("Automatic");
         /// Shade by the one pipeline that takes the flavours at run time, instead of by the variants' own pipelines.
@@ -57,10 +60,6 @@ table! {
             GEOMETRY.slider("Node LOD bias", LOD_BIASES[0], LOD_BIASES[1]);
         /// Vertex decimation: draw every 1st, 2nd or 4th vertex along a node's side. Textures stay as fine; ridges lose detail.
         vertex_stride: u32 = 1, "", Kind::OneOf(&geometry::STRIDES), GEOMETRY.shown("Vertex stride");
-        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. Metrics and OpenEXR files are not exposed.
-        exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
-        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip` above 1. Metrics and OpenEXR files are not mapped.
-        tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
         /// Edge of a tile of the screen.
         tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
             Listing::new("Classification", &[Home::Definition, Home::Option]);
@@ -109,42 +108,36 @@ impl Field for Option<Variant> {
     }
 }
 
-/// Implements [`Field`] for types whose values have names.
-macro_rules! named {
-    ($($Type:ty),+) => {
-        $(
-            impl Field for $Type {
-                fn value(&self) -> Value {
-                    Value::String(self.name().to_owned())
-                }
+named!(Estimator, NoiseKind, NormalEncoding, ClassifyBy);
 
-                fn store(&mut self, value: &Value) -> Result<(), String> {
-                    let known = <$Type>::ALL.into_iter().find(|known| value.as_str() == Some(known.name()));
-                    *self = known.ok_or_else(String::new)?;
-                    Ok(())
-                }
-            }
-        )+
-    };
+/// Every setting of a frame: its own, then those of its stages.
+pub fn settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
+    FrameSettings::SETTINGS.iter().chain(stage_settings())
 }
-
-named!(Estimator, NoiseKind, NormalEncoding, ClassifyBy, ToneCurve);
 
 /// The setting of a frame that has this key.
 pub fn setting(key: &str) -> Option<&'static Setting<FrameSettings>> {
-    FrameSettings::SETTINGS.iter().find(|setting| setting.key == key)
+    settings().find(|setting| setting.key == key)
 }
 
 impl FrameSettings {
     /// # Errors
     /// The first value that its setting does not accept.
     pub fn check(&self) -> Checked {
-        settings::check(FrameSettings::SETTINGS.iter(), self)
+        settings::check(settings(), self)
     }
 
-    /// How the picture is shown to people.
-    pub fn display(&self) -> Exposure {
-        Exposure { stops: self.exposure, curve: self.tone_curve }
+    /// These settings, but looked at as with `other`: settings that no experiment has, such as the exposure, are those of `other`.
+    #[must_use]
+    pub fn looked_at_as(mut self, other: &FrameSettings) -> FrameSettings {
+        let measured = |home: &Home| matches!(home, Home::Definition | Home::DefinitionList(_));
+        for setting in settings().filter(|setting| !setting.listing.homes.iter().any(measured)) {
+            if let (Some(value), Some(field)) = (setting.get(other), (setting.field_mut)(&mut self)) {
+                let stored = field.store(&value);
+                debug_assert!(stored.is_ok(), "{stored:?}");
+            }
+        }
+        self
     }
 
     /// Which shader shades which tile.
@@ -180,10 +173,11 @@ impl FrameSettings {
                 aovs: AovSet::default(),
                 count_fetches: false,
                 lit: true,
-                display: None,
+                displayed: false,
                 time_variants: false,
                 keep_geometry: false,
             },
+            stages: self.stages,
         }
     }
 }

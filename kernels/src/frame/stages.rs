@@ -1,5 +1,6 @@
 //! The table of stages, in the order of the frame: everything that is built from shaders and used to draw.
 
+use super::FrameSettings;
 use crate::base::error::{Error, Result};
 use crate::base::section::Section;
 use crate::base::wgsl::Wgsl;
@@ -11,8 +12,10 @@ use crate::gpu::ShaderModule;
 use crate::inspect::Inspect;
 use crate::lighting::Lighting;
 use crate::motion;
+use crate::settings::{Holds, Part as _, Setting};
 use crate::shading::Shading;
-use crate::stage::{Build, Declaration, Exchange, Stage};
+use crate::stage::{Build, Canvas, Declaration, Exchange, Stage};
+use crate::view::normals::NormalEncoding;
 use crate::virtual_texture::VirtualTexture;
 
 macro_rules! stages {
@@ -20,6 +23,50 @@ macro_rules! stages {
         /// Every stage of a renderer.
         pub(super) struct Stages {
             $($(#[$doc])* pub(super) $field: $stage,)*
+        }
+
+        /// The settings of every stage, by its name; `()` = the stage has none.
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        pub struct StageSettings {
+            $(#[doc = concat!("Settings of the stage `", stringify!($field), "`.")] pub $field: <$stage as Stage>::Settings,)*
+        }
+
+        $(
+            impl Holds<$stage> for FrameSettings {
+                type Part = <$stage as Stage>::Settings;
+
+                fn part(&self) -> &Self::Part {
+                    &self.stages.$field
+                }
+
+                fn part_mut(&mut self) -> &mut Self::Part {
+                    &mut self.stages.$field
+                }
+            }
+        )*
+
+        /// The tables of settings of all stages, in the order of the frame.
+        pub fn stage_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
+            [$(<$stage as Stage>::Settings::table::<$stage, FrameSettings>()),*].into_iter().flatten()
+        }
+
+        /// What every stage writes, by its name, with the size of the picture; `()` = the stage writes nothing of that size.
+        pub struct Targets {
+            $(#[doc = concat!("Targets of the stage `", stringify!($field), "`.")] pub $field: <$stage as Stage>::Targets,)*
+            size: [u32; 2],
+            normals: wgpu::TextureFormat,
+        }
+
+        impl Targets {
+            /// Allocates all targets.
+            pub(super) fn new(canvas: Canvas<'_>) -> Targets {
+                Targets { $($field: <$stage>::targets(canvas),)* size: canvas.size, normals: canvas.normals.format() }
+            }
+
+            /// Whether they are as if allocated for this picture.
+            pub(super) fn fit(&self, size: [u32; 2], normals: NormalEncoding) -> bool {
+                self.size == size && self.normals == normals.format()
+            }
         }
 
         /// The declaration of every stage, in the order of the frame.

@@ -13,9 +13,9 @@ use crate::base::wgsl::{Constant, Wgsl};
 use crate::culling::{PATCH_QUADS, Patch};
 use crate::gpu::bindings::{Binding, view};
 use crate::gpu::uses::{PassUse, TargetUse};
-use crate::gpu::{Gpu, Shader, ShaderModule, Timer, constants};
+use crate::gpu::{CLEAR, Gpu, Recording, Shader, ShaderModule, constants};
 use crate::shared;
-use crate::stage::{Build, Declaration, Stage};
+use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::terrain;
 use crate::view;
 use crate::view::normals::NormalEncoding;
@@ -152,6 +152,13 @@ impl Stage for Geometry {
         ..Declaration::EMPTY
     };
 
+    type Settings = ();
+    type Targets = Targets;
+
+    fn targets(canvas: Canvas<'_>) -> Targets {
+        Targets::new(canvas.gpu, canvas.size, canvas.normals)
+    }
+
     fn build(build: Build<'_>) -> Result<Geometry> {
         let Build { gpu, frame: frame_layout, terrain, demands, .. } = build;
         let has_holes = demands.holes;
@@ -178,43 +185,19 @@ impl Geometry {
     }
 
     /// Records the pass. `stride`: one of [`STRIDES`].
-    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
-    pub fn encode(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut Timer,
-        groups: [&wgpu::BindGroup; 2],
-        patches: &[Patch],
-        stride: u32,
-        targets: &Targets,
-    ) {
+    pub fn encode(&self, rec: &mut Recording<'_>, patches: &[Patch], stride: u32, targets: &Targets) {
+        let gpu = rec.gpu;
         let list = gpu.buffer_with("patches", wgpu::BufferUsages::STORAGE, if patches.is_empty() { &[0; 32] } else { cast_slice(patches) });
         let group = gpu.group("patches", &self.layout, &[list.as_entire_binding()]);
-        let clear = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("geometry"),
-            color_attachments: &[
-                Some(wgpu::RenderPassColorAttachment { view: &view(&targets.mask), depth_slice: None, resolve_target: None, ops: clear }),
-                Some(wgpu::RenderPassColorAttachment {
-                    view: &view(&targets.normals),
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: clear,
-                }),
-            ],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &view(&targets.depth_stencil),
-                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
-                stencil_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store }),
-            }),
-            timestamp_writes: timer.render("geometry"),
-            ..Default::default()
-        });
+        let depth_stencil = view(&targets.depth_stencil);
+        let depth_stencil = wgpu::RenderPassDepthStencilAttachment {
+            view: &depth_stencil,
+            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
+            stencil_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store }),
+        };
+        let colours = [&view(&targets.mask), &view(&targets.normals)];
+        let mut pass = rec.render("geometry", &colours, CLEAR, Some(depth_stencil), 2, &[&group]);
         pass.set_pipeline(self.pipeline(gpu, targets.normals.format()));
-        pass.set_bind_group(0, groups[0], &[]);
-        pass.set_bind_group(1, groups[1], &[]);
-        pass.set_bind_group(2, &group, &[]);
         let (indices, count) = &self.indices[stride.ilog2() as usize];
         pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
         pass.set_stencil_reference(1);

@@ -6,6 +6,7 @@ use crate::base::error::{Error, Result};
 
 pub mod bindings;
 mod readback;
+mod recording;
 mod shader;
 mod sources;
 mod specialise;
@@ -13,7 +14,8 @@ mod timer;
 mod upload;
 pub mod uses;
 
-pub use readback::{read_buffer, read_texture};
+pub use readback::{TextureReading, read_buffer, read_texture};
+pub use recording::{CLEAR, Recording};
 pub use shader::{Shader, ShaderModule, constants};
 pub use sources::Sources;
 pub(crate) use specialise::Template;

@@ -9,10 +9,11 @@ use crate::gpu::Gpu;
 /// When the device is lost.
 pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8>> {
     let size = size.next_multiple_of(4);
-    let staging = gpu.buffer("read-back", wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ, size);
+    let staging = staging(gpu, size);
     let mut encoder = gpu.encoder("read-back");
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
-    map(gpu, encoder, &staging)
+    wait(gpu, encoder, std::slice::from_ref(&staging))?;
+    mapped(&staging, |bytes| bytes.to_vec())
 }
 
 /// Reads all texels of mip level 0, layer 0, in tightly packed rows. `bytes_per_texel` is that of the format. Waits for the device.
@@ -20,29 +21,77 @@ pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8
 /// # Errors
 /// When the device is lost.
 pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, aspect: wgpu::TextureAspect, bytes_per_texel: u32) -> Result<Vec<u8>> {
-    let (width, height) = (texture.width(), texture.height());
-    let row = width * bytes_per_texel;
-    let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-    let staging =
-        gpu.buffer("read-back", wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ, u64::from(padded) * u64::from(height));
-    let mut encoder = gpu.encoder("read-back");
-    encoder.copy_texture_to_buffer(
-        wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin: wgpu::Origin3d::ZERO, aspect },
-        wgpu::TexelCopyBufferInfo {
-            buffer: &staging,
-            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None },
-        },
-        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-    );
-    let bytes = map(gpu, encoder, &staging)?;
-    Ok(bytes.chunks(padded as usize).flat_map(|line| &line[..row as usize]).copied().collect())
+    let mut reading = TextureReading::default();
+    reading.add(texture, aspect, bytes_per_texel);
+    Ok(reading.run(gpu)?.remove(0))
 }
 
-fn map(gpu: &Gpu, encoder: wgpu::CommandEncoder, staging: &wgpu::Buffer) -> Result<Vec<u8>> {
+/// Textures that are read back together, because each wait for the device costs time.
+#[derive(Default)]
+pub struct TextureReading<'t> {
+    textures: Vec<(&'t wgpu::Texture, wgpu::TextureAspect, u32)>,
+}
+
+impl<'t> TextureReading<'t> {
+    /// Adds mip level 0, layer 0 of a texture. Returns its place among the results.
+    pub fn add(&mut self, texture: &'t wgpu::Texture, aspect: wgpu::TextureAspect, bytes_per_texel: u32) -> usize {
+        self.textures.push((texture, aspect, bytes_per_texel));
+        self.textures.len() - 1
+    }
+
+    /// Reads all of them, in tightly packed rows. Waits for the device once.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn run(self, gpu: &Gpu) -> Result<Vec<Vec<u8>>> {
+        let mut encoder = gpu.encoder("read-back");
+        let padded = |width: u32, bytes: u32| (width * bytes).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let buffers: Vec<wgpu::Buffer> = self
+            .textures
+            .iter()
+            .map(|&(texture, aspect, bytes)| {
+                let (width, height) = (texture.width(), texture.height());
+                let row = padded(width, bytes);
+                let staging = staging(gpu, u64::from(row) * u64::from(height));
+                encoder.copy_texture_to_buffer(
+                    wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin: wgpu::Origin3d::ZERO, aspect },
+                    wgpu::TexelCopyBufferInfo {
+                        buffer: &staging,
+                        layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+                    },
+                    wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                );
+                staging
+            })
+            .collect();
+        wait(gpu, encoder, &buffers)?;
+        let read = self.textures.iter().zip(&buffers).map(|(&(texture, _, bytes), staging)| {
+            let row = (texture.width() * bytes) as usize;
+            mapped(staging, |texels| {
+                let mut packed = Vec::with_capacity(row * texture.height() as usize);
+                texels.chunks(padded(texture.width(), bytes) as usize).for_each(|line| packed.extend_from_slice(&line[..row]));
+                packed
+            })
+        });
+        read.collect()
+    }
+}
+
+fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
+    gpu.buffer("read-back", wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ, size)
+}
+
+/// Submits copies into staging buffers, and waits until those are mapped.
+fn wait(gpu: &Gpu, encoder: wgpu::CommandEncoder, buffers: &[wgpu::Buffer]) -> Result<()> {
     gpu.queue.submit([encoder.finish()]);
-    staging.map_async(wgpu::MapMode::Read, .., |_| {});
+    for buffer in buffers {
+        buffer.map_async(wgpu::MapMode::Read, .., |_| {});
+    }
     gpu.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| Error::Gpu(e.to_string()))?;
-    gpu.check()?;
+    gpu.check()
+}
+
+fn mapped<T>(staging: &wgpu::Buffer, read: impl FnOnce(&[u8]) -> T) -> Result<T> {
     let view = staging.get_mapped_range(..).map_err(|e| Error::Gpu(format!("read-back failed: {e}")))?;
-    Ok(view.to_vec())
+    Ok(read(&view))
 }

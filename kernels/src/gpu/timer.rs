@@ -12,9 +12,6 @@ pub struct PassTime {
     pub time_ms: f64,
 }
 
-/// Passes that one timer can hold.
-const CAPACITY: u32 = 64;
-
 /// Collects the passes of one frame. On a device without timestamps it collects nothing.
 pub struct Timer {
     queries: Option<wgpu::QuerySet>,
@@ -26,23 +23,26 @@ pub struct Timer {
 }
 
 impl Timer {
+    /// Number of passes that one timer can hold.
+    pub const CAPACITY: u32 = 64;
+
     /// An empty timer.
     pub fn new(gpu: &Gpu) -> Timer {
         let queries = gpu.features.contains(wgpu::Features::TIMESTAMP_QUERY).then(|| {
             gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("pass times"),
                 ty: wgpu::QueryType::Timestamp,
-                count: CAPACITY * 2,
+                count: Timer::CAPACITY * 2,
             })
         });
         let resolved =
-            gpu.buffer("pass times", wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC, u64::from(CAPACITY * 2) * 8);
+            gpu.buffer("pass times", wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC, u64::from(Timer::CAPACITY * 2) * 8);
         Timer { queries, resolved, names: Vec::new(), missed: 0, period_ns: f64::from(gpu.queue.get_timestamp_period()) }
     }
 
     fn next(&mut self, name: &str) -> Option<(u32, u32)> {
         self.queries.as_ref()?;
-        let Some(index) = u32::try_from(self.names.len()).ok().filter(|&i| i < CAPACITY) else {
+        let Some(index) = u32::try_from(self.names.len()).ok().filter(|&i| i < Timer::CAPACITY) else {
             self.missed += 1;
             return None;
         };
@@ -88,9 +88,10 @@ impl Timer {
         }
         if self.missed > 0 {
             return Err(Error::Gpu(format!(
-                "{} of {} passes were not timed: a timer holds {CAPACITY} passes; time fewer at once",
+                "{} of {} passes were not timed: a timer holds {} passes; time fewer at once",
                 self.missed,
-                self.missed + CAPACITY
+                self.missed + Timer::CAPACITY,
+                Timer::CAPACITY
             )));
         }
         let bytes = read_buffer(gpu, &self.resolved, self.names.len() as u64 * 16)?;

@@ -10,7 +10,7 @@ use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::{Gpu, ShaderModule, read_buffer};
 use crate::shared;
-use crate::stage::{Build, Declaration, Stage};
+use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::terrain;
 use crate::view;
 
@@ -60,6 +60,11 @@ impl Stage for Inspect {
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
+
+    type Settings = ();
+    type Targets = ();
+
+    fn targets(_: Canvas<'_>) {}
 
     fn build(build: Build<'_>) -> Result<Inspect> {
         let Build { gpu, frame: frame_layout, terrain, .. } = build;

@@ -6,8 +6,7 @@
 
 @vertex
 fn lighting_vertex(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
-    let corner = vec2<f32>(f32((vertex << 1u) & 2u), f32(vertex & 2u));
-    return vec4<f32>(corner * 2.0 - 1.0, 0.0, 1.0);
+    return full_screen_position(vertex);
 }
 
 fn lighting_sky_radiance(direction: vec3<f32>) -> vec3<f32> {

@@ -12,10 +12,10 @@ use crate::base::wgsl::Wgsl;
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::uses::{PassUse, TargetUse};
-use crate::gpu::{Gpu, ShaderModule, Timer};
+use crate::gpu::{Recording, ShaderModule};
 use crate::shading;
 use crate::shared;
-use crate::stage::{Build, Declaration, Stage};
+use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::view;
 
 /// Format of the picture.
@@ -27,7 +27,11 @@ pub struct Lighting {
     layout: wgpu::BindGroupLayout,
 }
 
-static WGSL: Wgsl = Wgsl::new("lighting/lighting.wgsl", include_str!("lighting.wgsl"), &[&view::WGSL, &shared::BRDF, &shared::OCTAHEDRAL]);
+static WGSL: Wgsl = Wgsl::new(
+    "lighting/lighting.wgsl",
+    include_str!("lighting.wgsl"),
+    &[&view::WGSL, &view::FULL_SCREEN, &shared::BRDF, &shared::OCTAHEDRAL],
+);
 
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("lighting", &[&WGSL]);
@@ -41,6 +45,13 @@ impl Stage for Lighting {
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
+
+    type Settings = ();
+    type Targets = wgpu::Texture;
+
+    fn targets(canvas: Canvas<'_>) -> wgpu::Texture {
+        canvas.gpu.target("linear image", canvas.size, FORMAT)
+    }
 
     fn build(build: Build<'_>) -> Result<Lighting> {
         let Build { gpu, frame: frame_layout, .. } = build;
@@ -57,41 +68,9 @@ impl Stage for Lighting {
 
 impl Lighting {
     /// Records the pass.
-    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
-    pub fn encode(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut Timer,
-        frame: &wgpu::BindGroup,
-        geometry: &geometry::Targets,
-        shading: &shading::Targets,
-        image: &wgpu::Texture,
-    ) {
-        let texture = wgpu::BindingResource::TextureView;
-        let group = gpu.group(
-            "lighting",
-            &self.layout,
-            &[
-                texture(&view(&shading.albedo)),
-                texture(&view(&shading.normal)),
-                texture(&aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly)),
-            ],
-        );
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("lighting"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &view(image),
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
-            })],
-            timestamp_writes: timer.render("lighting"),
-            ..Default::default()
-        });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, frame, &[]);
-        pass.set_bind_group(1, &group, &[]);
-        pass.draw(0..3, 0..1);
+    pub fn encode(&self, rec: &mut Recording<'_>, geometry: &geometry::Targets, shading: &shading::Targets, image: &wgpu::Texture) {
+        let views = [view(&shading.albedo), view(&shading.normal), aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly)];
+        let group = rec.gpu.group("lighting", &self.layout, &views.each_ref().map(wgpu::BindingResource::TextureView));
+        rec.full_screen("lighting", &self.pipeline, image, 1, &[&group]);
     }
 }

@@ -3,7 +3,7 @@
 use super::{Motion, Slots};
 use crate::base::error::Result;
 use crate::geometry;
-use crate::gpu::{Gpu, Timer, read_buffer};
+use crate::gpu::{Gpu, Recording, read_buffer};
 use crate::view::camera::View;
 
 /// Where each pixel's surface point was one frame before.
@@ -36,10 +36,10 @@ impl Links {
     /// When the device is lost.
     pub fn find(&mut self, gpu: &Gpu, frame: &wgpu::BindGroup, geometry: &geometry::Targets, now: View) -> Result<Vec<u32>> {
         let pixels = self.size[0] * self.size[1];
-        let mut encoder = gpu.encoder("links");
-        let slots = Slots::of(self.index, pixels);
-        self.motion.encode(gpu, &mut encoder, &mut Timer::new(gpu), frame, geometry, &now, &slots);
-        gpu.submit_and_wait(encoder)?;
+        let groups = [frame];
+        let mut rec = Recording::new(gpu, &groups);
+        self.motion.encode(&mut rec, geometry, &now, &Slots::of(self.index, pixels));
+        rec.submit()?;
         let bytes = read_buffer(gpu, &self.motion.links, u64::from(pixels) * 4)?;
         self.motion.advance(now);
         self.index = self.index.wrapping_add(1);

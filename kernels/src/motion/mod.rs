@@ -10,7 +10,7 @@ use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
-use crate::gpu::{Gpu, ShaderModule, Timer};
+use crate::gpu::{Gpu, Recording, ShaderModule};
 use crate::shared;
 use crate::shared::motion::{MotionPast, Past};
 use crate::view;
@@ -126,17 +126,7 @@ impl Motion {
     }
 
     /// Records the pass for the frame that is seen by `now`, into its slot.
-    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
-    pub fn encode(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut Timer,
-        frame: &wgpu::BindGroup,
-        geometry: &geometry::Targets,
-        now: &View,
-        slots: &Slots,
-    ) {
+    pub fn encode(&self, rec: &mut Recording<'_>, geometry: &geometry::Targets, now: &View, slots: &Slots) {
         let mut uniform = MotionFrame {
             lags: self.lags(),
             slot: slots.now,
@@ -148,17 +138,13 @@ impl Motion {
         for (to, past) in uniform.past.iter_mut().zip(&self.views) {
             *to = Past::between(now, past).uniform();
         }
+        let gpu = rec.gpu;
         let buffer = gpu.buffer_with("motion", wgpu::BufferUsages::UNIFORM, bytes_of(&uniform));
         let views = [aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly), view(&geometry.normals)];
         let targets = gpu.group("motion targets", &self.targets_layout, &views.each_ref().map(wgpu::BindingResource::TextureView));
         let buffers = [&buffer, &self.distances, &self.links, &self.positions];
         let group = gpu.group("motion", &self.layout, &buffers.map(wgpu::Buffer::as_entire_binding));
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("motion"), timestamp_writes: timer.compute("motion") });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, frame, &[]);
-        pass.set_bind_group(1, &targets, &[]);
-        pass.set_bind_group(2, &group, &[]);
+        let mut pass = rec.compute("motion", &self.pipeline, 1, &[&targets, &group]);
         pass.dispatch_workgroups(now.size[0].div_ceil(4 * 32), now.size[1].div_ceil(2), 1);
     }
 

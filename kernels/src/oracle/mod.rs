@@ -16,7 +16,7 @@ use crate::geometry::reference::stitch;
 use crate::gpu::read_texture;
 use crate::quadtree::lod_map;
 use crate::scene::{Blend, Scene};
-use crate::shading::Estimator;
+use crate::shading::{Estimator, salt};
 use crate::shared::flavour_weights::{self, FlavourParams};
 use crate::shared::noise::{self, HashedPoint};
 use crate::shared::{biplanar, select, triplanar};
@@ -256,7 +256,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
         let u = noise::thresholds(request.shading.noise, &point, noise::WORLD_LEVEL, pixel, frame, seed, drawing.salt);
         drawing.draw(u, projections(request.shading.estimator, shading_normal, scene.blend.triplanar_sharpness), weights)
     });
-    let samples_pages = flavours[place_of(Flavour::VirtualTexture)] > 0.0;
+    let samples_pages = flavours[Flavour::VirtualTexture.index()] > 0.0;
     let page = samples_pages.then(|| {
         let asked = Page::of(&place, [ddx, ddy], sector_m, &Blend { anisotropy: renderer.demands().anisotropy, ..scene.blend.clone() });
         Page { served: renderer.page_serving(asked.id), ..asked }
@@ -285,14 +285,9 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
 /// Shading normal and triangle's plane of a pixel of the last frame.
 fn stored_normals(frame: &Frame<'_, '_>, index: usize) -> Result<[[f64; 3]; 2]> {
     let encoding = frame.request().geometry.normals;
-    let texels = read_texture(frame.renderer().gpu(), &frame.targets().geometry.normals, wgpu::TextureAspect::All, encoding.bytes())?;
+    let texels = read_texture(frame.renderer().gpu(), &frame.geometry_targets().normals, wgpu::TextureAspect::All, encoding.bytes())?;
     let bytes = encoding.bytes() as usize;
     Ok(encoding.decode(&texels[bytes * index..bytes * (index + 1)]))
-}
-
-/// Index of a flavour in tables of five.
-fn place_of(flavour: Flavour) -> usize {
-    flavour.bit().trailing_zeros() as usize
 }
 
 impl Texel {
@@ -404,7 +399,7 @@ fn inside_m(triangle: [DVec2; 3], point: DVec2) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Drawing {
     flavour: Flavour,
-    /// The salt of its noise in `shading/pixel.wgsl`.
+    /// The salt of its noise.
     salt: u32,
     /// Whether the projection is chosen at random, too.
     projects: bool,
@@ -413,8 +408,12 @@ struct Drawing {
 /// The first flavour, in the order of shading, that has a weight and draws random numbers with this estimator.
 fn drawing(estimator: Estimator, flavours: [f64; 5]) -> Option<Drawing> {
     // Far Cry 5's near cliff blends all projections; the single tap of `Stf` has one.
-    let in_order = [(Flavour::NearCliff, 1, estimator == Estimator::Stf), (Flavour::FarCliff, 2, true), (Flavour::Splat, 3, true)];
-    let draws = |flavour: Flavour| flavours[place_of(flavour)] > 0.0 && estimator.is_stochastic(Variant::only(flavour));
+    let in_order = [
+        (Flavour::NearCliff, salt::NEAR_CLIFF, estimator == Estimator::Stf),
+        (Flavour::FarCliff, salt::FAR_CLIFF, true),
+        (Flavour::Splat, salt::SPLAT, true),
+    ];
+    let draws = |flavour: Flavour| flavours[flavour.index()] > 0.0 && estimator.is_stochastic(Variant::only(flavour));
     let first = in_order.into_iter().find(|&(flavour, ..)| draws(flavour));
     first.map(|(flavour, salt, projects)| Drawing { flavour, salt, projects })
 }
@@ -568,9 +567,17 @@ mod tests {
         assert_eq!(first(Estimator::Stf, [0.5, 0.0, 0.0, 0.0, 0.5]), Some((Flavour::Splat, true)));
         // Texel 3 by 0.95 of 0.1, 0.2, 0.3, 0.4; axis 1 by 0.5 of 0.2, 0.5, 0.3.
         let weights = [0.1, 0.2, 0.3, 0.4];
-        let far = Drawing { flavour: Flavour::FarCliff, salt: 2, projects: true }.draw([0.5, 0.95, 0.0, 0.0], [0.2, 0.5, 0.3], weights);
+        let far = Drawing { flavour: Flavour::FarCliff, salt: salt::FAR_CLIFF, projects: true }.draw(
+            [0.5, 0.95, 0.0, 0.0],
+            [0.2, 0.5, 0.3],
+            weights,
+        );
         assert_eq!((far.expected, chosen(far.expected)), (8, Some((3, 1))));
-        let near = Drawing { flavour: Flavour::NearCliff, salt: 1, projects: false }.draw([0.15, 0.95, 0.0, 0.0], [0.2, 0.5, 0.3], weights);
+        let near = Drawing { flavour: Flavour::NearCliff, salt: salt::NEAR_CLIFF, projects: false }.draw(
+            [0.15, 0.95, 0.0, 0.0],
+            [0.2, 0.5, 0.3],
+            weights,
+        );
         assert_eq!((near.projection, near.material, near.expected, chosen(near.expected)), (None, 0.15, 2, Some((1, 0))));
         assert_eq!(chosen(0), None);
     }

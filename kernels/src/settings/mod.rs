@@ -1,7 +1,7 @@
 //! Settings: values that a user chooses. Each is declared once, with its key, unit, accepted values, default, description and accessor.
 //!
-//! A table is an array of [`Setting`] over the type that owns the values: [`crate::scene::settings`] over a scene, [`FrameSettings`](crate::frame::FrameSettings) over
-//! the choices of a frame. Scene files, definitions of experiments, the command line, the workbench with its state file, and the reference
+//! A table is an array of [`Setting`] over the type that owns the values: [`crate::scene::settings`] over a scene, [`crate::frame::settings`] over
+//! the choices of a frame and of its stages. Scene files, definitions of experiments, the command line, the workbench with its state file, and the reference
 //! documentation read these tables. A value that is not accepted is described by the same sentence everywhere ([`Setting::accept`]).
 
 use std::fmt;
@@ -290,14 +290,73 @@ pub struct Setting<T: 'static> {
     pub field_mut: fn(&mut T) -> Option<&mut dyn Field>,
 }
 
-/// Declares a type whose fields are settings: the type, its default values, and the table `SETTINGS`.
+/// The settings of one part of an owner, such as those of a stage among those of a frame.
+pub trait Part: Copy + Default + PartialEq + fmt::Debug + 'static {
+    /// Their table over an owner that stores them as part `P`.
+    fn table<P, O: Holds<P, Part = Self>>() -> &'static [Setting<O>];
+}
+
+/// No settings.
+impl Part for () {
+    fn table<P, O: Holds<P, Part = ()>>() -> &'static [Setting<O>] {
+        &[]
+    }
+}
+
+/// An owner that stores the settings of a part `P`.
+pub trait Holds<P>: 'static {
+    /// The type of these settings.
+    type Part: Part;
+
+    /// The settings.
+    fn part(&self) -> &Self::Part;
+
+    /// The settings, for changing them.
+    fn part_mut(&mut self) -> &mut Self::Part;
+}
+
+/// Declares a type whose fields are settings: the type, its default values, and the table of the settings.
 ///
-/// In `Name of Owner as "prefix" at |owner| place`, `place` is where an owner stores the `Name`, and keys begin with `prefix`. Each field then has:
-/// documentation, which is also the description of the setting; name, type and default; `unit, kind, listing`.
+/// - `Name of Owner as "prefix" at |owner| place`: `place` is where an owner stores the `Name`. The table is `Name::SETTINGS`. With `parts field: Type`,
+///   the type has one more field, which is not a setting.
+/// - `Name as "prefix"`: whoever implements [`Holds`] stores the `Name`. The table is [`Part::table`].
+///
+/// Keys begin with `prefix`. Each field has: documentation, which is also the description of the setting; name, type and default;
+/// `unit, kind, listing`.
 macro_rules! table {
     (
         $(#[$meta:meta])*
-        $Table:ident of $Owner:ty as $prefix:literal at |$owner:ident| $place:expr, {
+        $Table:ident of $Owner:ty as $prefix:literal at |$owner:ident| $place:expr,
+        $(parts $(#[doc = $about_parts:literal])+ $parts:ident: $Parts:ty,)?
+        { $($fields:tt)+ }
+    ) => {
+        $crate::settings::table!(@type [$(#[$meta])*] $Table [$($(#[doc = $about_parts])+ $parts: $Parts)?] { $($fields)+ });
+
+        impl $Table {
+            /// The settings of these values.
+            pub const SETTINGS: &[$crate::settings::Setting<$Owner>] =
+                $crate::settings::table!(@rows $Table $prefix |$owner| ($place) ($place) { $($fields)+ });
+        }
+    };
+    (
+        $(#[$meta:meta])*
+        $Table:ident as $prefix:literal, { $($fields:tt)+ }
+    ) => {
+        $crate::settings::table!(@type [$(#[$meta])*] $Table [] { $($fields)+ });
+
+        impl $crate::settings::Part for $Table {
+            fn table<P, O: $crate::settings::Holds<P, Part = Self>>() -> &'static [$crate::settings::Setting<O>] {
+                struct Rows<P, O>(std::marker::PhantomData<(P, O)>);
+                impl<P, O: $crate::settings::Holds<P, Part = $Table>> Rows<P, O> {
+                    const ROWS: &'static [$crate::settings::Setting<O>] =
+                        $crate::settings::table!(@rows $Table $prefix |owner| (<O as $crate::settings::Holds<P>>::part(owner)) (<O as $crate::settings::Holds<P>>::part_mut(owner)) { $($fields)+ });
+                }
+                Rows::<P, O>::ROWS
+            }
+        }
+    };
+    (
+        @type [$(#[$meta:meta])*] $Table:ident [$($(#[doc = $about_parts:literal])+ $parts:ident: $Parts:ty)?] {
             $(
                 $(#[doc = $about:literal])+
                 $field:ident: $type:ty = $default:expr, $unit:literal, $kind:expr, $listing:expr;
@@ -311,35 +370,65 @@ macro_rules! table {
                 $(#[doc = $about])+
                 pub $field: $type,
             )+
+            $(
+                $(#[doc = $about_parts])+
+                pub $parts: $Parts,
+            )?
         }
 
         impl Default for $Table {
             fn default() -> Self {
-                $Table { $($field: $default,)+ }
+                $Table { $($field: $default,)+ $($parts: Default::default())? }
             }
         }
-
-        impl $Table {
-            /// The settings of these values.
-            pub const SETTINGS: &[$crate::settings::Setting<$Owner>] = &[
-                $(
-                    $crate::settings::Setting {
-                        key: concat!($prefix, ".", stringify!($field)),
-                        unit: $unit,
-                        kind: $kind,
-                        default: || Some($crate::settings::Field::value(&$Table::default().$field)),
-                        about: concat!($($about,)+).trim_ascii(),
-                        listing: $listing,
-                        field: |$owner| Some(&$place.$field),
-                        field_mut: |$owner| Some(&mut $place.$field),
-                    },
-                )+
-            ];
+    };
+    (
+        @rows $Table:ident $prefix:literal |$owner:ident| ($place:expr) ($place_mut:expr) {
+            $(
+                $(#[doc = $about:literal])+
+                $field:ident: $type:ty = $default:expr, $unit:literal, $kind:expr, $listing:expr;
+            )+
         }
+    ) => {
+        &[
+            $(
+                $crate::settings::Setting {
+                    key: concat!($prefix, ".", stringify!($field)),
+                    unit: $unit,
+                    kind: $kind,
+                    default: || Some($crate::settings::Field::value(&$Table::default().$field)),
+                    about: concat!($($about,)+).trim_ascii(),
+                    listing: $listing,
+                    field: |$owner| Some(&$place.$field),
+                    field_mut: |$owner| Some(&mut $place_mut.$field),
+                },
+            )+
+        ]
     };
 }
 
 pub(crate) use table;
+
+/// Implements [`Field`] for types whose values have names: `ALL` lists the values, `name` is the name of one.
+macro_rules! named {
+    ($($Type:ty),+) => {
+        $(
+            impl $crate::settings::Field for $Type {
+                fn value(&self) -> toml::Value {
+                    toml::Value::String(self.name().to_owned())
+                }
+
+                fn store(&mut self, value: &toml::Value) -> std::result::Result<(), String> {
+                    let known = <$Type>::ALL.into_iter().find(|known| value.as_str() == Some(known.name()));
+                    *self = known.ok_or_else(String::new)?;
+                    Ok(())
+                }
+            }
+        )+
+    };
+}
+
+pub(crate) use named;
 
 impl<T> Setting<T> {
     /// The last part of its key.

@@ -13,17 +13,33 @@ use crate::classification::{ARGUMENT_BYTES, Lists};
 use crate::geometry::{self, DEPTH_FORMAT};
 use crate::gpu::bindings::{ARRAY, Binding, FLAT, aspect, view};
 use crate::gpu::uses::{PassUse, TargetUse};
-use crate::gpu::{Gpu, ShaderModule, Template, Timer};
+use crate::gpu::{CLEAR, Gpu, Recording, ShaderModule, Template};
 use crate::shared::blue_noise;
 use crate::shared::noise::NoiseKind;
-use crate::stage::{Build, Declaration, Exchange, Stage};
+use crate::stage::{Build, Canvas, Declaration, Exchange, Stage};
 use crate::variant::{Flavour, Variant};
 use crate::virtual_texture::VirtualTexture;
 
+pub mod diagnostics;
 mod estimator;
 mod modules;
 
 pub use estimator::{Estimator, VARIANCE_SCALE};
+pub use modules::SNAPPED_COSINE;
+
+/// Salts of the random numbers, so that each stochastic flavour has independent ones (ruling 15).
+pub mod salt {
+    /// Of near cliff.
+    pub const NEAR_CLIFF: u32 = 1;
+    /// Of far cliff.
+    pub const FAR_CLIFF: u32 = 2;
+    /// Of full splat, by estimators that choose at random.
+    pub const SPLAT: u32 = 3;
+    /// Added to the salt of a flavour: the choice of texels of albedo and properties.
+    pub const TEXEL: u32 = 4;
+    /// Added to the salt of a flavour: the choice of texels of heights.
+    pub const HEIGHT_TEXEL: u32 = 8;
+}
 
 /// Which kernel runs: a variant, or the generic one that takes each tile's mask at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -47,6 +63,17 @@ pub struct PipelineKey {
     pub two_tilings: bool,
     /// Whether fetches are counted and choices recorded.
     pub diagnostics: bool,
+}
+
+/// How the pass is executed.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadingPass<'a> {
+    /// The pipelines to draw with.
+    pub keys: &'a [PipelineKey],
+    /// Whether every key records diagnostics. If so, those of a picture without any terrain tile are cleared, too.
+    pub diagnostics: bool,
+    /// Whether each key has a pass of its own, `shading: KEY`. If not, all share one pass, `shading`.
+    pub timed: bool,
 }
 
 /// Settings that all pipelines of a renderer share.
@@ -101,7 +128,7 @@ pub struct Targets {
     pub albedo: wgpu::Texture,
     /// World normal, smoothness in alpha.
     pub normal: wgpu::Texture,
-    /// Fetches, choice << 16, tile mask << 24.
+    /// One word per pixel, see [`diagnostics`].
     pub diagnostics: wgpu::Texture,
 }
 
@@ -154,6 +181,13 @@ impl Stage for Shading {
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
+
+    type Settings = ();
+    type Targets = Targets;
+
+    fn targets(canvas: Canvas<'_>) -> Targets {
+        Targets::new(canvas.gpu, canvas.size)
+    }
 
     fn build(build: Build<'_>) -> Result<Shading> {
         let Build { gpu, frame: frame_layout, terrain, demands, tile } = build;
@@ -281,27 +315,19 @@ impl Shading {
         Ok(true)
     }
 
-    /// Records the pass: one indirect draw per key. Every key must be warm, and must record diagnostics if and only if `diagnostics` is true (which
-    /// also clears the diagnostics of a picture without any terrain tile). `timed`: each key has a pass of its own, `shading: KEY`; else all share
-    /// one pass, `shading`.
-    #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
+    /// Records the pass: one indirect draw per key of `how`, each of which must be warm.
     pub fn encode(
         &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut Timer,
-        groups: [&wgpu::BindGroup; 2],
+        rec: &mut Recording<'_>,
         geometry: &geometry::Targets,
         lists: &Lists,
         pages: &VirtualTexture,
+        how: ShadingPass<'_>,
         targets: &Targets,
-        keys: &[PipelineKey],
-        diagnostics: bool,
-        timed: bool,
     ) {
         let page_views = pages.views();
         let texture = wgpu::BindingResource::TextureView;
-        let group = gpu.group(
+        let group = rec.gpu.group(
             "shading",
             &self.layout,
             &[
@@ -316,29 +342,12 @@ impl Shading {
                 self.noise_ranks.as_entire_binding(),
             ],
         );
-        let views = [view(&targets.albedo), view(&targets.normal), view(&targets.diagnostics)];
+        let views = [&view(&targets.albedo), &view(&targets.normal), &view(&targets.diagnostics)];
+        let colours = &views[..if how.diagnostics { 3 } else { 2 }];
         let depth_stencil = view(&geometry.depth_stencil);
         let mut draw = |name: &str, keys: &[PipelineKey], load: wgpu::LoadOp<wgpu::Color>| {
-            let ops = wgpu::Operations { load, store: wgpu::StoreOp::Store };
-            let attachments: Vec<_> = views
-                .iter()
-                .take(if diagnostics { 3 } else { 2 })
-                .map(|view| Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }))
-                .collect();
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("shading"),
-                color_attachments: &attachments,
-                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: &depth_stencil,
-                    depth_ops: None,
-                    stencil_ops: None,
-                }),
-                timestamp_writes: timer.render(name),
-                ..Default::default()
-            });
-            pass.set_bind_group(0, groups[0], &[]);
-            pass.set_bind_group(1, groups[1], &[]);
-            pass.set_bind_group(2, &group, &[]);
+            let tested = wgpu::RenderPassDepthStencilAttachment { view: &depth_stencil, depth_ops: None, stencil_ops: None };
+            let mut pass = rec.render(name, colours, load, Some(tested), 2, &[&group]);
             pass.set_stencil_reference(1);
             for key in keys {
                 let list = match key.kernel {
@@ -349,16 +358,15 @@ impl Shading {
                 pass.draw_indirect(&lists.arguments, list * ARGUMENT_BYTES);
             }
         };
-        let clear = wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT);
-        if !timed || keys.is_empty() {
-            return draw("shading", keys, clear);
+        if !how.timed || how.keys.is_empty() {
+            return draw("shading", how.keys, CLEAR);
         }
-        for (index, key) in keys.iter().enumerate() {
+        for (index, key) in how.keys.iter().enumerate() {
             let name = match key.kernel {
                 Kernel::Variant(variant) => format!("shading: {variant}"),
                 Kernel::Generic => "shading: generic".to_owned(),
             };
-            draw(&name, std::slice::from_ref(key), if index == 0 { clear } else { wgpu::LoadOp::Load });
+            draw(&name, std::slice::from_ref(key), if index == 0 { CLEAR } else { wgpu::LoadOp::Load });
         }
     }
 }

@@ -1,17 +1,14 @@
 //! The WGSL files of shading: one per flavour and one per estimator, all called through `shade_surface`.
 
-use super::{Estimator, VARIANCE_SCALE};
+use super::{Estimator, VARIANCE_SCALE, diagnostics, salt};
 use crate::base::wgsl::{Constant, Wgsl};
-use crate::variant::Flavour;
 use crate::{classification, shared, terrain, view, virtual_texture};
+
+/// Cosine of the slope above which the projection of the estimator `snapped` is onto a vertical plane: Terrain3D's default.
+pub const SNAPPED_COSINE: f64 = 0.8;
 
 const fn estimator(estimator: Estimator) -> Constant {
     Constant::U32(estimator as u32)
-}
-
-/// Index of a flavour in arrays of five.
-const fn place(flavour: Flavour) -> Constant {
-    Constant::U32(flavour.bit().trailing_zeros())
 }
 
 macro_rules! files {
@@ -24,7 +21,7 @@ macro_rules! files {
 }
 
 files! {
-    PIXEL = "pixel.wgsl" needs [terrain::WGSL, view::WGSL, shared::NOISE] with &[
+    PIXEL = "pixel.wgsl" needs [terrain::WGSL, view::WGSL, shared::FLAVOUR_WEIGHTS, shared::NOISE] with &[
         ("ESTIMATOR_FC5", estimator(Estimator::Fc5)),
         ("ESTIMATOR_EXACT", estimator(Estimator::Exact)),
         ("ESTIMATOR_VARIANCE", estimator(Estimator::Variance)),
@@ -36,14 +33,15 @@ files! {
         ("ESTIMATOR_SNAPPED", estimator(Estimator::Snapped)),
         ("ESTIMATOR_BIPLANAR_MEAN", estimator(Estimator::BiplanarMean)),
         ("ESTIMATOR_HEX_MEAN", estimator(Estimator::HexMean)),
-        ("FLAVOUR_VT", place(Flavour::VirtualTexture)),
-        ("FLAVOUR_FAR_ATLAS", place(Flavour::FarAtlas)),
-        ("FLAVOUR_NEAR_CLIFF", place(Flavour::NearCliff)),
-        ("FLAVOUR_FAR_CLIFF", place(Flavour::FarCliff)),
-        ("FLAVOUR_SPLAT", place(Flavour::Splat)),
+        ("SALT_NEAR_CLIFF", Constant::U32(salt::NEAR_CLIFF)),
+        ("SALT_FAR_CLIFF", Constant::U32(salt::FAR_CLIFF)),
+        ("SALT_SPLAT", Constant::U32(salt::SPLAT)),
+        ("SALT_TEXEL", Constant::U32(salt::TEXEL)),
+        ("SALT_HEIGHT_TEXEL", Constant::U32(salt::HEIGHT_TEXEL)),
     ],
     BIPLANAR = "estimators/biplanar.wgsl" needs [PIXEL, view::WGSL, shared::BIPLANAR],
-    SNAPPED = "estimators/snapped.wgsl" needs [PIXEL, shared::SNAPPED_PROJECTION],
+    SNAPPED = "estimators/snapped.wgsl" needs [PIXEL, shared::SNAPPED_PROJECTION] with
+        &[("SHADING_SNAPPED_COSINE", Constant::real(SNAPPED_COSINE))],
     LUNA8 = "estimators/luna8.wgsl" needs [PIXEL, terrain::WGSL],
     LAPLACIAN = "estimators/laplacian.wgsl" needs [PIXEL, terrain::WGSL],
     FC5 = "estimators/fc5.wgsl" needs [PIXEL, terrain::WGSL, view::WGSL, shared::SELECT, shared::SPLAT_BLEND],
@@ -57,12 +55,23 @@ files! {
     SPLAT = "flavours/splat.wgsl" needs [PIXEL, PROJECTIONS, STF, terrain::WGSL, view::WGSL],
     NEAR_CLIFF = "flavours/near_cliff.wgsl" needs [PIXEL, SPLAT, STF, MEAN, VARIANCE, FC5, terrain::WGSL],
     FAR_CLIFF = "flavours/far_cliff.wgsl" needs [PIXEL, SPLAT, STF, LAPLACIAN, MEAN, VARIANCE, HEX, FC5, terrain::WGSL],
-    SURFACE = "surface.wgsl" needs [PIXEL, VIRTUAL_TEXTURE, FAR_ATLAS, NEAR_CLIFF, FAR_CLIFF, SPLAT, terrain::WGSL, shared::TRIPLANAR] with
+    SURFACE = "surface.wgsl" needs [
+        PIXEL,
+        VIRTUAL_TEXTURE,
+        FAR_ATLAS,
+        NEAR_CLIFF,
+        FAR_CLIFF,
+        SPLAT,
+        terrain::WGSL,
+        shared::FLAVOUR_WEIGHTS,
+        shared::TRIPLANAR,
+    ] with
         &[("SHADING_VARIANCE_SCALE", Constant::real(VARIANCE_SCALE))],
     SHADING = "shading.wgsl" needs [
         PIXEL,
         PROJECTIONS,
         SURFACE,
+        diagnostics::WGSL,
         classification::TILE_WGSL,
         terrain::WGSL,
         terrain::FOOTPRINT_WGSL,

@@ -25,12 +25,12 @@ override TWO_TILINGS: bool = false;
 @group(2) @binding(8) var<storage, read> noise_ranks: array<u32>;
 
 // Conditions that depend only on the constants above: code behind a false condition is removed before a driver sees it.
-override RUNS_VT: bool = (VARIANT == 0u) | ((VARIANT & 1u) != 0u);
-override RUNS_FAR_ATLAS: bool = (VARIANT == 0u) | ((VARIANT & 2u) != 0u);
-override RUNS_NEAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & 4u) != 0u);
-override RUNS_FAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & 8u) != 0u);
-override RUNS_SPLAT: bool = (VARIANT == 0u) | ((VARIANT & 16u) != 0u);
-override PROJECTS: bool = (VARIANT == 0u) | ((VARIANT & 28u) != 0u);
+override RUNS_VT: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_VT_BIT) != 0u);
+override RUNS_FAR_ATLAS: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_FAR_ATLAS_BIT) != 0u);
+override RUNS_NEAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_NEAR_CLIFF_BIT) != 0u);
+override RUNS_FAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_FAR_CLIFF_BIT) != 0u);
+override RUNS_SPLAT: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_SPLAT_BIT) != 0u);
+override PROJECTS: bool = (VARIANT == 0u) | ((VARIANT & (FLAVOUR_NEAR_CLIFF_BIT | FLAVOUR_FAR_CLIFF_BIT | FLAVOUR_SPLAT_BIT)) != 0u);
 override IS_BIPLANAR: bool = (ESTIMATOR == ESTIMATOR_BIPLANAR) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN);
 override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATOR == ESTIMATOR_LUNA8);
 // Whether random choices are replaced by their mean.
@@ -38,13 +38,8 @@ override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTI
 // Whether an estimator shades every flavour by the same blend of four (or eight) materials in each of its projections.
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
 
-// Salts, so that each stochastic flavour has independent random numbers (ruling 15).
-const SALT_NEAR_CLIFF: u32 = 1u;
-const SALT_FAR_CLIFF: u32 = 2u;
-const SALT_SPLAT: u32 = 3u;
-// Added to the salt of a flavour, for the two choices of texels.
-const SALT_TEXEL: u32 = 4u;
-const SALT_HEIGHT_TEXEL: u32 = 8u;
+// SALT_NEAR_CLIFF and so on: each stochastic flavour has independent random numbers. SALT_TEXEL and SALT_HEIGHT_TEXEL are added to the salt of a
+// flavour, for the two choices of texels.
 
 struct Pixel {
     index: vec2<u32>,

@@ -75,7 +75,7 @@ fn shading_fragment(in: ShadingVarying) -> GBuffer {
 struct GBufferCounted {
     @location(0) albedo: vec4<f32>,
     @location(1) normal: vec4<f32>,
-    @location(2) diagnostics: u32,          // fetches, choice << 16, tile mask << 24
+    @location(2) diagnostics: u32,          // diagnostics_pack
 }
 
 @fragment
@@ -83,5 +83,5 @@ fn shading_fragment_counted(in: ShadingVarying) -> GBufferCounted {
     fetch_count = 0u;
     choice = 0u;
     let g = shade(vec2<u32>(in.clip.xy), in.mask);
-    return GBufferCounted(g.albedo, g.normal, fetch_count | (choice << 16u) | (in.mask << 24u));
+    return GBufferCounted(g.albedo, g.normal, diagnostics_pack(fetch_count, choice, in.mask));
 }

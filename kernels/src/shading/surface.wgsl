@@ -7,80 +7,77 @@ struct ShadedSurface {
     occlusion: f32,
 }
 
+// Flavours blended so far.
+struct SurfaceSum {
+    surface: Surface,
+    normal: vec3<f32>,
+    weight: f32,
+}
+
+// Whether a pixel evaluates a flavour: its bit is in the mask, and its weight is above 0.
+fn shade_evaluates(mask: u32, bit: u32, weight: f32) -> bool {
+    return flavour_is_in(mask, bit) && weight > 0.0;
+}
+
+// Adds a flavour whose relief is a gradient on the shading normal.
+fn shade_add(sum: ptr<function, SurfaceSum>, pixel: Pixel, weight: f32, s: Surface) {
+    (*sum).surface = surface_add((*sum).surface, weight, s);
+    (*sum).normal += weight * triplanar_perturb(pixel.normal, s.gradient);
+    (*sum).weight += weight;
+}
+
 fn shade_surface(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurface {
-    var albedo = vec3<f32>(0.0);
-    var normal = vec3<f32>(0.0);
-    var smoothness = 0.0;
-    var occlusion = 0.0;
+    var pages = SurfaceSum(surface_zero(), vec3<f32>(0.0), 0.0);
     if RUNS_VT {
-        if (mask & 1u) != 0u && weights[FLAVOUR_VT] > 0.0 {
-            let s = shade_virtual_texture(pixel);
-            let w = weights[FLAVOUR_VT];
-            albedo += w * s.albedo;
-            normal += w * triplanar_perturb(pixel.normal, s.gradient);
-            smoothness += w * s.smoothness;
-            occlusion += w * s.specular_occlusion;
+        if shade_evaluates(mask, FLAVOUR_VT_BIT, weights[FLAVOUR_VT]) {
+            shade_add(&pages, pixel, weights[FLAVOUR_VT], shade_virtual_texture(pixel));
         }
     }
-    if (mask & 30u) != 0u {
-        // All flavours but the virtual texture share one colour modulation; the pages of the virtual texture already contain it.
-        var sum = surface_zero();
-        var share = 0.0;
-        if RUNS_FAR_ATLAS {
-            if (mask & 2u) != 0u && weights[FLAVOUR_FAR_ATLAS] > 0.0 {
-                let far = shade_far_atlas(pixel);
-                let w = weights[FLAVOUR_FAR_ATLAS];
-                sum = surface_add(sum, w, far.surface);
-                normal += w * far.normal;
-                share += w;
-            }
-        }
-        if RUNS_NEAR_CLIFF {
-            if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
-                let s = shade_near_cliff(pixel);
-                let w = weights[FLAVOUR_NEAR_CLIFF];
-                sum = surface_add(sum, w, s);
-                normal += w * triplanar_perturb(pixel.normal, s.gradient);
-                share += w;
-            }
-        }
-        if RUNS_FAR_CLIFF {
-            if (mask & 8u) != 0u && weights[FLAVOUR_FAR_CLIFF] > 0.0 {
-                let s = shade_far_cliff(pixel);
-                let w = weights[FLAVOUR_FAR_CLIFF];
-                sum = surface_add(sum, w, s);
-                normal += w * triplanar_perturb(pixel.normal, s.gradient);
-                share += w;
-            }
-        }
-        if RUNS_SPLAT {
-            if (mask & 16u) != 0u && weights[FLAVOUR_SPLAT] > 0.0 {
-                let s = shade_splat(pixel);
-                let w = weights[FLAVOUR_SPLAT];
-                sum = surface_add(sum, w, s);
-                normal += w * triplanar_perturb(pixel.normal, s.gradient);
-                share += w;
-            }
-        }
-        if share > 0.0 {
-            albedo += sum.albedo * terrain_colour_modulation(pixel.node);
-            smoothness += sum.smoothness;
-            occlusion += sum.specular_occlusion;
+    // All flavours but the virtual texture share one colour modulation; the pages of the virtual texture already contain it.
+    var sum = SurfaceSum(surface_zero(), pages.normal, 0.0);
+    if RUNS_FAR_ATLAS {
+        if shade_evaluates(mask, FLAVOUR_FAR_ATLAS_BIT, weights[FLAVOUR_FAR_ATLAS]) {
+            let far = shade_far_atlas(pixel);
+            let w = weights[FLAVOUR_FAR_ATLAS];
+            sum.surface = surface_add(sum.surface, w, far.surface);
+            sum.normal += w * far.normal;
+            sum.weight += w;
         }
     }
-    return ShadedSurface(albedo, normal, smoothness, occlusion);
+    if RUNS_NEAR_CLIFF {
+        if shade_evaluates(mask, FLAVOUR_NEAR_CLIFF_BIT, weights[FLAVOUR_NEAR_CLIFF]) {
+            shade_add(&sum, pixel, weights[FLAVOUR_NEAR_CLIFF], shade_near_cliff(pixel));
+        }
+    }
+    if RUNS_FAR_CLIFF {
+        if shade_evaluates(mask, FLAVOUR_FAR_CLIFF_BIT, weights[FLAVOUR_FAR_CLIFF]) {
+            shade_add(&sum, pixel, weights[FLAVOUR_FAR_CLIFF], shade_far_cliff(pixel));
+        }
+    }
+    if RUNS_SPLAT {
+        if shade_evaluates(mask, FLAVOUR_SPLAT_BIT, weights[FLAVOUR_SPLAT]) {
+            shade_add(&sum, pixel, weights[FLAVOUR_SPLAT], shade_splat(pixel));
+        }
+    }
+    var shaded = ShadedSurface(pages.surface.albedo, sum.normal, pages.surface.smoothness, pages.surface.specular_occlusion);
+    if sum.weight > 0.0 {
+        shaded.albedo += sum.surface.albedo * terrain_colour_modulation(pixel.node);
+        shaded.smoothness += sum.surface.smoothness;
+        shaded.occlusion += sum.surface.specular_occlusion;
+    }
+    return shaded;
 }
 
 // The theoretical variance of a pixel's albedo over seeds. Only the stochastic flavours have a variance, and their random numbers are independent.
 fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurface {
     var variance = vec3<f32>(0.0);
     if RUNS_NEAR_CLIFF {
-        if (mask & 4u) != 0u && weights[FLAVOUR_NEAR_CLIFF] > 0.0 {
+        if shade_evaluates(mask, FLAVOUR_NEAR_CLIFF_BIT, weights[FLAVOUR_NEAR_CLIFF]) {
             variance += weights[FLAVOUR_NEAR_CLIFF] * weights[FLAVOUR_NEAR_CLIFF] * shade_near_cliff(pixel).albedo;
         }
     }
     if RUNS_FAR_CLIFF {
-        if (mask & 8u) != 0u && weights[FLAVOUR_FAR_CLIFF] > 0.0 {
+        if shade_evaluates(mask, FLAVOUR_FAR_CLIFF_BIT, weights[FLAVOUR_FAR_CLIFF]) {
             variance += weights[FLAVOUR_FAR_CLIFF] * weights[FLAVOUR_FAR_CLIFF] * shade_far_cliff(pixel).albedo;
         }
     }

@@ -16,10 +16,27 @@ pub const MIN_WEIGHT: f64 = 1.0 / 512.0;
 /// Least weight, before normalisation, of each flavour of a forced variant.
 pub const FORCED_WEIGHT: f64 = 1e-3;
 
+const fn place(flavour: Flavour) -> Constant {
+    Constant::U32(flavour.index() as u32)
+}
+
+const fn bit(flavour: Flavour) -> Constant {
+    Constant::U32(flavour.bit() as u32)
+}
+
 /// Constants that the host passes to `flavour_weights.wgsl`.
 pub(super) const CONSTANTS: &[(&str, Constant)] = &[
-    ("FLAVOUR_BITS", Constant::U32(31)),
-    ("FLAVOUR_FAR_ATLAS_BIT", Constant::U32(FAR_ATLAS)),
+    ("FLAVOUR_VT", place(Flavour::VirtualTexture)),
+    ("FLAVOUR_FAR_ATLAS", place(Flavour::FarAtlas)),
+    ("FLAVOUR_NEAR_CLIFF", place(Flavour::NearCliff)),
+    ("FLAVOUR_FAR_CLIFF", place(Flavour::FarCliff)),
+    ("FLAVOUR_SPLAT", place(Flavour::Splat)),
+    ("FLAVOUR_VT_BIT", bit(Flavour::VirtualTexture)),
+    ("FLAVOUR_FAR_ATLAS_BIT", bit(Flavour::FarAtlas)),
+    ("FLAVOUR_NEAR_CLIFF_BIT", bit(Flavour::NearCliff)),
+    ("FLAVOUR_FAR_CLIFF_BIT", bit(Flavour::FarCliff)),
+    ("FLAVOUR_SPLAT_BIT", bit(Flavour::Splat)),
+    ("FLAVOUR_BITS", Constant::U32((1 << Flavour::ALL.len()) - 1)),
     ("FLAVOUR_MIN_WEIGHT", Constant::real(MIN_WEIGHT)),
     ("FLAVOUR_FORCED_WEIGHT", Constant::real(FORCED_WEIGHT)),
 ];

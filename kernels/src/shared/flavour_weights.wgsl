@@ -1,6 +1,6 @@
 // Which shading flavours a point needs, and how much of each.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 ("Terrain Shader Variations").
-// Order, and bit in a mask: virtual texture 1, far atlas 2, near cliff 4, far cliff 8, splat 16.
+// FLAVOUR_VT and the four after it: index of a flavour in arrays of five. FLAVOUR_VT_BIT and so on: its bit in a mask. FLAVOUR_BITS: all bits.
 
 struct FlavourParams {
     // Distance, metres, at which ground goes from virtual texture to far atlas.
@@ -25,6 +25,11 @@ struct FlavourParams {
 
 // FLAVOUR_MIN_WEIGHT: weights up to this one count as zero. FLAVOUR_FORCED_WEIGHT: the smallest weight, before normalisation, of each flavour of a
 // forced variant. flavour_weights.rs gives the reasons for both.
+
+// Whether a mask has a flavour's bit.
+fn flavour_is_in(mask: u32, bit: u32) -> bool {
+    return (mask & bit) != 0u;
+}
 
 // 0 below `low`, 1 above `high`, Hermite interpolation in between; a step if `low` equals `high`.
 fn flavour_ramp(x: f32, low: f32, high: f32) -> f32 {
@@ -95,11 +100,11 @@ fn flavour_weights_for(weights: array<f32, 5>, mask: u32, forced: u32) -> array<
     let m = select(usable, FLAVOUR_FAR_ATLAS_BIT, usable == 0u);
     let force = forced != 0u;
     var w = array<f32, 5>(
-        flavour_restricted(weights[0], (m & 1u) != 0u, force),
-        flavour_restricted(weights[1], (m & 2u) != 0u, force),
-        flavour_restricted(weights[2], (m & 4u) != 0u, force),
-        flavour_restricted(weights[3], (m & 8u) != 0u, force),
-        flavour_restricted(weights[4], (m & 16u) != 0u, force),
+        flavour_restricted(weights[FLAVOUR_VT], flavour_is_in(m, FLAVOUR_VT_BIT), force),
+        flavour_restricted(weights[FLAVOUR_FAR_ATLAS], flavour_is_in(m, FLAVOUR_FAR_ATLAS_BIT), force),
+        flavour_restricted(weights[FLAVOUR_NEAR_CLIFF], flavour_is_in(m, FLAVOUR_NEAR_CLIFF_BIT), force),
+        flavour_restricted(weights[FLAVOUR_FAR_CLIFF], flavour_is_in(m, FLAVOUR_FAR_CLIFF_BIT), force),
+        flavour_restricted(weights[FLAVOUR_SPLAT], flavour_is_in(m, FLAVOUR_SPLAT_BIT), force),
     );
     var sum = w[0] + w[1] + w[2] + w[3] + w[4];
     if sum <= 0.0 {

@@ -74,7 +74,6 @@ shared_files! {
 
 /// `signal.wgsl`: the packing of measured pixels. It is not part of [`WGSL`], because it converts to f16, which is a separate capability in a
 /// validator.
-pub static SIGNAL: Wgsl = Wgsl::new("shared/signal.wgsl", include_str!("signal.wgsl"), &[&USABLE])
-    .with(&[("SIGNAL_TERRAIN", Constant::U32(signal::TERRAIN)), ("SIGNAL_LARGEST", Constant::F32(signal::LARGEST))]);
+pub static SIGNAL: Wgsl = Wgsl::new("shared/signal.wgsl", include_str!("signal.wgsl"), &[&USABLE]).with(signal::CONSTANTS);
 
 use usable::{bounded, usable};

@@ -1,7 +1,9 @@
 // A pixel of a measured sequence in two words: linear colour as f16, and the fetches and the first random choice that the shading pass recorded. Word
-// 0: red, green. Word 1: blue, then 10 bits for fetches, 5 bits for the first random choice (0 = none), and 1 bit that marks terrain.
+// 0: red, green. Word 1: blue in 16 bits, fetches, the first random choice (0 = none), and a bit that marks terrain.
 
-// SIGNAL_TERRAIN: the bit of the second word that marks terrain. SIGNAL_LARGEST: the largest colour value that f16 can hold.
+// SIGNAL_FETCH_BITS, SIGNAL_CHOICE_BITS: numbers of bits. SIGNAL_TERRAIN: the bit of the second word that marks terrain. SIGNAL_LARGEST: the largest
+// colour value that f16 can hold. SIGNAL_RED, SIGNAL_GREEN, SIGNAL_BLUE: weights of luminance.
+const SIGNAL_CHOICE_FROM: u32 = 16u + SIGNAL_FETCH_BITS;
 
 // A colour clamped to the range of f16; numbers that are not finite count as zero.
 fn signal_held(colour: vec3<f32>) -> vec3<f32> {
@@ -10,9 +12,11 @@ fn signal_held(colour: vec3<f32>) -> vec3<f32> {
 }
 
 fn signal_pack(colour: vec3<f32>, fetches: u32, choice: u32) -> vec2<u32> {
-    let known = min(fetches, 1023u) | (min(choice, 31u) << 10u);
     let held = signal_held(colour);
-    return vec2<u32>(pack2x16float(held.rg), (pack2x16float(vec2<f32>(held.b, 0.0)) & 0xffffu) | (known << 16u) | SIGNAL_TERRAIN);
+    var second = pack2x16float(vec2<f32>(held.b, 0.0)) & 0xffffu;
+    second |= min(fetches, (1u << SIGNAL_FETCH_BITS) - 1u) << 16u;
+    second |= min(choice, (1u << SIGNAL_CHOICE_BITS) - 1u) << SIGNAL_CHOICE_FROM;
+    return vec2<u32>(pack2x16float(held.rg), second | SIGNAL_TERRAIN);
 }
 
 fn signal_is_terrain(signal: vec2<u32>) -> bool {
@@ -24,11 +28,11 @@ fn signal_colour(signal: vec2<u32>) -> vec3<f32> {
 }
 
 fn signal_fetches(signal: vec2<u32>) -> u32 {
-    return (signal.y >> 16u) & 1023u;
+    return extractBits(signal.y, 16u, SIGNAL_FETCH_BITS);
 }
 
 fn signal_choice(signal: vec2<u32>) -> u32 {
-    return (signal.y >> 26u) & 31u;
+    return extractBits(signal.y, SIGNAL_CHOICE_FROM, SIGNAL_CHOICE_BITS);
 }
 
 // The same pixel with another colour.
@@ -39,5 +43,5 @@ fn signal_recolour(signal: vec2<u32>, colour: vec3<f32>) -> vec2<u32> {
 
 // Relative luminance of linear colour, Rec. ITU-R BT.709.
 fn signal_luminance(colour: vec3<f32>) -> f32 {
-    return dot(colour, vec3<f32>(0.2126, 0.7152, 0.0722));
+    return dot(colour, vec3<f32>(SIGNAL_RED, SIGNAL_GREEN, SIGNAL_BLUE));
 }

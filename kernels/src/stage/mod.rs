@@ -1,7 +1,7 @@
-//! The declaration of a stage of the frame, made once per stage: its name, shader modules, passes and allocations, how it is built, and
+//! The declaration of a stage of the frame, made once per stage: its name, shader modules, passes, settings and allocations, how it is built, and
 //! what it reports.
 //!
-//! Building, hot reload, `explain`, the tests of shaders and the workbench's machine panel use the declarations in the table of stages
+//! Building, hot reload, `explain`, settings, the tests of shaders, and the workbench's panels use the declarations in the table of stages
 //! (`frame/stages.rs`). The order in which stages draw is written by hand, in `draw_into` (`frame/mod.rs`).
 
 use crate::base::error::Result;
@@ -9,6 +9,7 @@ use crate::base::section::Section;
 use crate::gpu::uses::{PassUse, TargetUse, TextureUse};
 use crate::gpu::{Gpu, ShaderModule};
 use crate::scene::demands::Demands;
+use crate::settings::Part;
 use crate::terrain::Terrain;
 use crate::view::normals::NormalEncoding;
 
@@ -49,6 +50,19 @@ pub struct Build<'a> {
     pub tile: u32,
 }
 
+/// What the targets of a picture are allocated from.
+#[derive(Clone, Copy)]
+pub struct Canvas<'a> {
+    /// The device.
+    pub gpu: &'a Gpu,
+    /// Size of the picture, pixels.
+    pub size: [u32; 2],
+    /// How normals are stored.
+    pub normals: NormalEncoding,
+    /// Edge length of a tile, pixels.
+    pub tile: u32,
+}
+
 /// Puts the rebuilt parts into a stage.
 pub type Exchange<S> = Box<dyn FnOnce(&mut S)>;
 
@@ -56,6 +70,15 @@ pub type Exchange<S> = Box<dyn FnOnce(&mut S)>;
 pub trait Stage: Sized + 'static {
     /// The declaration of the stage.
     const DECLARATION: Declaration;
+
+    /// Choices of a frame that concern this stage alone; `()` = none.
+    type Settings: Part;
+
+    /// What it writes, with the size of the picture; `()` = nothing.
+    type Targets: 'static;
+
+    /// Allocates what it writes.
+    fn targets(canvas: Canvas<'_>) -> Self::Targets;
 
     /// Compiles its shaders and allocates what does not depend on the picture.
     ///

@@ -19,6 +19,9 @@ pub static WGSL: Wgsl = Wgsl::new(
 )
 .with(normals::CONSTANTS);
 
+/// The vertices of a full-screen pass, see [`Gpu::full_screen`](crate::gpu::Gpu::full_screen).
+pub static FULL_SCREEN: Wgsl = Wgsl::new("view/full_screen.wgsl", include_str!("full_screen.wgsl"), &[]);
+
 /// Uniforms of a frame; the layout matches `Frame` in `frame.wgsl`, where each field is explained.
 #[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
 #[repr(C)]

@@ -25,8 +25,9 @@ use crate::base::wgsl::{Constant, Wgsl};
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, array, aspect, view};
 use crate::gpu::uses::{PassUse, TextureUse};
-use crate::gpu::{Gpu, ShaderModule, Timer, constants, read_buffer, texture_bytes};
-use crate::stage::{Build, Declaration, Exchange, Stage};
+use crate::gpu::{Gpu, Recording, ShaderModule, constants, read_buffer, texture_bytes};
+use crate::shared;
+use crate::stage::{Build, Canvas, Declaration, Exchange, Stage};
 use crate::terrain;
 use crate::variant::Flavour;
 use crate::view;
@@ -66,11 +67,12 @@ pub static WGSL: Wgsl =
         ("VIRTUAL_TAG_BITS", Constant::U32(TAG_BITS)),
         ("VIRTUAL_TAG_MASK", Constant::U32(TAG_MASK)),
     ]);
-static PAGE_WGSL: Wgsl = Wgsl::new("virtual_texture/page.wgsl", include_str!("page.wgsl"), &[&terrain::WGSL, &view::WGSL]);
+static PAGE_WGSL: Wgsl =
+    Wgsl::new("virtual_texture/page.wgsl", include_str!("page.wgsl"), &[&terrain::WGSL, &view::WGSL, &view::FULL_SCREEN]);
 static REQUEST_WGSL: Wgsl = Wgsl::new(
     "virtual_texture/request.wgsl",
     include_str!("request.wgsl"),
-    &[&WGSL, &terrain::WGSL, &terrain::FOOTPRINT_WGSL, &view::WGSL],
+    &[&WGSL, &terrain::WGSL, &terrain::FOOTPRINT_WGSL, &view::WGSL, &shared::FLAVOUR_WEIGHTS],
 );
 
 /// The module that renders pages.
@@ -310,6 +312,11 @@ impl Stage for VirtualTexture {
         ..Declaration::EMPTY
     };
 
+    type Settings = ();
+    type Targets = ();
+
+    fn targets(_: Canvas<'_>) {}
+
     /// Compiles the passes and allocates the physical pages. If the scene has no virtual texture, nothing is compiled, and the textures exist only
     /// because the shading pass must have something bound.
     fn build(build: Build<'_>) -> Result<VirtualTexture> {
@@ -417,17 +424,10 @@ impl VirtualTexture {
     }
 
     /// Records the pass that marks the pages this frame's pixels would sample.
-    pub fn encode_requests(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut Timer,
-        groups: [&wgpu::BindGroup; 2],
-        targets: &geometry::Targets,
-    ) {
+    pub fn encode_requests(&self, rec: &mut Recording<'_>, targets: &geometry::Targets) {
         let Some(passes) = &self.passes else { return };
-        encoder.clear_buffer(&self.requests, 0, None);
-        let group = gpu.group(
+        rec.encoder.clear_buffer(&self.requests, 0, None);
+        let group = rec.gpu.group(
             "page requests",
             &passes.request_layout,
             &[
@@ -437,15 +437,8 @@ impl VirtualTexture {
                 self.requests.as_entire_binding(),
             ],
         );
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("page requests"),
-            timestamp_writes: timer.compute("page requests"),
-        });
-        pass.set_pipeline(&passes.request_pipeline);
-        pass.set_bind_group(0, groups[0], &[]);
-        pass.set_bind_group(1, groups[1], &[]);
-        pass.set_bind_group(2, &group, &[]);
-        pass.dispatch_workgroups(targets.mask.width().div_ceil(8), targets.mask.height().div_ceil(8), 1);
+        let [x, y] = [targets.mask.width(), targets.mask.height()].map(|side| side.div_ceil(8));
+        rec.compute("page requests", &passes.request_pipeline, 2, &[&group]).dispatch_workgroups(x, y, 1);
     }
 
     /// Reads the requests back, renders the missing pages, and writes the page table for this frame. The request pass must have run. `nodes`: the

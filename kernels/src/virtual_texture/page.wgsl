@@ -16,8 +16,7 @@ struct PageVarying {
 
 @vertex
 fn page_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) job: u32) -> PageVarying {
-    let corner = vec2<f32>(f32((vertex << 1u) & 2u), f32(vertex & 2u));
-    return PageVarying(vec4<f32>(corner * 2.0 - 1.0, 0.0, 1.0), job);
+    return PageVarying(full_screen_position(vertex), job);
 }
 
 struct PageTargets {

@@ -18,7 +18,7 @@ fn virtual_texture_request(@builtin(global_invocation_id) id: vec3<u32>) {
     if frame.forced_mask != 0u {
         mask = frame.forced_mask;
     }
-    if (mask & 1u) == 0u {
+    if !flavour_is_in(mask, FLAVOUR_VT_BIT) {
         return;
     }
     let footprint = surface_footprint(id.xy, depth, textureLoad(normal_target, id.xy, 0));

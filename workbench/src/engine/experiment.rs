@@ -14,7 +14,7 @@ use anyhow::{Context, Error, Result, bail, ensure};
 use experiments::definition::{self, Definition, Reference, Small, Times, variant_name};
 use kernels::base::error::one_line;
 use kernels::base::files::WholeFolder;
-use kernels::frame::FrameSettings;
+use kernels::frame::{self, FrameSettings};
 use kernels::scene::{self, CameraPose, Scene};
 use kernels::settings::Home;
 use toml::Value;
@@ -111,7 +111,7 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
 /// The settings of the frame that differ from the defaults of a run, by their keys in a definition.
 fn frame_settings(settings: &Settings) -> BTreeMap<String, Value> {
     let usual = FrameSettings::default();
-    let all = FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Definition));
+    let all = frame::settings().filter(|setting| setting.has_home(Home::Definition));
     let differing = all.filter_map(|setting| {
         setting.get(&settings.frame).filter(|value| setting.get(&usual).as_ref() != Some(value)).map(|value| (setting, value))
     });

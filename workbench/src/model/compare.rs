@@ -85,11 +85,8 @@ impl Compare {
     /// The settings of B; `None` = B is not drawn. The settings of the display (layer, scale, exposure, tone curve, counting, timing) are those of A.
     pub fn b(&self, a: &Settings) -> Option<Settings> {
         let Settings { layer, scale, counts, times_variants, .. } = *a;
-        let (exposure, tone_curve) = (a.frame.exposure, a.frame.tone_curve);
-        let looked_at_as_a = |b: &Settings| {
-            let frame = FrameSettings { exposure, tone_curve, ..b.frame };
-            Settings { frame, layer, scale, counts, times_variants, ..b.clone() }
-        };
+        let looked_at_as_a =
+            |b: &Settings| Settings { frame: b.frame.looked_at_as(&a.frame), layer, scale, counts, times_variants, ..b.clone() };
         match (self.mode, &self.other) {
             (Mode::Off, _) => None,
             (_, Other::Exact) => Some(Settings { frame: FrameSettings { estimator: Estimator::Exact, ..a.frame }, ..a.clone() }),

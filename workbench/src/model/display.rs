@@ -244,7 +244,7 @@ impl Layer {
     /// What its colours mean.
     pub const fn legend(self) -> &'static str {
         match self {
-            Layer::Lit => "linear radiance, Reinhard's curve, white at 4",
+            Layer::Lit => "linear radiance, exposed and tone-mapped as set in Parameters",
             Layer::Albedo => "linear albedo as sRGB",
             Layer::Normal => "x, y, z from -1 to 1 as red, green, blue",
             Layer::Depth => "1 m black to 10 km white, logarithmic",

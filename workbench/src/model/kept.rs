@@ -446,6 +446,7 @@ impl Keeper {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use kernels::display::{Exposure, ToneCurve};
     use kernels::frame::FrameSettings;
     use kernels::shading::Estimator;
     use kernels::shared::noise::NoiseKind;
@@ -455,6 +456,7 @@ mod tests {
 
     use super::*;
     use crate::model::display::Layer;
+    use crate::model::settings::frame_settings;
     use crate::test_folder::Folder;
 
     const ELSEWHERE: &str = "/elsewhere/scene.toml";
@@ -504,6 +506,9 @@ mod tests {
             vertex_stride: 4,
             ..settings.frame
         };
+        settings.frame.stages.display = Exposure { exposure: 1.5, tone_curve: ToneCurve::Clip };
+        let same = frame_settings().filter(|setting| setting.get(&settings.frame) == (setting.default)());
+        assert_eq!(same.map(|setting| setting.key).collect::<Vec<_>>(), Vec::<&str>::new(), "still at their defaults");
         Settings { scale: 0.7, layer: Layer::Tiles, counts: true, times_variants: true, ..settings }
     }
 

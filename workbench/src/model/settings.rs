@@ -2,7 +2,7 @@
 
 use kernels::base::names::suggestion;
 use kernels::frame::picture::AovSet;
-use kernels::frame::{FrameSettings, RenderRequest, VariantChoice};
+use kernels::frame::{self, FrameSettings, RenderRequest, VariantChoice};
 use kernels::scene::{self, Scene};
 use kernels::settings::{self, Field, Home, Kind, Listing, Range, Setting, Slider};
 use kernels::variant::{Flavour, Variant};
@@ -153,8 +153,7 @@ impl Settings {
     /// Whether both render the same pictures. Differences in how these are displayed do not count.
     pub fn looks_like(&self, other: &Settings) -> bool {
         let Settings { scale, layer, counts, times_variants, .. } = *self;
-        let FrameSettings { exposure, tone_curve, .. } = self.frame;
-        let frame = FrameSettings { exposure, tone_curve, ..other.frame };
+        let frame = other.frame.looked_at_as(&self.frame);
         *self == Settings { frame, scale, layer, counts, times_variants, ..other.clone() }
     }
 
@@ -164,20 +163,30 @@ impl Settings {
         self.frame.request(pose, size, frame).with(|r| {
             r.outputs.aovs = AovSet::from_names(&layers).unwrap_or_default();
             r.outputs.count_fetches = self.counts;
-            r.outputs.display = Some(self.frame.display());
+            r.outputs.displayed = true;
             r.outputs.time_variants = self.times_variants;
         })
     }
 }
 
-/// The settings of a frame that the workbench shows and saves.
-pub fn frame_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
+/// The settings of a frame that the workbench shows, without those of its stages.
+pub fn own_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
     FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Workbench))
+}
+
+/// The settings of stages that the workbench shows.
+pub fn stage_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
+    frame::stage_settings().filter(|setting| setting.has_home(Home::Workbench))
+}
+
+/// The settings of a frame and its stages that the workbench shows and saves.
+pub fn frame_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
+    frame::settings().filter(|setting| setting.has_home(Home::Workbench))
 }
 
 /// The text of `docs/settings.md`: every setting of a scene, of a frame, and of the workbench.
 pub fn reference() -> String {
-    let rows = scene::settings().map(|setting| setting.row(None)).chain(FrameSettings::SETTINGS.iter().map(|setting| setting.row(None)));
+    let rows = scene::settings().map(|setting| setting.row(None)).chain(frame::settings().map(|setting| setting.row(None)));
     let rows: Vec<_> = rows.chain(OWN.into_iter().map(|setting| setting.row(None))).collect();
     settings::reference(&rows)
 }
@@ -189,7 +198,7 @@ pub fn kept_names() -> Vec<&'static str> {
 
 #[cfg(test)]
 mod tests {
-    use kernels::display::ToneCurve;
+    use kernels::display::{Exposure, ToneCurve};
     use kernels::scene;
 
     use super::*;
@@ -213,7 +222,8 @@ mod tests {
     #[test]
     fn what_is_only_looked_at_otherwise_looks_the_same() {
         let settings = Settings::new(scene::load(scene::DEFAULT).expect("built in"));
-        let frame = FrameSettings { exposure: 2.0, tone_curve: ToneCurve::Clip, ..settings.frame };
+        let mut frame = settings.frame;
+        frame.stages.display = Exposure { exposure: 2.0, tone_curve: ToneCurve::Clip };
         let otherwise = Settings { frame, scale: 0.5, layer: Layer::Depth, counts: true, times_variants: true, ..settings.clone() };
         assert!(settings.looks_like(&otherwise) && otherwise.looks_like(&settings));
         let mut otherwise = settings.clone();
@@ -242,12 +252,11 @@ mod tests {
 
     #[test]
     fn no_label_comes_twice_and_sliders_lie_within_what_is_accepted() {
-        let labels =
-            scene::settings().filter_map(|s| s.listing.label).chain(FrameSettings::SETTINGS.iter().filter_map(|s| s.listing.label));
+        let labels = scene::settings().filter_map(|s| s.listing.label).chain(frame::settings().filter_map(|s| s.listing.label));
         let labels: Vec<&str> = labels.chain(OWN.into_iter().filter_map(|s| s.listing.label)).collect();
         assert!(labels.iter().enumerate().all(|(i, label)| !labels[..i].contains(label)), "{labels:?}");
         let kinds = scene::settings().map(|s| (s.key, s.kind, s.listing.slider));
-        let kinds = kinds.chain(FrameSettings::SETTINGS.iter().map(|s| (s.key, s.kind, s.listing.slider)));
+        let kinds = kinds.chain(frame::settings().map(|s| (s.key, s.kind, s.listing.slider)));
         let kinds: Vec<_> = kinds.chain(OWN.into_iter().map(|s| (s.key, s.kind, s.listing.slider))).collect();
         let sliders = kinds.into_iter().filter_map(|(key, kind, slider)| Some((key, kind, slider?)));
         let mut count = 0;

@@ -6,7 +6,7 @@ use kernels::settings::{Field as _, Kind, Setting, Slider as Ends};
 
 use super::control::{control, reset_setting};
 use super::reset;
-use crate::model::settings::{SCALE, frame_settings, numbers};
+use crate::model::settings::{SCALE, numbers, own_settings, stage_settings};
 use crate::model::state::Model;
 
 /// Width of a row without its slider, and smallest and largest width of the slider, points.
@@ -22,8 +22,9 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         control(ui, &SCALE, &mut model.settings, |_| "");
         reset_setting(ui, &SCALE, &mut model.settings, &model.usual_scale.value());
     });
-    // The other settings of a frame are in the panel *Variants*.
-    for setting in frame_settings().filter(|setting| matches!(setting.kind, Kind::Number(_) | Kind::OneOf(_))) {
+    // The other settings of a frame are in the panel *Variants*, those of its stages here.
+    let numbers_of_frame = own_settings().filter(|setting| matches!(setting.kind, Kind::Number(_) | Kind::OneOf(_)));
+    for setting in numbers_of_frame.chain(stage_settings()) {
         let usual = if setting.name() == "vertex_stride" { Some(model.usual_stride.value()) } else { (setting.default)() };
         ui.horizontal(|ui| {
             control(ui, setting, &mut model.settings.frame, |_| "");

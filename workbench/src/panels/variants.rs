@@ -7,7 +7,7 @@ use kernels::variant::{Flavour, Variant};
 use kernels::view::normals::NormalEncoding;
 
 use super::control::control;
-use crate::model::settings::{COUNTS, Settings, TIMES_VARIANTS, frame_settings};
+use crate::model::settings::{COUNTS, Settings, TIMES_VARIANTS, own_settings};
 use crate::model::state::Model;
 
 /// Columns of the table of 31 variants.
@@ -94,14 +94,14 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     }
     ui.separator();
     egui::Grid::new("estimator and noise").num_columns(2).show(ui, |ui| {
-        for setting in frame_settings().filter(|setting| matches!(setting.kind, Kind::Name(_) | Kind::Whole(..))) {
+        for setting in own_settings().filter(|setting| matches!(setting.kind, Kind::Name(_) | Kind::Whole(..))) {
             let about: fn(&str) -> &'static str = if setting.name() == "normals" { of_normals } else { |_| "" };
             control(ui, setting, &mut model.settings.frame, about);
             ui.end_row();
         }
     });
     // The control of the generic kernel is at the top of the panel.
-    for setting in frame_settings().filter(|setting| matches!(setting.kind, Kind::Flag) && setting.name() != "generic") {
+    for setting in own_settings().filter(|setting| matches!(setting.kind, Kind::Flag) && setting.name() != "generic") {
         control(ui, setting, &mut model.settings.frame, |_| "");
     }
     control(ui, &COUNTS, &mut model.settings, |_| "");

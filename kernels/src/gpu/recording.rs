@@ -1,0 +1,111 @@
+//! Recording the passes of a frame: one object holds what every pass needs, so that a stage's own inputs and outputs are all its arguments.
+
+use crate::base::error::Result;
+use crate::gpu::bindings::view;
+use crate::gpu::{Gpu, PassTime, Timer};
+
+/// The commands of a frame while they are recorded, with the device, the timer, and the bind groups that all stages share.
+pub struct Recording<'a> {
+    /// The device.
+    pub gpu: &'a Gpu,
+    /// The commands since the last [`Recording::submit`].
+    pub encoder: wgpu::CommandEncoder,
+    /// Times of all passes of the frame.
+    pub timer: Timer,
+    /// Bind groups 0, 1...: the uniforms of the frame, then the terrain if it is given.
+    groups: &'a [&'a wgpu::BindGroup],
+}
+
+impl<'a> Recording<'a> {
+    /// Begins a frame. `groups` are bound to 0, 1... in every pass.
+    pub fn new(gpu: &'a Gpu, groups: &'a [&'a wgpu::BindGroup]) -> Recording<'a> {
+        Recording { gpu, encoder: gpu.encoder("frame"), timer: Timer::new(gpu), groups }
+    }
+
+    /// Bind group 0: the uniforms of the frame.
+    pub fn frame(&self) -> &'a wgpu::BindGroup {
+        self.groups[0]
+    }
+
+    /// Begins a timed compute pass with this pipeline. `own` are bound after the groups that the layout of the pipeline shares with all stages:
+    /// `shared` of them.
+    pub fn compute(
+        &mut self,
+        name: &str,
+        pipeline: &wgpu::ComputePipeline,
+        shared: usize,
+        own: &[&wgpu::BindGroup],
+    ) -> wgpu::ComputePass<'_> {
+        let mut pass =
+            self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes: self.timer.compute(name) });
+        pass.set_pipeline(pipeline);
+        for (index, group) in (0..).zip(self.groups[..shared].iter().chain(own)) {
+            pass.set_bind_group(index, *group, &[]);
+        }
+        pass
+    }
+
+    /// Begins a timed render pass into `colours`, with `own` bound as in [`Recording::compute`].
+    pub fn render(
+        &mut self,
+        name: &str,
+        colours: &[&wgpu::TextureView],
+        load: wgpu::LoadOp<wgpu::Color>,
+        depth_stencil: Option<wgpu::RenderPassDepthStencilAttachment<'_>>,
+        shared: usize,
+        own: &[&wgpu::BindGroup],
+    ) -> wgpu::RenderPass<'_> {
+        let ops = wgpu::Operations { load, store: wgpu::StoreOp::Store };
+        let attachments: Vec<_> = colours
+            .iter()
+            .map(|view| Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }))
+            .collect();
+        let mut pass = self.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some(name),
+            color_attachments: &attachments,
+            depth_stencil_attachment: depth_stencil,
+            timestamp_writes: self.timer.render(name),
+            ..Default::default()
+        });
+        for (index, group) in (0..).zip(self.groups[..shared].iter().chain(own)) {
+            pass.set_bind_group(index, *group, &[]);
+        }
+        pass
+    }
+
+    /// Records a timed full-screen triangle into `target`, which is cleared first.
+    pub fn full_screen(
+        &mut self,
+        name: &str,
+        pipeline: &wgpu::RenderPipeline,
+        target: &wgpu::Texture,
+        shared: usize,
+        own: &[&wgpu::BindGroup],
+    ) {
+        let mut pass = self.render(name, &[&view(target)], CLEAR, None, shared, own);
+        pass.set_pipeline(pipeline);
+        pass.draw(0..3, 0..1);
+    }
+
+    /// Submits what was recorded, and waits for the device. Recording goes on with no commands.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn submit(&mut self) -> Result<()> {
+        let recorded = std::mem::replace(&mut self.encoder, self.gpu.encoder("frame"));
+        self.gpu.submit_and_wait(recorded)
+    }
+
+    /// Submits the rest of the frame, and waits for the device. Returns the times of all passes.
+    ///
+    /// # Errors
+    /// When the device is lost, or there were more passes than a timer holds.
+    pub fn finish(mut self) -> Result<Vec<PassTime>> {
+        self.timer.resolve(&mut self.encoder);
+        self.gpu.submit_and_wait(self.encoder)?;
+        self.timer.read(self.gpu)
+    }
+}
+
+/// Clears a colour target to 0.
+pub const CLEAR: wgpu::LoadOp<wgpu::Color> = wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT);
