@@ -1,20 +1,20 @@
-# The two main commands: `make demo` shows what Scree does, and `make test` checks it. Both do their own set-up.
+# The two main commands: `make demo` shows what Scree does, and `make test` checks it. Both run `make setup` first.
 #
-# Everything is built with --release into one target folder: otherwise the references, the world and the software rasteriser are too slow, and a
-# second profile would compile every dependency twice.
+# Everything is built with --release into one target folder. Without optimisation, the references, the world and the software rasteriser are too slow.
+# A second profile would compile every dependency twice.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
 
 CARGO ?= cargo
-# Folder of the demo's results: `make demo OUT=somewhere/else`.
+# Folder for the demo's results. To change it: `make demo OUT=somewhere/else`.
 OUT ?= out/demo
 # Seconds that `make fuzz` spends on each target.
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS := scene definition heightmap texture cache
 
-# Mesa's drivers complain on standard error when there is no runtime folder; give them a private one.
+# Mesa's drivers print a warning if XDG_RUNTIME_DIR is not set, so it is set to a private folder.
 ifeq ($(strip $(XDG_RUNTIME_DIR)),)
 export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"; mkdir -p -m 700 "$$dir"; \
     if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
@@ -41,8 +41,8 @@ test: export RUSTC_WORKSPACE_WRAPPER = $(CURDIR)/scripts/lints.sh
 test: setup ## format, lints, documentation, every test, the notebook
 	@scripts/test_setup.sh
 	$(CARGO) fmt --all --check
-# The whole workspace is built, as for the tests: a single program would be built with other features of its libraries, so all of them would be built
-# twice.
+# The whole workspace is built, like in the next step. If a single program were built, its libraries would have different features, so cargo would
+# compile them twice.
 	$(CARGO) build --release --locked --workspace --all-targets
 	$(CARGO) test --release --locked --workspace
 	@scripts/notebook.sh
@@ -51,8 +51,9 @@ test: setup ## format, lints, documentation, every test, the notebook
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench
 
-# Dependencies have the workspace's versions. New inputs are written to out/, next to the corpus that is kept; crashes to fuzz/artifacts.
-fuzz: ## feeds arbitrary bytes to every file reader, FUZZ_SECONDS each; needs cargo-fuzz and a nightly compiler
+# The copied lock file gives the fuzz targets the same versions of dependencies as the workspace. New inputs are written to out/fuzz, so that the
+# corpus in fuzz/corpus does not change. Inputs that cause a crash are written to fuzz/artifacts.
+fuzz: ## feeds arbitrary bytes to every file reader, for FUZZ_SECONDS each; needs cargo-fuzz and a nightly compiler
 	cp Cargo.lock fuzz/Cargo.lock
 	for target in $(FUZZ_TARGETS); do \
 	    mkdir -p out/fuzz/$$target; \

@@ -1,8 +1,9 @@
-//! Every reader of files, given bytes: what the fuzz targets run, and `tests/parsers.rs` without a fuzzer.
+//! Gives bytes to every reader of files and checks the outcome. The fuzz targets call these functions; `tests/parsers.rs` calls them without a
+//! fuzzer.
 //!
-//! A reader returns a value or refuses, whatever it is given: no panic, no memory that the bytes do not pay for, and a refusal is one line. What it
-//! accepts holds together: it is within the ranges that its documentation promises, and what is written again is read as the same. Each function
-//! panics where that fails, and says whether any of its readers accepted the bytes.
+//! For any bytes, a reader must return a value or an error. It must not panic, it must not allocate more memory than the number of bytes justifies,
+//! and its error must be one line. A value must be within the documented ranges, and if it can be written, reading it again must give an equal value.
+//! Each function panics if a reader violates this. Otherwise it returns whether any of its readers accepted the bytes.
 
 use std::fmt::Display;
 use std::io::Cursor;
@@ -21,43 +22,43 @@ use workbench::model::kept::{Kept, Refused};
 use workbench::model::places::Recorded;
 use workbench::model::settings::Settings;
 
-/// A name that no error may be mistaken to come from.
+/// The name that readers get for the bytes; no real file has it.
 const NAME: &str = "fuzz";
 
-/// What was accepted; a refusal that is not one line of text is a defect.
+/// Returns the accepted value, if there is one. Panics if the error is not one line of text.
 fn told<T, E: Display>(outcome: Result<T, E>) -> Option<T> {
     outcome.map_err(|refusal| is_told(&format!("{refusal:#}"))).ok()
 }
 
 fn is_told(line: &str) {
-    assert!(!line.trim().is_empty() && !line.contains(char::is_control), "no line of text: {line:?}");
+    assert!(!line.trim().is_empty() && !line.contains(char::is_control), "the error is not one line of text: {line:?}");
 }
 
-/// A scene file.
+/// Reads a scene file.
 pub fn scene(bytes: &[u8]) -> bool {
     let Some(text) = told(document::text(bytes.to_vec(), "scene")) else { return false };
     let Some(scene) = told(scene::parse(&text, NAME, Path::new(""))) else { return false };
     let again = toml::to_string(&scene).map(|text| scene::parse(&text, NAME, Path::new("")));
-    assert!(matches!(&again, Ok(Ok(same)) if *same == scene), "{again:?} was {scene:?}");
+    assert!(matches!(&again, Ok(Ok(same)) if *same == scene), "writing and reading {scene:?} gave {again:?}");
     true
 }
 
-/// An experiment's definition, as a file and as a run keeps it.
+/// Reads an experiment's definition as a file, and in the form in which a run stores it.
 pub fn definition(bytes: &[u8]) -> bool {
     let Some(text) = told(document::text(bytes.to_vec(), "definition")) else { return false };
     let is_whole = told(definition::parse(&text, NAME, Path::new(""))).is_some();
     let Some(stored) = told(definition::stored(&text)) else {
-        assert!(!is_whole, "a run could not keep it");
+        assert!(!is_whole, "the definition was accepted as a file, but not in the form in which a run stores it");
         return false;
     };
-    // As texts: a number that is varied may be NaN, which equals nothing.
+    // Definitions are compared as texts, because a varied value may be NaN, which is not equal to itself.
     let text = stored.to_toml().unwrap_or_else(|error| panic!("{error:#}"));
     let again = definition::stored(&text).and_then(|again| again.to_toml());
-    assert!(again.as_ref().is_ok_and(|again| *again == text), "{again:?} was {text}");
+    assert!(again.as_ref().is_ok_and(|again| *again == text), "writing and reading {text} gave {again:?}");
     is_whole
 }
 
-/// A heightmap; its first bytes tell the format.
+/// Reads a heightmap. Its first bytes determine the format.
 pub fn heightmap(bytes: &[u8]) -> bool {
     let name = match bytes {
         [0x89, b'P', b'N', b'G', ..] => "fuzz.png",
@@ -76,23 +77,23 @@ pub fn heightmap(bytes: &[u8]) -> bool {
     whole.is_some() || corner.is_some()
 }
 
-/// A texture of a material, and a picture to compare.
+/// Reads a texture of a material, and a picture for `compare`.
 pub fn texture(bytes: &[u8]) -> bool {
     let map = told(folder::Image::decode(Cursor::new(bytes), Path::new(NAME)));
     if let Some(map) = &map {
         assert!(map.edge > 0 && map.texels.len() == map.edge * map.edge);
-        assert!(map.texels.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "a texel beyond 0..1");
+        assert!(map.texels.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "a texel is outside 0..1");
     }
     let picture = told(judge::Image::decode(Cursor::new(bytes), Path::new(NAME), None));
     told(judge::Image::decode(Cursor::new(bytes), Path::new(NAME), Some("albedo")));
     if let Some(picture) = &picture {
         assert_eq!(picture.texels.len(), picture.size[0] as usize * picture.size[1] as usize);
-        assert!(picture.texels.iter().flatten().all(|c| c.is_finite()), "a texel that is not finite");
+        assert!(picture.texels.iter().flatten().all(|c| c.is_finite()), "a texel is not finite");
     }
     map.is_some() || picture.is_some()
 }
 
-/// What programs keep and read back: a run's table and manifest, the workbench's state and a path that was flown.
+/// Reads files that the programs write themselves: the table and manifest of a run, the state of the workbench, and a recorded camera path.
 pub fn cache(bytes: &[u8]) -> bool {
     let table = told(table::decode_parquet(Bytes::copy_from_slice(bytes), Path::new(NAME)));
     let path = told(Recorded::from_csv(NAME, bytes, NAME));
@@ -115,13 +116,13 @@ fn kept(bytes: &[u8]) -> bool {
     let mut settings = Settings::new(default_scene());
     let said = [kept.apply_look(&mut settings), kept.apply_numbers(scene::DEFAULT, &mut settings.scene)].concat();
     said.iter().for_each(|line| is_told(line));
-    assert!(scene::validate(&settings.scene).is_ok(), "numbers that the scene cannot have");
+    assert!(scene::validate(&settings.scene).is_ok(), "the stored numbers made the scene invalid");
     kept.tree(egui::Id::unique(NAME));
     kept.places(scene::DEFAULT);
-    // As texts: a number may be NaN.
+    // States are compared as texts, because a number may be NaN, which is not equal to itself.
     let text = toml::to_string(&kept).unwrap_or_else(|error| panic!("{error}"));
     let again = Kept::parse(text.clone().into_bytes(), NAME).map(|again| toml::to_string(&again));
-    assert!(again.as_ref().is_ok_and(|again| again.as_ref() == Ok(&text)), "{again:?} was {text}");
+    assert!(again.as_ref().is_ok_and(|again| again.as_ref() == Ok(&text)), "writing and reading {text} gave {again:?}");
     true
 }
 

@@ -23,7 +23,7 @@ done
 
 differ=0
 say() { echo "$1: $2"; [ "$2" = identical ] || differ=1; }
-# Not `cmp`: the chunks of a file are in the order in which threads finished them.
+# `cmp` cannot be used, because the chunks of an OpenEXR file are in the order in which threads finished them.
 for camera in cliff ground vista grazing; do
     if "$after" compare "$work/before/$camera.exr" "$work/after/$camera.exr" --metric mse | grep -q 'identical'; then
         say "$camera" identical

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Replaces rustc when cargo compiles this workspace's own crates (RUSTC_WORKSPACE_WRAPPER): clippy lints the code while it compiles it, and rustdoc
-# checks the documentation of libraries. `cargo clippy` and `cargo doc` find the same problems, but they first check every dependency again without
-# compiling it, which takes minutes.
+# Runs in place of rustc when cargo compiles this workspace's own crates (RUSTC_WORKSPACE_WRAPPER). Clippy lints the code while it compiles it, and
+# rustdoc checks the documentation of libraries. `cargo clippy` and `cargo doc` find the same problems, but they cannot reuse compiled dependencies:
+# they check every dependency again first, which takes minutes.
 set -euo pipefail
 
 rustc="$1"
 shift
 clippy-driver "$rustc" "$@" -D warnings
 
-# The arguments of a library's compilation that rustdoc needs.
+# `told` collects the arguments of a library's compilation that rustdoc also needs.
 told=() out="" library=false
 arguments=("$@")
 for ((i = 0; i < ${#arguments[@]}; i++)); do

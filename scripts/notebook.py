@@ -17,7 +17,7 @@ from pathlib import Path
 
 
 def run(source: str, names: dict, label: str):
-    """Runs one cell like a notebook: if the last statement is an expression, its value is shown."""
+    """Runs one cell and returns the value of its last statement if that is an expression. A notebook shows this value."""
     import ast
 
     tree = ast.parse(source, label)
@@ -33,7 +33,7 @@ def run(source: str, names: dict, label: str):
 
 
 def figures():
-    """The open figures of a cell, as PNG."""
+    """Returns the open figures of a cell as PNG files, and closes them."""
     plt = sys.modules.get("matplotlib.pyplot")
     pictures = []
     if plt is not None:
@@ -79,7 +79,7 @@ def main() -> int:
         cell["execution_count"] = index
     os.chdir(home)
     if not cells or drawn == 0:
-        print(f"error: {args.notebook}: {len(cells)} code cells drew {drawn} figures: nothing was checked", file=sys.stderr)
+        print(f"error: {args.notebook}: {len(cells)} code cells drew {drawn} figures, so nothing was checked: add cells that draw", file=sys.stderr)
         return 1
     if args.write:
         args.notebook.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

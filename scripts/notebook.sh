@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Executes the notebook on the recorded run, in its own Python environment below target/. The environment is made if it is missing or its list of
-# packages has changed.
+# Executes the notebook on the recorded run, in a Python environment of its own in target/notebook. The environment is created if it does not exist or
+# if the list of packages has changed.
 set -euo pipefail
 root="$(cd "$(dirname "$0")/.." && pwd)"
 venv="$root/target/notebook"
@@ -21,7 +21,7 @@ if ! cmp -s "$list" "$venv/requirements.txt"; then
     python3 -m venv "$venv" ||
         fail "python3 cannot make a virtual environment: install its venv module (Debian and Ubuntu: apt-get install python3-venv)"
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r "$list" ||
-        fail "the packages of $list could not be installed: is there a network?"
+        fail "the packages of $list could not be installed (pip's messages are above): check the network connection"
     cp "$list" "$venv/requirements.txt"
 fi
 exec "$venv/bin/python" "$root/scripts/notebook.py" "$root/notebooks-data/headline.ipynb" "$@"

@@ -1,5 +1,7 @@
 #!/usr/bin/env python3
-"""Makes the small record of a run for notebooks-data: its rows without those of single frames, and the files that describe the run.
+"""Writes a small record of a run for notebooks-data: most rows, the files that describe the run, and the headline numbers as headline.csv.
+
+The record has no rows of the metric `power`, and no rows of single frames for the metrics in PER_FRAME.
 
 Usage: record.py RUN_FOLDER notebooks-data/NAME   (in the environment that scripts/notebook.sh makes)
 """
@@ -13,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-# The rows of single frames are omitted for these metrics: the rows over all frames contain the same information.
+# Metrics whose rows of single frames are omitted. Their rows over all frames are kept.
 PER_FRAME = ["fetches_per_px", "flip_rate", "difference", "flicker", "taa_rejections", "disoccluded", "reference_difference"]
 
 

@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# Provides what a new machine needs before `make demo` or `make test`: Rust and a Vulkan driver. If there is no driver, this script installs Mesa's
-# software driver on Debian and Ubuntu and reports it; on other systems it says what to install.
+# Checks that a new machine has what `make demo` and `make test` need: Rust, compilers and a Vulkan driver. If there is no driver, this script
+# installs Mesa's software driver on Debian and Ubuntu and reports it. On other systems it prints what to install.
 #
-# Debian 12 has Mesa 22.3.6, which takes minutes to compile a shading pipeline with anisotropic filtering. There the driver comes from bookworm-backports.
-# Variables that change this:
-#   SCREE_NO_BACKPORTS=1         never use bookworm-backports
-# SCREE_BACKPORTS=1, CI=true   replace an older Mesa that is already installed; CI does not change a machine with a GPU driver
+# Debian 12 has Mesa 22.3.6, which takes minutes to compile a shading pipeline with anisotropic filtering. On Debian 12 the driver is therefore
+# installed from bookworm-backports. These variables change this:
+#   SCREE_NO_BACKPORTS=1   bookworm-backports is never used
+#   SCREE_BACKPORTS=1      an older Mesa that is already installed is replaced
+#   CI=true                likewise, but only if the machine has no GPU driver
 set -euo pipefail
 
-# scripts/test_setup.sh puts its own folder in front of every system path.
+# scripts/test_setup.sh sets this variable to a folder that the script then uses as the root of the file system.
 root="${SCREE_SETUP_ROOT:-}"
 sources="$root/etc/apt/sources.list.d"
 own_source="$sources/scree-backports.sources"
@@ -36,7 +37,7 @@ check_compilers() {
     fi
 }
 
-# The manifests of Vulkan drivers, one per line. Drivers that an environment variable names replace those of the system.
+# Prints the manifests of Vulkan drivers, one per line. If an environment variable names drivers, the drivers of the system are ignored.
 driver_manifests() {
     local named="${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}"
     if [ -n "$named" ]; then
@@ -48,12 +49,12 @@ driver_manifests() {
 }
 has_driver() { [ -n "$(driver_manifests)" ]; }
 
-# A driver's manifest is useless without the loader that reads it. A driver that VK_DRIVER_FILES names may bring its own loader.
+# Whether there is a Vulkan loader, which reads the manifests of drivers. If LD_LIBRARY_PATH is set, the loader may be in one of its folders.
 has_loader() {
     local ldconfig
     ldconfig="$(command -v ldconfig || echo /sbin/ldconfig)"
     [ -x "$ldconfig" ] || return 0
-    # Not `grep -q`: it would stop reading early, and pipefail would call that a failure.
+    # `grep -q` cannot be used: it would stop reading early, and pipefail would treat that as a failure.
     "$ldconfig" -p | grep 'libvulkan\.so\.1' >/dev/null || [ -n "${LD_LIBRARY_PATH:-}" ]
 }
 
@@ -77,7 +78,7 @@ is_old() {
     [ "${upstream%%.*}" -lt "$good_mesa" ]
 }
 
-# The version of the installed package without Debian's part; empty if it is not installed.
+# Prints the version of the installed package without Debian's part; prints nothing if the package is not installed.
 mesa_version() {
     # shellcheck disable=SC2016 # the fields are dpkg-query's
     dpkg-query -W -f '${db:Status-Status} ${Version}\n' mesa-vulkan-drivers 2>/dev/null | awk '$1 == "installed" { sub(/-[^-]*$/, "", $2); print $2; exit }' || true
@@ -88,7 +89,8 @@ mesa_is_old() {
     [ -n "$version" ] && is_old "$version"
 }
 
-# Whether a GPU is used: there is a driver that is not Mesa's, or a GPU for which an old Mesa has a Vulkan driver. Called only if Mesa is installed.
+# Whether a GPU is used: there is a driver that is not from Mesa, or a GPU for which an old Mesa has a Vulkan driver. Must only be called if Mesa is
+# installed.
 has_gpu_driver() {
     grep -sE '^DRIVER=(amdgpu|i915|msm|v3d)' "$root"/sys/class/drm/renderD*/device/uevent >/dev/null && return
     local manifests manifest mesa_files
@@ -100,7 +102,7 @@ has_gpu_driver() {
     return 1
 }
 
-# Decides about Mesa on Debian 12: use `backports`, `tell` the user about them, or do `nothing`.
+# Prints what to do about Mesa on Debian 12: `backports` = install it from the backports, `tell` = tell the user about the backports, or `nothing`.
 plan_for_mesa() {
     if ! is_debian_12 || is_set SCREE_NO_BACKPORTS; then
         echo nothing
@@ -135,21 +137,21 @@ newer_mesa_is_offered() {
     return 1
 }
 
-# The file in apt's sources that already names the backports, if there is one.
+# Prints the first file in apt's sources that already names the backports, if there is one.
 backports_source() {
     local files
     files="$(grep -lsE '^[^#]*(bookworm|stable)-backports' "$root/etc/apt/sources.list" "$sources"/*.list "$sources"/*.sources || true)"
     head -n 1 <<<"$files"
 }
 
-# The mirror from which the machine gets Debian 12. A URI with a password is not used, because every user can read the new file.
+# Prints the mirror from which the machine gets Debian 12. A URI with a password is not used, because every user can read the new file.
 debian_mirror() {
     # shellcheck disable=SC2016 # the fields are apt's
     apt-get indextargets --format '$(ORIGIN)|$(CODENAME)|$(COMPONENT)|$(REPO_URI)' 'Created-By: Packages' |
         awk -F '|' '$1 == "Debian" && $2 == "bookworm" && $3 == "main" && $4 !~ /^cdrom:|@/ && !found { sub(/\/$/, "", $4); print $4; found = 1 }'
 }
 
-# Adds the source: the file is written completely under a name that apt ignores, then renamed.
+# Adds the source of backports. The file is first written under a name that apt ignores and then renamed, so apt never sees an incomplete file.
 write_own_source() {
     local text
     text="$(printf '%s\n' "# Added by Scree's scripts/setup.sh for mesa-vulkan-drivers." 'Types: deb' "URIs: $1" 'Suites: bookworm-backports' 'Components: main' \
@@ -159,7 +161,7 @@ write_own_source() {
         if printf "%s\n" "$3" >"$new" && mv -f "$new" "$2"; then exit 0; fi
         rm -f "$new"; exit 1' sh "$sources" "$own_source" "$text"
 }
-# Removes the source if this run added it. This is the last step of every run that does not succeed.
+# Removes the source if this run added it and could not install from it. It also runs when the script ends.
 source_added=false
 drop_added_source() {
     $source_added || return 0
@@ -172,7 +174,7 @@ trap drop_added_source EXIT
 # Makes sure that apt offers a newer Mesa; adds a package source if the machine has none.
 offer_newer_mesa() {
     newer_mesa_is_offered && return
-    # An unrelated source may fail: only what is offered afterwards matters.
+    # A failure is ignored, because it may come from an unrelated source. The next line checks the result.
     update_lists || true
     newer_mesa_is_offered && return
 
@@ -191,12 +193,12 @@ offer_newer_mesa() {
     source_added=true
     write_own_source "$mirror" || return
     say "added the package source bookworm-backports in $own_source; to remove it: delete that file as root and run 'apt-get update'"
-    # Updates the lists of this source only; any failure of it counts.
+    # Only the lists of this source are updated, so a failure is not ignored.
     update_lists -o Dir::Etc::sourcelist="$own_source" -o Dir::Etc::sourceparts=/dev/null -o APT::Get::List-Cleanup=0 -o APT::Update::Error-Mode=any &&
         newer_mesa_is_offered
 }
 
-# -t lets apt also take dependencies of the driver from the backports. Unrelated packages are not changed, and none is removed.
+# The option -t lets apt also take the driver's dependencies from the backports. Unrelated packages are not changed, and no package is removed.
 install_newer_mesa() {
     local wanted=(--no-remove -t bookworm-backports mesa-vulkan-drivers libvulkan1)
     if offer_newer_mesa && { install_packages "${wanted[@]}" || { update_lists && install_packages "${wanted[@]}"; }; }; then
@@ -215,7 +217,7 @@ trap 'exit 143' TERM HUP
 
 check_compilers
 
-# On other systems Metal and Direct3D 12 are part of the operating system.
+# Systems other than Linux need no driver, because Metal and Direct3D 12 are part of the operating system.
 [ "$(uname -s)" = Linux ] || exit 0
 
 missing="$(missing_packages)"
@@ -253,7 +255,7 @@ fi
 if [ -n "$missing" ]; then
     say "no Vulkan driver (or no Vulkan loader) was found; installing Mesa's software Vulkan with apt-get: $missing"
     read -ra packages <<<"$missing"
-    # The package lists of a new image are empty or old: they are fetched if the first attempt fails.
+    # The package lists of a new image may be empty or old, so they are fetched if the first attempt fails.
     install_packages "${packages[@]}" || { update_lists && install_packages "${packages[@]}"; } ||
         fail "apt-get could not install $missing: its messages are above; install the packages by hand and call make again"
 fi
@@ -262,4 +264,4 @@ has_driver || fail "mesa-vulkan-drivers is installed, but there is no driver in 
 if is_debian_12 && [ "$plan" != tell ] && mesa_is_old && ! has_gpu_driver; then
     say "Mesa $(mesa_version) takes minutes to compile anisotropic shading pipelines, so scenes are drawn with anisotropy 1"
 fi
-say "Vulkan is available now; with a software driver pictures are correct, but only ratios of times are meaningful"
+say "Vulkan is available; with a software driver, pictures are correct, but only ratios of times are meaningful"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Tests what scripts/setup.sh decides on a machine without Vulkan, with an old Mesa, and where the backports of Debian 12 are not available. Nothing
-# is installed: apt, dpkg and sudo are replaced by stand-ins that act on a folder, and the script sees no other part of the system.
+# Tests what scripts/setup.sh decides on a machine without Vulkan, on a machine with an old Mesa, and if the backports of Debian 12 are not available.
+# Nothing is installed: apt, dpkg and sudo are replaced by stand-ins that change only a temporary folder, and the script uses only the programs below.
 set -euo pipefail
 
 if [ "$(uname -s)" != Linux ]; then
@@ -18,7 +18,7 @@ failures=0
 
 stand_in() { cat >"$bin/$1" && chmod +x "$bin/$1"; }
 
-# Programs that the script may use unchanged; it finds no others.
+# The script may use these programs of the system. Its PATH contains no others.
 mkdir "$bin"
 for program in awk bash cat dirname env grep head mkdir mv rm sed sh tr uname; do
     ln -s "$(type -P "$program")" "$bin/$program"
@@ -37,7 +37,7 @@ case "$1" in
     *) echo "installed $(cat "$TEST_ROOT/installed")" ;;
 esac
 END
-# Backports are offered once a source names them and the lists have been fetched. TEST_BROKEN names the step that fails.
+# The stand-in offers backports if a source names them and the lists have been fetched. TEST_BROKEN names the step that fails.
 stand_in apt-cache <<'END'
 #!/bin/sh
 [ ! -e "$TEST_ROOT/lists" ] || echo " mesa-vulkan-drivers | $TEST_NEW | http://mirror.test/debian bookworm-backports/main amd64 Packages"
@@ -70,7 +70,7 @@ END
 with_sudo() { stand_in sudo <<<'#!/bin/sh
 exec "$@"'; }
 
-# machine DISTRIBUTION RELEASE [INSTALLED]: makes a new machine.
+# machine DISTRIBUTION RELEASE [INSTALLED]: creates a new machine; INSTALLED = version of the installed Mesa.
 machine() {
     rm -rf "$root"
     mkdir -p "$root/etc/apt/sources.list.d" "$root/usr/share/vulkan/icd.d"
@@ -93,7 +93,7 @@ check() { # check WHAT COMMAND...
     shift
     "$@" && return
     failures=$((failures + 1))
-    printf 'test_setup: %s: not so: %s\n' "$case_name" "$what" >&2
+    printf 'test_setup: %s: this does not hold: %s\n' "$case_name" "$what" >&2
     sed 's/^/    /' "$log" "$calls" >&2
 }
 says() { check "says '$1'" grep -F -e "$1" "$log" >/dev/null; }
@@ -111,7 +111,7 @@ setup
 ends_with 0
 installed "$new"
 says "$own_source; to remove it: "
-check 'the only file of sources is ours' test "$(ls -A "$root/etc/apt/sources.list.d")" = scree-backports.sources
+check 'the only file in sources.list.d is that of the script' test "$(ls -A "$root/etc/apt/sources.list.d")" = scree-backports.sources
 check "the machine's own mirror is named" grep -x 'URIs: http://mirror.test/debian' "$own_source" >/dev/null
 check "Debian's key signs it" grep -x 'Signed-By: /usr/share/keyrings/debian-archive-keyring.gpg' "$own_source" >/dev/null
 case_name='the same machine again'

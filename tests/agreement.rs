@@ -1,11 +1,11 @@
-//! The GPU against the references: every probe's function, and both paths of classification.
+//! Compares the GPU with the references: the function of every probe, and both paths of the classification pass.
 //!
-//! What is compared, and how far a result may be off, stands beside each probe (`kernels::probe`). NaN and infinity are not given here: WGSL lets a
-//! shader assume that there are none.
+//! Each probe (`kernels::probe`) defines what is compared and which error is accepted. Only the culling probes are given NaN and infinity, because
+//! WGSL lets a shader assume that there are none.
 //!
-//! Where a result jumps (an index, a code, a cell), a row within the tolerance of its threshold may fall on either side: such rows are
-//! counted, and may be few. Beside every comparison stand mutants of the shader that the same comparison must reject; the reference in
-//! f32 must pass it.
+//! Where a result is discontinuous (an index, a code, a cell), a row whose distance from the threshold is within the tolerance may fall on either
+//! side. Such rows are counted, and each case limits their number. Each comparison is also run on mutants of the shader, which it must reject, and on
+//! the reference in f32, which it must accept.
 
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
@@ -21,14 +21,14 @@ use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
 use kernels::shared::splat_blend;
 use kernels::view::FrameUniforms;
 
-/// Random rows of a probe.
+/// Number of random rows of each probe.
 const ROWS: u32 = 4096;
 
 fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Result<Gpu, String>> = OnceLock::new();
     GPU.get_or_init(|| Gpu::new().map_err(|e| e.to_string()))
         .as_ref()
-        .unwrap_or_else(|e| panic!("these tests need a GPU or a software one, and there is none: {e}"))
+        .unwrap_or_else(|e| panic!("these tests need a GPU or a software adapter, and none was found: {e}"))
 }
 
 // ---------------------------------------------------------------- the comparator
@@ -36,15 +36,16 @@ fn gpu() -> &'static Gpu {
 /// How a probe is compared.
 struct Case {
     probe: &'static str,
-    /// Rows at the ends of the ranges.
+    /// Rows with values at the ends of the ranges.
     extremes: fn() -> Vec<Vec<f64>>,
-    /// Rows that may lie on the other side of a threshold.
+    /// Largest number of rows that may lie on the other side of a threshold.
     other_side_at_most: usize,
-    /// Mutants: (shared file or "" for the probe's own text, what stands there once, what to put there).
+    /// Mutants: the shared file ("" for the probe's own text), the text to replace in it, and the replacement.
     mutants: &'static [(&'static str, &'static str, &'static str)],
 }
 
-/// A row with each of some columns in turn no number, infinite, denormal, or at the ends of what is reckoned with.
+/// Returns copies of a row. In each copy, one of the columns is NaN, infinite, denormal, near 1e-15 or 1e15 (the limits of the culling tests), or far
+/// beyond these limits.
 fn with_ends(plain: &[f64], columns: impl Iterator<Item = usize>) -> Vec<Vec<f64>> {
     let ends = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e-45, -1e-45, 0.9e-15, 1e-15, 1.1e-15, 0.9e15, 1e15, 1.1e15, -1e16, 3e38];
     let row = |column: usize, end: f64| {
@@ -73,7 +74,8 @@ impl Case {
         rows
     }
 
-    /// Compares results with the truth: the share of the tolerance used and the rows on the other side of a threshold, or what differs.
+    /// Compares results with the truth. Returns the largest share of the tolerance that was used and the number of rows on the other side of a
+    /// threshold, or an error that describes the first difference.
     fn compare(&self, rows: &[f64], got: &[f64]) -> Result<(f64, usize), String> {
         let probe = self.probe();
         let (columns, results) = (probe.inputs.len(), probe.outputs.len());
@@ -90,17 +92,17 @@ impl Case {
                 Verdict::Differs => {
                     differing += 1;
                     if differing == 1 {
-                        first = format!("of {row:?} is {got:?}, truth {want:?}");
+                        first = format!("row {row:?} gives {got:?}, the truth is {want:?}");
                     }
                 }
             }
         }
         if differing > 0 {
-            return Err(format!("{}: {differing} of {} rows differ, the first: {first}", self.probe, rows.len() / columns));
+            return Err(format!("{}: {differing} of {} rows differ; the first: {first}", self.probe, rows.len() / columns));
         }
         if other_side > self.other_side_at_most {
             let most = self.other_side_at_most;
-            return Err(format!("{}: {other_side} rows are on the other side of a threshold, at most {most} may be", self.probe));
+            return Err(format!("{}: {other_side} rows are on the other side of a threshold; the limit is {most}", self.probe));
         }
         Ok((share, other_side))
     }
@@ -108,7 +110,8 @@ impl Case {
 
 // ---------------------------------------------------------------- the probes
 
-/// A vector along an axis is exact in any precision; one step of f32 off it is the least that is not.
+/// Directions that are special: without a usable length, very short or very long, along an axis, one step of f32 off an axis, and along a diagonal. A
+/// direction along an axis has exact codes in any precision; one step of f32 off the axis is the smallest deviation from it.
 fn directions() -> Vec<[f64; 3]> {
     let mut all = vec![[0.0; 3], [2e-30, 0.0, 0.0], [1e-31, -1e-31, 1e-31], [9e29, -5e29, 1e29], [3e-30, 4e-30, -5e-30]];
     for axis in 0..3 {
@@ -131,12 +134,12 @@ const CASES: &[Case] = &[
     Case {
         probe: "octahedral",
         extremes: || directions().into_iter().map(|n| n.to_vec()).collect(),
-        // Equally near codes: a part of some 16 ULP / 2^-7 = 2^-12 of the random rows, so 1 is expected; and the symmetric extremes, which
-        // lie between codes: 8 diagonals, 12 a step off an axis.
+        // Rows with two equally near codes. The error of 16 ULP (2^-19) is 2^-12 of the distance of two codes (2^-7), so 1 of the 4096 random rows is
+        // expected. The limit also admits 20 symmetric extremes, which lie between codes: the 8 diagonals, and the 6 directions one step off an axis.
         other_side_at_most: 4 + 20,
         mutants: &[
             ("octahedral", "(vec2<f32>(1.0) - abs(flat.yx)) * octahedral_sign(flat)", "vec2<f32>(1.0) - abs(flat.yx)"),
-            // The nearest code of each coordinate instead of the nearest direction.
+            // The nearest code of each coordinate instead of the code of the nearest direction.
             ("", "octahedral_encode8_precise(n)", "octahedral_quantise8(e)"),
             ("octahedral", "if error < best_error", "if i == 0u"),
             ("octahedral", "return v / sqrt(dot(v, v));", "return v;"),
@@ -145,11 +148,13 @@ const CASES: &[Case] = &[
     Case {
         probe: "octahedral-codes",
         extremes: || directions().into_iter().flat_map(|n| [2.0, 8.0, 12.0, 16.0].map(|bits| [&n[..], &[bits]].concat())).collect(),
-        // At 16 bits a rounding of 16 ULP is 2^-4 of a code, so an eighth of a quarter of the random rows for each of two coordinates, and as many for the
-        // nearest direction; at 12 bits a sixteenth of that.
+        // At 16 bits, the error of 16 ULP (2^-19) is 2^-4 of the distance of two codes (2^-15). A quarter of the random rows has 16 bits. For each of
+        // the two coordinates, an eighth of this quarter (128 rows) lies within the error of the middle between two codes, and twice 128 rows do so
+        // for the nearest direction. At 12 bits it is a sixteenth of these numbers.
         other_side_at_most: 600,
         mutants: &[
-            // The lower code; one step fewer; the nearest code of each coordinate instead of the nearest direction; one that is not held.
+            // In this order: the lower code instead of the nearest; a wrong number of steps; the nearest code of each coordinate instead of the code
+            // of the nearest direction; the first of the four codes around instead of the best.
             ("octahedral", "round(usable_2(e) * half)", "floor(usable_2(e) * half)"),
             ("", "- 1u)) - 1u)", "- 1u)) - 2u)"),
             ("", "octahedral_encode_precise(n, half, step)", "fast"),
@@ -169,12 +174,14 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Equally near points of the finer lattice: a part of some 16 ULP / 2^-10 = 2^-9 of the random rows, so 8 are expected; and of the extremes
-        // those of a diagonal, which lies between codes, and a step off an axis: 20 of 25 planes, 15 rows each.
+        // Rows with two equally near points of the finer lattice. The error of 16 ULP (2^-19) is 2^-9 of the distance of two points (2^-10), so 8 of
+        // the 4096 random rows are expected. The limit also admits 300 extremes. The extremes between points are those whose plane's normal lies
+        // along one of the 8 diagonals or one step off an axis (6 normals). There are 15 rows for each normal.
         other_side_at_most: 24 + 300,
         mutants: &[
-            // A window that is lopsided, of the encoder and of the decoder; points that share a number; a plain plane counted as a fine one; a plane seen
-            // from behind; the lower normal; any point around.
+            // In this order: a prediction that is rounded down; a decoder whose window of differences does not match the encoder's; points that share
+            // an index; a plain plane on the fine lattice; a plane seen from behind; a normal with z < 0; the first lattice point around instead of
+            // the nearest; a vector that is not normalised.
             ("normal_pair", "(p + NORMAL_PAIR_FINE + 4) >>", "(p + NORMAL_PAIR_FINE) >>"),
             ("normal_pair", "(low - predicted + 16)", "(low - predicted)"),
             ("normal_pair", "* (2 * half + 1) + (p.x", "* (2 * half) + (p.x"),
@@ -192,7 +199,7 @@ const CASES: &[Case] = &[
             for kind in [0.0, 1.0] {
                 for sector in [[0.0, 0.0], [16_777_216.0, -16_777_216.0]] {
                     for position in [[0.0, 0.0, 0.0], [31.999_998, 1e-3, 8848.0], [0.0, 0.0, -1e9], [1e20, -1e20, 9e29]] {
-                        // Footprints of zero, below and beyond the range of scales, and whole powers of two of one scale for all.
+                        // Footprints of zero, footprints below and above the range of scales, and powers of two, whose level is a whole number.
                         for [x, y] in [[0.0, 0.0], [1e-9, 1e-9], [1e9, 1e12], [0.25, 0.125], [1.0, 1.0], [32.0, 4.0], [0.03, 3.0]] {
                             for seed in [0.0, 4_294_967_295.0] {
                                 let row = [&[kind][..], &sector, &position, &[32.0, x, 0.0, 0.0, 0.0, y, 0.0, 1.0, seed, seed]];
@@ -204,10 +211,10 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Three levels within 1e-5 of a whole number in half of the rows: 0.1 of 4096 expected.
+        // In half of the rows each axis has its own level. About 0.1 of 4096 rows is expected to have a level within 1e-5 of a whole number.
         other_side_at_most: 4,
         mutants: &[
-            // Not uniform; both scales alike; one seed for all decisions; cells of a sector too few.
+            // In this order: a blend that is not made uniform; the coarse scale twice; a seed without the salt; one cell too few in a sector.
             ("noise", "noise_correct(x.x, lerp_factor)", "x.x"),
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),
@@ -236,13 +243,14 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // A word of the product forgotten; one symmetry for two decisions; no rotation; a frame that does not move the lattice.
+            // Interleaved gradient noise, in this order: a high word without one of its parts; the same symmetry for two decisions; no rotation; a
+            // lattice that the frame does not move.
             ("noise", "+ (other >> 16u)", ""),
             ("noise", "select(shifted, shifted.yx, decision >= 2u)", "shifted"),
             ("noise", "noise_interleaved_gradient_value(turned, frame) + h.z", "noise_interleaved_gradient_value(turned, frame)"),
             ("noise", "+ frame * NOISE_IGN_FRAME", ""),
-            // Slices not repeated, or the blue mask for the first of them; rows for columns; a shift for all decisions; no jitter; the
-            // jitter of static noise fresh in every frame; ranks beyond the last.
+            // Masks, in this order: slices that repeat after 15 frames; the blue mask as the first slice; rows and columns exchanged; the same shift
+            // for all decisions; no jitter; a jitter of the static mask that changes in every frame; ranks beyond the last one.
             ("noise", "frame % NOISE_MASK_SLICES", "frame % 15u"),
             ("noise", "1u + frame % NOISE_MASK_SLICES", "frame % NOISE_MASK_SLICES"),
             ("noise", "shifted.y * NOISE_MASK_EDGE + shifted.x", "shifted.x * NOISE_MASK_EDGE + shifted.y"),
@@ -250,7 +258,7 @@ const CASES: &[Case] = &[
             ("noise", "(jitter >> vec4<u32>(12u))", "vec4<u32>(0u)"),
             ("noise", "select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE)", "frame"),
             ("noise", "min(ranks, vec4<u32>(NOISE_MASK_RANKS - 1u))", "ranks"),
-            // Cells of another size; a level that is not held; white noise that stands still.
+            // White noise, in this order: the wrong cells; a level that is not clamped; noise that does not change with the frame.
             ("noise", "vec3<i32>(k), seed, salt);\n}\n\n// The high", "vec3<i32>(k + 1), seed, salt);\n}\n\n// The high"),
             ("noise", "let k = clamp(level, i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX));", "let k = level;"),
             ("noise", "vec4<u32>(pixel, frame, hash_mix(seed, salt, 0u))", "vec4<u32>(pixel, 0u, hash_mix(seed, salt, 0u))"),
@@ -265,10 +273,10 @@ const CASES: &[Case] = &[
                     rows.push([&[0.3, 0.9, -0.2, 0.0009, 0.0, 0.0, t][..], &n].concat());
                     rows.push([&[0.0, 1.0, 0.0, 0.0, -0.0002, -0.0009, t][..], &n].concat());
                 }
-                // No step, and one as long as the ray.
+                // A step of zero, and a step as long as the ray.
                 rows.push([&[0.3, 0.9, -0.2, 0.0, 0.0, 0.0, 10.0][..], &n].concat());
                 rows.push([&[0.3, 0.9, -0.2, 0.9, -0.3, 0.1, 10.0][..], &n].concat());
-                // Rays from such whose squares are denormal in f32 to such whose squares do not fit.
+                // Rays of very different lengths: the squares of the shortest are denormal in f32, and the squares of the longest do not fit f32.
                 for size in [1e-20, 1e-15, 1e15, 1e20, 1e30, 3e38] {
                     let ray = [0.3, 0.9, -0.2, 0.0009, 0.0, 0.0].map(|x: f64| x * size);
                     rows.push([&ray[..], &[1.0 / size], &n].concat());
@@ -276,11 +284,11 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // The ray lies in the plane in 2^-19 of the random rows and some of the extremes made of axes.
+        // Rows whose ray lies in the plane, within the error: 2^-19 of the random rows, and some of the extremes, which are made of axes.
         other_side_at_most: 16,
         mutants: &[
-            // One coordinate of the step twice; the point's own ray; no limit at grazing angles; the plane's normal not brought to length 1
-            // changes nothing but the limit.
+            // In this order: one coordinate of the step twice; the point's own ray instead of the neighbour's; no limit at grazing angles; a normal
+            // that is not normalised, which changes only the effect of the limit; no limit of the length of the neighbour's ray.
             ("", "vec3<f32>(row[3], row[4], row[5])", "vec3<f32>(row[3], row[3], row[5])"),
             ("derivatives", "ray_step - neighbour *", "ray_step - ray *"),
             ("derivatives", "max(side * dot(n, neighbour), limit)", "(side * dot(n, neighbour))"),
@@ -309,7 +317,7 @@ const CASES: &[Case] = &[
             ("splat_blend", "f.x * g.y, g.x * f.y,", "g.x * f.y, f.x * g.y,"),
             ("splat_blend", "exp2(exponent)", "exp(exponent)"),
             ("splat_blend", "usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS)", "usable_positive_1(sharpness, 64.0)"),
-            // Term by term: what was summed is not measured anew; the winner is the first term.
+            // The weights term by term: the sum so far is not multiplied by the factor of the new largest term; the first term counts as the largest.
             ("splat_blend", "(run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0", "1.0, 1.0"),
             ("splat_blend", "if score > run.score {", "if run.weight <= 0.0 {"),
         ],
@@ -329,8 +337,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // Weights not normalised; a power of 0 that is 0 always; a gradient along the wrong axis; a normal that bends the wrong way, and one
-            // bent by the whole gradient instead of its part along the surface.
+            // In this order: weights that are not normalised; zero to the power of zero as 0; a gradient along the wrong axis; a normal that bends
+            // the wrong way; a normal bent by the whole gradient instead of its part along the surface.
             ("triplanar", "return w / (w.x + w.y + w.z);", "return w;"),
             ("triplanar", "select(0.0, 1.0, sharpness <= 0.0)", "0.0"),
             ("triplanar", "return vec3<f32>(g.x, 0.0, g.y);", "return vec3<f32>(g.x, g.y, 0.0);"),
@@ -345,7 +353,7 @@ const CASES: &[Case] = &[
             for bits in 0..16 {
                 for u in [0.0, 0.25, 0.5, 0.75, 1.0 - 0.5 * EPS, 1.0, -1.0, 2.0] {
                     for size in [1.0, 1e-20, 1e29] {
-                        // Sums and products with these are exact: the threshold itself is compared.
+                        // The sum of one, two or four equal weights is exact, and so is its product with u. So u can lie exactly on a threshold.
                         rows.push((0..4).map(|i| if bits >> i & 1 == 0 { 0.0 } else { size }).chain([u]).collect());
                         rows.push((0..4).map(|i| if bits >> i & 1 == 0 { -size } else { size }).chain([u]).collect());
                     }
@@ -353,10 +361,12 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Random rows hit a threshold with 4096 * 6 * 2^-23; extremes where a sum of three rounded weights meets u = 3/4 of four.
+        // A random row lies on a threshold with a probability of 6 * 2^-23, so none of the 4096 is expected. Extremes lie on one if u is 3/4 and all
+        // four weights are equal, because the sum of three of them is rounded.
         other_side_at_most: 8,
         mutants: &[
-            // Index 0 although its weight is 0; a threshold forgotten; the last index although its weight is 0; negative weights counted.
+            // In this order: index 0 although its weight is 0; the first threshold in place of the second; the last index although its weight is 0;
+            // negative weights that count.
             ("select", "if target_sum < below_1 {", "if target_sum <= below_1 {"),
             ("select", "if target_sum < below_2 {", "if target_sum < below_1 {"),
             ("select", "if w.w > 0.0 {", "if w.w >= 0.0 {"),
@@ -372,7 +382,7 @@ const CASES: &[Case] = &[
                     rows.push([&n[..], &[k]].concat());
                 }
             }
-            // Where the second projection changes: two components alike, below and above the third.
+            // Rows at which the second projection changes: two components are equal, and the third is below or above them.
             for third in [0.0, 0.5, 1.0 - EPS, 1.0 + EPS, 2.0] {
                 rows.push(vec![1.0, 1.0, third, 8.0]);
                 rows.push(vec![third, -1.0, 1.0, 4.0]);
@@ -380,10 +390,11 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Extremes: 8 diagonals with 6 powers, 6 rows a step off a diagonal, and a few where two components that count for nothing are alike.
+        // Extremes: 8 diagonals with 6 powers each, 6 rows one step of f32 off a diagonal, and some rows in which two components of weight 0 are
+        // equal.
         other_side_at_most: 80,
         mutants: &[
-            // A third projection that leaves with a seam; weights not normalised; another power; the wrong axis left out.
+            // In this order: a third projection that is dropped with a seam; weights that are not normalised; a wrong power; the wrong axis left out.
             ("biplanar", "max(kept - BIPLANAR_DIAGONAL, vec2<f32>(0.0))", "kept"),
             ("biplanar", "w / (w.x + w.y)", "w"),
             ("biplanar", "0.125 * usable_positive_1", "usable_positive_1"),
@@ -403,11 +414,12 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Within an error of a cell's border, where the hexagon that goes has weight 0, or of half-way between two levels: a few random rows,
-        // and the extremes at and a step off a corner.
+        // Some random rows, and the extremes at a corner of a cell or a step off it. They lie, within the error, on a cell's border, where one
+        // hexagon replaces another and both have weight 0, or halfway between two levels.
         other_side_at_most: 32,
         mutants: &[
-            // Blended without sharpening; a seam at sector borders; one offset for all; weights not normalised; the upper triangle's weights.
+            // In this order: weights that are not sharpened; a seam at sector borders; the same offset for all hexagons of a column; weights that are
+            // not normalised; the wrong weights in the upper triangle.
             ("hex_tiling", "return square * square * square * w;", "return w;"),
             ("hex_tiling", "(s.x << (HEX_TILING_SKEW_BITS + step)) - skewed_y", "(s.x << (HEX_TILING_SKEW_BITS + step))"),
             ("hex_tiling", "vec4<u32>(id, salt, 0u)", "vec4<u32>(id.xx, salt, 0u)"),
@@ -430,10 +442,12 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // u is within 2^-23 times some hundred texels of a threshold: 0.1 of 4096 expected; extremes with a size of 3 and a centre at 1 - 5e-7.
+        // u lies within the error of a threshold, which is 2^-23 times some hundred texels, in less than 1 of 4096 random rows. The limit also admits
+        // extremes with a size of 3 texels and a coordinate just below a whole repeat, whose product is rounded.
         other_side_at_most: 24,
         mutants: &[
-            // Always the level below; the nearest texel; corners for centres; no repeat; the farther texel more often.
+            // In this order: always the level below; the nearest texel; a texel's corner in place of its centre; no repeat; the farther texel more
+            // often.
             ("texel_choice", "select(0.0, 1.0, u < l - below)", "0.0"),
             ("texel_choice", "select(0.0, 1.0, u < x - below)", "select(0.0, 1.0, 0.5 < x - below)"),
             ("texel_choice", "* texels - 0.5", "* texels"),
@@ -454,7 +468,7 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // A share for an opacity; layer 0 transparent; a layer that counts those above it; a weight forgotten.
+            // In this order: a share used as an opacity; a transparent layer 0; a share that includes the layers above; a texel that is left out.
             ("layers", "m.x / max(m.x + m.y, 1e-30)", "m.x"),
             ("layers", "1.0, layer == 0u", "m.x, layer == 0u"),
             ("layers", "layers == vec4<u32>(layer)", "layers >= vec4<u32>(layer)"),
@@ -474,10 +488,11 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Directions without x and y, or with z at the threshold.
+        // Directions without x and y, and directions whose z is at the threshold.
         other_side_at_most: 100,
         mutants: &[
-            // The other diagonal; sectors and positions that disagree; a rate of whole 45 degree steps; steep and gentle exchanged.
+            // In this order: the two diagonals exchanged; sectors with the wrong sign; a rate without its low 8 bits; steep and gentle slopes
+            // exchanged; a border at 45 degrees instead of 22.5; a gradient with the wrong sign.
             ("snapped_projection", "(u.x > 0.0) == (u.y > 0.0)", "(u.x > 0.0) != (u.y > 0.0)"),
             ("snapped_projection", "place.y - place.x", "place.x - place.y"),
             ("snapped_projection", "(((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u)", "0"),
@@ -495,7 +510,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // OR for XOR, twice; a constant one off; a hash added where it is chained; a rounding unit.
+            // In this order: OR instead of XOR in each of the two hashes; a constant that is off by one; a sum in place of chained hashes; a
+            // conversion of all 32 bits, which is rounded.
             ("hash", "h ^= h >>", "h |= h >>"),
             ("hash", "(word >> 22u) ^ word", "(word >> 22u) | word"),
             ("hash", "2891336453u", "2891336454u"),
@@ -535,21 +551,21 @@ const CASES: &[Case] = &[
                     }
                 }
             }
-            // From a box that is beyond, and from one that is not.
+            // Rows made from a box beyond the plane, and from one that is not beyond it.
             for w in [-5.0, 5.0] {
                 rows.extend(with_ends(&[0.6, 0.0, -0.8, w, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0], 0..10));
             }
             rows
         },
-        // Half of the random rows are 2^-24 to 1 of the distance off the plane, evenly by octave, and the margin is 2^-20 to 2^-21: an eighth of the half, half
-        // of them on the seen side.
+        // In half of the random rows, the box is 2^-24 to 1 of its distance off the plane, with as many rows in each octave. The margin is 2^-21 to
+        // 2^-20 of the distance, so an eighth of these rows lies within it. Half of those lie on the visible side, where no difference is accepted.
         other_side_at_most: 400,
         mutants: &[
-            // The nearest corner; a plane forgotten; no margin, and one to the wrong side.
+            // In this order: the opposite corner; a plane through the origin; a margin to the wrong side.
             ("culling", "select(low, high,", "select(high, low,"),
             ("culling", "+ plane.w < -(", "< -("),
             ("culling", "-(CULLING_SLACK * size + CULLING_FLUSHED)", "CULLING_SLACK * size"),
-            // Boxes and planes as far away as may be.
+            // No check whether the numbers of box and plane are usable.
             ("culling", "return known && terms.x", "return terms.x"),
         ],
     },
@@ -564,22 +580,24 @@ const CASES: &[Case] = &[
                     }
                 }
             }
-            // From a patch that faces away, and from one that does not.
+            // Rows made from a patch that faces away, and from one that does not.
             for z in [-100.0, 100.0] {
                 rows.extend(with_ends(&[0.0, 0.0, -1.0, 0.5, 0.0, 0.0, z, 1.0], 0..8));
             }
             rows
         },
-        // As for the frustum, of octaves of an angle: where the sine is small the margin of a cosine is a wide angle.
+        // As for the frustum, with octaves of an angle. More rows lie within the margin: it is a margin of the cosine, so it is a wide angle where
+        // the sine is small.
         other_side_at_most: 900,
         mutants: &[
-            // The sphere forgotten; the cone; both angles without their sum; no right angle; a margin to the wrong side.
+            // In this order: no sphere; no cone; the larger of the two angles instead of their sum; no limit at a right angle; a margin to the wrong
+            // side.
             ("culling", "radius / distance);", "0.0);"),
             ("culling", "vec2<f32>(sin_half_angle, radius", "vec2<f32>(0.0, radius"),
             ("culling", "sines.x * cosines.y + cosines.x * sines.y + CULLING_ROUNDING", "max(sines.x, sines.y)"),
             ("culling", "cosines.x * cosines.y - sines.x * sines.y <= CULLING_ROUNDING", "false"),
             ("culling", "cosines.x * sines.y + CULLING_ROUNDING", "cosines.x * sines.y - 0.01"),
-            // Patches as far away as may be.
+            // No check whether the distance of the patch is usable.
             ("culling", "usable_within_3(to_patch, CULLING_MOST)", "true"),
         ],
     },
@@ -587,7 +605,8 @@ const CASES: &[Case] = &[
         probe: "occlusion",
         extremes: || {
             let mut rows = Vec::new();
-            // Along y; along an axis upside down, as wide as 1 and 175 degrees; with distances that are lost, and without any.
+            // In this order: a camera that looks along y; one that looks along -z, with a field of view of 1 degree across and of 175 degrees down;
+            // one so far from the origin that distances lose their digits; a matrix of zeros, which gives no distances.
             let cameras = [
                 [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0]],
                 [[114.6, 0.0, 0.0, 0.0], [0.0, 0.0437, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]],
@@ -612,10 +631,10 @@ const CASES: &[Case] = &[
                     }
                 }
             }
-            // From a box that is seen, and that something hides.
+            // Rows made from a box that is in front of the camera and hidden.
             let plain = [&cameras[0].concat()[..], &[0.1], &[-1.0, 5.0, -1.0], &[1.0, 6.0, 1.0], &[16_384.0, 16_384.0], &[0.5; 4]].concat();
             rows.extend(with_ends(&plain, (0..19).chain(21..25)));
-            // Far beside the picture, where places are lost.
+            // A box far outside the picture, where screen positions lose their digits.
             rows.push(
                 [
                     &cameras[2].concat()[..8],
@@ -630,12 +649,14 @@ const CASES: &[Case] = &[
             );
             rows
         },
-        // Edges fall between pixels as they like, those of the margin on another side than without: a margin of some 2^-20 of 4096 pixels, on four edges,
-        // and half of the depths as for the frustum.
+        // A box's edge may lie anywhere between two pixels, so the margin can move it to the next pixel. The margin is some 2^-20 of 4096 pixels, for
+        // each of four edges. In addition, half of the depths are close to the stored depth, as for the frustum.
         other_side_at_most: 1500,
         mutants: &[
-            // A corner forgotten, one twice; the image upside down; no margin of places, and one inwards; the farthest corner; a level too fine; one texel
-            // is enough; behind as well as before; nothing known of what reaches behind the eye.
+            // In this order: one corner left out; some corners twice; the image upside down; no margin at the first pixels; a margin inwards at the
+            // last pixels; the depth of the farthest corner; a level that is too fine; hidden in one texel instead of all; boxes in front instead of
+            // behind; boxes that reach behind the near plane as known; no check whether the numbers of the box are usable; a depth that is rounded to
+            // the wrong side.
             ("culling", "corner < 8u", "corner < 7u"),
             ("culling", "vec3<u32>(1u, 2u, 4u)", "vec3<u32>(1u, 2u, 2u)"),
             ("culling", "vec2<f32>(x.x, -y.x) / w.x", "vec2<f32>(x.x, y.x) / w.x"),
@@ -664,7 +685,7 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // Red and blue exchanged; transparency forgotten; darker by more than the format's freedom.
+            // In this order: red and blue exchanged; no transparency; 5 % darker, which is more than the accepted error.
             ("", "bits.x, bits.y, bits.z, bits.w", "bits.z, bits.y, bits.x, bits.w"),
             ("", "bits.z, bits.w", "bits.z, bitcast<u32>(1.0)"),
             ("", "bitcast<vec4<u32>>(texel)", "bitcast<vec4<u32>>(texel * 0.95)"),
@@ -733,7 +754,7 @@ const CASES: &[Case] = &[
         extremes: || {
             let mut rows = Vec::new();
             for width in [1.0, 8192.0] {
-                // 1 degree, 55, and 175.
+                // Fields of view of 1, 55 and 175 degrees.
                 for half in [0.008_727, 0.5206, 22.9] {
                     for distance in [1e-3, 1.0, 1e6] {
                         rows.push(vec![0.0, 0.0, 1e-3 / distance, 1e-3, half, width]);
@@ -741,13 +762,13 @@ const CASES: &[Case] = &[
                     }
                 }
             }
-            // Where nothing was drawn.
+            // A pixel at which nothing was drawn: depth 0.
             rows.push(vec![3.0, 4.0, 0.0, 0.1, 0.5, 64.0]);
             rows
         },
         other_side_at_most: 0,
         mutants: &[
-            // A step forgotten; rows for columns; depth for its reciprocal; infinity where nothing was drawn.
+            // In this order: no step down; rows and columns exchanged; the depth instead of its reciprocal; infinity where nothing was drawn.
             ("view", "ray_00 + ray_dx * pixel.x + ray_dy * pixel.y", "ray_00 + ray_dx * pixel.x"),
             ("view", "ray_dx * pixel.x + ray_dy * pixel.y", "ray_dx * pixel.y + ray_dy * pixel.x"),
             ("view", "near_m / usable,", "near_m * usable,"),
@@ -764,7 +785,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // Of two equally near the upper; a border that does not move; one by another's neighbour.
+            // In this order: the upper of two equally near vertices; a western border that does not move; a southern border that uses the delta of
+            // the western neighbour.
             ("geometry/stitch.wgsl", "(step - 1u) / 2u", "step / 2u"),
             ("geometry/stitch.wgsl", "if index.x == 0u { kept.y = geometry_weld(index.y, deltas & 15u); }", ""),
             ("geometry/stitch.wgsl", "(deltas >> 4u) & 15u", "deltas & 15u"),
@@ -783,7 +805,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // Sums not compensated; the squares of all samples; a variance that is biased; the lower part of a sample forgotten.
+            // In this order: sums without compensation; squares without the factor (n - 1) / n; a variance that is biased; the lower part of a sample
+            // left out.
             ("moments", "(a.x - rest) + (b - part)", "0.0"),
             ("moments", "delta * (delta * ((n - 1.0) / n))", "delta * delta"),
             ("moments", "max(count - 1.0, 1.0)", "max(count, 1.0)"),
@@ -804,10 +827,11 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // The least distance and the largest that is told; planes that the eye lies in.
+        // Rows at the smallest and the largest distance that reprojection accepts, and rows whose plane contains the earlier eye.
         other_side_at_most: 64,
         mutants: &[
-            // The other eye; a shift added; a distance by the wrong row; the plane through another point.
+            // In this order: the vector between the eyes with the wrong sign; a shift that is added; a distance from the wrong row; a plane that
+            // ignores the vector between the eyes; a ray with the wrong sign of x.
             ("motion", "let q = point + past.offset;", "let q = point - past.offset;"),
             ("motion", "/ distance - vec2<f32>(past.x_shift, past.y_shift)", "/ distance + vec2<f32>(past.x_shift, past.y_shift)"),
             ("motion", "dot(q, past.forward)", "dot(q, past.x_row)"),
@@ -822,7 +846,7 @@ fn is_word(byte: Option<&u8>) -> bool {
     byte.is_some_and(|b| b.is_ascii_alphanumeric() || *b == b'_')
 }
 
-/// Replaces an identifier wherever it stands whole.
+/// Replaces each occurrence of an identifier, except inside longer identifiers.
 fn rename(text: &str, from: &str, to: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
@@ -835,17 +859,18 @@ fn rename(text: &str, from: &str, to: &str) -> String {
     out + rest
 }
 
-/// A probe's text with one thing in it, or in a shared file it calls, changed. The changed file is appended under other names.
+/// Returns a probe's text with one replacement, in this text or in a shared file that it calls. A changed file is put before the text, and its
+/// declarations are renamed, so that they do not collide with the original ones.
 fn mutant(body: &str, file: &str, from: &str, to: &str) -> String {
     if file.is_empty() {
-        assert_eq!(body.matches(from).count(), 1, "`{from}` is not there once");
+        assert_eq!(body.matches(from).count(), 1, "`{from}` must occur exactly once");
         return body.replace(from, to);
     }
     let mut files = kernels::shared::WGSL.iter().copied().chain([&geometry::STITCH_WGSL]);
     let text = files.find(|wgsl| wgsl.path == file || wgsl.path == format!("shared/{file}.wgsl")).expect("a file of a probe").text;
-    // The function of three calls that of four; a mutation of a text that stands twice would be two.
+    // Only the first occurrence is replaced, so that a mutant has one change.
     let count = text.matches(from).count();
-    assert!(count >= 1, "{file}.wgsl: `{from}` is not there");
+    assert!(count >= 1, "{file}.wgsl: `{from}` does not occur");
     let mut all = format!("{}\n{body}", text.replacen(from, to, 1));
     for line in text.lines() {
         let declared = ["fn ", "const ", "struct "].iter().find_map(|keyword| line.strip_prefix(keyword));
@@ -856,7 +881,7 @@ fn mutant(body: &str, file: &str, from: &str, to: &str) -> String {
     all
 }
 
-/// A probe's text with results rounded to 11 bits: a shader of half precision.
+/// Returns a probe's text with results rounded to 11 bits, as by a shader of half precision.
 fn in_half_precision(probe: &Probe) -> String {
     let (columns, results) = (probe.inputs.len(), probe.outputs.len());
     let (cell, texel, [given, from, to]) = match probe.layout() {
@@ -890,7 +915,7 @@ fn check(name: &str) {
     for &(file, from, to) in case.mutants {
         assert!(case.compare(&rows, &run(&mutant(probe.wgsl, file, from, to))).is_err(), "{name}: `{to}` for `{from}` was not noticed");
     }
-    // A decoder of blocks may be off by a code of 8 bits, which is more.
+    // Block decoders are left out: their accepted error is one code of 8 bits, which is larger than the error of half precision.
     if probe.outputs.iter().any(|c| c.whole.is_none()) && !matches!(probe.layout(), Cells::Texel(_)) {
         assert!(case.compare(&rows, &run(&in_half_precision(probe))).is_err(), "{name}: half precision was not noticed");
     }
@@ -1038,7 +1063,7 @@ fn reprojection_agrees() {
 
 // ---------------------------------------------------------------- classification
 
-/// A picture as the geometry pass would leave it.
+/// Masks and terrain of a picture, as the geometry pass would write them.
 struct Scenery {
     size: [u32; 2],
     mask: Vec<u8>,
@@ -1046,7 +1071,8 @@ struct Scenery {
 }
 
 impl Scenery {
-    /// Random masks: tiles without terrain, with a pixel of it, and full; masks of single flavours, of any, and of none.
+    /// Returns random terrain and masks. A tile's share of terrain is 0, 3, 50 or 100 %. Its pixels have the same random mask, one random flavour
+    /// each, or a random part of the tile's mask each.
     fn random(size: [u32; 2], table: u32) -> Scenery {
         let columns = tiles(size)[0];
         let (mut mask, mut terrain) = (Vec::new(), Vec::new());
@@ -1114,7 +1140,7 @@ impl Scenery {
         lists.read(gpu).unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// Compares 32 lists, whose order is free, with the masks of the tiles.
+    /// Compares the 32 lists with the masks of the tiles. The order of tiles in a list does not matter.
     fn compare(&self, lists: &[Vec<u32>], masks: &[u8]) -> Result<(), String> {
         let columns = tiles(self.size)[0];
         let mut expected = vec![Vec::new(); 32];
@@ -1130,17 +1156,17 @@ impl Scenery {
             got.sort_unstable();
             want.sort_unstable();
             if got != *want {
-                return Err(format!("{:?}, list {list}: {} tiles, {} expected, or others", self.size, got.len(), want.len()));
+                return Err(format!("{:?}, list {list} differs: {} tiles, {} expected", self.size, got.len(), want.len()));
             }
         }
         if lists.len() == 32 { Ok(()) } else { Err(format!("{} lists", lists.len())) }
     }
 }
 
-/// Both paths of the pass against the reference. The subgroup path is the one taken where the adapter has subgroup operations.
+/// Compares both paths of the pass with the reference. The subgroup path is used if the adapter has subgroup operations.
 #[test]
 fn classification_agrees_on_both_paths() {
-    let plain = Gpu::with(GpuOptions { plain: true }).unwrap_or_else(|e| panic!("a GPU is needed, or a software one: {e}"));
+    let plain = Gpu::with(GpuOptions { plain: true }).unwrap_or_else(|e| panic!("these tests need a GPU or a software adapter: {e}"));
     assert!(!plain.features.contains(wgpu::Features::SUBGROUP));
     for (path, gpu) in [("the adapter's best", gpu()), ("plain", &plain)] {
         let layout = gpu.layout("frame", wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
@@ -1156,7 +1182,7 @@ fn classification_agrees_on_both_paths() {
     }
 }
 
-/// Classifies by other files than the stage's own: its layout, as `Classification` binds it.
+/// Runs the classification with other source files than the stage's own, and binds the layout of `Classification`.
 fn classify_by(gpu: &Gpu, pieces: Vec<Piece>, scenery: &Scenery) -> Vec<Vec<u32>> {
     let shader = gpu::Shader::new(gpu, "mutant", pieces).unwrap_or_else(|e| panic!("{e}"));
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -1195,7 +1221,7 @@ fn classify_by(gpu: &Gpu, pieces: Vec<Piece>, scenery: &Scenery) -> Vec<Vec<u32>
     lists.read(gpu).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Negative controls: passes that are wrong in one place.
+/// Negative controls: passes with one error each.
 #[test]
 fn wrong_classification_is_noticed() {
     let scenery = Scenery::random([150, 91], 0);
@@ -1208,12 +1234,13 @@ fn wrong_classification_is_noticed() {
         let run = |from: &str, to: &str| {
             let mut pieces = if subgroups { &classification::SUBGROUP_MODULE } else { &classification::PLAIN_MODULE }.pieces();
             let count: usize = pieces.iter().map(|piece| piece.text.matches(from).count()).sum();
-            assert_eq!(count, 1, "`{from}` is not there once");
+            assert_eq!(count, 1, "`{from}` must occur exactly once");
             pieces.iter_mut().for_each(|piece| piece.text = piece.text.replace(from, to));
             scenery.compare(&classify_by(gpu(), pieces, &scenery), &masks)
         };
         run("fn classification_main", "fn classification_main").unwrap_or_else(|e| panic!("{e}"));
-        // The largest mask instead of all; terrain not looked at; a neighbouring pixel; the list of all tiles not kept.
+        // In this order: the largest mask instead of the OR of all masks; sky counted as terrain; the wrong rows of a tile; no entries in the list of
+        // all tiles.
         let one = if subgroups { "subgroupOr(" } else { "atomicOr(" };
         let largest = if subgroups { "subgroupMax(" } else { "atomicMax(" };
         let mut mutants = vec![
@@ -1226,14 +1253,14 @@ fn wrong_classification_is_noticed() {
             mutants.push(("if lane == 0u {", "if thread == 0u {"));
         }
         for (from, to) in mutants {
-            // A subgroup may be as large as the workgroup: then its first lane is the workgroup's.
+            // If a subgroup is as large as the workgroup, its first lane is the workgroup's first thread, so this mutant changes nothing.
             let whole = from.starts_with("if lane") && gpu().info.subgroup_max_size >= 64;
             assert!(whole || run(from, to).is_err(), "subgroups {subgroups}: `{to}` for `{from}` was not noticed");
         }
     }
 }
 
-/// Negative controls of the comparison above, on lists that are as the reference wants them but for one thing.
+/// Negative controls of the comparison above: lists that differ from the reference's in one respect.
 #[test]
 fn classification_comparison_notices_differences() {
     let scenery = Scenery::random([150, 91], 0);
@@ -1263,7 +1290,7 @@ fn classification_comparison_notices_differences() {
             *entry = (*entry & 0xff00_0000) | (*entry & 4095) << 12 | (*entry >> 12 & 4095);
         }
     });
-    // References that are wrong: pixels without terrain counted, one mask of a tile instead of all, the picture's last column forgotten.
+    // Wrong references, in this order: pixels without terrain count; only a tile's first pixel counts; the picture's last column is left out.
     let everywhere = vec![true; scenery.terrain.len()];
     assert!(scenery.compare(&lists, &tile_masks(scenery.size, &scenery.mask, &everywhere, None)).is_err());
     let only_first: Vec<bool> = scenery.terrain.iter().enumerate().map(|(i, &t)| t && i % 150 % 8 == 0 && i / 150 % 8 == 0).collect();

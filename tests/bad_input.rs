@@ -1,4 +1,4 @@
-//! The command line against wrong calls and wrong files: one line that says what, where and how to mend it, and the exit status.
+//! Wrong calls and wrong files on the command line: the exit status, and one line that says what is wrong, where it is wrong and how to fix it.
 //!
 //! Runs the built program (`cargo build -p experiments` in the same profile, as `make test` does first).
 
@@ -82,7 +82,7 @@ fn output_that_cannot_be_written_is_refused_before_the_work() {
     render(&format!("{file}/x.png"), &["is not a folder"]);
     fs::create_dir(folder.path("taken.png")).expect("a folder can be made");
     render(&folder.path("taken.png"), &["is a folder"]);
-    // Nothing is left behind by the trial.
+    // The check whether a file can be written leaves no file behind.
     failure(&["render", "--camera", "clif", "--out", &folder.path("x.png")], &["did you mean `cliff`?"]);
     let mut left: Vec<_> = fs::read_dir(&folder.0).expect("readable").filter_map(|e| e.ok()?.file_name().into_string().ok()).collect();
     left.sort();
@@ -182,7 +182,7 @@ fn every_probe_is_listed_and_runs_on_both_references() {
     assert_eq!(json.as_array().map(Vec::len), Some(PROBES.len()));
     for probe in PROBES {
         assert!(listed.contains(probe.name), "{} is not listed", probe.name);
-        // 1, or what is nearest to it in a column of whole numbers.
+        // 1, or the accepted number nearest to 1 in a column of whole numbers.
         let one = |column: &kernels::probe::Column| column.whole.map_or(1, |[low, high]| 1.clamp(low, high)).to_string();
         let ones = probe.inputs.iter().map(one).collect::<Vec<_>>().join(",");
         let input = folder.write("in.csv", &format!("{}\n{ones}\n", header(probe.name)));
@@ -218,7 +218,8 @@ fn no_adapter_is_said_in_one_line_with_the_remedy() {
     let folder = Folder::new("adapter");
     let out = folder.path("x.png");
     let arguments = ["render", "--camera", "cliff", "--size", "8x8", "--out", &out];
-    // A name that no adapter has; and, where Vulkan is the only interface, a machine whose drivers are not found.
+    // The first case is a name that no adapter has. On Linux, where Vulkan is the only interface, the second case is a machine on which no driver is
+    // found.
     let mut cases = vec![("WGPU_ADAPTER_NAME", "no such adapter", "experiments adapters")];
     if cfg!(target_os = "linux") {
         cases.push(("VK_DRIVER_FILES", "/nowhere/driver.json", "mesa-vulkan-drivers"));
@@ -227,13 +228,13 @@ fn no_adapter_is_said_in_one_line_with_the_remedy() {
         let mut command = Command::new(program());
         command.args(arguments).env(variable, value);
         if variable == "VK_DRIVER_FILES" {
-            // The older name of the same setting must not bring a driver back.
+            // VK_ICD_FILENAMES is the older name of the same setting and could name a driver.
             command.env_remove("VK_ICD_FILENAMES");
         }
         let output = command.output().expect("the program can be started");
         let stderr = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{variable}: {stderr}");
-        // The Vulkan loader may say something of its own before; the error is one line and the last.
+        // The Vulkan loader may write lines of its own first. The error is one line, and the last one.
         let error = stderr.lines().last().unwrap_or_default();
         assert!(error.starts_with("error: adapter: ") && error.contains(says), "{variable}: {stderr}");
         assert!(!Path::new(&out).exists(), "{variable}: a picture was written");

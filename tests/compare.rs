@@ -1,6 +1,6 @@
-//! `experiments compare`: wrong calls and wrong pictures, what it prints, and published values of FLIP.
+//! `experiments compare`: wrong calls and wrong pictures, the printed results, and published values of FLIP.
 //!
-//! The metrics themselves are tested where they are: `experiments/src/judge/`. Runs the built program, as `bad_input` does.
+//! The metrics themselves are tested in `experiments/src/judge/`. Runs the built program, as `bad_input` does.
 
 use std::path::Path;
 
@@ -11,17 +11,17 @@ use crate::fixtures::{Folder, failure, success, usage_error};
 
 const SIZE: [u32; 2] = [16, 12];
 
-/// Name and value by index.
+/// Name of a channel, and its value at the texel with an index.
 type Channel = (&'static str, fn(usize) -> f32);
 
-/// An 8-bit picture whose texels are a function of the place; its path.
+/// Writes an 8-bit grey picture whose texels are a function of column and row. Returns its path.
 fn png(folder: &Folder, name: &str, size: [u32; 2], code: impl Fn(u32, u32) -> u8) -> String {
     let path = folder.path(name);
     image::RgbImage::from_fn(size[0], size[1], |x, y| image::Rgb([code(x, y); 3])).save(&path).expect("a PNG can be written");
     path
 }
 
-/// An OpenEXR file of these channels, a function of the index each; its path.
+/// Writes an OpenEXR file with these channels. Returns its path.
 fn exr(folder: &Folder, name: &str, channels: &[Channel]) -> String {
     let path = folder.path(name);
     let area = (SIZE[0] * SIZE[1]) as usize;
@@ -122,20 +122,20 @@ fn a_difference_is_measured_printed_and_drawn() {
     for part in ["192 of 16x12", "flip ", "mse ", "mrse ", "psnr ", "dB", "ssim ", "67 pixels per degree", "#000004 black", "pale yellow"] {
         assert!(printed.contains(part), "`{part}` is not in: {printed}");
     }
-    // Closed forms: half of the pixels differ by 1 - r, r = 100/255 decoded (IEC 61966-2-1).
+    // Closed forms: half of the pixels differ by 1 - r, where r is the code 100/255 after decoding (IEC 61966-2-1).
     let r = ((100.0 / 255.0 + 0.055) / 1.055f64).powf(2.4);
     let found = json(&[&test, &reference, "--metric", "mse,mrse,psnr"]);
-    // f32 texels: some 1e-7 of the value.
+    // The tolerances allow for f32 texels, whose rounding error is about 1e-7 of the value.
     close(&found["mse"], (1.0 - r).powi(2) / 2.0, 1e-6);
     close(&found["mrse"], (1.0 - r).powi(2) / (r * r + 0.01) / 2.0, 1e-4);
     close(&found["psnr_db"], -10.0 * ((155.0 / 255.0f64).powi(2) / 2.0).log10(), 1e-5);
     assert!(found.get("flip").is_none() && found["pixels"] == 192 && found["identical"] == false, "{found}");
-    // A and B are not the same: MRSE is relative to B.
+    // A and B cannot be exchanged: MRSE is relative to B.
     close(&json(&[&reference, &test, "--metric", "mrse"])["mrse"], (1.0 - r).powi(2) / 1.01 / 2.0, 1e-6);
     let map = image::open(&map).expect("the map is there").into_rgb8();
     assert_eq!(map.dimensions(), (16, 12));
     let light = |x: u32| map.get_pixel(x, 6).0.map(u32::from).iter().sum::<u32>();
-    assert!(light(2) > light(14) + 100, "the map is no brighter where the pictures differ");
+    assert!(light(2) > light(14) + 100, "the map must be brighter where the pictures differ");
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn identical_and_tiny_pictures_have_answers() {
 #[test]
 fn layers_and_terrain_are_told_apart() {
     let folder = Folder::new("compare-terrain");
-    // Sky in the upper half of the reference; the test's sky is another.
+    // The upper half of the reference is sky. The test picture has a different sky.
     let reference = exr(
         &folder,
         "reference.exr",
@@ -183,7 +183,8 @@ fn layers_and_terrain_are_told_apart() {
     close(&json(&[&test, &reference, "--layer", "albedo", "--metric", "mse"])["mse"], 0.0625 / 3.0, 1e-9);
 }
 
-/// Test, reference and values as published with them: `compare.json` beside the pictures says where.
+/// Compares a published test picture with its reference. The expected values were published with the pictures: `compare.json`, in the same folder,
+/// names the source.
 #[test]
 fn flip_agrees_with_published_values() {
     let Some(data) = std::env::var_os("SCREE_DATA") else {
@@ -198,22 +199,22 @@ fn flip_agrees_with_published_values() {
     let map = Folder::new("compare-published");
     let drawn = map.path("map.png");
     let found = json(&[&path("tree-test.png"), &path("tree-ref.png"), "--map", &drawn]);
-    // The values have 6 digits; another compiler's f32 arithmetic moves them by some 1e-6 (the publisher allows 1e-4, and the authors' later
-    // code, at 67.02 pixels per degree, gives 1e-5 less).
+    // The values have 6 digits. The f32 arithmetic of a different compiler changes them by about 1e-6. (The publisher allows 1e-4. The authors' later
+    // code, at 67.02 pixels per degree, gives values that are 1e-5 lower.)
     let tolerance = 5e-6;
     let flip = &found["flip"];
     close(&flip["mean"], published["mean"].as_f64().expect("a number"), tolerance);
     close(&flip["max"], published["max"].as_f64().expect("a number"), tolerance);
     for (index, name) in ["weighted_quartile_1", "weighted_median", "weighted_quartile_3"].into_iter().enumerate() {
-        // A quartile is one of the errors, and f32 sums decide which: the publisher's own is taken of those.
+        // A quartile is the error of one pixel. Rounding in f32 may select a different pixel, so the tolerance is larger.
         close(&flip["weighted_quartiles"][index], published[name].as_f64().expect("a number"), 1e-5);
     }
-    // Negative control: another distance to the picture gives another value.
+    // Negative control: a different viewing distance gives a different value.
     let near = json(&[&path("tree-test.png"), &path("tree-ref.png"), "--metric", "flip", "--pixels-per-degree", "60"]);
     assert!((near["flip"]["mean"].as_f64().unwrap_or(0.0) - flip["mean"].as_f64().unwrap_or(0.0)).abs() > 100.0 * tolerance);
-    // PSNR of the 8-bit codes, as recomputed with another program and printed with three digits.
+    // PSNR of the 8-bit codes. The expected value was recomputed with a different program and printed with three digits, hence the tolerance.
     close(&found["psnr_db"], table["nv_flip_tree"]["recomputed_here"]["psnr_db"].as_f64().expect("a number"), 5.1e-4);
-    // The published map, up to the rounding of an error to one of 256 colours.
+    // The map must equal the published one. Rounding may select a neighbouring one of the 256 colours.
     let open = |path: &Path| image::open(path).expect("a picture").into_rgb8();
     let (ours, theirs) = (open(Path::new(&drawn)), open(&folder.join("tree-comparison-cli.png")));
     assert_eq!(ours.dimensions(), theirs.dimensions());

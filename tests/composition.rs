@@ -1,4 +1,4 @@
-//! Pictures composed from flavours against the variants' own shaders; motion of a rendered sequence against positions.
+//! Compares pictures composed from flavours with the pictures of the variants' own shaders, and the motion of a rendered sequence with positions.
 
 use kernels::composition::{Destination, Layers};
 use kernels::frame::picture::AovSet;
@@ -44,7 +44,8 @@ fn every_variant_composed_equals_its_own_shader() {
             for ((found, own), on) in composed.iter().zip(albedo).zip(terrain(&own)) {
                 assert_eq!(signal::is_terrain(*found), on, "{name}");
                 for (c, o) in signal::colour(*found).into_iter().zip(own) {
-                    // In ulp of f16. Two roundings to f16 (the layer's and the sum's) in place of one, and the shaders' own two.
+                    // In ulp of f16, of which 4 are allowed: 2 because the composed value is rounded to f16 twice (in the layer and in the sum)
+                    // instead of once, and 2 for the difference between shaders.
                     worst = worst.max(f64::from((c - o).abs()) / (f64::from(o.abs()).max(1.0 / 1024.0) / 2048.0));
                 }
             }
@@ -56,7 +57,7 @@ fn every_variant_composed_equals_its_own_shader() {
             assert_eq!(signal::fetches(*found), fetches[i] as u32, "{name}: fetches of pixel {i}");
             assert_eq!(signal::choice(*found), choices[i] as u32, "{name}: choice of pixel {i}");
         }
-        // Negative control: the variant before this one is another picture.
+        // Negative control: the picture of the previous variant must differ.
         if let Some(previous) = previous.replace(composed) {
             assert!(differs(&previous) > 4.0, "{name} looks like its predecessor");
         }
@@ -74,7 +75,7 @@ fn links_lead_to_the_same_surface_point() {
     let mut positions = Vec::new();
     let mut footprints = Vec::new();
     let mut views = Vec::new();
-    // Two frames of standing still, then steps of 7 cm to the right: some pixels a frame up close.
+    // The camera stands still for two frames, then moves 7 cm to the right in each frame, which is some pixels close up.
     let steps = [0.0, 0.0, 0.07, 0.14, 0.21, 0.28];
     let flavour = Variant::new(2).expect("a variant");
     for (index, step) in steps.into_iter().enumerate() {
@@ -109,10 +110,11 @@ fn links_lead_to_the_same_surface_point() {
                 moved += usize::from(link as usize != at);
                 let (here, there) = (positions[index][at], positions[index - lag][link as usize]);
                 let apart = (0..3).map(|k| (here[k] - there[k]).powi(2)).sum::<f32>().sqrt();
-                // The nearest pixel's centre is at most half a step of ddx and of ddy away, on a flat triangle; f32 world positions of 10^3 m, bends.
+                // On a flat triangle, the nearest pixel's centre is at most half a step of ddx and half a step of ddy away. The rest of the tolerance
+                // allows for bends and for world positions of 10^3 m in f32.
                 let reach = 0.75 * footprints[index - lag][link as usize].max(footprints[index][at]) + 0.01;
                 assert!(apart <= reach, "frame {index}, lag {lag}, pixel {at}: {apart} m apart, reach {reach}");
-                // The same pixel follows from the reference in f64, but for points within a thousandth of a pixel of a border.
+                // The reference in f64 must give the same pixel, except for points within a thousandth of a pixel of a border.
                 let [x, y] = [at as f64 % f64::from(SIZE[0]), (at as f64 / f64::from(SIZE[0])).floor()];
                 let point = (views[index].ray(x, y) * f64::from(depth[at])).to_array();
                 let [px, py, _] = reproject(point, &past);
@@ -144,7 +146,7 @@ fn reprojection_inverts_rays_also_a_thousand_kilometres_out() {
         let past = Past::between(&now, &before);
         let single = past.cast::<f32>();
         for (x, y, distance) in [(0.0, 0.0, 5.0), (200.0, 17.0, 900.0), (319.0, 179.0, 0.9)] {
-            // A point on the earlier ray of a pixel comes back to that pixel.
+            // A point on the earlier ray of a pixel must be reprojected to this pixel.
             let point = before.ray(x, y) * distance + (before.pose.position - now.pose.position);
             let [px, py, d] = reproject(point.to_array(), &past);
             assert!((px - x).abs() + (py - y).abs() + (d - distance).abs() < 1e-8, "{px} {py} {d}");
@@ -153,11 +155,12 @@ fn reprojection_inverts_rays_also_a_thousand_kilometres_out() {
             let normal = [0.3, -0.2, 0.9];
             let expected = expected_distance(point.to_array(), &past, ray, normal);
             assert!((expected - distance).abs() < 1e-9 * distance);
-            // f32 relative to an eye: as good out there as at the origin. A pixel in 320 of some 2^-24 * 320 * 8 operations.
+            // Positions in f32 relative to an eye are as precise 1000 km from the origin as at the origin. The tolerance allows for 8 operations with
+            // relative errors of 2^-24 on pixel coordinates up to 320, with a margin.
             let [sx, sy, _] = reproject(point.as_vec3().to_array(), &single);
             assert!((f64::from(sx) - x).abs() + (f64::from(sy) - y).abs() < 1e-3, "{sx} {sy}");
         }
-        // Behind the camera, and not a number: nowhere.
+        // A point behind the camera and a point that is not a number have no pixel.
         assert_eq!(reproject((-before.ray(5.0, 5.0)).to_array(), &past)[2], 0.0);
         assert_eq!(reproject([f64::NAN, 0.0, 0.0], &past), [-1e9, -1e9, 0.0]);
     }
@@ -186,14 +189,14 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
             let pixel = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
             let offset = pattern.offset(pixel).map(|o| o as f32);
             let size: f32 = ddx[i].iter().chain(&ddy[i]).map(|v| v * v).sum::<f32>().sqrt();
-            // Near ground: what is seen edge-on bends by more than its step.
+            // Only near ground is checked. On ground seen at grazing angles, the step to a neighbour changes by more than the tolerance.
             if size > 0.6 {
                 continue;
             }
             let off = (0..3).map(|k| (moved[i][k] - at[i][k] - ddx[i][k] * offset[0] - ddy[i][k] * offset[1]).powi(2)).sum::<f32>().sqrt();
             let turned =
                 (0..3).map(|k| (moved[i][k] - at[i][k] + ddx[i][k] * offset[0] + ddy[i][k] * offset[1]).powi(2)).sum::<f32>().sqrt();
-            // Perspective bends a step of half a pixel by a share of it; world positions in f32 have 1e-4 m.
+            // Perspective changes a step of half a pixel by a share of the step. World positions in f32 have an error of 1e-4 m.
             let close = 0.1 * size + 1e-3;
             checked += usize::from(off <= close);
             wrong += usize::from(turned <= close);
@@ -201,8 +204,8 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
             assert!(change <= 0.1 * size, "pixel {i}: derivative changes by {change} of {size}");
         }
     }
-    assert!(checked > 500, "{checked} samples where they belong");
-    // Negative control: the opposite edge is told apart.
+    assert!(checked > 500, "only {checked} samples lie on the expected edge");
+    // Negative control: few samples may also fit the opposite edge.
     assert!(wrong * 10 < checked, "{wrong} of {checked} also fit the opposite edge");
 }
 
@@ -211,7 +214,7 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     let scene = small_scene();
     let with = |options: RendererOptions| Renderer::with(gpu(), &scene, options, &|_| {}).expect("the small scene renders");
     let albedo = |renderer: &mut Renderer<'_>, variant: VariantChoice, noise: NoiseKind, normals: NormalEncoding| {
-        // Counted, as the test of all variants has it, which shares a renderer with this one: its shaders are compiled once.
+        // Fetches are counted because the test of all variants counts them. Both tests share a renderer, so the shaders are compiled only once.
         let aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
         let request = request(renderer, "cliff").with(|r| {
             r.outputs.aovs = aovs;
@@ -225,23 +228,24 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     };
     let automatic =
         |renderer: &mut Renderer<'_>| albedo(renderer, VariantChoice::Auto, NoiseKind::HashedIsotropic, NormalEncoding::Octahedral);
-    // Noise that does not follow the derivatives, which are what normals enter; of one shader, since that is not what differs.
+    // The encoding of normals changes the derivatives. White noise in screen space does not depend on derivatives, so only shading changes. The
+    // generic kernel is used, because one shader is enough here.
     let generic = |renderer: &mut Renderer<'_>, normals| albedo(renderer, VariantChoice::GenericAuto, NoiseKind::WhiteScreen, normals);
     let tiled = |tile: u32| automatic(&mut with(RendererOptions { tile, ..RendererOptions::default() }));
     let others = [4, 16].map(|tile| (tile, tiled(tile)));
-    // The renderer that other tests share comes last: it may be in use.
+    // The renderer that is shared with other tests is locked last, because it may be in use.
     let mut usual = renderer();
     let (eight, tiles, _) = automatic(&mut usual);
     let (codes, _, on) = generic(&mut usual, NormalEncoding::Octahedral);
     let exact = generic(&mut usual, NormalEncoding::Exact);
     drop(usual);
     for (tile, (other, counts, _)) in others {
-        // The same arithmetic in another variant's pipeline: within two ulp of f16, see the test of the variants.
+        // The same arithmetic in the pipeline of another variant: the tolerance is two ulp of f16, as in the test of the variants.
         let close =
             |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 2.0 * a.abs().max(b.abs()) / 2048.0 + 1e-6);
         let wrong = eight.iter().zip(&other).filter(|pair| !close((pair.0, pair.1))).count();
-        assert_eq!(wrong, 0, "tiles of {tile} pixels shade {wrong} pixels otherwise");
-        // Fewer, larger tiles; more, smaller ones.
+        assert_eq!(wrong, 0, "tiles of {tile} pixels shade {wrong} pixels differently");
+        // Larger tiles are fewer, and smaller tiles are more.
         assert_eq!(counts[0] > tiles[0], tile < 8, "{} tiles of {tile}, {} of 8", counts[0], tiles[0]);
     }
     assert!(Renderer::with(gpu(), &scene, RendererOptions { tile: 5, ..RendererOptions::default() }, &|_| {}).is_err());
@@ -250,6 +254,6 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
         (all.iter().sum::<f64>() / all.len() as f64).sqrt()
     };
     let change = rms(&exact.0);
-    // Codes of 8 bits bend normals by up to 0.6 degrees: seen, and small beside the picture's own contrast.
+    // 8-bit codes change normals by up to 0.6 degrees. The picture must change, but by less than its own contrast.
     assert!(change > 0.0 && change < 0.02, "exact normals change albedo by {change}");
 }

@@ -1,4 +1,4 @@
-//! Display: tone mapping on the device against its reference, and what it leaves alone.
+//! Display: tone mapping on the device agrees with its reference and does not change anything that is measured.
 
 use kernels::display::{Exposure, ToneCurve, reference};
 use kernels::frame::RenderRequest;
@@ -6,8 +6,8 @@ use kernels::frame::picture::Picture;
 
 use crate::fixtures::{renderer, request};
 
-/// Codes by which a picture as the device displayed it may differ from the rounded reference. WGSL gives `pow` the error of exp2(y log2(x)): log2 has an
-/// absolute error of 2^-21 near 1 and 3 ulp elsewhere, so the relative error stays below 1e-5, that is 0.003 of a code at 255.
+/// Tolerance, in codes, between a displayed picture and the reference, in addition to rounding. WGSL gives `pow` the error of exp2(y log2(x)). log2
+/// has an absolute error of 2^-21 near 1 and of 3 ulp elsewhere, so the relative error stays below 1e-5, which is 0.003 of a code at 255.
 const CODE: f64 = 0.01;
 
 /// Asks for a displayed picture.
@@ -16,7 +16,7 @@ fn displayed(request: &mut RenderRequest, exposure: Exposure) {
     request.stages.display = exposure;
 }
 
-/// The largest distance of a code from the reference's value, beyond the half code that rounding costs.
+/// The largest distance of a code from the reference's value, minus the half code that rounding may add.
 fn worst(picture: &Picture, exposure: Exposure) -> f64 {
     let codes = picture.displayed.as_ref().expect("asked for");
     let pairs = picture.hdr.iter().zip(codes);
@@ -36,7 +36,7 @@ fn displayed_pictures_agree_with_the_reference() {
             let request = request(&renderer, "ground").with(|r| displayed(r, exposure));
             let picture = renderer.render(&request).expect("renders");
             assert!(worst(&picture, exposure) <= CODE, "{exposure:?}: {}", worst(&picture, exposure));
-            // Negative controls: a third of a stop, and the other curve.
+            // Negative controls: an exposure that is off by a third of a stop, and the wrong curve.
             let off = Exposure { exposure: stops + 1.0 / 3.0, ..exposure };
             let other = if tone_curve == ToneCurve::Clip { ToneCurve::Reinhard } else { ToneCurve::Clip };
             let other = Exposure { tone_curve: other, ..exposure };
@@ -54,7 +54,7 @@ fn exposure_changes_nothing_that_is_measured() {
     assert!(plain.displayed.is_none() && shown.displayed.is_some());
     assert_eq!(plain.hdr, shown.hdr);
     assert_eq!(plain.vectors("albedo"), shown.vectors("albedo"));
-    // The display of the small scene is not black or white throughout.
+    // The displayed picture is not completely black or white.
     let codes = shown.displayed.expect("asked for");
     assert!(codes.iter().any(|code| code[1] > 20) && codes.iter().any(|code| code[1] < 255));
 }

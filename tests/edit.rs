@@ -1,4 +1,5 @@
-//! A scene that is edited while it is drawn: the picture is that of the edited scene loaded anew, bit for bit, and only what an edit touches is made anew.
+//! A scene that is edited while it is drawn: the picture equals that of the edited scene when it is loaded, bit for bit, and only the nodes, pages
+//! and textures that an edit affects are made again.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -16,7 +17,7 @@ fn editable(scene: &Scene, sketch: Option<u32>) -> Renderer<'static> {
     Renderer::with(gpu(), scene, options, &|_| {}).expect("the small scene renders")
 }
 
-/// The ground by pages and, far off, by the atlas.
+/// Returns a request for the ground: shaded from pages of the virtual texture nearby, and from the far atlas farther away.
 fn ground(renderer: &Renderer<'_>) -> RenderRequest {
     let both = Flavour::VirtualTexture.bit() | Flavour::FarAtlas.bit();
     RenderRequest::new(pose(renderer, "ground"), SIZE).with(|r| {
@@ -34,7 +35,7 @@ fn differing(a: &Picture, b: &Picture) -> usize {
     a.hdr.iter().zip(&b.hdr).filter(|(a, b)| a.map(f32::to_bits) != b.map(f32::to_bits)).count()
 }
 
-/// Twelve metres before the camera, on the ground.
+/// The position 12 m in front of the camera, on the map.
 fn before_the_camera(renderer: &Renderer<'_>) -> [f64; 2] {
     let pose = pose(renderer, "ground");
     let ahead = pose.position + pose.axes()[2] * 12.0;
@@ -60,7 +61,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
 
     let mut scene = original.clone();
     let mut before = first.clone();
-    // The light touches nothing.
+    // A change of the light does not affect nodes, textures or pages.
     scene.sun.elevation_deg = 50.0;
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
@@ -68,7 +69,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     assert!(differing(&picture, &before) > 0);
     before = picture;
 
-    // Of what lies before the camera, another tint: nodes and pages on which it lies.
+    // A different tint of the material in front of the camera affects the nodes and pages that show this material, but no texture.
     material(&mut scene, &lies).tint = [1.0, 0.4, 0.4];
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
@@ -77,7 +78,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     assert!(differing(&picture, &before) > 0);
     before = picture;
 
-    // The size of its texture: pages alone.
+    // A different size of its texture affects only pages.
     material(&mut scene, &lies).tile_m *= 1.5;
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
@@ -85,7 +86,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     assert!(picture.report.pages.rendered > 0 && differing(&picture, &before) > 0);
     before = picture;
 
-    // A stroke of the brush: the nodes and pages under it.
+    // A stroke of the brush affects the nodes and pages under it.
     let stroke = Stroke {
         kind: StrokeKind::Splat,
         material: other.clone(),
@@ -98,25 +99,25 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
     let edited = picture.report.edited;
-    assert!((1..=8).contains(&edited.nodes) && edited.textures == 0, "{edited:?}: a node a LOD, two where it crosses a border");
+    assert!((1..=8).contains(&edited.nodes) && edited.textures == 0, "{edited:?}: one node per LOD, or two across a border");
     assert!((1..wanted).contains(&picture.report.pages.rendered), "{:?} of {wanted}", picture.report.pages);
     assert!(differing(&picture, &before) > 0);
     before = picture;
 
-    // A mask that keeps the material away.
+    // A mask removes the material from the area around the stroke.
     scene.strokes.push(Stroke { kind: StrokeKind::Mask, material: lies.clone(), radius_m: 20.0, fade_m: 5.0, ..stroke });
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
     assert!(picture.report.edited.nodes > 0 && differing(&picture, &before) > 0);
     before = picture;
 
-    // Another texture: one layer.
+    // If a material gets a different texture, at least one texture is made again.
     material(&mut scene, &other).procedural = Some("moss".to_owned());
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
     assert!(picture.report.edited.textures >= 1 && differing(&picture, &before) > 0, "{:?}", picture.report.edited);
 
-    // Rules by other weights, and one material more.
+    // A rule with a different weight, and an additional material with its own rule.
     scene.rules[0].weight = 3.0;
     let mut more = scene.materials[0].clone();
     (more.name, more.procedural, more.tint) = ("more".to_owned(), Some("sand".to_owned()), [0.5, 0.5, 1.0]);
@@ -126,16 +127,16 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     let edited = draw(&mut renderer);
 
     let loaded = draw(&mut Renderer::new(gpu(), &scene, &|_| {}).expect("renders"));
-    assert_eq!(differing(&edited, &loaded), 0, "pixels differ from those of the scene loaded anew");
+    assert_eq!(differing(&edited, &loaded), 0, "pixels differ from those of the edited scene when it is loaded");
 
-    // What cannot be is refused, and nothing has changed.
+    // An edit that cannot be applied is refused and changes nothing.
     let mut wrong = scene.clone();
     material(&mut wrong, &other).procedural = None;
     material(&mut wrong, &other).folder = Some("/nowhere/at/all".into());
     assert!(renderer.retune(&wrong).is_err());
     assert!(*renderer.scene() == scene && differing(&draw(&mut renderer), &edited) == 0);
 
-    // And all the way back.
+    // Back to the original scene.
     assert!(renderer.retune(&original).expect("valid"));
     assert_eq!(differing(&draw(&mut renderer), &first), 0, "pixels differ from those before the edits");
 }
@@ -153,11 +154,11 @@ fn two_scenes_that_take_turns_make_their_textures_once() {
     let mut other = scene.clone();
     other.blend.material_contrast = 0.5;
     assert!(renderer.retune(&other).expect("valid"));
-    assert_eq!(made.swap(0, Ordering::Relaxed), before, "every texture, with less contrast");
+    assert_eq!(made.swap(0, Ordering::Relaxed), before, "every texture must be made once, with less contrast");
     for _ in 0..3 {
         assert!(renderer.retune(&scene).expect("valid") && renderer.retune(&other).expect("valid"));
     }
-    assert_eq!(made.load(Ordering::Relaxed), 0, "made again for a comparison");
+    assert_eq!(made.load(Ordering::Relaxed), 0, "textures were made again although both scenes had them");
 }
 
 #[test]
@@ -171,7 +172,7 @@ fn a_sketch_becomes_the_scene_when_its_textures_come() {
     renderer.take_palette(palette);
     assert!(!renderer.is_sketch());
     let full = draw(&mut renderer);
-    assert!(differing(&full, &sketch) > 0, "larger textures show");
+    assert!(differing(&full, &sketch) > 0, "larger textures must change the picture");
     let loaded = draw(&mut Renderer::new(gpu(), &scene, &|_| {}).expect("renders"));
     assert_eq!(differing(&full, &loaded), 0);
 }
@@ -191,10 +192,10 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     let far = Variant::only(Flavour::FarAtlas);
     let base = RenderRequest::new(pose(&renderer, "ground"), SIZE).with(|r| r.shading.variant = VariantChoice::Forced(far));
     let plain = renderer.render(&base).expect("renders");
-    // A level coarser: a part of the nodes and patches.
+    // With a bias of one level, fewer nodes and patches are drawn.
     let coarse = renderer.render(&base.with(|r| r.geometry.lod_bias = 1.0)).expect("renders");
     assert!(coarse.report.nodes < plain.report.nodes && coarse.report.patches < plain.report.patches, "{:?}", coarse.report);
-    // Every second vertex: the same nodes and patches, another surface, and no crack in it.
+    // With every second vertex, the same nodes and patches give a different surface, without cracks.
     let sparse = renderer.render(&base.with(|r| r.geometry.vertex_stride = 2)).expect("renders");
     assert_eq!((&sparse.report.drawn, sparse.report.patches), (&plain.report.drawn, plain.report.patches));
     assert!(differing(&sparse, &plain) > 0);
@@ -203,7 +204,8 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
         let width = SIZE[0] as usize;
         (width..on.len()).filter(|&i| on[i - width] && !on[i]).count()
     };
-    // At the coarsest a leaf lies beside an unsplit root, and borders are welded over many patches: turned about, so that those end at the picture's edge.
+    // At the coarsest levels, a leaf may lie beside a root that is not split, and borders are welded over many patches. The camera is turned, so that
+    // in some pictures such patches end at the picture's edge.
     for (vertex_stride, lod_bias) in [(1, 0.0), (2, 0.0), (4, 0.0), (1, 4.0), (2, 3.0), (4, 4.0)] {
         for camera in ["ground", "vista", "cliff"] {
             for turn in (0..12).step_by(if lod_bias > 0.0 { 1 } else { 4 }) {
@@ -229,7 +231,7 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
         assert!(error.contains("`frame.lod_bias`") && error.contains("-2 to 4"), "{error}");
     }
 
-    // Turned away, what was seen before is still what is drawn, and seen from the right place: turned back it is the same picture.
+    // Frozen culling: when the camera turns away and moves, the nodes and patches of the earlier view are still drawn.
     let mut away = base.view.pose;
     away.yaw += std::f64::consts::PI;
     away.position.x += 200.0;
@@ -242,7 +244,7 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
         }))
         .expect("renders");
     assert_eq!((&frozen.report.drawn, frozen.report.patches), (&plain.report.drawn, plain.report.patches));
-    // From beyond the sector that culling was frozen in, the ground that it kept lies where it lay.
+    // Seen from 400 m above, the ground that frozen culling keeps has the same positions as before.
     let mut above = base.view.pose;
     (above.position.z, above.pitch) = (above.position.z + 400.0, -0.6);
     let request = base.with(|r| {
@@ -258,13 +260,13 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     off.sort_by(f64::total_cmp);
     assert!(off.len() > 100 && off[off.len() / 2] < 1.0, "{} pixels, median {:?} m off the ground", off.len(), off.get(off.len() / 2));
 
-    // Each variant in a pass of its own is the same picture.
+    // The picture does not change if each variant is drawn in a pass of its own.
     let auto = base.with(|r| r.shading.variant = VariantChoice::Auto);
     let whole = renderer.render(&auto).expect("renders");
     let timed = renderer.render(&auto.with(|r| r.outputs.time_variants = true)).expect("renders");
     assert_eq!(differing(&whole, &timed), 0);
     let names: Vec<String> = timed.report.passes.iter().map(|pass| pass.name.clone()).collect();
-    // Where a device has no timestamps, nothing is timed.
+    // Passes are timed only if the device has timestamps.
     assert_eq!(names.is_empty(), !gpu().features.contains(wgpu::Features::TIMESTAMP_QUERY));
     if !names.is_empty() {
         let ran = Variant::all().filter(|v| timed.report.tiles[usize::from(v.mask())] > 0);

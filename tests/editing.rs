@@ -1,4 +1,4 @@
-//! Materials, splat rules and the brush, edited in the window: what the controls do to the scene and to the picture, and the way back.
+//! Materials, splat rules and the brush, edited in the window: how the controls change the scene and the picture, and how changes are undone.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -20,7 +20,7 @@ use crate::workbench::{cheap_stage, take};
 
 use crate::fixtures::{Folder, gpu};
 
-/// The application before a few metres of ground, looked down at, with the pixel in the middle of the picture taken apart.
+/// The application with a view down onto a few metres of ground. The pixel in the middle of the picture is inspected.
 fn stage() -> Stage {
     let mut stage = cheap_stage();
     let mut pose = stage.model().shown().expect("a picture").pose;
@@ -39,7 +39,7 @@ fn pixel(shown: &Shown) -> &Pixel {
     shown.pixel.as_ref().expect("ground in the middle of the picture")
 }
 
-/// Names of the materials on the splat texels around the probe.
+/// Names of the materials of the splat texels around the inspected pixel.
 fn lying(shown: &Shown) -> BTreeSet<String> {
     pixel(shown).splat.iter().map(|texel| texel.material.clone()).collect()
 }
@@ -49,7 +49,7 @@ fn differing(a: &Shown, b: &Shown) -> usize {
     a.picture.hdr.iter().zip(&b.picture.hdr).filter(|(a, b)| a.map(f32::to_bits) != b.map(f32::to_bits)).count()
 }
 
-/// A material of the scene that is not among those.
+/// The name of a material of the scene that is not in `lying`.
 fn another(stage: &mut Stage, lying: &BTreeSet<String>) -> String {
     let materials = &stage.model().settings.scene.materials;
     materials.iter().map(|material| material.name.clone()).rfind(|name| !lying.contains(name)).expect("more materials than four")
@@ -59,7 +59,7 @@ fn says(stage: &Stage, text: &str) -> bool {
     stage.names().iter().any(|name| name.contains(text))
 }
 
-/// The material that lies under the probe, selected in its panel.
+/// Selects the material under the probe in the panel of materials. Returns the picture before that and the material's name.
 fn select_lying(stage: &mut Stage) -> (Arc<Shown>, String) {
     let before = shown(stage);
     let name = pixel(&before).splat[0].material.clone();
@@ -72,7 +72,7 @@ fn a_drag_paints_the_ground_and_undo_takes_the_whole_drag_back() {
     let mut stage = stage();
     take(&mut stage, "click Brush; click Paint");
     let before = shown(&mut stage);
-    // Where the brush is, is where the inspector says that the pixel is.
+    // The brush and the inspector find the same position on the ground.
     let ground = Ground::of(&before).expect("the depth is asked for");
     assert_eq!(ground.at([0.5, 0.5]).expect("ground").to_array(), pixel(&before).position);
 
@@ -84,19 +84,19 @@ fn a_drag_paints_the_ground_and_undo_takes_the_whole_drag_back() {
     let stroke = &strokes[0];
     assert_eq!((strokes.len(), stroke.kind, stroke.material.as_str(), stroke.radius_m), (1, StrokeKind::Splat, name.as_str(), 4.0));
     assert!((2..100).contains(&stroke.points.len()) && length_m(stroke) > 1.0, "{stroke:?}");
-    assert_eq!(lying(&painted), BTreeSet::from([name]), "on all four texels");
+    assert_eq!(lying(&painted), BTreeSet::from([name]), "the painted material must be on all four texels");
     assert!(differing(&before, &painted) > 20, "{} pixels", differing(&before, &painted));
-    assert_eq!(painted.pose, before.pose, "and the camera stays");
+    assert_eq!(painted.pose, before.pose, "the camera must not move");
 
     take(&mut stage, "click Undo");
     let undone = shown(&mut stage);
-    assert!(undone.wish.settings.scene.strokes.is_empty(), "one undo for the whole drag");
+    assert!(undone.wish.settings.scene.strokes.is_empty(), "one undo must remove the whole drag");
     assert_eq!((differing(&before, &undone), lying(&undone)), (0, lying(&before)));
     take(&mut stage, "click Redo");
     let redone = shown(&mut stage);
     assert_eq!(differing(&painted, &redone), 0);
 
-    // With Shift it looks around all the same, and without the brush, too.
+    // A drag with Shift turns the camera even while the brush is active. A drag without the brush turns it, too.
     stage.drag_with(Modifiers::SHIFT, [40.0, 0.0]).expect("a picture");
     assert!(shown(&mut stage).pose != before.pose);
     let turned = shown(&mut stage).pose;
@@ -116,11 +116,11 @@ fn clicks_paint_dabs_that_are_listed_and_removed() {
     take(&mut stage, &format!("click Brush material; click {name}; set Brush radius = 2"));
     stage.model().probe = None;
     take(&mut stage, "click Picture");
-    assert_eq!(stage.model().probe, None, "a click of the brush takes nothing apart");
+    assert_eq!(stage.model().probe, None, "a click of the brush must not inspect a pixel");
     assert!(stage.has(&format!("Stroke 1: Splat, {name}, 1 point, 0.0 m")), "{:?}", stage.names());
     let dab = shown(&mut stage);
     assert!(differing(&before, &dab) > 0);
-    // A mask over it, which leaves its edge to the rules.
+    // A mask over the dab. It fades out at its edge, where the rules decide again.
     take(&mut stage, "click Brush kind; click Mask; set Brush fade = 1; set Brush amount = 0.5; click Picture");
     let strokes = stage.model().settings.scene.strokes.clone();
     assert_eq!((strokes.len(), strokes[1].kind, strokes[1].fade_m, strokes[1].amount), (2, StrokeKind::Mask, 1.0, 0.5));
@@ -129,7 +129,7 @@ fn clicks_paint_dabs_that_are_listed_and_removed() {
     take(&mut stage, "click Picture; click Clear strokes");
     assert!(stage.model().settings.scene.strokes.is_empty());
     assert_eq!(differing(&before, &shown(&mut stage)), 0);
-    // That can be undone.
+    // Clearing the strokes can be undone.
     take(&mut stage, "click Undo");
     assert_eq!(stage.model().settings.scene.strokes.len(), 2);
 }
@@ -154,18 +154,18 @@ fn a_tint_changes_the_picture_and_reset_brings_it_back() {
         let changed = shown(&mut stage);
         let has_new_name = change.contains("name");
         assert_eq!(differing(&before, &changed) == 0, has_new_name, "{change}");
-        assert_eq!(lying(&changed).contains("stone"), has_new_name, "{change}: rules follow, and nothing looks different");
+        assert_eq!(lying(&changed).contains("stone"), has_new_name, "{change}: the rules must use the new name");
         take(&mut stage, reset);
         assert!(stage.model().settings.scene == original, "{change}");
         assert_eq!(differing(&before, &shown(&mut stage)), 0, "{reset} after {change}");
     }
-    // Numbers arrive where they belong.
+    // Each control sets its own value.
     take(&mut stage, "set Texture tile = 7; set Texture turn = 45; set Normal strength = 0.5; set Tint blue = 3");
     let material = stage.model().settings.scene.materials.iter().find(|material| material.name == name).expect("it is there").clone();
     assert_eq!((material.tile_m, material.orientation_deg, material.normal_strength, material.tint[2]), (7.0, 45.0, 0.5, 3.0));
     take(&mut stage, "click Reset Texture tile; click Reset Texture turn; click Reset Normal strength; click Reset Tint");
     assert!(stage.model().settings.scene == original);
-    // What is used stays, what is not goes; a name that is taken is refused.
+    // A material that is in use cannot be removed, and an unused one can. A name that another material has is refused.
     take(&mut stage, "click Remove material");
     assert!(says(&stage, &format!("`{name}` is used by")) && stage.model().settings.scene == original, "{:?}", stage.names());
     take(&mut stage, &format!("click Material {name}; click Add material; type Material name = {name}"));
@@ -193,7 +193,7 @@ fn rules_are_removed_moved_and_brought_back() {
         take(&mut stage, &format!("click Remove rule {}", i + 1));
     }
     let removed = shown(&mut stage);
-    assert!(!lying(&removed).contains(&name) && differing(&before, &removed) > 0, "{name} still lies there");
+    assert!(!lying(&removed).contains(&name) && differing(&before, &removed) > 0, "{name} is still on the ground");
     take(&mut stage, "click Reset rules");
     assert!(stage.model().settings.scene == original && differing(&before, &shown(&mut stage)) == 0);
 
@@ -203,11 +203,11 @@ fn rules_are_removed_moved_and_brought_back() {
     open(&mut stage, 2);
     take(&mut stage, "click Move rule 2 up");
     assert!(stage.model().settings.scene == original);
-    // A copy of the last changes nothing, until it is given other numbers.
+    // A new rule is a copy of the last one, so it does not change the picture.
     take(&mut stage, "click Add rule");
     assert_eq!((stage.model().settings.scene.rules.len(), differing(&before, &shown(&mut stage))), (original.rules.len() + 1, 0));
     take(&mut stage, "click Reset rules");
-    // What a band's ends may not do is not done.
+    // The lower end of a height band cannot be moved above its upper end.
     let i = original.rules.iter().position(|rule| rule.height_m.is_some()).expect("a rule of the built-in scene");
     let [from, to] = original.rules[i].height_m.expect("just found");
     open(&mut stage, i + 1);
@@ -237,7 +237,7 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
         assert!(says(&stage, text), "{path}: {:?}", stage.names());
         assert!(stage.model().settings.scene == original && differing(&before, &shown(&mut stage)) == 0, "{path}");
     }
-    // What only looks like images is found out by the thread that draws: the picture stays.
+    // The drawing thread detects files that are not images, and the picture stays.
     for map in ["albedo", "normal", "height", "roughness"] {
         folder.write(&format!("{map}.png"), "no image");
     }
@@ -245,7 +245,7 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
     let error = stage.take(&Step::Click("Use texture folder".to_owned())).expect_err("no images").to_string();
     assert!(error.contains("not a readable PNG") && error.lines().count() == 1, "{error}");
     assert_eq!(differing(&before, &shown(&mut stage)), 0);
-    // With images in it, it is what lies there.
+    // Once the folder contains images, the material shows them.
     for (map, colour) in [("albedo", [250, 20, 20]), ("normal", [128, 128, 255]), ("height", [128; 3]), ("roughness", [200; 3])] {
         RgbImage::from_pixel(16, 16, Rgb(colour)).save(Path::new(&folder.path(&format!("{map}.png")))).expect("can be written");
     }
@@ -282,7 +282,7 @@ fn what_was_edited_is_saved_and_drawn_from_the_file_as_it_was_on_screen() {
     let file = folder.path("edited.toml");
     take(&mut stage, &format!("click Materials; type Scene file = {file}; click Save scene as..."));
     assert!(same(&scene::load(&file).expect("it is read")), "{:?}", stage.names());
-    // Not over a file, unless it is this scene's and that is asked for.
+    // An existing file is overwritten only if it is this scene's own file and `Overwrite` is ticked.
     let text = std::fs::read(&file).expect("it is there");
     take(&mut stage, "set Texture tile = 5; click Save scene as...");
     assert!(says(&stage, "tick `Overwrite`") && std::fs::read(&file).expect("still there") == text, "{:?}", stage.names());
@@ -292,12 +292,12 @@ fn what_was_edited_is_saved_and_drawn_from_the_file_as_it_was_on_screen() {
     take(&mut stage, &format!("type Scene file = {foreign}; click Save scene as..."));
     assert!(says(&stage, "not this scene's own file") && std::fs::read(&foreign).expect("there") == b"mine", "{:?}", stage.names());
 
-    // As an experiment: the scene that a run reads is the one on screen, and so is its picture.
+    // Saved as an experiment: a run reads the scene that is on screen and draws the same picture.
     take(&mut stage, "set Texture tile = 2.5; click Experiments");
     take(&mut stage, &format!("type Folder = {}; type Experiment name = painted; click Save as experiment", folder.0.display()));
     let saved = definition::load(&folder.0.join("painted").join("painted.toml")).expect("it is saved");
     let mut read = saved.scene(&None, None).expect("its scene is there");
-    // And a camera more: the view that it was seen from.
+    // The saved scene has one camera more: the view on screen.
     assert_eq!(read.cameras.len(), scene.cameras.len() + 1);
     read.cameras.truncate(scene.cameras.len());
     assert!(same(&read));
@@ -305,5 +305,5 @@ fn what_was_edited_is_saved_and_drawn_from_the_file_as_it_was_on_screen() {
     let wish = &edited.wish;
     let drawn = renderer.render(&wish.settings.request(edited.pose, wish.size, wish.frame, &[])).expect("renders");
     let bits = |texels: &[[f32; 4]]| texels.iter().map(|texel| texel.map(f32::to_bits)).collect::<Vec<_>>();
-    assert!(bits(&drawn.hdr) == bits(&edited.picture.hdr), "a run draws another picture than the window");
+    assert!(bits(&drawn.hdr) == bits(&edited.picture.hdr), "a run draws a different picture than the window");
 }

@@ -1,6 +1,6 @@
-//! The estimators: fetches as promised, means that are what they should be, and properties of what they are made of.
+//! The estimators: their numbers of fetches, their means, and properties of the functions that they use.
 //!
-//! The renderers of `frame` serve all pictures. Statistical tests have fixed seeds and state their null hypothesis and level.
+//! Pictures come from the shared renderers of `fixtures`. Statistical tests have fixed seeds and state their null hypothesis and level.
 
 use std::sync::MutexGuard;
 
@@ -19,7 +19,7 @@ use crate::layouts::constants;
 
 use crate::fixtures::{gpu, largest_difference, p_of_zero_mean, renderer, request, second_renderer, sign, small_scene, terrain};
 
-/// The flavours that estimators differ in.
+/// The flavours for which estimators differ.
 const FLAVOURS: [Flavour; 3] = [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat];
 
 /// Uniform number from an index, [0, 1).
@@ -43,7 +43,7 @@ fn shaders_know_estimators_by_the_hosts_numbers() {
         let name = format!("ESTIMATOR_{}", estimator.name().to_uppercase().replace('-', "_"));
         assert_eq!(constants.get(&name), Some(&f64::from(estimator as u8)), "{name}");
     }
-    // No more and no fewer.
+    // The shaders know no other estimators.
     assert_eq!(constants.keys().filter(|name| name.starts_with("ESTIMATOR_")).count(), all.len());
     assert_eq!(constants.get("TERRAIN_LAYER_BITS"), Some(&f64::from(LAYER_SHIFT)));
     assert_eq!(constants.get("LAYERS"), Some(&(layers::LAYERS as f64)));
@@ -65,7 +65,7 @@ fn estimators_have_names() {
 
 // ---------------------------------------------------------------- fetches
 
-/// Each pixel of a picture against a count.
+/// Checks that each terrain pixel of a picture took the promised number of fetches, and that sky pixels took none.
 fn check_fetches(what: &str, picture: &Picture, promised: u32) {
     for (&counted, on) in picture.values("fetches").expect("asked for").iter().zip(terrain(picture)) {
         assert_eq!(counted, if on { promised as f32 } else { 0.0 }, "{what}: a pixel took {counted} fetches, not {promised}");
@@ -85,7 +85,7 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
     let mut base = request(&renderer, "cliff");
     base.outputs.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
     let mut pictures: Vec<(String, Picture)> = Vec::new();
-    // `frame` does the same for the first on all 31 variants.
+    // The tests of `frame` check the first estimator, on all 31 variants.
     for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS).skip(1) {
         let base = base.with(|r| r.shading.estimator = estimator);
         let is_yardstick = Estimator::YARDSTICKS.contains(&estimator);
@@ -100,21 +100,21 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
                 continue;
             }
             check_colours(&what, &generic);
-            // Yardsticks are rendered by the generic kernel alone.
+            // Only the generic kernel renders yardsticks.
             if !is_yardstick {
                 let special = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::Forced(variant))).expect("renders");
                 check_fetches(&what, &special, promised);
                 let difference = largest_difference(&special, &generic);
-                // Equal arithmetic, specialised: as in `frame`.
+                // A specialised shader does the same arithmetic; the tolerance is that of `frame`.
                 assert!(difference <= 2.0, "{what} differs from the generic kernel by {difference} ulp");
             }
             let other = renderer.render(&of.with(|r| r.shading.seed = 1)).expect("renders");
             let differs = largest_difference(&other, &generic) > 2.0;
-            assert_eq!(differs, estimator.is_stochastic(variant), "{what}: another seed makes another picture: {differs}");
-            // Negative control: no estimator and flavour looks like another. (Some are defined alike.)
+            assert_eq!(differs, estimator.is_stochastic(variant), "{what}: a different seed changes the picture: {differs}");
+            // Negative control: no two combinations of estimator and flavour give the same picture, except for those that are defined alike.
             let alike = |a: &str| {
                 let same = |names: [&str; 2]| names.iter().any(|n| what.starts_with(n)) && names.iter().any(|n| a.starts_with(n));
-                // Splat draws nothing by either of these: it is its own mean.
+                // On splat, biplanar and hex do not draw random numbers, so each of them equals its own mean.
                 let own_mean = |name: &str| same([&format!("{name} on splat"), &format!("{name}-mean on splat")]);
                 same(["luna8", "luna8"])
                     || same(["snapped", "snapped"])
@@ -127,7 +127,7 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
             }
             pictures.push((what, generic));
         }
-        // Several flavours take the sum.
+        // A variant with several flavours takes the sum of their fetches.
         for mask in [12, 28, 29, 30] {
             let variant = Variant::new(mask).expect("a mask");
             let promised = estimator.promised_fetches_of(variant);
@@ -135,7 +135,7 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
             check_fetches(&format!("{estimator} on {variant}, generic"), &picture, promised);
         }
     }
-    // Two tilings are splat's, of those that it is defined for.
+    // A second tiling of splat doubles the fetches of the estimators for which it is defined (biplanar), and does not change those of the others.
     for (estimator, promised) in [(Estimator::Biplanar, 64), (Estimator::Stf, 4), (Estimator::Hex, 120), (Estimator::Snapped, 16)] {
         let variant = VariantChoice::GenericForced(Variant::only(Flavour::Splat));
         let picture = renderer
@@ -153,8 +153,8 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
 
 #[test]
 fn random_estimators_have_their_means() {
-    // Null hypothesis: over seeds, the picture's mean is that of `Estimator::mean`. One number per seed, a signed sum over pixels, is independent
-    // between seeds. 7 pictures x 4 patterns = 28 tests, family level 0.001, Sidak.
+    // Null hypothesis: the mean picture over seeds is that of `Estimator::mean`. Each seed gives one number, a signed sum over pixels; these numbers
+    // are independent. 7 pictures x 4 patterns = 28 tests, family level 0.001, Sidak.
     const SEEDS: u32 = 48;
     const PATTERNS: u32 = 4;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 28.0);
@@ -171,8 +171,8 @@ fn random_estimators_have_their_means() {
     };
     use Estimator::{Biplanar, Exact, Hex, Stf};
     use Flavour::{FarCliff, NearCliff, Splat};
-    // Estimator and flavour; a camera; the flavour of the mean; what must not pass for it. (On the ground, three projections are hardly more
-    // than one.)
+    // Columns: estimator and flavour; camera; flavour of the mean; an estimator and flavour whose picture must not pass for the mean. (On the ground,
+    // three projections hardly differ from one.)
     for (estimator, flavour, camera, of, wrong) in [
         (Biplanar, NearCliff, "cliff", NearCliff, (Exact, Splat)),
         (Biplanar, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
@@ -180,7 +180,7 @@ fn random_estimators_have_their_means() {
         (Hex, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
         (Stf, NearCliff, "ground", NearCliff, (Exact, Splat)),
         (Stf, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
-        // One tap knows no other heights: bilinear weights, as near cliff's.
+        // A single tap does not know the heights of the other texels, so its weights are bilinear, like those of near cliff.
         (Stf, Splat, "ground", NearCliff, (Exact, Splat)),
     ] {
         let expected = albedo(&mut renderer, camera, estimator.mean(), of, 0);
@@ -199,7 +199,7 @@ fn random_estimators_have_their_means() {
     }
 }
 
-// ---------------------------------------------------------------- one blend by another
+// ---------------------------------------------------------------- blends that are defined alike
 
 #[test]
 fn estimators_agree_where_they_are_defined_alike() {
@@ -227,8 +227,9 @@ fn estimators_agree_where_they_are_defined_alike() {
         let pairs = texel(a).into_iter().zip(texel(b));
         pairs.map(|(l, r)| f64::from((l - r).abs()) / (f64::from(l.max(r)).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
     };
-    // Seen from above, biplanar has one projection: then eight layers are four materials by bilinear weights, and the snapped plane is that
-    // projection. (The triangle's slope from its derivatives; the shading normal differs, hence a margin.)
+    // On ground that faces up, biplanar mapping uses one projection. There, the eight layers equal four materials with bilinear weights, and the
+    // plane of the snapped projection equals that projection. (The slope used here is that of the triangle, computed from the derivatives. The
+    // shading normal differs from it, hence a margin.)
     let (mut flat, mut uniform) = (Vec::new(), Vec::new());
     for (i, pixel) in pixels.iter().enumerate().filter(|(_, p)| p.slot != 0) {
         let [a, b] = [pixel.ddx, pixel.ddy].map(|v| v.map(f64::from));
@@ -243,13 +244,12 @@ fn estimators_agree_where_they_are_defined_alike() {
     assert!(flat.len() > 250 && uniform.len() > 500, "{} flat and {} uniform pixels", flat.len(), uniform.len());
     let within =
         |a: &Picture, b: &Picture, at: &[usize]| at.iter().filter(|&&i| difference(a, b, i) <= 2.0).count() as f64 / at.len() as f64;
-    // A normal near 30 degrees off may still mix; a hundredth of the pixels.
+    // A shading normal that is about 30 degrees off may still mix two projections. A hundredth of the pixels may do so.
     assert!(within(&layered, &mean, &flat) > 0.99, "layers: {}", within(&layered, &mean, &flat));
     assert!(within(&snapped, &two, &flat) > 0.99, "snapped: {}", within(&snapped, &two, &flat));
-    // Bands of one material are that material.
+    // Where all texels have one material, blending in bands gives this material.
     assert!(within(&bands, &exact, &uniform) > 0.99, "bands: {}", within(&bands, &exact, &uniform));
-    // Negative controls: weights modified by height are not bilinear ones, three projections are not one, and bands differ where
-    // materials do.
+    // Negative controls: weights modified by height are not bilinear, three projections are not one, and bands differ where materials differ.
     let all: Vec<usize> = (0..pixels.len()).filter(|i| pixels[*i].slot != 0 && !uniform.contains(i)).collect();
     assert!(within(&layered, &two, &flat) < 0.9 && within(&bands, &exact, &all) < 0.9 && within(&snapped, &exact, &all) < 0.9);
 }
@@ -266,10 +266,11 @@ fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
     }
     let mut by_two = Renderer::new(&plain, &small_scene(), &|_| {}).expect("renders");
     let mut renderer = second_renderer();
-    // Sizes that are no multiple of a tile; sky above and terrain at all depths.
+    // One of the sizes is not a multiple of a tile. The pictures have sky at the top and terrain at all depths.
     for (camera, size) in [("cliff", [101, 67]), ("vista", [64, 48])] {
-        // All tiles from one list, each by the flavours that its pixels need, and all from a list further on: what a tile writes beyond its borders
-        // has another one's flavours. More lists would be more shaders to compile.
+        // The first request draws all tiles from one list, each pixel with the flavours that it needs. The second one draws all tiles from a later
+        // list. If a tile wrote beyond its borders, the pixels there would have the flavours of the wrong tile. More lists would mean more shaders to
+        // compile.
         let [auto, forced] = [VariantChoice::GenericAuto, VariantChoice::Forced(Variant::only(Flavour::FarAtlas))].map(|variant| {
             request(&renderer, camera).with(|r| {
                 r.view.size = size;
@@ -281,14 +282,14 @@ fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
             let (one, two) = (renderer.render(wanted).expect("renders"), by_two.render(wanted).expect("renders"));
             assert_eq!(one.hdr, two.hdr, "{camera}");
         }
-        // Negative control: another view.
+        // Negative control: a jittered view.
         let other = auto.with(|r| r.view.jitter = [0.5, 0.0]);
         assert_ne!(by_two.render(&other).expect("renders").hdr, renderer.render(&auto).expect("renders").hdr);
     }
 }
 
-/// Levels of detail of rows of (ddx, ddy, rate): as the shader computes it, as sampling by it finds it, and as sampling by gradients finds it,
-/// from a texture whose levels hold their number.
+/// Returns three levels of detail for each row of (ddx, ddy, rate): the level that the shader computes, the level that is found by sampling at that
+/// level, and the level that is found by sampling with gradients. Each level of the sampled texture contains its own number.
 fn levels_of_detail(rows: &[[f32; 8]], change: (&str, &str)) -> Vec<[f32; 3]> {
     let gpu = gpu();
     let body = "
@@ -333,7 +334,7 @@ fn lod_main(@builtin(global_invocation_id) id: vec3<u32>) {
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     });
-    // Whole numbers up to 8 as f16.
+    // The whole numbers from 0 to 8 as f16.
     const F16: [u16; 9] = [0, 0x3c00, 0x4000, 0x4200, 0x4400, 0x4500, 0x4600, 0x4700, 0x4800];
     for (level, code) in (0..LEVELS).zip(F16) {
         let edge = edge >> level;
@@ -397,8 +398,9 @@ fn filtering_by_lod_is_filtering_by_gradients() {
             [row[0], row[1], row[2], row[3], row[4], row[5], cos as f32, sin as f32]
         })
         .collect();
-    // A device blends levels in at least 16 steps, and may take a gradient's length to be anything from its larger component to the sum of both:
-    // within a factor sqrt 2 of its length, half a level (Vulkan, "Scale Factor Operation, Level-of-Detail Operation").
+    // A device blends levels in at least 16 steps. It may take any number from the larger component of a gradient to the sum of both components as
+    // the gradient's length. This is within a factor of sqrt 2 of the length, which is half a level (Vulkan, "Scale Factor Operation, Level-of-Detail
+    // Operation").
     const STEP: f32 = 1.0 / 16.0;
     let worst = |found: &[[f32; 3]]| {
         found.iter().fold([0.0_f32; 2], |most, [lod, level, by_gradients]| {
@@ -409,7 +411,7 @@ fn filtering_by_lod_is_filtering_by_gradients() {
     let [level, by_gradients] = worst(&levels_of_detail(&rows, ("", "")));
     println!("sampled levels are off by {level}, those by gradients by {by_gradients}");
     assert!(level <= STEP && by_gradients <= 0.5 + STEP, "{level} {by_gradients}");
-    // Negative controls: the shorter gradient, a level for each factor of 4, the texture's size forgotten.
+    // Negative controls: the shorter gradient, one level for each factor of 4, and a texture size that is ignored.
     for change in [
         ("max(dot(ddx, ddx), dot(ddy, ddy))", "min(dot(ddx, ddx), dot(ddy, ddy))"),
         ("return 0.5 * log2(max(projection", "return 0.25 * log2(max(projection"),
@@ -424,7 +426,7 @@ fn filtering_by_lod_is_filtering_by_gradients() {
 
 #[test]
 fn biplanar_weights_let_the_third_axis_go() {
-    // Weights by axis, the third's being 0.
+    // Weights of the three axes; the weight of an axis without a projection is 0.
     type Weights = dyn Fn([f64; 3]) -> [f64; 3];
     fn spread(axes: [u32; 2], w: [f64; 2]) -> [f64; 3] {
         std::array::from_fn(|i| (0..2).filter(|&k| axes[k] as usize == i).map(|k| w[k]).sum())
@@ -433,18 +435,18 @@ fn biplanar_weights_let_the_third_axis_go() {
         let (axes, w) = biplanar::projections(n, 8.0);
         spread(axes, w)
     };
-    // Mutant: tri-planar weights of the two largest, normalised.
+    // Mutant: tri-planar weights of the two largest components, normalised.
     let largest_two = |n: [f64; 3]| {
         let (axes, _) = biplanar::projections(n, 8.0);
         let w = triplanar::weights(n, 8.0);
         let [a, b] = axes.map(|axis| w[axis as usize]);
         spread(axes, [a / (a + b), b / (a + b)])
     };
-    // Largest change over steps of 1e-6 along great circles, away from the diagonals, where the blend jumps.
+    // Largest change of the weights where the two smallest components exchange their order, away from the diagonals, where the blend jumps.
     let largest_jump = |weights: &Weights| {
         let mut most = 0.0_f64;
         for index in 0..2000 {
-            // Just where two smallest components change places.
+            // The two smallest components differ by 2e-7, in either order.
             let (t, s) = (0.9 * unit(index, 0), if index % 2 == 0 { 1.0 } else { -1.0 });
             let axis = (index % 3) as usize;
             let at = |e: f64| {
@@ -465,11 +467,11 @@ fn biplanar_weights_let_the_third_axis_go() {
         let n = direction(index);
         let (axes, w) = biplanar::projections(n, 16.0 * unit(index, 3));
         assert!(axes[0] < axes[1] && axes[1] < 3 && (w[0] + w[1] - 1.0).abs() < 1e-12 && w[0].min(w[1]) >= 0.0);
-        // The axis left out is the least.
+        // The axis that is left out has the smallest component.
         let left = 3 - axes[0] - axes[1];
         assert!(axes.iter().all(|&axis| n[axis as usize].abs() >= n[left as usize].abs()));
     }
-    // Quilez' remapping: of 45 degrees, both alike; of 30, one alone.
+    // Quilez' remapping: at 45 degrees both weights are equal, and at 30 degrees one axis has all the weight.
     assert_eq!(biplanar::projections([1.0, 0.0, 1.0], 8.0), ([0, 2], [0.5, 0.5]));
     assert_eq!(biplanar::projections([0.5, 0.0, 0.75_f64.sqrt()], 8.0).1, [0.0, 1.0]);
 }
@@ -478,13 +480,13 @@ fn biplanar_weights_let_the_third_axis_go() {
 
 const SECTOR_M: f64 = 64.0;
 
-/// Weights by hexagon.
+/// The hexagons around a point and their weights.
 fn hexagons(sector: [i32; 2], position: [f64; 2]) -> Vec<([u32; 2], f64)> {
     let t = hex_tiling::at(sector, position, SECTOR_M, 6);
     t.ids.into_iter().zip(t.weights).collect()
 }
 
-/// Largest difference of a hexagon's weight; absent = 0.
+/// Largest difference of a hexagon's weight; a hexagon that is absent has weight 0.
 fn weight_difference(a: &[([u32; 2], f64)], b: &[([u32; 2], f64)]) -> f64 {
     let weight = |of: &[([u32; 2], f64)], id| of.iter().filter(|(other, _)| *other == id).map(|(_, w)| w).sum::<f64>();
     a.iter().chain(b).map(|&(id, _)| (weight(a, id) - weight(b, id)).abs()).fold(0.0, f64::max)
@@ -493,9 +495,10 @@ fn weight_difference(a: &[([u32; 2], f64)], b: &[([u32; 2], f64)]) -> f64 {
 #[test]
 fn hexagons_fit_together() {
     type Tiling = dyn Fn([i32; 2], [f64; 2]) -> Vec<([u32; 2], f64)>;
-    // Mutant: a lattice that begins anew in each sector.
+    // Mutant: a lattice that starts again in each sector.
     let per_sector = |_: [i32; 2], position: [f64; 2]| hexagons([0; 2], position);
-    // Along a line through a sector's border, however far from the origin, weights change by no more than their slope times the step.
+    // Largest change of a weight between two neighbouring points of a line through a sector's border. Without a seam, it is at most the slope of a
+    // weight times the step, at any distance from the origin.
     let largest_jump = |tiling: &Tiling, sector: i32| {
         let mut most = 0.0_f64;
         for line in 0..20 {
@@ -510,7 +513,7 @@ fn hexagons_fit_together() {
         }
         most
     };
-    // A step of 0.0004 spacings; a weight's slope is at most 7 x 6 / 2 a spacing or so.
+    // The step is 0.0004 spacings, and the slope of a weight is at most about 7 x 6 / 2 per spacing, so a weight changes by less than 0.01.
     for sector in [0, 156, 15_625, -1_000_000] {
         assert!(largest_jump(&hexagons, sector) < 0.02, "sector {sector}: {}", largest_jump(&hexagons, sector));
     }
@@ -523,16 +526,17 @@ fn hexagons_fit_together() {
         contrast += t.weights.iter().map(|w| w * w).sum::<f64>() / 20_000.0;
         lone = lone.max(t.weights.iter().fold(0.0, |m, &w| m.max(w)));
     }
-    // The share of variance that is left: by numerical integration 0.8835; 0.5 with barycentric weights. Standard error 0.0014.
+    // The mean of w1^2 + w2^2 + w3^2 is the share of a texture's variance that is left. Numerical integration gives 0.8835 (barycentric weights:
+    // 0.5). The mean computed here has a standard error of 0.0014, and the tolerance is five of these.
     assert!((contrast - 0.8835).abs() < 0.007 && lone > 0.9999, "{contrast} {lone}");
-    // Centres are where a hexagon is alone: a spacing apart in six directions, to the 0.13 % of the skew.
+    // At its centre, a hexagon has all the weight. Centres are one spacing apart in six directions, except for a distortion of 0.13 %.
     let rows = SECTOR_M / 64.0 / (2.0 * 37.0 / 64.0);
     for step in [[1.0, 0.0], [0.5, rows], [-0.5, rows]] {
         let at = hexagons([0; 2], [10.0 + step[0], 20.0 * rows + step[1]]);
         assert!(at.iter().any(|(_, w)| *w > 0.999_999), "{step:?}: {at:?}");
         assert!((dot::<f64, 2>(step, step).sqrt() - 1.0).abs() < 0.0013);
     }
-    // Levels: near 2 sqrt 3 hexagons to a repeat.
+    // Levels: there are about 2 sqrt 3 hexagons per repeat.
     for repeats in [1.0, 16.0, 21.3, 32.0, 1000.0] {
         let ratio = f64::from(hex_tiling::level(repeats)).exp2() / (repeats * 12.0_f64.sqrt());
         assert!((0.7..1.42).contains(&ratio), "{repeats}: {ratio}");
@@ -543,7 +547,7 @@ fn hexagons_fit_together() {
 
 #[test]
 fn chosen_texels_are_the_filter_in_the_mean() {
-    // Thresholds on a grid instead of at random: shares are those of the filter to the grid's step.
+    // Thresholds lie on a grid instead of being random. The shares are then the weights of the filter, to within the grid's step.
     const STEPS: u32 = 4096;
     let share = |chosen: &dyn Fn(f64) -> u32, of: u32| {
         (0..STEPS).filter(|&i| chosen((f64::from(i) + 0.5) / f64::from(STEPS)) == of).count() as f64 / f64::from(STEPS)
@@ -558,11 +562,11 @@ fn chosen_texels_are_the_filter_in_the_mean() {
         }
         let coordinate = 40.0 * unit(index, 1) - 20.0;
         for texel in 0..8_u32 {
-            // Distance from the texel's centre, around the repeat.
+            // Distance from the texel's centre, modulo the repeat.
             let x = (coordinate * 8.0 - 0.5 - f64::from(texel)).rem_euclid(8.0);
             let weight = (1.0 - x.min(8.0 - x)).max(0.0);
             assert!((share(&|u| texel_choice::texel(coordinate, 8, u), texel) - weight).abs() <= tolerance, "{coordinate}, texel {texel}");
-            // Negative control: the texel that holds the coordinate is no filter.
+            // Negative control: always choosing the texel that contains the coordinate does not give the filter.
             let nearest = |_: f64| (coordinate * 8.0).floor().rem_euclid(8.0) as u32;
             assert!(weight <= tolerance || weight >= 1.0 - tolerance || (share(&nearest, texel) - weight).abs() > tolerance);
         }
@@ -586,14 +590,14 @@ fn layers_weigh_what_their_texels_weigh() {
         let weights = layers::weights(opacities);
         assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12, "layer 0 is opaque: nothing shows through");
         assert!(weights.iter().zip(shares).all(|(w, m)| (w - m).abs() < 1e-12), "{weights:?}, {shares:?}");
-        // Blending one after the other, as the shader does, gives those weights.
+        // Blending layer by layer, as the shader does, gives the same weights.
         let mut blended = [0.0; 8];
         for layer in 0..8 {
             blended = blended.map(|b| b * (1.0 - opacities[layer]));
             blended[layer] += opacities[layer];
         }
         assert!(blended.iter().zip(weights).all(|(b, w)| (b - w).abs() < 1e-12));
-        // Negative control: shares taken for opacities give the layers below too much.
+        // Negative control: shares used as opacities give wrong weights.
         let mut wrong = shares;
         wrong[0] = 1.0;
         let several = shares.iter().filter(|m| **m > 0.1).count() > 2;
@@ -612,7 +616,7 @@ fn materials_beyond_the_eighth_are_shown_by_the_nearest_layer() {
         assert!((0..layers::LAYERS).all(|l| distance(layer(m)) <= distance(l)), "material {m} is shown by {}", layer(m));
         assert!(m >= layers::LAYERS || layer(m) == m);
     }
-    // Negative control: the others have not all one layer by default.
+    // Negative control: the other materials do not all have layer 0, the default.
     assert!((layers::LAYERS..palette.entries.len()).any(|m| layer(m) != 0));
 }
 
@@ -620,7 +624,7 @@ fn materials_beyond_the_eighth_are_shown_by_the_nearest_layer() {
 
 #[test]
 fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
-    // Azimuth that a plane looks along, degrees, modulo 180.
+    // Azimuth of the direction along which a plane looks, degrees, modulo 180.
     let azimuth = |plane: u32| [0.0, 90.0, f64::NAN, 45.0, 135.0][plane as usize];
     let mut seen = [0; 5];
     for index in 0..5000 {
@@ -633,17 +637,18 @@ fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
         }
         let off = (n[1].atan2(n[0]).to_degrees() - azimuth(plane)).rem_euclid(180.0);
         assert!(off.min(180.0 - off) <= 22.5 + 1e-9, "{n:?} is {off} degrees off plane {plane}");
-        // A metre along the plane is a metre; across it, nothing.
+        // A step of 1 m along the plane changes the coordinate by 1 m, and a step across the plane does not change it.
         let (sin, cos) = azimuth(plane).to_radians().sin_cos();
         let [along, up] = snapped_projection::coordinates([-sin, cos, 0.0], plane);
         assert!((along.abs() - 1.0).abs() < 2e-4 && up.abs() < 1e-12, "plane {plane}: {along}");
         assert!(snapped_projection::coordinates([cos, sin, 0.0], plane)[0].abs() < 1e-12);
-        // Coordinates and gradients are each other's: a height u has the gradient along which u grows.
+        // Coordinates and gradients are consistent: a height that equals the coordinate u has a gradient along the direction in which u grows.
         let g = snapped_projection::from_gradient([along.signum(), 0.0], plane);
         assert!((dot(g, [-sin, cos, 0.0]) - 1.0).abs() < 1e-9, "plane {plane}: {g:?}");
     }
     assert!(seen.iter().all(|&count| count > 200), "{seen:?}");
-    // Texture coordinates fit across sector borders, near and far. A repeat's rounding (2^-24) and that of the diagonal's rate are all there is.
+    // Texture coordinates continue across sector borders, near the origin and far from it. Only the repeats per sector (in 2^-24) and the diagonal's
+    // rate are rounded, so the tolerance is 4 of these steps.
     let per_sector = tiling::per_sector_fixed(SECTOR_M, 3.7);
     let repeats = tiling::repeats(SECTOR_M, 3.7);
     let coordinate = |place: [i32; 3], inside: [f64; 3], plane: u32| {
@@ -687,7 +692,7 @@ fn weights_term_by_term_are_the_weights() {
         let weights = splat_blend::weights(fraction, heights, sharpness);
         let differs = |sum: [f64; 4], total: f64| sum.iter().zip(weights).any(|(s, w)| (s / total - w).abs() > 1e-9);
         assert!(total >= 1.0 && !differs(sum, total), "{sum:?} {weights:?}");
-        // Negative control: what was summed is not measured anew.
+        // Negative control: the sum so far is not multiplied by `keep`.
         let shares: [f64; 4] = {
             let mut run = splat_blend::Run::start();
             let bilinear = splat_blend::bilinear(fraction);

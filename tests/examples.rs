@@ -1,4 +1,4 @@
-//! The examples of `kernels` do what they say, and stay as short as they promise.
+//! The examples of `kernels` work, and are as short as they promise.
 
 use crate::fixtures::{Folder, small_scene};
 
@@ -15,13 +15,13 @@ fn a_frame_is_drawn_to_png_in_under_forty_lines() {
     let picture = image::open(&file).expect("a PNG").to_rgb8();
     assert_eq!(picture.dimensions(), (64, 48));
     let first = picture.get_pixel(0, 0);
-    assert!(picture.pixels().any(|pixel| pixel != first), "the picture is of one colour");
+    assert!(picture.pixels().any(|pixel| pixel != first), "the picture has only one colour");
     assert!(include_str!("../kernels/examples/render_png.rs").lines().count() < 40);
 }
 
 #[test]
 fn a_shared_function_runs_over_a_table() {
     let (name, error) = probe_table::largest_error().expect("runs");
-    // Unit vectors and codes in f32: an ulp or a few of 1, or of a code of 254.
+    // Results are unit vectors and codes up to 254 in f32, with errors of a few ulp of these numbers.
     assert!(name == "octahedral" && error < 1e-4, "{name}: {error}");
 }

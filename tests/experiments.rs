@@ -1,4 +1,5 @@
-//! Experiments as data: definitions, parts, shards, runs that are stopped and resumed, tables. Nothing is rendered: who measures is a stand-in here.
+//! Experiments as data: definitions, parts, shards, runs that are stopped and resumed, tables. Nothing is rendered: a stand-in delivers the
+//! measurements.
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -25,7 +26,7 @@ use parquet::schema::parser::parse_message_type;
 
 use crate::fixtures::{Folder, failure, usage_error};
 
-/// A definition that has one of everything.
+/// A valid definition. Most tests use it or a changed copy of it.
 const TEXT: &str = r#"name = "trial"
 question = "Does it hold?"
 views = ["cliff", "sideways"]
@@ -79,7 +80,7 @@ fn trial() -> Definition {
     parse(TEXT).expect("the trial definition is right")
 }
 
-/// `TEXT` with one thing changed; a change that finds nothing to change would test nothing.
+/// Returns `TEXT` with one replacement. Panics if `from` does not occur, because the change would then test nothing.
 fn edited(from: &str, to: &str) -> String {
     let text = TEXT.replacen(from, to, 1);
     assert_ne!(text, TEXT, "`{from}` is not in the trial definition");
@@ -129,7 +130,7 @@ fn choices_of_the_frame_are_set_and_varied() {
     assert!(of_normals("true").unwrap_err().contains("`frame.normals` is true, must be octahedral, plane-first or exact"));
 }
 
-/// What is changed, and what the refusal must name; the line is that of the change.
+/// The text to replace, the replacement, and what the error must contain. The error must also name the line of the change.
 const WRONG: &[(&str, &str, &[&str])] = &[
     ("noises = ", "noise = ", &["unknown key `noise`", "did you mean `noises`"]),
     ("frames = 4", "frames = \"many\"", &["frames", "invalid type"]),
@@ -155,7 +156,7 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("noises = [\"hashed\", \"white\"]", "noises = [\"hashd\"]", &["noises 1", "did you mean `hashed`"]),
     ("temporal = [\"off\", \"exponential\"]", "temporal = [\"on\"]", &["temporal 1", "is no temporal resolve"]),
     ("metrics = [\"rmse\", ", "metrics = [\"rms\", ", &["metrics 1", "did you mean `rmse`"]),
-    ("metrics = [\"rmse\", ", "metrics = [\"rmse\", \"gpu_ms:shading\", ", &["metrics 2", "`times` asks for"]),
+    ("metrics = [\"rmse\", ", "metrics = [\"rmse\", \"gpu_ms:shading\", ", &["metrics 2", "the key `times` requests"]),
     ("[set]\n\"flavours.cliff_near_m\" = 20.0", "[set]\n\"flavours.cliff_near_m\" = 1e9", &["set", "cliff_near_m", "10000000"]),
     ("[set]\n\"flavours.cliff_near_m\" = 20.0", "[set]\n\"flavours.clif_near_m\" = 20.0", &["set", "did you mean `cliff_near_m`"]),
     ("parameter = \"blend.hash_scale\"", "parameter = \"blend.hash_scal\"", &["vary, parameter", "did you mean `hash_scale`"]),
@@ -176,7 +177,7 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("frames = 2\nviews", "frames = 0\nviews", &["small, frames", "is 0"]),
     ("views = [\"cliff\", \"turn\"]", "views = [\"cliff\", \"turm\"]", &["small, views 2", "did you mean `turn`"]),
     ("values = [1.0]\n", "values = [1000.0]\n", &["small, values 1", "100"]),
-    ("values = [1.0]\n", "values = [0.05]\n", &["expect 1, where, setting", "with what [small] changes", "0.05"]),
+    ("values = [1.0]\n", "values = [0.05]\n", &["expect 1, where, setting", "with the changes of [small]", "0.05"]),
     ("claim = \"Errors are small\"", "claim = \"\"", &["expect 1, claim", "empty"]),
     ("metric = \"rmse\"", "metric = \"rmsd\"", &["expect 1, metric", "did you mean `rmse`"]),
     ("metric = \"rmse\"", "metric = \"flip\"", &["expect 1, metric", "not among `metrics`"]),
@@ -207,7 +208,7 @@ fn wrong_definitions_are_refused_with_line_key_and_remedy() {
             assert!(refused.contains(part), "`{to}`: `{part}` is not in: {refused}");
         }
         assert!(refused.starts_with("experiment trial.toml:") && refused.lines().count() == 1, "{refused}");
-        // The line named is one of those changed, or that of the key the refusal names.
+        // The error names one of the changed lines, or the line of the key that it mentions.
         let named: usize = refused["experiment trial.toml:".len()..].split(':').next().unwrap().parse().expect("a line number");
         let key = says[0].split([',', ' ']).next_back().unwrap_or_default();
         let start = TEXT[..TEXT.find(from).unwrap()].lines().count().max(1);
@@ -236,12 +237,12 @@ fn what_is_missing_or_too_much_is_refused() {
     let reversed = format!("{TEXT}[import]\nheightmap = \"x\"\nmetres_per_texel = 1.0\nheight_range_m = [5.0, 1.0]\n");
     assert!(refused(&reversed).contains("from low to high"));
     assert!(refused(&format!("scene = \"no-such.toml\"\n{TEXT}")).contains("no-such.toml"));
-    // One frame: nothing to compare, so neither `metrics` nor `small` may ask for it.
+    // With one frame, there are no frames to compare. Metrics that compare frames are then refused, in the definition and in `small`.
     assert!(refused(&edited("frames = 4", "frames = 1")).contains("set `frames` to 2"));
     assert!(refused(&edited("frames = 2\n", "frames = 1\n")).contains("small"));
     assert!(refused(&edited("seeds = 2", "seeds = 0").replace("metrics = [", "metrics = [\"bias\", ")).contains("set `seeds` to 2"));
     assert!(refused(&edited("times = \"all\"", "times = \"none\"")).contains("`times`"));
-    // A scene without virtual texture cannot be shaded by it.
+    // A scene without a virtual texture cannot be shaded with the flavour of the virtual texture.
     let no_vt = edited("\"flavours.cliff_near_m\" = 20.0", "\"flavours.far_atlas_m\" = 0.0").replace("near-cliff", "vt");
     assert!(refused(&no_vt).contains("no virtual texture"), "{}", refused(&no_vt));
     assert!(parse(&no_vt.replace("\"vt\"", "\"near-cliff\"")).is_ok());
@@ -263,7 +264,7 @@ fn definitions_of_the_repository_are_right() {
             continue;
         }
         let definition = definition::load(&file).unwrap_or_else(|error| panic!("{error:#}"));
-        assert_eq!(file.file_stem().unwrap().to_string_lossy(), definition.name, "file and experiment have one name");
+        assert_eq!(file.file_stem().unwrap().to_string_lossy(), definition.name, "the file must have the name of the experiment");
         assert!(!definition.expectations.is_empty() && names.insert(definition.name.clone()), "{}", definition.name);
     }
 }
@@ -287,9 +288,9 @@ fn real_terrain_is_imported_once_and_kept() {
     assert_eq!((scene.blend.hash_scale, scene.cameras.len()), (0.05, 4));
     drop(run);
     let run = Run::open(&definition, &Place { existing: Existing::Resume, ..place }, &machine()).unwrap();
-    assert_eq!(fs::metadata(imported.join("scene.toml")).unwrap().modified().unwrap(), written, "imported again");
+    assert_eq!(fs::metadata(imported.join("scene.toml")).unwrap().modified().unwrap(), written, "the terrain was imported again");
     drop(run);
-    // What only the imported scene can tell is told before anything is measured.
+    // An error that only the imported scene can reveal is reported before anything is measured.
     let text = text.replace("blend.hash_scale", "material.granit.normal_strength").replace("name = \"trial\"", "name = \"other\"");
     let wrong = parse(&text).expect("materials are not known before the import");
     assert!(format!("{:#}", Run::open(&wrong, &place, &machine()).unwrap_err()).contains("did you mean `granite`"));
@@ -314,14 +315,14 @@ fn the_plan_is_ordered_and_complete() {
     assert!(units.iter().all(|unit| unit.id.chars().all(plain) && unit.id.len() < 200));
 }
 
-/// Indices whose rows a shard keeps; each of its sweeps finds its reference before it.
+/// Returns the indices of the parts whose rows a shard keeps. Checks that each sweep of the shard comes after its reference.
 fn kept(units: &[Unit], shard: Shard) -> Vec<usize> {
     let shares = share(units, Some(shard));
     for (i, part) in shares.iter().enumerate().filter(|(_, part)| matches!(part.unit.work, Work::Sweep { .. })) {
         let reference = |other: &Unit| other.work == Work::Reference && other.view == part.unit.view && other.setting == part.unit.setting;
         assert!(shares[..i].iter().any(|other| reference(&other.unit)), "{shard}: {} has no reference", part.unit.id);
     }
-    assert!(shares.iter().all(|part| part.kept || part.unit.work == Work::Reference), "{shard}: work whose rows are thrown away");
+    assert!(shares.iter().all(|part| part.kept || part.unit.work == Work::Reference), "{shard}: only references may lack rows");
     shares.iter().filter(|part| part.kept).map(|part| part.unit.index).collect()
 }
 
@@ -335,7 +336,7 @@ fn shards_are_disjoint_and_whole() {
             assert_eq!(all, (0..units.len()).collect::<Vec<_>>(), "{count} shards");
         }
     }
-    // The comparison sees a part that is kept twice, and one that nobody keeps.
+    // Negative control: shards of different splits keep some parts twice and others not at all.
     let units = plan(&trial());
     let (one, two) = (kept(&units, Shard { number: 1, count: 2 }), kept(&units, Shard { number: 2, count: 3 }));
     let mut mixed: Vec<usize> = one.into_iter().chain(two).collect();
@@ -345,11 +346,11 @@ fn shards_are_disjoint_and_whole() {
 
 // ---- Runs. ----
 
-/// Stands in for who renders: numbers that follow from the part alone, times that never repeat.
+/// A stand-in for the renderer. Its numbers depend only on the part, and its times never repeat.
 #[derive(Default)]
 struct Fake {
     definition: Option<Definition>,
-    /// Mixed into every number: 0 but in negative controls.
+    /// Mixed into every number; 0, except in negative controls.
     salt: u64,
     pause: Duration,
     calls: Cell<u64>,
@@ -361,7 +362,7 @@ impl Fake {
     }
 }
 
-/// A number in 0..1 with all its digits in use.
+/// A number in 0..1 that uses all digits of an f64.
 fn number(text: &str, salt: u64) -> f64 {
     let mixed = text.bytes().fold(0xcbf2_9ce4_8422_2325 ^ salt, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
     ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64
@@ -401,7 +402,7 @@ impl Measure for Fake {
                 let value = number(&format!("{}/{variant}/{frame}", unit.id), self.salt);
                 outcome.rows.push(Row { frame: Some(frame), ..row(variant, "rmse", value) });
                 outcome.rows.push(Row { frame: Some(frame), ..row(variant, "psnr", f64::NAN) });
-                // Not asked for: the store leaves it out.
+                // The definition does not ask for this metric, so the store must leave it out.
                 outcome.rows.push(Row { frame: Some(frame), ..row(variant, "ssim", value) });
             }
             for lag in 1..definition.frames {
@@ -434,7 +435,7 @@ fn uninterrupted() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs what is missing, to the end.
+/// Carries out all missing parts and finishes the run.
 fn complete(definition: &Definition, place: &Place<'_>) -> RunData {
     let mut run = Run::open(definition, place, &machine()).expect("the run can be opened");
     run.carry_out(&mut Fake::of(definition), &|_, _| {}, &uninterrupted).expect("the parts can be done");
@@ -459,7 +460,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Same numbers, bit by bit (NaN equals itself).
+/// Whether both lists have the same rows. Numbers are compared bit by bit (NaN equals itself).
 fn same(a: &[Row], b: &[Row]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.order(b).is_eq())
 }
@@ -492,12 +493,12 @@ fn a_run_yields_what_was_measured_and_judges_it() {
     assert_eq!(one.value, number(&format!("{id}/{}/2", one.variant), 0));
     let verdicts = expectations::evaluate(&trial, &data.rows, &data.times);
     assert!(verdicts.len() == 2 && verdicts.iter().all(|verdict| verdict.met), "{verdicts:?}");
-    // CSV says the same, number by number.
+    // The CSV file has the same numbers.
     let mut csv = csv::Reader::from_path(folder.0.join("trial/metrics.csv")).unwrap();
     let mut rows: Vec<Row> = csv.deserialize().map(|row| row.unwrap()).collect();
     rows.sort_by(Row::order);
     assert!(same(&rows, &data.rows), "CSV and Parquet differ");
-    // Adding prose and expectations is no other run; it shows when the run is read again.
+    // A run with a different analysis text is still the same run. The new text is there when the run is read again.
     let told = Definition { analysis: "Nothing follows.".to_owned(), ..trial };
     let data = complete(&told, &Place { existing: Existing::Resume, ..place(&folder.0) });
     assert_eq!(read_run(&data.folder).unwrap().definition.analysis, "Nothing follows.");
@@ -521,7 +522,7 @@ fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
         let go_on = || if left.replace(left.get() - 1) > 0 { Ok(()) } else { anyhow::bail!("stopped") };
         let outcome = run.carry_out(&mut Fake::of(&trial), &|_, _| {}, &go_on);
         assert_eq!(outcome.is_ok(), stop + 1 == count);
-        // What a process that was killed while writing leaves behind.
+        // Files that a process leaves behind when it is killed while writing.
         fs::write(stopped.0.join("trial/parts/00001-x.parquet.7.tmp"), b"half").unwrap();
         fs::write(stopped.0.join("trial/metrics.csv.7.tmp"), b"half").unwrap();
         if stop + 1 < count {
@@ -534,14 +535,14 @@ fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
     complete(&trial, &Place { existing: Existing::Resume, ..place(&stopped.0) });
     assert!(results(&whole.0) == results(&stopped.0), "bytes differ after {count} stops");
     assert!(names(&stopped.0.join("trial")).iter().all(|name| !name.ends_with(".tmp") && name != "parts"));
-    // The comparison sees a number that changed in its last digits.
+    // Negative control: different numbers give different bytes.
     let mut run = Run::open(&trial, &place(&other.0), &machine()).unwrap();
     run.carry_out(&mut Fake { salt: 1, ..Fake::of(&trial) }, &|_, _| {}, &uninterrupted).unwrap();
     run.finish().unwrap();
     assert!(results(&whole.0) != results(&other.0));
 }
 
-/// Names the folder in which this test binary, started again, does a run until it is killed.
+/// Environment variable that names a folder. This test binary, started again with it, carries out a run in that folder until it is killed.
 const CHILD: &str = "SCREE_TEST_RUN";
 
 #[test]
@@ -566,7 +567,7 @@ fn killed_at_any_moment_and_resumed_a_run_gives_equal_bytes() {
             .stdout(std::process::Stdio::null())
             .spawn()
             .unwrap();
-        // From before it begins to some parts later; the moments are spread evenly, by the golden ratio.
+        // The process is killed at moments from before the run begins to some parts later. The golden ratio spreads these moments evenly.
         std::thread::sleep(Duration::from_secs_f64(0.004 + 0.06 * (f64::from(attempt) * 0.618_034).fract()));
         if let Some(status) = child.try_wait().unwrap() {
             assert!(status.success(), "the run failed by itself: {status}");
@@ -578,9 +579,9 @@ fn killed_at_any_moment_and_resumed_a_run_gives_equal_bytes() {
         kills += 1;
     }
     eprintln!("killed {kills} times");
-    assert!(kills >= 3, "it was over before it could be killed");
+    assert!(kills >= 3, "the run finished before it was killed three times");
     if !finished {
-        // So slow a machine kills it each time before its first part; what it left must still be resumed.
+        // The machine is so slow that no process finished the run before it was killed. The files that are left must still be resumable.
         complete(&small, &Place { existing: Existing::Resume, ..place(&killed.0) });
     }
     assert!(results(&whole.0) == results(&killed.0), "bytes differ after {kills} kills");
@@ -597,7 +598,7 @@ fn a_folder_is_used_by_one_run_at_a_time() {
         assert!(error.contains("is in use by") && error.contains("--out"), "{error}");
         assert!(cfg!(windows) || error.contains(&holder) && error.contains("experiments run trial.toml"), "{error}");
     }
-    // A shard of it is another folder; and once the holder is gone, so is the lock.
+    // When the run is dropped, its lock is released.
     drop(run);
     Run::open(&trial, &Place { existing: Existing::Resume, ..place(&folder.0) }, &machine()).unwrap();
 }
@@ -614,15 +615,15 @@ fn a_run_that_is_replaced_makes_way_only_for_its_own_kind() {
     }
     folder.write("report.html", "old");
     folder.write("mine.txt", "kept");
-    // Another seed count: the old run goes, with everything that it made and with nothing else.
+    // A run with a different number of seeds: the old run is deleted with all files that it wrote, and no other file is deleted.
     let more = Definition { seeds: trial.seeds + 2, ..trial.clone() };
     let run = Run::open(&more, &own, &machine()).unwrap();
     assert_eq!(run.progress().0, 0);
-    // The stand-in leaves its references beside the tables.
+    // The stand-in writes its references into the same folder as the tables.
     let left: Vec<String> = names(&folder.0).into_iter().filter(|name| !name.starts_with("reference-")).collect();
     assert_eq!(left, ["lock", "manifest.json", "mine.txt", "parts"]);
     drop(run);
-    // Stopped and the same: it goes on. Finished and the same: it is done again.
+    // If the same run was stopped, it is continued. If the same run was finished, it is done again.
     let mut run = Run::open(&more, &own, &machine()).unwrap();
     run.carry_out(&mut Fake::of(&more), &|_, _| {}, &uninterrupted).unwrap();
     drop(run);
@@ -630,7 +631,7 @@ fn a_run_that_is_replaced_makes_way_only_for_its_own_kind() {
     assert_eq!(run.progress().0, run.progress().1);
     run.finish().unwrap();
     assert_eq!(Run::open(&more, &own, &machine()).unwrap().progress().0, 0);
-    // A run of another name stays.
+    // A run with a different name is not replaced.
     let other = Definition { name: "other".to_owned(), ..trial };
     let error = refused(&other, &own, &machine());
     assert!(error.contains("holds another run") && error.contains("--out"), "{error}");
@@ -659,7 +660,7 @@ fn another_run_is_not_resumed_and_what_differs_is_named() {
     unlike(&of_file, &again, &Provenance { adapter: "another".to_owned(), ..machine() }, &["the adapter is none there and another here"]);
     unlike(&of_file, &again, &Provenance { driver: "1".to_owned(), ..machine() }, &["the driver"]);
     unlike(&of_file, &Place { shard: "1/2".parse().ok(), ..again }, &machine(), &["holds the whole run"]);
-    // The command is no part of a run's identity; the scene's content is.
+    // The command does not belong to the identity of a run, but the content of the scene does.
     drop(Run::open(&of_file, &again, &Provenance { command: "experiments run --resume".to_owned(), ..machine() }).unwrap());
     folder.write("scene.toml", &kernels::scene::DEFAULT_TEXT.replace("seed = 7", "seed = 8"));
     unlike(&of_file, &again, &machine(), &["the scene's content"]);
@@ -677,7 +678,7 @@ fn foreign_folders_and_broken_manifests_are_left_alone() {
     }
     assert_eq!(names(&folder.0.join("trial")), ["thesis.txt"]);
     fs::remove_file(folder.0.join("trial/thesis.txt")).unwrap();
-    // Killed between folder and manifest: it begins as if nothing had been.
+    // A process was killed after it made the folder and before it wrote the manifest: the run starts from the beginning.
     folder.write("trial/lock", "");
     folder.write("trial/manifest.json.9.tmp", "{");
     drop(Run::open(&trial, &place(&folder.0), &machine()).unwrap());
@@ -704,7 +705,7 @@ fn damaged_parts_and_results_are_done_again() {
     let bytes = fs::read(parts.join(&list[1])).unwrap();
     fs::write(parts.join(&list[1]), &bytes[..bytes.len() / 2]).unwrap();
     fs::write(parts.join(&list[2]), b"").unwrap();
-    // A sound file in the wrong place.
+    // A valid file under the name of a different part.
     fs::copy(parts.join(&list[4]), parts.join(&list[3])).unwrap();
     let mut flipped = fs::read(parts.join(&list[5])).unwrap();
     flipped[200] ^= 4;
@@ -722,7 +723,7 @@ fn damaged_parts_and_results_are_done_again() {
     assert_eq!(fake.calls.get(), 4);
     run.finish().unwrap();
     assert!(results(&whole.0) == results(&damaged.0));
-    // Joined results that are damaged are refused by name when read, and made again on request.
+    // Damaged tables of a finished run are refused by name when they are read, and made again on request.
     let file = damaged.0.join("trial/metrics.parquet");
     let bytes = fs::read(&file).unwrap();
     fs::write(&file, &bytes[..bytes.len() - 9]).unwrap();
@@ -735,7 +736,7 @@ fn damaged_parts_and_results_are_done_again() {
     assert!(results(&whole.0) == results(&damaged.0));
 }
 
-/// Measures, and from its third part on lets no part be written.
+/// Measures like `fake`, but first calls `block`, so that the file of the third part cannot be written.
 struct Full<'a> {
     fake: Fake,
     parts: PathBuf,
@@ -766,12 +767,12 @@ fn a_full_disk_is_said_and_the_run_goes_on_once_there_is_room() {
         assert_eq!(error.lines().count(), 1, "{error}");
         assert_eq!(run.progress().0, 2);
     };
-    // Something is in the way of the last step, the renaming.
+    // A folder with the file's name makes the last step, the renaming, fail.
     stop(&|file| fs::create_dir_all(file.join("in the way")).unwrap(), "cannot write", Existing::Refuse);
     let blocked = full.0.join("trial/parts").join(names(&full.0.join("trial/parts")).into_iter().find(|n| n.starts_with("00002")).unwrap());
     fs::remove_dir_all(blocked).unwrap();
     assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "nothing half-written is left");
-    // A device that is full from the first byte on.
+    // The temporary file is a link to a device on which every write fails, because it is full.
     #[cfg(target_os = "linux")]
     {
         let link = |file: &Path| {
@@ -822,7 +823,7 @@ fn shards_together_are_the_whole() {
         "{:?}",
         data.missing
     );
-    // A whole run does not go where shards are.
+    // A whole run cannot use a folder that contains shards.
     assert!(refused(&trial, &place(&split.0), &machine()).contains("shard-1-of-4"));
     complete(&trial, &shard(2, 4));
     let data = complete(&trial, &shard(4, 4));
@@ -830,9 +831,9 @@ fn shards_together_are_the_whole() {
     let data = read_run(&run).unwrap();
     assert!(data.complete && data.folders.len() == 4, "{:?}", data.missing);
     assert!(same(&data.rows, &one.rows), "{} rows of shards and {} of the whole", data.rows.len(), one.rows.len());
-    assert!(!same(&data.rows[1..], &one.rows), "the comparison sees nothing");
+    assert!(!same(&data.rows[1..], &one.rows), "the comparison does not notice a missing row");
     assert_eq!(data.times.len(), one.times.len());
-    // A shard of another split, of another machine, of another definition.
+    // Shards that do not belong to the run: of a different split, of a different machine, and of a different definition.
     complete(&trial, &shard(1, 3));
     let error = format!("{:#}", read_run(&run).unwrap_err());
     assert!(error.contains("does not belong") && error.contains("shards"), "{error}");
@@ -897,12 +898,12 @@ fn tables_hold_every_number_exactly_and_the_same_bytes() {
     let (one, two) = (folder.0.join("one.parquet"), folder.0.join("two.parquet"));
     write(&one, &rows, 7);
     write(&two, &rows, 7);
-    assert!(fs::read(&one).unwrap() == fs::read(&two).unwrap(), "the same rows give other bytes");
+    assert!(fs::read(&one).unwrap() == fs::read(&two).unwrap(), "the same rows give different bytes");
     let table = read_parquet(&one).unwrap();
     assert!(same(&table.rows, &rows), "rows changed");
     assert_eq!(table.rows[1].value.to_bits(), (-0.0f64).to_bits());
     assert_eq!(table.notes.into_iter().collect::<Vec<_>>(), [("a".to_owned(), "b".to_owned())]);
-    // Many rows in a group, and none at all.
+    // A table with many rows in a group, and one without rows.
     let many: Vec<Row> = rows.iter().cycle().take(150_000).cloned().collect();
     write(&two, &many, 150_000);
     assert!(same(&read_parquet(&two).unwrap().rows, &many));
@@ -914,7 +915,7 @@ fn tables_hold_every_number_exactly_and_the_same_bytes() {
     assert!(same(&read, &rows), "CSV changed a row");
     write_csv(&csv, &mut std::iter::empty()).unwrap();
     assert_eq!(fs::read_to_string(&csv).unwrap().trim_end(), COLUMNS.map(|column| column.name).join(","));
-    // A source that fails leaves the file that was there.
+    // If the source of the rows fails, the existing file is not changed.
     let before = fs::read(&one).unwrap();
     let broken = || [Ok(rows.clone()), Err(anyhow::anyhow!("the source failed"))].into_iter();
     let error = format!("{:#}", write_parquet(&one, &mut broken(), &[]).unwrap_err());
@@ -932,8 +933,8 @@ fn damaged_tables_are_refused_in_one_line_and_never_believed() {
     let mut check = |bytes: &[u8], what: &str| {
         fs::write(&file, bytes).unwrap();
         match read_parquet(&file) {
-            // Bytes that nobody reads (names of encodings, sizes of pages) may change; the rows may not.
-            Ok(table) => assert!(same(&table.rows, &rows), "{what}: other rows were believed"),
+            // Bytes that the reader does not use (names of encodings, sizes of pages) may change; the rows may not.
+            Ok(table) => assert!(same(&table.rows, &rows), "{what}: changed rows were accepted"),
             Err(error) => {
                 let error = format!("{error:#}");
                 assert!(error.contains("t.parquet") && error.contains("damaged"), "{what}: {error}");
@@ -963,7 +964,7 @@ fn damaged_tables_are_refused_in_one_line_and_never_believed() {
     assert!(refusals > sound.len() + 400, "only {refusals} refusals");
 }
 
-/// A Parquet file by the letter, but not one of ours.
+/// Writes a valid Parquet file that is not a table of this project.
 fn foreign_table(file: &Path, schema: &str, notes: bool) {
     let schema = Arc::new(parse_message_type(schema).unwrap());
     let mut writer = SerializedFileWriter::new(File::create(file).unwrap(), schema, Arc::new(WriterProperties::new())).unwrap();
@@ -1030,7 +1031,7 @@ fn wrong_calls_of_run_and_check() {
     failure(&["run", &one, &two], &["one.toml", "two.toml", "both called `trial`"]);
     let nothing = &TEXT[..TEXT.find("[[expect]]").unwrap()];
     let nothing = folder.write("nothing.toml", nothing);
-    failure(&["check", &nothing], &["expects nothing"]);
+    failure(&["check", &nothing], &["has no expectations"]);
     let data = folder.write("data.toml", &format!("scene = \"$SCREE_DATA/x.toml\"\n{TEXT}"));
     let output = Command::new(crate::fixtures::program()).args(["run", &data]).env_remove("SCREE_DATA").output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -1038,7 +1039,7 @@ fn wrong_calls_of_run_and_check() {
         output.status.code() == Some(1) && stderr.contains("data.toml:1") && stderr.contains("SCREE_DATA, which is not set"),
         "{stderr}"
     );
-    // Of several, each failure is said, and all are counted.
+    // If several experiments fail, each failure is reported, and a last line counts them.
     let output = Command::new(crate::fixtures::program()).args(["run", &wrong, "nowhere.toml"]).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.code() == Some(1) && stderr.lines().count() == 3 && stderr.contains("2 of 2 experiments failed"), "{stderr}");

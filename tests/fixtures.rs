@@ -1,6 +1,6 @@
-//! What several tests start from: the small scene and its renderers, statistics, the built program, a folder of its own.
+//! Code shared by several tests: the small scene and its renderers, statistics, the built program, and temporary folders.
 //!
-//! Two renderers of a small scene serve all tests: a pipeline takes software Vulkan a tenth of a second to two seconds to compile.
+//! All tests share two renderers of a small scene, because software Vulkan takes a tenth of a second to two seconds to compile a pipeline.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,8 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 pub(crate) const SIZE: [u32; 2] = [96, 64];
 
-/// The built-in scene with small textures, filtered without anisotropy: stochastic texture filtering has none, and is compared with the others.
+/// The built-in scene with small textures and without anisotropic filtering: stochastic texture filtering cannot do it, and is compared with the
+/// other estimators.
 pub(crate) fn small_scene() -> scene::Scene {
     let mut scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
     scene.detail_size = 64;
@@ -36,12 +37,12 @@ fn shared(index: usize) -> MutexGuard<'static, Renderer<'static>> {
     RENDERERS[index].get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The small scene, for one test at a time.
+/// The renderer of the small scene, locked for one test at a time.
 pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
     shared(0)
 }
 
-/// The same once more, for tests that want other shaders than those of the 31 variants, and need not wait until these are compiled.
+/// A second renderer of the small scene, for tests that use other shaders than those of the 31 variants and need not wait until these are compiled.
 pub(crate) fn second_renderer() -> MutexGuard<'static, Renderer<'static>> {
     shared(1)
 }
@@ -87,7 +88,8 @@ pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
     if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }
 }
 
-/// The program, built beside this test's own binary, and not older than its sources: a stale one would be tested in vain.
+/// Path of the program, which is built into the folder above this test's own binary. Panics if the program is missing or older than its sources,
+/// because a test of a stale program would prove nothing.
 pub(crate) fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
@@ -107,7 +109,7 @@ pub(crate) fn program() -> &'static Path {
     })
 }
 
-/// The source file of a folder and those in it that was changed last.
+/// The source file that was changed last in a folder and its subfolders.
 fn newest_source(folder: &Path) -> Option<(SystemTime, PathBuf)> {
     let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok).map(|entry| entry.path());
     let newest = entries.filter_map(|path| match path.extension().and_then(|e| e.to_str()) {
@@ -126,7 +128,7 @@ pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the program writes UTF-8")
 }
 
-/// The call is wrong: exit 2, and stderr names what.
+/// Checks that the call is refused as wrong: exit status 2, and stderr contains all of `says`.
 pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
     let output = run(arguments);
     let stderr = text(&output.stderr);
@@ -135,12 +137,12 @@ pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
     for part in says {
         assert!(stderr.contains(part), "{arguments:?}: `{part}` is not in: {stderr}");
     }
-    // Only the call without any arguments is answered with the help text.
+    // Only a call without arguments is answered with the help text.
     assert!(arguments.is_empty() || stderr.lines().count() == 1, "{arguments:?}: {stderr:?}");
     assert!(!stderr.contains("internal error"), "{arguments:?}: {stderr}");
 }
 
-/// The work fails: exit 1, and one line on stderr that names what.
+/// Checks that the work fails: exit status 1, and one line on stderr that contains all of `says`.
 pub(crate) fn failure(arguments: &[&str], says: &[&str]) {
     let output = run(arguments);
     let stderr = text(&output.stderr);
@@ -151,14 +153,14 @@ pub(crate) fn failure(arguments: &[&str], says: &[&str]) {
     }
 }
 
-/// Exit 0; what was written to stdout.
+/// Checks that the exit status is 0. Returns the text on stdout.
 pub(crate) fn success(arguments: &[&str]) -> String {
     let output = run(arguments);
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     text(&output.stdout)
 }
 
-/// A folder of its own, removed at the end.
+/// A temporary folder of one test, removed when it is dropped.
 pub(crate) struct Folder(pub(crate) PathBuf);
 
 impl Folder {

@@ -1,6 +1,6 @@
 //! The floors of the crates: a module imports from itself and from lower floors, never from its own floor or from a higher one.
 //!
-//! The sources are parsed, so comments and strings do not count; what stands under `#[cfg(test)]` does not count either.
+//! The sources are parsed, so comments and strings do not count. Code under `#[cfg(test)]` does not count either.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,7 +12,7 @@ use syn::{Attribute, Item, ItemMod, ItemUse, Meta, UseTree, Visibility};
 
 use crate::fixtures::Folder;
 
-/// The modules of a folder, floor by floor from the lowest: those of one floor do not know each other.
+/// The modules of a folder, floor by floor from the lowest. Modules of the same floor do not import each other.
 type Floors = [&'static [&'static str]];
 
 /// A run goes from its definition to its parts, its files and its report; the command line drives it.
@@ -21,7 +21,7 @@ const EXPERIMENTS: &Floors = &[
     &["definition", "judge"],                   // the experiment, and the metrics of pictures
     &["unit", "expectations", "stability"],
     &["store"],            // the folder of a run
-    &["runner", "report"], // writes into it; reads from it
+    &["runner", "report"], // the runner writes into it; the report reads from it
     &["cli"],
     &["commands"],
 ];
@@ -29,7 +29,7 @@ const EXPERIMENTS: &Floors = &[
 /// The window shows the model and asks the engine for its pictures; panels know neither the window nor each other's state.
 const WORKBENCH: &Floors = &[&["model"], &["engine"], &["panels"], &["window"], &["script"]];
 
-/// The parts of the model, each made of those below.
+/// The parts of the model. Each uses only the floors below it.
 const WORKBENCH_MODEL: &Floors = &[
     &["files", "display", "panes", "flight", "editing", "metrics"],
     &["settings", "places"],
@@ -39,7 +39,8 @@ const WORKBENCH_MODEL: &Floors = &[
     &["state"],
 ];
 
-/// The order of `kernels`: from what knows nothing of terrain, over the stages in the order of the frame, to the frame and what looks at it.
+/// The order of `kernels`: first the modules that do not depend on terrain, then the stages in the order of the frame, then the frame and the modules
+/// that inspect it.
 const KERNELS: &Floors = &[
     &["base"],                     // errors, names, files, colour: no terrain
     &["settings"],                 // how a setting is declared, checked and shown
@@ -48,8 +49,8 @@ const KERNELS: &Floors = &[
     &["gpu"],                      // the device
     &["scene"],                    // the content of a scene file
     &["view", "decode", "blocks"], // the camera; files into arrays; block compression
-    &["world", "materials"],       // node payloads and textures, on the processor
-    &["import", "quadtree"],       // a heightmap becomes a scene; which nodes
+    &["world", "materials"],       // node payloads and textures, on the CPU
+    &["import", "quadtree"],       // a heightmap becomes a scene; which nodes are drawn
     &["culling", "residency"],
     &["terrain"], // what stages share of terrain on the device
     &["stage"],   // what a stage declares
@@ -86,15 +87,15 @@ fn no_folder_has_a_cycle_between_its_modules() {
     }
 }
 
-/// Fails with a line for each import that goes up, and for each module that the list lacks or that does not exist. `folder`: from the workspace's root,
-/// the `src` of a crate or a folder of a module inside it.
+/// Fails with a line for each import that goes up, and for each module that the list lacks or that does not exist. `folder` is relative to the
+/// workspace's root: the `src` of a crate, or a folder of a module inside it.
 fn check(folder: &str, floors: &Floors) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder);
     let faults = faults(&root, floors);
     assert!(faults.is_empty(), "{folder}:\n{}", faults.join("\n"));
 }
 
-/// What is wrong with a folder, a line each.
+/// Returns a line for each fault of a folder.
 fn faults(folder: &Path, floors: &Floors) -> Vec<String> {
     let mut floor_of: BTreeMap<&str, usize> = BTreeMap::new();
     let mut faults = Vec::new();
@@ -154,7 +155,7 @@ fn cycles(folder: &Path) -> Vec<String> {
         let (mut left, reading) = read(folder);
         found.extend(reading.faults);
         let mut imports: Vec<&Import> = reading.imports.iter().filter(|import| import.from != import.to).collect();
-        // Modules that import none of the others that are left, or that none of these imports, are in no cycle.
+        // A module is in no cycle if it imports none of the modules that are left, or if none of them imports it.
         loop {
             imports.retain(|import| left.contains(&import.from) && left.contains(&import.to));
             let before = left.len();
@@ -174,13 +175,13 @@ fn cycles(folder: &Path) -> Vec<String> {
     found
 }
 
-/// Something that a module of the folder takes from another place of the folder.
+/// An import by which a module of the folder uses something else in the folder.
 struct Import {
     file: PathBuf,
     line: usize,
-    /// As resolved from the crate's root.
+    /// The imported path, resolved from the crate's root.
     path: String,
-    /// The module of the folder that it stands in.
+    /// The module of the folder that contains the import.
     from: String,
     /// The first name of the path inside the folder: a module, or an item of the folder's root.
     to: String,
@@ -195,7 +196,7 @@ struct Reading {
 }
 
 impl Reading {
-    /// Reads a module that `file` declares, whose files of submodules lie in `folder`; `path` = the module that declares it.
+    /// Reads a module that `file` declares. `folder` = the folder of the submodules of `file`; `path` = the module that declares this one.
     fn module(&mut self, file: &Path, folder: &Path, path: &[String], module: &ItemMod) {
         let name = module.ident.to_string();
         let path = [path, std::slice::from_ref(&name)].concat();
@@ -227,7 +228,7 @@ impl Reading {
 
     fn import(&mut self, file: &Path, module: &[String], full: &[String], span: Span) {
         let depth = self.prefix.len();
-        // What lies outside of the folder is of the list of the folder above.
+        // The list of the folder above checks the imports that lead out of this folder.
         if !full.starts_with(&self.prefix) {
             return;
         }
@@ -242,7 +243,7 @@ fn parsed(file: &Path) -> Vec<Item> {
     syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display())).items
 }
 
-/// The modules that items declare, without those of tests.
+/// The modules that items declare, without test modules.
 fn modules_of(items: &[Item]) -> impl Iterator<Item = &ItemMod> {
     items.iter().filter_map(|item| match item {
         Item::Mod(module) if !is_of_tests(&module.attrs) => Some(module),
@@ -258,9 +259,10 @@ fn is_of_tests(attributes: &[Attribute]) -> bool {
     })
 }
 
-/// Finds the paths of an item that begin at the crate, at a module above, or at the module itself. Modules inside are collected, not entered.
+/// Finds the paths in an item that begin at the crate, at a module above, or at the module itself. Modules inside the item are collected, but not
+/// searched.
 struct Paths<'a> {
-    /// The module that the item stands in.
+    /// The module that contains the item.
     module: &'a [String],
     /// Paths from the crate's root.
     found: Vec<(Vec<String>, Span)>,
@@ -268,7 +270,7 @@ struct Paths<'a> {
 }
 
 impl Paths<'_> {
-    /// Takes a path, if it begins where imports of this crate begin.
+    /// Records a path if it begins with `crate`, `super` or `self`.
     fn take(&mut self, names: &[String], span: Span) {
         let mut base = match names.first().map(String::as_str) {
             Some("crate") => Vec::new(),
@@ -299,7 +301,7 @@ impl Paths<'_> {
         }
     }
 
-    /// Paths in what is given to a macro, which is no syntax yet.
+    /// Records the paths in the arguments of a macro, which the parser leaves as tokens.
     fn take_tokens(&mut self, tokens: TokenStream) {
         let tokens: Vec<TokenTree> = tokens.into_iter().collect();
         let is_colon = |at: usize| matches!(tokens.get(at), Some(TokenTree::Punct(mark)) if mark.as_char() == ':');
@@ -392,11 +394,11 @@ impl<'ast> Visit<'ast> for Paths<'_> {
         self.take_tokens(of.tokens.clone());
     }
 
-    /// Who may see something imports nothing.
+    /// Skips visibilities: the paths in `pub(...)` import nothing.
     fn visit_visibility(&mut self, _: &'ast Visibility) {}
 }
 
-/// A folder that holds `src` with these files.
+/// Creates a temporary folder with a `src` that contains these files.
 fn crate_of(name: &str, files: &[(&str, &str)]) -> Folder {
     let folder = Folder::new(&format!("floors-{name}"));
     for (file, text) in files {
@@ -407,7 +409,7 @@ fn crate_of(name: &str, files: &[(&str, &str)]) -> Folder {
     folder
 }
 
-/// The faults of these floors in such a folder.
+/// Returns the faults of these floors in a temporary folder with these files.
 fn faults_of(name: &str, files: &[(&str, &str)], floors: &Floors) -> Vec<String> {
     let folder = crate_of(name, files);
     faults(&folder.0.join("src"), floors)

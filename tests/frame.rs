@@ -1,4 +1,5 @@
-//! The whole frame on the GPU: variants against the generic kernel, counted fetches, the statistics of random choice, cracks, history.
+//! The whole frame on the GPU: variants against the generic kernel, counted fetches, the statistics of random choices, cracks, and independence from
+//! earlier frames.
 
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
@@ -19,7 +20,8 @@ fn every_variant_equals_the_generic_kernel_and_takes_the_fetches_promised() {
     let mut renderer = renderer();
     let mut base = request(&renderer, "cliff");
     base.outputs.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
-    // Equal arithmetic, specialised: the compiler may contract differently, which moves a filtered value by at most an ulp of f16 or two.
+    // A specialised shader does the same arithmetic, but the compiler may contract its operations differently. This changes a filtered value by at
+    // most 2 ulp of f16.
     const TOLERANCE: f64 = 2.0;
     let mut previous: Option<Picture> = None;
     for variant in Variant::all() {
@@ -28,13 +30,13 @@ fn every_variant_equals_the_generic_kernel_and_takes_the_fetches_promised() {
         let difference = largest_difference(&special, &generic);
         assert!(difference <= TOLERANCE, "{variant} differs from the generic kernel by {difference} ulp");
         let fetches = special.values("fetches").expect("asked for");
-        assert_eq!(special.values("fetches"), generic.values("fetches"), "{variant}: the generic kernel counts otherwise");
+        assert_eq!(special.values("fetches"), generic.values("fetches"), "{variant}: the generic kernel counts differently");
         let promised = Estimator::Fc5.promised_fetches_of(variant) as f32;
         for (&counted, on) in fetches.iter().zip(terrain(&special)) {
             assert_eq!(counted, if on { promised } else { 0.0 }, "{variant}: a pixel took {counted} fetches");
         }
-        assert_eq!(special.report.tiles[usize::from(variant.mask())], special.report.tiles[0], "{variant} was forced on every tile");
-        // Negative control: the variant before this one is another picture.
+        assert_eq!(special.report.tiles[usize::from(variant.mask())], special.report.tiles[0], "{variant} must run on every tile");
+        // Negative control: the picture of the previous variant must differ.
         if let Some(previous) = previous.replace(special) {
             assert!(largest_difference(&previous, &generic) > TOLERANCE, "{variant} looks like its predecessor");
         }
@@ -66,7 +68,7 @@ fn automatic_tiles_hold_what_their_pixels_need() {
     let auto = renderer.render(&base).expect("renders");
     let generic = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::GenericAuto)).expect("renders");
     assert!(largest_difference(&auto, &generic) <= 2.0);
-    // Counting changes nothing: the same by the shader that counts neither fetches nor choices.
+    // Counting does not change the picture: the shader that counts neither fetches nor choices gives the same albedo.
     let uncounted = request(&renderer, "cliff").with(|r| r.shading.variant = VariantChoice::GenericAuto);
     assert!(!uncounted.wants_diagnostics());
     let uncounted = renderer.render(&uncounted).expect("renders");
@@ -83,7 +85,7 @@ fn automatic_tiles_hold_what_their_pixels_need() {
         }
     }
     assert!(used.len() >= 4, "the view should need several variants, got {used:?}");
-    // Auto must be cheap: far below the 48 fetches of splat everywhere.
+    // Auto must be cheap: far below the 48 fetches that splat on every pixel would take.
     let counting = request(&renderer, "cliff").with(|r| r.outputs.count_fetches = true);
     let counted = renderer.render(&counting).expect("renders");
     assert!(counted.fetches_per_px.expect("counted") < 16.0);
@@ -91,8 +93,8 @@ fn automatic_tiles_hold_what_their_pixels_need() {
 
 #[test]
 fn random_choice_has_the_mean_and_variance_of_theory() {
-    // Null hypothesis: over seeds, the picture's mean is the exact blend and its variance that of theory. One number per seed (a signed sum over
-    // pixels) is independent between seeds, however noise correlates pixels. 2 flavours x 2 noises x (4 means + 1 variance) = 20 tests,
+    // Null hypothesis: over seeds, the mean picture is the exact blend, and the variance is that of theory. Each seed gives one number, a signed sum
+    // over pixels; these numbers are independent, even if the noise correlates pixels. 2 flavours x 2 noises x (4 means + 1 variance) = 20 tests,
     // family level 0.001, Sidak.
     const SEEDS: u32 = 48;
     const PATTERNS: u32 = 4;
@@ -137,14 +139,14 @@ fn random_choice_has_the_mean_and_variance_of_theory() {
             };
             let p = p_of_zero_mean(&spread(1.0));
             assert!(p > level, "{what}: variance differs from theory, p = {p:e}");
-            // Negative controls: another flavour's mean, and a variance off by a third, are told apart.
+            // Negative controls: the mean of a different flavour, and a variance that is off by a third, must not pass.
             assert!((0..PATTERNS).any(|pattern| p_of_zero_mean(&sums(&wrong, pattern)) < level), "{what}: a wrong mean passes");
             assert!(p_of_zero_mean(&spread(4.0 / 3.0)) < level, "{what}: a wrong variance passes");
         }
     }
 }
 
-/// In each column of an upright camera over a heightfield, below terrain there is only terrain: sky below it is a crack.
+/// Counts cracks. If an upright camera sees a heightfield, all pixels below a terrain pixel show terrain, so sky below terrain is a crack.
 fn cracks(on: &[bool], size: [u32; 2]) -> usize {
     let (width, height) = (size[0] as usize, size[1] as usize);
     (0..width).map(|x| (1..height).filter(|y| on[(y - 1) * width + x] && !on[y * width + x]).count()).sum()
@@ -190,8 +192,8 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
     for (i, p) in position.iter().enumerate() {
         let p = p.map(f64::from);
         let distance = ((p[0] - eye.x).powi(2) + (p[1] - eye.y).powi(2) + (p[2] - eye.z).powi(2)).sqrt();
-        // Within 30 m everything is LOD 0, whose triangles `ground_m` follows; heights of both are the same 16-bit numbers.
-        // What is left is f32: world coordinates of some 10^3 m in the layer, slopes of up to 10.
+        // Within 30 m all terrain has LOD 0, and `ground_m` follows the triangles of LOD 0. Both use the same 16-bit heights. The tolerance allows
+        // for f32: the layer holds world coordinates of about 10^3 m, and slopes of up to 10 multiply their error.
         if picture.hdr[i][3] > 0.0 && distance < 30.0 {
             let off = (p[2] - renderer.ground_m(p[0], p[1])).abs();
             assert!(off < 0.01, "pixel {i} lies {off} m off the ground at {distance} m");
@@ -209,8 +211,8 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
         }
     }
     assert!(checked > 500, "only {checked} pixels are near");
-    // 8-bit normals are off by up to a degree: a few percent of the derivative on slopes seen at 70 degrees; pixels on triangle edges
-    // are outliers, hence medians. Negative control: the other derivative.
+    // 8-bit normals have errors of up to a degree, which are a few percent of the derivative on slopes seen at 70 degrees. Pixels on triangle edges
+    // are outliers, so medians are compared. Negative control: ddy in place of ddx.
     let median = |values: &mut Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
@@ -225,7 +227,7 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
 fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
     let mut renderer = renderer();
     for camera in ["cliff", "ground", "vista", "grazing"] {
-        // Where variances are shaded, the layer holds the stored normal.
+        // With the variance estimator, the layer holds the stored normal.
         let base = request(&renderer, camera).with(|r| {
             r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
             r.shading.estimator = Estimator::Variance;
@@ -237,8 +239,8 @@ fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
             let [codes, pair] = [&octahedral, &plane_first].map(|picture| picture.layer(layer).expect("asked for"));
             assert!(codes == pair, "{camera}: {layer}");
         }
-        // Negative control: a code does show.
-        assert!(octahedral.layer("normal") != exact.layer("normal"), "{camera}: codes of 8 + 8 bits do not show");
+        // Negative control: the layer shows the rounding of the codes.
+        assert!(octahedral.layer("normal") != exact.layer("normal"), "{camera}: codes of 8 + 8 bits do not change the normals");
         let on = terrain(&exact);
         // Relative errors of both derivatives of all pixels, sorted.
         let errors = |picture: &Picture| -> Vec<f64> {
@@ -298,7 +300,7 @@ fn the_kernel_refuses_what_it_cannot_draw() {
     let vt = request(&renderer, "cliff").with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::VirtualTexture)));
     let message = without.render(&vt).expect_err("there is no virtual texture").to_string();
     assert!(message.contains("far_atlas_m"), "{message}");
-    // And it draws without one.
+    // The renderer draws the flavours that do not need the virtual texture.
     let far = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
     assert!(without.render(&vt.with(|r| r.shading.variant = far)).is_ok());
 }
@@ -312,7 +314,8 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
     holes.push(hole);
     *colour_modulation = 0.4;
     let mut renderer = Renderer::new(gpu(), &scene, &|_| {}).expect("renders");
-    // Straight down from 40 m: the hole is a disc in the middle, an eighth of the picture's height in radius or so.
+    // The camera looks straight down from 40 m. The hole is a disc in the middle of the picture, whose radius is about an eighth of the picture's
+    // height.
     let above = Pose {
         position: glam::DVec3::new(x, y, renderer.ground_m(x + 20.0, y) + 40.0),
         yaw: 0.0,
@@ -331,8 +334,9 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
         assert_eq!(picture.fetches_per_px, Some(fetches), "{}", flavour.name());
         let on = terrain(&picture);
         assert!(!on[SIZE[0] as usize * SIZE[1] as usize / 2 + SIZE[0] as usize / 2], "the middle of the hole is covered");
-        assert!(on[0] && on[on.len() - 1], "the corners are ground");
-        // No ground inside the hole; 1 m of grace, the resolution of holes. Nor is the rim darkened by the hole's transparent black.
+        assert!(on[0] && on[on.len() - 1], "the corners must be ground");
+        // There is no ground inside the hole, with a tolerance of 1 m, which is the resolution of holes. The hole's transparent black does not darken
+        // its rim.
         let (position, albedo) = (picture.vectors("position").expect("asked for"), picture.vectors("albedo").expect("asked for"));
         for (p, a) in position.iter().zip(albedo).zip(&on).filter(|(_, on)| **on).map(|(pair, _)| pair) {
             let from_centre = (f64::from(p[0]) - x).hypot(f64::from(p[1]) - y);
@@ -356,7 +360,7 @@ fn a_picture_of_the_sky_holds_nothing_of_the_one_before() {
     for layer in ["variant", "fetches", "depth"] {
         assert!(sky.values(layer).expect("asked for").iter().all(|v| *v == 0.0), "{layer} of an empty sky");
     }
-    // Odd sizes, a camera beyond the world, and the extremes of the field of view are pictures, too.
+    // Odd sizes, a camera outside the world, and the extremes of the field of view give valid pictures, too.
     request.outputs.aovs = AovSet::from_names(&["position", "albedo"]).expect("known layers");
     for (size, fov, x) in [([1, 1], 55.0, 0.0), ([13, 7], 1.0, 0.0), ([31, 17], 175.0, 0.0), ([9, 9], 55.0, 9000.0)] {
         let mut odd = request.with(|r| r.view.size = size);
@@ -377,12 +381,12 @@ fn only_a_lit_picture_is_read_and_only_the_geometry_drawn_last_is_used_again() {
     });
     let lit = renderer.render(&request).expect("renders");
     assert!(lit.hdr.len() == (SIZE[0] * SIZE[1]) as usize && lit.displayed.is_some());
-    // A frame that is not lit leaves the lit picture of the frame before in the target. It is not read.
+    // A frame that is not lit leaves the lit picture of the frame before in the target. That picture must not be read.
     let unlit = renderer.render(&request.with(|r| r.outputs.lit = false)).expect("renders");
     assert!(unlit.hdr.is_empty() && unlit.displayed.is_none());
     assert_eq!(unlit.vectors("albedo"), lit.vectors("albedo"));
 
-    // Other shading on the same geometry is fine, another view is not.
+    // A request with different shading on the same geometry is accepted. A request with a different view or different geometry is not.
     let other_shading = request.with(|r| r.shading.seed = 5);
     assert_eq!(renderer.drawn_as(&other_shading).expect("the same geometry").request(), &other_shading);
     for elsewhere in [request.with(|r| r.view.pose.yaw += 0.1), request.with(|r| r.geometry.vertex_stride = 2)] {
@@ -402,7 +406,7 @@ fn a_frame_without_pages_uses_no_page_of_the_frame_before() {
     assert!(page.served.is_some() && renderer.page_serving(page.id) == page.served);
     let baked = renderer.render(&forced(Flavour::FarAtlas)).expect("renders").report;
     assert_eq!((baked.pages.wanted, baked.pages.rendered), (0, 0));
-    assert_eq!(renderer.page_serving(page.id), None, "a page of the frame before");
+    assert_eq!(renderer.page_serving(page.id), None, "a page of the frame before is still in use");
 }
 
 #[test]

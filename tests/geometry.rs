@@ -1,11 +1,12 @@
-//! Stitching: the vertex stage's welding on the GPU against its reference, and against what it is for.
+//! Stitching: compares the welding of the vertex stage on the GPU with its reference, and checks that the reference gives vertices that the neighbour
+//! has.
 
 use kernels::geometry::{STITCH_WGSL, reference};
 use kernels::probe::table;
 
 use crate::fixtures::gpu;
 
-/// Every border vertex of a node, a few inside, against every delta on every side.
+/// Every border vertex of a node and some inner vertices, each with every delta on every side.
 fn rows() -> Vec<([u32; 2], u32)> {
     let mut rows = Vec::new();
     for deltas in (0..6u32).flat_map(|d| [d, d << 4, d << 8, d << 12, d | d << 4 | d << 8 | d << 12, d | (5 - d) << 4]) {
@@ -17,7 +18,7 @@ fn rows() -> Vec<([u32; 2], u32)> {
 }
 
 fn on_gpu(wgsl: &str) -> Vec<[u32; 2]> {
-    // Probes have the stage's own text already.
+    // Probes already contain the stage's own text, so the names in this copy are changed.
     let wgsl = wgsl.replace("geometry_", "stitching_");
     let body = format!(
         "{wgsl}\nfn probe(row: array<f32, 3>) -> array<f32, 2> {{
@@ -53,6 +54,6 @@ fn welded_vertices_are_the_neighbours_and_the_nearest() {
             assert_eq!(kept % step, 0, "the neighbour has no vertex {kept} at delta {delta}");
             assert!(kept <= 128 && kept.abs_diff(index) <= step / 2, "{index} moves to {kept} at delta {delta}");
         }
-        assert_eq!((reference::weld(0, delta), reference::weld(128, delta)), (0, 128), "corners stay, whatever the two sides ask");
+        assert_eq!((reference::weld(0, delta), reference::weld(128, delta)), (0, 128), "corners must not move");
     }
 }

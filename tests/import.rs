@@ -9,7 +9,7 @@ use kernels::import::scene_folder::import;
 use kernels::scene;
 use kernels::world::{NodeId, PaletteMeans, World};
 
-/// A folder of one test, removed when it ends.
+/// A temporary folder of one test, removed when it is dropped.
 struct Temp(PathBuf);
 
 impl Temp {
@@ -33,7 +33,7 @@ impl Drop for Temp {
 const SIZE: [u32; 2] = [37, 29];
 const RANGE: [f64; 2] = [100.0, 900.0];
 
-/// A slope to the east with a hill: no two rows or columns alike.
+/// Height of a slope to the east with bumps: no two rows or columns are equal.
 fn value(x: u32, y: u32) -> u16 {
     (x * 1100 + y * 310 + (x * y) % 97 * 60) as u16
 }
@@ -63,7 +63,7 @@ fn write_exr(path: &Path, size: [u32; 2], at: impl Fn(usize, usize) -> f32 + Syn
     Image::from_channels((size[0] as usize, size[1] as usize), channels).write().non_parallel().to_file(path).expect("written");
 }
 
-/// A little-endian TIFF of one band, uncompressed, `rows` rows a strip; `format` 1 = unsigned, 2 = signed, 3 = float.
+/// Writes a little-endian TIFF with one band, uncompressed, with `rows` rows per strip; `format`: 1 = unsigned, 2 = signed, 3 = float.
 fn write_tiff(path: &Path, size: [u32; 2], rows: u32, bits: u32, format: u32, samples: &[u8]) {
     let strips = size[1].div_ceil(rows);
     let row_bytes = size[0] * bits / 8;
@@ -82,7 +82,7 @@ fn write_tiff(path: &Path, size: [u32; 2], rows: u32, bits: u32, format: u32, sa
     entry(258, 3, 1, bits);
     entry(259, 3, 1, 1);
     entry(262, 3, 1, 1);
-    // One strip's offset and length stand in the entry itself.
+    // If there is only one strip, its offset and length are stored in the entries themselves.
     entry(273, 4, strips, if strips == 1 { data_start } else { tables });
     entry(277, 3, 1, 1);
     entry(278, 4, 1, rows);
@@ -104,7 +104,7 @@ fn bytes(values: &[u16], big: bool) -> Vec<u8> {
     values.iter().flat_map(|v| if big { v.to_be_bytes() } else { v.to_le_bytes() }).collect()
 }
 
-/// All formats with the same ground, and the options that read each.
+/// Writes the same ground in every format. Returns the files, with the options for reading each of them.
 fn every_format(temp: &Temp) -> Vec<(PathBuf, ReadOptions)> {
     let values = values(SIZE);
     write_png16(&temp.path("h.png"), SIZE, &values);
@@ -171,7 +171,7 @@ fn sampling_meets_the_samples_and_row_0_is_north() {
         let (x, y) = (f64::from(column) * 5.0 - 90.0, 70.0 - f64::from(row) * 5.0);
         assert!((map.sample(x, y).0 - f64::from(metres(value(column, row)))).abs() < 1e-3, "{column}, {row}");
     }
-    // Derivatives against differences.
+    // Derivatives must equal difference quotients.
     for (x, y) in [(3.3, -11.9), (-42.0, 33.3), (61.0, 8.8)] {
         let (_, dx, dy) = map.sample(x, y);
         let e = 1e-4;
@@ -254,7 +254,7 @@ fn files_40_000_wide_are_refused_before_room_is_made() {
     png.extend_from_slice(&[0, 0, 0, 9, b'I', b'D', b'A', b'T']);
     fs::write(temp.path("wide.png"), png).expect("written");
     expect_error(read(&temp.path("wide.png"), &options()), &["40000 x 40000", "16385", "window"]);
-    // A sparse file of 3.2 GB, of which a window can be read nevertheless.
+    // A sparse file of 3.2 GB. A window of it can be read nevertheless.
     let file = fs::File::create(temp.path("wide.raw")).expect("created");
     if file.set_len(40_000 * 40_000 * 2).is_ok() {
         let path = temp.path("wide.raw");
@@ -271,7 +271,7 @@ fn crc32(data: &[u8]) -> u32 {
         .fold(!0u32, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), |c, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 }))
 }
 
-/// A valley between two walls: cliffs, slopes and flats, in metres.
+/// Heights of a valley between two walls, with cliffs, slopes and flats, as 16-bit numbers.
 fn valley(x: u32, y: u32) -> u16 {
     let across = (f64::from(x) - 60.0 + 9.0 * (f64::from(y) * 0.13).sin()).abs();
     let wall = ((across - 14.0) / 9.0).clamp(0.0, 1.0);
@@ -305,7 +305,7 @@ fn an_import_is_a_scene_that_loads_and_stands_on_its_ground() {
         let above = z - world.surface_height_m(x, y);
         assert!(!world.is_hole(x, y) && above > 0.5 && above < 6.0, "{}: {above} m above the ground", camera.name);
     }
-    // All kinds of ground are used, and nodes beyond the data do not exist.
+    // At least four materials are used, and nodes beyond the data do not exist.
     let means = PaletteMeans {
         albedo: vec![[0.2; 3]; loaded.materials.len()],
         smoothness: vec![0.2; loaded.materials.len()],
@@ -317,12 +317,12 @@ fn an_import_is_a_scene_that_loads_and_stands_on_its_ground() {
     used.sort_unstable();
     used.dedup();
     assert!(used.len() >= 4, "materials {used:?}");
-    assert_eq!(world.layout().finest_lod, 3, "8 m data: 4 m between heights");
+    assert_eq!(world.layout().finest_lod, 3, "8 m data must have heights 4 m apart");
     assert!(!world.exists(NodeId { lod: 3, x: 0, y: 0 }) && !world.exists(NodeId { lod: 2, ..node }));
     assert!(world.is_hole(481.0, 0.0) && !world.is_hole(480.0, 384.0));
 
-    // Twice into the same place is refused, and nothing temporary is left behind.
-    expect_error(import(&temp.path("valley.png"), &read_options, None, 0.0, &out), &["scene", "not an empty folder", "remove it"]);
+    // A second import into the same folder is refused, and no temporary files are left behind.
+    expect_error(import(&temp.path("valley.png"), &read_options, None, 0.0, &out), &["scene", "not an empty folder", "remove this one"]);
     expect_error(import(&temp.path("missing.png"), &read_options, None, 0.0, &temp.path("other")), &["missing.png"]);
     expect_error(import(&temp.path("valley.png"), &read_options, Some(&temp.path("scene")), 0.0, &temp.path("other")), &["albedo"]);
     let left: Vec<_> = fs::read_dir(&temp.0).expect("readable").filter_map(|e| e.ok()).map(|e| e.file_name()).collect();
@@ -348,8 +348,8 @@ fn an_import_takes_its_materials_along() {
     let loaded = scene::load(&out.to_string_lossy()).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.materials.len(), 2);
     let world = World::new(&loaded).expect("valid");
-    assert_eq!(world.layout().finest_lod, 0, "relief was asked for at every scale");
-    // Added relief stays within its bound, and there is some.
+    assert_eq!(world.layout().finest_lod, 0, "added relief needs the finest LOD");
+    // The added relief is not zero and stays within its bound.
     let map = read(&temp.path("v.png"), &read_options).expect("readable");
     let offsets = (0..400).map(|i| {
         let (x, y) = (f64::from(i % 20) * 21.7 - 210.0, f64::from(i / 20) * 20.3 - 200.0);
@@ -366,7 +366,7 @@ fn real_terrain_imports() {
         return;
     };
     let temp = Temp::new("real");
-    // File, spacing, elevations, samples a side, finest LOD, sector edge, published steepest slope (degrees).
+    // File, spacing, lowest and highest elevation, samples per side, finest LOD, sector edge, published steepest slope (degrees).
     let maps = [
         ("stubai_alps_lidar_321.png", 10.0, [1_399.145_019_531_25, 2_716.058_105_468_75], 321, 4, 64.0, 84.9),
         ("yosemite_valley_1025.png", 24.45, [1_175.487_381_552_286, 3_563.615_723_354_426], 1025, 3, 256.0, 86.3),
@@ -379,7 +379,8 @@ fn real_terrain_imports() {
         assert_eq!((world.layout().finest_lod, world.layout().sector_m), (finest_lod, sector_m));
         assert!((world.extent_m()[0] - f64::from(side - 1) * metres_per_texel).abs() < 1e-6);
         assert!((world.height_range_m().0 - range[0]).abs() < 0.1 && (world.height_range_m().1 - range[1]).abs() < 0.1);
-        // Published from central differences, each the mean of four triangles' gradients, of which one is at least as steep.
+        // The published slope comes from central differences. Each of these is the mean of the gradients of four triangles, and at least one of the
+        // four is as steep as the mean.
         assert!((steepest - 0.1..89.0).contains(&world.max_slope_deg()), "{file}: {} degrees", world.max_slope_deg());
         assert_eq!(scene.cameras.len(), 4);
         for camera in &scene.cameras {

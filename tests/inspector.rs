@@ -1,4 +1,4 @@
-//! The pixel inspector against the layers of the same picture, and its references against what shaders chose.
+//! Compares the pixel inspector with the layers of the same picture, and its references with the choices of the shaders.
 
 use std::collections::BTreeSet;
 
@@ -43,7 +43,7 @@ fn a_pixel_says_what_the_layers_say() {
         assert_eq!(f64::from(pixel.variant), f64::from(value("variant", i)), "{at:?}");
         assert_eq!(f64::from(pixel.choice), f64::from(value("choice", i)), "{at:?}");
         assert_eq!(pixel.steps.map(|step| step.shader), [vector("ddx", i), vector("ddy", i)], "{at:?}");
-        // The layer is in f32 of world metres.
+        // The tolerance allows for the layer, which holds world metres in f32.
         let off = (DVec3::from_array(pixel.position) - DVec3::from_array(vector("position", i))).length();
         assert!(off < 1e-3 + 1e-6 * pixel.distance_m, "{at:?}: {off} m");
         let sums =
@@ -60,18 +60,18 @@ fn a_pixel_says_what_the_layers_say() {
         found += 1;
         let towards = (DVec3::from_array(pixel.position) - request.view.pose.position) / pixel.distance_m;
         if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
-            // A code of 2 x 8 bits is off by at most 1 degree, which a slanting plane makes three times as much of.
+            // A code of 2 x 8 bits has an error of at most 1 degree. The slant of the plane multiplies it by up to three in the derivatives.
             assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
     }
-    // Most pixels lie on one material, whose height is its own.
+    // On most pixels, all texels have the same material and so the same height, which does not change the weights.
     assert!(bent > 0 && bent < seen, "heights changed the weights of {bent} of {seen} pixels");
     assert!(seen > 25 && found * 50 >= seen * 49, "{found} triangles for {seen} pixels");
     errors.sort_by(f64::total_cmp);
     let (median, worst) = (errors[errors.len() / 2], errors[errors.len() - 1]);
     assert!(errors.len() > 20 && median < 0.03 && worst < 0.15, "median {median}, worst {worst} of {}", errors.len());
-    // The codes are not exact, and that is seen.
+    // The codes are not exact, so there must be an error.
     assert!(median > 1e-5, "{median}");
 }
 
@@ -89,7 +89,7 @@ fn normals_are_decoded_however_they_are_stored() {
     assert!(codes.len() > 10 && codes.len() == pair.len() && codes.len() == exact.len());
     assert!(codes.iter().zip(pair).all(|(codes, pair)| codes.shading_normal == pair.shading_normal));
     assert!(codes.iter().zip(exact).any(|(codes, exact)| codes.shading_normal != exact.shading_normal));
-    // A code of 8 + 8 bits is off by a third of a degree, the finer plane by an eighth of that, and f32 by thousandths of a degree.
+    // A code of 8 + 8 bits has an error of a third of a degree, the finer plane has an eighth of that, and f32 has thousandths of a degree.
     let medians = [codes, pair, exact].map(|pixels| {
         let mut errors: Vec<f64> = pixels.iter().filter_map(Pixel::normal_error).collect();
         errors.sort_by(f64::total_cmp);
@@ -114,13 +114,14 @@ fn derivatives_before_the_eye_are_as_exact_high_up_as_at_the_sea() {
         let pixel = inspect(&mut renderer, &request, place(i, request.view.size)).expect("inspects").expect("terrain");
         let Some(triangle) = pixel.triangle else { continue };
         let towards = (DVec3::from_array(pixel.position) - pose.position) / pixel.distance_m;
-        // Within 60 degrees of the normal a plane's slant at most doubles what the code's error makes of a step.
+        // Within 60 degrees of the normal, the slant of the plane at most doubles the effect of the code's error on a step.
         if pixel.distance_m < 8.0 && towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.5 {
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
     }
     errors.sort_by(f64::total_cmp);
-    // Of codes of 2 x 8 bits half a percent; f32 of the elevation itself, 0.1 mm apart at 1400 m, would make 2 of it.
+    // Codes of 2 x 8 bits give an error of half a percent. If the elevation itself were in f32, with steps of 0.1 mm at 1400 m, the error would be 2
+    // percent.
     let median = errors[errors.len() / 2];
     assert!(errors.len() > 30 && median < 0.008, "median {median} of {}", errors.len());
 }
@@ -137,7 +138,7 @@ fn sky_is_nothing_and_beside_the_picture_is_an_error() {
     assert!(error.contains("no pixel 96, 0"), "{error}");
 }
 
-/// The pixels of a coarse grid over a picture that is drawn by one flavour.
+/// Inspects the pixels of a coarse grid over a picture that is drawn with one flavour.
 fn grid(flavour: Flavour, estimator: Estimator, noise: NoiseKind, seed: u32) -> Vec<Pixel> {
     let mut renderer = second_renderer();
     let variant = VariantChoice::Forced(Variant::only(flavour));
@@ -168,15 +169,15 @@ fn the_references_choose_what_the_shader_chose() {
         let draws = pixels.iter().filter(|pixel| pixel.draw.is_some_and(|draw| draw.flavour == flavour)).count();
         let agreeing = pixels.iter().filter(|pixel| pixel.agrees()).count();
         assert!(pixels.len() > 30 && draws == pixels.len(), "{estimator} {noise}: {draws} of {} draw", pixels.len());
-        // A threshold on a border between two choices, and a point on one between two cells of noise, may fall either way.
+        // A threshold on the border between two choices, or a point on the border between two cells of noise, may fall either way.
         assert!(agreeing + 1 >= pixels.len(), "{estimator} {noise}: {agreeing} of {} agree", pixels.len());
     }
-    // Negative control: of another seed they say something else.
+    // Negative control: with a different seed, the references give different choices.
     let [ours, others] = [3, 4].map(|seed| grid(Flavour::FarCliff, Estimator::Fc5, NoiseKind::HashedIsotropic, seed));
     let expected = |pixel: &Pixel| pixel.draw.expect("draws").expected;
     let alike = ours.iter().zip(&others).filter(|(a, b)| expected(a) == b.choice).count();
     assert!(alike * 4 < ours.len() * 3, "{alike} of {}", ours.len());
-    // Without chance there is nothing to draw.
+    // The exact estimator makes no random choices.
     let exact = grid(Flavour::FarCliff, Estimator::Exact, NoiseKind::HashedIsotropic, 3);
     assert!(exact.iter().all(|pixel| pixel.draw.is_none() && pixel.choice == 0 && pixel.agrees()));
 }
@@ -200,10 +201,10 @@ fn the_pages_of_all_pixels_are_those_that_the_frame_asked_for() {
             pages.insert(page.id);
         }
     }
-    // The frame asks for both levels where a pixel is on their border, by a thousandth.
+    // Where a pixel lies on the border between two levels, to within a thousandth, the frame asks for the pages of both.
     let said = pages.len();
-    assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "{said} pages said, {wanted} wanted");
-    // Without it there is none.
+    assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "the pixels name {said} pages, the frame asked for {wanted}");
+    // Without the flavour of the virtual texture, a pixel has no page.
     let far = request.with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas)));
     renderer.render(&far).expect("renders");
     let pixel = inspect(&mut renderer, &far, [12, 12]).expect("inspects").expect("ground");

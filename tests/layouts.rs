@@ -1,4 +1,4 @@
-//! Host structs and the WGSL structs they are copied into: names, offsets, sizes and kinds of number, by reflection.
+//! Compares host structs with the WGSL structs into which they are copied: names, offsets, sizes and types of number, by reflection.
 
 use std::mem::offset_of;
 
@@ -21,7 +21,7 @@ use naga::{ScalarKind, TypeInner};
 
 use crate::shaders::{sources, validate};
 
-/// What a field is made of; `None` = a struct, compared on its own.
+/// The type of number in a field; `None` = a struct, which is compared separately.
 trait Field {
     const KIND: Option<ScalarKind>;
 }
@@ -43,7 +43,7 @@ impl Field for MotionPast {
     const KIND: Option<ScalarKind> = None;
 }
 
-/// Name, offset, size, kind of a field.
+/// Name, offset, size and type of number of a field.
 type Row = (String, usize, usize, Option<ScalarKind>);
 
 #[derive(Debug, PartialEq)]
@@ -52,12 +52,12 @@ struct Layout {
     size: usize,
 }
 
-/// Size and kind of what a projection gives.
+/// Size and type of number of the field that a projection returns.
 fn shape<T, F: Field>(_: fn(&T) -> &F) -> (usize, Option<ScalarKind>) {
     (size_of::<F>(), F::KIND)
 }
 
-/// The layout of a host struct. A field left out does not compile.
+/// The layout of a host struct. If a field is left out, the macro call does not compile.
 macro_rules! host {
     ($type:ident { $($field:ident),* $(,)? }) => {{
         let _ = |all: $type| { let $type { $($field: _),* } = all; };
@@ -71,7 +71,7 @@ macro_rules! host {
     }};
 }
 
-/// The layout of a struct of a module.
+/// The layout of a struct in a shader module; `None` = the module does not declare it.
 fn shader(module: &naga::Module, name: &str) -> Option<Layout> {
     let (members, span) = module.types.iter().find_map(|(_, t)| match &t.inner {
         TypeInner::Struct { members, span } if t.name.as_deref() == Some(name) => Some((members, *span)),
@@ -225,7 +225,7 @@ fn indirect_draws_have_the_shaders_layout() {
     assert_eq!(layout.size as u64, classification::ARGUMENT_BYTES);
 }
 
-/// Negative controls: each of these must make a difference.
+/// Negative controls: the comparison must notice each of these changes.
 #[test]
 fn layout_comparison_notices_drift() {
     #[allow(dead_code, reason = "only its layout is looked at")]
@@ -251,7 +251,7 @@ fn layout_comparison_notices_drift() {
         ("a field missing", "cell: vec2<i32>, edge_m: f32, slot: u32, place: vec3<f32>"),
         ("a field too many", "cell: vec2<i32>, edge_m: f32, slot: u32, place: vec3<f32>, count: u32, more: u32"),
         ("another width", "cell: vec3<i32>, edge_m: f32, slot: u32, place: vec3<f32>, count: u32"),
-        // vec3 starts at a multiple of 16 bytes, three numbers do not.
+        // A vec3 starts at a multiple of 16 bytes; an array of three numbers need not.
         ("alignment", "place: vec3<f32>, count: u32, cell: vec2<i32>, slot: u32, edge_m: f32"),
     ] {
         assert_ne!(ours, of(wrong), "{change}: not noticed");
@@ -288,9 +288,9 @@ fn constants_that_the_host_hands_over_arrive() {
     for (module, name, host) in expected {
         assert_eq!(module.get(name), Some(&host), "{name}");
     }
-    // A slot must fit its bits of the sector data, and a layer those of the page table.
+    // A slot must fit into its bits of the sector data, and a layer into its bits of the page table.
     const { assert!(residency::CAPACITY < 1 << quadtree::SLOT_BITS && vt::CAPACITY < 2047) };
-    // No shader types a number again that the host hands to another: a name is declared once in all files.
+    // No shader repeats a constant that the host passes to a different shader: each name is declared only once in all files.
     let mut declared = std::collections::BTreeMap::new();
     for file in kernels::frame::shader_files() {
         let typed = file.text.lines().filter_map(|line| line.strip_prefix("const ")?.split(':').next());

@@ -1,4 +1,4 @@
-//! Ways of looking at a scene, and at another one: orbiting, frozen culling, times by variant, legends, and scenes opened in the window.
+//! Ways to look at a scene: orbiting, frozen culling, times by variant, legends, and opening other scenes in the window.
 
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
@@ -39,13 +39,13 @@ fn says(stage: &Stage, text: &str) -> bool {
     stage.names().iter().any(|name| name.contains(text))
 }
 
-/// Goes somewhere, and waits for the picture from there.
+/// Moves the camera to a pose and waits for the picture from there.
 fn go(stage: &mut Stage, pose: Pose) {
     stage.model().viewpoint = Viewpoint::Free { pose, walking: false };
     stage.settle().expect("a picture");
 }
 
-/// Sine of the angle between the middle of the view and a place, or more if that is behind.
+/// Distance between the view direction and the direction to a place, both as unit vectors: 2 sin of half the angle between them.
 fn beside(pose: &Pose, place: DVec3) -> f64 {
     let [_, _, forward] = pose.axes();
     (place - pose.position).normalize_or_zero().distance(forward)
@@ -62,7 +62,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     stage.settle().expect("a picture");
     let probed = shown(&mut stage).pixel.as_ref().expect("ground at the bottom").position;
 
-    // What is probed comes into the middle, and stays there.
+    // The probed place moves to the middle of the picture and stays there.
     take(&mut stage, "key O");
     assert_eq!(stage.model().orbited().map(|place| place.to_array()), Some(probed));
     let at = pose(&mut stage);
@@ -70,7 +70,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     take(&mut stage, "key O");
     assert_eq!(stage.model().orbited(), None);
 
-    // With nothing probed it is what is in the middle of the picture, by its depth.
+    // If no pixel is probed, the camera orbits the place in the middle of the picture, which is found from its depth.
     stage.model().probe = None;
     go(&mut stage, start);
     take(&mut stage, "click Orbit");
@@ -90,7 +90,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
         assert!(beside(&at, target) < 1e-9 && (at.position.distance(target) / distance_m - 1.0).abs() < 1e-9, "{at:?}");
     }
 
-    // Two notches of the wheel nearer; the keys take the place along.
+    // The wheel moves the camera nearer, by two notches. The movement keys move the orbited place together with the camera.
     stage.scroll(100.0).expect("a picture");
     let near = pose(&mut stage);
     let share = near.position.distance(target) / distance_m;
@@ -100,7 +100,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     assert!(along.distance(target) > 0.1 && (along.z - target.z).abs() < 1e-9, "along the ground: {along}");
     assert!((moved.position.distance(along) / near.position.distance(target) - 1.0).abs() < 1e-9 && beside(&moved, along) < 1e-9);
 
-    // Another view ends it, and so does walking.
+    // Choosing another view ends orbiting, and so does walking.
     take(&mut stage, "click View; click camera ground");
     stage.settle().expect("a picture");
     assert_eq!(stage.model().orbited(), None);
@@ -110,7 +110,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     assert_eq!(stage.model().orbited(), None);
     assert!(says(&stage, "m/s"), "{:?}", stage.names());
 
-    // Where there is only sky, it is a place ahead.
+    // If the camera sees only sky, it orbits a place ahead.
     take(&mut stage, "key F");
     let up = Pose { pitch: 1.2, ..start };
     go(&mut stage, up);
@@ -133,23 +133,23 @@ fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
     let other = drawn(&mut stage);
     go(&mut stage, start);
     let before = drawn(&mut stage);
-    assert!(other != before, "without it the nodes follow the camera");
+    assert!(other != before, "without frozen culling, the nodes must follow the camera");
     assert!(!says(&stage, "culling frozen"));
 
     take(&mut stage, "key C");
     assert_eq!(stage.model().culled_from, Some(start));
     assert!(drawn(&mut stage) == before && says(&stage, "culling frozen"), "{:?}", stage.names());
     go(&mut stage, away);
-    assert!(drawn(&mut stage) == before, "the nodes of the view before, seen from the other side");
+    assert!(drawn(&mut stage) == before, "the nodes of the view before must still be drawn");
     take(&mut stage, "click Machine");
     assert!(says(&stage, "yellow camera"), "{:?}", stage.names());
 
-    // B is drawn of the same nodes as A.
+    // B is drawn from the same nodes as A.
     take(&mut stage, "click Compare; click Keep A as B");
     let both = shown(&mut stage);
-    assert!(both.second.as_ref().expect("B").texels == both.texels, "B is A");
+    assert!(both.second.as_ref().expect("B").texels == both.texels, "B must equal A");
 
-    // A run would draw something else, which is said.
+    // A run would not freeze culling and would draw a different picture, so saving as an experiment is refused with a message.
     take(&mut stage, &format!("click Experiments; type Folder = {}; click Save as experiment", folder.0.display()));
     assert!(says(&stage, "let go of `Freeze culling`") && !folder.0.join("seen").exists(), "{:?}", stage.names());
     take(&mut stage, "click Freeze culling");
@@ -157,7 +157,7 @@ fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
     assert!(drawn(&mut stage) == other && !says(&stage, "culling frozen"));
 }
 
-/// Names of the passes that shade.
+/// Names of the shading passes.
 fn shading(stage: &mut Stage) -> Vec<String> {
     let shown = shown(stage);
     let names = shown.picture.report.passes.iter().map(|pass| pass.name.clone());
@@ -177,11 +177,11 @@ fn each_running_variant_has_a_time_of_its_own() {
     assert!(running.len() > 1 && shading(&mut stage) == expected, "{expected:?}, {:?}", shading(&mut stage));
     let passes = timed.picture.report.passes.iter().filter(|pass| expected.contains(&pass.name));
     assert!(passes.clone().all(|pass| pass.time_ms >= 0.0) && passes.map(|pass| pass.time_ms).sum::<f64>() > 0.0);
-    assert!(timed.texels == plain.texels, "the picture stays as it was");
+    assert!(timed.texels == plain.texels, "the picture must not change");
     for name in running.iter().map(Variant::to_string).chain(["ns a tile".to_owned()]) {
         assert!(stage.has(&name), "{name} is not in the table: {:?}", stage.names());
     }
-    // In the list of passes they stand below their sum.
+    // In the list of passes, the variants are below their sum.
     take(&mut stage, "click Frame");
     let names: Vec<String> = stage.names().iter().map(|name| name.trim().to_owned()).collect();
     assert!(names.contains(&"shading, variant by variant".to_owned()) && names.contains(&"lighting".to_owned()), "{names:?}");
@@ -192,7 +192,7 @@ fn each_running_variant_has_a_time_of_its_own() {
     assert!(!stage.has("ns a tile"));
 }
 
-/// What legends on screen are called, less what they begin with.
+/// Names of the legends on screen that begin with `Legend of` and the text in `of`, without this beginning.
 fn legends(stage: &Stage, of: &str) -> BTreeSet<String> {
     let of = format!("Legend of {of}");
     stage.names().iter().filter_map(|name| name.strip_prefix(&of)).map(|rest| rest.trim_start_matches(": ").to_owned()).collect()
@@ -201,7 +201,7 @@ fn legends(stage: &Stage, of: &str) -> BTreeSet<String> {
 #[test]
 fn every_layer_has_a_legend_of_what_it_shows() {
     let mut stage = cheap_stage();
-    assert!(legends(&stage, "").is_empty(), "lit");
+    assert!(legends(&stage, "").is_empty(), "the lit picture has no legend");
     let named = |masks: &mut dyn Iterator<Item = u8>| -> BTreeSet<String> {
         masks.filter_map(Variant::new).map(|variant| format!("{variant} ({})", variant.mask())).collect()
     };
@@ -224,12 +224,12 @@ fn every_layer_has_a_legend_of_what_it_shows() {
             Layer::Tiles => {
                 let expected = named(&mut (1..32).filter(|mask| report.tiles[usize::from(*mask)] > 0));
                 assert_eq!(found, expected);
-                assert_eq!(found.len(), 1, "one is forced: {found:?}");
+                assert_eq!(found.len(), 1, "one variant is forced: {found:?}");
                 1
             }
         };
         assert_eq!(found.len(), count, "{}: {found:?}", layer.name());
-        // No other layer's stays behind.
+        // No legend of a different layer is left.
         assert_eq!(legends(&stage, "").len(), count, "{}: {:?}", layer.name(), legends(&stage, ""));
     }
     take(&mut stage, "click Layer; click Depth; click Compare; click Show; click Side by side");
@@ -239,7 +239,7 @@ fn every_layer_has_a_legend_of_what_it_shows() {
     assert!(legends(&stage, "").into_iter().eq(["Difference: |A - B| in luminance"]), "{:?}", legends(&stage, ""));
 }
 
-/// The file of a scene like the small one under another name.
+/// Writes a scene file: the small scene with a different name and one change. Returns its path.
 fn written(folder: &Folder, name: &str, change: impl FnOnce(&mut Scene)) -> String {
     let mut scene = small_scene();
     scene.name = name.to_owned();
@@ -247,14 +247,14 @@ fn written(folder: &Folder, name: &str, change: impl FnOnce(&mut Scene)) -> Stri
     folder.write(&format!("{name}.toml"), &toml::to_string(&scene).expect("a scene is a document"))
 }
 
-/// Standing still, seen through the cheapest shader.
+/// Stops the clock and selects the cheapest shader and small pictures.
 fn stand(model: &mut Model) {
     model.clock.paused = true;
     model.settings.frame.variant = Some(Variant::only(Flavour::FarAtlas));
     model.settings.scale = 0.2;
 }
 
-/// A window that has a thread of its own, since that loads other scenes.
+/// A window with a drawing thread of its own, because that thread loads other scenes.
 fn own_stage(prepare: impl FnOnce(&mut Workbench)) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
         prepare(app);
@@ -288,28 +288,28 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     stage.model().settings.frame.seed = 7;
     stage.settle().expect("a picture");
 
-    // The other scene, from where it is first seen, as the old one was looked at; undo does not lead back into that.
+    // The other scene starts with its own first view, and keeps the frame settings of the old scene. Undo does not lead back to the old scene.
     open(&mut stage, &other).expect("a scene");
     assert_eq!((name(&mut stage).as_str(), stage.model().given()), ("other", Some(other.as_str())));
     let model = stage.model();
     assert_eq!((model.viewpoint.clone(), model.clock.frame, model.probe), (Viewpoint::Path("forwards".to_owned()), 0, None));
     assert_eq!((model.settings.frame.seed, model.settings.frame.variant), (7, Some(Variant::only(Flavour::FarAtlas))));
     let lit = shown(&mut stage).texels.clone();
-    assert!(lit != first, "another sun");
+    assert!(lit != first, "the other scene has a different sun");
     take(&mut stage, "click Undo");
     assert_eq!(name(&mut stage), "other");
 
-    // What is no scene is refused in a line, and nothing changes.
+    // A file that is not a scene is refused in one line, and nothing changes.
     let broken = folder.write("broken.toml", "name = ");
     let error = open(&mut stage, &broken).expect_err("no scene");
     assert!(error.contains("broken.toml") && !error.contains('\n') && says(&stage, &error), "{error}");
     assert_eq!((name(&mut stage).as_str(), stage.model().given()), ("other", Some(other.as_str())));
-    // What is said of it took some of the window's room.
+    // The message takes room in the window, so it is dismissed before pictures are compared.
     take(&mut stage, "click Dismiss");
     assert!(shown(&mut stage).texels == lit);
     assert!(!says(&stage, "broken.toml") && stage.model().notes().is_empty());
 
-    // Nor does it where the scene's file is right, and what it names is none.
+    // Nothing changes either if the scene's file is valid, but the heightmap that it names is not.
     folder.write("words.png", "plain words");
     let lacking = written(&folder, "lacking", |scene| {
         scene.world = World::Heightmap {
@@ -329,7 +329,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     take(&mut stage, "click Dismiss");
     assert!(shown(&mut stage).texels == lit);
 
-    // An edit of the file is taken up when that is asked for, and undone; without the file the scene goes on.
+    // A change of the file is applied when the user asks for it, and can be undone. If the file is gone, the scene stays.
     written(&folder, "other", |scene| scene.sun.azimuth_deg = 20.0);
     take(&mut stage, "click Scene; click Reload scene");
     assert!((stage.model().settings.scene.sun.azimuth_deg - 20.0).abs() < 1e-9 && shown(&mut stage).texels != lit);
@@ -340,14 +340,14 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     assert!(says(&stage, "other.toml is gone") && name(&mut stage) == "other" && shown(&mut stage).wish.frame == 1);
     take(&mut stage, "click Dismiss");
 
-    // By a drop, and from the list of recent ones.
+    // Scenes are opened by dropping a file, and from the list of recent scenes.
     stage.drop_file(Path::new(&third)).expect("a picture");
     assert_eq!(name(&mut stage), "third");
     written(&folder, "other", |_| {});
     take(&mut stage, &format!("click Scene; click {other}"));
     assert_eq!(name(&mut stage), "other");
 
-    // Edits that are in no file are not lost without a question.
+    // The user is asked before unsaved edits are lost.
     stage.model().settings.scene.materials[0].tint[0] *= 0.5;
     stage.settle().expect("a picture");
     let error = open(&mut stage, &third).expect_err("edits");
@@ -366,11 +366,11 @@ fn until_another_scene_is_loaded_nothing_is_done_in_the_picture_of_the_old_one()
     let mut stage = own_stage(|app| app.model.brush.paints = true);
     let before = stage.model().pose().expect("a picture");
     stage.model().open(&other).expect("a scene");
-    assert!(stage.model().shown().is_some() && stage.model().shown_here().is_none(), "the old picture stays up, and is not the new one's");
+    assert!(stage.model().shown().is_some() && stage.model().shown_here().is_none(), "the old picture stays, but not as the new scene's");
     assert!(stage.model().pose().is_none());
     stage.drag([60.0, 20.0]).expect("a picture");
-    assert!(name(&mut stage) == "other" && stage.model().settings.scene.strokes.is_empty(), "painted by another scene's ground");
-    assert_eq!(stage.model().viewpoint, Viewpoint::Path("forwards".to_owned()), "flown from another scene's camera, {before:?}");
+    assert!(name(&mut stage) == "other" && stage.model().settings.scene.strokes.is_empty(), "painted on the old scene's ground");
+    assert_eq!(stage.model().viewpoint, Viewpoint::Path("forwards".to_owned()), "flown from the old scene's camera, {before:?}");
 }
 
 #[test]
@@ -387,10 +387,10 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
     let error = open(&mut stage, &other).expect_err("what undo brought back is in no file any more");
     assert!(error.contains("in no file"), "{error}");
     take(&mut stage, "click Keep this scene");
-    // Nor is the window closed with it.
+    // The window does not close without a question, either.
     assert!(!stage.close() && stage.has("Close without saving"));
     take(&mut stage, "click Keep this scene");
-    // Under another name it is that file's scene from then on.
+    // After saving under a different name, the scene belongs to that file.
     take(&mut stage, &format!("type Scene file = {copy}; click Save scene as..."));
     assert_eq!(stage.model().given(), Some(copy.as_str()));
     assert!(stage.model().shown_here().is_some() && stage.close());
@@ -401,7 +401,7 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
         (stage.model().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1
             && (stage.model().settings.scene.materials[0].tile_m - 7.0).abs() > 0.1
     );
-    // Whoever says so closes it.
+    // The window closes if the user chooses to close it without saving.
     take(&mut stage, "set Texture tile = 6");
     assert!(!stage.close());
     take(&mut stage, "click Close without saving");
@@ -410,26 +410,26 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
 
 #[test]
 fn the_window_is_not_painted_for_itself_while_a_scene_is_loaded() {
-    // Of larger textures than a first look has, so that there is one.
+    // The textures are larger than those of a first look, so that a first look is drawn.
     let scene = Scene { detail_size: 128, ..small_scene() };
     let mut stage = Stage::prepared(scene.clone(), WINDOW, |app| {
-        // Nothing wakes the window but what it shows.
+        // The drawing thread does not wake the window, so only the window's own requests repaint it.
         *app = Workbench::drawn_by(Engine::start(None, |_| {}), scene);
         stand(&mut app.model);
     });
     let mut rested = 0;
     while rested < 3 {
         stage.until("a drawing", |_| true).expect("no failure");
-        assert!(!stage.model().is_settled(), "it was painted without a pause until there was a picture");
+        assert!(!stage.model().is_settled(), "the window was painted without a pause until the picture was there");
         rested += u32::from(stage.model().progress().is_some() && stage.rests_for() > Duration::from_millis(100));
     }
-    // As long as there is but a first look, something is said to be done.
+    // As long as there is only a first look, the window shows progress.
     let mut looks = 0;
     while !stage.model().is_settled() {
         stage.until("a drawing", |_| true).expect("no failure");
         if stage.model().shown().is_some_and(|shown| shown.draft) {
             looks += 1;
-            assert!(stage.model().progress().is_some(), "it is said to be ready after a first look");
+            assert!(stage.model().progress().is_some(), "the window shows no progress after a first look");
         }
     }
     assert!(looks > 0 && stage.model().progress().is_none());
@@ -452,7 +452,7 @@ fn what_is_kept_of_each_scene_comes_back_with_it() {
     stage.model().settings.scene.blend.hash_scale = usual + 1.0;
     take(&mut stage, "click Places; click Keep this place");
 
-    // It is in the file as soon as another one is opened, which has nothing of it.
+    // The state of scene a is in the file as soon as scene b is opened, and does not affect scene b.
     open(&mut stage, &b).expect("a scene");
     let (kept, line) = Kept::load(&file);
     assert_eq!((kept.places(&a).places().len(), line), (1, None));
@@ -460,7 +460,7 @@ fn what_is_kept_of_each_scene_comes_back_with_it() {
     open(&mut stage, &a).expect("a scene");
     assert!(stage.has("Go to place") && (stage.model().settings.scene.blend.hash_scale - usual - 1.0).abs() < 1e-9);
     assert_eq!(stage.model().settings.frame.variant, Some(Variant::only(Flavour::FarAtlas)));
-    // What cannot be opened is not what the next start opens.
+    // A scene that cannot be opened is not added to the recent scenes.
     let broken = folder.write("broken.toml", "name = ");
     open(&mut stage, &broken).expect_err("no scene");
     let (kept, _) = Kept::load(&file);

@@ -1,4 +1,4 @@
-//! All tests of the project: this module list is their table of contents.
+//! The test binary: this list of modules is its table of contents. `memory.rs` is a binary of its own.
 
 #[cfg(test)]
 mod agreement;

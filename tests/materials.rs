@@ -1,6 +1,7 @@
 //! Detail textures: procedural maps, folders of images, block compression and the palette.
 //!
-//! Quick ones at 64 to 256 texels. Nothing here needs a GPU; real scans are read only where `SCREE_DATA` names a data folder.
+//! The tests are quick, because their textures have at most 256 texels per side. No test needs a GPU. Scanned materials are read only if the
+//! environment variable `SCREE_DATA` names a data folder.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,7 @@ use kernels::scene::Scene;
 
 const SECTOR_M: f64 = 64.0;
 
-/// A scene with these `[[material]]` tables, given as their inner lines.
+/// A scene with `[[material]]` tables; each string holds the lines of one table.
 fn scene(detail_size: u32, materials: &[String]) -> Scene {
     let mut text = format!("name = \"test\"\ndetail_size = {detail_size}\nrule = []\n[world]\nkind = \"procedural\"\nseed = 1\n");
     for material in materials {
@@ -124,7 +125,7 @@ fn a_procedural_material_depends_on_name_size_and_seed_alone() {
         let other = procedural::make(name, 64, 6).expect("a built-in name");
         assert!(make(name, 64).height != other.height, "{name}: the seed changes nothing");
     }
-    // The look is the same at another size: mean height and albedo agree, which textures measured in texels would not do.
+    // The look does not depend on the size: mean albedo agrees. It would not agree if patterns had a size in texels.
     for name in ["scree", "moss", "sand", "limestone"] {
         let [small, large] = [128, 256].map(|size| MaterialMeans::of(&make(name, size), [1.0; 3]));
         for c in 0..3 {
@@ -133,7 +134,7 @@ fn a_procedural_material_depends_on_name_size_and_seed_alone() {
     }
 }
 
-/// Mean difference across the wrapped edges, over the greatest mean difference between neighbouring columns or rows inside.
+/// Mean difference across the wrapped edge, divided by the largest mean difference between neighbouring columns or rows inside.
 fn seam(height: &[f32], stride: usize, n: usize) -> f64 {
     let step = |a: usize, b: usize, rows: bool| {
         let at = |i: usize, k: usize| f64::from(if rows { height[i * stride + k] } else { height[k * stride + i] });
@@ -150,19 +151,19 @@ fn seam(height: &[f32], stride: usize, n: usize) -> f64 {
 
 #[test]
 fn procedural_materials_tile_without_a_seam() {
-    const LIMIT: f64 = 1.2; // on a torus the edge is a column like any other; 127 of them set the scale
+    const LIMIT: f64 = 1.2; // without a seam, the step across the edge is like the 127 steps inside
     for name in procedural::NAMES {
         let maps = make(name, 128);
         let ratio = seam(&maps.height, 128, 128);
-        assert!(ratio < LIMIT, "{name}: the step across the edge is {ratio:.2} of the greatest inside");
+        assert!(ratio < LIMIT, "{name}: the step across the edge is {ratio:.2} times the greatest inside");
         let green: Vec<f32> = maps.albedo.iter().map(|c| c[1]).collect();
         let ratio = seam(&green, 128, 128);
-        assert!(ratio < LIMIT, "{name}: albedo's step across the edge is {ratio:.2} of the greatest inside");
+        assert!(ratio < LIMIT, "{name}: albedo's step across the edge is {ratio:.2} times the greatest inside");
     }
-    // Negative control: half a tile does not tile.
+    // Negative control: a half of a tile has seams.
     for name in ["granite", "mud", "sand", "snow", "limestone"] {
         let ratio = seam(&make(name, 256).height, 256, 128);
-        assert!(ratio > LIMIT, "{name}: a cropped tile passes for seamless ({ratio:.2})");
+        assert!(ratio > LIMIT, "{name}: this test finds no seam in a cropped tile ({ratio:.2})");
     }
 }
 
@@ -189,8 +190,8 @@ fn normals_are_the_gradient_of_height() {
             assert!(r > 0.9, "{name}: normal and height disagree along axis {axis} (r = {r:.3})");
             let scale =
                 normal[axis].iter().zip(&slope[axis]).map(|(n, s)| n * s).sum::<f64>() / slope[axis].iter().map(|s| s * s).sum::<f64>();
-            assert!((scale / relief - 1.0).abs() < 0.01, "{name}: slope is {scale:.4} times the height's, relief says {relief:.4}");
-            // Negative controls: the other axis, and the other sign of +v.
+            assert!((scale / relief - 1.0).abs() < 0.01, "{name}: slope is {scale:.4} times the height's, expected {relief:.4}");
+            // Negative controls: the slope along the other axis, and the slope with the opposite sign.
             assert!(correlation(&normal[axis], &slope[1 - axis]).abs() < 0.6, "{name}: this test cannot tell u from v");
             let flipped: Vec<f64> = normal[axis].iter().map(|x| -x).collect();
             assert!(correlation(&flipped, &slope[axis]) < 0.0, "{name}: this test cannot tell the sign");
@@ -243,7 +244,7 @@ fn channels_lie_where_shaders_expect_them() {
         for level in 0..chain.levels.len() {
             for texel in chain.decode(level) {
                 for c in 0..4 {
-                    // half a step of the coarsest end point, 5 bits
+                    // The tolerance is half a step of an end point with 5 bits, the coarsest.
                     assert!((f64::from(texel[c]) - expected[c]).abs() <= 4.2, "{what} level {level}: {texel:?}, expected {expected:.1?}");
                 }
             }
@@ -256,7 +257,7 @@ fn channels_lie_where_shaders_expect_them() {
 
 #[test]
 fn mips_average_linear_light() {
-    // 1-texel checks of black and white: the mean is 0.5 in linear light, which is sRGB code 188, not 128.
+    // The texture is a checkerboard of black and white texels. In linear light its mean is 0.5, which is the sRGB code 188, not 128.
     let check = |i: usize| if (i % 64 + i / 64).is_multiple_of(2) { 1.0_f32 } else { 0.0 };
     let values: Vec<f32> = (0..64 * 64).map(check).collect();
     let maps = MaterialMaps {
@@ -304,8 +305,8 @@ fn compressed_albedo_and_normals_stay_close_to_the_maps() {
         // Negative control: the same texture displaced by half a tile.
         let mut shifted = decoded;
         shifted.rotate_left(128 * 256 + 128);
-        assert!(psnr(&original, &shifted) < db - 6.0, "{name}: this test takes a shifted image for the same");
-        // n.x has eight levels a block (alpha), n.y four, shared with smoothness and occlusion.
+        assert!(psnr(&original, &shifted) < db - 6.0, "{name}: this test does not detect a shifted image");
+        // In a block, n.x has eight levels of its own (alpha). n.y has four levels, which it shares with smoothness and occlusion.
         let decoded = layers.normal.decode(0);
         let rms = |axis: usize, channel: usize| {
             mean(maps.normal.iter().zip(&decoded).map(|(n, t)| (f64::from(n[axis]) - (f64::from(t[channel]) / 127.5 - 1.0)).powi(2))).sqrt()
@@ -323,12 +324,13 @@ fn the_last_mip_is_the_mean() {
         let means = MaterialMeans::of(&maps, [1.0; 3]);
         let layers = arrays::compress(&maps);
         let close = |codes: [u8; 3], factor: f64| {
-            // a lone colour's end points have 5 bits at worst and are dithered between by thirds: within 4 codes
+            // The end points of a block with one colour have 5 bits per channel at worst, and the values between them are thirds of their difference.
+            // So the error is at most 4 codes.
             (0..3).all(|c| (f64::from(codes[c]) - srgb_from_linear(factor * f64::from(means.albedo[c]))).abs() <= 4.0)
         };
         let [r, g, b, _] = layers.albedo.decode(6)[0];
         assert!(close([r, g, b], 1.0), "{name}: {:?} against {means:?}", [r, g, b]);
-        assert!(!close([r, g, b], 1.2), "{name}: this test takes 1.2 times the mean for the mean");
+        assert!(!close([r, g, b], 1.2), "{name}: this test does not detect a factor of 1.2");
         let [smoothness, _, occlusion, _] = layers.normal.decode(6)[0].map(|code| f64::from(code) / 255.0);
         assert!((smoothness - f64::from(means.smoothness)).abs() < 0.017, "{name}: {smoothness} {means:?}");
         assert!((occlusion - f64::from(means.specular_occlusion)).abs() < 0.017, "{name}: {occlusion} {means:?}");
@@ -358,7 +360,8 @@ fn materials_of_one_source_share_its_layers() {
     assert_ne!(a.albedo_layer, b.albedo_layer);
     assert_eq!((a.flags & FLAG_TINTED, c.flags & FLAG_TINTED), (0, FLAG_TINTED));
     assert!((c.normal_strength - 0.5).abs() < 1e-6);
-    // sand's mask is 1 everywhere, so the tint is a plain factor; and order follows the scene, layer contents the source
+    // The colour mask of sand is 1 everywhere, so the tint is a plain factor. The entries are in the order of the scene, and each layer holds the
+    // texture of its source.
     assert!((palette.means[2].albedo[0] / palette.means[0].albedo[0] - 0.5).abs() < 1e-5);
     assert!((palette.means[2].albedo[1] / palette.means[0].albedo[1] - 1.0).abs() < 1e-5);
     let mud = arrays::compress(&make("mud", 64));
@@ -413,7 +416,7 @@ fn repeats_per_sector_are_exact_in_fixed_point() {
         build(&scene(64, &["name = \"a\"\nprocedural = \"sand\"\ntile_m = 4.0\norientation_deg = 30.0".to_owned()])).expect("a good scene");
     let entry = palette.entries[0];
     let one = f64::from(1 << 24);
-    // 16 repeats a sector; cos 30 = sqrt 3 / 2, sin 30 = 1/2
+    // 16 repeats per sector; cos 30° = sqrt 3 / 2, sin 30° = 1/2
     assert_eq!(entry.per_sector_fixed, [(16.0 * 0.75_f64.sqrt() * one).round() as i32, 8 << 24]);
     assert!((f64::from(entry.per_metre[0]) - 0.75_f64.sqrt() / 4.0).abs() < 1e-7);
     assert!((f64::from(entry.per_metre[1]) - 0.125).abs() < 1e-7);
@@ -433,7 +436,7 @@ fn palettes_too_large_are_refused_before_any_texture_is_read() {
     let text = build(&scene(64, &many)).expect_err("257 materials");
     assert!(text.contains("257") && text.contains("256"), "{text}");
     assert!(build(&scene(64, &many[..256])).is_ok(), "256 materials of one texture fit");
-    // These folders do not exist: were they opened first, the error would be another.
+    // The folders do not exist. If they were opened before the check, the error would be about a missing folder.
     let folders: Vec<String> = (0..=MAX_LAYERS).map(|i| format!("name = \"m{i}\"\nfolder = \"missing{i}\"\ntile_m = 3.0")).collect();
     let text = build(&scene(64, &folders)).expect_err("33 textures");
     assert!(text.contains("33 distinct") && text.contains("share"), "{text}");
@@ -443,7 +446,7 @@ fn palettes_too_large_are_refused_before_any_texture_is_read() {
 
 // -------------------------------------------------------------------------------------------------------------------------- folders
 
-/// An empty folder of this test's own.
+/// Creates an empty folder for one test.
 fn folder_for(test: &str) -> PathBuf {
     let dir = std::env::temp_dir().join(format!("scree-materials-{test}-{}", std::process::id()));
     let _ = std::fs::remove_dir_all(&dir);
@@ -455,7 +458,7 @@ fn write(dir: &Path, file: &str, edge: u32, texel: impl Fn(u32, u32) -> [u8; 3])
     image::RgbImage::from_fn(edge, edge, |x, y| image::Rgb(texel(x, y))).save(dir.join(file)).expect("an image file can be written");
 }
 
-/// A small whole material: albedo black but for a white top row, normal leaning to +u, height growing downwards.
+/// Writes a small complete material: black albedo with a white top row, normals that lean to +u, heights that grow downwards.
 fn write_material(dir: &Path) {
     write(dir, "albedo.png", 64, |_, y| if y == 0 { [255; 3] } else { [0; 3] });
     write(dir, "normal.png", 64, |_, _| [204, 128, 230]);
@@ -468,23 +471,26 @@ fn a_folder_is_read_with_its_top_row_at_v_1() {
     let dir = folder_for("orientation");
     write_material(&dir);
     let maps = folder::load("m", &dir, 64).expect("a whole folder");
-    assert!(maps.albedo[63 * 64][0] > 0.99, "the image's top row is the last");
+    assert!(maps.albedo[63 * 64][0] > 0.99, "the top row of the image must be the last");
     assert!(maps.albedo[0][0] < 0.01);
     assert!((maps.height[0] - 252.0 / 255.0).abs() < 1e-5 && maps.height[63 * 64] < 1e-5);
     assert!((maps.smoothness[0] - 0.8).abs() < 1e-5);
-    assert!(maps.specular_occlusion.iter().chain(&maps.colour_mask).all(|&v| (v - 1.0).abs() < 1e-6), "absent ao and the mask are 1");
-    // (0.6, 0.0, 0.8) up to 8 bits
+    assert!(
+        maps.specular_occlusion.iter().chain(&maps.colour_mask).all(|&v| (v - 1.0).abs() < 1e-6),
+        "without their files, ao and colour mask must be 1"
+    );
+    // The normal is (0.6, 0.0, 0.8), rounded to 8 bits.
     assert!((maps.normal[9][0] - 0.6).abs() < 0.01 && maps.normal[9][1].abs() < 0.01, "{:?}", maps.normal[9]);
 
     write(&dir, "ao.png", 64, |_, _| [102; 3]);
     let maps = folder::load("m", &dir, 64).expect("a whole folder");
     assert!((maps.specular_occlusion[0] - 0.4).abs() < 1e-5);
-    // a quarter of the size: the white row is one of four averaged, in linear light
+    // At a quarter of the size, the white row is one of four rows that are averaged in linear light.
     let small = folder::load("m", &dir, 16).expect("a whole folder");
     assert!((small.albedo[15 * 16 + 3][0] - 0.25).abs() < 1e-4, "{:?}", small.albedo[15 * 16 + 3]);
-    // height codes 60, 56, ... : the mean of the lowest four rows
+    // The mean of the lowest four rows, whose height codes are 240, 244, 248 and 252.
     assert!((small.height[0] - 246.0 / 255.0).abs() < 1e-4, "{}", small.height[0]);
-    // a size that does not divide keeps the mean
+    // If the new size does not divide the size of the image, the mean stays the same.
     let odd = folder::load("m", &dir, 24).expect("a whole folder");
     assert!((mean(odd.height.iter().map(|&h| f64::from(h))) - 126.0 / 255.0).abs() < 1e-4);
     let large = folder::load("m", &dir, 128).expect("a whole folder");
@@ -518,7 +524,7 @@ fn a_bad_folder_is_refused_with_its_reason() {
     folder::load("cliff", &dir, 64).expect("the folder is good before it is spoilt");
 
     std::fs::remove_file(dir.join("normal.png")).expect("the test's own file");
-    refuse(&["`cliff`", "no normal.png", "there is: albedo.png, height.png, roughness.png"]);
+    refuse(&["`cliff`", "no normal.png", "the folder contains: albedo.png, height.png, roughness.png"]);
     write(&dir, "normal.png", 32, |_, _| [128, 128, 255]);
     refuse(&["normal.png is 32x32", "albedo.png is 64x64"]);
     image::RgbImage::new(64, 32).save(dir.join("normal.png")).expect("an image file can be written");
@@ -547,7 +553,7 @@ fn scanned_materials_load_where_there_are_any() {
         let maps = folder::load("scanned", &dir, 64).unwrap_or_else(|error| panic!("{error}"));
         let upright = mean(maps.normal.iter().map(|n| f64::from(1.0 - n[0] * n[0] - n[1] * n[1]).max(0.0).sqrt()));
         assert!(upright > 0.5, "{}: normals lean by {upright:.2}", dir.display());
-        // A green channel of the other convention (DirectX) would make slopes along v oppose the height's.
+        // If the green channel followed the convention of DirectX, slopes along v would have the opposite sign of those of the height.
         let at = |x: usize, y: usize| f64::from(maps.height[(y % 64) * 64 + x % 64]);
         let (mut slopes, mut normals) = (Vec::new(), Vec::new());
         for (i, n) in maps.normal.iter().enumerate() {
@@ -570,12 +576,12 @@ fn contrast_moves_mean_colours_from_or_to_middle_grey() {
     let (none, made, more) = (of(0.0), of(1.0), of(1.4));
     for m in 0..2 {
         for c in 0..3 {
-            // Texels above 1 are cut off, which no material of these reaches; sums of 4096 f32.
+            // Texels above 1 would be clamped, but no texel of these materials becomes that bright. The tolerances cover sums of 4096 numbers in f32.
             assert!((none[m][c] - 0.18).abs() < 1e-4, "{:?}", none[m]);
             let wanted = (0.18 + 1.4 * (made[m][c] - 0.18)).clamp(0.005, 0.95);
             assert!((more[m][c] - wanted).abs() < 2e-3, "{:?} from {:?}", more[m], made[m]);
         }
     }
-    // Negative control: the two differ as they were made.
+    // Negative control: with a contrast of 1, the two materials differ.
     assert!((made[0][1] - made[1][1]).abs() > 0.05);
 }

@@ -1,4 +1,5 @@
-//! Memory over many frames, in a process of its own: what a frame leaves behind adds up in a long run.
+//! Checks that memory does not grow with the number of frames, because a small leak per frame adds up in a long run. The test is a binary of its own,
+//! because it measures the memory of its process.
 
 use std::fs;
 
@@ -12,13 +13,14 @@ use kernels::variant::Variant;
 use kernels::view::camera::Pose;
 
 const SIZE: [u32; 2] = [64, 48];
-/// Frames until everything is there that comes once: rings, pools of the driver, shaders of each kind.
+/// Number of frames before the first measurement. By then, everything that is allocated only once exists: rings, pools of the driver, shaders of each
+/// kind.
 const FIRST: u32 = 30;
 const MORE: u32 = 60;
-/// What the allocator may scatter over that many frames. The leak that this test was made for left 40 MB.
+/// Growth in KiB that fragmentation in the allocator may cause over [`MORE`] frames. The leak that led to this test left 40 MB.
 const SLACK_KIB: u64 = 3 << 10;
 
-/// Memory of this process that is in use; absent where the system does not say.
+/// Memory of this process that is in use, in KiB; `None` if the system does not report it.
 fn resident_kib() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;

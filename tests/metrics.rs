@@ -1,4 +1,4 @@
-//! Metrics on sequences whose answer is known in closed form, on the device against f64, and at the extremes.
+//! Metrics of sequences for which the result is known in closed form, comparisons of the device with the f64 reference, and extreme inputs.
 
 use std::f64::consts::PI;
 
@@ -18,7 +18,7 @@ use crate::fixtures::gpu;
 const SIZE: [u32; 2] = [96, 64];
 const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
 
-/// Uniform in (0, 1), of a pixel, a frame and a stream of numbers.
+/// A random number, uniform in (0, 1), for a pixel, a frame and a stream of random numbers.
 fn uniform(pixel: usize, frame: u32, stream: u32) -> f64 {
     let h = hash::pcg4d([u32::try_from(pixel).expect("small"), frame, stream, 77])[0];
     (f64::from(h) + 0.5) / 4_294_967_296.0
@@ -32,7 +32,7 @@ fn grey(value: f64, choice: u32) -> [u32; 2] {
     signal::pack([value as f32; 3], 12, choice)
 }
 
-/// No motion at all: every pixel is linked to itself.
+/// Links and positions without motion: every pixel is linked to itself.
 fn still() -> (Vec<u32>, Vec<[f32; 2]>) {
     let width = SIZE[0] as usize;
     let links: Vec<u32> = (0..PIXELS as u32).collect();
@@ -45,7 +45,7 @@ fn meter(gpu: &Gpu, resolves: &[Resolve]) -> Meter {
     Meter::new(gpu, &layout, SIZE, resolves).expect("the passes compile")
 }
 
-/// Sums of each frame of a sequence of pictures without motion.
+/// The sums of each frame, for a sequence of pictures without motion.
 fn follow(frames: u32, picture: impl Fn(u32) -> Vec<[u32; 2]>) -> Vec<FrameSums> {
     let gpu = gpu();
     let mut meter = meter(gpu, &[Resolve::Off]);
@@ -82,9 +82,10 @@ fn a_still_picture_with_fixed_noise_neither_flickers_nor_flips() {
 
 #[test]
 fn fresh_white_noise_differs_by_two_sigma_over_root_pi() {
-    // |X - Y| of two normal numbers of variance s² has mean 2 s / sqrt(pi), variance 2 s² - 4 s² / pi, and its 95 % point at sqrt(2) s times
-    // normal's 97.5 %. A history lies outside the box of nine like it with probability 2/10. A choice of four differs with probability 3/4.
-    // Null hypothesis: so measured. 4 lags x 2 + 2 tests, family level 0.001, Sidak.
+    // For two independent normal numbers X and Y of variance s², |X - Y| has mean 2 s / sqrt(pi) and variance 2 s² - 4 s² / pi. Its 95 % quantile is
+    // sqrt(2) s times the 97.5 % quantile of the standard normal distribution. The history is independent of the nine values in the box around a
+    // pixel, so it lies outside their range with probability 2/10. Two random choices among four differ with probability 3/4. Null hypothesis: the
+    // metrics have these values. 4 lags x 2 + 2 tests, family level 0.001, Sidak.
     const S: f64 = 0.05;
     const FRAMES: u32 = 12;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 10.0);
@@ -92,14 +93,15 @@ fn fresh_white_noise_differs_by_two_sigma_over_root_pi() {
     let choice = |i: usize, frame: u32| 1 + (uniform(i, frame, 3) * 4.0) as u32;
     let sums = follow(FRAMES, |f| (0..PIXELS).map(|i| grey(0.5 + S * gaussian(i, f), choice(i, f))).collect());
     for lag in 0..LAGS {
-        // Differences of disjoint pairs of frames are independent; overlapping ones are correlated, which at most doubles the variance of the mean.
+        // Differences of disjoint pairs of frames are independent. Differences of overlapping pairs are correlated, which at most doubles the
+        // variance of the mean.
         let used: Vec<_> = sums.iter().skip(lag + 1).map(|s| s.lags[lag]).collect();
         let n: f64 = used.iter().map(|s| s.linked as f64).sum();
         let mean = used.iter().map(|s| s.difference).sum::<f64>() / n;
         let expected = 2.0 * S / PI.sqrt();
         let error = (2.0 * (2.0 * S * S - 4.0 * S * S / PI) / n).sqrt();
         assert!(((mean - expected) / error).abs() < bound, "lag {}: {mean}, expected {expected} +- {error}", lag + 1);
-        // Negative control: the mean difference of noise a tenth stronger is told apart.
+        // Negative control: the test rejects the mean difference of noise that is 10 % stronger.
         assert!(((mean - 1.1 * expected) / error).abs() > bound);
         let flips = used.iter().map(|s| s.flipped as f64).sum::<f64>() / n;
         let error = (2.0 * 0.75 * 0.25 / n).sqrt();
@@ -112,24 +114,25 @@ fn fresh_white_noise_differs_by_two_sigma_over_root_pi() {
         tested += sums.tested as f64;
         rejected += sums.rejected as f64;
     }
-    // Pixels at the border have a box of six or four: 2/7 and 2/5 in place of 2/10.
+    // A pixel at an edge has a box of six values, a pixel in a corner a box of four. The probabilities are 2/7 and 2/5 instead of 2/10.
     let [w, h] = SIZE.map(f64::from);
     let (edges, corners) = (2.0 * (w + h - 4.0), 4.0);
     let expected = (0.2 * (w * h - edges - corners) + 2.0 / 7.0 * edges + 0.4 * corners) / (w * h);
     let share = rejected / tested;
-    // Boxes of neighbours overlap: nine times the variance of independent ones is an upper bound.
+    // The boxes of neighbouring pixels overlap, so rejections are correlated. Their variance is at most nine times that of independent rejections.
     let error = (9.0 * 0.2 * 0.8 / tested).sqrt();
     assert!(((share - expected) / error).abs() < bound, "{share} rejected, expected {expected} +- {error}");
     let expected = S * 2f64.sqrt() * Normal::new(0.0, 1.0).expect("a distribution").inverse_cdf(0.975);
     let p95 = quantile(&histogram, 0.95).expect("not empty");
-    // The bins' resolution, 1/16 octave, and chance.
+    // The tolerance of 1/16 octave is the width of a bin; the random error is included in it.
     assert!((p95 / expected).log2().abs() < 1.0 / 16.0, "95 % point {p95}, expected {expected}");
     assert!(quantile(&[0; BINS], 0.95).is_none());
 }
 
 #[test]
 fn differences_follow_the_links_and_stop_where_there_is_none() {
-    // The picture moves 3 pixels right each frame. With the links that say so nothing differs; without them it does.
+    // The picture moves by 3 pixels to the right in each frame. If the links follow the motion, nothing differs. If they link each pixel to itself,
+    // the pictures differ.
     let gpu = gpu();
     let width = SIZE[0] as usize;
     let picture = |frame: usize| -> Vec<[u32; 2]> {
@@ -163,7 +166,8 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
             assert_eq!(found.linked, (0..PIXELS).filter(|at| followed(at) && !missing(at % width)).count() as u64);
             assert_eq!(found.terrain, expected.terrain);
             assert_eq!((found.linked, found.chosen, found.flipped), (expected.linked, expected.chosen, expected.flipped));
-            // Sums of 64 numbers below 1 in f32, each rounded: at most 64 * 64 half ulps of 64 a tile.
+            // Each tile sums 64 numbers below 1 in f32. The sum stays below 64, so an addition rounds by at most 2^-19. The tolerance is 64 x 64
+            // times that for each of the 96 tiles.
             assert!((found.difference - expected.difference).abs() <= 96.0 * 64.0 * 64.0 * 2f64.powi(-19), "{found:?} {expected:?}");
             assert_eq!(found.difference > 0.0, differs, "lag {}", lag + 1);
         }
@@ -174,8 +178,8 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
 
 #[test]
 fn block_noise_is_caught_by_clumping() {
-    // Null hypothesis: white noise has clumping 1, noise in cells of a block 25. Clumping of n blocks has standard deviation of at most sqrt(2 / n) of itself
-    // for normal noise. 2 tests, level 0.001.
+    // Null hypothesis: clumping is 1 for white noise, and 25 for noise that has one value per block. The clumping of n blocks of normal noise has a
+    // relative standard deviation of at most sqrt(2 / n). 2 tests, level 0.001.
     let gpu = gpu();
     let seeds = Seeds::new(gpu, SIZE).expect("the passes compile");
     let streams = [seeds.stream(gpu), seeds.stream(gpu)];
@@ -200,7 +204,7 @@ fn block_noise_is_caught_by_clumping() {
         for (k, (sums, picture)) in seeds.read(gpu, &streams).expect("the device works").iter().zip(&pictures).enumerate() {
             let expected = reference::seed(SIZE, BLOCK, picture, &exact);
             assert_eq!((sums.terrain, sums.blocks), (expected.terrain, expected.blocks));
-            // Sums of some 200 numbers a tile in f32: 200 half ulps of the largest partial sum.
+            // Each tile sums about 200 numbers in f32, so the error is at most 200 half ulps of the largest partial sum.
             let close = |a: f64, b: f64, scale: f64| (a - b).abs() <= 200.0 * 2f64.powi(-24) * scale;
             assert!(close(sums.squared_error, expected.squared_error, expected.squared_error), "{sums:?} {expected:?}");
             assert!(close(sums.error, expected.error, 0.2 * 3.0 * PIXELS as f64), "{sums:?} {expected:?}");
@@ -212,7 +216,7 @@ fn block_noise_is_caught_by_clumping() {
     }
     let value: Vec<f64> = (0..2).map(|k| f64::from(BLOCK * BLOCK) * clumping[k] / squares[k]).collect();
     assert!((value[0] - 1.0).abs() < 3.5 * (2.0 / count).sqrt(), "white noise: {}", value[0]);
-    // Within a block all pixels are alike: exactly 25 but for rounding.
+    // All pixels of a block are equal, so the value is exactly 25, except for rounding.
     assert!((value[1] - 25.0).abs() < 0.01, "block noise: {}", value[1]);
 
     let mut encoder = gpu.encoder("seeds");
@@ -222,7 +226,8 @@ fn block_noise_is_caught_by_clumping() {
     for sums in &finished {
         let n = sums.terrain * 3.0;
         assert_eq!(sums.terrain, PIXELS as f64);
-        // Channels are equal, so PIXELS numbers (or cells) of SEEDS each; the block noise has 25 times fewer.
+        // The three channels are equal, so each seed has PIXELS independent numbers. Block noise has 25 times fewer; the tolerances are for block
+        // noise.
         let variance = sums.variance / n;
         let error = 0.0025 * (2.0 / (f64::from(SEEDS - 1) * PIXELS as f64 / 25.0)).sqrt();
         assert!((variance - 0.0025).abs() < 3.5 * error, "variance {variance}");
@@ -231,19 +236,21 @@ fn block_noise_is_caught_by_clumping() {
     }
 }
 
-/// Goes on from a state with `n` samples from number `start` on, high plus low, made from hashes alike on CPU and GPU: mean + step (hash's 4 high bits - 7.5).
+/// Adds `n` samples to a state, from sample number `start` on. A row holds the state (4 numbers), mean, step, `start`, `n` and a zero. Each sample is
+/// mean + step * (h - 7.5), given as a high part and a low part. Here h is the 4 high bits of a hash that is the same on CPU and GPU.
 const MOMENTS_BODY: &str = "fn probe(row: array<f32, 9>) -> array<f32, 4> {
     var state = vec4<f32>(row[0], row[1], row[2], row[3]);
     let start = u32(row[6]);
     for (var i = start; i < start + u32(row[7]); i++) {
         let sample = vec2<f32>(row[4], (f32(hash_pcg(i) >> 28u) - 7.5) * row[5]);
-        // The last column is the zero that no compiler knows.
+        // The last column is 0. The compiler does not know its value, so it cannot simplify the sums.
         state = moments_add(state, sample, f32(i + 1u), u32(row[8]));
     }
     return array<f32, 4>(state.x, state.y, state.z, state.w);
 }";
 
-/// States of streams of (mean, step, count) on the device. Software Vulkan ends an invocation's loops after 65 535 rounds, so 50 000 at a time.
+/// Computes the moments of streams of (mean, step, count) on the device. Software Vulkan ends a loop of an invocation after 65 535 iterations, so
+/// each call adds at most 50 000 samples.
 fn moments_on_gpu(rows: &[[f32; 3]]) -> Vec<[f32; 4]> {
     let mut states = vec![[0.0f32; 4]; rows.len()];
     let mut start = 0.0f32;
@@ -265,7 +272,7 @@ fn moments_on_gpu(rows: &[[f32; 3]]) -> Vec<[f32; 4]> {
 
 #[test]
 fn moments_hold_at_the_extremes() {
-    // Mean 1e6 with variance 1e-6 over 1e6 numbers, and others, on the device and in f32 and f64.
+    // The hardest stream has mean 1e6, variance 1e-6 and 1e6 numbers. All streams are computed on the device, in f32 and in f64.
     let rows = [
         [1e6f32, 2f32.powi(-12), 1e6],
         [0.0, 1.0, 1000.0],
@@ -291,15 +298,16 @@ fn moments_hold_at_the_extremes() {
         for (what, m, v) in
             [("gpu", found_mean, found), ("f32", single.mean(), single.variance()), ("f64", double.mean(), double.variance())]
         {
-            // Each step rounds delta / n and delta² relative to themselves; sums are compensated. Some 4 ulp of f32 in the variance; in the mean, 4 ulp of
-            // the deviation, whose sum over steps is bounded by the largest sample.
+            // Each step rounds delta / n and delta² with a relative error; the sums are compensated. The tolerance of the variance is 4 * 2^-24 of
+            // the variance. The tolerance of the mean is 4 * 2^-24 of the largest deviation of a sample from the mean, which bounds the sum of the
+            // errors of all steps; two further terms cover the rounding of the mean in f64.
             assert!(
                 (m - exact_mean).abs() <= 4.0 * 2f64.powi(-24) * (7.5 * step + f64::EPSILON * mean.abs() * 16.0) + mean.abs() * 1e-14,
                 "{what}: mean {m}, not {exact_mean}"
             );
             assert!((v - exact).abs() <= 4.0 * 2f64.powi(-24) * exact + 1e-300, "{what}: variance {v}, not {exact} ({row:?})");
         }
-        // Negative control: plain sums of squares in f32 have no digit left.
+        // Negative control: in f32, plain sums of squares have no correct digit left.
         if mean == 1e6 && count > 2.0 {
             let (sum, square) = samples().fold((0f32, 0f32), |(a, b), s| {
                 let x = row[0] + (s * step) as f32;
@@ -318,7 +326,7 @@ fn resolves_agree_with_their_reference() {
     let mut meter = meter(gpu, &resolves);
     let (mut links, mut positions) = still();
     let width = SIZE[0] as usize;
-    // Some points were hidden, the others half a pixel to the left and a third up.
+    // One point in 13 has no link, as if it had been hidden. All points were half a pixel to the left and a third of a pixel up, one frame before.
     for i in (0..PIXELS).step_by(13) {
         links[i] = NO_LINK;
     }
@@ -351,9 +359,12 @@ fn resolves_agree_with_their_reference() {
             let found = meter.picture(gpu, stream, 0).expect("the device works");
             for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
                 assert_eq!(signal::is_terrain(*found), expected[3] > 0.0);
-                assert!(expected[3] == 0.0 || (signal::choice(*found), signal::fetches(*found)) == (2, 3), "the meta data are lost");
+                assert!(
+                    expected[3] == 0.0 || (signal::choice(*found), signal::fetches(*found)) == (2, 3),
+                    "choice and fetches must be kept"
+                );
                 for (k, c) in signal::colour(*found).into_iter().enumerate() {
-                    // One rounding to f16, and f32 arithmetic of a dozen steps.
+                    // The tolerance covers one rounding to f16, and about a dozen operations in f32.
                     let tolerance = expected[k].abs() * (2f64.powi(-11) + 16.0 * 2f64.powi(-24)) + 1e-7;
                     assert!(
                         (f64::from(c) - expected[k]).abs() <= tolerance,
@@ -366,7 +377,7 @@ fn resolves_agree_with_their_reference() {
         }
         before = now;
     }
-    // What they are for: they all calm white noise, and none is a copy of another.
+    // The purpose of resolves: each of them, except `off`, reduces the variation of white noise.
     let spread = |h: &[[f64; 4]]| h.iter().filter(|p| p[3] > 0.0).map(|p| (p[1] - 0.5).powi(2)).sum::<f64>();
     let spreads: Vec<f64> = histories.iter().map(|h| spread(h)).collect();
     assert!(spreads[1..].iter().all(|&s| s < 0.75 * spreads[0]), "{spreads:?}");
@@ -374,7 +385,7 @@ fn resolves_agree_with_their_reference() {
 
 #[test]
 fn flipquad_has_four_rows_and_four_columns_shared_with_the_neighbours() {
-    // The four samples of a pixel over two frames: its own two, the right neighbour's left one, the lower neighbour's top one.
+    // The four samples of a pixel over two frames: its own two, the left one of the right neighbour, and the top one of the lower neighbour.
     let at = |pattern: SamplePattern, pixel: [u32; 2], origin: [u32; 2]| -> [f64; 2] {
         let offset = pattern.offset(pixel);
         std::array::from_fn(|k| f64::from(pixel[k]) - f64::from(origin[k]) + offset[k])

@@ -1,7 +1,8 @@
-//! The noise in the stability lab: every kind against the tests of one family and its budgets in motion, and mutants that these must reject.
+//! The noise in the stability lab. Every kind must pass one family of statistical tests, and keep its budgets while a camera moves. The tests and
+//! budgets must reject mutants.
 //!
-//! `notebooks-data/stability/noise.csv` holds the budgets. `experiments stability --out notebooks-data/stability` writes it anew, from what is measured;
-//! commit it where the change is meant.
+//! `notebooks-data/stability/noise.csv` holds the budgets. `experiments stability --out notebooks-data/stability` measures them again and rewrites
+//! the file; commit it if the change is intended.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -28,7 +29,8 @@ fn every_kind_passes_the_tests_of_one_family() {
     println!("{} rows, {} of them tests, in {:.1?}", rows.len(), rows.iter().filter(|row| row.is_test()).count(), start.elapsed());
     let wrong: Vec<&Row> = rows.iter().filter(|row| !row.holds()).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
-    // Where avalanche is not complete is known: past the bits that MIXED_BITS says, low bits of the output do not turn over at all.
+    // The avalanche effect is known to be incomplete: input bits from MIXED_BITS (in `stability/hashes.rs`) on rarely or never flip the low bits of
+    // the output.
     assert!(rows.iter().any(|row| row.statistic == "avalanche of the high byte" && row.value > 0.1));
 }
 
@@ -38,12 +40,16 @@ fn numbers_in_motion_are_within_their_budgets() {
     let rows = motion::rows();
     println!("{} rows in {:.1?}", rows.len(), start.elapsed());
     let budgets = recorded();
-    assert_eq!(budgets.len(), rows.len(), "the table has other rows: `experiments stability` writes it anew");
+    assert_eq!(budgets.len(), rows.len(), "the rows differ from the table: rewrite it with `experiments stability`");
     for (row, budget) in rows.iter().zip(&budgets) {
         let same = [&row.kind, &row.view, &row.motion, &row.statistic] == [&budget.kind, &budget.view, &budget.motion, &budget.statistic];
         let now = Row { value: row.value, ..budget.clone() };
-        assert!(same && now.holds(), "{now:?}: measured {}; `experiments stability` writes the table anew if that is meant", row.value);
-        // A budget is as wide as the rule says: nobody widens one by hand.
+        assert!(
+            same && now.holds(),
+            "{now:?}: measured {}; if the change is intended, rewrite the table with `experiments stability`",
+            row.value
+        );
+        // The width of a budget must follow from the rule, so that no budget is widened by hand.
         let ruled = motion::budget(budget.kind.parse().expect("a kind"), &budget.statistic, budget.value);
         let close = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
         assert!(close(budget.low, ruled[0]) && close(budget.high, ruled[1]), "{budget:?} is not as wide as {ruled:?}");
@@ -52,29 +58,29 @@ fn numbers_in_motion_are_within_their_budgets() {
 
 // ---------------------------------------------------------------- mutants
 
-/// A way to be wrong by a line.
+/// A copy of hashed noise with a mistake in one line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutant {
-    /// The derivative along x in the place of that along y, too.
+    /// Uses the derivative along x also as the derivative along y.
     DpdxTwice,
-    /// The one-line hash of shaders instead of an integer one: fract(sin(dot(cell, ...)) 43758.5453) in f32.
+    /// Uses the usual one-line hash of shaders, fract(sin(dot(cell, ...)) 43758.5453) in f32, instead of an integer hash.
     FractSin,
-    /// Scales as fine and as coarse as the footprint asks.
+    /// Does not clamp the level that follows from the footprint.
     NotClamped,
-    /// The blend's distribution function left out, or with one of its parts forgotten.
+    /// Leaves out the correction by the distribution function of the blend, or a part of it.
     Correction(Forgotten),
-    /// Another seed each frame.
+    /// Uses a different seed in each frame.
     Reseeded,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Forgotten {
     All,
-    /// The middle case's (x - a / 2) / (1 - a).
+    /// Leaves out (x - a / 2) / (1 - a) in the middle case.
     Middle,
-    /// The outer cases' factor of one half.
+    /// Leaves out the factor of one half in the outer cases.
     Half,
-    /// a = min(l, 1 - l).
+    /// Uses a = l instead of a = min(l, 1 - l).
     Min,
 }
 
@@ -118,9 +124,9 @@ fn level(point: &HashedPoint<f64>) -> f64 {
     -(point.hash_scale * length(point.ddx).max(length(point.ddy))).log2()
 }
 
-/// The kernel's blend of two scales, of cells that are hashed otherwise.
+/// The blend of two scales as in the kernel, of cells that are hashed by `hash`.
 fn blend(point: &HashedPoint<f64>, level: f64, hash: impl Fn([u32; 3], i32) -> [f64; 4]) -> [f64; 4] {
-    // As in the kernel: where the level is the finest, the finest cells are the upper of the two scales.
+    // As in the kernel: at the finest level, the finest cells are the finer of the two scales.
     let k = if level == f64::from(LEVEL_MAX) { LEVEL_MAX - 1 } else { level.floor() as i32 };
     let units = |k: i32| hash(cell(point, [k; 3]), k);
     TwoScales { coarse: units(k), fine: units(k + 1), lerp_factor: level - f64::from(k) }.thresholds()
@@ -141,7 +147,7 @@ fn fract_sin(cell: [u32; 3], k: i32, seed: u32, salt: u32) -> [f64; 4] {
 
 #[test]
 fn mutants_differ_by_their_line_only() {
-    // What the copies of the kernel's parts share with it: scales, blend, hash and correction.
+    // The mutants contain copies of parts of the kernel: scales, blend and hash. Without the mistake, they must agree with the kernel.
     for i in 0..10_000 {
         let ask = scattered(ORIGINS[2].1, i);
         let kernel = hashed_isotropic(&ask.point, ask.seed, ask.salt);
@@ -150,17 +156,17 @@ fn mutants_differ_by_their_line_only() {
         let clamped = level(&ask.point).clamp(f64::from(LEVEL_MIN), f64::from(LEVEL_MAX));
         assert_eq!(blend(&ask.point, clamped, |cell, k| pcg4d(cell, k, ask.seed, ask.salt)), kernel, "{ask:?}");
         assert_eq!(Mutant::Reseeded.thresholds(&Ask { frame: 0, ..ask }), kernel);
-        // There the derivative along x is the longer one.
+        // At these points the derivative along x is the longer one, so this mistake makes no difference.
         assert_eq!(Mutant::DpdxTwice.thresholds(&ask), kernel, "{ask:?}");
     }
 }
 
-/// Names of the statistics that reject.
+/// Names of the statistics that reject a noise.
 fn rejecting(rows: &[Row]) -> BTreeSet<String> {
     rows.iter().filter(|row| !row.holds()).map(|row| row.statistic.clone()).collect()
 }
 
-/// What moved out of the recorded budgets of hashed noise on a ground.
+/// The statistics of a noise that leave the budgets that are recorded for hashed noise on a ground.
 fn out_of_budget(budgets: &[Row], ground: &str, motion: Motion, measured: Measured) -> Vec<Row> {
     let of = |(statistic, value): (&str, f64)| {
         let budget = budgets
@@ -175,17 +181,17 @@ const FLIPS: &str = "flip_rate, flat";
 const CLUMPING: &str = "clumping, flat";
 const POWER: &str = "power 0.0625-0.125 cycles/px, flat";
 
-/// A mutant, what must reject it, and what must not: every other statistic may do either.
+/// A mutant, the statistics that must reject it, and those that must not. Every other statistic may do either.
 type Verdict = (Mutant, &'static [&'static str], &'static [&'static str]);
 
-/// The statistics that numbers without a camera come in, but for those of the ends of the range.
+/// The statistics that are measured without a camera, except those of the ends of the range of scales.
 const DRAWS: [&str; 7] =
     ["uniform, chi-square p", "uniform, ks p", "independent p", "uncorrelated p", "coverage p", "coverage by footprint p", "collisions p"];
 
 const VERDICTS: [Verdict; 5] = [
-    // Seen by a camera only, and on level ground: a steep wall hardly tells.
+    // Only statistics with a camera detect this mutant, and only on level ground: on a steep wall it makes little difference.
     (Mutant::DpdxTwice, &[FLIPS, CLUMPING, POWER], &["equal thresholds", "distinct thresholds", "flip_rate, 60 deg"]),
-    // Near the origin flips do not tell.
+    // Near the origin, flips do not detect this mutant.
     (Mutant::FractSin, &["collisions p", "independent p", "uncorrelated p", "distinct thresholds"], &[FLIPS, "equal thresholds"]),
     (Mutant::NotClamped, &["equal thresholds", "distinct thresholds"], &[FLIPS, CLUMPING, POWER]),
     (
@@ -214,7 +220,7 @@ fn no_mutant_passes() {
 
     let mut all: Vec<BTreeSet<String>> = Vec::new();
     for (((mutant, must, must_not), noise), moving) in VERDICTS.iter().zip(&of).zip(&moving) {
-        // Only a hash in f32 is another one at another distance.
+        // Only the hash in f32 depends on the distance from the origin, so only that mutant is tested at two distances.
         let origins = if *mutant == Mutant::FractSin { &[ORIGINS[0], ORIGINS[2]] } else { &ORIGINS[2..] };
         let mut rows = of_noise(NoiseKind::HashedIsotropic, noise, origins);
         hold_as_family(&mut rows);
@@ -222,7 +228,7 @@ fn no_mutant_passes() {
             for (name, _) in origins {
                 let p = |row: &&Row| row.view == *name && row.motion == "threshold 0";
                 println!("{mutant:?}: {:?}", rows.iter().filter(p).map(|row| (&row.view, &row.statistic, row.value)).collect::<Vec<_>>());
-                // At either distance by itself.
+                // The tests must reject the mutant at each distance.
                 let rejected = |statistic: &str| rows.iter().any(|row| row.view == *name && row.statistic == statistic && !row.holds());
                 assert!(rejected("collisions p") && rejected("independent p"), "{name}");
             }
@@ -233,20 +239,21 @@ fn no_mutant_passes() {
         assert!(must.iter().all(|name| rejected.contains(*name)), "{mutant:?} passed one of {must:?}: {rejected:?}");
         assert!(must_not.iter().all(|name| !rejected.contains(*name)), "{mutant:?} failed one of {must_not:?}: {rejected:?}");
         if matches!(mutant, Mutant::DpdxTwice | Mutant::NotClamped | Mutant::Reseeded) {
-            assert!(DRAWS.iter().all(|name| !rejected.contains(*name)), "{mutant:?} is no other random number: {rejected:?}");
+            assert!(DRAWS.iter().all(|name| !rejected.contains(*name)), "{mutant:?} must pass the tests without a camera: {rejected:?}");
         }
         all.push(rejected);
     }
-    // That is why there are so many: none tells all.
+    // No statistic rejects all mutants, which is why several are necessary.
     let shared = all.iter().skip(1).fold(all[0].clone(), |shared, rejected| &shared & rejected);
-    assert!(shared.is_empty(), "{shared:?} would do alone");
-    // Flips tell a fresh seed from a choice in every motion, dpdx from dpdy where the camera moves.
+    assert!(shared.is_empty(), "{shared:?} alone rejects all mutants");
+    // Flips detect a different seed per frame in every motion, and the wrong derivative in every motion of the camera.
     for (k, motions) in [(0, &Motion::ALL[1..]), (4, &Motion::ALL[..])] {
         let told = |motion: &Motion| moving[k].iter().any(|row| row.statistic == FLIPS && row.motion == motion.name());
         assert!(motions.iter().all(told), "{:?}: {:?}", VERDICTS[k].0, moving[k]);
     }
 
-    // A thousand kilometres off, f32 has no digits left for a sine: cells look alike, choices stay where they are and clump.
+    // At 1000 km from the origin, the argument of the sine has no digits left in f32. Many cells get the same value, so choices flip too rarely and
+    // clump.
     let far = measure(GROUNDS[0], Motion::Sideways, ORIGINS[2].1, &[&kernel, &of[1]]);
     println!("1000 km: {far:.4?}");
     let [kernel, sine] = [far[0], far[1]].map(|measured| rejecting(&out_of_budget(&budgets, "flat", Motion::Sideways, measured)));

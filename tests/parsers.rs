@@ -1,5 +1,6 @@
-//! Readers of files under damage: mutants of small sound files, the same ones in every run. Each is read or refused in one line, and what is read holds
-//! together: [`readers`], which the fuzz targets run, too. What once was a crash lies beside the sound files and is tried as it is.
+//! Tests the readers of files with damaged input: mutants of small valid files, the same mutants in every run. A mutant must be accepted or refused
+//! with an error of one line, and what is accepted must be consistent. [`readers`] checks this; the fuzz targets run it, too. Files that once caused
+//! a crash lie in the same folders as the valid files, and are tried unchanged.
 
 use std::fs;
 use std::panic::catch_unwind;
@@ -12,15 +13,15 @@ use experiments::stability::statistics::Random;
 #[path = "../fuzz/readers.rs"]
 mod readers;
 
-/// Mutants of each kind of file; the variable `SCREE_MUTANTS` takes its place.
+/// Number of mutants of each kind of file. The environment variable `SCREE_MUTANTS` replaces it.
 const MUTANTS: u32 = 2000;
-/// Longest time for one, however busy the machine is. They take less than a millisecond.
+/// Longest time for one mutant. It usually takes less than a millisecond; the limit is high because the machine may be busy.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Files larger than this make no new mutants: duplicated parts double.
+/// Size in bytes. A mutant that is larger is not changed further, because each duplicated part can double its size.
 const LARGE: usize = 1 << 16;
-/// Numbers at the ends of what files count with.
+/// Integers at the ends of the ranges that counts and sizes in files have.
 const INTEGERS: [u64; 14] = [0, 1, 2, 127, 128, 255, 256, 16_385, 65_535, 1 << 16, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, (1 << 63) | 1];
-/// Numbers as text, in range and out of it.
+/// Numbers as text, inside and outside valid ranges.
 const NUMBERS: [&str; 16] = [
     "0",
     "-0.0",
@@ -39,7 +40,7 @@ const NUMBERS: [&str; 16] = [
     "0x7f",
     "1_000",
 ];
-/// What strings and names hold in files of others: breaks of a line, an escape of a terminal, marks of direction, nothing.
+/// Text that strings and names in a damaged file may contain: line breaks, NUL, an escape sequence of a terminal, a mark of text direction, quotes.
 const PIECES: [&str; 12] = ["\\n", "\\r\\n", "\\u0000", "\\u001b[2J", "\\u0085", "\\u2028", "\u{2028}", "\u{202e}", "\t", "é", "\\", "\""];
 
 /// A file of the corpus.
@@ -48,7 +49,7 @@ struct Seed {
     bytes: Vec<u8>,
 }
 
-/// The files of a kind, by name.
+/// The files of a kind in the corpus, sorted by name.
 fn corpus(kind: &str) -> Vec<Seed> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(kind);
     let entries = fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
@@ -69,7 +70,7 @@ struct Mutator<'a> {
 }
 
 impl Mutator<'_> {
-    /// A part of `length` bytes, mostly a short one.
+    /// A random part of `length` bytes, in most cases a short one.
     fn part(&mut self, length: usize) -> std::ops::Range<usize> {
         let start = self.random.below(length + 1);
         let longest = if self.random.below(4) == 0 { length } else { 8 };
@@ -93,7 +94,7 @@ impl Mutator<'_> {
                 break;
             }
         }
-        // What has a wrong checksum is refused before it is looked at.
+        // Most mutants get valid PNG checksums, because a reader refuses a wrong checksum before it reads the data.
         if self.random.below(8) > 0 { with_png_checksums(bytes) } else { bytes }
     }
 
@@ -151,7 +152,7 @@ impl Mutator<'_> {
             3 => return self.replace(bytes, &text, |c| c.is_ascii_alphanumeric() || "+-._".contains(c), &NUMBERS),
             4 => return self.replace(bytes, &text, |c| c != '"' && c != '\n' && c != '=' && c != ',', &PIECES),
             5 => {
-                // A value or a name in the place of another.
+                // Replaces a value or a name by another word of the file.
                 let words: Vec<&str> = text.split(|c: char| c.is_whitespace() || "[]{}=,".contains(c)).filter(|w| !w.is_empty()).collect();
                 if !words.is_empty() {
                     return self.replace(bytes, &text, |c| !c.is_whitespace() && !"[]{}=,".contains(c), &words);
@@ -173,7 +174,7 @@ impl Mutator<'_> {
         *bytes = lines.concat().into_bytes();
     }
 
-    /// Replaces the run of characters of a kind around a place, or a part of it.
+    /// Replaces a random run of characters of a kind, or inserts text before it.
     fn replace(&mut self, bytes: &mut Vec<u8>, text: &str, of_kind: impl Fn(char) -> bool, by: &[&str]) {
         let runs: Vec<(usize, &str)> = text
             .split(|c| !of_kind(c))
@@ -189,7 +190,7 @@ impl Mutator<'_> {
     }
 }
 
-/// A PNG with the checksum of every chunk set right; anything else as it is.
+/// Corrects the checksum of every chunk if the bytes are a PNG; returns other bytes unchanged.
 fn with_png_checksums(mut bytes: Vec<u8>) -> Vec<u8> {
     let mut at = 8;
     while bytes.starts_with(b"\x89PNG\r\n\x1a\n") && bytes.len() >= at + 12 {
@@ -205,7 +206,7 @@ fn with_png_checksums(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Tries the files of a kind and mutants of them. Sound ones are accepted; those whose names begin with `refused` are not.
+/// Tries the files of a kind, and mutants of them. The files must be accepted, except those whose names begin with `refused`.
 fn try_all(kind: &str, reader: fn(&[u8]) -> bool) {
     let seeds = corpus(kind);
     for seed in &seeds {
@@ -221,11 +222,11 @@ fn try_all(kind: &str, reader: fn(&[u8]) -> bool) {
         if outcome.is_err() || began.elapsed() > PATIENCE {
             let file = std::env::temp_dir().join(format!("scree-mutant-{kind}-{number}"));
             fs::write(&file, &mutant).expect("a temporary file");
-            panic!("{kind}: mutant {number}, kept as {}, took {:?}", file.display(), began.elapsed());
+            panic!("{kind}: mutant {number}, kept as {}, panicked or took too long: {:?}", file.display(), began.elapsed());
         }
         accepted += u32::from(outcome.is_ok_and(|accepted| accepted));
     }
-    // Mutants that are all refused at the first look would try nothing behind it.
+    // If the first check of a reader refused all mutants, the code after that check would not be tested.
     assert!(accepted > count / 100 && accepted < count, "{accepted} of {count} mutants of {kind} were accepted");
 }
 
@@ -254,7 +255,7 @@ fn what_is_kept_is_read_or_refused() {
     try_all("cache", readers::cache);
 }
 
-/// A file of the corpus that claims something else in a place: the first `what` is replaced.
+/// A file of the corpus with a false statement: the first occurrence of `what` is replaced by `instead`.
 fn claiming(kind: &str, name: &str, what: &[u8], instead: &[u8]) -> Vec<u8> {
     let seed = corpus(kind).into_iter().find(|seed| seed.name == name);
     let mut bytes = seed.unwrap_or_else(|| panic!("{kind}/{name} is in the corpus")).bytes;
@@ -285,7 +286,7 @@ fn sizes_that_are_only_claimed_are_refused_at_once() {
         let frame = |w: u16, h: u16| [b"\xff\xc0\0\x11\x08".as_slice(), &h.to_be_bytes(), &w.to_be_bytes()].concat();
         claiming("texture", "rgb8.jpg", &frame(8, 8), &frame(new, new))
     };
-    // The largest that is read, one more, and the largest that can be said.
+    // The largest edge that is accepted, one more, and the largest that a file can state.
     for edge in [16_385, 16_386, (1 << 31) - 1] {
         for (what, bytes) in [("png", png("heightmap", "grey16.png", [5, 4], edge)), ("exr", exr(edge.cast_signed())), ("tif", tiff(edge))]
         {
@@ -293,13 +294,13 @@ fn sizes_that_are_only_claimed_are_refused_at_once() {
             assert!(!readers::heightmap(&bytes) && began.elapsed() < PATIENCE, "{what} of {edge}: {:?}", began.elapsed());
         }
     }
-    // A JPEG that ends early is grey from there on, so that one of a size that is allowed is read.
+    // A JPEG that ends early is filled with grey, so a JPEG that claims an allowed size is accepted. Only larger sizes are tried.
     let too_large = [8193, 65_535].map(|edge| ("jpg", jpeg(edge)));
     for (what, bytes) in [8192, 8193, 65_535].map(|edge| ("png", png("texture", "rgb8.png", [4, 4], edge))).into_iter().chain(too_large) {
         let began = Instant::now();
         assert!(!readers::texture(&bytes) && began.elapsed() < PATIENCE, "{what}: {:?}", began.elapsed());
     }
-    // Words as long as a file may be, and tables as deep.
+    // Words that are as long as a file may be, and tables that are deeply nested.
     let long = [
         format!("{} = 1\n", "a".repeat(4 << 20)),
         format!("name = \"{}\"\n", "b".repeat(4 << 20)),

@@ -1,6 +1,6 @@
-//! Shaders edited while they draw: what is built anew, what stays, and what is said of a mistake.
+//! Shaders that are edited while they are in use: what is rebuilt, what stays, and which error a mistake causes.
 //!
-//! Each test has a device of its own: other sources than those compiled in are a device's, and nobody else's.
+//! Each test has a device of its own, because shader texts that replace the embedded ones are in effect for a whole device.
 
 use std::path::{Path, PathBuf};
 
@@ -21,14 +21,14 @@ use crate::fixtures::{request, small_scene, terrain};
 const LIGHTING: &str = "lighting/lighting.wgsl";
 const LIT: &str = "return vec4<f32>(sun + sky_diffuse + sky_specular, 1.0);";
 const LIT_BY_HALF: &str = "return vec4<f32>(0.5 * (sun + sky_diffuse + sky_specular), 1.0);";
-/// NaN, infinity, and a number. The compiler must not know them, so they depend on the pixel.
+/// Returns NaN, infinity and a finite number. The values depend on the pixel, so that the compiler cannot know them.
 const LIT_BY_NO_NUMBER: &str =
     "return vec4<f32>(bitcast<f32>(0x7fc00000u | (index.x & 1u)), bitcast<f32>(0x7f800000u + (index.x - index.x)), 0.25, 1.0);";
 const DISPLAY: &str = "display/display.wgsl";
 const NORMAL: &str = "let n = normal_smoothness.xyz;";
 const NO_SUCH_NAME: &str = "let n = no_such_name.xyz;";
 
-/// A copy of the shaders that were compiled in.
+/// A folder with a copy of the embedded shaders.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -38,7 +38,7 @@ impl Folder {
         Folder(path)
     }
 
-    /// Replaces what stands once in a file, and returns its line, from 1.
+    /// Replaces text that occurs once in a file. Returns the number of its line, from 1.
     fn edit(&self, name: &str, from: &str, to: &str) -> usize {
         let file = self.0.join(name);
         let text = std::fs::read_to_string(&file).expect("a shader");
@@ -68,12 +68,12 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // What is left lies in the folder of temporary files.
+        // If this fails, the files stay in the folder for temporary files.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
-/// The WGSL files of a folder, and of those in it.
+/// Copies the WGSL files of a folder and its subfolders.
 fn copy(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).expect("a folder");
     for entry in std::fs::read_dir(from).expect("the sources") {
@@ -105,22 +105,22 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     assert!(folder.sources().expect("all are there").is_empty(), "a file differs from what was compiled in, or is not where its name says");
     let gpu = Gpu::new().expect("an adapter");
     let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
-    // Whatever was compiled in, or is in the folder, is the same: nothing is built.
+    // The files in the folder equal the embedded ones, so nothing is built.
     assert_eq!(folder.reload(&mut renderer).expect("no change"), ReloadReport::default());
-    // Of one cheap variant: compiling is what these tests take their time for.
+    // Uses one cheap variant, because compiling takes most of the time of these tests.
     let request = forced(&renderer, Flavour::FarAtlas.bit());
     let first = draw(&mut renderer, &request);
-    assert!(!is_half_of(&first, &first), "a picture in which half is not all");
+    assert!(!is_half_of(&first, &first), "negative control: a picture is not half of itself");
 
     folder.edit(LIGHTING, LIT, LIT_BY_HALF);
     let report = folder.reload(&mut renderer).expect("compiles");
     assert_eq!((report.files, report.stages), (vec![LIGHTING.to_owned()], vec!["lighting"]));
     let dim = draw(&mut renderer, &request);
     assert!(is_half_of(&dim, &first));
-    // The same again is no change.
+    // Reloading the same files again changes nothing.
     assert_eq!(folder.reload(&mut renderer).expect("no change"), ReloadReport::default());
 
-    // A mistake of each kind: told with its place, and the picture stays as it was last.
+    // Each kind of mistake is reported with its place, and the picture stays as it was.
     let stays = |renderer: &mut Renderer<'_>| assert_eq!(draw(renderer, &request).hdr, dim.hdr);
     let line = folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
     let error = folder.refused(&mut renderer);
@@ -147,7 +147,7 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     stays(&mut renderer);
     folder.edit("shared/hash.wgsl", "-> u33 {", "-> u32 {");
 
-    // As an editor leaves it for a moment.
+    // An editor may leave a file empty, or remove it, for a moment while it saves.
     let text = std::fs::read(folder.0.join(LIGHTING)).expect("a shader");
     std::fs::write(folder.0.join(LIGHTING), "").expect("emptied");
     let error = folder.refused(&mut renderer);
@@ -158,7 +158,7 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     stays(&mut renderer);
     std::fs::write(folder.0.join(LIGHTING), text).expect("written");
 
-    // What was refused is nobody else's on this device: another renderer draws with the last good ones.
+    // Refused shaders affect no other renderer of the device: a new renderer draws with the last shaders that compiled.
     let mut other = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
     assert_eq!(draw(&mut other, &request).hdr, dim.hdr);
 
@@ -231,7 +231,7 @@ fn stages_are_built_anew_whose_files_changed_and_pages_with_them() {
         assert_eq!(picture.hdr, first.hdr, "{file}");
         assert_eq!(pages(&picture), (wanted, if pages_anew { wanted } else { 0 }), "{file}");
     }
-    // One of the two is used on any device.
+    // Each device uses only one of these two files.
     for file in ["classification/plain.wgsl", "classification/subgroup.wgsl"] {
         folder.append(file, "// A remark.\n");
         let used = (file == "classification/subgroup.wgsl") == gpu.features.contains(wgpu::Features::SUBGROUP);
@@ -248,7 +248,7 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
     let forced = |variant| request(&renderer, "ground").with(|r| r.shading.variant = VariantChoice::Forced(variant));
     let (atlas, full) = (forced(Variant::only(Flavour::FarAtlas)), forced(Variant::new(31).expect("all five")));
     let first = draw(&mut renderer, &atlas);
-    // Divides by 0 where the pipeline of all five flavours is specialised.
+    // The edit divides by 0 if the pipeline of all five flavours is specialised.
     let shading = "shading/shading.wgsl";
     folder.edit(
         "shading/pixel.wgsl",
@@ -263,18 +263,18 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
     assert_eq!(folder.reload(&mut renderer).expect("compiles for the variant that was drawn").stages, ["shading"]);
     assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
     let error = renderer.render(&full).expect_err("cannot be built");
-    // Not the device's failure: whoever draws keeps it.
+    // The request has failed, not the device, so the caller can keep the device.
     assert!(matches!(&error, Error::Request(text) if text.contains(shading)), "{error}");
     gpu.check().expect("the device has nothing to complain about");
     assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
-    // Once it was drawn, a change that breaks it is refused as a whole.
+    // If a variant has been drawn, a change that breaks it is refused as a whole.
     folder.edit("shading/pixel.wgsl", "(VARIANT ^ 31u)", "(VARIANT ^ 2u)");
     let error = folder.refused(&mut renderer);
     assert!(error.contains(shading), "{error}");
     assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
 }
 
-/// The application with the small scene and a folder's shaders, standing still at a camera.
+/// The application with the small scene and the shaders of a folder. Time and camera stand still.
 fn stage(folder: &Folder) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), [1100, 700], Some(folder.0.clone()), |app| {
         app.model.clock.paused = true;
@@ -295,38 +295,38 @@ fn the_workbench_starts_with_a_broken_shader_and_follows_the_folder() {
     let folder = Folder::new("workbench");
     folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
     let mut stage = stage(&folder);
-    stage.until("the complaint", |model| model.shader_error().is_some()).expect("told");
+    stage.until("the complaint", |model| model.shader_error().is_some()).expect("an error");
     let error = stage.model().shader_error().expect("just seen").to_owned();
     assert!(error.contains(LIGHTING) && error.contains("no_such_name"), "{error}");
     let first = texels(stage.model()).to_vec();
     folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
-    stage.until("the mended shader", |model| model.shader_error().is_none()).expect("told");
+    stage.until("the mended shader", |model| model.shader_error().is_none()).expect("no error");
     assert_eq!(texels(stage.model()), first);
-    // Nothing is asked for: the picture changes by itself.
+    // The picture must change without any input.
     folder.edit(LIGHTING, LIT, LIT_BY_HALF);
     stage.until("the edited shader", |model| texels(model) != first).expect("a picture");
     assert_eq!(stage.model().shader_error(), None);
     let dim = texels(stage.model()).to_vec();
-    // No run would draw that.
+    // A run would not draw with the edited shaders, so the view cannot be saved as an experiment.
     let place = folder.0.display();
     take(&mut stage, &format!("click Experiments; type Folder = {place}; type Experiment name = dim; click Save as experiment"));
     assert!(stage.names().iter().any(|name| name.contains("the program's own shaders")), "{:?}", stage.names());
     assert!(!folder.0.join("dim").exists());
     let line = folder.edit(LIGHTING, NORMAL, NO_SUCH_NAME);
-    stage.until("the complaint", |model| model.shader_error().is_some()).expect("told");
+    stage.until("the complaint", |model| model.shader_error().is_some()).expect("an error");
     let error = stage.model().shader_error().expect("just seen").to_owned();
     assert!(error.contains(&format!("{LIGHTING}:{line}: ")), "{error}");
     assert!(stage.names().iter().any(|name| name.contains(LIGHTING)), "{:?}", stage.names());
-    // Drawing goes on, with the last that compiled: here of another frame of a camera that stands still.
+    // Drawing goes on with the last shaders that compiled. The test draws a different frame first, so that the picture is drawn again.
     let frame = stage.model().shown().expect("a picture").wish.frame;
     stage.model().clock.frame = frame + 1;
     stage.settle().expect("a picture");
     stage.model().clock.frame = frame;
     stage.settle().expect("a picture");
     assert_eq!(texels(stage.model()), dim);
-    assert!(stage.model().shader_error().is_some(), "it stands for as long as it is so");
+    assert!(stage.model().shader_error().is_some(), "the error must stay for as long as the mistake does");
     folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
-    stage.until("the mended shader", |model| model.shader_error().is_none()).expect("told");
+    stage.until("the mended shader", |model| model.shader_error().is_none()).expect("no error");
     assert_eq!(texels(stage.model()), dim);
     folder.edit(LIGHTING, LIT_BY_HALF, LIT);
     stage.until("the first shader", |model| texels(model) == first).expect("a picture");

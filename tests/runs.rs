@@ -1,6 +1,6 @@
-//! Runs by the program itself, with pictures and all: killed and resumed, in shards, twice, by twos, on a full disk.
+//! Complete runs of the program, including pictures and reports: uninterrupted, killed and resumed, and in shards.
 //!
-//! One small definition on a small scene; what is measured is left to other tests.
+//! Most tests use one small definition on a small scene. Other tests check the measured values.
 
 use std::fs;
 use std::path::Path;
@@ -39,7 +39,7 @@ where = { noise = "white", variant = "near-cliff", lag = 1 }
 range = [0.1, 1.0]
 "#;
 
-/// The definition, beside a scene with small textures, and where the run goes.
+/// Writes the definition and a scene with small textures. Returns the path of the definition and the folder for results.
 fn prepare(folder: &Folder) -> [String; 2] {
     let small = kernels::scene::DEFAULT_TEXT.replace("detail_size = 1024", "detail_size = 64");
     assert_ne!(small, kernels::scene::DEFAULT_TEXT);
@@ -51,13 +51,13 @@ fn bytes(out: &str) -> [Vec<u8>; 2] {
     ["metrics.parquet", "metrics.csv"].map(|name| fs::read(Path::new(out).join("tiny").join(name)).expect("the run wrote its tables"))
 }
 
-/// How many parts of a run that is not finished are done.
+/// Number of finished parts of a run that is not finished.
 fn parts(out: &str) -> usize {
     let files = fs::read_dir(Path::new(out).join("tiny").join("parts")).into_iter().flatten().filter_map(Result::ok);
     files.filter(|file| file.path().extension().is_some_and(|e| e == "parquet")).count()
 }
 
-/// Goes on with a run, and kills it when it is time: after a while, or when so many parts are done.
+/// Starts or resumes a run, and kills it as soon as `is_time` returns true. The argument of `is_time` is the time since the start.
 fn kill(definition: &str, out: &str, is_time: impl Fn(Duration) -> bool) {
     let mut child = Command::new(program())
         .args(["run", definition, "--out", out, "--resume"])
@@ -67,22 +67,22 @@ fn kill(definition: &str, out: &str, is_time: impl Fn(Duration) -> bool) {
         .expect("the program can be started");
     let began = Instant::now();
     while !is_time(began.elapsed()) {
-        assert!(child.try_wait().expect("a child").is_none(), "it was over before it could be killed");
-        assert!(began.elapsed() < Duration::from_secs(300), "the run does not get on");
+        assert!(child.try_wait().expect("a child").is_none(), "the run ended before it could be killed");
+        assert!(began.elapsed() < Duration::from_secs(300), "the run makes no progress");
         std::thread::sleep(Duration::from_millis(2));
     }
     child.kill().expect("a child");
     child.wait().expect("a child");
 }
 
-/// The run in one go: what others are held against.
+/// The result of an uninterrupted run, with which other runs are compared.
 struct Whole {
     tables: [Vec<u8>; 2],
     rows: Vec<Row>,
     took: Duration,
 }
 
-/// Made once, and looked at.
+/// The result of an uninterrupted run, which is made and checked once.
 fn whole() -> &'static Whole {
     static WHOLE: OnceLock<Whole> = OnceLock::new();
     WHOLE.get_or_init(|| run_whole(&Folder::new("whole")))
@@ -100,18 +100,18 @@ fn run_whole(folder: &Folder) -> Whole {
     for name in ["report.html", "report.md", "manifest.json", "reference"] {
         assert!(Path::new(&whole).join("tiny").join(name).exists(), "{name}");
     }
-    // The frames as PNG sequences, with what judges them.
+    // The frames are written as PNG sequences, with the commands of programs that judge them.
     let video = Path::new(&whole).join("tiny").join("video");
     for name in ["reference-cliff-sideways", "sweep-cliff-sideways-fc5-hashed-off-near-cliff"] {
         assert_eq!((0..3).filter(|frame| video.join(name).join(format!("{frame:04}.png")).exists()).count(), 3, "{name}");
     }
     let judges = fs::read_to_string(video.join("sweep-cliff-sideways-fc5-hashed-off-near-cliff").join("judge.txt")).expect("written");
     assert!(judges.contains("cvvdp") && judges.contains("../reference-cliff-sideways/%04d.png"), "{judges}");
-    // A folder with a run in it is not written over, and another definition is not resumed into it.
+    // A folder that holds a run is not overwritten, and a run cannot be resumed with a different definition.
     failure(&["run", &definition, "--out", &whole], &["--resume"]);
     fs::write(&definition, TEXT.replace("frames = 3", "frames = 2")).expect("writable");
     failure(&["run", &definition, "--out", &whole, "--resume"], &["frames"]);
-    // One definition twice is no two definitions.
+    // The same definition cannot be given twice.
     failure(&["run", &definition, &definition, "--out", &folder.path("twice")], &["is given twice"]);
     Whole { tables, rows: run.rows, took }
 }
@@ -122,7 +122,8 @@ fn a_run_is_the_same_killed_and_resumed() {
     let [definition, _] = prepare(&folder);
     let Whole { tables: expected, took, .. } = whole();
     let took = *took;
-    // Killed and resumed: while it starts, in the midst of its first part, just after that, and in the midst of a later one. Equal bytes.
+    // The run is killed four times and resumed each time: while it starts, during its first part, just after that part, and during a later part. The
+    // final tables must have the same bytes as those of the uninterrupted run.
     let killed = folder.path("killed");
     let done = || parts(&killed);
     kill(&definition, &killed, |after| after > took / 60);
@@ -132,7 +133,8 @@ fn a_run_is_the_same_killed_and_resumed() {
     success(&["run", &definition, "--out", &killed, "--resume"]);
     assert!(bytes(&killed) == *expected, "the tables differ after kills");
 
-    // A finished run whose table is damaged is done again; stopped in that, and its reference damaged meanwhile, that is made again. Nothing differs.
+    // If the table of a finished run is damaged, the run is done again. That run is killed, and its reference picture is damaged. The reference must
+    // then be made again, too, and the tables must be the same.
     let table = Path::new(&killed).join("tiny").join("metrics.parquet");
     fs::write(&table, &expected[0][..expected[0].len() / 2]).expect("writable");
     assert_eq!(done(), 0, "a finished run keeps no parts");
@@ -141,7 +143,7 @@ fn a_run_is_the_same_killed_and_resumed() {
     assert!(reference.is_file());
     fs::write(&reference, b"no picture").expect("writable");
     success(&["run", &definition, "--out", &killed, "--resume"]);
-    assert!(bytes(&killed) == *expected, "the tables differ after they were done again");
+    assert!(bytes(&killed) == *expected, "the tables differ after the run was done again");
     assert!(fs::read(&reference).expect("made again").len() > 100, "the reference was not made again");
 }
 
@@ -149,7 +151,7 @@ fn a_run_is_the_same_killed_and_resumed() {
 fn a_run_is_the_same_in_shards() {
     let folder = Folder::new("shards");
     let [definition, _] = prepare(&folder);
-    // Disjoint, and together the same rows.
+    // The shards must be disjoint, and together have the same rows as the whole run.
     let shards = folder.path("shards");
     for shard in ["1/2", "2/2"] {
         success(&["run", &definition, "--out", &shards, "--shard", shard]);
@@ -159,27 +161,28 @@ fn a_run_is_the_same_in_shards() {
     rows.sort_by(Row::order);
     assert!(together.complete && together.rows == rows, "{} rows in shards, {} in one", together.rows.len(), rows.len());
 
-    // A damaged shard is said.
+    // A damaged shard is reported.
     let parquet = Path::new(&shards).join("tiny").join("shard-1-of-2").join("metrics.parquet");
     let text = fs::read(&parquet).expect("written");
     fs::write(&parquet, &text[..text.len() / 2]).expect("writable");
     let both = Path::new(&shards).join("tiny").display().to_string();
     failure(&["report", &both], &["metrics.parquet"]);
-    // So is one that does not say what it is.
+    // A shard without a manifest is reported.
     fs::remove_file(parquet.with_file_name("manifest.json")).expect("written");
     failure(&["report", &both], &["shard-1-of-2 has no manifest.json"]);
-    // And one that is not there, beside a report of what is.
+    // A missing shard is reported, and the report of the other shard is still written.
     fs::remove_dir_all(parquet.parent().expect("a folder")).expect("written");
     let report = Command::new(program()).args(["report", &both]).output().expect("the program can be started");
-    assert!(report.status.success() && String::from_utf8_lossy(&report.stderr).contains("missing is shard 1/2"), "{report:?}");
+    assert!(report.status.success() && String::from_utf8_lossy(&report.stderr).contains("missing: shard 1/2"), "{report:?}");
 }
 
-/// Of two pixels of one row the frame's quarter takes the one, the other, or neither: then nothing is followed beyond the first lag.
+/// The picture has two pixels in one row. Beyond the first lag, only a quarter of the pixels is followed, a different quarter in each frame. The
+/// quarter contains either one of the two pixels or none. If it contains none, nothing is followed beyond the first lag in that frame.
 #[test]
 fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
     let folder = Folder::new("two-pixels");
     prepare(&folder);
-    // Two pixels ask for the coarsest nodes, which a camera near the ground may lie beneath.
+    // A picture of two pixels uses the coarsest nodes, whose surface may be above a camera that is near the ground. So this camera is high.
     let scene = kernels::scene::DEFAULT_TEXT.replace("detail_size = 1024", "detail_size = 64")
         + "\n[[camera]]\nname = \"above\"\nposition = [0.0, 0.0, 400.0]\nabove_ground = true\nyaw_deg = 0.0\npitch_deg = -60.0\nfov_deg = 40.0\n";
     folder.write("scene.toml", &scene);

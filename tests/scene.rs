@@ -1,4 +1,4 @@
-//! Scene files: reading, validation, what follows from them; and the 31 variants.
+//! Scene files: reading, validation, and the requirements that follow from a scene; and the 31 variants.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,7 +12,7 @@ use kernels::scene::{DEFAULT_TEXT, Scene};
 use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 
-/// The least that a scene file can say, line by line, so that errors' lines can be checked.
+/// A small scene file. Tests check the numbers of the lines that errors name, so lines must not move.
 const SMALL: &str = "\
 name = \"small\"
 [world]
@@ -64,14 +64,14 @@ fn small() -> Scene {
     parse(SMALL).expect("the small scene is valid")
 }
 
-/// `SMALL` with one thing changed; a change that finds nothing to change would test nothing.
+/// `SMALL` with one change. Fails if `from` is not found, because the test would then check nothing.
 fn edited(from: &str, to: &str) -> String {
     let text = SMALL.replacen(from, to, 1);
     assert_ne!(text, SMALL, "`{from}` is not in the small scene");
     text
 }
 
-/// A folder of its own, removed at the end.
+/// A temporary folder that is removed at the end of a test.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -105,9 +105,9 @@ fn built_in_scene_loads_and_has_what_the_documents_promise() {
     }
     let laid: BTreeSet<&str> = scene.rules.iter().map(|r| r.material.as_str()).collect();
     for material in &scene.materials {
-        assert!(laid.contains(material.name.as_str()), "no rule lays down {}", material.name);
+        assert!(laid.contains(material.name.as_str()), "no rule assigns {}", material.name);
     }
-    // The tables that are written out must stay the defaults that the documentation says they are.
+    // The optional tables of the built-in scene must equal the defaults, as the documentation says.
     let short: String = DEFAULT_TEXT.split("[flavours]").next().map(str::to_owned).unwrap_or_default();
     let rest = parse(&short).expect("the scene without its optional tables is valid");
     assert_eq!((rest.flavours, rest.blend), (scene.flavours, scene.blend));
@@ -135,7 +135,7 @@ fn unknown_keys_name_the_nearest_known_one_and_their_line() {
         ("frames_per_key = 4", "frames_per_keys = 4", 30, "unknown key `frames_per_keys`: did you mean `frames_per_key`?"),
         ("seed = 1", "seed = 1\nholes = [{ centre = [0, 0], radius = 3 }]", 5, "unknown key `radius`: did you mean `radius_m`?"),
         ("name = \"small\"", "name = \"small\"\n[blends]", 2, "unknown key `blends`: did you mean `blend`?"),
-        // A word like none: all are listed.
+        // If no known key is similar, the error lists all known keys.
         ("seed = 1", "seed = 1\nxyzzy = 2", 5, "unknown key `xyzzy`: known here: colour_modulation, holes, seed"),
         ("[[rule]]", "[sun]\nwarmth = 2\n[[rule]]", 14, "unknown key `warmth`: known here: azimuth_deg, elevation_deg, irradiance"),
     ];
@@ -249,7 +249,7 @@ fn lists_have_bounds() {
         scene::validate(&scene)
     };
     assert!(many(256).is_ok());
-    let error = many(257).expect_err("an 8-bit index tells 256 apart").to_string();
+    let error = many(257).expect_err("257 materials do not fit an 8-bit index").to_string();
     assert!(error.contains("257") && error.contains("256") && error.contains("remove 1"), "{error}");
 }
 
@@ -272,7 +272,7 @@ fn files_are_looked_for_beside_the_scene_file() {
     assert_eq!(load(&folder.0.display().to_string()), Ok(by_file));
 
     folder.write("scene.toml", text.replace("[0, 100]", "[100, 100]"));
-    let error = load(&file).expect_err("a range from 100 to 100 is none");
+    let error = load(&file).expect_err("a range from 100 to 100 is empty");
     assert!(error.contains("height_range_m") && error.contains("low to high"), "{error}");
 }
 
@@ -300,7 +300,7 @@ fn cliffs_are_refused_where_the_world_has_none() {
     assert!(scene::validate_against_world(&scene, f64::NAN).is_err());
     assert!(scene::validate_against_world(&scene, 45.0).is_ok());
     scene.flavours.cliff_slope_deg = 90.0;
-    assert!(scene::validate_against_world(&scene, 31.26).is_ok(), "no cliffs are asked for");
+    assert!(scene::validate_against_world(&scene, 31.26).is_ok(), "the scene has no cliffs");
 }
 
 #[test]
@@ -322,7 +322,7 @@ fn requirements_follow_from_the_scene() {
     let least = Requirements::of(&scene);
     let required = |r: &Requirements| r.textures.iter().filter(|t| t.required).map(|t| t.name).collect::<Vec<_>>();
     assert!(!required(&least).iter().any(|name| name.starts_with("page")), "{:?}", required(&least));
-    assert!(required(&least).contains(&"detail albedo"), "the reference that errors are measured against samples them");
+    assert!(required(&least).contains(&"detail albedo"), "the reference, with which errors are measured, samples these textures");
     assert!(least.bytes() < Requirements::of(&small()).bytes());
 
     scene.flavours.cliff_slope_deg = 45.0;
@@ -336,12 +336,12 @@ fn required_textures_have_the_sizes_of_the_formats() {
         scene::World::Procedural { seed: 1, holes: vec![scene::Hole { centre: [0.0; 2], radius_m: 2.0 }], colour_modulation: 0.5 };
     let requirements = Requirements::of(&scene);
     assert!(requirements.holes && requirements.colour_modulation);
-    // A node's payload is 72 419 bytes in all, of which 64 are patch cones, which only culling reads; slot 0 stands for "not loaded".
+    // The payload of a node has 72 419 bytes. 64 of them are patch cones, which only culling reads. Slot 0 means "not loaded".
     let nodes: u64 = requirements.textures.iter().filter(|t| t.name.starts_with("node ") && t.required).map(|t| t.bytes).sum();
     assert_eq!(nodes, (72_419 - 64) * u64::from(residency::CAPACITY + 1));
 
     let of = |r: &Requirements, name: &str| r.textures.iter().find(|t| t.name == name).cloned().expect("it is in the list");
-    // BC1 of 1024² down to 1²: blocks of 256², 128², ..., 2², and 1 for each of 4², 2², 1² texels.
+    // BC1 with mips from 1024² to 1² texels: 256², 128², ..., 2² blocks, and 1 block for each of 4², 2² and 1² texels.
     let blocks: u64 = (1..=8).map(|i| 1u64 << (2 * i)).sum::<u64>() + 3;
     let albedo = of(&requirements, "detail albedo");
     assert_eq!((albedo.layers, albedo.mips, albedo.bytes), (2, 11, 2 * blocks * 8));
@@ -349,7 +349,7 @@ fn required_textures_have_the_sizes_of_the_formats() {
     assert_eq!(of(&requirements, "detail height").size, [512, 512]);
     assert_eq!(of(&requirements, "page normal").bytes, 2 * 256 * (264 * 264 + 132 * 132));
 
-    // Two materials of one source share its layers.
+    // Two materials with the same source share its layers.
     scene.materials[1].procedural = scene.materials[0].procedural.clone();
     assert_eq!(of(&Requirements::of(&scene), "detail albedo").layers, 1);
 

@@ -1,4 +1,4 @@
-//! The tables of settings: complete, true to what files hold, with one sentence for one mistake wherever it is made, and documented.
+//! The tables of settings must be complete, agree with the files, give the same error for a mistake in every place, and agree with the documentation.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ fn default_scene() -> Scene {
     scene::load(scene::DEFAULT).expect("built in")
 }
 
-/// The default scene on a heightmap, whose world has other settings. There need not be such a file.
+/// The default scene with a heightmap as its world, which has different settings. The file does not have to exist.
 fn heightmap_scene() -> Scene {
     let world = World::Heightmap {
         file: PathBuf::from("none.png"),
@@ -31,7 +31,7 @@ fn heightmap_scene() -> Scene {
     Scene { world, ..default_scene() }
 }
 
-/// What a scene's file holds under a key.
+/// The value that the file of a scene holds under a key.
 fn held(scene: &Scene, key: &str) -> Option<Value> {
     let document = Value::try_from(scene).expect("a scene is a document");
     key.split('.').try_fold(document, |at, step| at.get(step).cloned())
@@ -50,7 +50,7 @@ fn leaves(table: &Value, prefix: &str) -> Vec<String> {
 
 #[test]
 fn every_single_value_of_a_scene_is_a_setting() {
-    // What decides which settings there are, a file, and what people read, are none.
+    // These keys are not settings: one decides which settings exist, one is a file, and two are texts for people.
     let others = ["world.kind", "world.file", "name", "description"];
     let mut found = 0;
     for scene in [default_scene(), heightmap_scene()] {
@@ -60,14 +60,14 @@ fn every_single_value_of_a_scene_is_a_setting() {
             keys.extend(leaves(&document[table], &format!("{table}.")));
         }
         for key in keys.iter().filter(|key| !others.contains(&key.as_str())) {
-            assert!(scene::setting(key).is_some(), "`{key}` is in a scene file and no setting");
+            assert!(scene::setting(key).is_some(), "`{key}` is in a scene file, but not a setting");
             found += 1;
         }
     }
     assert!(found > 40, "{found} values");
 }
 
-/// Another value that a setting accepts.
+/// A different value that a setting accepts.
 fn another(kind: Kind, value: &Value) -> Value {
     match (kind, value) {
         (Kind::Number(range), _) => Value::Float(range.most),
@@ -85,7 +85,7 @@ fn another(kind: Kind, value: &Value) -> Value {
     }
 }
 
-/// A value that a setting does not accept, near to those that it does.
+/// A value that a setting does not accept, but that is close to accepted values.
 fn wrong(kind: Kind) -> Value {
     match kind {
         Kind::Number(range) => Value::Float(range.most + 1.0),
@@ -111,7 +111,7 @@ fn settings_read_and_write_what_the_file_holds() {
             setting.set(&mut changed, &other).unwrap_or_else(|what| panic!("{what}"));
             assert_eq!((setting.get(&changed), held(&changed, setting.key)), (Some(other.clone()), Some(other)), "{}", setting.key);
             assert!(changed != scene, "{}", setting.key);
-            // What is not accepted changes nothing.
+            // A value that is not accepted changes nothing.
             let mut unchanged = scene.clone();
             let what = setting.set(&mut unchanged, &wrong(setting.kind)).expect_err("not accepted");
             assert!(what.starts_with(&format!("`{}` is ", setting.key)) && unchanged == scene, "{what}");
@@ -150,7 +150,7 @@ fn defaults_are_what_an_empty_table_gives() {
     }
 }
 
-/// What is said of a definition that sets `key` to `value`.
+/// The error for a definition that sets `key` to `value`.
 fn of_definition(folder: &Folder, key: &str, value: &Value) -> String {
     let text = format!(
         "name = \"wrong\"\nquestion = \"What is said?\"\nviews = [\"cliff\"]\nsize = [16, 16]\nframes = 1\nvariants = [\"auto\"]\n[set]\n\"{key}\" = {value}\n"
@@ -158,7 +158,7 @@ fn of_definition(folder: &Folder, key: &str, value: &Value) -> String {
     definition::parse(&text, "wrong.toml", &folder.0).expect_err("refused").to_string()
 }
 
-/// What a call of the program says, which is wrong.
+/// The error of the program for wrong arguments.
 fn of_call(arguments: &[String]) -> String {
     let mut all = vec!["render", "--camera", "cliff", "--out", "x.png"];
     all.extend(arguments.iter().map(String::as_str));
@@ -167,7 +167,7 @@ fn of_call(arguments: &[String]) -> String {
     text(&output.stderr)
 }
 
-/// The warnings about a state file, and that it changed nothing.
+/// The warnings about a wrong state file. Checks that the file changes no setting.
 fn of_state(folder: &Folder, text: &str) -> Vec<String> {
     let file = folder.write("workbench.toml", &format!("version = 2\n{text}"));
     let (kept, line) = Kept::load(Path::new(&file));
@@ -181,12 +181,12 @@ fn of_state(folder: &Folder, text: &str) -> Vec<String> {
     said
 }
 
-/// The one sentence, from the setting itself.
+/// The error of the setting itself for a wrong value.
 fn sentence<T>(setting: &Setting<T>, owner: &mut T) -> String {
     setting.set(owner, &wrong(setting.kind)).expect_err("not accepted")
 }
 
-/// A value as the command line has it.
+/// A value as it is written on the command line.
 fn typed(value: &Value) -> String {
     value.as_str().map_or_else(|| shown(value).replace(['[', ']'], ""), str::to_owned)
 }
@@ -233,7 +233,7 @@ fn a_wrong_value_of_a_scene_is_said_in_one_sentence_everywhere() {
         assert!(found.contains(&format!(": {said} (")), "{said}: {found}");
         let found = of_definition(&folder, setting.key, &value);
         assert!(found.ends_with(&said), "{said}: {found}");
-        // In the scene's own file, where it is written out.
+        // The same mistake in a scene file that contains all settings.
         let (from, to) = (format!("\n{} = {usual}\n", setting.name()), format!("\n{} = {value}\n", setting.name()));
         let written = toml::to_string(&scene).expect("a scene can be written");
         let changed = written.replacen(&from, &to, 1);
@@ -285,7 +285,8 @@ fn settings_reference_is_current() {
 
 #[test]
 fn the_built_in_scene_is_not_changed_by_its_settings() {
-    // The text that is written out has the defaults; a setting of another default would show here. The built-in scene has a light of its own.
+    // The built-in scene contains its settings with their default values, so a default that differs from it fails here. Sun and sky are left out: the
+    // built-in scene has its own values for them.
     let written = scene::parse(DEFAULT_TEXT, scene::DEFAULT, Path::new("")).expect("built in");
     let has_default = |key: &str| !key.starts_with("sun.") && !key.starts_with("sky.");
     for setting in scene::settings().filter(|setting| has_default(setting.key)) {

@@ -1,6 +1,6 @@
-//! Every shader module as naga sees it: parsed, validated, and its overrides resolved, without a device.
+//! Every shader module, checked by naga without a device: it is parsed and validated, and its overrides are resolved.
 //!
-//! What a device would only say when a variant is first wanted (and some backends never say) is said here for all of them.
+//! A device reports some errors only when a variant is first used, and some backends never report them. These tests report them for all variants.
 
 use kernels::base::wgsl::{self, Wgsl};
 use kernels::frame::{DECLARATIONS, FOLLOWING, shader_files};
@@ -14,24 +14,24 @@ use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
-/// A shader module as the stages make it.
+/// A shader module with the text that the stages compile.
 pub(crate) struct Source {
     pub(crate) name: &'static str,
     pub(crate) text: String,
-    /// What it needs beyond the base that every adapter has.
+    /// Capabilities that it needs in addition to those that every adapter has.
     needs: Capabilities,
 }
 
 pub(crate) fn source(module: &ShaderModule) -> Source {
     let has = |path: &str| module.files().iter().any(|file| file.path == path);
     let mut needs = Capabilities::empty();
-    // Packing to f16 in a word, which every adapter has: WGSL's pack2x16float.
+    // This is `pack2x16float`, which packs f16 numbers into a word. Every adapter supports it.
     needs.set(Capabilities::SHADER_FLOAT16_IN_FLOAT32, has("shared/signal.wgsl"));
     needs.set(Capabilities::SUBGROUP, has("classification/subgroup.wgsl"));
     Source { name: module.name, text: wgsl::joined(&module.pieces()), needs }
 }
 
-/// Every module that a device is given: those that stages declare, and those of the passes that follow frames.
+/// Every module that is compiled on a device: those that stages declare, and those of the passes that follow a sequence of frames.
 pub(crate) fn sources() -> Vec<Source> {
     let declared = DECLARATIONS.iter().flat_map(|stage| stage.modules.iter().copied());
     let following = [&temporal::MODULE, &metrics::MODULE, &metrics::SEEDS_MODULE];
@@ -40,15 +40,15 @@ pub(crate) fn sources() -> Vec<Source> {
     all
 }
 
-/// Parses and validates, given no more than `capabilities`.
+/// Parses and validates a text that may use only `capabilities`.
 pub(crate) fn validate(text: &str, capabilities: Capabilities) -> Result<(naga::Module, ModuleInfo), String> {
     let module = naga::front::wgsl::parse_str(text).map_err(|e| e.emit_to_string(text))?;
     let info = Validator::new(ValidationFlags::all(), capabilities).validate(&module).map_err(|e| e.emit_to_string(text))?;
     Ok((module, info))
 }
 
-/// The module of an entry point with these overrides. Names that it does not declare are an error, and so are overrides without default
-/// that are not given.
+/// The module of an entry point with its overrides resolved. It is an error if `overrides` contains a name that the module does not declare, or lacks
+/// an override without a default.
 fn resolve(
     (module, info): &(naga::Module, ModuleInfo),
     entry: (ShaderStage, &str),
@@ -62,7 +62,7 @@ fn resolve(
     Ok(resolved.into_owned())
 }
 
-/// Values of the constants that overrides became, of those that the entry point uses.
+/// The value of the constant that replaced an override; `None` if the entry point does not use it.
 fn resolved_value(module: &naga::Module, name: &str) -> Option<f64> {
     let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
     match module.global_expressions[constant.init] {
@@ -72,7 +72,7 @@ fn resolved_value(module: &naga::Module, name: &str) -> Option<f64> {
     }
 }
 
-/// Overrides that a key decides: those whose default is a number of its own, and does not follow from others.
+/// Overrides that a key must give: those without default, and those whose default is a number. The defaults of all others follow from these.
 fn declared(module: &naga::Module) -> Vec<&str> {
     let is_own = |init: Option<naga::Handle<naga::Expression>>| {
         init.is_none_or(|init| matches!(module.global_expressions[init], naga::Expression::Literal(_)))
@@ -92,21 +92,21 @@ fn every_module_is_valid() {
         assert!(!module.entry_points.is_empty(), "{name} has no entry point");
         // Negative controls, for each module: a wrong type, an unknown name, a text that ends early, a capability that is not given.
         let with = |mistake: &str| validate(&format!("{text}\nfn planted(v: u32) -> f32 {{ return {mistake}; }}"), needs);
-        assert!(with("f32(v)").is_ok(), "{name}: what is right was refused");
+        assert!(with("f32(v)").is_ok(), "{name}: a valid function was refused");
         assert!(with("v").is_err(), "{name}: a function that returns the wrong type passed");
         assert!(with("nowhere(v)").is_err(), "{name}: a call of an unknown function passed");
         let end = text.trim_end().len() - 1;
         assert!(validate(&text[..end], needs).is_err(), "{name}: a module without its last brace passed");
         if !needs.is_empty() {
-            assert!(validate(&text, Capabilities::empty()).is_err(), "{name}: valid without {needs:?}, so it does not need it");
+            assert!(validate(&text, Capabilities::empty()).is_err(), "{name}: valid without {needs:?}, so it does not need them");
         }
     }
 }
 
-/// A file with what it declares to need, and nothing else. An error names the file.
+/// Validates a file together with the files that it declares as needs, and nothing else. An error names the file.
 fn alone(file: &'static Wgsl) -> Result<(), String> {
     let text = wgsl::joined(&wgsl::pieces(&[file]));
-    // Some files lack an entry point of their own; any module may.
+    // A file alone may be part of any module, so it may use the capabilities of any module.
     let capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32 | Capabilities::SUBGROUP;
     validate(&text, capabilities).map(drop).map_err(|error| format!("{}: {error}", file.path))
 }
@@ -120,7 +120,8 @@ fn every_file_declares_what_it_needs_and_no_more() {
     files.extend(kernels::shared::WGSL);
     for file in files {
         alone(file).unwrap_or_else(|error| panic!("{error}"));
-        // A file that is named is used: without it the rest does not hold together, unless another need brings it.
+        // A file must use something of each need that it declares. Validation alone does not check this, because it also accepts needs that are not
+        // used.
         let words = |text: &str| text.split(|c: char| !c.is_alphanumeric() && c != '_').map(str::to_owned).collect::<Vec<_>>();
         let used = words(file.text);
         for need in file.needs {
@@ -143,7 +144,7 @@ fn every_file_declares_what_it_needs_and_no_more() {
             assert!(names.iter().any(|name| used.contains(name)), "{} needs {}, but uses nothing of it", file.path, need.path);
         }
     }
-    // Negative control: a file that leaves out a need is refused by its path.
+    // Negative control: a file that does not declare a need is refused, and the error names the file.
     static LACKING: Wgsl = Wgsl::new("lacking.wgsl", "fn f(v: u32) -> u32 { return hash_pcg(v); }", &[&kernels::shared::USABLE]);
     let error = alone(&LACKING).expect_err("hash.wgsl is not among its needs");
     assert!(error.starts_with("lacking.wgsl: ") && error.contains("hash_pcg"), "{error}");
@@ -157,7 +158,7 @@ fn every_variant_resolves() {
     for kernel in kernels() {
         for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS) {
             for diagnostics in [false, true] {
-                // The rest of the key takes turns: a value is wrong for all kernels or for none.
+                // The other fields of the key alternate instead of being combined, because a wrong value of such a field is wrong for all kernels.
                 let (noise, two_tilings) = (NoiseKind::ALL[keys.len() % NoiseKind::ALL.len()], keys.len() % 2 == 1);
                 keys.push(PipelineKey { kernel, estimator, noise, two_tilings, diagnostics });
             }
@@ -178,20 +179,20 @@ fn every_variant_resolves() {
             let open = resolved.global_expressions.iter().any(|(_, e)| matches!(e, naga::Expression::Override(_)));
             assert!(!open, "{key:?}, {}: an override is left", entry.1);
             for (name, value) in overrides {
-                // The vertex stage uses one of them, and what is not used is taken out.
+                // The vertex stage uses only one of the overrides, and naga removes those that are not used.
                 let found = resolved_value(&resolved, name);
                 assert!(found.is_none_or(|v| (v - value).abs() < 0.5), "{key:?}: {name} became {found:?}, not {value}");
             }
             assert!(resolved_value(&resolved, "VARIANT").is_some(), "{}: VARIANT is not used", entry.1);
         }
-        // All that the module leaves open is decided by the key: none rests on a default.
+        // The key gives every override that the module declares, so none keeps its default.
         let mut names = overrides.map(|(name, _)| name);
         let mut open = declared(&shading.0);
         names.sort_unstable();
         open.sort_unstable();
         assert_eq!(open, names);
     }
-    // Negative controls: a misspelt name, a value out of the type's range, a wrong entry point, a value that the comparison must notice.
+    // Negative controls: a misspelt name, a value out of the type's range, and a wrong entry point are errors; a given value is found in the result.
     let fragment = (ShaderStage::Fragment, "shading_fragment");
     assert!(resolve(&shading, fragment, &[("VARIANT", 3.0)]).is_ok());
     assert!(resolve(&shading, fragment, &[("VARIANTS", 3.0)]).is_err());
@@ -215,7 +216,7 @@ fn other_stages_overrides_exist() {
             let resolved = resolve(&module, entry, &[(name, value)]).unwrap_or_else(|e| panic!("{}: {e}", entry.1));
             assert_eq!(resolved_value(&resolved, name), Some(value), "{}", entry.1);
         }
-        // Negative control.
+        // Negative control: an unknown name.
         assert!(resolve(&module, entry, &[(&name[1..], 1.0)]).is_err());
     }
 }

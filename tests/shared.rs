@@ -1,8 +1,8 @@
-//! `kernels::shared` on the CPU: every pair's reference held to its formula, and that its WGSL is valid. Symmetries, orders and arguments of any bits are
-//! in `properties.rs`, statistics of the noise in `noise.rs` and `noise_stability.rs`.
+//! `kernels::shared` on the CPU: the reference of every pair is compared with its formula, and its WGSL must be valid. `properties.rs` tests
+//! symmetries, orders and arguments of arbitrary bits; `noise.rs` and `noise_stability.rs` test the statistics of noise.
 //!
-//! Statistical tests have fixed seeds. Each states its null hypothesis; its family of N tests is held to a level of 0.1 % in all
-//! (each to 1 - 0.999^(1/N), Sidak). Where a comparator decides, a mutant that it must reject stands beside it.
+//! Statistical tests have fixed seeds, and each states its null hypothesis. Each family of N tests has a level of 0.1 % in all (1 - 0.999^(1/N) for
+//! each test, Sidak). A test that compares with a formula also tries a mutant, which it must reject.
 
 use experiments::stability::noise::{ORIGINS, SECTOR_M, scattered};
 use experiments::stability::statistics::{Random, goodness_p, independent_p, sidak, uniform_bins_p, uniform_ks_p};
@@ -27,7 +27,7 @@ fn largest_difference<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
 
 #[test]
 fn hashes_have_their_published_values() {
-    // First outputs of the paper's pcg4d and pcg, worked out by hand from the published code.
+    // The pcg4d of the paper (Jarzynski & Olano 2020), written independently from the published code.
     fn pcg4d(v: [u32; 4]) -> [u32; 4] {
         let [mut x, mut y, mut z, mut w] = v.map(|a| (u64::from(a) * 1_664_525 + 1_013_904_223) as u32);
         let mad = |a: u32, b: u32, c: u32| ((u64::from(b) * u64::from(c) + u64::from(a)) & 0xffff_ffff) as u32;
@@ -47,7 +47,7 @@ fn hashes_have_their_published_values() {
         let v = [0; 4].map(|_: u32| random.word() as u32);
         assert_eq!(hash::pcg4d(v), pcg4d(v), "input {v:?}");
     }
-    // The reference PCG stream (O'Neill 2014, 32-bit RXS-M-XS) is a permutation: no two of 2^16 neighbours meet.
+    // The output function of PCG (O'Neill 2014, 32-bit RXS-M-XS) is a permutation: 2^16 successive words have different hashes.
     let mut seen: Vec<u32> = (0..65_536).map(hash::pcg).collect();
     seen.sort_unstable();
     seen.dedup();
@@ -71,9 +71,9 @@ fn parameters_mix_without_cancelling() {
         words.dedup();
         words.len()
     };
-    // 64 000 random words meet about half a time.
+    // Among 64 000 random words of 32 bits, about half a pair is equal on average.
     assert!(distinct(seen) >= 63_990);
-    // Negative control: a plain sum is no mixture.
+    // Negative control: the hash of a plain sum of the parameters has many equal values.
     let sums = (0..64_000).map(|i: u32| hash::pcg(i % 40 + i / 40 % 40 + i / 1600)).collect();
     assert!(distinct(sums) < 63_990);
 }
@@ -126,7 +126,7 @@ fn cells_are_the_same_near_and_far() {
     };
     for footprint in [0.003, 0.1, 1.7, 40.0] {
         for scales in HASHED.map(|(_, scales)| scales) {
-            // Where cells begin along 64 m, at three distances from the origin.
+            // The positions at which cells begin along 64 m. They must be equal at three distances from the origin.
             let borders = |sector: i32| -> Vec<u32> {
                 (1..4096u32)
                     .filter(|&i| {
@@ -137,7 +137,8 @@ fn cells_are_the_same_near_and_far() {
             };
             assert_eq!(borders(0), borders(156));
             assert_eq!(borders(0), borders(15_625));
-            // A point beyond its sector's edge lies in the neighbour's cell: no seam.
+            // There is no seam between sectors: a point beyond the edge of its sector lies in the same cell as the equal point of the neighbouring
+            // sector.
             for i in 0..200 {
                 let x = f64::from(i) * 0.07;
                 let (over, own) = (point(15_625, SECTOR_M + x, footprint), point(15_626, x, footprint));
@@ -148,7 +149,7 @@ fn cells_are_the_same_near_and_far() {
             }
         }
     }
-    // f32 sees the same cells as f64: a million metres away coordinates still have their digits.
+    // f32 finds the same cells as f64, also 1000 km from the origin, because positions are relative to a sector.
     for i in 0..5000 {
         let small = as_f32(&scattered(ORIGINS[2].1, i).point);
         let exact = HashedPoint {
@@ -160,8 +161,8 @@ fn cells_are_the_same_near_and_far() {
             hash_scale: 1.0,
         };
         let (a, b) = (noise::hashed_isotropic(&small, 1, 1), noise::hashed_isotropic(&exact, 1, 1));
-        // The blend follows log2 of the footprint, which f32 has to 16 * 2^-24; the correction's slope is at most 1/max(l, 1-l) <= 2,
-        // that in l at most 2 as well.
+        // The blend factor l depends on log2 of the footprint, which has an error of up to 16 * 2^-24 in f32. The slope of the correction in x is at
+        // most 1/max(l, 1-l) <= 2, and its slope in l is at most 2, too. The tolerance is four times the error that follows.
         assert!(largest_difference(a.map(f64::from), b) < 8.0 * 16.0 * f64::from(f32::EPSILON), "{a:?} {b:?}");
     }
 }
@@ -189,15 +190,15 @@ fn thresholds_follow_the_scale_without_a_pop() {
         };
         noise::isotropic_scales(&point, 1, 1)
     };
-    // 5e-4 levels a step, times at most 4 for the correction.
+    // A step is 5e-4 levels, and the correction enlarges a change at most 4 times.
     assert!(largest_step(&|level| at(level).thresholds()) < 2.5e-3);
-    // Negative control: the larger cell alone pops at every power of two.
+    // Negative control: the value of the larger cell alone jumps at every power of two.
     assert!(largest_step(&|level| at(level).coarse) > 0.1);
 }
 
 #[test]
 fn correction_is_the_distribution_function_of_the_blend() {
-    // P((1-l) U1 + l U2 < x) as the mean over U1 of the chance that U2 is small enough, by the midpoint rule.
+    // P((1-l) U1 + l U2 < x): the mean over U1 of the probability that U2 is small enough, by the midpoint rule.
     let integral = |x: f64, l: f64| {
         let n = 4000;
         (0..n).map(|i| ((x - (1.0 - l) * (f64::from(i) + 0.5) / f64::from(n)) / l).clamp(0.0, 1.0)).sum::<f64>() / f64::from(n)
@@ -212,7 +213,7 @@ fn correction_is_the_distribution_function_of_the_blend() {
         }
         worst
     };
-    // The integrand has two kinks with slope at most 1/l: midpoint error below 1/(l n²) times a few.
+    // The integrand has two kinks, and its slope is at most 1/l. So the error of the midpoint rule is a few times 1/(l n²) at most.
     assert!(worst(&noise::correct) < 1e-5);
     assert!(worst(&|x, _| x) > 0.01, "the mutant without correction passed");
     assert!(worst(&|x, l| noise::correct(x, (1.0 - l) * 0.9)) > 0.01, "the mutant with a wrong factor passed");
@@ -221,7 +222,7 @@ fn correction_is_the_distribution_function_of_the_blend() {
             assert!((noise::correct(x, l) - x).abs() < 1e-12);
             assert!((noise::correct(x as f32, l as f32) - x as f32).abs() < 1e-6);
         }
-        // Symmetric in l and 1-l.
+        // The correction is symmetric in l and 1-l.
         assert!((noise::correct(x, 0.2) - noise::correct(x, 0.8)).abs() < 1e-12);
     }
     assert!(noise::correct(1.0_f32, 0.5) < 1.0);
@@ -243,7 +244,7 @@ fn noise_kinds_have_names_and_codes() {
 
 #[test]
 fn cells_are_about_a_pixel_wide() {
-    // Width of the larger cell over the footprint, hash_scale 1 and 2: between 1 and 2 times hash_scale.
+    // The width of the larger cell is between 1 and 2 times hash_scale, in footprints.
     for hash_scale in [1.0, 2.0] {
         for footprint in [0.011, 0.3, 1.3] {
             let at = |x: f64| HashedPoint {
@@ -276,7 +277,7 @@ fn axes_survive<T: Real>(bits: u32) {
             if bits == 8 {
                 for stored in [octahedral::quantise8(octahedral::encode(n)), octahedral::encode8_precise(n)] {
                     assert_eq!(octahedral::decode(octahedral::dequantise8(stored)), n);
-                    // Through a byte, as a texture keeps it.
+                    // A texture stores the code in a byte.
                     let bytes = stored.map(|s| T::of(f64::from((s.to_f64() * 255.0).round() as u8)) / T::of(255.0));
                     assert_eq!(octahedral::decode(octahedral::dequantise8(bytes)), n);
                 }
@@ -291,7 +292,7 @@ fn axes_survive_exactly() {
         axes_survive::<f32>(bits);
         axes_survive::<f64>(bits);
     }
-    // Negative control: with all 256 codes zero falls between two of them.
+    // Negative control: if all 256 codes are used, zero falls between two of them.
     let all_codes = |x: f64| ((x * 0.5 + 0.5) * 255.0).round() / 255.0 * 2.0 - 1.0;
     assert_ne!(octahedral::decode(octahedral::encode([0.0, 0.0, 1.0]).map(all_codes)), [0.0, 0.0, 1.0]);
 }
@@ -310,11 +311,11 @@ fn octahedral_errors_are_the_published_ones() {
         }
         (mean, max)
     };
-    // Cigolle et al. 2014, table of mean and maximum errors, 16 bits in all: oct-P mean 0.314°, max 0.636°.
+    // Cigolle et al. 2014, table of mean and maximum errors, for 16 bits per direction: oct-P has a mean of 0.314° and a maximum of 0.636°.
     let published = |(mean, max): (f64, f64)| (0.310..0.319).contains(&mean) && (0.60..0.64).contains(&max);
     let precise = errors(&|n| octahedral::dequantise(octahedral::encode_precise(n, 8), 8));
     assert!(published(precise), "{precise:?}");
-    // Negative control: nearest codes alone are the survey's plain "oct": mean 0.337°, max 0.944°.
+    // Negative control: rounding each coordinate to its nearest code is the plain "oct" of the survey, with a mean of 0.337° and a maximum of 0.944°.
     let plain = errors(&|n| octahedral::dequantise(octahedral::quantise(octahedral::encode(n), 8), 8));
     assert!(!published(plain) && (0.33..0.345).contains(&plain.0) && (0.88..0.95).contains(&plain.1), "{plain:?}");
     // Each bit halves the error.
@@ -322,14 +323,14 @@ fn octahedral_errors_are_the_published_ones() {
         let (mean, max) = errors(&|n| octahedral::dequantise(octahedral::encode_precise(n, bits), bits));
         assert!((mean * factor / precise.0 - 1.0).abs() < 0.03 && max * factor < 0.65, "{bits} bits: {mean} {max}");
     }
-    // And the code without quantisation is exact.
+    // The encoding without quantisation is exact.
     let exact = errors(&|n| octahedral::encode(n));
     assert!(exact.1 < 1e-10, "{exact:?}");
 }
 
 // ---------------------------------------------------------------- derivatives
 
-/// The specification read plainly: hit of the neighbour's ray with the plane, minus the point.
+/// The definition of the derivative: the intersection of the neighbour's ray with the plane, minus the point.
 fn hit_minus_point(ray: [f64; 3], ray_step: [f64; 3], t: f64, n: [f64; 3]) -> [f64; 3] {
     let point = scale(ray, t);
     let neighbour = add(ray, ray_step);
@@ -344,7 +345,7 @@ fn derivatives_are_ray_plane_intersections() {
         let mut worst: f64 = 0.0;
         let mut tested = 0;
         while tested < 5000 {
-            // A camera's rays have depth 1 along its axis and steps across it.
+            // The steps between the rays of a camera are perpendicular to its axis.
             let (right, up) = (normalize([0.8, 0.6, 0.0]), normalize([-0.3, 0.4, 0.9]));
             let ray = add(random.direction(), add(scale(right, 0.3), scale(up, 0.2)));
             let n = random.direction();
@@ -356,10 +357,10 @@ fn derivatives_are_ray_plane_intersections() {
             let t = random.between(-1.0, 13.0).exp2();
             for (i, &step) in steps.iter().enumerate() {
                 let truth = hit_minus_point(ray, step, t, n);
-                // The mutant takes the derivative along x twice.
+                // The mutant uses the derivative along x for both axes.
                 let given = candidate(ray, if swap { steps[0] } else { steps[i] }, t, scale(n, 3.0));
                 worst = worst.max(length(sub(given, truth)) / length(truth));
-                // In the plane.
+                // The derivative lies in the plane.
                 if !swap {
                     assert!(dot(given, n).abs() <= 1e-12 * length(given) * length(ray) / dot(n, ray).abs());
                 }
@@ -367,7 +368,7 @@ fn derivatives_are_ray_plane_intersections() {
         }
         worst
     };
-    // The plain form cancels some 13 bits of 53 here.
+    // By cancellation, the plain form loses about 13 of its 53 bits here.
     assert!(worst(derivatives::on_plane, false) < 1e-9);
     assert!(worst(derivatives::on_plane, true) > 0.1, "the mutant passed");
 }
@@ -378,9 +379,9 @@ fn derivatives_keep_their_digits_in_f32() {
     let t = 9000.0_f32;
     let truth = hit_minus_point(ray.map(f64::from), step.map(f64::from), f64::from(t), normalize(n.map(f64::from)));
     let error = |d: [f32; 3]| length(sub(d.map(f64::from), truth)) / length(truth);
-    // Conditioned by the angle alone: n.r is a difference of terms about 3 times its size.
+    // The error depends on the angle between ray and plane, but not on the distance.
     assert!(error(derivatives::on_plane(ray, step, t, n)) < 2e-6);
-    // Negative control: subtracting positions loses a factor of a thousand.
+    // Negative control: a difference of positions is about a thousand times less precise.
     let unit = normalize(n);
     let next = add(ray, step);
     let plain = sub(scale(next, dot(unit, scale(ray, t)) / dot(unit, next)), scale(ray, t));
@@ -427,7 +428,7 @@ fn splat_weights_are_the_formula() {
 fn splat_weights_are_stable_at_any_sharpness() {
     let mut random = Random(37);
     for _ in 0..20_000 {
-        // Also where the highest texel has next to no weight.
+        // This includes cases in which the highest texel has almost no weight.
         let fraction = [random.between(-150.0, 0.0).exp2() as f32, random.unit() as f32];
         let heights = [0.0_f32; 4].map(|_| random.unit() as f32);
         for k in [0.0_f32, 8.0, 1e3, 1e4, f32::MAX] {
@@ -436,12 +437,13 @@ fn splat_weights_are_stable_at_any_sharpness() {
             assert!((w.iter().sum::<f32>() - 1.0).abs() < 1e-6);
         }
     }
-    // The highest alone at last.
+    // At a high sharpness, only the highest texel has a weight.
     let sharp = splat_blend::weights([0.4, 0.4], [0.1, 0.9, 0.3, 0.2], 1e4);
     assert!(largest_difference(sharp, [0.0, 1.0, 0.0, 0.0]) < 1e-12);
 }
 
-/// Largest jump of any texel's weight on a line through six texels: `weights` of a cell, twice.
+/// Largest jump of the weight of any texel along a line through two adjacent cells, which have six texels in all. `weights` gives the weights in one
+/// cell.
 fn largest_jump(weights: &dyn Fn([f64; 2], [f64; 4]) -> [f64; 4], heights: [f64; 6]) -> f64 {
     let along = |x: f64| {
         // Texels (0,0) (1,0) (2,0) (0,1) (1,1) (2,1).
@@ -465,10 +467,11 @@ fn splat_weights_are_continuous_across_cells() {
     let heights = [0.1, 0.8, 0.95, 0.4, 0.2, 0.7];
     for k in [0.0, 1.0, 8.0] {
         let jump = largest_jump(&|f, h| splat_blend::weights(f, h, k), heights);
-        // A step is 1e-4; a weight's slope is at most 2^(k dh) <= 2^(0.85 k).
+        // A step is 1e-4. The slope of a weight is at most 2^(k dh) <= 2^(0.85 k), where dh is a difference of heights. The tolerance is twice the
+        // product.
         assert!(jump < 1e-4 * (0.85 * k).exp2() * 2.0, "k = {k}: {jump}");
     }
-    // Negative control: heights that act without the bilinear weight pop where a texel comes in.
+    // Negative control: if heights act without the bilinear weights, the weights jump where a texel enters.
     let popping = |f: [f64; 2], h: [f64; 4]| {
         let w = splat_blend::bilinear(f);
         let bent: [f64; 4] = std::array::from_fn(|i| if w[i] > 0.0 { (8.0 * h[i]).exp2() } else { 0.0 });
@@ -495,7 +498,7 @@ fn triplanar_weights_are_powers() {
     assert_eq!(triplanar::weights([0.0, 0.0, -2.0], 4.0), [0.0, 0.0, 1.0]);
     assert!(largest_difference(triplanar::weights([0.0, 0.0, -2.0], 0.0), [1.0 / 3.0; 3]) < 1e-15);
     assert!(largest_difference(triplanar::weights([1.0, -1.0, 1.0], 1e4), [1.0 / 3.0; 3]) < 1e-12);
-    // Continuous around a great circle through all three.
+    // The weights are continuous along a great circle that involves all three axes.
     let at = |i: u32| {
         let phi = f64::from(i) * 1e-4;
         triplanar::weights([phi.cos(), phi.sin() * 0.6, phi.sin() * 0.8], 8.0)
@@ -512,7 +515,7 @@ fn perturbed_normals_are_those_of_the_displaced_plane() {
             .map(|_| {
                 let n = random.direction();
                 let g = scale(random.direction(), random.between(0.0, 3.0));
-                // Two tangents of the plane, lifted along n by the height's change along them.
+                // Two tangents of the plane, each lifted along n by the change of height along it.
                 let other = if n[0].abs() < 0.7 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
                 let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
                 let s = normalize(cross(n, other));
@@ -530,7 +533,7 @@ fn perturbed_normals_are_those_of_the_displaced_plane() {
 
 // ---------------------------------------------------------------- select
 
-/// H0: indices are chosen in proportion to the weights. Indices of weight 0 must not occur at all.
+/// p-value of the hypothesis H0 that indices are chosen in proportion to the weights; 0 if an index of weight 0 occurs.
 fn frequencies_p<const N: usize>(weights: [f64; N], choose: &dyn Fn([f64; N], f64) -> usize) -> f64 {
     let mut random = Random(47);
     let mut counts = [0.0; N];
@@ -565,7 +568,7 @@ fn choices_occur_as_often_as_their_weights_say() {
     for weights in of_3 {
         assert!(frequencies_p(weights, &|w, u| select::of_3(w, u)) > level, "{weights:?}");
     }
-    // Negative controls: two indices swapped; the cumulative sum taken one short.
+    // Negative controls: two indices are swapped; every index except the last is one too large.
     assert!(frequencies_p(of_4[1], &|w, u| [1, 0, 2, 3][select::of_4(w, u)]) < level);
     assert!(frequencies_p(of_4[1], &|w, u| (select::of_4(w, u) + 1).min(3)) < level);
 }
@@ -623,12 +626,12 @@ fn texture_coordinates_fit_across_sector_borders() {
         for sector in [-15_626, -1, 0, 77, 15_625, 1_000_000] {
             for scale in 0..=8 {
                 let fit = gap(64.0, tile_m, sector, scale, tiling::repeats(64.0, tile_m));
-                // Both ends are rounded down to 24 bits.
+                // Both coordinates are rounded down to 24 bits.
                 assert!(fit <= 1.0 / 16_777_216.0, "tile {tile_m} m, sector {sector}, scale {scale}: {fit}");
             }
         }
     }
-    // Negative control: repeats per sector rounded otherwise do not fit.
+    // Negative control: a slightly different number of repeats per sector does not fit.
     assert!(gap(64.0, 1.7, 15_625, 0, 64.0_f64 / 1.7 + 1e-4) > 1.0 / 16_777_216.0);
     assert!((tiling::repeats(64.0, 1.7) - 64.0 / 1.7).abs() < 1e-7);
 }
@@ -648,7 +651,7 @@ fn tiling_follows_distance() {
         let (s, f) = tiling::scales(distance, 30.0, cliff);
         assert!(s == scale && (f - part).abs() < 1e-12, "{distance} m, cliff {cliff}: {s} {f}");
     }
-    // Weight of every scale, along a walk away: continuous.
+    // The weight of every scale is a continuous function of distance.
     let weights = |i: u32| {
         let (s, f) = tiling::scales(10.0 * (f64::from(i) * 1e-3).exp2(), 30.0, 0.9);
         let mut w = [0.0; 9];
@@ -689,10 +692,10 @@ fn flavours_lie_where_the_rules_put_them() {
     only(100.0, 60.0, &params, FAR_CLIFF);
     only(2000.0, 60.0, &params, FAR_ATLAS);
     only(5.0, 41.0, &params, SPLAT);
-    // The band's share goes to the ground where near cliffs end.
+    // Where near cliffs have ended, the weight of the splat band goes to the flavours of the ground.
     only(100.0, 41.0, &params, VT);
     only(400.0, 41.0, &params, FAR_ATLAS);
-    // Half-way points.
+    // In the middle of a transition, two flavours have half of the weight each.
     let w = flavour_weights::weights(f64::from(params.far_atlas_m), 1.0, &params);
     assert!((w[VT] - 0.5).abs() < 1e-6 && (w[FAR_ATLAS] - 0.5).abs() < 1e-6, "{w:?}");
     let w = flavour_weights::weights(30.0_f64, 0.0, &params);
@@ -729,11 +732,11 @@ fn flavour_weights_sum_to_one() {
             assert_eq!(mask >> i & 1 == 1, x > 1.0 / 512.0, "{w:?}");
         }
         for variant in [mask, 31, mask | (random.below(32) as u32)] {
-            // A pixel looks the same in every variant that holds its mask.
+            // A pixel has the same weights in every variant that contains its mask.
             let own = flavour_weights::weights_for(w, variant, false);
             assert!((sum(own) - 1.0).abs() < 1e-14);
             assert!(largest_difference(own, flavour_weights::weights_for(w, mask, false)) < 1e-15);
-            // What is left out is less than four weights of 1/512.
+            // At most four flavours are left out, with weights of at most 1/512 each.
             assert!(largest_difference(own, w) < 4.0 / 512.0 * 1.01);
         }
         let forced = 1 + random.below(31) as u32;
@@ -760,14 +763,15 @@ fn flavour_weights_are_continuous() {
         (1..25_000).map(|i| largest_difference(at(i), at(i - 1))).fold(0.0, f64::max)
     };
     let params = FlavourParams::new(&FlavourRules::default());
-    // A ramp's slope is 1.5 over its width: 0.3 of the distance, 4 degrees; at most two ramps act on one weight at a place.
+    // The slope of a ramp is at most 1.5 / width. The width is 0.3 of the distance, or 4 degrees. At most two ramps act on a weight at the same
+    // place.
     for slope in [0.0, 38.0, 41.0, 44.0, 46.0, 60.0] {
         assert!(jump_with_distance(&params, slope) < 2.0 * 1.5 * 1.2e-4 / 0.3, "{slope} degrees");
     }
     for distance in [1.0, 28.0, 31.0, 100.0, 300.0, 1500.0] {
         assert!(jump_with_slope(&params, distance) < 2.0 * 1.5 * 0.0052 / 4.0, "{distance} m");
     }
-    // Negative controls: blends without width jump.
+    // Negative controls: a transition with a width of zero has a jump.
     let hard = FlavourRules { distance_blend: 0.0, slope_blend_deg: 0.0, ..FlavourRules::default() };
     assert!(jump_with_distance(&FlavourParams::new(&hard), 60.0) > 0.1);
     assert!(jump_with_slope(&FlavourParams::new(&hard), 10.0) > 0.1);
@@ -775,8 +779,8 @@ fn flavour_weights_are_continuous() {
 
 // ---------------------------------------------------------------- brdf
 
-/// Integral of f(theta) over the hemisphere's solid angle, for f without azimuth: trapezoids in ln tan theta, where lobes of any
-/// width are smooth.
+/// Integral over the solid angle of the hemisphere of a function `f` of cos theta, which does not depend on the azimuth. It sums trapezoids in ln tan
+/// theta, because in this variable lobes of any width are smooth.
 fn over_hemisphere(f: &dyn Fn(f64) -> f64) -> f64 {
     let step = 0.01;
     (-1600..1600)
@@ -792,11 +796,11 @@ fn ggx_is_normalised() {
     let normalised = |d: &dyn Fn(f64, f64) -> f64, alpha: f64| (over_hemisphere(&|c| d(c, alpha) * c) - 1.0).abs() < 1e-6;
     for alpha in [0.002, 0.01, 0.1, 0.3, 0.7, 1.0] {
         assert!(normalised(&brdf::d_ggx, alpha), "alpha {alpha}");
-        // Negative controls: the projected area forgotten twice, and roughness taken for alpha.
+        // Negative controls: the cosine of the projected area is multiplied twice; an additional factor alpha.
         assert!(!normalised(&|c, a| brdf::d_ggx(c, a) * c, alpha.max(0.1)));
         assert!(!normalised(&|c, a| brdf::d_ggx(c, a) * a, alpha.min(0.7)));
     }
-    // f32 keeps its digits in a highlight, where the textbook form has none left.
+    // In a highlight, the kernel keeps its digits in f32, and the textbook form has no correct digit left.
     let c = 1.0_f32 - 5e-7;
     let truth = brdf::d_ggx(f64::from(c), f64::from(0.002_f32));
     let error = |d: f32| (f64::from(d) / truth - 1.0).abs();
@@ -808,7 +812,7 @@ fn ggx_is_normalised() {
 
 #[test]
 fn visibility_is_smiths_correlated_form() {
-    // Through Lambda and tangents, as the paper writes it.
+    // The form of the paper, which uses Lambda and tangents.
     let lambda = |c: f64, a: f64| 0.5 * ((1.0 + a * a * (1.0 - c * c) / (c * c)).sqrt() - 1.0);
     let worst = |g: &dyn Fn(f64, f64) -> f64| {
         let mut random = Random(61);
@@ -831,7 +835,7 @@ fn fresnel_and_environment_are_in_bounds() {
     assert!((brdf::f_schlick([0.0_f64; 3], 0.5)[0] - 1.0 / 32.0).abs() < 1e-15);
     assert!((brdf::alpha(0.5_f64) - 0.25).abs() < 1e-15 && (brdf::alpha(0.0_f64) - brdf::MIN_ALPHA).abs() < 1e-15);
 
-    // The integral that the fit stands for, by stratified sampling of half vectors.
+    // The integral that the fit approximates, by stratified sampling of half vectors.
     let integral = |f0: f64, roughness: f64, n_dot_v: f64| {
         let alpha = brdf::alpha(roughness);
         let view = [(1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v];
@@ -864,7 +868,8 @@ fn fresnel_and_environment_are_in_bounds() {
         }
         worst
     };
-    // How far the fit, made for another visibility term, is from ours; not how good one should be.
+    // The bounds are the measured difference between the fit and this integral. They do not say how good a fit can be: the fit was made for a
+    // different visibility term.
     for (f0, bound) in [(0.04, 0.1), (1.0, 0.31)] {
         let off = worst(f0, &|r, v| brdf::env_approx([f0; 3], r, v)[0]);
         assert!(off < bound, "f0 {f0}: {off}");
@@ -894,7 +899,7 @@ fn validate(source: &str) -> Result<naga::Module, String> {
 fn shared_wgsl_is_valid_and_prefixed() {
     let module = validate(&joined()).unwrap_or_else(|e| panic!("{e}"));
     assert!(module.global_variables.is_empty() && module.overrides.is_empty() && module.entry_points.is_empty());
-    // Negative control.
+    // Negative control: a vector of the wrong size.
     assert!(validate(&joined().replacen("vec4<f32>(weights, 0.0)", "vec4<f32>(weights)", 1)).is_err());
     for file in kernels::shared::WGSL {
         let name = file.path.trim_start_matches("shared/");

@@ -1,7 +1,8 @@
-//! Panels of the application as they look, against pictures that are kept: what a name or a value cannot tell, such as a control that is cut off.
+//! Compares the panels of the application with stored pictures. The pictures reveal faults that names and values of controls cannot reveal, such as a
+//! control that is cut off.
 //!
-//! `SCREE_RECORD=1 cargo test --release --test scree snapshots` draws the pictures in `tests/snapshots` anew; look at them, and commit those that are
-//! meant. *Frame* and *Machine* are not among them: they show times. Of the picture of the terrain other tests speak.
+//! `SCREE_RECORD=1 cargo test --release --test scree snapshots` replaces the pictures in `tests/snapshots`. Look at them, and commit those whose
+//! change is intended. The panels *Frame* and *Machine* are left out, because they show times. Other tests check the picture of the terrain.
 
 use std::path::{Path, PathBuf};
 
@@ -13,8 +14,9 @@ use crate::workbench::{cheap_stage, take};
 const PANES: [&str; 11] =
     ["Variants", "Materials", "Rules", "Brush", "Compare", "Places", "Help", "Parameters", "Metrics", "Inspector", "Experiments"];
 
-/// Pixels that may differ, and from when on one does, in codes of 8 bits: another device blends the edges of letters otherwise.
+/// Number of pixels that may differ, because devices blend the edges of letters differently.
 const MOST_PIXELS: usize = 12;
+/// A pixel differs if a channel differs by more than this many 8-bit codes.
 const CODES: u8 = 48;
 
 fn file(pane: &str) -> PathBuf {
@@ -22,7 +24,7 @@ fn file(pane: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("snapshots").join(format!("{}.png", name.trim_matches('-')))
 }
 
-/// How many pixels differ; all of them where the sizes do.
+/// Number of pixels that differ. If the sizes differ, the number of pixels of the larger picture.
 fn differing(a: &RgbImage, b: &RgbImage) -> usize {
     if a.dimensions() != b.dimensions() {
         return a.as_raw().len().max(b.as_raw().len()) / 3;
@@ -38,7 +40,7 @@ fn panels_look_as_they_did() {
     for pane in PANES {
         take(&mut stage, &format!("click {pane}"));
         if pane == "Experiments" {
-            // Where the program was built is not everybody's, and not everybody has the data that some of its definitions need.
+            // The default folder depends on where the program was built, and some of its definitions need data that are not on every machine.
             take(&mut stage, "type Definitions = snapshots/definitions");
         }
         let ([width, height], texels) = stage.pane(pane).unwrap_or_else(|error| panic!("{pane}: {error:#}"));
@@ -53,8 +55,8 @@ fn panels_look_as_they_did() {
         if pixels > MOST_PIXELS {
             let beside = std::env::temp_dir().join(file(pane).file_name().expect("a file"));
             now.save(&beside).expect("the picture can be written");
-            wrong.push(format!("{pane}: {pixels} pixels differ; as it is now: {}", beside.display()));
+            wrong.push(format!("{pane}: {pixels} pixels differ; the new picture is {}", beside.display()));
         }
     }
-    assert!(wrong.is_empty(), "{}\nSCREE_RECORD=1 draws the kept pictures anew if that is meant", wrong.join("\n"));
+    assert!(wrong.is_empty(), "{}\nif the change is intended, SCREE_RECORD=1 replaces the stored pictures", wrong.join("\n"));
 }

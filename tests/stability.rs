@@ -1,5 +1,5 @@
-//! Kernels at their extremes: every result is finite and as near the reference in f64 as is derived, and none is farther from it than the recorded table
-//! says.
+//! Kernels at their extremes: every result is finite and within the derived tolerance of the f64 reference, and no error is larger than the recorded
+//! table says.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,10 +12,10 @@ use kernels::probe::{Draw, PROBES, Verdict};
 
 use crate::fixtures::{Folder, gpu, program};
 
-/// Of the rows of each case.
+/// Share of the rows of each case that the test measures.
 const SHARE: f64 = 1.0 / 16.0;
 
-/// What `experiments stability --out notebooks-data/stability` wrote.
+/// The table that `experiments stability --out notebooks-data/stability` wrote.
 const RECORDED: &str = include_str!("../notebooks-data/stability/results.csv");
 const DIRECTIONS: &str = include_str!("../notebooks-data/stability/directions.csv");
 
@@ -34,17 +34,19 @@ fn kernels_hold_at_their_extremes_as_recorded() {
         .collect();
     let mut compared = 0;
     for finding in &findings {
-        // Another device has other last digits; those of the reference in f32 are everybody's, but for libraries' functions.
+        // The table has no findings of a device on which it was not recorded, because the last digits differ between devices. It must have every
+        // finding of the f32 reference. These are the same on every machine, except for the last digits of library functions.
         let Some(before) = recorded.get(&key(finding)) else {
             assert!(
                 finding.on == "gpu" && !recorded_on(&recorded, &finding.adapter),
-                "not in the recorded table, make it anew: {finding:?}"
+                "not in the recorded table; record it again: {finding:?}"
             );
             continue;
         };
         compared += 1;
-        // These rows are the first of those recorded, whose numbers have three digits.
-        assert!(finding.worst <= before.worst * 1.01 + 1e-12, "farther off than recorded ({}): {finding:?}", before.worst);
+        // The rows of this test are the first of the recorded rows, so the largest error cannot be larger. The tolerance of 1 % is for the rounding
+        // of recorded numbers to three digits.
+        assert!(finding.worst <= before.worst * 1.01 + 1e-12, "the error is larger than the recorded one ({}): {finding:?}", before.worst);
     }
     assert!(compared * 2 >= findings.len(), "{compared} of {} are recorded", findings.len());
 }
@@ -59,10 +61,10 @@ fn directions_are_as_published_and_derivatives_within_their_law() {
     let wrong: Vec<&Row> = rows.iter().filter(|row| !row.holds()).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
     let recorded: Vec<Row> = csv::Reader::from_reader(DIRECTIONS.as_bytes()).deserialize().map(|row| row.expect("a row")).collect();
-    assert_eq!(rows.len(), recorded.len(), "the table has other rows: `experiments stability` writes it anew");
+    assert_eq!(rows.len(), recorded.len(), "the rows differ from the table: rewrite it with `experiments stability`");
     for (row, before) in rows.iter().zip(&recorded) {
         let same = [&row.kind, &row.view, &row.motion, &row.statistic] == [&before.kind, &before.view, &before.motion, &before.statistic];
-        // Libraries' sines differ in the last digit.
+        // The sines of mathematics libraries differ in the last digit.
         assert!(same && (row.value - before.value).abs() <= 2e-3 * before.value.abs() + 1e-9, "{row:?}, recorded {before:?}");
     }
 }
@@ -71,21 +73,25 @@ fn directions_are_as_published_and_derivatives_within_their_law() {
 fn every_kernel_is_asked_and_every_parameter_takes_its_value() {
     let extremes = Extremes::parse(DEFAULT_TEXT, "extremes.toml").expect("the built-in table");
     for probe in PROBES {
-        assert!(extremes.bends.iter().any(|bend| bend.kernel == probe.name) || probe.name == "hash", "where does {} bend?", probe.name);
-        assert!(extremes.cases.iter().any(|case| case.kernel == probe.name), "nothing is asked of {}", probe.name);
+        assert!(
+            extremes.bends.iter().any(|bend| bend.kernel == probe.name) || probe.name == "hash",
+            "{} has no entry in the list of bends",
+            probe.name
+        );
+        assert!(extremes.cases.iter().any(|case| case.kernel == probe.name), "{} has no case", probe.name);
         assert!(!probe.measures.is_empty(), "{}", probe.name);
         let draw = |row| Draw { row, column: 0, table: 0 };
         for name in probe.parameter_names() {
             assert!(probe.parameter_unit(name).is_some_and(|unit| !unit.is_empty()));
             let columns = probe.inputs.iter().filter(|column| column.name == name).count();
             let others = probe.parameters.iter().filter(|parameter| parameter.name == name).count();
-            assert!(probe.outputs.iter().all(|output| output.name != name), "{}: {name} is an output, too", probe.name);
-            assert_eq!(columns + others, 1, "{}: {name} is not one thing", probe.name);
+            assert!(probe.outputs.iter().all(|output| output.name != name), "{}: {name} is also an output", probe.name);
+            assert_eq!(columns + others, 1, "{}: {name} must be one input or one parameter", probe.name);
         }
         let row: Vec<f64> = (probe.random)(&mut draw(3));
         let truth = probe.on_f64(&row);
         assert_eq!((row.len(), truth.len()), (probe.inputs.len(), probe.outputs.len()), "{}", probe.name);
-        assert_eq!((probe.judge)(&row, &truth, &truth), Verdict::Agrees(0.0), "{}: the truth is as near as can be", probe.name);
+        assert_eq!((probe.judge)(&row, &truth, &truth), Verdict::Agrees(0.0), "{}: the truth must agree with itself exactly", probe.name);
         assert!(probe.measures.iter().all(|measure| (measure.error)(&row, &truth, &truth).abs() < 1e-9), "{}", probe.name);
         assert!(probe.row("nothing", 1.0, &mut draw(0)).is_none());
     }
@@ -104,7 +110,7 @@ fn a_table_of_extremes_is_measured_and_failures_are_told() {
     }
     let rows = fs::read_to_string(folder.0.join("out/results.csv")).expect("written");
     assert_eq!(rows.lines().count(), 1 + 2 * 2, "{rows}");
-    // A limit that f32 cannot keep.
+    // f32 cannot meet this limit.
     let strict = folder.write("strict.toml", "[[case]]\nkernel = \"derivatives\"\nparameter = \"t\"\nvalues = [1]\nallow = 1e-12\n");
     let failed = run(&strict);
     let error = String::from_utf8_lossy(&failed.stderr);

@@ -1,4 +1,4 @@
-//! The application, without a window: what every control does, by the name that a screen reader has for it.
+//! The application without a window: tests operate every control by its accessible name, as screen readers do, and check the effect.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -26,12 +26,13 @@ use crate::fixtures::{Folder, gpu, program, small_scene};
 
 const WINDOW: [u32; 2] = [1100, 1500];
 
-/// The application with a small scene, standing still at a camera, its first picture there.
+/// The application with a small scene. Time and camera stand still, and the first picture has been drawn.
 fn stage() -> Stage {
     standing(None)
 }
 
-/// As [`stage`], for what asks nothing of the picture: by one cheap variant, since compiling is what these tests take their time for.
+/// Like [`stage`], but with one cheap variant, for tests in which the contents of the picture do not matter. Compiling takes most of the time of
+/// these tests.
 pub(crate) fn cheap_stage() -> Stage {
     standing(Some(Variant::only(Flavour::FarAtlas)))
 }
@@ -53,7 +54,7 @@ pub(crate) fn take(stage: &mut Stage, text: &str) {
     }
 }
 
-/// Tiles of the last picture by variant.
+/// The variants that some tile of the last picture runs.
 fn running(stage: &mut Stage) -> Vec<Variant> {
     let shown = stage.model().shown().expect("a picture").clone();
     Variant::all().filter(|v| shown.picture.report.tiles[usize::from(v.mask())] > 0).collect()
@@ -67,7 +68,7 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
     let splat = Variant::only(Flavour::Splat);
     take(&mut stage, "click Variant splat");
     assert_eq!(running(&mut stage), [splat]);
-    // The same again lets go of it.
+    // A second click returns to the automatic choice.
     take(&mut stage, "click Variant splat");
     assert_eq!(running(&mut stage), automatic);
     take(&mut stage, "key 5; key 1");
@@ -79,11 +80,11 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
     );
     take(&mut stage, "key 0; click Generic kernel");
     assert_eq!(running(&mut stage), automatic);
-    // All 31 are there.
+    // All 31 variants have a button.
     for variant in Variant::all() {
         assert!(stage.has(&format!("Variant {variant}")), "{variant}");
     }
-    // Undo goes back to what was before the last pause of a second: by then the choices above are one.
+    // Undo returns to the settings before the last pause of a second. There was no pause above, so all changes up to here are one step.
     take(&mut stage, "click Variant far-atlas");
     for _ in 0..30 {
         stage.settle().expect("a picture");
@@ -101,7 +102,7 @@ fn every_parameter_is_set_and_reset_by_its_name() {
     for (setting, slider) in numbers() {
         let (name, value) = (setting.label(), |scene: &Scene| setting.get(scene).and_then(|value| value.as_float()).expect("a number"));
         let usual = value(&original);
-        // A little, so that the scene stays possible.
+        // The change is small, so that the scene stays valid.
         let wanted = usual + 0.01 * (slider.ends[1] - usual).abs().max(0.1);
         stage.take(&Step::Set(name.to_owned(), wanted)).unwrap_or_else(|e| panic!("{name}: {e:#}"));
         let now = value(&stage.model().shown().expect("a picture").wish.settings.scene);
@@ -122,7 +123,7 @@ fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
         stage.settle().expect("a picture");
         let scale = stage.model().settings.scale;
         let [width, height] = stage.model().shown().expect("a picture").wish.size;
-        // There is nothing to take back.
+        // There is nothing to undo.
         take(&mut stage, "click Undo");
         assert_eq!(stage.model().settings.scale, scale);
         (scale, f64::from(width), f64::from(height))
@@ -130,14 +131,14 @@ fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
     let expected = if gpu().is_software() { 0.5 } else { 1.0 };
     let (automatic, chosen) = (drawn(None), drawn(Some(0.25)));
     assert_eq!((automatic.0, chosen.0), (expected, 0.25));
-    // As many times as large, but for rounding to a pixel.
+    // The size is proportional to the scale, except for rounding to a pixel.
     let times = expected / 0.25;
     assert!((automatic.1 - times * chosen.1).abs() <= times && (automatic.2 - times * chosen.2).abs() <= times, "{automatic:?} {chosen:?}");
 }
 
 #[test]
 fn a_window_finds_nothing_of_the_one_before() {
-    // Three frames are measured; the second window's follow those of the first, with whose thread they are likely drawn.
+    // Draws and measures three frames. The frames of the second window follow those of the first, and the same thread probably draws both windows.
     let seen = |frame: u32| {
         let mut stage = cheap_stage();
         stage.model().clock.frame = frame;
@@ -150,18 +151,18 @@ fn a_window_finds_nothing_of_the_one_before() {
         assert_eq!(last.frames, 3.0, "frames of this window alone");
         stage.model().settings.scene.sun.elevation_deg = 20.0;
         stage.model().viewpoint = Viewpoint::Camera("nowhere".to_owned());
-        assert!(stage.settle().is_err(), "the thread that draws fails at last");
+        assert!(stage.settle().is_err(), "at the end, the drawing thread fails");
         shown.texels.clone()
     };
     let first = seen(0);
-    // What nobody has asked for is not there yet, and nothing is wrong.
+    // A window that has not requested a picture shows neither a picture nor an error.
     let mut stage = Stage::new(small_scene(), [1, 1]);
     for _ in 0..20 {
         stage.until("a drawing of the window", |_| true).expect("nothing is wrong");
         assert!(stage.model().shown().is_none() && stage.model().failure().is_none() && !stage.model().is_warm());
     }
     drop(stage);
-    // Of an atlas no frame is another, nor does the sun of the first window shine.
+    // The far atlas looks the same in every frame, and the sun of the first window must have no effect.
     assert!(seen(3) == first);
 }
 
@@ -172,7 +173,7 @@ fn a_scene_that_cannot_be_is_refused_and_the_picture_stays() {
     stage.model().settings.scene.flavours.cliff_near_m = 9000.0;
     let error = stage.settle().expect_err("near cliff ends behind the far atlas").to_string();
     assert!(error.contains("cliff_near_m"), "{error}");
-    // It stands in the window, too, for as long as it is so.
+    // The window also shows the error, for as long as the scene is invalid.
     assert!(stage.settle().is_err() && stage.names().iter().any(|name| name.contains("cliff_near_m")), "{:?}", stage.names());
     assert_eq!(stage.model().shown().expect("still there").texels, before);
     stage.model().settings.scene = small_scene();
@@ -201,7 +202,7 @@ fn a_lost_device_is_made_anew_and_nothing_is_lost_with_it() {
 
 #[test]
 fn a_device_that_is_lost_again_and_again_is_given_up_until_another_picture_is_wanted() {
-    // Of larger textures than a first look has, so that there is one with each device.
+    // The textures are larger than those of a first look, so that each device draws a first look.
     let scene = Scene { detail_size: 2 * sketch::TEXELS, ..small_scene() };
     let mut stage = Stage::with_shaders(scene, WINDOW, None, |app| {
         app.model.clock.paused = true;
@@ -211,13 +212,13 @@ fn a_device_that_is_lost_again_and_again_is_given_up_until_another_picture_is_wa
     });
     stage.settle().expect("a picture");
     let first = stage.model().shown().expect("a picture").clone();
-    // First looks in between succeed, each with the next device.
+    // The first looks in between succeed, each on the next device.
     stage.app().engine().lose_devices(4);
     stage.model().clock.frame += 1;
     let error = stage.settle().expect_err("no device draws it").to_string();
     assert!(error.contains("lost several times") && error.contains("smaller picture") && !error.contains('\n'), "{error}");
     assert!(stage.model().notes().is_empty(), "{:?}", stage.model().notes());
-    // What is wanted next is drawn. That nothing was may be said until then.
+    // The next wish is drawn. The error of the last wish may still be shown until then.
     stage.model().clock.frame -= 1;
     let began = Instant::now();
     while stage.settle().is_err() && began.elapsed() < Duration::from_secs(60) {}
@@ -239,7 +240,7 @@ fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
         first.push((shown.pose, shown.texels.clone()));
     }
     assert!(first[0].0 != first[1].0 && first[0].1 != first[1].1, "the path moves");
-    // Forwards to elsewhere and back again: the same frames are the same pictures.
+    // The test goes to other frames and back: the same frames must give the same pictures.
     take(&mut stage, "key Period; key Period");
     for (frame, before) in (1..).zip(&first) {
         stage.model().clock.frame = frame;
@@ -247,7 +248,7 @@ fn time_goes_by_frames_and_a_path_replays_the_same_pictures() {
         let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!((&shown.pose, &shown.texels), (&before.0, &before.1), "frame {frame}");
     }
-    // Running, no frame is left out: the next one is asked for when one was shown.
+    // While time runs, no frame is left out: the next frame is requested when a frame has been shown.
     let seen = RefCell::new(BTreeSet::new());
     take(&mut stage, "key Space");
     let from = stage.model().clock.frame;
@@ -273,13 +274,13 @@ fn the_camera_flies_turns_and_walks() {
     let along = (moved.position - start.position).dot(start.axes()[2]);
     assert!(along > 0.5 && (moved.position - start.position).length() < along * 1.001, "forward, and only that: {along} m");
     stage.drag([0.0, -60.0]).expect("a picture");
-    assert!(pose(&mut stage).pitch < moved.pitch, "dragged up: looks down");
+    assert!(pose(&mut stage).pitch < moved.pitch, "a drag upwards makes the camera look down");
     take(&mut stage, "key F");
     let walking = pose(&mut stage);
     stage.hold("A".parse_key(), 4).expect("a picture");
     let after = pose(&mut stage);
     assert!((after.position - walking.position).length() > 0.1);
-    // The eye is at its height over the ground, which only the drawing thread knows: held to a renderer of the same scene.
+    // The eye must be at its height over the ground. Only the drawing thread knows the ground, so the test uses a renderer of the same scene.
     {
         let renderer = crate::fixtures::renderer();
         for p in [walking.position, after.position] {
@@ -287,7 +288,7 @@ fn the_camera_flies_turns_and_walks() {
             assert!((above - EYE_M).abs() < 1e-9, "{above} m above the ground");
         }
     }
-    // Off the ground again, it goes on from there.
+    // After walking ends, the camera continues from the same position.
     take(&mut stage, "key F");
     assert_eq!(pose(&mut stage).position, after.position);
 }
@@ -310,7 +311,7 @@ fn layers_panels_and_what_is_not_there() {
         take(&mut stage, &format!("click Layer; click {}", layer.name()));
         let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!(shown.wish.settings.layer, layer);
-        // Where time stands still nothing flickers, which looks like nothing that flips.
+        // While time stands still, nothing flickers or flips, so the measured layers may look the same.
         assert!(layer.is_measured() || pictures.iter().all(|p| *p != shown.texels), "{} looks like another layer", layer.name());
         pictures.push(shown.texels.clone());
     }
@@ -332,7 +333,7 @@ fn layers_panels_and_what_is_not_there() {
     assert!(error.contains("/nowhere/at/all.png"), "{error}");
 }
 
-/// Draws the window until something is on screen that stands for what another process does.
+/// Draws the window until `done` returns true. The tests use it to wait for another process.
 fn wait(stage: &mut Stage, what: &str, done: impl Fn(&Stage) -> bool) {
     let began = Instant::now();
     loop {
@@ -345,7 +346,7 @@ fn wait(stage: &mut Stage, what: &str, done: impl Fn(&Stage) -> bool) {
     }
 }
 
-/// Share of the terrain on screen where a picture differs by more than rounding does: a code of 255.
+/// Share of the terrain pixels on screen that differ from a picture by more than rounding, which is one 8-bit code.
 fn differing(picture: &image::RgbImage, shown: &Shown) -> f64 {
     assert_eq!([picture.width(), picture.height()], shown.wish.size);
     let terrain = shown.picture.hdr.iter().map(|texel| texel[3] > 0.0);
@@ -357,7 +358,7 @@ fn differing(picture: &image::RgbImage, shown: &Shown) -> f64 {
 
 #[test]
 fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
-    // The panel starts the program that lies beside this one.
+    // The panel starts the program from the folder of this executable, so the program must be there.
     program();
     let folder = Folder::new("workbench-experiment");
     let out = folder.path("out");
@@ -369,23 +370,23 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     model.settings.frame.noise = NoiseKind::WhiteScreen;
     model.settings.scene.blend.mip_bias = 0.5;
     model.clock.frame = 2;
-    // Beside the camera, and on foot: a view that the scene has no name for.
+    // A view that has no name in the scene: it is turned away from the camera and, after key F, on foot.
     model.viewpoint = Viewpoint::Free { pose: Pose { yaw: pose.yaw + 0.2, ..pose }, walking: false };
     take(&mut stage, "key F; click Variant near-cliff");
     take(&mut stage, &format!("click Experiments; type Folder = {}; type Definitions = ; type Results = {out}", folder.0.display()));
     take(&mut stage, "type Experiment name = seen; set Frames of the run = 3; set Seeds of the run = 2");
 
-    // What a run cannot draw is refused, and says which control to turn back.
+    // A view that a run cannot draw is refused. The error names the control that must be changed back.
     take(&mut stage, "key C; click Save as experiment");
     assert!(stage.names().iter().any(|name| name.contains("let go of `Freeze culling`")), "{:?}", stage.names());
     assert!(!folder.0.join("seen").exists() && !stage.has("Run seen"));
     take(&mut stage, "key C; click Save as experiment");
     assert!(folder.0.join("seen").join("seen.toml").is_file() && stage.has("Run seen"), "{:?}", stage.names());
-    // Once more under that name, nothing is written over.
+    // If the same name is used again, nothing is overwritten.
     take(&mut stage, "click Save as experiment");
     assert!(stage.names().iter().any(|name| name.contains("seen exists")), "{:?}", stage.names());
 
-    // Stopped in the middle, and gone on with.
+    // The run is stopped in the middle and then resumed.
     take(&mut stage, "click Run seen");
     wait(&mut stage, "the first part", |stage| stage.names().iter().any(|name| name.contains("seen (%)")));
     take(&mut stage, "click Cancel run");
@@ -394,7 +395,7 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     wait(&mut stage, "the report", |stage| stage.has("Open report"));
     assert!(stage.names().iter().any(|name| name.contains("What does near-cliff cost")), "{:?}", stage.names());
 
-    // It is of what was on screen.
+    // The run has measured what was on screen.
     let shown = stage.model().shown().expect("a picture").clone();
     let run = read_run(&Path::new(&out).join("seen")).expect("it is whole");
     assert!(run.complete && Path::new(&out).join("seen").join("report.html").is_file());
@@ -405,12 +406,12 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
         let labels = [&row.view, &row.variant, &row.estimator, &row.noise, &row.temporal];
         assert_eq!(labels, ["workbench", "near-cliff", "fc5", "white", "off"]);
     }
-    // To the picture: white noise is another in every frame, so frame, seed, view and scene must all be the same.
+    // The picture of the run equals the one on screen. White noise differs in every frame, so frame, seed, view and scene must all be the same.
     let file = Path::new(&out).join("seen").join("pictures").join("sweep-workbench-fc5-white-off-near-cliff.png");
     let picture = image::open(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display())).to_rgb8();
     let same = differing(&picture, &shown);
     assert!(same <= 0.001, "{same} of the terrain differs");
-    // Negative control: the frame before.
+    // Negative control: the previous frame differs.
     stage.model().clock.frame = 1;
     stage.settle().expect("a picture");
     let other = differing(&picture, stage.model().shown().expect("a picture"));
@@ -462,10 +463,10 @@ fn a_recorded_flight_replays_the_same_pictures_frame_by_frame() {
         }
         let shown = stage.model().shown().expect("a picture").clone();
         assert!(matches!(&shown.wish.viewpoint, Viewpoint::Recorded(path) if path.frames() == 4));
-        assert_eq!(shown.pose, flown[frame % 4].0, "frame {frame}: over and over");
-        assert!(frame >= 4 || shown.texels == flown[frame].1, "frame {frame}: other pixels");
+        assert_eq!(shown.pose, flown[frame % 4].0, "frame {frame}: the path must repeat");
+        assert!(frame >= 4 || shown.texels == flown[frame].1, "frame {frame}: the pixels differ");
     }
-    // Nothing is typed under `Path file` yet: that is said, and nothing is written.
+    // The field `Path file` is empty, so an error is shown and nothing is written.
     take(&mut stage, "click Write path to a file");
     assert!(stage.names().iter().any(|name| name.contains("Path file") && name.contains(".csv")), "{:?}", stage.names());
     take(&mut stage, "click Forget path path");
@@ -480,8 +481,8 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     let shown = stage.model().shown().expect("a picture").clone();
     let second = shown.second.as_ref().expect("B");
     assert!(shown.texels == alone && second.texels == alone, "B is A");
-    assert_eq!((second.rmse, second.largest), (0.0, 0.0), "nowhere a difference");
-    // Something of the request, and something of the scene: both sides are what they would be alone.
+    assert_eq!((second.rmse, second.largest), (0.0, 0.0), "there must be no difference");
+    // Changes a setting of the request, then a setting of the scene. B must be as it was, and A must change.
     for change in ["set Seed = 7", "set Sun above = 20"] {
         take(&mut stage, &format!("click Variants; click Parameters; {change}; click Compare"));
         let shown = stage.model().shown().expect("a picture").clone();
@@ -494,7 +495,7 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
         "{:?}",
         stage.names()
     );
-    // Each way to show them is drawn from the same pictures.
+    // Every way to show A and B uses the same pictures.
     let both = stage.model().shown().expect("a picture").clone();
     for mode in Mode::ALL.into_iter().filter(|m| *m != Mode::Off) {
         take(&mut stage, &format!("click Show; click {}", mode.name()));
@@ -505,15 +506,15 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     }
     take(&mut stage, "click Swap A and B");
     let swapped = stage.model().shown().expect("a picture").clone();
-    assert!(swapped.texels == alone && swapped.second.as_ref().expect("B").texels == both.texels, "A is what B was");
+    assert!(swapped.texels == alone && swapped.second.as_ref().expect("B").texels == both.texels, "A and B must be exchanged");
     take(&mut stage, "key X");
     assert_eq!(stage.model().compare.mode, Mode::Flicker);
-    // Of one variant: the exact blend of each would be another shader to compile.
+    // Uses one variant, because the exact blend of each variant is another shader to compile.
     stage.model().settings.frame.variant = Some(Variant::only(Flavour::NearCliff));
     take(&mut stage, "click B is; click exact blend of A");
     assert_eq!(stage.model().compare.other, Other::Exact);
     let shown = stage.model().shown().expect("a picture").clone();
-    assert!(shown.texels != shown.second.as_ref().expect("B").texels, "without the noise of A");
+    assert!(shown.texels != shown.second.as_ref().expect("B").texels, "B must not have the noise of A");
 }
 
 #[test]
@@ -524,25 +525,25 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     stage.model().settings.frame.variant = Some(Variant::only(Flavour::FarCliff));
     take(&mut stage, "click Metrics; click Measure; key Period; key Period; key Period");
     let still = last(&mut stage).sides[0].expect("terrain");
-    // Noise that is fixed to the ground, seen by a camera that stands: nothing changes.
+    // The noise is fixed to the ground and the camera stands still, so nothing changes.
     assert_eq!((still.flip_rate, still.flicker, still.variance), (Some(0.0), 0.0, 0.0));
     assert_eq!(still.frames, 4.0);
     stage.model().settings.frame.reseeds = true;
     take(&mut stage, "key Period; key Period; key Period");
     let reseeded = last(&mut stage).sides[0].expect("terrain");
     assert!(reseeded.frames <= 4.0 && reseeded.flip_rate.expect("choices") > 0.3 && reseeded.flicker > 1e-3, "{reseeded:?}");
-    // Frozen numbers stay; begun anew they count one frame.
+    // Frozen numbers stay the same. After *Begin anew*, they are those of one frame.
     take(&mut stage, "click Freeze; key Period");
     assert_eq!(last(&mut stage).sides[0], Some(reseeded));
     take(&mut stage, "click Freeze; click Begin anew");
     assert_eq!(last(&mut stage).sides[0].expect("terrain").frames, 1.0);
-    // Against the exact blend there is noise in one frame already, and no bias to speak of.
+    // Compared with the exact blend, a single frame already has noise, but almost no bias.
     take(&mut stage, "click Compare; click Show; click Wipe; key Period");
     let against = last(&mut stage).sides;
     let (a, b) = (against[0].expect("A"), against[1].expect("B"));
     assert!(a.clumping.is_some_and(|c| c > 0.2) && b.flip_rate.is_none() && b.flicker == 0.0, "{a:?} {b:?}");
     assert!(a.bias.is_some_and(|bias| bias.abs() < 0.01) && b.bias.is_none(), "{a:?} {b:?}");
-    // A rectangle holds fewer pixels; a measured layer is drawn.
+    // A region has fewer pixels than the picture. A measured layer can be displayed.
     stage.model().metrics.region = Some([0.25, 0.5, 0.5, 0.75]);
     take(&mut stage, "key Period");
     assert!(last(&mut stage).sides[0].expect("terrain").terrain < a.terrain / 4);
@@ -550,7 +551,7 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     assert_eq!(stage.model().settings.layer, Layer::Flips);
 }
 
-/// What the legend of the map says: levels, and how many nodes of each are drawn.
+/// The legend of the map: each level, and the number of its nodes that are drawn.
 fn legend(stage: &Stage) -> Vec<(u8, usize)> {
     fn of(name: &str) -> Option<(u8, usize)> {
         let (level, rest) = name.strip_prefix("Level ")?.split_once(": ")?;
@@ -567,7 +568,7 @@ fn the_machine_shows_what_each_stage_reported() {
     assert!(stage.has("Map of nodes"), "{:?}", stage.names());
     for (camera, step) in [("ground", "key Period"), ("vista", "set Map span = 9000")] {
         stage.model().viewpoint = Viewpoint::Camera(camera.to_owned());
-        // Far off it is the nodes that differ: by one cheap variant.
+        // In the far view only the nodes matter, so one cheap variant is enough.
         stage.model().settings.frame.variant = (camera == "vista").then_some(Variant::only(Flavour::FarAtlas));
         take(&mut stage, step);
         let shown = stage.model().shown().expect("a picture").clone();
@@ -582,7 +583,7 @@ fn the_machine_shows_what_each_stage_reported() {
             assert_eq!(report.drawn.iter().filter(|node| node.lod == level).count(), nodes, "{camera}, level {level}");
         }
 
-        // What is reported fits together.
+        // The reported numbers must be consistent.
         let (atlas, cache) = (report.atlas, report.page_cache);
         assert!(report.nodes <= report.visited && report.visited <= atlas.resident && atlas.resident <= atlas.capacity, "{report:?}");
         let slots = u64::try_from(atlas.capacity + 1).expect("few");
@@ -592,7 +593,7 @@ fn the_machine_shows_what_each_stage_reported() {
         assert_eq!(cache.by_level.iter().sum::<usize>(), cache.resident);
         assert!(cache.resident <= cache.capacity && cache.bytes > 0, "{cache:?}");
 
-        // And it is on screen.
+        // The numbers must be on screen.
         let names = stage.names();
         let mut expected = vec![
             format!("{} of {}", atlas.resident, atlas.capacity),
@@ -607,21 +608,21 @@ fn the_machine_shows_what_each_stage_reported() {
             assert!(names.contains(&text), "{camera}: `{text}` is not in {names:?}");
         }
     }
-    // A camera that stands needs no node anew.
+    // A camera that stands still loads no node.
     take(&mut stage, "key Period");
     assert_eq!(stage.model().shown().expect("a picture").picture.report.loaded, 0);
 }
 
 #[test]
 fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
-    // Of one variant, which draws random numbers: its pixels are other than those of its exact blend.
+    // Uses one variant with random choices, so that its pixels differ from those of the exact blend.
     let mut stage = standing(Some(Variant::only(Flavour::NearCliff)));
     stage.model().viewpoint = Viewpoint::Camera("cliff".to_owned());
     stage.settle().expect("a picture");
     let before = stage.model().shown().expect("a picture").texels.clone();
     take(&mut stage, "click Inspector");
     assert!(stage.model().shown().expect("a picture").pixel.is_none());
-    // By the keyboard.
+    // Selects a pixel by the keyboard.
     let size = stage.model().shown().expect("a picture").wish.size;
     let on: Vec<bool> = stage.model().shown().expect("a picture").picture.hdr.iter().map(|texel| texel[3] > 0.0).collect();
     let at = |index: usize| [index % size[0] as usize, index / size[0] as usize];
@@ -634,12 +635,12 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     assert!(stage.has("World position") && stage.has(&format!("{}, {} px", ground[0], ground[1])), "{:?}", stage.names());
     assert_eq!(shown.texels, before, "the picture stays as it was");
     take(&mut stage, "click Copy");
-    // With B beside A it is still A's.
+    // During a comparison, the selected pixel is still that of A.
     take(&mut stage, "click Compare; click Show; click Wipe; click Inspector");
     assert_eq!(stage.model().shown().expect("a picture").pixel.as_ref(), Some(pixel));
     take(&mut stage, "click Let go");
     assert_eq!((stage.model().probe, stage.model().shown().expect("a picture").pixel.is_none()), (None, true));
-    // By the mouse: the middle of the viewport. A drag looks around and probes nothing.
+    // Selects the pixel in the middle of the viewport by the mouse. A drag only turns the camera and selects nothing.
     take(&mut stage, "click Compare; click Show; click Only A");
     stage.drag([40.0, 0.0]).expect("a picture");
     assert_eq!(stage.model().probe, None);

@@ -59,7 +59,7 @@ fn bake(world: &World, lod: u8, x: u16, y: u16) -> NodePayload {
     world.bake(NodeId { lod, x, y }, &palette())
 }
 
-/// The node of a LOD at a place where seed 7 has cliffs.
+/// The node of a LOD at the steepest of 1600 places. In the world of seed 7 this is a cliff.
 fn steep_node(world: &World, lod: u8) -> NodeId {
     let half = 5120.0;
     let steepest = (0..40 * 40)
@@ -98,7 +98,7 @@ fn sectors_scale_by_powers_of_two_and_lods_are_as_deep_as_the_data() {
     assert_eq!(layout(10_240.0, None), Layout { sector_m: 64.0, finest_lod: 0 });
     assert_eq!(layout(10_240.1, None).sector_m, 128.0);
     assert_eq!(layout(25_036.8, Some(24.45)), Layout { sector_m: 256.0, finest_lod: 3 });
-    // 10 m data: 4 m between heights would be finer than half the data's spacing, 8 m are not.
+    // The data have a spacing of 10 m. A spacing of 4 m between heights would be finer than half of that; a spacing of 8 m is not.
     assert_eq!(layout(3200.0, Some(10.0)), Layout { sector_m: 64.0, finest_lod: 4 });
     assert_eq!(layout(3200.0, Some(0.5)).finest_lod, 0);
     assert_eq!(layout(9000.0, Some(90.0)).finest_lod, LODS - 1);
@@ -138,7 +138,7 @@ fn neighbours_share_the_bits_of_their_edges() {
             assert_eq!(at(&node, k, last), at(&north, k, 0), "LOD {lod}, column {k}");
             control += usize::from(at(&node, last - 1, k) != at(&east, 0, k));
         }
-        assert!(control > 60, "negative control: the column before the edge is another one");
+        assert!(control > 60, "negative control: the column before the edge has different heights");
     }
 }
 
@@ -169,7 +169,7 @@ fn parents_share_their_edges_and_splat_texels_with_their_children() {
                 }
             }
         }
-        assert!(inner > 1000, "negative control: heights inside a node of LOD {lod} are filtered, {inner} of them");
+        assert!(inner > 1000, "negative control: inside a node of LOD {lod}, only {inner} heights differ from those of the children");
     }
 }
 
@@ -184,7 +184,7 @@ fn coarse_nodes_are_smoother_than_samples_of_their_ground() {
         for j in 3..HEIGHT_SIDE - 3 {
             let row = 3..HEIGHT_SIDE - 3;
             let heights: Vec<f64> = row.clone().map(|i| world.elevation_m(payload.height[j * HEIGHT_SIDE + i])).collect();
-            // A vertex alone has the height that it has in its node.
+            // The height of a single vertex equals its height in the node.
             for (i, height) in row.clone().zip(&heights).step_by(17) {
                 assert_eq!(world.vertex_elevation_m(payload.id, [i, j].map(|n| u32::try_from(n).expect("small"))), *height);
             }
@@ -193,7 +193,10 @@ fn coarse_nodes_are_smoother_than_samples_of_their_ground() {
             sampled += bend(&row.map(sample).collect::<Vec<_>>());
         }
         if lod == 0 {
-            assert!((drawn / sampled - 1.0).abs() < 0.02, "the finest nodes are as the ground is: {drawn} of {sampled}");
+            assert!(
+                (drawn / sampled - 1.0).abs() < 0.02,
+                "the finest nodes must bend as the ground does: {drawn} m in all, of samples {sampled} m"
+            );
         } else {
             assert!(drawn < 0.7 * sampled, "LOD {lod}: bends of {drawn} m in all, of samples {sampled} m");
         }
@@ -202,7 +205,7 @@ fn coarse_nodes_are_smoother_than_samples_of_their_ground() {
 
 #[test]
 fn coarse_nodes_lay_what_lies_at_each_place() {
-    // The rules of [`MATERIALS`] go by slope alone.
+    // The rules of [`MATERIALS`] depend on slope alone; the added rule depends on curvature.
     let text = format!(
         "name = \"test\"\n[world]\nkind = \"procedural\"\nseed = 8\n{MATERIALS}[[rule]]\nmaterial = \"grass\"\nweight = 9.0\ncurvature = [0.02, 9.0]\n"
     );
@@ -227,7 +230,7 @@ fn a_slope_is_reached_exactly_up_to_the_steepest() {
     let steepest = known.max_slope_deg();
     let more = steepest + 1e-9;
     assert!(known.is_as_steep_as(steepest) && !known.is_as_steep_as(more) && !known.is_as_steep_as(f64::NAN));
-    // Also where nobody has looked for the steepest yet.
+    // The same holds if the steepest slope has not been computed before.
     let asked = alps();
     assert!(asked.is_as_steep_as(-1.0) && asked.is_as_steep_as(0.0) && asked.is_as_steep_as(steepest) && !asked.is_as_steep_as(more));
     assert!(asked.is_as_steep_as(steepest) && asked.is_as_steep_as(10.0) && !asked.is_as_steep_as(more));
@@ -277,10 +280,10 @@ fn albedo_alpha_is_zero_exactly_at_vertices_in_holes() {
     let whole = bake(&world, 0, 3, 3);
     let rgba = blocks::decode(BlockFormat::Bc1, &whole.albedo, TEXTURE_SIDE, TEXTURE_SIDE);
     assert!(rgba.chunks_exact(4).all(|t| t[3] == 255));
-    assert!(world.is_hole(5121.0, 0.0) && !world.is_hole(5120.0, 0.0), "outside the world there is no ground, its rim has some");
+    assert!(world.is_hole(5121.0, 0.0) && !world.is_hole(5120.0, 0.0), "there is ground on the rim of the world, but not outside");
 }
 
-/// Unit normals of the drawn triangles by cross products, patch by patch.
+/// Unit normals of the drawn triangles, for each patch, from cross products.
 fn triangle_normals(world: &World, payload: &NodePayload) -> Vec<Vec<[f64; 3]>> {
     let spacing = world.layout().spacing_m(payload.id.lod);
     let mut patches = vec![Vec::new(); 64];
@@ -311,7 +314,7 @@ fn cones_hold_every_triangle_after_decoding() {
             assert!(normals.iter().all(|&n| cone.contains(n)), "LOD {lod}: {cone:?}");
             widest = widest.max(cone.sin_half_angle);
             narrow += usize::from(cone.sin_half_angle < 0.8);
-            // Mutant: the half angle fits the axis before block compression bent it.
+            // Mutant: the half angle is computed for the axis before block compression changed it.
             let mean = normals.iter().fold(glam::DVec3::ZERO, |s, &n| s + glam::DVec3::from_array(n)).normalize();
             let cosine = normals.iter().map(|&n| mean.dot(glam::DVec3::from_array(n))).fold(1.0, f64::min);
             let mutant = cones::Cone { axis: cone.axis, sin_half_angle: if cosine > 0.0 { (1.0 - cosine * cosine).sqrt() } else { 1.0 } };
@@ -344,7 +347,10 @@ fn alpha_blocks_never_decode_below_what_is_needed() {
         assert!(values.iter().zip(needed).all(|(&v, n)| v >= n), "{needed:?} became {values:?}");
         let spread = needed.iter().max().zip(needed.iter().min()).map_or(0, |(a, b)| a - b);
         let excess = values.iter().zip(needed).map(|(&v, n)| v - n).max();
-        assert!(excess <= Some(spread / 5 + 2), "no more than a step of the line is given away: {needed:?} became {values:?}");
+        assert!(
+            excess <= Some(spread / 5 + 2),
+            "no value may exceed what is needed by more than a step of the block: {needed:?} became {values:?}"
+        );
     }
 }
 
@@ -356,12 +362,12 @@ fn surface_height_follows_the_drawn_triangles() {
     let (origin, spacing) = (id.origin_m(world.layout()), world.layout().spacing_m(0));
     let mut other_diagonal = 0.0f64;
     for k in 0..4000u32 {
-        // Low-discrepancy places (Roberts 2018), so that all of the node's quads are met.
+        // Low-discrepancy places (Roberts 2018), which cover the node evenly.
         let (a, b) = ((f64::from(k) * 0.754_877_666_246_69).fract(), (f64::from(k) * 0.569_840_290_998_05).fract());
         let (s, t) = (a * 128.0, b * 128.0);
         let (i, j) = (s as usize, t as usize);
         let corner = |di: usize, dj: usize| world.elevation_m(payload.height[(j + dj) * HEIGHT_SIDE + i + di]);
-        // Barycentric coordinates in whichever of the two triangles holds the point.
+        // The height from barycentric coordinates in the triangle that contains the point.
         let inside = |rises: bool| {
             let (u, v) = (s - i as f64, t - j as f64);
             let split = if rises {
@@ -384,9 +390,9 @@ fn surface_height_follows_the_drawn_triangles() {
         assert!((drawn - inside(diagonal_rises(i, j))).abs() < 1e-7, "at {i}, {j}");
         other_diagonal = other_diagonal.max((drawn - inside(!diagonal_rises(i, j))).abs());
     }
-    assert!(other_diagonal > 0.05, "negative control: the other diagonal is another surface ({other_diagonal} m)");
+    assert!(other_diagonal > 0.05, "negative control: the other diagonal must give a different surface ({other_diagonal} m)");
     for (x, y) in [(5120.0, 5120.0), (-5120.0, 5119.9), (9000.0, 0.0)] {
-        assert!(world.surface_height_m(x, y).is_finite(), "the rim and beyond stay in bounds");
+        assert!(world.surface_height_m(x, y).is_finite(), "heights on the rim and beyond must be finite");
     }
 }
 
@@ -428,7 +434,7 @@ fn the_generator_makes_mountains_with_cliffs_and_valley_floors() {
         let (x, y) = (at(k % SIDE), at(k / SIDE));
         let h = world.height_m(x, y);
         let slope = ((world.height_m(x + 0.5, y) - h) / 0.5).hypot((world.height_m(x, y + 0.5) - h) / 0.5).atan().to_degrees();
-        // Over 12 m, so that a boulder's side is no cliff: faces some 25 m tall or more.
+        // The slope over 12 m, so that the side of a boulder does not count as a cliff. A slope above 2 is a face that is about 25 m tall or more.
         let broad = ((world.height_m(x + 6.0, y) - world.height_m(x - 6.0, y)) / 12.0)
             .hypot((world.height_m(x, y + 6.0) - world.height_m(x, y - 6.0)) / 12.0);
         steep += usize::from(broad > 2.0);
@@ -443,20 +449,20 @@ fn the_generator_makes_mountains_with_cliffs_and_valley_floors() {
     assert!((0.05..0.5).contains(&share(flat)), "valley floors: {}", share(flat));
     assert!(world.max_slope_deg() > 75.0);
     let other = World::new(&scene_with("seed = 8")).expect("valid");
-    assert!((other.height_m(100.0, 200.0) - world.height_m(100.0, 200.0)).abs() > 1e-3, "another seed, another world");
+    assert!((other.height_m(100.0, 200.0) - world.height_m(100.0, 200.0)).abs() > 1e-3, "a different seed must give a different world");
 }
 
-/// Teeth of combs in a row of heights: places where the slope changes to and fro at three vertices running. A grid of vertices draws such
-/// combs where a crest or an edge is thinner than its spacing.
+/// Number of teeth of combs in a row of heights: places at which the slope changes back and forth at three successive vertices. A grid of vertices
+/// draws a comb if a crest or an edge is thinner than the spacing of the grid.
 fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
-    // A change of slope that can be seen, as a difference of tangents.
+    // Smallest visible change of slope, as a difference of tangents.
     const VISIBLE: f64 = 0.6;
     let bends: Vec<f64> = heights.windows(3).map(|h| (h[0] - 2.0 * h[1] + h[2]) / spacing_m).collect();
     let opposed = |a: f64, b: f64| a * b < 0.0 && a.abs().min(b.abs()) > VISIBLE;
     bends.windows(3).filter(|b| b.windows(2).all(|pair| opposed(pair[0], pair[1]))).count()
 }
 
-/// Teeth in 10 000 vertices of a LOD, by rows and columns of 65 x 65 vertices at 144 places.
+/// Teeth per 10 000 vertices of a LOD, counted along the rows and columns of 65 x 65 vertices at 144 places.
 fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
     const PLACES: u32 = 12;
     const SIDE: usize = 65;
@@ -479,19 +485,19 @@ fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
 #[test]
 fn no_lod_draws_crests_and_edges_as_combs() {
     let world = alps();
-    // Half as much again as is there: 7.4, 8.5, 6.3 and 21.8. LOD 5 is drawn from 4 km on, where its teeth are a pixel or two.
+    // The bounds are 1.5 times the measured numbers: 7.4, 8.5, 6.3 and 21.8. LOD 5 is drawn from 4 km on, where its teeth have one or two pixels.
     for (lod, most) in [(2, 11.0), (3, 13.0), (4, 9.5), (5, 33.0)] {
         let found = teeth(|x, y| world.height_m(x, y), lod);
         assert!(found < most, "LOD {lod}: {found} teeth in 10 000 vertices");
     }
-    // Negative control: fins 6 m wide and 30 m tall, 80 m apart, askew to the grid.
+    // Negative control: fins 6 m wide, 30 m tall and 80 m apart, oblique to the grid.
     let fins = |x: f64, y: f64| {
         let across = (x + 0.7 * y + 1e5).rem_euclid(80.0) - 40.0;
         world.height_m(x, y) + 30.0 * (1.0 - across.abs() / 3.0).max(0.0)
     };
     for lod in [2, 3] {
         let found = teeth(fins, lod);
-        assert!(found > 40.0, "LOD {lod} has a comb, and {found} teeth are found");
+        assert!(found > 40.0, "LOD {lod} has a comb, but only {found} teeth are found");
     }
 }
 
@@ -507,7 +513,7 @@ fn rules_pick_the_heaviest_and_noise_covers_its_share() {
     let scene = scene::parse(&text, "test scene", Path::new(".")).expect("valid");
     let rules = kernels::world::rules::Rules::new(&scene);
     assert_eq!(rules.material_at(0.0, 60.0, 0.0, 1.0, 1.0), 2);
-    // Weight 9 falls linearly over the fade: at 35 degrees 4.5 is left, at 29.9 nothing.
+    // The weight of 9 falls linearly over the fade of 10 degrees. It is 4.5 at 35 degrees, and zero at 29.9 degrees.
     assert!((rules.weights_at(0.0, 35.0, 0.0, 1.0, 1.0)[2] - 4.5).abs() < 1e-12);
     assert_ne!(rules.material_at(0.0, 29.9, 0.0, 1.0, 1.0), 2);
     assert_eq!(rules.material_at(0.0, 0.0, 0.15, 1.0, 1.0), 0, "convex");

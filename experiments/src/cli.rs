@@ -1,6 +1,6 @@
 //! The command line. Scripts rely on it, so its options and output are stable.
 //!
-//! Everything that can be found wrong without opening a file is refused here, as a usage error (exit 2).
+//! Mistakes that can be found without opening a file are refused here, as usage errors (exit status 2).
 
 use std::path::PathBuf;
 
@@ -61,7 +61,7 @@ pub(crate) enum Command {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 The demo is a built-in experiment, experiments/definitions/demo.toml. DIR receives the same files as those of `experiments run`. An
-interrupted demo continues when it is started again with the same options. A finished demo, or one with other options, is replaced.
+interrupted demo continues when it is started again with the same options. A finished demo, or one with different options, is replaced.
 
 Example:
   experiments demo --out out/demo --seeds 32")]
@@ -84,8 +84,8 @@ pub(crate) struct DemoArgs {
 #[command(after_help = "\
 Results go to DIR/<name of the experiment>: report.html, report.md, metrics.parquet, metrics.csv, times.parquet, times.csv,
 manifest.json, pictures/, reference/. An expectation that does not hold is only reported; `experiments check` fails because of it.
---resume continues a run that was stopped, by Ctrl-C or a crash; its metrics are those of an uninterrupted run. Shards may run on
-several machines with equal adapters; `experiments report DIR/<name>` combines them.
+--resume continues a run that was stopped, by Ctrl-C or a crash; its metrics are equal to those of an uninterrupted run. Shards may
+run on several machines with equal adapters; `experiments report DIR/<name>` combines them.
 
 Examples:
   experiments run experiments/definitions/noise.toml --out out
@@ -119,7 +119,7 @@ pub(crate) struct CheckArgs {
     /// Definition files, checked one after another
     #[arg(value_name = "DEFINITION.toml", required = true)]
     pub(crate) definitions: Vec<PathBuf>,
-    /// Folder for the results; without it they are deleted
+    /// Folder for the results; without this option, the results are deleted
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 }
@@ -151,8 +151,8 @@ With --path or --frames, the frame number is inserted before the extension: out.
 Estimators (fetches on near cliff, far cliff, splat):
   fc5        Far Cry 5: random choices on cliffs (12, 8, 48)
   exact      mean of those choices (48, 96, 48)
-  biplanar   as fc5, with the two projections of largest weight (8, 8, 32)
-  hex        as fc5, hex-tiled instead of a second tiling scale (30, 10, 120)
+  biplanar   like fc5, with only the two projections of largest weight (8, 8, 32)
+  hex        like fc5, with hex tiling instead of a second tiling scale (30, 10, 120)
   stf        one random tap of one texel (4, 4, 4)
   laplacian  coarse and fine detail blended separately (60, 60, 60)
   luna8      eight layers projected from above and blended over one another (28, 28, 28)
@@ -163,7 +163,7 @@ Layers of --aov:
   normal    unit normal, world axes
   depth     metres along the view direction; 0 = no terrain
   mask      flavours that the rules give the pixel: sum of vt 1, far-atlas 2, near-cliff 4, far-cliff 8, splat 16
-  variant   flavours that the pixel's tile was shaded with, as the same sum
+  variant   flavours with which the pixel's tile was shaded, as a sum of the numbers of mask
   fetches   texture fetches of the pixel
   choice    first random choice: 1 + splat texel + 4 x projection; 0 = none
   position  world position, metres
@@ -234,10 +234,10 @@ pub(crate) struct ImportArgs {
     /// Elevations of the smallest and largest sample value, metres
     #[arg(long, value_name = "LO,HI", allow_hyphen_values = true, value_parser = height_range)]
     pub(crate) height_range: Option<[f64; 2]>,
-    /// Folder with a folder of images per material (albedo, normal, height, roughness); without it, procedural materials are used
+    /// Folder with a folder of images per material (albedo, normal, height, roughness); without this option, procedural materials are used
     #[arg(long, value_name = "DIR")]
     pub(crate) materials: Option<PathBuf>,
-    /// Width and height of a .raw file; without it, it must be square
+    /// Width and height of a .raw file; without this option, the file must be square
     #[arg(long, value_name = "WxH", value_parser = raw_size)]
     pub(crate) raw_size: Option<[u32; 2]>,
     /// The samples of a .raw file are big-endian
@@ -246,7 +246,7 @@ pub(crate) struct ImportArgs {
     /// Read only this part: left, top, width, height, in samples
     #[arg(long, value_name = "X,Y,W,H", value_parser = window)]
     pub(crate) window: Option<[u32; 4]>,
-    /// Procedural relief added below the resolution of the data, metres; without it, cliffs in coarse data are smooth ramps
+    /// Procedural relief added below the resolution of the data, metres; without added relief, cliffs in coarse data are smooth ramps
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true, value_parser = detail)]
     pub(crate) detail: f64,
     /// Folder of the new scene; must be empty or not exist yet
@@ -256,7 +256,7 @@ pub(crate) struct ImportArgs {
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-The table is CSV with a header. Columns are found by name; others are ignored. `probe --list` prints kernels, columns and units.
+The table is CSV with a header. Columns are found by name; unknown columns are ignored. `probe --list` prints kernels, columns and units.
 
 Examples:
   experiments probe --list
@@ -285,7 +285,7 @@ pub(crate) struct ProbeArgs {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Fails if a result is not finite, if its error exceeds the derived tolerance, or if a number is outside its range;
-tables and report are written in any case. The table of extremes is TOML: copy experiments/src/stability/extremes.toml.
+tables and report are written in any case. The table of extremes is a TOML file: copy experiments/src/stability/extremes.toml and edit it.
 
 Examples:
   experiments stability
@@ -317,21 +317,21 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    /// All of them.
+    /// All parts.
     pub(crate) const ALL: [Part; 3] = [Part::Kernels, Part::Directions, Part::Noise];
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = "\
-With t the test and r the reference, linear colour (PNG and JPEG are decoded from sRGB):
-  flip  difference that a viewer sees when flipping between the two, 0 (none) to 1: LDR-FLIP of 8-bit sRGB encodings; mean over
+The test is t and the reference is r, both in linear colour (PNG and JPEG are decoded from sRGB):
+  flip  difference that a viewer sees when flipping between t and r, 0 (none) to 1: LDR-FLIP of 8-bit sRGB encodings; mean over
         pixels, quartiles of the sum of errors, and maximum
   mse   mean of (t - r)^2 over pixels and channels
   mrse  mean of (t - r)^2 / (r^2 + 0.01) over pixels and channels
-  psnr  10 log10(1 / mse) of their sRGB encodings, dB; infinite (null in JSON) where they are equal
-  ssim  structural similarity of their sRGB encodings, -1 to 1 (equal): Gaussian window of 11x11, sigma 1.5; none (null in JSON)
-        where no window fits
-Encodings are clamped to 0..1. Layers of vectors and numbers have no encoding: they are compared by mse and mrse.
+  psnr  10 log10(1 / mse) of their sRGB encodings, dB; infinite (null in JSON) if they are equal
+  ssim  structural similarity of their sRGB encodings, -1 to 1 (equal): Gaussian window of 11x11, sigma 1.5; no value
+        (null in JSON) if no window fits into the picture
+Encodings are clamped to 0..1. Layers of vectors and numbers have no encoding: they are compared only by mse and mrse.
 
 Examples:
   experiments compare noisy.exr truth.exr --layer albedo --terrain
@@ -419,16 +419,16 @@ impl Cli {
         cli
     }
 
-    /// Checks that clap's attributes cannot express.
+    /// Makes the checks that clap's attributes cannot express.
     fn check(&self) -> Result<(), (&'static str, String)> {
         match &self.command {
             Command::Render(args) if !args.aov.is_empty() && extension(&args.out) == "png" => {
-                Err(("render", "--aov needs an .exr: a .png has no layers".to_owned()))
+                Err(("render", "--aov needs an .exr file, because .png files have no layers: change --out".to_owned()))
             }
             Command::Stability(args)
                 if !args.only.is_empty() && !args.only.contains(&Part::Kernels) && (args.every_adapter || args.extremes.is_some()) =>
             {
-                Err(("stability", "--extremes and --every-adapter apply to kernels: add `kernels` to --only, or omit them".to_owned()))
+                Err(("stability", "--extremes and --every-adapter need `kernels`: add it to --only, or omit these options".to_owned()))
             }
             _ => Ok(()),
         }
@@ -492,7 +492,7 @@ fn pose(text: &str) -> Result<[f64; 5], String> {
         return Err("X, Y and Z are metres, at most 10 000 000 from the origin".to_owned());
     }
     if pose[3].abs() > 3600.0 || pose[4].abs() > 90.0 {
-        return Err("YAW is a compass bearing in degrees, PITCH must lie in -90..=90".to_owned());
+        return Err("YAW must lie in -3600..=3600 degrees and PITCH in -90..=90 degrees".to_owned());
     }
     Ok(pose)
 }

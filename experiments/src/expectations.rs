@@ -48,8 +48,8 @@ fn short(value: f64) -> String {
 /// One verdict for each expectation, in order.
 ///
 /// The value is the mean over the rows of the metric that match `where`. With `over`, it is divided by the mean over the rows that match `where` as
-/// changed by `over`. If no `frame` is named and the metric has rows over all frames, only those are used. A selection without rows, a mean that is
-/// not finite, and a ratio to 0 are failures.
+/// changed by `over`. If no `frame` is named and the metric has rows over all frames, only these rows are used. A selection without rows, a mean that
+/// is not finite, and a ratio to 0 are failures.
 pub fn evaluate(definition: &Definition, rows: &[Row], times: &[Row]) -> Vec<Verdict> {
     definition.expectations.iter().map(|expectation| judge(expectation, rows, times)).collect()
 }
@@ -82,7 +82,7 @@ fn value(expectation: &Expectation, rows: &[Row], times: &[Row]) -> Result<(f64,
     let (second, other_count) = of(&metric, &selection)?;
     let ratio = first / second;
     if !ratio.is_finite() {
-        return Err(format!("{} over {} is not a number", short(first), short(second)));
+        return Err(format!("{} divided by {} is not a finite number", short(first), short(second)));
     }
     Ok((ratio, format!("{} over {}, means of {count} and {other_count} rows", short(first), short(second))))
 }
@@ -108,7 +108,7 @@ fn agrees(row: &Row, column: &str, value: &Value) -> bool {
         Some(Field::Count(get, _)) => get(row).map(i64::from) == value.as_integer(),
         Some(Field::Number(get, _)) => {
             let wanted = value.as_float().or_else(|| value.as_integer().map(|number| number as f64));
-            // The centre of a band is written with a few digits only.
+            // Definitions give the centre of a frequency band with only a few digits, so the numbers need not be exactly equal.
             get(row).zip(wanted).is_some_and(|(found, wanted)| (found - wanted).abs() <= 1e-6 * wanted.abs().max(1.0))
         }
         Some(Field::Value(..)) | None => false,
@@ -175,7 +175,7 @@ mod tests {
             let verdict = verdict(&expectation(metric, selection, over, all));
             assert!(!verdict.met && verdict.value.is_nan() && !verdict.why.is_empty(), "{metric}: {verdict}");
         }
-        assert!(verdict(&expectation("rmse", "variant = 'auto'", None, all)).met, "the range itself lets everything pass");
+        assert!(verdict(&expectation("rmse", "variant = 'auto'", None, all)).met, "a finite value must lie in the infinite range");
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub enum Axis {
 
 /// Smallest side of the square from which spectra are computed, pixels.
 pub const SMALLEST_SIDE: u32 = 64;
-/// Largest number of frames between two compared frames: lags are 1 to this.
+/// Largest lag, the number of frames between two compared frames. Lags are 1 to this number.
 pub const LAGS: u32 = 4;
 
 /// A metric.
@@ -53,7 +53,7 @@ impl Metric {
     }
 }
 
-/// The table of metrics: for each one a constant with its name, and a row of [`METRICS`].
+/// Defines the table of metrics. For each metric it defines a constant with the metric's name, and an entry of [`METRICS`].
 macro_rules! metrics {
     ($($constant:ident = $name:literal, $unit:literal, $needs:ident, $axis:ident, $meaning:literal;)*) => {
         $(
@@ -61,7 +61,7 @@ macro_rules! metrics {
             pub const $constant: &str = $name;
         )*
 
-        /// All of them.
+        /// All metrics.
         pub const METRICS: [Metric; [$($name),*].len()] = [
             $(Metric { name: $constant, unit: $unit, needs: Needs::$needs, axis: Axis::$axis, meaning: $meaning },)*
         ];
@@ -72,7 +72,7 @@ metrics! {
     FETCHES_PER_PX = "fetches_per_px", "fetches/px", Picture, None,
         "Texture fetches counted in the shader, mean over terrain pixels.";
     TILE_FETCHES_PER_PX = "tile_fetches_per_px", "fetches/px", Picture, None,
-        "Promised fetches of the variant that shades a pixel's tile, mean over terrain pixels: the cost of lanes that run in lockstep.";
+        "Promised fetches of the variant that shades a pixel's tile, mean over terrain pixels: the cost if all lanes of a tile run in lockstep.";
     BIAS = "bias", "linear albedo", Seeds, None,
         "Mean over seeds minus the exact blend of the same flavours, mean over pixels.";
     VARIANCE = "variance", "linear albedo^2", Seeds, None,
@@ -112,7 +112,7 @@ metrics! {
     REFERENCE_SPP = "reference_spp", "samples/px", Picture, None,
         "Samples per pixel that the reference took.";
     REFERENCE_DIFFERENCE = "reference_difference", "linear luminance", Frames, Lag,
-        "The difference of the reference sequence.";
+        "Metric `difference` of the reference sequence.";
     REFERENCE_DIFFERENCE_P95 = "reference_difference_p95", "linear luminance", Frames, Lag,
         "Like reference_difference, but the 95th percentile.";
     TERRAIN = "terrain", "1", Picture, None,

@@ -44,7 +44,7 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 pub(crate) fn watch_interrupts() -> Result<()> {
     ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            // 128 + SIGINT, the exit status that shells expect.
+            // 128 + SIGINT, the exit status that shells expect after Ctrl-C.
             std::process::exit(130);
         }
         eprintln!("stopping; unfinished work is discarded; press Ctrl-C again to stop at once");

@@ -25,7 +25,7 @@ pub struct Row {
     pub temporal: String,
     /// The parameter that the definition varies, such as `blend.hash_scale`; empty = none.
     pub parameter: String,
-    /// Its value, as text; empty = none.
+    /// Value of the varied parameter, as text; empty = none.
     pub setting: String,
     /// Frame index; absent = the value is over all frames.
     pub frame: Option<u32>,
@@ -83,7 +83,7 @@ pub const COLUMNS: [Column; 16] = [
     column("parameter", "parameter that the definition varies; empty = none", Field::Text(|r| &r.parameter, |r| &mut r.parameter)),
     column("setting", "the parameter's value, as text; empty = none", Field::Text(|r| &r.setting, |r| &mut r.setting)),
     column("frame", "frame index, from 0; absent = value over all frames", Field::Count(|r| r.frame, |r| &mut r.frame)),
-    column("lag", "frames between the two compared frames, 1 to 4; absent = none are compared", Field::Count(|r| r.lag, |r| &mut r.lag)),
+    column("lag", "frames between the two compared frames, 1 to 4; absent = no comparison", Field::Count(|r| r.lag, |r| &mut r.lag)),
     column(
         "frequency",
         "centre of a frequency band of a spectrum, cycles per pixel; absent = not a spectrum",
@@ -91,7 +91,7 @@ pub const COLUMNS: [Column; 16] = [
     ),
     column("metric", "name of the metric", Field::Text(|r| &r.metric, |r| &mut r.metric)),
     column("unit", "unit of value and standard error", Field::Text(|r| &r.unit, |r| &mut r.unit)),
-    column("value", "the number; NaN if the metric has none", Field::Value(|r| r.value, |r| &mut r.value)),
+    column("value", "the number; NaN if the metric has no value", Field::Value(|r| r.value, |r| &mut r.value)),
     column(
         "standard_error",
         "standard error of the value, in its unit; absent = unknown or none",
@@ -105,7 +105,7 @@ impl Row {
         COLUMNS.iter().find(|column| column.name == name)
     }
 
-    /// The order of rows: by the columns from left to right, absent before present. A total order that includes NaN.
+    /// Compares two rows column by column, from left to right. Absent numbers come before present ones. The order is total, also for NaN.
     pub fn order(&self, other: &Row) -> Ordering {
         let number = |a: Option<f64>, b: Option<f64>| match (a, b) {
             (Some(a), Some(b)) => a.total_cmp(&b),

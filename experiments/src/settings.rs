@@ -10,7 +10,7 @@ use kernels::scene::{self, Scene};
 use kernels::settings::{Home, Kind, Setting, shown};
 use toml::Value;
 
-/// A value of `--variant` that the setting itself does not have: automatic variants by the generic pipeline.
+/// A value that the option `--variant` accepts in addition to those of the setting: automatic variants, shaded by the generic pipeline.
 const GENERIC: &str = "generic";
 
 /// The settings of a frame, read from options.
@@ -21,7 +21,7 @@ fn options() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
     frame::settings().filter(|setting| setting.has_home(Home::Option))
 }
 
-/// The value of an option, or a message if it is not accepted.
+/// Reads the value of an option. Returns a message if the value is not accepted.
 fn read(setting: &Setting<FrameSettings>, text: &str) -> Result<Value, String> {
     let value = setting.kind.read(text);
     if setting.name() == "variant" && text == GENERIC {
@@ -137,7 +137,7 @@ fn assignment(text: &str) -> Result<(&'static str, Value), String> {
 /// Checks that a setting of the scene accepts a number.
 ///
 /// # Errors
-/// A message if it does not.
+/// Returns a message if the setting does not accept the number.
 pub(crate) fn scene_number(key: &str, number: f64) -> Result<f64, String> {
     scene::setting(key).ok_or_else(|| unknown(key))?.accept(&Value::Float(number)).map(|()| number)
 }
@@ -191,9 +191,9 @@ mod tests {
         for e in Estimator::ALL {
             assert_eq!(frame(&["--estimator", e.name()]).map(|frame| frame.estimator), Ok(e));
         }
-        let wrong = frame(&["--estimator", "snaped"]).expect_err("no such");
+        let wrong = frame(&["--estimator", "snaped"]).expect_err("there is no such estimator");
         assert!(wrong.contains("did you mean `snapped`?") && wrong.contains("laplacian"), "{wrong}");
-        // Estimators that serve as yardsticks cannot be chosen.
+        // Internal estimators, such as the one that computes the theoretical variance, cannot be chosen.
         assert!(frame(&["--estimator", "variance"]).is_err() && frame(&["--estimator", ""]).is_err());
     }
 

@@ -12,22 +12,23 @@ use crate::row::Row;
 /// What a part of a run does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
-    /// The converged reference of a view, and the flicker of the reference sequence. It is written to the run's folder for the parts that need it.
+    /// Renders the converged reference of a view and measures how the reference sequence changes from frame to frame. The reference is written to the
+    /// run's folder, where other parts read it.
     Reference,
-    /// All variants of the definition, over all frames and seeds.
+    /// Measures all variants of the definition, over all frames and seeds.
     Sweep {
         /// Estimator of the stochastic flavours.
         estimator: String,
-        /// Their noise.
+        /// Noise of the stochastic flavours.
         noise: String,
         /// Temporal resolve.
         temporal: String,
     },
-    /// Device times of all variants.
+    /// Measures the device times of all variants.
     Timing {
         /// Estimator of the stochastic flavours.
         estimator: String,
-        /// Their noise.
+        /// Noise of the stochastic flavours.
         noise: String,
     },
 }
@@ -35,7 +36,7 @@ pub enum Work {
 /// A part of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
-    /// Its index in the run, from 0: the order in which rows are stored.
+    /// Index of the part in the run, from 0. Rows are stored in the order of the parts.
     pub index: usize,
     /// Name for files and progress: letters, digits, `-`, `_`, `+` and `.`.
     pub id: String,
@@ -50,9 +51,9 @@ pub struct Unit {
 /// The result of a part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// Metrics: identical whenever the part is done again on the same adapter.
+    /// Metrics. They are identical if the part is done again on the same adapter.
     pub rows: Vec<Row>,
-    /// Times: different each time.
+    /// Device times. They differ each time the part is done.
     pub times: Vec<Row>,
 }
 
@@ -62,7 +63,7 @@ pub trait Measure {
     /// Implementations check for an interrupt between steps.
     ///
     /// # Errors
-    /// A part that cannot be rendered or written; the part then counts as not done.
+    /// The part cannot be rendered, or its files cannot be written. It then counts as not done.
     fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome>;
 }
 
@@ -111,7 +112,8 @@ pub fn plan(definition: &Definition) -> Vec<Unit> {
     units
 }
 
-/// The text as part of a file name: other characters become `_`, and it is cut after 30, so that six such texts fit into a file name.
+/// Converts a text to a part of a file name. Characters that are neither ASCII letters or digits nor `-`, `_`, `+` or `.` become `_`. The text is cut
+/// after 30 characters, so that six such texts fit into a file name.
 fn file_word(text: &str) -> String {
     text.chars().take(30).map(|c| if c.is_ascii_alphanumeric() || "-_+.".contains(c) { c } else { '_' }).collect()
 }
@@ -153,12 +155,12 @@ impl FromStr for Shard {
 pub struct Share {
     /// The part.
     pub unit: Unit,
-    /// Whether this run stores the part's rows. A reference is made by every shard that measures against it, and its rows are stored by one of them.
+    /// Whether this run stores the part's rows. Several shards may render the same reference, but only one shard stores its rows.
     pub kept: bool,
 }
 
-/// The parts that a shard does, or all parts if there is no shard. Sweeps and times are distributed in turn, and so are the rows of references. All
-/// shards together store the rows of each part exactly once.
+/// The parts that a shard does, or all parts if there is no shard. Sweeps and timings are assigned to the shards in turn. The rows of references are
+/// assigned in turn as well, counted separately. All shards together store the rows of each part exactly once.
 pub fn share(units: &[Unit], shard: Option<Shard>) -> Vec<Share> {
     let Some(shard) = shard else { return units.iter().cloned().map(|unit| Share { unit, kept: true }).collect() };
     let (count, own) = (shard.count as usize, shard.number as usize - 1);

@@ -1,4 +1,4 @@
-//! Runs one shared function over a table, on the device and by its reference in f64: how far is the shader from the truth?
+//! Runs one shared function over a table, on the device and by its reference in f64, and prints the largest difference:
 //! `cargo run --release -p kernels --example probe_table`.
 
 use kernels::probe::Probe;

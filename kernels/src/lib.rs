@@ -1,17 +1,21 @@
-//! The terrain stack of *Far Cry 5* as a measuring instrument: every stage of the frame, its shaders, and their f64 references.
+//! The terrain rendering of *Far Cry 5*, built for measurements: every stage of the frame, its shaders, and their f64 references.
 //!
-//! A [`scene`] says what there is. A [`Renderer`] makes it ready on a [`Gpu`]; a [`RenderRequest`] asks for one picture of it; [`Renderer::draw`] returns a
-//! [`Frame`], which can be read back, measured, composed or inspected. `examples/render_png.rs` does that in under 40 lines;
-//! `examples/probe_table.rs` runs one shared function over a table, on the device and in f64.
+//! A [`scene`] describes the terrain, its materials and the light. A [`Renderer`] prepares a scene for a [`Gpu`], and a [`RenderRequest`] describes
+//! one picture of the scene. [`Renderer::draw`] returns a [`Frame`], which can be read back, measured, composed or inspected.
+//! `examples/render_png.rs` draws a picture in under 40 lines; `examples/probe_table.rs` evaluates one shared function for a table of inputs, on the
+//! device and in f64.
 //!
-//! Where to read:
+//! Where to start reading:
 //!
-//! - [`frame`] calls the stages in their order: the frame on one page.
-//! - A stage is a folder: host module, WGSL, and a `reference` where it has mathematics of its own. [`stage`] says what a stage declares of itself.
-//! - [`shared`] holds the functions that several stages use, each as WGSL and as Rust, generic over f32 and f64. [`probe`] lays them open as tables.
-//! - [`gpu`] alone knows adapters, pipelines, timers and read-back.
+//! - [`frame`] calls the stages in order, so it shows the course of a frame on one page.
+//! - A stage is a folder with a host module, WGSL and, if the stage has mathematics of its own, a `reference` in Rust. [`stage`] defines what every
+//!   stage declares about itself.
+//! - [`shared`] holds the functions that several stages use, each as WGSL and as Rust, generic over f32 and f64. [`probe`] evaluates them for tables
+//!   of inputs.
+//! - [`gpu`] handles adapters, devices, shaders, timers and read-back.
 //!
-//! Modules stand in floors: a module imports only from lower ones. The list `KERNELS` in `tests/floors.rs` gives the order and holds them to it.
+//! Modules are arranged in layers, called floors: a module imports only from lower floors. The list `KERNELS` in `tests/floors.rs` gives the order,
+//! and a test enforces it.
 
 pub mod base;
 pub mod blocks;

@@ -1,6 +1,6 @@
 //! The five shading flavours and their 31 non-empty combinations.
 //!
-//! One table feeds pipelines, indirect arguments, command line, scene files, metrics and tests.
+//! Pipelines, indirect arguments, the command line, scene files, metrics and tests all use the definitions of this module.
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations".
 
 use std::fmt;
@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use crate::base::names::nearest;
 
-/// One of the five ways a terrain pixel can be shaded; its value is its bit in a mask.
+/// One of the five ways in which a terrain pixel can be shaded. The discriminant is the flavour's bit in a mask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Flavour {
@@ -16,16 +16,16 @@ pub enum Flavour {
     VirtualTexture = 1,
     /// Baked albedo and normal of the quadtree payload.
     FarAtlas = 2,
-    /// Three alpha-blended projections, one random splat material each.
+    /// Three alpha-blended projections, each with one random splat material.
     NearCliff = 4,
-    /// Two alpha-blended tilings, one random projection and material each.
+    /// Two alpha-blended tilings, each with one random projection and one random material.
     FarCliff = 8,
     /// Three projections of four splat materials, all blended.
     Splat = 16,
 }
 
 impl Flavour {
-    /// Every flavour, in the order of its bit.
+    /// Every flavour, in the order of the bits.
     pub const ALL: [Flavour; 5] = [Flavour::VirtualTexture, Flavour::FarAtlas, Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat];
 
     /// The flavour's bit in an 8-bit classification mask.
@@ -33,7 +33,7 @@ impl Flavour {
         self as u8
     }
 
-    /// Its index in arrays of five.
+    /// The flavour's index in arrays of five.
     pub const fn index(self) -> usize {
         self.bit().trailing_zeros() as usize
     }
@@ -49,7 +49,7 @@ impl Flavour {
         }
     }
 
-    /// Its colour in maps, sRGB: the hues can be distinguished by colour-blind people, after Okabe and Ito 2008.
+    /// The flavour's colour in maps, sRGB. Colour-blind people can distinguish the hues, which follow Okabe and Ito 2008.
     pub const fn colour(self) -> [u8; 3] {
         match self {
             Flavour::VirtualTexture => [86, 180, 90],
@@ -73,12 +73,12 @@ pub struct Variant(u8);
 )]
 pub struct NotAVariant {
     given: String,
-    /// The name that was probably meant; may be empty.
+    /// A suggestion, such as ``did you mean `vt`?``; may be empty.
     pub hint: String,
 }
 
 impl Variant {
-    /// How many variants there are.
+    /// Number of variants.
     pub const COUNT: usize = 31;
 
     /// The variant with this mask; `None` unless 1 <= mask <= 31.
@@ -91,7 +91,7 @@ impl Variant {
         Variant(flavour.bit())
     }
 
-    /// All 31, in the order of their numbers.
+    /// All 31 variants, in the order of their numbers.
     pub fn all() -> impl Iterator<Item = Variant> {
         (1..=31).map(Variant)
     }
@@ -111,7 +111,7 @@ impl Variant {
         Flavour::ALL.into_iter().filter(move |&f| self.has(f))
     }
 
-    /// The mean of its flavours' colours.
+    /// The mean colour of the set's flavours.
     pub fn colour(self) -> [u8; 3] {
         let count = self.0.count_ones();
         let mean = |k: usize| self.flavours().map(|f| u32::from(f.colour()[k])).sum::<u32>() / count;
@@ -129,7 +129,7 @@ impl fmt::Display for Variant {
 impl FromStr for Variant {
     type Err = NotAVariant;
 
-    /// Accepts a number 1..=31 or names joined by `+`, in any order.
+    /// Accepts a number 1..=31, or names of flavours joined by `+`, in any order.
     fn from_str(text: &str) -> Result<Self, NotAVariant> {
         let wrong = |hint: String| NotAVariant { given: text.to_owned(), hint };
         if let Ok(number) = text.parse::<i64>() {

@@ -33,8 +33,8 @@ struct Args {
     /// Draws with the WGSL files in this folder, which has the layout of kernels/src, and reloads a file when it changes
     #[arg(long, value_name = "FOLDER")]
     shaders: Option<PathBuf>,
-    /// Steps before the picture of --screenshot, separated by `;`: `click NAME`, `key KEY`, `set NAME = VALUE`, `type NAME = TEXT`, `open FILE`,
-    /// `frames N`, `warm`
+    /// Steps to carry out before the picture of --screenshot is drawn, separated by `;`: `click NAME`, `key KEY`, `set NAME = VALUE`,
+    /// `type NAME = TEXT`, `open FILE`, `frames N`, `warm`
     #[arg(long, value_name = "STEPS", requires = "screenshot", default_value = "")]
     script: String,
 }
@@ -51,10 +51,10 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     parse().filter(|size| size.iter().all(|n| (SIDES[0]..=SIDES[1]).contains(n))).ok_or_else(wrong)
 }
 
-/// Opens the file of the saved state, unless `fresh`. Returns its keeper, and notes for the user.
+/// Opens the file of the saved state, unless `fresh` is set. Returns the keeper of the file, and notes for the user.
 fn open(fresh: bool) -> (Option<Keeper>, Vec<String>) {
     let Some(path) = kept::place().filter(|_| !fresh) else {
-        let nowhere = "nothing is saved between starts: no folder for it is known on this machine; set SCREE_STATE to a file";
+        let nowhere = "nothing is saved between starts, because no folder for the saved state is known: set SCREE_STATE to a file";
         return (None, if fresh { Vec::new() } else { vec![nowhere.to_owned()] });
     };
     let (keeper, note) = Keeper::open(path);
@@ -68,7 +68,7 @@ fn run(args: &Args) -> Result<()> {
     }
     if let Some(file) = &args.screenshot {
         if file.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
-            bail!("{}: its folder does not exist: make it first", file.display());
+            bail!("{}: its folder does not exist: create it first", file.display());
         }
         let steps = script::steps(&args.script).context("--script")?;
         return script::run(args.scene.as_deref().unwrap_or(scene::DEFAULT), args.size, shaders, &steps, file);
@@ -92,13 +92,14 @@ fn run(args: &Args) -> Result<()> {
     let [width, height] = args.size.map(|n| n as f32);
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default().with_title(format!("Scree - {}", scene.name)).with_inner_size([width, height]),
-        // Dithering would change the texels of the picture, and it costs time where a processor paints the window.
+        // Dithering would change the texels of the picture, and would cost time if a software adapter paints the window.
         dithering: false,
         ..Default::default()
     };
     let open = |cc: &eframe::CreationContext<'_>| {
         still(&cc.egui_ctx);
-        // The system theme may be light: panes would take its text colour but not its background. Also, pictures are judged on a dark background.
+        // Under a light system theme, panes would use the light theme's text colour on a dark background. Also, pictures are judged on a dark
+        // background.
         cc.egui_ctx.set_theme(egui::Theme::Dark);
         let mut app = Workbench::new(&cc.egui_ctx, scene, shaders);
         app.model.come_from(&name);
@@ -111,9 +112,9 @@ fn run(args: &Args) -> Result<()> {
     eframe::run_native("scree", options, Box::new(|cc| Ok(Box::new(open(cc))))).map_err(|error| no_window(&error))
 }
 
-/// The error for a window that cannot be opened: the reason, and what works without a window.
+/// The error message for a window that cannot be opened: the reason, and the programs that work without a window.
 fn no_window(error: &eframe::Error) -> anyhow::Error {
-    // The library's error message names its own source file. For the common cause, no display, say so plainly instead.
+    // The error message of the library names a source file of the library. If there is no display, which is the common cause, state that instead.
     let unset = |name: &str| std::env::var_os(name).is_none_or(|value| value.is_empty());
     let headless = cfg!(target_os = "linux") && unset("DISPLAY") && unset("WAYLAND_DISPLAY");
     let why = if headless { "neither DISPLAY nor WAYLAND_DISPLAY is set".to_owned() } else { error.to_string() };

@@ -1,4 +1,4 @@
-//! The application without a window: carries out the steps of a script, then draws a picture of the window. For documentation, for tests, and for
+//! The application without a window: carries out the steps of a script, then draws a picture of the window. It serves documentation, tests, and
 //! machines without a display.
 
 use std::path::{Path, PathBuf};
@@ -18,11 +18,11 @@ use crate::model::panes::Pane;
 use crate::model::state::Model;
 use crate::window::{Workbench, still};
 
-/// Longest wait for a picture.
+/// Longest wait for a picture or another event.
 const PATIENCE: Duration = Duration::from_secs(300);
 /// Pause between two drawings of the window while a step waits.
 const NAP: Duration = Duration::from_millis(5);
-/// Number of drawings after which a turn of the wheel has certainly taken full effect; it is spread over several.
+/// Number of drawings of the window after which a turn of the wheel has certainly taken full effect. egui spreads the turn over several drawings.
 const SPREAD: usize = 60;
 
 /// One step of a script.
@@ -76,7 +76,7 @@ impl FromStr for Step {
     }
 }
 
-/// The steps in a text, separated by `;` or line breaks.
+/// Parses the steps in a text, which are separated by `;` or line breaks.
 ///
 /// # Errors
 /// A part of the text is not a step.
@@ -84,7 +84,7 @@ pub fn steps(text: &str) -> Result<Vec<Step>> {
     text.split([';', '\n']).map(str::trim).filter(|step| !step.is_empty()).map(str::parse).collect()
 }
 
-/// Longest side of a texture, pixels: the same as in the windows of eframe.
+/// Longest side of a texture, pixels. Windows of eframe have the same limit.
 const MOST_SIDE: usize = 8192;
 
 /// The application without a window.
@@ -98,7 +98,8 @@ impl Stage {
         Stage::prepared(scene, size, |_| {})
     }
 
-    /// Like [`Stage::new`]; `prepare` changes the application before the first picture is requested. This saves a picture that is not needed.
+    /// Like [`Stage::new`]; `prepare` changes the application before the first picture is requested. This avoids drawing a picture that is not
+    /// needed.
     pub fn prepared(scene: Scene, size: [u32; 2], prepare: impl FnOnce(&mut Workbench)) -> Stage {
         Stage::showing(size, |ctx| {
             let wake = ctx.clone();
@@ -123,11 +124,11 @@ impl Stage {
         let harness = Harness::builder()
             .with_size(egui::vec2(size[0], size[1]))
             .with_theme(egui::Theme::Dark)
-            // As in a real window: characters that the fonts lack are drawn as boxes and are no error.
+            // As in a real window, a character that the fonts lack is drawn as a box and is not an error.
             .allow_missing_glyphs()
             .wgpu()
             .build_eframe(|cc| {
-                // Without animations, a click also hits a control where the last drawing showed it.
+                // Without animations, a control is still at the position in the last drawing when a click on it arrives.
                 still(&cc.egui_ctx);
                 app(&cc.egui_ctx)
             });
@@ -161,7 +162,7 @@ impl Stage {
         !output.values().any(|output| output.commands.contains(&egui::ViewportCommand::CancelClose))
     }
 
-    /// Draws the window until `done` holds. `what` names the expected event in errors.
+    /// Draws the window until `done` returns true. `what` names the expected event in errors.
     ///
     /// # Errors
     /// The drawing thread fails, or the event does not occur in time (300 s).
@@ -186,7 +187,7 @@ impl Stage {
     /// Waits for the picture that the controls describe.
     ///
     /// # Errors
-    /// As [`Stage::until`].
+    /// See [`Stage::until`].
     pub fn settle(&mut self) -> Result<()> {
         // A change that was just made is requested only when the window is drawn next.
         self.harness.step();
@@ -194,7 +195,7 @@ impl Stage {
         self.until("the picture", Model::is_settled)
     }
 
-    /// The names of everything on screen that has a name.
+    /// Returns the accessible names of all elements on screen that have one, in alphabetical order and without duplicates.
     pub fn names(&self) -> Vec<String> {
         let mut names: Vec<String> = self
             .harness
@@ -207,7 +208,7 @@ impl Stage {
         names
     }
 
-    /// Whether something with this name is on screen.
+    /// Whether an element with this name is on screen.
     pub fn has(&self, name: &str) -> bool {
         self.harness.query_all_by_label(name).next().is_some()
     }
@@ -215,7 +216,7 @@ impl Stage {
     /// Holds a key down for this many drawings of the window, then waits for the picture.
     ///
     /// # Errors
-    /// As [`Stage::until`].
+    /// See [`Stage::until`].
     pub fn hold(&mut self, key: Key, drawings: u32) -> Result<()> {
         self.harness.key_down(key);
         for _ in 0..drawings {
@@ -228,7 +229,7 @@ impl Stage {
     /// Drags the picture by this many points.
     ///
     /// # Errors
-    /// As [`Stage::until`].
+    /// See [`Stage::until`].
     pub fn drag(&mut self, by: [f32; 2]) -> Result<()> {
         self.drag_with(egui::Modifiers::NONE, by)
     }
@@ -236,7 +237,7 @@ impl Stage {
     /// Like [`Stage::drag`], with modifier keys held.
     ///
     /// # Errors
-    /// As [`Stage::until`].
+    /// See [`Stage::until`].
     pub fn drag_with(&mut self, held: egui::Modifiers, by: [f32; 2]) -> Result<()> {
         let Some(node) = self.find("Picture") else { return Err(self.missing("Picture")) };
         let from = node.rect().center();
@@ -253,7 +254,7 @@ impl Stage {
         self.settle()
     }
 
-    /// The control with this name, and not the label that gives it the name.
+    /// Finds the control with this name. The label that gives the control its name is skipped.
     fn find<'a>(&'a self, name: &'a str) -> Option<egui_kittest::Node<'a>> {
         self.harness.query_all_by_label(name).find(|node| node.accesskit_node().role() != Role::Label)
     }
@@ -279,7 +280,7 @@ impl Stage {
     /// Drops a file or folder on the window and waits for the resulting picture.
     ///
     /// # Errors
-    /// As [`Stage::until`].
+    /// See [`Stage::until`].
     pub fn drop_file(&mut self, path: &Path) -> Result<()> {
         self.harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
         self.harness.step();
@@ -290,7 +291,7 @@ impl Stage {
     /// Turns the wheel over the picture by this many points; positive is upwards.
     ///
     /// # Errors
-    /// As [`Stage::until`].
+    /// See [`Stage::until`].
     pub fn scroll(&mut self, points: f32) -> Result<()> {
         let Some(node) = self.find("Picture") else { return Err(self.missing("Picture")) };
         let at = node.rect().center();
@@ -311,11 +312,11 @@ impl Stage {
     /// Carries out a step and waits for the resulting picture.
     ///
     /// # Errors
-    /// Nothing on screen has the name, or as [`Stage::until`].
+    /// Nothing on screen has the name. See also [`Stage::until`].
     pub fn take(&mut self, step: &Step) -> Result<()> {
         match step {
             Step::Click(name) => {
-                // Scroll it into view first: a control that is scrolled out of view cannot be clicked.
+                // Scroll the control into view first, because a control out of view cannot be clicked.
                 self.find(name).ok_or_else(|| self.missing(name))?.scroll_to_me();
                 self.harness.run_steps(5);
                 self.find(name).ok_or_else(|| self.missing(name))?.click();
@@ -331,7 +332,7 @@ impl Stage {
             }
             Step::Open(given) => self.open(given)?,
             Step::Frames(_) if self.harness.state().model.clock.paused => {
-                bail!("time stands still, so that no further frame is drawn: start it with `key Space`")
+                bail!("time stands still, so no further frame is drawn: start it with `key Space`")
             }
             Step::Frames(count) => {
                 let until = self.harness.state().model.clock.frame.wrapping_add(*count);
@@ -355,13 +356,13 @@ impl Stage {
         Ok(())
     }
 
-    /// The window's size in pixels and its texels, row by row, sRGB.
+    /// Draws the window. Returns its size in pixels, and its texels in sRGB, row by row.
     fn window(&mut self) -> Result<([u32; 2], Vec<[u8; 3]>)> {
         let image = self.harness.render().map_err(|what| anyhow!("the window cannot be drawn: {what}"))?;
         Ok(([image.width(), image.height()], image.pixels().map(|p| [p[0], p[1], p[2]]).collect()))
     }
 
-    /// The part of the window that a panel takes, as [`Stage::screenshot`] would draw it: size in pixels, and texels.
+    /// Draws the part of the window that a panel occupies, as [`Stage::screenshot`] does. Returns its size in pixels, and its texels.
     ///
     /// # Errors
     /// No panel has this name, another panel is in front of it, or the window cannot be drawn.
@@ -369,7 +370,7 @@ impl Stage {
         let pane = Pane::ALL.into_iter().find(|pane| pane.name() == name).with_context(|| format!("no panel is called `{name}`"))?;
         let place = self.model().place_of(pane).with_context(|| format!("`{name}` is behind another panel: click its tab first"))?;
         let ([width, height], texels) = self.window()?;
-        // One pixel is one point.
+        // In this window, a pixel is a point.
         let [left, top] = [place.left(), place.top()].map(|x| x.round().max(0.0) as u32);
         let [right, bottom] = [(place.right(), width), (place.bottom(), height)].map(|(x, most)| (x.round().max(0.0) as u32).min(most));
         let row = |y: u32| &texels[(y * width + left) as usize..(y * width + right) as usize];
@@ -377,7 +378,7 @@ impl Stage {
     }
 }
 
-/// A file that is dropped on the window.
+/// A file or folder that is dropped on the window.
 #[derive(Debug)]
 struct Dropped(PathBuf);
 
@@ -391,10 +392,10 @@ impl egui::DroppedFile for Dropped {
     }
 }
 
-/// Opens a scene (`given` is what [`scene::load`] takes), carries out the steps, and writes a picture of the window.
+/// Opens a scene (`given` is the argument of [`scene::load`]), carries out the steps, and writes a picture of the window.
 ///
 /// # Errors
-/// The scene cannot be read, or as [`Stage::take`] and [`Stage::screenshot`].
+/// The scene cannot be read. See also [`Stage::take`] and [`Stage::screenshot`].
 pub fn run(given: &str, size: [u32; 2], shaders: Option<PathBuf>, steps: &[Step], file: &Path) -> Result<()> {
     let mut stage = Stage::with_shaders(scene::load(given)?, size, shaders, |app| app.model.come_from(given));
     stage.settle()?;

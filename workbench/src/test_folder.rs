@@ -1,4 +1,4 @@
-//! A folder for a test.
+//! A temporary folder for a test.
 
 use std::fs;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use std::path::PathBuf;
 pub(crate) struct Folder(pub(crate) PathBuf);
 
 impl Folder {
-    /// An empty folder for a test. `test` must be different for each test.
+    /// Creates an empty folder. `test` is a part of its name, and must be different for each test.
     pub(crate) fn new(test: &str) -> Folder {
         let folder = std::env::temp_dir().join(format!("scree-workbench-{test}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&folder);
@@ -15,7 +15,7 @@ impl Folder {
         Folder(folder)
     }
 
-    /// Names of the entries in it, in alphabetical order.
+    /// Returns the names of the entries in the folder, in alphabetical order.
     pub(crate) fn names(&self) -> Vec<String> {
         let names = fs::read_dir(&self.0).expect("is there").map(|entry| entry.expect("an entry").file_name());
         let mut names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
@@ -26,7 +26,7 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // If this fails, the rest stays in the system's folder of temporary files, where it does no harm.
+        // If this fails, files remain in the system's folder for temporary files, where they do no harm.
         let _ = fs::remove_dir_all(&self.0);
     }
 }

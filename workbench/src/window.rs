@@ -25,13 +25,13 @@ pub struct Workbench {
     panels: Panels,
     asked: Option<Wish>,
     last_shown: Option<Instant>,
-    /// The scene name that is in the title of the window.
+    /// The scene name in the title of the window.
     titled: String,
 }
 
 impl Workbench {
-    /// The application for a scene. Pictures appear as they are drawn. `shaders` is a folder of WGSL files to draw with and to watch for changes, see
-    /// [`Engine::start`].
+    /// Creates the application for a scene. Each picture appears when it has been drawn. `shaders` is a folder of WGSL files to draw with and to
+    /// watch for changes, see [`Engine::start`].
     pub fn new(ctx: &egui::Context, scene: Scene, shaders: Option<PathBuf>) -> Workbench {
         let window = ctx.clone();
         Workbench::drawn_by(Engine::start(shaders, move |within| window.request_repaint_after(within)), scene)
@@ -179,7 +179,7 @@ impl Workbench {
                 self.model.step();
             }
             ui.label(format!("frame {}", self.model.clock.frame))
-                .on_hover_text("The frame number is the only time: noise and camera paths depend on it, not on a clock");
+                .on_hover_text("Noise and camera paths depend on this frame number, not on a clock");
             ui.separator();
             panels::viewport::viewpoints(&mut self.model, ui);
         });
@@ -191,7 +191,7 @@ impl Workbench {
             if let Some(failure) = self.model.failure() {
                 ui.colored_label(ui.visuals().error_fg_color, failure);
             } else if let Some(error) = self.model.shader_error() {
-                ui.colored_label(ui.visuals().error_fg_color, error).on_hover_text("The last shaders that compiled stay in use");
+                ui.colored_label(ui.visuals().error_fg_color, error).on_hover_text("The window draws with the last shaders that compiled");
             } else if let Some(progress) = &self.model.news.progress {
                 match (progress.done, progress.total) {
                     (0, 0) => drop(ui.label(format!("{} ...", progress.stage))),
@@ -219,7 +219,7 @@ impl Workbench {
     }
 }
 
-/// Switches animations off: they would repaint the window repeatedly and disturb the times of pictures.
+/// Switches animations off, because they would repaint the window repeatedly and distort the times of pictures.
 pub fn still(ctx: &egui::Context) {
     ctx.all_styles_mut(|style| {
         style.animation_time = 0.0;
@@ -307,7 +307,7 @@ impl eframe::App for Workbench {
             self.model.keep_now();
         }
         if let Some(error) = self.model.keeping_failure() {
-            // There is no window left to show it in.
+            // The window is closed, so the error cannot be shown in it.
             eprintln!("error: {error}");
         }
     }

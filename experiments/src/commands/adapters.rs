@@ -35,7 +35,7 @@ impl<'a> From<&'a AdapterReport> for Row<'a> {
     }
 }
 
-/// Lists the adapters; fails after the listing if none is usable.
+/// Prints the list of adapters, and then fails if no adapter is usable.
 pub(crate) fn run(args: &AdaptersArgs) -> Result<()> {
     let reports = gpu::adapters();
     if args.json {
@@ -44,10 +44,10 @@ pub(crate) fn run(args: &AdaptersArgs) -> Result<()> {
         print(&table(&reports))?;
     }
     if reports.is_empty() {
-        bail!("no graphics adapter: install a Vulkan driver (Debian, Ubuntu: `apt-get install mesa-vulkan-drivers` gives a software one)");
+        bail!("no graphics adapter: install a Vulkan driver (Debian, Ubuntu: `apt-get install mesa-vulkan-drivers`, a software driver)");
     }
     if reports.iter().all(|report| report.usable.is_err()) {
-        bail!("none of the {} adapter(s) is usable; the list says what each lacks: update its driver or use another", reports.len());
+        bail!("none of the {} adapter(s) is usable; the list above names what each adapter lacks: update its driver", reports.len());
     }
     Ok(())
 }

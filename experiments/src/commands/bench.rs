@@ -1,4 +1,4 @@
-//! `bench`: measures the ratios that the design promises, in one run on the built-in world.
+//! `bench`: measures the ratios of times that the design promises, in one run on the built-in world.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,14 +23,16 @@ use crate::cli::BenchArgs;
 use crate::metrics;
 use crate::process::{check_interrupted, watch_interrupts};
 
-/// Median milliseconds by camera, choice and pass.
+/// Median milliseconds; the key is (camera, choice of variants, pass).
 type Times = BTreeMap<(String, String, String), f64>;
 
-/// Passes of the wall clock: a frame from the request to the end of its work, what reading it back adds as the workbench does it (the linear and the
-/// displayed picture, and the layers of live metrics), and what measuring adds. They are not a device's timestamps: those of a software adapter include
-/// waiting.
+// Times of the wall clock are listed as passes with these names. They do not come from timestamps of the device, because the timestamps of a software
+// adapter include waiting.
+/// Rendering a frame, from the request to the end of the device's work.
 const FRAME: &str = "frame (wall clock)";
+/// Reading a frame back like the workbench does: the linear picture, the displayed picture, and the layers of live metrics.
 const READING: &str = "reading back (wall clock)";
+/// Measuring a frame with the metrics of sequences.
 const MEASURING: &str = "measuring (wall clock)";
 
 fn is_wall_clock(pass: &str) -> bool {
@@ -41,7 +43,7 @@ const AUTO: &str = "auto";
 const GENERIC: &str = "generic";
 const VIEWS: [&str; 2] = ["cliff", "ground"];
 
-/// Measures and prints the ratios.
+/// Measures the times and prints their ratios.
 pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     if let Some(file) = &args.record {
         check_output_file(file)?;
@@ -84,8 +86,8 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     print(&text(&gpu, args, &times))
 }
 
-/// Milliseconds of rendering frames by automatic choice, of reading each back, and of measuring each against four before it. Composing its picture is
-/// part of none of them.
+/// Returns, for each frame, the milliseconds of rendering it by automatic choice, of reading it back, and of measuring it against the four frames
+/// before it. The time that measuring takes to compose the picture is subtracted.
 fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs) -> Result<[(&'static str, Vec<f64>); 3]> {
     let layers = Layers::new(renderer.gpu(), args.size);
     let mut meter = renderer.meter(args.size, &[Resolve::Off])?;
@@ -127,7 +129,7 @@ fn shading(times: &Times, camera: &str, choice: &str) -> f64 {
     times.get(&(camera.to_owned(), choice.to_owned(), "shading".to_owned())).copied().unwrap_or(f64::NAN)
 }
 
-/// Share of the classification pass in a frame of automatic variants.
+/// Returns the classification pass's share of the device time of a frame that is shaded by automatic choice.
 fn classification_share(times: &Times, camera: &str) -> f64 {
     let of_frame: Vec<_> = times.iter().filter(|((c, name, pass), _)| c == camera && name == AUTO && !is_wall_clock(pass)).collect();
     let all: f64 = of_frame.iter().map(|(_, ms)| **ms).sum();

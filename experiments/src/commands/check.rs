@@ -1,4 +1,4 @@
-//! `check`: runs the small version of experiments and compares the results with their expectations. For continuous integration.
+//! `check`: runs the small version of experiments and compares the results with their expectations. It is meant for continuous integration.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,12 +25,12 @@ impl Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        // If a temporary folder cannot be removed, there is nothing else to do.
+        // The error is ignored, because nothing else can be done if a temporary folder cannot be removed.
         drop(fs::remove_dir_all(&self.0));
     }
 }
 
-/// Runs the small version of each definition and fails if a result is outside its range.
+/// Runs the small version of each definition and fails if a result is outside the expected range.
 pub(crate) fn run(args: &CheckArgs) -> Result<()> {
     let temporary = args.out.is_none().then(Temporary::new).transpose()?;
     let out = args.out.as_deref().or(temporary.as_ref().map(|folder| folder.0.as_path())).unwrap_or(Path::new("."));
@@ -46,17 +46,21 @@ pub(crate) fn run(args: &CheckArgs) -> Result<()> {
     })
 }
 
+/// Refuses a definition that has no expectations, because its check could not fail.
+///
 /// # Errors
-/// The definition has no expectations, so nothing could fail.
+/// The definition has no expectations.
 fn has_expectations(definition: &Definition) -> Result<()> {
     if definition.expectations.is_empty() {
-        bail!("`{}` expects nothing, so there is nothing to check: add an [[expect]], or omit the definition", definition.name);
+        bail!("`{}` has no expectations, so there is nothing to check: add an [[expect]], or omit the definition", definition.name);
     }
     Ok(())
 }
 
+/// Fails if an expectation does not hold.
+///
 /// # Errors
-/// Names the values that are outside their ranges.
+/// A value is outside its range; the message names all expectations that do not hold.
 fn judge(name: &str, verdicts: &[Verdict]) -> Result<()> {
     let failed: Vec<&str> = verdicts.iter().filter(|verdict| !verdict.met).map(|verdict| verdict.claim.trim()).collect();
     if failed.is_empty() {

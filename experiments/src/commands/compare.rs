@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::{check_output_file, print, print_json};
 use crate::cli::CompareArgs;
 
-/// The answer for a program. Metrics that were not requested are absent.
+/// The output of `--json`. Metrics that were not requested are absent.
 #[derive(Serialize)]
 struct Answer<'a> {
     test: &'a Path,
@@ -60,18 +60,22 @@ pub(crate) fn run(args: &CompareArgs) -> Result<()> {
     let (test, reference) = (Image::read(&args.test, layer)?, Image::read(&args.reference, layer)?);
     if test.size != reference.size {
         let [a, b] = [&test, &reference].map(|image| format!("{}x{}", image.size[0], image.size[1]));
-        bail!("sizes differ: {} is {a}, {} is {b}; render both at one size", args.test.display(), args.reference.display());
+        bail!("sizes differ: {} is {a}, {} is {b}; render both at the same size", args.test.display(), args.reference.display());
     }
     if test.content != reference.content {
-        bail!("{} and {} hold different kinds of channels: compare colour with colour", args.test.display(), args.reference.display());
+        bail!(
+            "{} and {} hold different contents (colour, vector or value): give two files with the same content",
+            args.test.display(),
+            args.reference.display()
+        );
     }
     let metrics = metrics(args, test.content)?;
     let mask = if args.terrain {
         let Some(mask) = reference.terrain() else {
-            bail!("--terrain needs alpha, and {} has none: give a picture with alpha, or omit --terrain", args.reference.display());
+            bail!("--terrain needs alpha, but {} has none: give a reference with alpha, or omit --terrain", args.reference.display());
         };
         if !mask.contains(&true) {
-            bail!("{} shows no terrain: no pixel has alpha 1; omit --terrain", args.reference.display());
+            bail!("{} shows no terrain, because no pixel has alpha 1: omit --terrain", args.reference.display());
         }
         Some(mask)
     } else {
@@ -105,14 +109,14 @@ pub(crate) fn run(args: &CompareArgs) -> Result<()> {
     if args.json { print_json(&answer) } else { print(&table(&answer, &metrics)) }
 }
 
-/// The requested metrics, each once; by default all that apply to the content.
+/// Returns the requested metrics without duplicates; if none was requested, all metrics that apply to the content.
 fn metrics(args: &CompareArgs, content: Content) -> Result<Vec<Metric>> {
     let colour = content == Content::Colour;
     if !colour {
         let of_colour = args.metric.iter().find(|metric| metric.needs_colour()).map(|metric| format!("--metric {metric}"));
         if let Some(option) = of_colour.or_else(|| args.map.as_ref().map(|_| "--map".to_owned())) {
             let layer = args.layer.as_deref().unwrap_or("picture");
-            bail!("{option} needs colour, and `{layer}` has none: compare it by mse and mrse, or give another --layer");
+            bail!("{option} needs colour, and `{layer}` has none: use the metrics mse and mrse, or give a different --layer");
         }
     }
     let given = |metric: &Metric| args.metric.contains(metric) || args.metric.is_empty() && (colour || !metric.needs_colour());
@@ -128,7 +132,7 @@ fn table(answer: &Answer<'_>, metrics: &[Metric]) -> String {
         let _ = writeln!(text, "layer      {layer}");
     }
     let [width, height] = answer.size;
-    let which = if answer.terrain_only { "those of terrain" } else { "all" };
+    let which = if answer.terrain_only { "only terrain" } else { "all" };
     let like = if answer.identical { "; the pictures are identical there" } else { "" };
     let _ = writeln!(text, "pixels     {} of {width}x{height}, {which}{like}\n", answer.pixels);
     for metric in metrics {
@@ -162,7 +166,7 @@ fn table(answer: &Answer<'_>, metrics: &[Metric]) -> String {
     text
 }
 
-/// Six digits for numbers of any size.
+/// Formats a number with six decimals; very small and very large numbers get six significant digits and an exponent.
 fn number(value: f64) -> String {
     if value == 0.0 || (1e-3..1e6).contains(&value.abs()) { format!("{value:.6}") } else { format!("{value:.5e}") }
 }

@@ -1,4 +1,4 @@
-//! `demo`: a small version of the main task. Runs a built-in definition as `run` does; options replace some of its keys.
+//! `demo`: runs a small built-in definition like `run` does. Options replace some of the definition's keys.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::store::{Existing, Place};
 
 const TEXT: &str = include_str!("../../definitions/demo.toml");
 
-/// Runs the demo and writes its report. Existing results are replaced, because the demo is rerun after every change.
+/// Runs the demo and writes its report. Existing results are replaced, because users rerun the demo after changes.
 pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     let mut definition = definition::parse(TEXT, "demo.toml (built in)", Path::new("."))?;
     let scene = scene::load(scene::DEFAULT)?;

@@ -1,4 +1,4 @@
-//! One file per command, and what they share: output and progress.
+//! The commands, one module for each, and the functions for output and progress that they share.
 
 mod adapters;
 mod bench;
@@ -58,15 +58,15 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<()> {
     print(&format!("{text}\n"))
 }
 
-/// Reports an output file that cannot be written before the work starts, so that no work is lost.
+/// Refuses an output file that cannot be written. Commands call this before the work starts, so that no work is lost.
 ///
-/// The file itself is not touched: it is written under a temporary name and renamed, so only its folder has to be writable.
+/// The check does not open the file. Output files are written under a temporary name and then renamed, so only their folder has to be writable.
 pub(crate) fn check_output_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         bail!("{} is a folder: give the name of a file", path.display());
     }
     if path.file_name().is_none() {
-        bail!("{} names no file", path.display());
+        bail!("{} does not name a file: give a file name", path.display());
     }
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -94,7 +94,7 @@ pub(crate) fn check_writable(folder: &Path) -> Result<()> {
         .with_context(|| format!("cannot write into {}: change its permissions, or choose another folder", folder.display()))
 }
 
-/// Progress of long work on stderr: a bar on a terminal; otherwise a plain line at each quarter.
+/// Shows the progress of long work on stderr: as a bar if stderr is a terminal, otherwise as a plain line after each quarter of the work.
 pub(crate) struct Reporter {
     terminal: bool,
     state: Mutex<State>,
@@ -108,14 +108,14 @@ struct State {
 }
 
 impl Reporter {
-    /// Nothing is shown before the first report.
+    /// Returns a reporter that shows nothing before the first report.
     pub(crate) fn new() -> Reporter {
         Reporter { terminal: io::stderr().is_terminal(), state: Mutex::default() }
     }
 
-    /// `done` of `total` parts of `stage` are finished; stages follow one another. A `total` of 0 = unknown.
+    /// Shows that `done` of `total` parts of `stage` are finished; `total` = 0 if the number is unknown. A new `stage` ends the one before it.
     pub(crate) fn report(&self, stage: &str, done: u64, total: u64) {
-        // A poisoned lock means that another thread panicked, which is reported there.
+        // A poisoned lock means that another thread panicked. That thread reports its panic.
         let Ok(mut state) = self.state.lock() else { return };
         let entered = state.stage != stage;
         if entered {

@@ -25,7 +25,7 @@ struct Listed {
 struct Table {
     header: csv::StringRecord,
     rows: Vec<csv::StringRecord>,
-    /// Row-major: the inputs of the probe, in order.
+    /// The values of the probe's input columns, row by row, in the order in which the probe lists the columns.
     values: Vec<f64>,
 }
 
@@ -42,10 +42,10 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
         && from == to
     {
-        bail!("--output {} is the input: give another file, or the table would be lost", output.display());
+        bail!("--output {} is the input, which would be lost: give a different file", output.display());
     }
     let table = read(input, probe)?;
-    // The shortest decimal that gives the same number when read back, in the precision of the evaluation.
+    // Results are written as the shortest decimal that reads back as the same number in the precision of the evaluation.
     #[allow(clippy::cast_possible_truncation, reason = "these are numbers of f32")]
     let single = |(x, column): (&f64, &Column)| if column.is_word() { x.to_string() } else { (*x as f32).to_string() };
     let in_single = |results: &[f64]| results.iter().zip(probe.outputs.iter().cycle()).map(single).collect();
@@ -98,7 +98,7 @@ fn read(path: &Path, probe: &Probe) -> Result<Table> {
         places.push((place, column));
     }
     if let Some(column) = probe.outputs.iter().find(|column| header.iter().any(|title| title == column.name)) {
-        bail!("{name} already has a column `{}`, which `{}` makes: rename or remove it", column.name, probe.name);
+        bail!("{name} already has a column `{}`, which is a result of `{}`: rename or remove it", column.name, probe.name);
     }
     let (mut rows, mut values) = (Vec::new(), Vec::new());
     for record in reader.records() {
@@ -125,16 +125,16 @@ fn explain(error: &csv::Error) -> String {
     match error.kind() {
         csv::ErrorKind::UnequalLengths { pos, expected_len, len } => {
             let line = pos.as_ref().map_or(0, csv::Position::line);
-            format!("line {line} has {len} cells, the header has {expected_len}: give a cell for each column")
+            format!("line {line} has {len} cells, but the header has {expected_len}: give a cell for each column")
         }
         csv::ErrorKind::Utf8 { pos, .. } => {
-            format!("line {} is not UTF-8 text: is it a CSV table?", pos.as_ref().map_or(0, csv::Position::line))
+            format!("line {} is not UTF-8 text: give a CSV table in UTF-8", pos.as_ref().map_or(0, csv::Position::line))
         }
         _ => error.to_string(),
     }
 }
 
-/// A table is written completely or not at all.
+/// Writes the table with its results, completely or not at all.
 fn write(path: &Path, probe: &Probe, table: &Table, results: &[String]) -> Result<()> {
     write_whole(path, |temporary| -> Result<()> {
         let mut writer = csv::Writer::from_path(temporary)?;

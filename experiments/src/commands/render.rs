@@ -38,7 +38,7 @@ struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<u32>,
     adapter: String,
-    /// Times of a software adapter are only meaningful as ratios.
+    /// Whether the adapter is a software adapter. Its times are only meaningful as ratios.
     software: bool,
     frames: Vec<FrameSummary>,
 }
@@ -50,7 +50,7 @@ struct FrameSummary {
     /// GPU time of each pass, milliseconds; for a reference, the sum over its samples. With the layers `fetches`, `choice` or `variant`, the shading
     /// time is that of the counting pipelines, which are slower.
     gpu_ms: serde_json::Map<String, serde_json::Value>,
-    /// Mean fetches over terrain pixels (the sky does not count); absent unless the layer `fetches` was requested.
+    /// Mean number of fetches over terrain pixels; absent if the layer `fetches` was not requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     fetches_per_px: Option<f64>,
     /// Number of screen tiles shaded by each variant; variants without tiles are absent.
@@ -62,7 +62,7 @@ fn json(value: &toml::Value) -> serde_json::Value {
     serde_json::to_value(value).unwrap_or_default()
 }
 
-/// The camera of the pictures: a camera of the scene, a path, or a pose given on the command line.
+/// The camera of the pictures: a fixed pose (a camera of the scene, or given on the command line) or a path.
 enum Shot<'a> {
     Still(CameraPose),
     Along(&'a CameraPath),
@@ -76,7 +76,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let is_png = extension(&args.out) == "png";
     if !is_png && frame_settings.stages.display != Exposure::default() {
         bail!(
-            "--exposure and --tone-curve do not apply to {}: OpenEXR holds linear radiance; leave them out, or write a PNG",
+            "--exposure and --tone-curve do not apply to {}, because OpenEXR holds linear radiance: omit them, or write a PNG",
             args.out.display()
         );
     }
@@ -140,7 +140,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             export::write_exr(&file, &picture)?;
         }
         let gpu_ms = picture.passes.iter().map(|(name, ms)| (name.clone(), (*ms).into())).collect();
-        // Entry 0 counts all tiles; entry i is variant i.
+        // Entry 0 counts all tiles; entry i counts the tiles of variant i.
         let tiles = Variant::all().zip(picture.report.tiles.iter().skip(1)).filter(|(_, count)| **count > 0);
         let tiles = tiles.map(|(variant, &count)| (variant.to_string(), count.into())).collect();
         summary.frames.push(FrameSummary { frame, file, gpu_ms, fetches_per_px: picture.fetches_per_px, tiles });
@@ -180,8 +180,9 @@ pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Ite
     format!("scene `{}` has no {kind} `{name}`: {hint}", scene.name)
 }
 
-/// The converged reference: three projections of four materials in two tilings (96 fetches), all blended, averaged over `samples` points of each
-/// pixel's square. Colours are averaged. Layers for which an average is meaningless (ids, directions, distances) are those of the pixel's centre.
+/// Renders the converged reference: the blend of three projections of four materials in two tilings (96 fetches), averaged over `samples` points of
+/// each pixel's square. Only colours are averaged. Layers for which an average is meaningless (ids, directions, distances) hold the values at the
+/// pixel's centre.
 pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, samples: u32, reporter: &Reporter) -> Result<Picture> {
     let truth = request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
@@ -199,15 +200,15 @@ pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, sa
     sums.mean(centre, samples)
 }
 
-/// Point `i` of the R2 sequence, relative to the pixel's centre, in -0.5..0.5. Its first point is the centre itself.
+/// Returns point `i` of the R2 sequence, relative to the pixel's centre, in -0.5..0.5. Point 0 is the centre.
 ///
-/// Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*, 2018: steps 1/g and 1/g² with g³ = g + 1.
+/// Source: Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*, 2018. The steps are 1/g and 1/g² with g³ = g + 1.
 fn sample_point(i: u32) -> [f64; 2] {
     const G: f64 = 1.324_717_957_244_746;
     [1.0 / G, 1.0 / (G * G)].map(|step| (0.5 + f64::from(i) * step).fract() - 0.5)
 }
 
-/// Sums of the layers that are averaged, in f64, so that thousands of samples lose no precision.
+/// Sums of the layers that are averaged. They are f64, so that sums of thousands of samples lose no precision.
 struct Sums {
     hdr: Vec<[f64; 4]>,
     colours: Vec<(String, Vec<[f64; 3]>)>,
@@ -255,7 +256,7 @@ impl Sums {
     }
 }
 
-/// `out.exr`, 3 -> `out-0003.exr`.
+/// Inserts the frame number into a file name: `out.exr` and 3 give `out-0003.exr`.
 fn numbered_file(out: &Path, frame: u32) -> PathBuf {
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
     out.with_file_name(format!("{stem}-{frame:04}.{}", extension(out)))
@@ -296,7 +297,7 @@ mod tests {
             let cell = |v: f64| (0..4).rev().find(|&k| v >= f64::from(k) * 0.25 - 0.5).unwrap_or(0) as usize;
             counts[cell(x) + 4 * cell(y)] += 1;
         }
-        // 64 expected in each; independent random points would scatter by 8.
+        // Each of the 16 cells should hold 64 of the 1024 points. For independent random points, the standard deviation of this count would be 8.
         assert!(counts.iter().all(|&count| (60..=68).contains(&count)), "{counts:?}");
     }
 }

@@ -15,12 +15,12 @@ use crate::runner::Runner;
 use crate::store::{Existing, Place, Provenance, Run, RunData};
 use crate::unit::Measure;
 
-/// Measures the parts of a run on a device. `imported` = folder of the imported scene, if the definition imports one.
+/// Returns an object that measures the parts of a run on a device. `imported` = folder of the imported scene, if the definition imports one.
 pub(crate) fn measurer<'a>(gpu: &'a Gpu, definition: &'a Definition, imported: Option<&'a Path>) -> Result<Box<dyn Measure + 'a>> {
     Ok(Box::new(Runner::new(gpu, definition, imported)?))
 }
 
-/// Runs the definitions. If one fails, the others are still run.
+/// Runs the definitions. If a definition fails, the remaining definitions are still run.
 pub(crate) fn run(args: &RunArgs) -> Result<()> {
     if let Some(jobs) = args.jobs {
         rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global().context("cannot start worker threads: leave --jobs out")?;
@@ -73,7 +73,7 @@ impl Session {
         if done < all {
             let imported = run.imported();
             let mut measure = measurer(&self.gpu, definition, imported.as_deref())?;
-            // There are too few parts, and they take too long, to be the steps of the bar.
+            // The bar shows per cent of the work instead of finished parts, because a run has few parts and each takes long.
             let show = |done: u64, total: u64| self.reporter.report(&format!("{} (%)", definition.name), done * 100 / total.max(1), 100);
             let outcome = run.carry_out(measure.as_mut(), &show, &check_interrupted);
             self.reporter.finish();
@@ -83,8 +83,8 @@ impl Session {
     }
 }
 
-/// Loads all definitions, then calls `act` for each. If a single definition was given, its error is returned; if there are several, each error is
-/// printed and the failures are counted.
+/// Loads all definitions, then calls `act` for each. The error of a single definition is returned. For several definitions, each error is printed,
+/// and the returned error gives the number of failures.
 pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) -> Result<()>) -> Result<()> {
     let loaded: Vec<(&PathBuf, Result<Definition>)> = files.iter().map(|file| (file, definition::load(file))).collect();
     let names: Vec<(&PathBuf, &str)> = loaded.iter().filter_map(|(file, d)| Some((*file, d.as_ref().ok()?.name.as_str()))).collect();
@@ -92,7 +92,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
         if let Some((before, _)) = names[..i].iter().find(|(_, other)| other.eq_ignore_ascii_case(name)) {
             let same = before.canonicalize().ok().zip(file.canonicalize().ok()).is_some_and(|(a, b)| a == b);
             ensure!(!same, "{} is given twice: name it once", file.display());
-            bail!("{} and {} are both called `{name}`, and would share a folder: rename one", before.display(), file.display());
+            bail!("{} and {} are both called `{name}` and would share a folder: rename one of them", before.display(), file.display());
         }
     }
     let mut session = None;
@@ -117,7 +117,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
     if failed.is_empty() { Ok(()) } else { Err(anyhow!("{} of {} experiments failed: {}", failed.len(), files.len(), failed.join(", "))) }
 }
 
-/// The command line, quoted so that it can be typed again.
+/// Returns the command line, quoted so that a shell can run it again.
 fn exact_command() -> String {
     let quoted = |text: String| {
         let plain = |c: char| c.is_alphanumeric() || "-_./+=,:@%\\".contains(c);
@@ -134,7 +134,7 @@ fn summary(data: &RunData, verdicts: &[Verdict]) -> String {
     let mut text = format!("{folder}: {} metrics and {} times, on {}{software}\n", data.rows.len(), data.times.len(), provenance.adapter);
     if data.manifest.shard.is_some() {
         if !verdicts.is_empty() {
-            text += "  expectations are judged once all shards are done: experiments report\n";
+            text += "  expectations are not judged yet: run `experiments report` when all shards are done\n";
         }
         return text;
     }

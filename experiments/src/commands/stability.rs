@@ -1,4 +1,4 @@
-//! `stability`: compares every kernel at its extremes with f64, and codes, derivatives and noise with derived values.
+//! `stability`: compares every kernel at its extremes with the reference in f64, and tests codes, derivatives and noise against derived values.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,7 +17,7 @@ use crate::stability::extremes::{DEFAULT_TEXT, Extremes};
 use crate::stability::kernels::{self as kernel_lab, Finding};
 use crate::stability::{Row, directions, motion, noise};
 
-/// Measures, and writes the tables and their report.
+/// Runs the requested tests, and writes their tables and the report.
 pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let extremes = match &args.extremes {
         None => Extremes::parse(DEFAULT_TEXT, "the built-in table")?,
@@ -29,12 +29,12 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     };
     let parts: &[Part] = match (&args.only[..], &args.extremes) {
         ([], None) => &Part::ALL,
-        // A table given by the user is about kernels only.
+        // A table of extremes that the user gives applies to kernels only.
         ([], Some(_)) => &[Part::Kernels],
         (only, _) => only,
     };
     fs::create_dir_all(&args.out)
-        .map_err(|error| anyhow!("cannot make the folder {}: {error}; choose another with --out", args.out.display()))?;
+        .map_err(|error| anyhow!("cannot make the folder {}: {error}; choose a different folder with --out", args.out.display()))?;
     check_writable(&args.out)?;
     watch_interrupts()?;
     let reporter = Reporter::new();
@@ -50,11 +50,11 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
             check_interrupted()
         };
         findings = kernel_lab::measure(&extremes, &gpus.iter().collect::<Vec<_>>(), 1.0, progress)?;
-        // A row occurs in the findings of every measure of its kernel and of every side.
+        // The findings repeat a row for each measure of its kernel and for each device. Here each row is counted once.
         let rows: BTreeMap<_, usize> =
             findings.iter().map(|finding| ((&finding.kernel, &finding.parameter, finding.value.to_bits()), finding.rows)).collect();
         facts.push(("Rows", rows.values().sum::<usize>().to_string()));
-        facts.push(("Truth", "the references in f64, of arguments rounded to f32".to_owned()));
+        facts.push(("Truth", "the references in f64, computed from arguments rounded to f32".to_owned()));
     }
     let of_part = |part: Part, name: &str, rows: fn() -> Vec<Row>| {
         if !parts.contains(&part) {
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let bends = if parts.contains(&Part::Kernels) { &extremes.bends[..] } else { &[] };
     let lab = Lab { findings: &findings, bends, directions: &directions, noise: &noise, motion: &motion };
     let text = report::text(&lab, &facts);
-    // Everything is computed before anything is written.
+    // All files are composed before the first one is written.
     let files = [
         ("results.csv", csv(findings.iter().map(shortened))?),
         ("directions.csv", csv(directions.iter().map(Row::shortened))?),
@@ -101,7 +101,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     Ok(())
 }
 
-/// Three significant digits, so that differences between two tables come from the kernels.
+/// Rounds the errors to three significant digits, so that differences between two recorded tables come from the kernels and not from the last digits.
 fn shortened(finding: &Finding) -> Finding {
     let rounded = |x: f64| format!("{x:.2e}").parse::<f64>().unwrap_or(x);
     Finding {

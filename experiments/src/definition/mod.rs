@@ -1,4 +1,4 @@
-//! An experiment as data: its question, what is rendered, what is measured, what is expected, and what the result means.
+//! An experiment as data: the question, what is rendered and measured, the expected results, and the analysis of the results.
 //!
 //! The types below are the schema of a definition file (TOML). Unknown keys are refused; the message names the nearest known key.
 
@@ -24,16 +24,16 @@ pub use parse::{load, parse, stored};
 pub struct Definition {
     /// Short name, used for the run's folder and the column `experiment`. Letters, digits, `-` and `_`.
     pub name: String,
-    /// The question that the run answers, one sentence.
+    /// The question that the run answers, as one sentence.
     pub question: String,
-    /// What the result shows and what it does not show, in prose (Markdown paragraphs); written after looking at the results of a run.
+    /// What the result shows and what it does not show, as Markdown paragraphs. It is written after a run, when the results are known.
     #[serde(default)]
     pub analysis: String,
     /// `default`, a scene file, or a folder with scene.toml, relative to the definition; a leading `$SCREE_DATA` is replaced by the value of that
     /// variable. At most one of `scene` and `import` is given; without both, the scene is `default`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
-    /// A heightmap to make the scene from.
+    /// A heightmap from which the scene is made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub import: Option<Import>,
     /// The views: names of cameras (which stand still) and of paths of the scene.
@@ -42,19 +42,19 @@ pub struct Definition {
     /// Additional views: cameras that move.
     #[serde(default, rename = "view", skip_serializing_if = "Vec::is_empty")]
     pub moving_views: Vec<MovingView>,
-    /// Pixels, width and height.
+    /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
-    /// Number of frames of each sequence, at least 1. Time is the frame index.
+    /// Number of frames of each sequence, at least 1. Time is measured in frames, not by a clock.
     pub frames: u32,
     /// Number of seeds for bias and variance; 0 = neither is measured, otherwise at least 2.
     #[serde(default)]
     pub seeds: u32,
-    /// Names of variants or their numbers as text, `auto`, `generic`, or `all` for the 31.
+    /// Names of variants or their numbers as text, `auto`, `generic`, or `all` for all 31 variants.
     pub variants: Vec<String>,
     /// Estimators of the stochastic flavours.
     #[serde(default = "default_estimators")]
     pub estimators: Vec<String>,
-    /// Noise kinds.
+    /// Kinds of noise by which stochastic flavours choose.
     #[serde(default = "default_noises")]
     pub noises: Vec<String>,
     /// Temporal resolves: `off`, `exponential`, `flipquad`, `flipquad+exponential`.
@@ -85,7 +85,7 @@ pub struct Definition {
     /// The results that are expected.
     #[serde(default, rename = "expect", skip_serializing_if = "Vec::is_empty")]
     pub expectations: Vec<Expectation>,
-    /// Folder to which relative file names refer: that of the definition file. It is not part of the file.
+    /// Folder to which relative file names refer: the folder that contains the definition file. It is not a key of the file.
     #[serde(skip)]
     pub folder: PathBuf,
 }
@@ -113,10 +113,11 @@ pub struct Import {
     /// Elevations of the smallest and largest sample value, metres; not needed for formats with float samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
-    /// Folder of material folders, with `$SCREE_DATA` as above; if absent, the materials are procedural.
+    /// Folder that holds a folder of images per material; a leading `$SCREE_DATA` is replaced as in `heightmap`. Absent = the materials are
+    /// procedural.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub materials: Option<String>,
-    /// Procedural relief added below the data's resolution, metres.
+    /// Largest offset of the procedural relief that is added below the data's resolution, metres.
     #[serde(default)]
     pub detail_m: f64,
 }
@@ -127,12 +128,12 @@ pub struct Import {
 pub struct MovingView {
     /// Unique name, used in the column `view`.
     pub name: String,
-    /// The camera of the scene at which frame 0 is.
+    /// Name of the scene's camera whose pose frame 0 has.
     pub camera: String,
-    /// How it moves.
+    /// How the camera moves.
     pub motion: Motion,
-    /// Step per frame: metres for `sideways` (to the right) and `forwards` (along the view, level), degrees for `turn` (to the right), and the
-    /// decrease of the field of view in degrees for `zoom`.
+    /// Step per frame: metres for `sideways` (to the right) and `forwards` (along the horizontal view direction), degrees for `turn` (to the right),
+    /// and for `zoom` the degrees by which the field of view decreases.
     pub step: f64,
 }
 
@@ -140,13 +141,13 @@ pub struct MovingView {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Motion {
-    /// To the right, level.
+    /// Moves horizontally to the right.
     Sideways,
-    /// Along the view direction, level.
+    /// Moves horizontally in the view direction.
     Forwards,
-    /// To the right, without moving.
+    /// Turns to the right without moving.
     Turn,
-    /// The field of view becomes narrower.
+    /// Decreases the field of view.
     Zoom,
 }
 
@@ -158,7 +159,7 @@ pub struct Vary {
     /// `plane-first`, `exact`), `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride`
     /// (1, 2, 4), `frame.seed`, `frame.reseeds`, `frame.two_tilings`.
     pub parameter: String,
-    /// Its values, in order.
+    /// The values of the parameter, in the order in which they are measured.
     pub values: Vec<toml::Value>,
 }
 
@@ -166,10 +167,10 @@ pub struct Vary {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Reference {
-    /// Initial number of samples per pixel: batches of 8, at least 4 of them.
+    /// Initial number of samples per pixel: a multiple of 8, which is the size of a batch, and at least 4 batches.
     pub spp: u32,
-    /// Largest number of samples. The samples are doubled until the reference's own standard error is below a tenth of the error of the 96-fetch
-    /// blend with one sample, or until this number is reached.
+    /// Largest number of samples per pixel. The number of samples is doubled until the reference's own standard error is at most a tenth of the error
+    /// of the 96-fetch blend with one sample, or until this limit is reached.
     pub max_spp: u32,
 }
 
@@ -179,16 +180,16 @@ impl Default for Reference {
     }
 }
 
-/// The rows that are timed. Times are stored separately from metrics, because they never repeat exactly.
+/// The combinations that are timed. Times are stored separately from metrics, because a repeated run never gives exactly the same times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Times {
-    /// None.
+    /// Nothing is timed.
     None,
-    /// Every variant and estimator, with the first noise of the list.
+    /// Every variant is timed with every estimator and the first noise of the list.
     #[default]
     FirstNoise,
-    /// Every variant, estimator and noise.
+    /// Every variant is timed with every estimator and noise.
     All,
 }
 
@@ -196,15 +197,15 @@ pub enum Times {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Small {
-    /// Pixels.
+    /// Width and height of the pictures, pixels.
     pub size: Option<[u32; 2]>,
-    /// Frames.
+    /// Number of frames of each sequence.
     pub frames: Option<u32>,
-    /// Seeds.
+    /// Number of seeds.
     pub seeds: Option<u32>,
-    /// Names of views (from `views` and `[[view]]`).
+    /// Names of the views that are kept, out of `views` and `[[view]]`.
     pub views: Option<Vec<String>>,
-    /// Variants.
+    /// The list of variants.
     pub variants: Option<Vec<String>>,
     /// Values of the varied parameter.
     pub values: Option<Vec<toml::Value>>,
@@ -214,30 +215,30 @@ pub struct Small {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Expectation {
-    /// The claim, one sentence.
+    /// The claim, as one sentence.
     pub claim: String,
     /// Name of the metric.
     pub metric: String,
     /// Selection of rows: column = value (`lag = 1`, `noise = "hashed"`); all matching rows of the metric are averaged.
     #[serde(default, rename = "where")]
     pub selection: BTreeMap<String, toml::Value>,
-    /// If given, the mean is divided by the mean of these rows (columns not named here are as in `where`).
+    /// If given, the mean is divided by the mean of the rows that this selects. Columns that are not named here have the values of `where`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over: Option<BTreeMap<String, toml::Value>>,
     /// Smallest and largest value expected.
     pub range: [f64; 2],
 }
 
-/// The name that stands for all 31 variants in a definition's list.
+/// The name that stands for all 31 variants in a definition's list of variants.
 pub const ALL_VARIANTS: &str = "all";
 
-/// Prefix of the name of a variant that the generic kernel shades.
+/// Prefix of the name of a variant if the generic kernel shades it.
 const GENERIC: &str = "generic-";
 
-/// Parses a choice of variants: `auto`, `generic`, a variant's name or number, or `generic-` followed by one of these.
+/// Parses a choice of variants: `auto`, `generic`, a variant's name or number, or `generic-` followed by a variant's name or number.
 ///
 /// # Errors
-/// The text is none of these.
+/// The text is not such a choice.
 pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
     match text {
         "auto" => Ok(VariantChoice::Auto),
@@ -249,7 +250,7 @@ pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
     }
 }
 
-/// The name of a choice in tables; [`variant_choice`] reads it.
+/// Returns the name of a choice in tables; [`variant_choice`] parses it.
 pub fn variant_name(choice: VariantChoice) -> String {
     match choice {
         VariantChoice::Auto => "auto".to_owned(),
@@ -259,10 +260,10 @@ pub fn variant_name(choice: VariantChoice) -> String {
     }
 }
 
-/// A value of the varied parameter; `None` if the definition varies none.
+/// A value of the varied parameter; `None` if the definition varies no parameter.
 pub type Setting = Option<toml::Value>;
 
-/// A value as written in the column `setting`: a text unchanged, a number in the fewest digits, anything else as TOML.
+/// Returns a value as it is written in the column `setting`: a text unchanged, a float with as few digits as possible, and other values as TOML.
 pub fn setting_text(value: &toml::Value) -> String {
     match value {
         toml::Value::String(text) => text.clone(),
@@ -277,10 +278,10 @@ impl Definition {
         self.views.iter().chain(self.moving_views.iter().map(|view| &view.name)).map(String::as_str)
     }
 
-    /// The requested variants with the names that tables use; `all` is expanded.
+    /// Returns the requested variants with the names that tables use; `all` is expanded.
     ///
     /// # Errors
-    /// A text that does not name a variant.
+    /// An entry of `variants` does not name a variant.
     pub fn variant_choices(&self) -> Result<Vec<(String, VariantChoice)>, NotAVariant> {
         let mut choices = Vec::new();
         for text in &self.variants {
@@ -293,7 +294,7 @@ impl Definition {
         Ok(choices.into_iter().map(|choice| (variant_name(choice), choice)).collect())
     }
 
-    /// Whether a run measures this metric: it is requested, and the definition has what it needs.
+    /// Whether a run measures this metric. It does if the metric is requested and the definition has the seeds, frames or times that it needs.
     pub fn measures(&self, metric: &str) -> bool {
         // The accuracy of the reference is reported with every error metric.
         let of_an_error =
@@ -301,8 +302,10 @@ impl Definition {
         self.why_not(metric).is_ok() || of_an_error()
     }
 
+    /// Checks that a run measures this metric.
+    ///
     /// # Errors
-    /// Why a run does not measure this metric, and how to change that.
+    /// The run does not measure it. The message gives the reason and the remedy.
     fn why_not(&self, metric: &str) -> Result<(), String> {
         let needs = metrics::known(metric)?.needs;
         match needs {
@@ -313,14 +316,14 @@ impl Definition {
             }
             _ => {}
         }
-        // Device times are requested by `times`.
+        // The key `times` requests device times, so `metrics` does not list them.
         if needs == Needs::Clock || self.metrics.is_empty() || self.metrics.iter().any(|name| name == metric) {
             return Ok(());
         }
         Err(format!("`{metric}` is not among `metrics`: add it there"))
     }
 
-    /// The definition with what [`Small`] changes.
+    /// Returns the definition with the changes of [`Small`] applied.
     #[must_use]
     pub fn small(&self) -> Definition {
         let mut small = self.clone();
@@ -339,7 +342,7 @@ impl Definition {
         small
     }
 
-    /// The part of the definition that decides the numbers: without prose and expectations.
+    /// Returns the definition without the parts that do not affect the measured numbers, such as prose and expectations.
     pub(crate) fn measured(&self) -> Definition {
         Definition {
             question: String::new(),
@@ -351,10 +354,10 @@ impl Definition {
         }
     }
 
-    /// The definition as TOML; [`stored`] reads it again.
+    /// Returns the definition as TOML; [`stored`] reads it again.
     ///
     /// # Errors
-    /// A value that TOML cannot express. A definition that was read from a file has none.
+    /// The definition contains a value that TOML cannot express. This does not occur if the definition was read from a file.
     pub fn to_toml(&self) -> anyhow::Result<String> {
         Ok(toml::to_string(self)?)
     }

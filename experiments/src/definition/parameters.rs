@@ -34,22 +34,23 @@ fn set_of_frame(settings: &mut FrameSettings, parameter: &str, value: &Value) ->
         Some(setting) if setting.has_home(Home::Definition) => setting.set(settings, value),
         Some(setting) => Err(match setting.listing.homes.iter().find_map(lists) {
             Some(list) => format!("`{parameter}` cannot be set here: a definition gives it in `{list}`"),
-            None => format!("`{parameter}` changes nothing that an experiment measures: remove it (`render` and the workbench have it)"),
+            None => format!("`{parameter}` does not affect what an experiment measures: remove it (`render` and the workbench use it)"),
         }),
         None => Err(format!("`{parameter}` is not a setting of the frame: {}", suggestion(parameter, &frame_parameters()))),
     }
 }
 
-/// The settings of the frame that a definition sets or varies.
+/// Returns the keys of the frame's settings that a definition may set or vary.
 pub(super) fn frame_parameters() -> Vec<&'static str> {
     frame::settings().filter(|setting| setting.has_home(Home::Definition)).map(|setting| setting.key).collect()
 }
 
-/// Largest number of steps in the path of a scene parameter: `material.grass.tint.2` has four. Some thousand nested tables would overflow the stack.
+/// Largest number of steps in the path of a scene parameter; `material.grass.tint.2` has four. Without a limit, a path of thousands of steps would
+/// produce as many nested tables and overflow the stack.
 const MOST_STEPS: usize = 8;
 
-/// Sets the value at `path` in a document; a table is merged into the existing one. In a list of tables, a step of the path is a name or a number
-/// from 1.
+/// Sets the value at `path` in a document. A table is merged into the existing table. In a list of tables, a step of the path is the `name` of a
+/// table or its number, counted from 1.
 fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
     let Some((step, rest)) = path.split_first() else {
         match (at, value) {
@@ -82,7 +83,7 @@ fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
     }
 }
 
-/// A file name in a definition: a leading `$SCREE_DATA` is replaced, and relative names refer to the definition's folder.
+/// Resolves a file name of a definition: a leading `$SCREE_DATA` is replaced, and relative names refer to the definition's folder.
 pub(super) fn resolve(text: &str, folder: &Path) -> Result<PathBuf, String> {
     resolve_with(text, folder, std::env::var_os("SCREE_DATA"))
 }
@@ -103,15 +104,17 @@ fn resolve_with(text: &str, folder: &Path, data: Option<OsString>) -> Result<Pat
 pub(crate) struct ImportJob {
     /// The heightmap.
     pub(crate) heightmap: PathBuf,
-    /// How to read it.
+    /// Options for reading the heightmap.
     pub(crate) options: ReadOptions,
-    /// Folder of material folders.
+    /// Folder that holds a folder of images per material.
     pub(crate) materials: Option<PathBuf>,
-    /// Procedural relief, metres.
+    /// Largest offset of the procedural relief, metres.
     pub(crate) detail_m: f64,
 }
 
 impl Import {
+    /// Returns the import with its file names resolved; relative names refer to `folder`.
+    ///
     /// # Errors
     /// `$SCREE_DATA` is needed but not set.
     pub(crate) fn job(&self, folder: &Path) -> Result<ImportJob, String> {
@@ -124,7 +127,7 @@ impl Import {
     }
 }
 
-/// Why a changed scene is refused.
+/// The reason for which a changed scene is refused.
 pub(super) struct Refused {
     /// True if a key is unknown, false if a value is wrong.
     pub(super) unknown_key: bool,
@@ -132,7 +135,7 @@ pub(super) struct Refused {
 }
 
 impl Definition {
-    /// The text of the scene before anything is set. `imported` is the folder of the imported scene, if there is one.
+    /// Returns the text of the scene without the settings of the definition. `imported` is the folder of the imported scene, if there is one.
     pub(super) fn scene_text(&self, imported: Option<&Path>) -> Result<SceneText, String> {
         let path = match (&self.scene, &self.import, imported) {
             (_, Some(_), Some(folder)) => folder.to_owned(),
@@ -144,7 +147,7 @@ impl Definition {
         scene::text(&path.to_string_lossy()).map_err(|error| error.to_string())
     }
 
-    /// The scene of `text`, with the settings of the definition and one value of the varied parameter.
+    /// Returns the scene of `text` with the settings of the definition and one value of the varied parameter.
     pub(super) fn altered(&self, text: &SceneText, setting: &Setting) -> Result<Scene, Refused> {
         // Line numbers are only right for the unchanged file, so it is parsed first.
         let plain = scene::parse(&text.text, &text.name, &text.folder);
@@ -161,7 +164,7 @@ impl Definition {
         for (parameter, value) in changes {
             let path: Vec<&str> = parameter.split('.').collect();
             if path.len() > MOST_STEPS {
-                let what = format!("a parameter of {} steps is not in the scene, where none has more than {MOST_STEPS}", path.len());
+                let what = format!("a parameter of {} steps cannot be in the scene: at most {MOST_STEPS} steps are accepted", path.len());
                 return Err(Refused { unknown_key: true, what });
             }
             set(&mut document, &path, value)
@@ -178,8 +181,8 @@ impl Definition {
         })
     }
 
-    /// The scene of a run: its file or the built-in scene, with the settings of the definition and the value `setting` of the varied parameter.
-    /// `imported` is the folder of the imported scene; it is needed if the definition imports one.
+    /// Returns the scene of a run with the settings of the definition and the value `setting` of the varied parameter. `imported` is the folder of
+    /// the imported scene; it is needed if the definition imports a scene.
     ///
     /// # Errors
     /// The scene cannot be read, is invalid, or has not been imported yet.
@@ -188,10 +191,10 @@ impl Definition {
         self.altered(&text, setting).map_err(|refused| anyhow!("experiment `{}`: scene: {}", self.name, refused.what))
     }
 
-    /// The settings of the frame, with the value `setting` of the varied parameter.
+    /// Returns the settings of the frame with the value `setting` of the varied parameter.
     ///
     /// # Errors
-    /// An unknown setting or a value that it does not accept.
+    /// A setting is unknown or does not accept its value.
     pub fn frame_settings(&self, setting: &Setting) -> Result<FrameSettings, String> {
         let mut settings = FrameSettings::default();
         for (parameter, value) in &self.settings {
@@ -203,7 +206,7 @@ impl Definition {
         Ok(settings)
     }
 
-    /// A hash of the scene's source: its text, or the bytes of the imported heightmap. 16 hexadecimal digits of xxHash64.
+    /// Returns a hash of the scene's source, which is its text or the bytes of the imported heightmap: 16 hexadecimal digits of xxHash64.
     ///
     /// # Errors
     /// The source cannot be read.
@@ -223,7 +226,7 @@ fn is_of_frame(parameter: &str, value: &Value) -> bool {
     parameter.starts_with(FRAME) || parameter == FRAME.trim_end_matches('.') && value.is_table()
 }
 
-/// xxHash64 with seed 0, as `xxhsum -H1` prints it.
+/// Returns the xxHash64 of `bytes` with seed 0, in the form that `xxhsum -H1` prints.
 pub(crate) fn hash(bytes: &[u8]) -> String {
     let mut hasher = XxHash64::with_seed(0);
     hasher.write(bytes);
@@ -271,7 +274,7 @@ mod tests {
 
     #[test]
     fn hashes_are_those_of_xxhsum() {
-        // The published value of the empty input.
+        // The published hash of the empty input.
         assert_eq!(hash(b""), "ef46db3751d8e999");
         assert_ne!(hash(b"a"), hash(b"b"));
     }

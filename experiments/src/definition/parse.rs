@@ -27,11 +27,12 @@ pub fn load(file: &Path) -> Result<Definition> {
     parse(&text, &file.display().to_string(), folder)
 }
 
-/// Reads a definition from `text`, and checks it and its scene. `name` stands for the text in errors; relative file names refer to `folder`.
+/// Reads a definition from `text`, and checks it and its scene. Error messages call the text `name`. Relative file names refer to `folder`.
 ///
 /// # Errors
-/// One line, with `name:line`, the key and the remedy: invalid TOML, an unknown key (the nearest known one is named), a wrong type or value, a
-/// request that measures nothing, an expectation that selects no rows, or a scene that is invalid or lacks something that the definition needs.
+/// The message is one line with `name:line`, the key and the remedy. The causes are invalid TOML, an unknown key (the message gives the nearest known
+/// key), a wrong type or value, a request that measures nothing, an expectation that selects no rows, and a scene that is invalid or lacks something
+/// that the definition needs.
 pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
     let refuse = |wrong: document::Wrong| anyhow!("experiment {}: {}", wrong.place(name), wrong.what);
     let mut definition: Definition = document::read(text, remedy_of_missing).map_err(refuse)?;
@@ -40,7 +41,7 @@ pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
     Ok(definition)
 }
 
-/// Reads a definition that a run has stored. Its scene may no longer exist, so only its shape is checked.
+/// Reads a definition that a run has stored. The scene may not exist any more, so only its keys and their types are checked.
 ///
 /// # Errors
 /// The text is not a definition.

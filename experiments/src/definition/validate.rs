@@ -1,4 +1,4 @@
-//! Checks of a definition beyond its types, so that no error appears after hours of measuring.
+//! Checks of a definition beyond its types. They find errors before a run starts, instead of after hours of measuring.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ use super::{ALL_VARIANTS, Definition, Expectation, Import, Motion, Small, Times,
 use crate::metrics::{self, Axis, LAGS, Needs};
 use crate::row::{Field, Row};
 
-/// Larger values are taken for typing errors.
+// Limits of a definition. Larger values are treated as typing errors.
 const MAX_FRAMES: u32 = 100_000;
 const MAX_SEEDS: u32 = 4096;
 const MAX_SPP: u32 = 65_536;
@@ -38,7 +38,7 @@ struct Facts {
     /// Names of paths, with their number of frames.
     paths: Vec<(String, u64)>,
     passes: Vec<&'static str>,
-    /// `None` = not imported yet.
+    /// The text of the scene; `None` = the scene has not been imported yet.
     text: Option<SceneText>,
 }
 
@@ -52,7 +52,8 @@ impl Facts {
         }
     }
 
-    /// Facts before the import: an imported scene has four cameras, no path, and default values for everything that is not its data.
+    /// Returns what is known about a scene before its import: it will have four cameras, no path, and default values for all settings that the import
+    /// does not write.
     fn before_import() -> Result<Facts, String> {
         let like = scene::load(scene::DEFAULT).map_err(|error| error.to_string())?;
         Ok(Facts {
@@ -82,7 +83,7 @@ impl Definition {
     /// Checks what could not be checked before the scene was imported into `folder`.
     ///
     /// # Errors
-    /// Something that the imported scene lacks, or a parameter that is invalid for it.
+    /// The imported scene lacks something that the definition needs, or a parameter is invalid for it.
     pub(crate) fn check_imported(&self, folder: &Path) -> Result<()> {
         let fail = |what: String| anyhow!("experiment `{}`: {what}", self.name);
         let text = self.scene_text(Some(folder)).map_err(fail)?;
@@ -101,12 +102,13 @@ impl Definition {
     }
 }
 
-/// Returns a problem where a value is expected.
+/// Returns the problem `what` of the key `at` as an error of any result type.
 fn refuse<T>(at: &At, what: impl Into<String>) -> Result<T, Problem> {
     Err(at.problem(what))
 }
 
-/// The problem of the definition with the changes of `small`, moved to the key that causes it.
+/// Returns a problem of the changed definition ([`Definition::small`]) with the place of the key in `small` that causes it. If no key of `small`
+/// causes it directly, the place is unchanged and the message mentions `small`.
 fn in_small(definition: &Definition, mut problem: Problem) -> Problem {
     let small = &definition.small;
     let changed = |key: &str| match key {
@@ -124,7 +126,7 @@ fn in_small(definition: &Definition, mut problem: Problem) -> Problem {
     } else if keys.first().is_some_and(|key| changed(key)) {
         problem.path.insert(0, Step::Key("small".into()));
     } else {
-        problem.what = format!("with what [small] changes, {}", problem.what);
+        problem.what = format!("with the changes of [small], {}", problem.what);
     }
     problem
 }
@@ -144,7 +146,7 @@ fn small_lists(definition: &Definition) -> Checked {
     Ok(())
 }
 
-/// A list that is not empty, has no duplicates, and whose entries `parse` turns into names.
+/// Checks that a list is neither empty nor too long, that `parse` accepts each entry, and that no two entries are parsed to the same name.
 fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String>) -> Checked {
     if texts.is_empty() {
         return at.fail("is empty: name at least one");
@@ -156,14 +158,14 @@ fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String
     for (i, text) in texts.iter().enumerate() {
         let name = parse(text).or_else(|what| refuse(&at.index(i), what))?;
         if let Some(before) = names.iter().position(|known| *known == name) {
-            return at.index(i).fail(format!("`{text}` is a duplicate of entry {}: remove one", before + 1));
+            return at.index(i).fail(format!("`{text}` is a duplicate of entry {}: remove one of them", before + 1));
         }
         names.push(name);
     }
     Ok(())
 }
 
-/// Checks that need no scene.
+/// Checks everything that can be checked without the scene.
 fn shape(definition: &Definition) -> Checked {
     let top = At::top();
     let name = top.key("name");
@@ -175,7 +177,7 @@ fn shape(definition: &Definition) -> Checked {
         top.key("question").fail("is empty: write the question that the run answers")?;
     }
     if definition.scene.is_some() && definition.import.is_some() {
-        top.key("import").fail("`scene` and `import` are both given: remove one")?;
+        top.key("import").fail("`scene` and `import` are both given: remove one of them")?;
     }
     if let Some(import) = &definition.import {
         import_of(&top.key("import"), import, &definition.folder)?;
@@ -183,16 +185,17 @@ fn shape(definition: &Definition) -> Checked {
     let [width, height] = definition.size;
     let pixels = u64::from(width) * u64::from(height);
     if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) || pixels > MAX_PIXELS {
-        top.key("size").fail(format!("is {width} x {height}, must be 1 to {MAX_SIDE} pixels a side and at most {MAX_PIXELS} in all"))?;
+        top.key("size")
+            .fail(format!("is {width} x {height}: each side must be 1 to {MAX_SIDE} pixels, and the picture at most {MAX_PIXELS}"))?;
     }
     let frames = top.key("frames");
     if definition.frames == 0 {
-        frames.fail("is 0: give at least 1, and at least 2 for what compares frames")?;
+        frames.fail("is 0: give at least 1, or at least 2 for metrics that compare frames")?;
     }
     frames.within(f64::from(definition.frames), 1.0, f64::from(MAX_FRAMES))?;
     let seeds = top.key("seeds");
     if definition.seeds == 1 {
-        seeds.fail("is 1, and one seed has no variance: give 0 to omit bias and variance, or at least 2")?;
+        seeds.fail("is 1, but one seed has no variance: give 0 to omit bias and variance, or at least 2")?;
     }
     seeds.within(f64::from(definition.seeds), 0.0, f64::from(MAX_SEEDS))?;
     views(&top, definition)?;
@@ -211,12 +214,12 @@ fn shape(definition: &Definition) -> Checked {
     parameters(&top, definition)?;
     let count = plan_size(definition);
     if count > MAX_UNITS as u64 {
-        top.fail(format!("asks for {count} parts, more than {MAX_UNITS}: split it into several experiments"))?;
+        top.fail(format!("requests {count} parts, which is more than {MAX_UNITS}: split it into several experiments"))?;
     }
     Ok(())
 }
 
-/// An upper bound of the number of parts, without making them.
+/// Returns an upper bound of the number of parts without planning them.
 fn plan_size(definition: &Definition) -> u64 {
     let count = |length: usize| length.max(1) as u64;
     let settings = count(definition.vary.as_ref().map_or(1, |vary| vary.values.len()));
@@ -254,7 +257,7 @@ fn import_of(at: &At, import: &Import, folder: &Path) -> Checked {
 
 fn views(top: &At, definition: &Definition) -> Checked {
     if definition.view_names().next().is_none() {
-        return top.key("views").fail("there is none: name cameras and paths of the scene in `views`, or give a [[view]] that moves");
+        return top.key("views").fail("there is no view: name cameras and paths of the scene in `views`, or add a [[view]] that moves");
     }
     if !definition.views.is_empty() {
         list(&top.key("views"), &definition.views, |name| Ok(name.to_owned()))?;
@@ -265,7 +268,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
         let at = at.index(i);
         at.key("name").file_stem(&view.name)?;
         if definition.views.contains(&view.name) {
-            at.key("name").fail(format!("`{}` is among `views`, too: give the moving one its own name", view.name))?;
+            at.key("name").fail(format!("`{}` is among `views`, too: give the moving view a different name", view.name))?;
         }
         let step = at.key("step");
         let limit = match view.motion {
@@ -274,7 +277,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
             Motion::Zoom => 170.0,
         };
         step.within(view.step, -limit, limit)?;
-        // Only an exact zero means that nothing moves.
+        // The camera is only at rest if the step is exactly zero.
         if view.step.abs() < f64::MIN_POSITIVE {
             step.fail(format!("is 0: nothing moves; name the camera `{}` in `views` instead", view.camera))?;
         }
@@ -294,7 +297,7 @@ fn choices(top: &At, definition: &Definition) -> Checked {
     if definition.variants.iter().any(|text| text == ALL_VARIANTS) {
         let forced = |text: &&String| matches!(super::variant_choice(text), Ok(VariantChoice::Forced(_)));
         if let Some(index) = definition.variants.iter().position(|text| forced(&text)) {
-            variants.index(index).fail(format!("`{}` is one of `all`: remove one", definition.variants[index]))?;
+            variants.index(index).fail(format!("`{}` is one of `all`: remove one of the two entries", definition.variants[index]))?;
         }
     }
     list(&top.key("estimators"), &definition.estimators, |text| one_of("estimator", text, &Estimator::ALL.map(Estimator::name)))?;
@@ -303,7 +306,7 @@ fn choices(top: &At, definition: &Definition) -> Checked {
     let at = top.key("metrics");
     if !definition.metrics.is_empty() {
         list(&at, &definition.metrics, |text| match metrics::known(text)?.needs {
-            Needs::Clock => Err(format!("`{text}` is a time, which `times` asks for: remove it here")),
+            Needs::Clock => Err(format!("`{text}` is a time, which the key `times` requests: remove it here")),
             _ => Ok(text.to_owned()),
         })?;
     }
@@ -325,7 +328,7 @@ fn one_of(what: &str, text: &str, known: &[&str]) -> Result<String, String> {
     }
 }
 
-/// Checks the form of `vary` and `set`; checks that need a scene come later.
+/// Checks the form of `vary` and `set`. [`scenes`] does the checks that need a scene.
 fn parameters(top: &At, definition: &Definition) -> Checked {
     let at = top.key("set");
     for (parameter, value) in &definition.settings {
@@ -339,7 +342,7 @@ fn parameters(top: &At, definition: &Definition) -> Checked {
         at.key("parameter").fail("is empty: name a scene setting (for example `blend.hash_scale`) or a frame setting (`frame.tile`)")?;
     }
     if definition.settings.contains_key(&vary.parameter) {
-        at.key("parameter").fail(format!("`{}` is set in [set], too: remove one", vary.parameter))?;
+        at.key("parameter").fail(format!("`{}` is set in [set], too: remove one of the two keys", vary.parameter))?;
     }
     list(&at.key("values"), &texts, |text| Ok(text.to_owned()))?;
     for (i, value) in vary.values.iter().enumerate() {
@@ -372,7 +375,7 @@ fn against(definition: &Definition, facts: &Facts) -> Checked {
             top.key("views").index(i).fail(what)?;
         }
         if let Some((_, most)) = facts.paths.iter().find(|(path, frames)| path == name && *frames < u64::from(definition.frames)) {
-            let what = format!("{} is more than path `{name}` has: give at most {most}, or lengthen the path", definition.frames);
+            let what = format!("{} frames are more than path `{name}` has: give at most {most}, or lengthen the path", definition.frames);
             top.key("frames").fail(what)?;
         }
     }
@@ -389,7 +392,7 @@ fn against(definition: &Definition, facts: &Facts) -> Checked {
             let last = fov_deg - view.step * f64::from(definition.frames - 1);
             if !(1.0..=175.0).contains(&last) {
                 at.key("step").fail(format!(
-                    "leaves a field of view of {last} degrees in the last of {} frames, must lie in 1..=175: step less or the other way",
+                    "gives a field of view of {last} degrees in the last of {} frames, but it must lie in 1..=175: reduce the step",
                     definition.frames
                 ))?;
             }
@@ -440,7 +443,7 @@ fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
     Ok(())
 }
 
-/// A scene without virtual texture cannot be shaded with it.
+/// Refuses variants that need the virtual texture if the scene has none.
 fn forced(top: &At, definition: &Definition, scene: &Scene) -> Checked {
     if Requirements::of(scene).has(Flavour::VirtualTexture) {
         return Ok(());
@@ -452,7 +455,7 @@ fn forced(top: &At, definition: &Definition, scene: &Scene) -> Checked {
     match definition.variants.iter().position(needs) {
         None => Ok(()),
         Some(index) => top.key("variants").index(index).fail(format!(
-            "`{}` has `vt`, and the scene no virtual texture (flavours.far_atlas_m is 0): name variants without it, or set that above 0",
+            "`{}` needs `vt`, but the scene has no virtual texture: name variants without `vt`, or set flavours.far_atlas_m above 0",
             definition.variants[index]
         )),
     }
@@ -470,13 +473,13 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
             at.key("metric").fail(format!("no pass is called `{pass}`: {}", suggestion(pass, &facts.passes)))?;
         }
         if expectation.over.is_none() {
-            at.key("metric").fail("a time is only meaningful relative to another of the same run: give `over`")?;
+            at.key("metric").fail("a time is only meaningful relative to another time of the same run: give `over`")?;
         }
     }
     let [low, high] = expectation.range;
     let range = at.key("range");
     if low.is_nan() || high.is_nan() {
-        range.fail("holds what is no number: give the smallest and the largest value; inf and -inf are allowed")?;
+        range.fail("has a limit that is no number: give the smallest and the largest value; inf and -inf are allowed")?;
     }
     if low > high {
         range.fail(format!("[{low}, {high}] is reversed: write [{high}, {low}]"))?;
@@ -499,7 +502,7 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
     let same_metric = over.get("metric").is_none_or(|value| value.as_str() == Some(expectation.metric.as_str()));
     let same = |(column, value): (&String, &Value)| column == "metric" || expectation.selection.get(column) == Some(value);
     if same_metric && over.iter().all(same) {
-        place.fail("selects the same rows as `where`, and the ratio is always 1: name the column in which they differ")?;
+        place.fail("selects the same rows as `where`, so the ratio is always 1: give a column a different value than in `where`")?;
     }
     Ok(())
 }
@@ -508,7 +511,7 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
 fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, definition: &Definition) -> Checked {
     let columns = ["scene", "view", "variant", "estimator", "noise", "temporal", "parameter", "setting", "frame", "lag", "frequency"];
     if !columns.contains(&column) {
-        return at.fail(format!("rows are not selected by `{column}`: {}", suggestion(column, &columns)));
+        return at.fail(format!("rows cannot be selected by `{column}`: {}", suggestion(column, &columns)));
     }
     let Some(known) = Row::column(column) else { return at.fail("is not a column") };
     let among = |what: &str, names: &[&str]| {
@@ -533,14 +536,14 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
         _ => Vec::new(),
     };
     match known.field {
-        // Only the scene knows its own name.
+        // The name of the scene is not checked, because it is not known before the scene is loaded.
         Field::Text(..) if column == "scene" => Ok(()),
         Field::Text(..) => among(column, &names.iter().map(String::as_str).collect::<Vec<_>>()),
         Field::Count(..) => {
             let last = definition.frames - 1;
             let (low, high) = if column == "lag" { (1, last.min(LAGS)) } else { (0, last) };
             if column == "lag" && metric.axis != Axis::Lag {
-                at.fail(format!("`{}` compares no frames: remove it", metric.name))?;
+                at.fail(format!("`{}` compares no frames, so its rows have no lag: remove it", metric.name))?;
             }
             match value.as_integer() {
                 Some(number) if (i64::from(low)..=i64::from(high)).contains(&number) => Ok(()),
@@ -549,7 +552,7 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
         }
         Field::Number(..) | Field::Value(..) => {
             if metric.axis != Axis::Frequency {
-                at.fail(format!("`{}` is no spectrum: remove it", metric.name))?;
+                at.fail(format!("`{}` is no spectrum, so its rows have no frequency: remove it", metric.name))?;
             }
             match value.as_float().or_else(|| value.as_integer().map(|number| number as f64)) {
                 Some(number) if number.is_finite() => Ok(()),

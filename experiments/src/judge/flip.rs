@@ -1,15 +1,16 @@
 //! FLIP: the difference that a viewer sees when flipping between two pictures. Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild
-//! 2020, *FLIP: A Difference Evaluator for Alternating Images*, for low dynamic range. The code is the authors' own (crate `nv-flip`), which takes
-//! 8-bit sRGB codes.
+//! 2020, *FLIP: A Difference Evaluator for Alternating Images*. This is the version for low dynamic range. It calls the authors' own code (crate
+//! `nv-flip`), which takes 8-bit sRGB codes.
 
 use kernels::base::error::{Error, Result};
 use nv_flip::FlipImageRgb8;
 
 use super::area;
 
-/// Pixels per degree of the viewer's field of view: 3840 pixels over 0.7 m, seen from 0.7 m.
+/// Default number of pixels per degree of the viewer's field of view: a display with 3840 pixels on a width of 0.7 m, seen from 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
-/// The accepted range. Below it, the feature filters are narrower than a pixel; above it, a window is wider than any display.
+/// The accepted range of pixels per degree. Below it, the feature filters are narrower than a pixel. Above it, a filter window is wider than any
+/// display.
 pub const PIXELS_PER_DEGREE_RANGE: [f32; 2] = [4.0, 400.0];
 
 /// A map of errors summarised in a few numbers, each 0..=1.
@@ -26,9 +27,9 @@ pub struct Flip {
 /// The error of each pixel, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// Width and height.
+    /// Width and height, pixels.
     pub size: [u32; 2],
-    /// 0..=1.
+    /// One error per pixel, 0..=1.
     pub errors: Vec<f32>,
 }
 
@@ -39,10 +40,10 @@ pub struct Map {
 pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per_degree: f32) -> Result<Map> {
     let [low, high] = PIXELS_PER_DEGREE_RANGE;
     if !(low..=high).contains(&pixels_per_degree) {
-        return Err(Error::Request(format!("{pixels_per_degree} pixels per degree: FLIP takes {low} to {high}")));
+        return Err(Error::Request(format!("{pixels_per_degree} pixels per degree are outside the range of FLIP, {low} to {high}")));
     }
     if test.len() != area(size) || reference.len() != area(size) || test.is_empty() {
-        return Err(Error::Request(format!("FLIP of {}x{} pixels needs as many values of test and reference", size[0], size[1])));
+        return Err(Error::Request(format!("FLIP needs {}x{} values, at least 1, of both test and reference", size[0], size[1])));
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 just before; NaN becomes 0")]
     let code = |v: &f32| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
@@ -50,7 +51,7 @@ pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per
     let picture = |texels: &[[f32; 3]]| FlipImageRgb8::with_data(size[0], size[1], &codes(texels));
     let errors = nv_flip::flip(picture(reference), picture(test), pixels_per_degree).to_vec();
     if let Some(wrong) = errors.iter().find(|e| !(0.0..=1.0).contains(*e)) {
-        return Err(Error::Request(format!("FLIP gave {wrong}, which is not in 0..=1: please report it, with the pictures")));
+        return Err(Error::Request(format!("FLIP gave {wrong}, which is not in 0..=1: please report this with both pictures")));
     }
     Ok(Map { size, errors })
 }
@@ -103,10 +104,10 @@ mod tests {
         vec![colour; area(SIZE)]
     }
 
-    /// CIELAB of linear sRGB with the paper's Hunt effect: a and b times 0.01 L.
+    /// Returns CIELAB of linear sRGB. For the Hunt effect, a and b are multiplied by 0.01 L, as in the paper.
     fn hunt_lab([r, g, b]: [f64; 3]) -> [f64; 3] {
         let xyz = |r: f64, g: f64, b: f64| {
-            // IEC 61966-2-1 from its primaries, as in the paper's code.
+            // The matrix of IEC 61966-2-1, computed from the primaries as in the paper's code.
             let x = 10_135_552.0 / 24_577_794.0 * r + 8_788_810.0 / 24_577_794.0 * g + 4_435_075.0 / 24_577_794.0 * b;
             let y = 2_613_072.0 / 12_288_897.0 * r + 8_788_810.0 / 12_288_897.0 * g + 887_015.0 / 12_288_897.0 * b;
             let z = 1_425_312.0 / 73_733_382.0 * r + 8_788_810.0 / 73_733_382.0 * g + 70_074_185.0 / 73_733_382.0 * b;
@@ -119,8 +120,9 @@ mod tests {
         [lightness, 500.0 * (x - y) * 0.01 * lightness, 200.0 * (y - z) * 0.01 * lightness]
     }
 
-    /// The paper's colour error of two uniform pictures, which have no features: the HyAB distance to the power 0.7, relative to the largest distance
-    /// (between green and blue); the first 40 % of it take 95 % of the scale.
+    /// Returns the paper's error of two uniform pictures. They have no features, so only their colour difference counts: the HyAB distance to the
+    /// power 0.7. It is mapped to 0..=1. Distances up to 40 % of the largest one, which is that between green and blue, map to 0..=0.95; larger
+    /// distances map to the rest.
     fn uniform_error(a: [f64; 3], b: [f64; 3]) -> f64 {
         let distance = |a: [f64; 3], b: [f64; 3]| {
             let (a, b) = (hunt_lab(a), hunt_lab(b));
@@ -146,11 +148,13 @@ mod tests {
             let (a, b) = (code(a), code(b));
             let pooled = map(SIZE, &uniform(a), &uniform(b), PIXELS_PER_DEGREE).unwrap().pool(None);
             let expected = uniform_error(linear(a), linear(b));
-            // The code works in f32 and raises differences of Lab values up to 100 to a power; the error is some 1e-5 of 100.
+            // The tested code computes Lab values of up to 100 in f32. Their error is about 1e-5 of 100, which is 1e-3. The power and the division by
+            // the largest distance make it smaller, so the error of the result is below 1e-3.
             for found in [pooled.mean, pooled.max, pooled.weighted_quartiles[1]] {
                 assert!((found - expected).abs() < 1e-3, "{a:?} {b:?}: {found} is not {expected}");
             }
-            // Negative control: linear values in place of encoded ones fail (except where both are 0 or 1).
+            // Negative control: if the encoded values are not decoded, the formula gives a different error. The exception is a colour whose channels
+            // are all 0 or 1, because decoding does not change it.
             let wrong = uniform_error(a.map(f64::from), b.map(f64::from));
             assert!(a.map(f64::from) == linear(a) || (wrong - expected).abs() > 0.01);
         }
@@ -159,7 +163,7 @@ mod tests {
     #[test]
     fn pooling_follows_its_definition() {
         let map = Map { size: [6, 1], errors: vec![0.5, 0.0, 0.125, 0.25, 0.375, 1.0] };
-        // Sums of the sorted errors: 0, 0.125, 0.375, 0.75, 1.25, 2.25; quarters of the total are 0.5625, 1.125, 1.6875.
+        // Running sums of the sorted errors: 0, 0.125, 0.375, 0.75, 1.25, 2.25; quarters of the total are 0.5625, 1.125, 1.6875.
         assert_eq!(map.pool(None), Flip { mean: 0.375, weighted_quartiles: [0.375, 0.5, 1.0], max: 1.0 });
         let masked = map.pool(Some(&[true, true, false, true, true, false]));
         assert_eq!(masked, Flip { mean: 1.125 / 4.0, weighted_quartiles: [0.375, 0.375, 0.5], max: 0.5 });

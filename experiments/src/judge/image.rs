@@ -29,11 +29,11 @@ pub enum Content {
 pub struct Image {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Finite values.
+    /// The texels; all their values are finite.
     pub texels: Vec<[f32; 3]>,
-    /// Channel A of the whole picture, for every layer.
+    /// Alpha (channel A) of the whole picture, even if only a layer was read.
     pub alpha: Option<Vec<f32>>,
-    /// What the numbers are.
+    /// The meaning of a texel's three numbers.
     pub content: Content,
 }
 
@@ -49,9 +49,9 @@ struct Channel<'a> {
 }
 
 impl Image {
-    /// Reads a picture; its first bytes tell the format. PNG and JPEG are decoded from sRGB. From an OpenEXR file the named layer is read (`albedo`
-    /// has the channels `albedo.R`, `albedo.G`, `albedo.B`). Without a name it reads the channels R, G, B that belong to no layer, or else those of
-    /// the first part. A layer has the channels R G B, X Y Z, or a single one.
+    /// Reads a picture. Its first bytes determine the format. PNG and JPEG are decoded from sRGB. From an OpenEXR file the named layer is read
+    /// (`albedo` has the channels `albedo.R`, `albedo.G`, `albedo.B`). Without a name, the channels R, G, B that belong to no layer are read or, if
+    /// there are none, those of the first part. A layer must have the channels R G B, the channels X Y Z, or a single channel.
     ///
     /// # Errors
     /// The file is missing or not a picture, has no such layer (the error names the existing ones), has more than 2^26 pixels, or has values that are
@@ -81,7 +81,7 @@ impl Image {
         let read = if magic == 20_000_630_u32.to_le_bytes() { exr(input, layer) } else { coded(input, layer) };
         let image = read.map_err(wrong)?;
         match not_finite(image.size, &image.texels) {
-            Some(what) => Err(wrong(format!("holds {what}: pictures to compare must be finite"))),
+            Some(what) => Err(wrong(format!("holds {what}: pictures to compare must have finite values"))),
             None => Ok(image),
         }
     }
@@ -141,7 +141,7 @@ fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Resu
         for channel in &content.channel_data.list {
             let full = channel.name.to_string();
             let (prefix, name) = full.rsplit_once('.').unwrap_or(("", &full));
-            // The name of a part is a prefix of its channels' names, unless these repeat it.
+            // The name of the part is put before the name in the channel, unless the channel's name already begins with it.
             let layer = match (of_part.as_str(), prefix) {
                 (part, "") => part.to_owned(),
                 ("", prefix) => prefix.to_owned(),
@@ -171,7 +171,7 @@ fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Resu
         _ => {
             let names = chosen.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
             let which = if wanted.is_empty() { "the picture itself".to_owned() } else { format!("layer `{wanted}`") };
-            return Err(format!("{which} has channels {names}: give one with R G B, X Y Z, or a single channel"));
+            return Err(format!("{which} has channels {names}: choose a layer with the channels R G B or X Y Z, or with a single channel"));
         }
     };
     let size = found[0].size;
@@ -279,7 +279,8 @@ mod tests {
         let codes = [0, 10, 55, 188, 255, 128].map(|v| image::Rgba([v, v, v, if v == 10 { 0 } else { 255 }]));
         image::RgbaImage::from_fn(3, 2, |x, y| codes[(y * 3 + x) as usize]).save(&file.0).unwrap();
         let read = Image::read(&file.0, None).unwrap();
-        // IEC 61966-2-1, computed by hand: 10/255/12.92; 188 is half of the light.
+        // Expected values computed by hand from IEC 61966-2-1. Code 10 is linear: 10 / 255 / 12.92. Code 188 is about half of the largest linear
+        // value.
         for (index, expected) in [(0, 0.0), (1, 0.003_035_27), (3, 0.502_886), (4, 1.0)] {
             assert!((read.texels[index][1] - expected).abs() < 1e-6, "{index}: {:?}", read.texels[index]);
         }

@@ -7,14 +7,14 @@
 //! - MRSE = mean over P and k of (t - r)² / (r² + 0.01), as in tev. imgtool's denominator is (r + 0.01)²: it is 100 times smaller at black, where a
 //!   single pixel can then decide the mean, and 0 for r = -0.01. tev's formula is the relative error of Rousselle, Knaus and Zwicker 2011, *Adaptive
 //!   Sampling and Reconstruction using Greedy Error Minimization*, with their epsilon.
-//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. Neither tool has it. A peak needs bounded values, hence the encoding: for 8-bit pictures the
-//!   result equals that of every other tool. It is infinite where nothing differs. For linear values with peak 1 it would only restate the MSE:
-//!   [`psnr_db`].
+//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. tev and imgtool do not have this metric. A peak needs bounded values, so the values are encoded.
+//!   For 8-bit pictures the result is then equal to that of other tools. PSNR is infinite if nothing differs. PSNR of linear values with peak 1 would
+//!   contain the same information as the MSE: see [`psnr_db`].
 //! - SSIM of s(t) and s(r): [`ssim`].
 //! - FLIP of s(t) and s(r) in 8 bits: [`flip`].
 //!
-//! tev and imgtool skip differences that are infinite. Here a value that is NaN or infinite is an error, because it is a defect of the picture. All
-//! sums are in f64.
+//! tev and imgtool skip differences that are infinite. This module refuses a picture with a value that is NaN or infinite, because such a value is a
+//! defect of the picture. All sums are in f64.
 
 pub mod flip;
 mod image;
@@ -34,7 +34,8 @@ use crate::metrics;
 
 pub use image::{Content, Image};
 
-/// Keeps relative errors finite where the reference is dark; linear colour squared (tev; Rousselle et al. 2011).
+/// The term that is added to the denominator of MRSE, linear colour squared (tev; Rousselle et al. 2011). It limits relative errors where the
+/// reference is dark.
 pub const MRSE_EPSILON: f64 = 0.01;
 
 /// The metrics of a pair of pictures.
@@ -109,23 +110,23 @@ impl FromStr for Metric {
 pub struct Errors {
     /// Number of compared pixels.
     pub pixels: usize,
-    /// Linear colour squared.
+    /// Mean squared error, linear colour squared.
     pub mse: f64,
-    /// A ratio.
+    /// Mean relative squared error, a ratio.
     pub mrse: f64,
-    /// dB; infinite where nothing differs.
+    /// Peak signal-to-noise ratio, dB; infinite if nothing differs.
     pub psnr: f64,
-    /// -1..=1; `None` if no window fits into the picture around a compared pixel.
+    /// Structural similarity, -1..=1; `None` if no window fits into the picture around a compared pixel.
     pub ssim: Option<f64>,
-    /// 0..=1, at [`flip::PIXELS_PER_DEGREE`].
+    /// FLIP error, 0..=1, at [`flip::PIXELS_PER_DEGREE`].
     pub flip: flip::Flip,
 }
 
 /// All metrics of a test against a reference, both in linear colour, row by row.
 ///
 /// MSE, MRSE and PSNR are means over the pixels whose `mask` is true. FLIP and SSIM use neighbourhoods: the masked-out pixels of the test are first
-/// set to the reference's, then excluded from the mean. So the masked-out content has no influence, and a pixel next to the mask's border is judged a
-/// little more mildly than one far from it.
+/// set to the reference's, then excluded from the mean. Masked-out content therefore has no influence. Next to the mask's border, errors are slightly
+/// smaller than far from it, because a part of the neighbourhood equals the reference.
 ///
 /// FLIP takes most of the time; callers that do not need it use [`Pair`].
 ///
@@ -139,7 +140,7 @@ pub fn errors(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: &
 
 /// PSNR in dB from the mean squared error of values whose peak is 1; infinite for 0.
 pub fn psnr_db(mean_squared_error: f64) -> f64 {
-    // Not the negated logarithm, which is -0 for an error of 1.
+    // The reciprocal avoids a negated logarithm, which would be -0 for an error of 1.
     10.0 * mean_squared_error.recip().log10()
 }
 
@@ -171,7 +172,7 @@ impl<'a> Pair<'a> {
         }
         for (name, texels) in [("test", test), ("reference", reference)] {
             if let Some(what) = not_finite(size, texels) {
-                return Err(Error::Request(format!("the {name} holds {what}: pictures to compare must be finite")));
+                return Err(Error::Request(format!("the {name} holds {what}: pictures to compare must have finite values")));
             }
         }
         let pixels = mask.map_or(area, |mask| mask.iter().filter(|m| **m).count());
@@ -191,7 +192,7 @@ impl<'a> Pair<'a> {
         self.pixels
     }
 
-    /// Whether no value differs in the compared pixels.
+    /// Whether the two pictures are equal in all compared pixels.
     pub fn identical(&self) -> bool {
         self.counted(self.test, self.reference).all(|(t, r)| t == r)
     }
@@ -206,7 +207,7 @@ impl<'a> Pair<'a> {
         self.mean(self.test, self.reference, |t, r| (t - r) * (t - r) / (r * r + MRSE_EPSILON))
     }
 
-    /// PSNR of the sRGB encodings, dB; infinite where they are equal.
+    /// PSNR of the sRGB encodings, dB; infinite if they are equal.
     pub fn psnr(&self) -> f64 {
         let [test, reference] = self.encoded();
         psnr_db(self.mean(test, reference, |t, r| (t - r) * (t - r)))
@@ -289,7 +290,7 @@ mod tests {
 
     #[test]
     fn a_constant_offset_has_closed_forms() {
-        // Exact in f32, so that only the sums are rounded.
+        // Both values are exact in f32, so only the sums are rounded.
         let (t, r) = (0.75, 0.5);
         let (test, reference) = (constant(t), constant(r));
         let found = errors(SIZE, &test, &reference, &vec![true; area(SIZE)]).unwrap();
@@ -298,7 +299,7 @@ mod tests {
         close(found.mrse, 0.0625 / 0.26, 1e-12);
         // The order matters: MRSE divides by the reference.
         close(Pair::new(SIZE, &reference, &test, None).unwrap().mrse(), 0.0625 / 0.5725, 1e-12);
-        // At black MRSE is MSE / epsilon; imgtool's would be 100 times that.
+        // For a black reference, MRSE is MSE / epsilon. imgtool's formula would give a value 100 times as large.
         close(Pair::new(SIZE, &test, &constant(0.0), None).unwrap().mrse(), 0.5625 / 0.01, 1e-12);
         let [et, er] = [t, r].map(|v| f64::from(srgb_from_linear(v)));
         close(found.psnr, -20.0 * (et - er).log10(), 1e-9);
@@ -309,7 +310,7 @@ mod tests {
 
     #[test]
     fn noise_of_known_variance_gives_it() {
-        // +-d by the bits of a hash: the mean square is d² for any hash.
+        // A hash decides whether d is added or subtracted. The mean square is d² for any hash.
         let d = 0.125;
         let reference: Vec<[f32; 3]> = (0..area(SIZE)).map(|i| [0.5 + (i % 7) as f32 / 64.0; 3]).collect();
         let sign = |i: usize, k: usize| if unit2(i as i32, k as i32, 7, 0) < 0.5 { -d } else { d };
@@ -319,7 +320,7 @@ mod tests {
         let relative = (0..area(SIZE)).map(|i| 1.0 / ((0.5 + (i % 7) as f64 / 64.0).powi(2) + 0.01)).sum::<f64>() / area(SIZE) as f64;
         close(pair.mrse(), pair.mse() * relative, 1e-12);
         assert!(!pair.identical());
-        assert!(pair.ssim().is_some_and(|s| s < 0.5), "noise passed for likeness");
+        assert!(pair.ssim().is_some_and(|s| s < 0.5), "SSIM rates noise as similar to the reference");
     }
 
     #[test]
@@ -338,7 +339,8 @@ mod tests {
         let (test, reference) = (constant(2.0), constant(1.0));
         let pair = Pair::new(SIZE, &test, &reference, None).unwrap();
         assert_eq!((pair.mse(), pair.psnr(), pair.identical()), (1.0, f64::INFINITY, false));
-        // PSNR equals that of 8-bit codes if both pictures are made from such codes: 255 / 5 is 34.15 dB.
+        // If both pictures are decoded from 8-bit codes, their PSNR is that of the codes. For a difference of 5 codes it is 20 log10(255 / 5) = 34.15
+        // dB.
         let (test, reference) = (constant(linear_from_srgb(105.0 / 255.0)), constant(linear_from_srgb(100.0 / 255.0)));
         close(Pair::new(SIZE, &test, &reference, None).unwrap().psnr(), 20.0 * 51f64.log10(), 1e-6);
     }
@@ -357,7 +359,7 @@ mod tests {
         close(found.mse, 0.0625, 1e-6);
         let none = errors(SIZE, &clean, &reference, &mask).unwrap();
         assert_eq!((none.mse, none.psnr, none.ssim, none.flip.max), (0.0, f64::INFINITY, Some(1.0), 0.0));
-        // Negative control: without the mask it has an influence.
+        // Negative control: without the mask, the hidden pixels have an influence.
         let all = errors(SIZE, &wild, &reference, &vec![true; area(SIZE)]).unwrap();
         assert!(all.mse > 2.0 * found.mse && all.flip.mean > found.flip.mean);
     }

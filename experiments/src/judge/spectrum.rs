@@ -1,7 +1,7 @@
-//! Power spectrum of a field: how its values are arranged, by frequency. White noise has power 1 at every frequency.
+//! Power spectrum of a field: describes, by frequency, how the values of the field are arranged. White noise has power 1 at every frequency.
 //!
-//! Noise that gains stability at the cost of blotches has power at low frequencies and clumps; blue noise has little of either (Ulichney 1987,
-//! *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
+//! If noise is stable over frames but blotchy, it clumps and has much power at low frequencies. Blue noise has little power there and hardly clumps
+//! (Ulichney 1987, *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
 
 use kernels::base::error::{Error, Result};
 use rustfft::FftPlanner;
@@ -16,9 +16,9 @@ pub struct Band {
     pub frequency_cycles_per_px: f64,
     /// Power relative to white noise with the variance of the field.
     pub power: f64,
-    /// Standard error of the power over random fields of this kind: see [`radial_power`].
+    /// Standard error of the power, if the field is one of many random fields with the same statistics: see [`radial_power`].
     pub standard_error: f64,
-    /// Number of frequencies in the mean; pairs of opposite sign, which are equal, count as two.
+    /// Number of frequencies in the mean. A frequency and its negative have equal power and count as two.
     pub frequencies: usize,
 }
 
@@ -33,8 +33,8 @@ pub struct Band {
 /// field has power 0.
 ///
 /// Standard error, for a Gaussian field or many pixels: P(k) is exponentially distributed, so its standard deviation is its mean. Half of the
-/// frequencies are independent of each other, except that the window correlates neighbours: P(k) and P(k + d) by (2/3)² for d = 1 and (1/6)² for d =
-/// 2. Over both axes this multiplies the variance of the mean by (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)².
+/// frequencies are independent of each other, apart from neighbours, which the window correlates. Along an axis, the correlation of P(k) and P(k + d)
+/// is (2/3)² for d = 1 and (1/6)² for d = 2. For both axes together this multiplies the variance of the mean by (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)².
 ///
 /// # Errors
 /// The lengths do not match, a value is NaN or infinite, there is no band, or a band would be less than 4 frequencies wide: there are at most
@@ -45,7 +45,7 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
     let most = width.min(height) / 8;
     if !(1..=most).contains(&bands) {
         return Err(Error::Request(format!(
-            "a spectrum of {width}x{height} values in {bands} bands: a band needs 4 frequencies, so give 8 pixels a side for each band"
+            "a spectrum of {width}x{height} values cannot have {bands} bands: choose at least 1, and at most 1 for every 8 pixels of the shorter side"
         )));
     }
     let mean = field.iter().map(|v| f64::from(*v)).sum::<f64>() / field.len() as f64;
@@ -75,7 +75,7 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
         *band = (band.0 + 1, band.1 + frequency, band.2 + power, band.3 + power * power);
     }
     let band = |(frequencies, frequency, power, squared): Sums| {
-        // Not 0: the first band has the fewest frequencies, and holds all between 1 and 4 steps from 0.
+        // The divisor is not 0: the first band has the fewest frequencies, and it contains at least those between 1 and 4 steps from 0.
         let n = frequencies as f64;
         Band {
             frequency_cycles_per_px: frequency / n,
@@ -106,7 +106,8 @@ mod tests {
     const SIDE: usize = 256;
     const SIZE: [u32; 2] = [SIDE as u32; 2];
     const BANDS: usize = 16;
-    /// Two-sided level of 0.1 %, shared by 16 tests (Sidak): each at 1 - 0.999^(1/16) = 6.25e-5.
+    /// Largest deviation in standard errors that 16 two-sided tests accept. They share a level of 0.1 %, so each has the level 1 - 0.999^(1/16) =
+    /// 6.25e-5 (Sidak).
     const Z: f64 = 4.003;
 
     /// Uniform white noise.
@@ -123,7 +124,7 @@ mod tests {
         radial_power(field, SIZE, BANDS).unwrap()
     }
 
-    /// Null hypothesis: power 1 in every band. The level is 0.1 % for the 16 bands together.
+    /// Tests the null hypothesis that the power is 1 in every band. The level is 0.1 % for the 16 bands together.
     fn is_white(bands: &[Band]) -> bool {
         bands.iter().all(|b| (b.power - 1.0).abs() <= Z * b.standard_error)
     }
@@ -139,7 +140,7 @@ mod tests {
             assert!((a.power - b.power).abs() < 1e-3);
         }
         assert!(!is_white(&spectrum(&blocks(1))));
-        // Cells of 2 x 1: slightly coloured noise.
+        // Noise in cells of 2 x 1 pixels is only slightly coloured.
         let weak: Vec<f32> = (0..SIDE * SIDE).map(|i| unit2((i % SIDE / 2) as i32, (i / SIDE) as i32, 1, 9) as f32).collect();
         assert!(!is_white(&spectrum(&weak)));
     }
@@ -153,17 +154,19 @@ mod tests {
             let mean = powers.iter().sum::<f64>() / SEEDS as f64;
             let spread = (powers.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (SEEDS - 1) as f64).sqrt();
             let stated = all.iter().map(|bands| bands[band].standard_error).sum::<f64>() / SEEDS as f64;
-            // A standard deviation from 64 normal values is known to 1 / sqrt(2 · 63) = 9 %; 16 bands at 0.1 % together allow 4.0 times that.
-            // Without the correlation of the window the stated error would be half of the real one.
+            // The standard deviation of 64 normal values has a relative standard error of 1 / sqrt(2 · 63) = 9 %. The level of 0.1 % for 16 bands
+            // together allows a deviation of 4.0 times this value. If the correlation by the window were ignored, the stated error would be half of
+            // the real one.
             assert!((spread / stated - 1.0).abs() < Z / (2.0 * (SEEDS - 1) as f64).sqrt(), "band {band}: {spread} against {stated}");
-            // The mean over seeds shows a bias that is 8 times smaller than what one field would show.
+            // The standard error of the mean over 64 seeds is 8 times smaller than that of one field, so the mean shows smaller biases.
             assert!((mean - 1.0).abs() < Z * stated / (SEEDS as f64).sqrt(), "band {band}: {mean}");
         }
     }
 
     #[test]
     fn a_cosine_is_in_its_band_alone() {
-        // 100 and 36 cycles in 256 pixels: 0.4152 cycles per pixel, band 13; the window spreads it over one step, within the band.
+        // 100 and 36 cycles in 256 pixels are 0.4152 cycles per pixel, which lies in band 13. The window spreads the power by one step, which stays
+        // within the band.
         let phase = |i: usize| std::f64::consts::TAU * (100 * (i % SIDE) + 36 * (i / SIDE)) as f64 / SIDE as f64;
         let field: Vec<f32> = (0..SIDE * SIDE).map(|i| phase(i).cos() as f32 + 3.0).collect();
         let bands = spectrum(&field);
@@ -171,16 +174,17 @@ mod tests {
         assert!((bands[13].power / expected - 1.0).abs() < 1e-6, "{:?}", bands[13]);
         for (index, band) in bands.iter().enumerate() {
             assert!((band.frequency_cycles_per_px - (index as f64 + 0.5) / 32.0).abs() < 1e-2);
-            // f32 rounds the cosine to 6e-8 of itself.
+            // f32 rounds each value by at most 6e-8 of itself. The power of these rounding errors, relative to that of the cosine, is far below
+            // 1e-10.
             assert!(index == 13 || band.power < 1e-10, "band {index}: {}", band.power);
         }
-        // 193 points of the grid lie within 8 steps of 0; the nine around 0 are excluded.
+        // 193 points of the grid are less than 8 steps from 0; the nine points around 0 are excluded.
         assert_eq!(bands[0].frequencies, 193 - 9);
-        // Sides of different length: 44 cycles in 128 pixels, 0.34375 cycles per pixel.
+        // The sides may differ in length: 44 cycles in 128 pixels are 0.34375 cycles per pixel, which lies in band 5.
         let field: Vec<f32> = (0..128 * 64).map(|i| (std::f64::consts::TAU * (44 * (i % 128)) as f64 / 128.0).cos() as f32).collect();
         let flat = radial_power(&field, [128, 64], 8).unwrap();
         assert!((flat[5].power * flat[5].frequencies as f64 / (128.0 * 64.0) - 1.0).abs() < 1e-6, "{flat:?}");
-        // For a frequency that is not on the grid, the window still keeps what leaks beyond the band under a thousandth.
+        // If the frequency is not on the grid, power leaks into other bands. The window keeps it below a thousandth of the total.
         let phase = |i: usize| std::f64::consts::TAU * (100.5 * (i % SIDE) as f64 + 36.5 * (i / SIDE) as f64) / SIDE as f64;
         let bands = spectrum(&(0..SIDE * SIDE).map(|i| phase(i).cos() as f32).collect::<Vec<_>>());
         let elsewhere: f64 = bands.iter().enumerate().filter(|(i, _)| *i != 13).map(|(_, b)| b.power * b.frequencies as f64).sum();
@@ -189,7 +193,8 @@ mod tests {
 
     #[test]
     fn block_noise_has_the_spectrum_of_its_cell() {
-        // Response for cells of b pixels: sin²(pi b f) / (b sin²(pi f)) on each axis, which is the transform of the box over that of a pixel.
+        // On each axis, noise in cells of b pixels has the power sin²(pi b f) / (b sin²(pi f)): the squared transform of a box of b pixels, divided
+        // by b.
         let axis = |k: usize| {
             let f = std::f64::consts::PI * k as f64 / SIDE as f64;
             if k == 0 { 4.0 } else { (4.0 * f).sin().powi(2) / (4.0 * f.sin().powi(2)) }
@@ -214,12 +219,13 @@ mod tests {
             assert!((mean - expected).abs() < Z * error, "band {index}: {mean} is not {expected} +- {error}");
         }
         let one = &all[0];
-        assert!(one[0].power > 8.0 && one[BANDS - 1].power < 1.0, "not low-pass: {one:?}");
+        assert!(one[0].power > 8.0 && one[BANDS - 1].power < 1.0, "the spectrum of block noise is not low-pass: {one:?}");
     }
 
     #[test]
     fn high_passed_noise_lacks_low_bands() {
-        // Each value minus the mean of the 3 x 3 values around it, with wrap-around: the response is 1 - D(kx) D(ky), D(k) = (1 + 2 cos k) / 3.
+        // The filter subtracts from each value the mean of the 3 x 3 values around it, with wrap-around. Its response is 1 - D(kx) D(ky), where D(k)
+        // = (1 + 2 cos k) / 3.
         let noise = white(5);
         let at = |x: usize, y: usize| noise[y % SIDE * SIDE + x % SIDE];
         let around = |x: usize, y: usize| (0..9).map(|n| at(x + SIDE - 1 + n % 3, y + SIDE - 1 + n / 3)).sum::<f32>() / 9.0;
@@ -227,7 +233,7 @@ mod tests {
         let bands = spectrum(&high);
         assert!(bands[0].power < 1e-3 && bands[1].power < 0.02, "{bands:?}");
         assert!(bands[BANDS - 1].power > 1.2);
-        assert!(spectrum(&noise)[0].power > 0.5, "the noise itself had no low band");
+        assert!(spectrum(&noise)[0].power > 0.5, "the unfiltered noise has no power in the lowest band");
     }
 
     #[test]

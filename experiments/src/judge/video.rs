@@ -2,14 +2,14 @@
 //!
 //! The option names are those of gfxdisp/ColorVideoVDP 0.5.4 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`; frames are
 //! given by a `%0Nd` pattern and counted from 0 to the first missing one). IntelLabs/cgvqm (commit 9872ccb) has no command line, so its function
-//! `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called. It reads videos through PyAV. The videos are made
-//! from the frames without loss: FFV1 of RGB restores the same bytes.
+//! `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called. It reads videos through PyAV. The commands
+//! convert the frames to videos without loss, because FFV1 restores the RGB bytes exactly.
 
-/// Shell commands that judge the PNG frames `test_pattern` against `reference_pattern`. They are meant for readers: comments say what must be
-/// installed.
+/// Shell commands that judge the PNG frames `test_pattern` against `reference_pattern`. They are meant to be read before they are run: comments in
+/// them say what must be installed.
 ///
-/// Patterns are those of printf, such as `frames/step-%04d.png`, numbered from 0; `size` is width and height in pixels. ColorVideoVDP prints JOD (10
-/// = no difference; 3 of 4 people prefer a picture that is one step better), CGVQM a quality of 0..=100.
+/// Patterns are those of printf, such as `frames/step-%04d.png`, numbered from 0; `size` is width and height in pixels. ColorVideoVDP prints a
+/// quality in JOD: 10 = no difference; of two pictures that differ by 1 JOD, 3 of 4 people prefer the better one. CGVQM prints a quality of 0..=100.
 pub fn commands(test_pattern: &str, reference_pattern: &str, fps: f64, size: [u32; 2]) -> String {
     let (test, reference) = (quoted(test_pattern), quoted(reference_pattern));
     let display = if size[0] <= 1920 && size[1] <= 1080 { "standard_fhd" } else { "standard_4k" };
@@ -23,8 +23,8 @@ pub fn commands(test_pattern: &str, reference_pattern: &str, fps: f64, size: [u3
 cvvdp --test {test} --ref {reference} --fps {fps} --display {display} --result cvvdp.csv
 
 # CGVQM (https://github.com/IntelLabs/cgvqm): clone it, set CGVQM to its folder,
-# pip install torch==2.4.1 torchvision==0.19.1 numpy scipy av (later releases of torchvision have lost what reads videos).
-# It judges clips of a second (at most 30 frames) and repeats the last frame to fill one: give it at least that many.
+# pip install torch==2.4.1 torchvision==0.19.1 numpy scipy av (later releases of torchvision cannot read videos).
+# It judges clips of one second (at most 30 frames) and fills a shorter clip with copies of the last frame: give it frames for at least one second.
 ffmpeg -framerate {fps} -start_number 0 -i {test} -c:v ffv1 -pix_fmt bgr0 test.mkv
 ffmpeg -framerate {fps} -start_number 0 -i {reference} -c:v ffv1 -pix_fmt bgr0 reference.mkv
 PYTHONPATH=\"$CGVQM\" python -c \"import torch; from cgvqm import run_cgvqm, CGVQM_TYPE; \

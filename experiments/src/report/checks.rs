@@ -1,11 +1,11 @@
-//! The checks of a run: whether fetches keep their promises, and whether bias and variance are as predicted.
+//! The checks of a run: whether the counted fetches are the promised ones, and whether bias and variance are as predicted.
 
 use kernels::variant::Flavour;
 use serde::Serialize;
 
 use super::numbers::sidak_limit;
 
-/// The fetches of a flavour, promised and counted.
+/// Promised and counted fetches of a flavour.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct GoldenRow {
     /// The flavour's name, and the view in which it was counted.
@@ -14,16 +14,16 @@ pub(crate) struct GoldenRow {
     pub(crate) promised: String,
     /// Mean over terrain pixels as counted in the shader.
     pub(crate) counted: f64,
-    /// Whether the count keeps the promise.
+    /// Whether the count agrees with the promise.
     pub(crate) agrees: bool,
 }
 
-/// Largest deviation of a mean count from a whole number that every pixel should take.
+/// Largest accepted deviation of a mean count from the promised number of fetches.
 const COUNT_TOLERANCE: f64 = 0.01;
 
 impl GoldenRow {
-    /// Compares a count with the promise of a flavour. `modulated`: the scene has colour modulation, which costs all flavours except the virtual
-    /// texture one additional sample. The far atlas promises 2 to 3 fetches, with and without modulation.
+    /// Compares a count with the promise of a flavour. If `modulated` is true, the scene has colour modulation, for which all flavours except the
+    /// virtual texture take one additional sample. The far atlas promises 2 to 3 fetches, with or without modulation.
     pub(crate) fn of(name: String, flavour: Flavour, promise: u32, counted: f64, modulated: bool) -> GoldenRow {
         let more = u32::from(modulated && flavour != Flavour::VirtualTexture);
         let (promised, low, high) = match flavour {
@@ -36,15 +36,15 @@ impl GoldenRow {
     }
 }
 
-/// Whether all flavours take the promised fetches; `None` without rows.
+/// Checks whether all flavours take the promised fetches. Returns the result and its description; `None` if there are no rows.
 pub(super) fn promises(rows: &[GoldenRow]) -> Option<(bool, String)> {
     let kept = rows.iter().filter(|g| g.agrees).count();
     let all = rows.len();
     (all > 0).then(|| (kept == all, format!("{kept} of {all} flavours take the fetches they promise")))
 }
 
-/// The largest of several biases, which are given with their standard errors and names. `seeds`: number of values behind each standard error, see
-/// [`sidak_limit`].
+/// Checks the largest of several biases. Each row gives a bias, its standard error and its name. Each standard error was computed from `seeds`
+/// values, see [`sidak_limit`].
 pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seeds: u32) -> Option<(bool, String)> {
     let scores: Vec<(f64, &str)> =
         rows.into_iter().map(|(bias, error, name)| (bias.abs() / error, name)).filter(|(z, _)| z.is_finite()).collect();
@@ -53,13 +53,13 @@ pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seed
     Some((
         *z < limit,
         format!(
-            "largest bias of {count} stochastic rows: {z:.1} standard errors ({name}); at most {limit:.1} expected (0.1 % for all together, from {seeds} seeds)"
+            "largest bias of {count} stochastic rows: {z:.1} standard errors ({name}); at most {limit:.1} expected by chance (level 0.1 % for all rows together, {seeds} seeds)"
         ),
     ))
 }
 
-/// The range of the ratios of measured to predicted variance. The rows are given with the standard errors of the measured variances, if known. A
-/// ratio outside the range is accepted if the small number of seeds explains it.
+/// Checks whether the ratios of measured to predicted variance lie between 0.8 and 1.25. Each row gives the measured variance, the predicted
+/// variance, and the standard error of the measured one, if known. A ratio outside this range is accepted if the small number of seeds explains it.
 pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, seeds: u32) -> Option<(bool, String)> {
     let rows: Vec<(f64, f64)> = rows
         .into_iter()
@@ -75,7 +75,7 @@ pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, 
     let furthest = outside.iter().copied().max_by(f64::total_cmp);
     let but = match furthest {
         Some(z) if z.is_finite() => {
-            format!("; those outside are at most {z:.1} standard errors off, {limit:.1} expected, from {seeds} seeds")
+            format!("; ratios outside deviate by at most {z:.1} standard errors; {limit:.1} expected by chance with {seeds} seeds")
         }
         _ => String::new(),
     };
@@ -91,7 +91,7 @@ mod tests {
 
     use super::*;
 
-    /// So many seeds that the standard errors are exact.
+    /// With so many seeds, the standard errors are practically exact.
     const MANY: u32 = 1_000_000;
 
     #[test]
@@ -114,9 +114,9 @@ mod tests {
     #[test]
     fn bias_and_variance_are_held_to_their_limits() {
         assert_eq!(bias([(3e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).map(|c| c.0), Some(true));
-        let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).expect("one row with chance");
+        let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).expect("one row with a standard error above 0");
         assert!(!good && text.contains("4.0 standard errors (a)"), "{text}");
-        // The same bias among 600 rows: no bias is found.
+        // If 600 rows are checked together, one bias of this size can be chance.
         let many = (0..600).map(|i| (if i == 7 { 4e-4 } else { 0.0 }, 1e-4, "a"));
         assert_eq!(bias(many, MANY).map(|c| c.0), Some(true));
         // Ten standard errors are within chance if they come from 4 seeds, but not if they come from 16.
@@ -125,7 +125,8 @@ mod tests {
         let known = |ratios: &[f64], error: Option<f64>| variance(ratios.iter().map(|r| (*r, 1.0, error)), MANY);
         assert_eq!(known(&[0.97, 1.03, f64::NAN], None).map(|c| c.0), Some(true));
         assert_eq!([known(&[0.5, 1.0], None), known(&[1.0, 1.5], None)].map(|c| c.map(|c| c.0)), [Some(false); 2]);
-        // Half of the predicted variance, with few seeds and with many.
+        // A variance of half the predicted value is accepted if its standard error is large, as with few seeds. It is refused if the standard error
+        // is small, as with many seeds.
         assert_eq!([0.2, 0.1].map(|e| known(&[0.5, 1.0], Some(e)).map(|c| c.0)), [Some(true), Some(false)]);
         assert_eq!(known(&[], None), None);
     }

@@ -19,9 +19,9 @@ use crate::report::Verdict;
 /// The source of a column's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
-    /// One row per number.
+    /// The value of a row.
     Row(Metric),
-    /// One row per number, with its standard error.
+    /// The value of a row, with its standard error.
     WithError(Metric),
     /// The sum of the promised fetches of a forced variant's flavours.
     Promised,
@@ -69,7 +69,7 @@ pub(super) fn columns(run: &RunData, table: &Table) -> (Vec<Column>, Vec<&'stati
     let (kept, dropped): (Vec<Column>, Vec<Column>) = COLUMNS
         .into_iter()
         .partition(|column| (0..table.summaries.len()).any(|index| matches!(cell(run, table, index, column.source), Cell::Value { .. })));
-    // A promise alone is not a measurement.
+    // Promised fetches are shown only next to counted ones.
     let measured = kept.iter().any(|c| c.source == Source::Row(FETCHES));
     let kept = kept.into_iter().filter(|c| c.source != Source::Promised || measured).collect();
     (kept, dropped.into_iter().filter(|c| c.source != Source::Promised).map(|c| c.heading).collect())
@@ -109,7 +109,7 @@ pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -
             Ok(VariantChoice::Forced(variant) | VariantChoice::GenericForced(variant)) => {
                 plain(f64::from(variant.flavours().map(|flavour| promise(run, summary, flavour)).sum::<u32>()))
             }
-            _ => Cell::Missing("each tile chooses: nothing is promised".to_owned()),
+            _ => Cell::Missing("tiles have different variants, so nothing is promised".to_owned()),
         },
         Source::ShadingRatio => {
             let ms = summary.value(SHADING);
@@ -128,12 +128,12 @@ fn unit(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
-/// The first timed row of a view: times are ratios to it.
+/// Returns the index of the first timed row of a view. Shading times are shown relative to the time of this row.
 pub(super) fn shading_base(table: &Table, view: &str) -> Option<usize> {
     table.of_view(view).into_iter().find(|&i| table.summaries[i].value(SHADING) > 0.0)
 }
 
-/// The promised fetches of a flavour by fc5 in this row; with two tilings, splat takes twice as many.
+/// Returns the promised fetches of a flavour in this row, with the estimator fc5. With two tilings, splat takes twice as many.
 fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
     let definition = &run.definition;
     let value = |vary: &Vary| vary.values.iter().find(|value| setting_text(value) == summary.key.setting).cloned();
@@ -153,7 +153,7 @@ fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
     if let Some(found) = summary.number(metric) {
         return match found.frames {
             Frames::Mean { rows, .. } => format!("none of its {rows} frames has a finite value"),
-            _ => "its row says NaN".to_owned(),
+            _ => "the value in its row is NaN".to_owned(),
         };
     }
     let first_noise = definition.noises.first().is_none_or(|n| *n == summary.key.noise);
@@ -184,7 +184,7 @@ pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
     all.into_iter().filter(|(_, shown, _)| *shown).map(|(name, _, of)| (name, of)).collect()
 }
 
-/// The fronts of its view on which a row lies.
+/// Whether a row lies on each of the two fronts of its view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fronts {
     pub(super) error: bool,
@@ -192,7 +192,7 @@ pub(super) struct Fronts {
 }
 
 impl Fronts {
-    /// The name, one word.
+    /// Returns the name of the fronts, in one word; empty = on no front.
     pub(super) fn name(self) -> &'static str {
         match (self.error, self.flicker) {
             (true, true) => "both",
@@ -218,7 +218,8 @@ pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
     fronts
 }
 
-/// Counted fetches of single flavours compared with their promises, one row for each view and flavour: the choice with the largest deviation.
+/// Compares counted fetches of single flavours with their promises. Returns one row for each view and flavour: that of the choice with the largest
+/// deviation.
 pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     let counted = |s: &Summary| s.value(FETCHES);
     let flavours: Vec<(&Summary, Flavour, u32)> = table
@@ -228,7 +229,8 @@ pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
         .filter_map(|s| Some((s, s.key.variant.parse::<Variant>().ok()?.flavours().next()?)))
         .map(|(s, flavour)| (s, flavour, promise(run, s, flavour)))
         .collect();
-    // A scene has colour modulation if a flavour with a fixed count takes one more sample; then all flavours must take it.
+    // If any flavour except the virtual texture takes one fetch more than promised, the scene is assumed to have colour modulation. All flavours must
+    // then take the additional fetch.
     let is_one_more = |(s, flavour, promise): &&(&Summary, Flavour, u32)| {
         *flavour != Flavour::VirtualTexture && (counted(s) - f64::from(*promise) - 1.0).abs() < 0.01
     };
@@ -254,7 +256,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
     let names: Vec<String> = stochastic().map(|s| table.label(&s.key) + &place(&s.key.view)).collect();
     let biases = stochastic().zip(&names).map(|(s, name)| (s.value(BIAS), s.error(BIAS).unwrap_or(f64::NAN), name.as_str()));
     let variances = stochastic().map(|s| (s.value(VARIANCE), s.value(THEORY), s.error(VARIANCE)));
-    // The standard errors come from one number per seed.
+    // Each standard error is computed from one number per seed.
     let seeds = run.definition.seeds;
     let expected = expectations(run, verdicts);
     let met = expected.iter().filter(|v| v.met).count();
@@ -262,7 +264,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
     let judged: Vec<_> = table.references.iter().filter(|r| r.smallest_rmse.is_finite()).collect();
     let good = judged.iter().filter(|r| r.suffices()).count();
     let references = (!judged.is_empty()).then(|| {
-        let words = "references are known to within a tenth of the smallest RMSE that they judge";
+        let words = "references have a standard error of at most a tenth of the smallest RMSE measured against them";
         (good == judged.len(), format!("{good} of {} {words}", judged.len()))
     });
     let doubles = (table.doubles > 0).then(|| (false, format!("{} numbers have more than one row; the first counts", table.doubles)));
@@ -283,7 +285,7 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
     let other_name = named.iter().any(|n| *n != scene);
     let scene = if other_name { format!("{scene} ({})", named.into_iter().collect::<Vec<_>>().join(", ")) } else { scene };
     let [width, height] = definition.size;
-    let list = |values: &[String]| if values.len() > 12 { format!("{} of them", values.len()) } else { values.join(", ") };
+    let list = |values: &[String]| if values.len() > 12 { format!("{} in total", values.len()) } else { values.join(", ") };
     let mut facts = vec![
         ("Adapter", recorded("adapter") + software),
         ("Driver", recorded("driver")),

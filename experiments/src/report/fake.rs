@@ -74,7 +74,8 @@ impl Rows {
         if metric.starts_with("gpu_ms:") { self.times.push(row) } else { self.rows.push(row) }
     }
 
-    /// All metrics of a choice. `scale` = size of its cells; `resolve` = the factor by which a temporal resolve reduces flicker.
+    /// Adds all metrics of a choice. `scale` is the size of the cells of its noise. `resolve` is the factor by which a temporal resolve changes the
+    /// random parts of its flicker and of its squared error.
     pub(super) fn choice(&mut self, base: &Row, scale: f64, resolve: f64) {
         let variant: Option<Variant> = base.variant.parse().ok();
         let chance = variant.is_none_or(|v| v.has(Flavour::NearCliff) || v.has(Flavour::FarCliff));
@@ -110,7 +111,7 @@ impl Rows {
             self.put(&at, "difference", "luminance", flicker + 0.002, None);
         }
         if chance {
-            // As in a real run, only for the last frame.
+            // As in a real run, these metrics have a row only for the last frame.
             self.put(&Row { frame: Some(15), ..base.clone() }, "clumping", "white = 1", 0.4 + 1.9 * scale, Some(0.05));
             for band in 1..=16 {
                 let frequency = f64::from(band) / 32.0;
@@ -125,21 +126,21 @@ impl Rows {
             put(self, "taa_rejections", "share", 0.11 + 0.02 * jitter(6), None);
             put(self, "disoccluded", "share", 0.013, None);
         }
-        // Rows of frames whose mean differs from the row over all frames; the latter must be used.
+        // The mean of these rows of single frames differs from the row over all frames, which reports must use.
         for frame in 0..3 {
             let at = Row { frame: Some(frame), ..base.clone() };
             self.put(&at, "rmse", "linear albedo", rmse * 3.0, None);
         }
     }
 
-    /// Times of a choice.
+    /// Adds the device times of a choice.
     pub(super) fn times(&mut self, base: &Row, shading: f64) {
         for (pass, ms) in [("geometry", 2.1), ("classification", 0.4), ("shading", shading), ("lighting", 1.2)] {
             self.put(base, &format!("gpu_ms:{pass}"), "ms", ms, Some(ms * 0.01));
         }
     }
 
-    /// The facts about the reference of a view.
+    /// Adds the rows about the reference of a view.
     pub(super) fn reference(&mut self, base: &Row, standard_error: f64) {
         let base = Row {
             variant: "reference".to_owned(),

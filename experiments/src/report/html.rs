@@ -69,23 +69,23 @@ pub(super) fn terms(terms: &[(&str, &str)]) -> String {
     html + "</dl>"
 }
 
-/// Explanations of the terms of a report.
+/// Name and explanation of the fetches per pixel.
 pub(super) const FETCHES_TERM: (&str, &str) =
     ("Fetches per pixel", "texture samples that the shader took, counted while it ran; mean over terrain pixels.");
-/// Bias.
+/// Name and explanation of the bias.
 pub(super) const BIAS_TERM: (&str, &str) = (
     "Bias",
     "mean over seeds, pixels and channels of linear albedo, minus that of the exact blend of the same flavours; \u{b1} its standard error.",
 );
-/// Variance.
+/// Name and explanation of the variance.
 pub(super) const VARIANCE_TERM: (&str, &str) = (
     "Variance",
     "variance of a pixel's linear albedo over seeds, mean over pixels and channels, and the value that the theory of random selection predicts.",
 );
-/// The ways in which a variant is chosen.
+/// Names and explanation of the ways in which a variant is chosen.
 pub(super) const CHOICE_TERM: (&str, &str) = (
     "Forced, auto, generic",
-    "one variant on every tile; on each tile the variant of its classification; one kernel that reads the mask at run time.",
+    "forced: one variant on every tile; auto: on each tile the variant of its classification; generic: one kernel that reads the mask at run time.",
 );
 
 /// The note about times of a software adapter.
@@ -119,7 +119,7 @@ pub(super) fn cell(value: f64, shown: &str, hint: &str) -> String {
     let hint = if hint.is_empty() { String::new() } else { format!(" title=\"{}\"", escape(hint)) };
     match value {
         v if v.is_nan() => format!("<td class=\"n\"{hint}>\u{2013}</td>"),
-        // The form that the script can parse.
+        // JavaScript reads infinity only in this form.
         v if v.is_infinite() => format!("<td class=\"n\" data-v=\"{}Infinity\"{hint}>{shown}</td>", if v < 0.0 { "-" } else { "" }),
         v => format!("<td class=\"n\" data-v=\"{v:e}\"{hint}>{shown}</td>"),
     }
@@ -179,7 +179,7 @@ pub(super) fn prose(text: &str) -> String {
     html
 }
 
-/// Code and strong text of a paragraph. A mark without its partner is kept as text.
+/// Converts the code and the strong text of a paragraph to HTML. A mark without its partner is kept as text.
 fn inline(text: &str) -> String {
     let mut html = String::new();
     for (index, part) in paired(text, "`").into_iter().enumerate() {
@@ -195,7 +195,7 @@ fn inline(text: &str) -> String {
     html
 }
 
-/// The text split at a mark; every second part lies between two marks. A last mark without a partner does not split the text.
+/// Splits the text at a mark. Every second part lies between two marks. A last mark without a partner does not split the text.
 fn paired<'a>(text: &'a str, mark: &str) -> Vec<&'a str> {
     let mut parts = Vec::new();
     let mut rest = text;

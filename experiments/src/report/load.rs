@@ -15,7 +15,7 @@ pub(crate) fn read_run(folder: &Path) -> Result<RunData> {
     of(store::read_run(folder)?)
 }
 
-/// The same for a run that was already read.
+/// Converts a run that was already read to the data of a report.
 ///
 /// # Errors
 /// The manifest cannot be written as JSON.

@@ -9,7 +9,7 @@ use crate::store::{REPORT_PAGE, REPORT_TEXT};
 /// Tables of up to this many rows are not shortened.
 const WHOLE: usize = 16;
 
-/// The text of the file.
+/// Returns the text of the file.
 pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &str) -> String {
     let definition = &run.definition;
     let question = if definition.question.trim().is_empty() { &definition.name } else { &definition.question };
@@ -62,7 +62,7 @@ fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
     text
 }
 
-/// The table of choices, reduced to the fronts, single flavours and automatic choices if it is long, and its number of rows.
+/// Returns the table of choices and its number of rows. A long table is reduced to the fronts, single flavours and automatic choices.
 fn choices(run: &RunData, table: &Table) -> (String, usize) {
     let keys = columns::key_columns(table);
     let (shown, dropped) = columns::columns(run, table);
@@ -116,7 +116,7 @@ fn escape(text: &str) -> String {
     escaped
 }
 
-/// Text as inline code, for any quotes in the text.
+/// Formats text as inline code. The marks around it are longer than any series of backquotes in the text.
 fn code(text: &str) -> String {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let longest = text.split(|c| c != '`').map(str::len).max().unwrap_or(0);

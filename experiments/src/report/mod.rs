@@ -1,4 +1,4 @@
-//! Reports of experiment runs, made only from the rows of a run.
+//! Reports of experiment runs. All their numbers come from the rows of the run.
 //!
 //! Suggested reading order: [`summary`] (rows to one summary per choice), [`verdict`] (the answer, depending on what varies), [`columns`] (the
 //! contents of tables), [`run`] (the page), [`markdown`] (the version for a pull request).
@@ -36,7 +36,7 @@ pub(crate) use load::{judge, of, read_run};
 pub(crate) struct RunData {
     /// The definition that was run.
     pub(crate) definition: Definition,
-    /// How it was run: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`, `shard`.
+    /// Entries of the run's manifest: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`, `shard`.
     pub(crate) manifest: serde_json::Value,
     /// The metrics.
     pub(crate) rows: Vec<Row>,
@@ -60,7 +60,7 @@ impl RunData {
         }
     }
 
-    /// Whether a software adapter was used: then only ratios of times are meaningful.
+    /// Whether a software adapter was used; only ratios of times are then meaningful.
     fn is_software(&self) -> bool {
         self.manifest.get("software").and_then(serde_json::Value::as_bool).unwrap_or(false)
     }
@@ -80,7 +80,7 @@ pub(crate) struct Written {
 /// # Errors
 /// There is no row, or a file cannot be written.
 pub(crate) fn write_run(run: &RunData, verdicts: &[Verdict]) -> Result<Written> {
-    ensure!(!run.rows.is_empty(), "{} has no metrics yet: finish the run, with --resume", run.folder.display());
+    ensure!(!run.rows.is_empty(), "{} has no metrics yet: finish the run with --resume", run.folder.display());
     let table = summary::Table::of(run);
     let answer = verdict::verdict(&table);
     let page = run::page(run, &table, verdicts, &answer)?;

@@ -5,14 +5,14 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 /// Half-width of a 95 % confidence interval of a normal mean, in standard errors.
 pub(super) const CONFIDENCE_95: f64 = 1.96;
 
-/// Three significant digits, without trailing zeros, for axes and sentences. Very small numbers are written with a power of ten, so that only 0 is
-/// shown as 0.
+/// Formats a value with three significant digits, without trailing zeros, for axes and sentences. Very small numbers are written with a power of ten,
+/// so that only 0 is shown as 0.
 pub(super) fn number(value: f64) -> String {
     let fixed = significant(value);
     if fixed.contains('.') && !fixed.contains('e') { fixed.trim_end_matches('0').trim_end_matches('.').to_owned() } else { fixed }
 }
 
-/// Three significant digits, with trailing zeros, for columns.
+/// Formats a value with three significant digits, with trailing zeros, for columns.
 pub(super) fn significant(value: f64) -> String {
     if value.is_infinite() {
         return if value > 0.0 { "\u{221e}" } else { "\u{2212}\u{221e}" }.to_owned();
@@ -20,7 +20,7 @@ pub(super) fn significant(value: f64) -> String {
     if value == 0.0 || value.is_nan() {
         return value.abs().to_string();
     }
-    // The exponent after rounding, so that 9.996 becomes 10.0 and not 10.00.
+    // The exponent is that of the rounded value, so that 9.996 becomes 10.0 and not 10.00.
     let exponent: i32 = format!("{:.2e}", value.abs()).rsplit_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
     match exponent {
         ..=-5 => format!("{value:.1e}"),
@@ -61,7 +61,8 @@ pub(super) fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     front
 }
 
-/// Compares the speed of something that takes `ms` with something that takes `other_ms`: "4.2 times as fast as"; `None` if a time is missing.
+/// Compares the speed of a choice that takes `ms` with that of a choice that takes `other_ms`, in words such as "4.20 times as fast as"; `None` if a
+/// time is missing.
 pub(super) fn speed(ms: f64, other_ms: f64) -> Option<String> {
     let ratio = other_ms / ms;
     if !(ms > 0.0 && other_ms > 0.0 && ratio.is_finite()) {
@@ -92,7 +93,8 @@ mod tests {
     fn limits_grow_with_the_family() {
         // Tables of Student's t, two-sided 0.1 %: 12.924 with 3 degrees of freedom, 4.073 with 15.
         assert!((sidak_limit(1, 4) - 12.924).abs() < 1e-3 && (sidak_limit(1, 16) - 4.073).abs() < 1e-3);
-        // For many seeds it approaches the normal distribution: 3.29 for one estimate, and 4.17 for 33 at once, which is 0.001/33 to five digits.
+        // For many seeds, the limit approaches that of the normal distribution: 3.29 for one estimate, and 4.17 for 33 estimates together, each with
+        // a level of about 0.001 / 33.
         assert!((sidak_limit(1, 1_000_000) - 3.2905).abs() < 1e-3 && (sidak_limit(33, 1_000_000) - 4.17).abs() < 0.01);
         assert!(sidak_limit(600, 16) > sidak_limit(33, 16));
     }

@@ -18,7 +18,7 @@ const WIDTH: u32 = 480;
 const PNG_BYTES: usize = 96 << 10;
 const JPEG_QUALITY: u8 = 88;
 
-/// Kinds of pictures in display order, with headings.
+/// The kinds of pictures in display order, with their headings.
 const KINDS: [(&str, &str); 5] = [
     ("reference", "References"),
     ("frame", "Frames"),
@@ -27,7 +27,7 @@ const KINDS: [(&str, &str); 5] = [
     ("error-map", "Error maps"),
 ];
 
-/// The contact sheets of a run, with their heading and at most `room` characters of pictures. A note names pictures that cannot be shown.
+/// Returns the contact sheets of a run, with their heading and at most `room` characters of pictures. A note names pictures that cannot be shown.
 pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     let mut html = "<section id=\"pictures\"><h2>Pictures</h2>\n".to_owned();
     let lists = run_folders.iter().map(|folder| read_lists(&folder.join(PICTURES))).collect::<Result<Vec<_>>>();
@@ -105,7 +105,7 @@ fn read_lists(folder: &Path) -> Result<Vec<RunPicture>> {
     for file in files {
         let text = std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
         let mut list: Vec<RunPicture> =
-            serde_json::from_str(&text).with_context(|| format!("{} is damaged: run again to rewrite it", file.display()))?;
+            serde_json::from_str(&text).with_context(|| format!("{} is damaged: repeat the run to rewrite it", file.display()))?;
         list.iter_mut().for_each(|picture| folder.clone_into(&mut picture.folder));
         all.extend(list);
     }

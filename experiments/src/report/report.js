@@ -1,5 +1,5 @@
 "use strict";
-// Sorting and enlarging are extras: without them the page shows all there is.
+// Sorting, filtering and enlarging are optional: without this script, the page still shows everything.
 for (const table of document.querySelectorAll("table.all")) {
   table.classList.add("sortable");
   const body = table.tBodies[0];
@@ -11,7 +11,7 @@ for (const table of document.querySelectorAll("table.all")) {
       head.setAttribute("aria-sort", down ? "descending" : "ascending");
       const column = head.cellIndex;
       const numeric = head.classList.contains("n");
-      // Rows without a value stay last, whichever way the others go.
+      // Rows without a value come last in both sort directions.
       const key = (row) => (numeric ? row.cells[column].dataset.v : row.cells[column].textContent || undefined);
       const order = (a, b) => (numeric ? a - b : a.localeCompare(b, "en", { numeric: true }));
       body.append(...[...body.rows].sort((r, s) => {
@@ -24,7 +24,7 @@ for (const table of document.querySelectorAll("table.all")) {
     head.addEventListener("keydown", (event) => { if (event.key === "Enter") sort(); });
   }
 }
-// Rows that hold every word that was typed.
+// Shows only the rows that contain every typed word.
 for (const input of document.querySelectorAll("input.filter")) {
   const section = input.closest("section");
   const rows = [...section.querySelectorAll("table.all tbody tr")];

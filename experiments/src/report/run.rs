@@ -11,7 +11,8 @@ use super::plots::{self, COLOURS, Curve, CurvePoint, Hint, Lines, Marker, Point,
 use super::summary::{CLUMPING, FLICKER, FLIP, FLIPS, Key, KeyOf, Metric, RMSE, SHADING, Summary, Table};
 use super::{RunData, Verdict, pictures};
 
-/// Largest size of a page in bytes: pictures use what the rest leaves. Mail servers refuse attachments a few times this size.
+/// Largest size of a page in bytes. Pictures fill the space that the other sections leave. Mail servers refuse attachments that are a few times
+/// larger.
 const PAGE_BYTES: usize = 8 << 20;
 /// Largest number of curves in one plot, because more cannot be distinguished.
 const CURVES: usize = COLOURS.len();
@@ -100,16 +101,17 @@ fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
 fn facts(run: &RunData, table: &Table) -> String {
     let terms = [
         FETCHES_TERM,
-        ("RMSE, FLIP, PSNR, SSIM", "of the last frame, seed 0, against the converged 96-fetch reference, over terrain pixels."),
+        ("RMSE, FLIP, PSNR, SSIM", "errors of the last frame, seed 0, against the converged 96-fetch reference, over terrain pixels."),
         BIAS_TERM,
         VARIANCE_TERM,
-        ("Flip rate", "share of surface points whose random choice differs from that of k frames before, by exact reprojection."),
+        ("Flip rate", "share of surface points whose random choice differs from that k frames earlier, by exact reprojection."),
         (
             "Flicker",
-            "difference in luminance from k frames before, by exact reprojection, minus that of the reference sequence; below 0, the picture changes less than the reference.",
+            "mean absolute difference in luminance from k frames earlier, by exact reprojection, minus that of the reference sequence; if it is \
+             below 0, the picture changes less than the reference.",
         ),
-        ("Clumping", "variance of block means over that of white noise: 1 = white, above = blotches, below = blue."),
-        ("\u{b1}, bars and bands", "95 % confidence intervals, 1.96 standard errors; if there is none, the error is unknown, not zero."),
+        ("Clumping", "variance of block means over that of white noise: 1 = white noise, above 1 = blotches, below 1 = blue noise."),
+        ("\u{b1}, bars and bands", "95 % confidence intervals (1.96 standard errors); without an interval, the error is unknown."),
         CHOICE_TERM,
     ];
     format!(
@@ -142,14 +144,15 @@ fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&
     Ok(html + after + "</section>\n")
 }
 
-/// Python code that reads the numbers of a section from the files; `whole` has the number of each choice that this report uses.
+/// Returns Python code that reads the numbers of a section from the files. In this code, `whole` contains the numbers of each choice that the report
+/// uses.
 fn query(lines: &[&str]) -> String {
     const WHOLE: [&str; 7] = [
         "import pandas as pd",
         "m = pd.read_parquet(\"metrics.parquet\").fillna({\"lag\": 0, \"frequency\": 0})",
         "key = [\"scene\", \"view\", \"variant\", \"estimator\", \"noise\", \"temporal\", \"setting\"]",
         "at = key + [\"metric\", \"lag\", \"frequency\"]",
-        "# a row over all frames counts, else the mean of the frames that there are",
+        "# use the row over all frames; if there is none, use the mean over the frames",
         "frames = m[m.frame.notna()].groupby(at, as_index=False)[[\"value\", \"standard_error\"]].mean()",
         "whole = pd.concat([m[m.frame.isna()], frames]).drop_duplicates(at)",
     ];
@@ -157,7 +160,7 @@ fn query(lines: &[&str]) -> String {
     format!("<details class=\"query\"><summary>These numbers in the files</summary><pre><code>{}</code></pre></details>\n", escape(&code))
 }
 
-/// The colours of points and curves: the column with the most values, apart from the variant, and a colour for each value.
+/// The colours of points and curves. They show the values of one column: the column with the most values, apart from the variant.
 struct Palette<'a> {
     values: &'a [String],
     of: KeyOf,
@@ -194,7 +197,7 @@ impl<'a> Palette<'a> {
     }
 }
 
-/// The values as numbers, if all of them are numbers.
+/// Returns the values as numbers; `None` if a value is not a number.
 fn numbers_of(values: &[String]) -> Option<Vec<f64>> {
     values.iter().map(|v| v.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
 }
@@ -225,7 +228,7 @@ fn pareto(run: &RunData, table: &Table) -> Result<String> {
             "whole[whole.metric.isin([\"{}\", \"{}\", \"flicker\"]) & (whole.lag <= 1)].pivot_table(\"value\", key, \"metric\")",
             table.cost.name, table.error.name
         ),
-        "# times: the same of pd.read_csv(\"times.csv\", keep_default_na=False), metric \"gpu_ms:shading\"",
+        "# for times, do the same with pd.read_csv(\"times.csv\", keep_default_na=False) and the metric \"gpu_ms:shading\"",
     ]);
     per_view(table, "pareto", "Cost against error and flicker", &after, |view| {
         let rows = table.of_view(view);
@@ -286,7 +289,8 @@ fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error
         None if table.variants.len() > 1 => plots::PARETO_LEGEND.to_owned(),
         None => String::new(),
         Some(palette) => format!(
-            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front: nothing is both cheaper and better.</span> {}A number in brackets counts points in one place; grey or black points are the same for all colours.",
+            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front: no choice is both cheaper and better.</span> {}\
+             A number in brackets is the number of points that share a place. Grey or black points share a place although their colours differ.",
             palette.legend(rows.iter().map(|&i| &table.summaries[i]).filter(|s| s.value(cost) > 0.0 && s.value(error).is_finite())),
             if table.variants.len() > 1 { "Large dots: one flavour; small: several; largest: auto; ring: generic. " } else { "" }
         ),
@@ -307,7 +311,8 @@ fn curves_of(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool
     curves
 }
 
-/// At most [`CURVES`] curves: first automatic choices, then single flavours, stochastic before deterministic; and the total number of curves.
+/// Returns at most [`CURVES`] curves, and the total number of curves. Stochastic choices are kept first, then deterministic ones; among these,
+/// automatic choices come before single flavours, and single flavours before combinations.
 fn kept(table: &Table, mut curves: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, usize) {
     let all = curves.len();
     if all > CURVES {
@@ -392,18 +397,18 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
         if html.is_empty() {
             return Ok(None);
         }
-        // The name lists what varies apart from the parameter; a single curve needs no name.
+        // The name of a curve lists the columns that vary, apart from the parameter.
         let name = |curve: &Vec<usize>| curve_name(table, curve[0], |key| key.setting.clear());
         let keys: String = curves.iter().enumerate().map(|(i, c)| html::key(colour(i, curves.len(), false), &name(c))).collect();
         let software = if run.is_software() && table.has(SHADING) { " Software adapter: only ratios of times are meaningful." } else { "" };
         Ok(Some(format!(
-            "<div class=\"pair\">{html}</div><p class=\"legend\">{keys}{}Flips and clumping trade against each other: read them together.{software}</p>\n",
+            "<div class=\"pair\">{html}</div><p class=\"legend\">{keys}{}Fewer flips often come with more clumping: read both numbers together.{software}</p>\n",
             left_out(curves.len(), all)
         )))
     })
 }
 
-/// Name of a curve: the columns that vary, except those that `known` clears because the plot already names them.
+/// Returns the name of a curve: its values of the columns that vary. `known` clears the columns that the plot already names.
 fn curve_name(table: &Table, index: usize, known: impl Fn(&mut Key)) -> String {
     let mut key = table.summaries[index].key.clone();
     known(&mut key);
@@ -417,14 +422,14 @@ struct CloseUp {
     name: String,
     /// The choices that are shown, at most [`CURVES`], and their colours.
     choices: Vec<(usize, Rgb)>,
-    /// The number of its choices.
+    /// The total number of its choices.
     all: usize,
-    /// Whether it has one of several temporal resolves, which the heading names.
+    /// Whether the close-up is limited to one temporal resolve, which the heading then names.
     resolved: bool,
 }
 
 impl CloseUp {
-    /// Name of a choice, without what the heading already says.
+    /// Returns the name of a choice, without the columns that the heading already names.
     fn name_of(&self, table: &Table, row: usize) -> String {
         curve_name(table, row, |key| {
             key.variant.clear();
@@ -435,8 +440,8 @@ impl CloseUp {
     }
 }
 
-/// At most four variants: automatic choices and single flavours (others if there are none) that use random numbers. A variant with too many choices
-/// for one plot is split by temporal resolve.
+/// Returns at most four close-ups, of variants that use random numbers: automatic choices and single flavours or, if there are none, the variants
+/// with the fewest flavours. A variant with too many choices for one plot is split by temporal resolve.
 fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     let mut variants: Vec<(usize, &str)> = Vec::new();
     let rows = table.of_view(view);
@@ -466,11 +471,11 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     all
 }
 
-/// Selects and colours the choices that are drawn from some rows.
+/// Selects the rows that are drawn as choices, and gives them colours.
 fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);
-    // If there are too many, one choice for each value of the column with the most values.
+    // If there are too many rows, one is kept for each value of the column with the most values.
     let rows: Vec<usize> = match &palette {
         Some(palette) if all > CURVES => {
             let mut seen: Vec<&str> = Vec::new();
@@ -696,14 +701,15 @@ fn references(table: &Table) -> String {
     let with_setting = table.references.iter().any(|r| !r.setting.is_empty());
     let setting = if with_setting { "<th>Setting</th>" } else { "" };
     let mut html = format!(
-        "<section id=\"references\"><h2>References</h2>\n<p>Errors are taken against the 96-fetch blend, supersampled. It must be known at least ten times \
-         as well as the smallest RMSE that it judges.</p>\n<table class=\"narrow\"><thead><tr><th>View</th>{setting}<th class=\"n\">Samples per pixel</th>\
+        "<section id=\"references\"><h2>References</h2>\n<p>Errors are measured against the supersampled 96-fetch blend. Its standard error must be \
+         at most a tenth of the smallest RMSE measured against it.</p>\n<table class=\"narrow\"><thead><tr><th>View</th>{setting}\
+         <th class=\"n\">Samples per pixel</th>\
          <th class=\"n\">Standard error</th><th class=\"n\">Smallest RMSE</th><th class=\"n\">Share</th><th></th><th class=\"n\">Its own change, k = 1</th></tr></thead><tbody>\n"
     );
     for facts in &table.references {
         let (class, word) = match facts.suffices() {
             _ if facts.standard_error.is_nan() => ("bad", "its standard error is not known"),
-            _ if facts.smallest_rmse.is_nan() => ("", "judges no RMSE"),
+            _ if facts.smallest_rmse.is_nan() => ("", "no RMSE is measured against it"),
             true => ("good", "suffices"),
             false => ("bad", "not known well enough"),
         };
@@ -742,11 +748,12 @@ fn provenance(table: &Table) -> String {
     };
     let metrics = table.metric_names().iter().map(|name| format!("<code>{}</code>", escape(name))).collect::<Vec<_>>().join(", ");
     format!(
-        "<section id=\"numbers\"><h2>Where each number is</h2>\n<p>Every number here is a row of <code>metrics.parquet</code> (the same as \
-         <code>metrics.csv</code>) or of <code>times.csv</code>, or a ratio of two. A row of the table above has the row's columns as attributes \
-         (<code>data-view</code>, <code>data-variant</code>, ...) and in its tooltip, a heading those of the metric, a cell the unrounded value \
-         (<code>data-v</code>). A mark of a plot names its row and leads there.{averaged} Metrics of this run: {metrics}.</p>\n\
-         <p>All rows of one number, frames included:</p><pre><code>{}</code></pre></section>\n",
+        "<section id=\"numbers\"><h2>Where each number is</h2>\n<p>Every number on this page is the value of a row of <code>metrics.parquet</code> \
+         (<code>metrics.csv</code> has the same rows) or of <code>times.csv</code>, or a ratio of two values. A row of the table above contains the \
+         columns of these rows as attributes (<code>data-view</code>, <code>data-variant</code>, ...) and in its tooltip. A heading contains the \
+         name and the lag of its metric, and a cell the unrounded value (<code>data-v</code>). The tooltip of a mark in a plot names its row, and a \
+         click on the mark leads to the row.{averaged} Metrics of this run: {metrics}.</p>\n\
+         <p>This code selects all rows of one number, including those of single frames:</p><pre><code>{}</code></pre></section>\n",
         escape(&code)
     )
 }

@@ -28,7 +28,7 @@ pub(crate) struct Lab<'a> {
     pub(crate) motion: &'a [Row],
 }
 
-/// The implementation that computed a result: a device, or the reference in f32.
+/// The implementation that computed a result: `gpu` and the name of the device, or `f32` and an empty text for the reference in f32.
 type Side<'a> = (&'a str, &'a str);
 
 /// The implementations in the findings, devices first.
@@ -54,7 +54,7 @@ struct Group<'a> {
     findings: Vec<&'a Finding>,
 }
 
-/// Groups in the order of the findings.
+/// Collects the findings into groups, in the order of the findings.
 fn groups(findings: &[Finding]) -> Vec<Group<'_>> {
     let mut groups: Vec<Group<'_>> = Vec::new();
     for finding in findings {
@@ -89,7 +89,7 @@ impl<'a> Group<'a> {
     fn words(&self) -> String {
         let worst = self.worst();
         if self.on_gpu().all(|finding| finding.compared == 0) {
-            return "finite, as asked".to_owned();
+            return "finite, as required".to_owned();
         }
         if worst.worst == 0.0 {
             return "exact".to_owned();
@@ -97,7 +97,7 @@ impl<'a> Group<'a> {
         format!("{} {} at {}", number(worst.worst), worst.unit, place(worst.value))
     }
 
-    /// Largest share of the derived tolerance, percent.
+    /// Largest share of the derived tolerance that an error on a device uses, percent.
     fn of_tolerance(&self) -> f64 {
         100.0 * self.on_gpu().map(|finding| finding.of_tolerance).fold(0.0, f64::max)
     }
@@ -107,7 +107,7 @@ impl<'a> Group<'a> {
             .iter()
             .zip(COLOURS)
             .flat_map(|(&side, colour)| {
-                // The typical error is drawn as well, in a paler colour.
+                // The typical (median) error is drawn as well, in a paler colour.
                 let pale = (colour.0 / 2 + 127, colour.1 / 2 + 127, colour.2 / 2 + 127);
                 [(true, pale), (false, colour)].map(|(is_typical, colour)| {
                     let point =
@@ -191,8 +191,7 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
     let row = |group: &Group<'_>| {
         let Finding { kernel, parameter, measure, .. } = group.first;
         let ulp = group.on_gpu().map(|finding| finding.worst_ulp).fold(0.0, f64::max);
-        // These columns are about a row, so about all of its measures together. They are shown with the first measure only, and not if nothing was
-        // compared.
+        // These two columns combine all measures of a row. They are therefore shown only with the first measure, and only if results were compared.
         let is_first = groups
             .iter()
             .find(|of| of.first.kernel == *kernel && of.first.parameter == *parameter)
@@ -205,9 +204,10 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
     };
     Table {
         title: "Kernels at their extremes",
-        note: "Largest error over all rows and devices, and the value at which it occurs. The next two columns are about all results of a row together: \
-               the error in units in the last place of the row's largest result, and its share of the tolerance that is derived for that row beside the \
-               kernel. The tolerance grows with how ill-posed the row is. Finite, as asked: beyond the kernel's intended range, results must only be finite."
+        note: "Largest error over all rows and devices, and the value at which it occurs. The next two columns combine all results of a row: \
+               the error in units in the last place of the row's largest result, and the share of the row's tolerance that the error uses. The \
+               tolerance is derived in the code of the kernel and is larger for ill-conditioned rows. `finite, as required` means that these \
+               arguments lie outside the kernel's intended range, where results must only be finite."
             .to_owned(),
         columns: columns(&["kernel: what", "over", "largest error", "ulp", "of the tolerance", ""]),
         rows: groups.iter().map(row).collect(),
@@ -217,13 +217,13 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
 fn of_bends(bends: &[Bend], breaks: bool) -> Table {
     let row = |bend: &Bend| vec![bend.kernel.clone(), bend.when.clone(), bend.then.clone(), bend.price.clone()];
     Table {
-        title: "Where kernels bend, and the price",
+        title: "Where kernels deviate from their formulas, and the price",
         note: format!(
-            "Elsewhere a kernel is its formula, to the tolerance above. {}",
+            "For all other arguments, a kernel agrees with its formula within the tolerance above. {}",
             if breaks {
-                "Some break: results that are not finite."
+                "Some kernels fail: they return results that are not finite."
             } else {
-                "None breaks: no argument, be it NaN, left a result that is not finite."
+                "No kernel fails: every tested argument, including NaN, gave a finite result."
             }
         ),
         columns: columns(&["kernel", "when", "then", "price"]),
@@ -255,7 +255,7 @@ fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
     let mut names = columns(&["kernel: what", "over", "unit"]);
     names.extend(devices.iter().map(|&side| side_name(side).to_owned()));
     names.push(String::new());
-    let note = format!("Largest error on each adapter. {alike} of {} are alike on all of them and omitted.", groups.len());
+    let note = format!("Largest error on each adapter. {alike} of {} measures are equal on all adapters and are omitted.", groups.len());
     Table { title: "Across adapters", note, columns: names, rows }
 }
 
@@ -268,7 +268,7 @@ fn of_rows(title: &'static str, note: String, rows: &[Row]) -> Table {
     Table { title, note, columns: columns(&["what", "statistic", "value", "allowed range", ""]), rows: rows.iter().map(row).collect() }
 }
 
-/// The tests with the smallest p-values, and all failures.
+/// Returns the table of all failures and of the tests with the smallest p-values.
 fn of_noise(rows: &[Row]) -> Table {
     let tests = rows.iter().filter(|row| row.is_test()).count();
     let level = rows.iter().find(|row| row.is_test()).map_or(0.0, |row| row.low);
@@ -277,14 +277,15 @@ fn of_noise(rows: &[Row]) -> Table {
     let failing = shown.iter().filter(|row| !row.holds()).count();
     shown.truncate(failing.max(8));
     let note = format!(
-        "{tests} tests of one family at 0.1 %, so each at {}, and {} other numbers in their ranges: {failing} fail. Shown are those, or the 8 smallest p.",
+        "{tests} tests share a level of 0.1 %, so each has the level {}; {} other numbers must lie in their ranges. {failing} fail. \
+         The table lists the failures and, up to 8 rows, the tests with the smallest p.",
         number(level),
         rows.len() - tests
     );
     of_rows("Hashes and noise", note, &shown)
 }
 
-/// Flips and clumping on level ground, one line for each kind of noise.
+/// Returns the table of flips and clumping on level ground, with one line for each kind of noise.
 fn of_motion(rows: &[Row]) -> Table {
     let mut kinds: Vec<&str> = Vec::new();
     let mut motions: Vec<&str> = Vec::new();
@@ -322,7 +323,7 @@ fn of_motion(rows: &[Row]) -> Table {
 }
 
 impl Lab<'_> {
-    /// The measured parts with the number of their results, and the number of results that pass.
+    /// Returns the measured parts, each with the number of its results and the number of results that pass.
     fn summary(&self) -> Vec<(&'static str, usize, usize)> {
         let groups = groups(self.findings);
         let of = |rows: &[Row]| (rows.len(), rows.iter().filter(|row| row.holds()).count());
@@ -354,7 +355,7 @@ impl Lab<'_> {
         }
         if !self.directions.is_empty() {
             let note =
-                "Octahedral codes against the published survey, and the error of derivatives from stored planes over random cameras."
+                "Octahedral codes compared with the published survey, and the errors of derivatives from stored planes for random cameras."
                     .to_owned();
             tables.push(of_rows("Directions and derivatives", note, self.directions));
         }
@@ -398,7 +399,7 @@ pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
     if !sides.is_empty() {
         body += "<h2>Errors over their parameters</h2>\n<p>";
         for (&side, colour) in sides.iter().zip(COLOURS) {
-            body += &html::key(colour, &format!("{}: worst, and paler typical", side_name(side)));
+            body += &html::key(colour, &format!("{}: largest error, and in a paler colour the median error", side_name(side)));
         }
         body += "</p>\n<div class=\"pair\">";
         for group in groups.iter().filter(|group| group.worst().worst > 0.0) {
@@ -411,8 +412,8 @@ pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
     Ok(html::page("Stability lab", &body))
 }
 
-/// The parameter value of the largest error. Whole numbers are shown in full, because words and neighbours of powers of two differ in their last
-/// digits.
+/// Formats the parameter value of the largest error. Whole numbers are shown in full, because 32-bit words, and neighbours of powers of two, differ
+/// only in their last digits.
 fn place(value: f64) -> String {
     let short = number(value);
     let is_cut = value.fract() == 0.0 && value.abs() < 1e10 && short.parse() != Ok(value);
@@ -464,7 +465,7 @@ mod tests {
         let lab = Lab { findings: &findings, ..Lab::default() };
         let text = text(&lab, &facts);
         assert!(text.contains("1 of 1 measures of kernels hold") && text.contains("0.5 levels at 89") && text.contains("25.0 %"), "{text}");
-        assert!(!text.contains("Across adapters"), "there is one: {text}");
+        assert!(!text.contains("Across adapters"), "there is only one adapter: {text}");
         let page = page(&lab, &facts).expect("a page");
         assert!(page.contains("<svg") && page.contains("0.5 levels at 89") && page.contains("class=\"good\""));
         let failing = [finding(10.0, 0.0, ONE, false)];
@@ -481,7 +482,7 @@ mod tests {
         assert!(text.contains("| derivatives: mip | incidence_deg | levels | 0.01 | 0.03 | holds |"), "{text}");
         let alike = [finding(10.0, 0.01, ONE, true), finding(10.0, 0.01, OTHER, true)];
         let text = super::text(&Lab { findings: &alike, ..Lab::default() }, &[]);
-        assert!(text.contains("1 of 1 are alike") && !text.contains("| levels |"), "{text}");
+        assert!(text.contains("1 of 1 measures are equal") && !text.contains("| levels |"), "{text}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Turns rows into one summary per choice, the data of a table row and of a plot point.
+//! Converts rows to one summary per choice, which is the data of a table row and of a plot point.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::numbers::pareto_front;
 use crate::metrics::{self, timed_pass};
 use crate::row::Row;
 
-/// The columns that identify the choice of a number.
+/// The columns that identify the choice that a number belongs to.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Key {
     pub(super) experiment: String,
@@ -94,7 +94,7 @@ const fn moving(name: &'static str, words: &'static str) -> Metric {
 }
 
 pub(super) const FETCHES: Metric = still(metrics::FETCHES_PER_PX, "fetches per pixel");
-pub(super) const TILE_FETCHES: Metric = still(metrics::TILE_FETCHES_PER_PX, "fetches per pixel as tiles pay them");
+pub(super) const TILE_FETCHES: Metric = still(metrics::TILE_FETCHES_PER_PX, "fetches per pixel of the tiles' variants");
 pub(super) const SHADING: Metric = still(metrics::SHADING_TIME, "shading time");
 pub(super) const BIAS: Metric = still(metrics::BIAS, metrics::BIAS);
 pub(super) const VARIANCE: Metric = still(metrics::VARIANCE, metrics::VARIANCE);
@@ -197,16 +197,17 @@ pub(super) struct ReferenceFacts {
     pub(super) setting: String,
     /// Samples per pixel.
     pub(super) spp: f64,
-    /// Its standard error, in linear albedo.
+    /// Standard error of the reference, in linear albedo.
     pub(super) standard_error: f64,
-    /// The smallest RMSE that it judges; NaN = none.
+    /// The smallest RMSE that was measured against the reference; NaN = none.
     pub(super) smallest_rmse: f64,
-    /// Change of the reference sequence itself at lag 1, which is subtracted from flicker; NaN = not measured.
+    /// Mean difference of the reference sequence at lag 1, which is subtracted from a choice's difference to obtain its flicker; NaN = not measured.
     pub(super) difference: f64,
 }
 
 impl ReferenceFacts {
-    /// Whether the reference is known at least ten times as accurately as what it judges.
+    /// Whether the standard error of the reference is at most a tenth of the smallest RMSE that was measured against it. If no RMSE was measured, it
+    /// is enough that the standard error is known.
     pub(super) fn suffices(&self) -> bool {
         self.standard_error <= 0.1 * self.smallest_rmse || (self.smallest_rmse.is_nan() && self.standard_error.is_finite())
     }
@@ -248,8 +249,8 @@ struct Slot {
 }
 
 impl Slot {
-    /// The number over all frames: its own row, or that of the only frame, or the mean of the finite values of all frames. Infinite values are
-    /// excluded from the mean: one frame that equals its reference would make the mean infinite.
+    /// Returns the number over all frames: the value of the row over all frames, otherwise that of the only frame, otherwise the mean of the finite
+    /// values of all frames. Infinite values are excluded, because the PSNR of one frame that equals its reference would make the mean infinite.
     fn number(self) -> Option<Number> {
         let Slot { whole, sum, finite, frames, single } = self;
         if whole.is_some() {
@@ -335,7 +336,7 @@ impl Table {
         };
         let parameter = summaries.iter().map(|s| &s.key.parameter).find(|p| !p.is_empty()).cloned().unwrap_or_default();
         let measured = |metric: Metric| summaries.iter().any(|s| s.value(metric).is_finite());
-        // If the tiles vary, the cost of whole tiles matters; otherwise the cost of a pixel is more informative.
+        // If the run varies the tiles, the cost of whole tiles is compared; otherwise the cost of single pixels is more informative.
         let by_tile = parameter == "frame.tile" || parameter == "frame.classification" || !measured(FETCHES);
         let mut table = Table {
             references: Vec::new(),
@@ -401,7 +402,8 @@ impl Table {
         (0..self.summaries.len()).filter(|&i| self.summaries[i].key.view == view).collect()
     }
 
-    /// Indices of the summaries in `rows` that are not dominated by others in `rows`, by increasing first metric. A cost of 0 was not measured.
+    /// Indices of the summaries in `rows` that are not dominated by others in `rows`, by increasing first metric. A cost of 0 means that the cost was
+    /// not measured.
     pub(super) fn front(&self, rows: &[usize], cost: Metric, error: Metric) -> Vec<usize> {
         let place = |&i: &usize| {
             let cost = self.summaries[i].value(cost);
@@ -426,13 +428,13 @@ impl Table {
     }
 }
 
-/// Text of a value of the varied parameter as in the rows, independent of how quotes were stored.
+/// Returns the text of a value of the varied parameter as the rows contain it, that is without quotes.
 fn setting_text(value: &toml::Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// Sorts by view, variant, estimator, noise, temporal resolve and setting, each in the order of the definition; values that it does not name come
-/// last.
+/// Sorts by view, variant, estimator, noise, temporal resolve and setting, each in the order of the definition. Values that the definition does not
+/// name come last.
 fn sort(summaries: &mut [Summary], run: &RunData) {
     let definition = &run.definition;
     let views: Vec<&String> = definition.views.iter().chain(definition.moving_views.iter().map(|v| &v.name)).collect();

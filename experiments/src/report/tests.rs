@@ -1,4 +1,4 @@
-//! Tests of whole reports: they are consistent in every shape, and each displayed number comes from the rows.
+//! Tests of whole reports: reports of all shapes of runs are consistent, and each displayed number comes from the rows.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,7 +11,7 @@ use super::{RunData, Verdict, markdown, read_run, run, verdict, write_run};
 use crate::row::Row;
 use kernels::shading::Estimator;
 
-/// Every shape of run, by name.
+/// Returns a run of every shape, with its folder and its verdicts.
 fn shapes() -> Vec<(Folder, RunData, Vec<Verdict>)> {
     type Make = fn(&Path) -> RunData;
     let all: [(&str, Make, Vec<Verdict>); 8] = [
@@ -43,7 +43,7 @@ fn text(run: &RunData, verdicts: &[Verdict]) -> String {
     markdown::text(run, &table, verdicts, &verdict::verdict(&table))
 }
 
-/// Elements with this name: their attributes and contents.
+/// Returns the attributes and the contents of all elements with this name.
 fn elements<'a>(html: &'a str, name: &str) -> Vec<(&'a str, &'a str)> {
     let (open, close) = (format!("<{name} "), format!("</{name}>"));
     let parts = html.split(&open[..]).skip(1);
@@ -59,7 +59,7 @@ fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
 type Known = BTreeMap<(Key, String, Option<u32>, Option<u64>), f64>;
 
 fn known(run: &RunData) -> Known {
-    // The row of a frame is used if there is none over all frames; in these runs such rows are unique.
+    // If there is no row over all frames, the row of a single frame is used. In these runs there is only one such row.
     let all = || run.rows.iter().chain(&run.times);
     all()
         .filter(|r| r.frame.is_some())
@@ -68,7 +68,7 @@ fn known(run: &RunData) -> Known {
         .collect()
 }
 
-/// Cells and marks of the page whose values are in no row.
+/// Returns the cells and marks of the page whose values are in no row.
 fn untraceable(html: &str, run: &RunData) -> Vec<String> {
     let known = known(run);
     let mut lost = Vec::new();
@@ -95,7 +95,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             setting: column("setting"),
         };
         keys.insert(attribute(attributes, "id").expect("an anchor").to_owned(), key.clone());
-        // Cells of text have no attributes, those of numbers have; both are in order.
+        // Only cells and headings of numbers have attributes, so only these are found. Both are in the order of the columns.
         let numbers = elements(cells, "td");
         assert_eq!(numbers.len(), heads.len(), "{attributes}");
         for ((attributes, _), (metric, lag)) in numbers.iter().zip(&heads) {
@@ -103,7 +103,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             let found = match metric {
                 Some(metric) => known.get(&(key.clone(), metric.clone(), *lag, None)).copied(),
                 None => {
-                    // A promise, or a ratio of two rows.
+                    // The column shows promised fetches, or the ratio of two shading times.
                     let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None)).copied();
                     let promise =
                         key.variant.parse::<kernels::variant::Variant>().map(|v| f64::from(Estimator::Fc5.promised_fetches_of(v))).ok();
@@ -117,7 +117,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             }
         }
     }
-    // The height of a mark is the value of a row of its choice; only marks have values.
+    // The y of a mark must be the value of a row of its choice. Its x must be such a value, too, or a setting, a lag or a frequency of the choice.
     let mut of_choices: BTreeMap<&Key, Vec<_>> = BTreeMap::new();
     for ((key, _, lag, frequency), &value) in &known {
         of_choices.entry(key).or_default().push((*lag, *frequency, value));
@@ -139,7 +139,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
     lost
 }
 
-/// Ratios of a shading time.
+/// Returns the ratio of the choice's shading time to the first one of its view, if the choice was timed.
 fn of_choice_ms(known: &Known, key: &Key, first_ms: &BTreeMap<String, f64>) -> Vec<f64> {
     let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None));
     ms.zip(first_ms.get(&key.view)).map(|(ms, first)| ms / first).into_iter().collect()
@@ -190,7 +190,7 @@ fn every_shape_makes_a_whole_page_and_a_text() {
         ];
         let places: Vec<usize> = order.iter().map(|mark| html.find(mark).unwrap_or_else(|| panic!("{name} has no {mark}"))).collect();
         assert!(places.is_sorted(), "{name}: {places:?}");
-        // (Encoded pictures contain letters, too.)
+        // Encoded pictures can contain the letters of these words, so each word is searched with the character before it.
         assert!([">NaN", " NaN", "\"NaN", ">inf", " inf "].iter().all(|word| !html.contains(word)), "{name}");
         let text = fs::read_to_string(folder.path().join("report.md")).expect("a text");
         assert!(text.contains("\\<blend\\>") && text.contains("## Set-up") && !text.contains("NaN"), "{text}");
@@ -213,7 +213,7 @@ fn the_text_is_cut_to_fronts_and_single_variants() {
     let (variants, plain) = (Folder::new("cut"), Folder::new("cut-plain"));
     let all = text(&fake::variants(variants.path(), &["cliff"], &NOISES), &[]);
     let choices = all.split("## Choices").nth(1).expect("a table").lines().filter(|l| l.starts_with('|')).count() - 2;
-    // Two automatic choices and five flavours with six noises, and other choices on a front.
+    // The table contains two automatic choices and five flavours, each with six noises: 42 rows. It also contains other choices that are on a front.
     assert!((42..90).contains(&choices), "{choices}");
     assert!(all.contains(&format!("The table shows {choices} of 198 choices")), "{all}");
     assert!(!all.contains("| vt+near-cliff+far-cliff+splat |"));
@@ -254,7 +254,7 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     let value = |run: &RunData| Table::of(run).summaries[0].value(RMSE);
     assert_eq!(value(&frames(&[1.0, 3.0], None)), 2.0);
     assert_eq!(value(&frames(&[1.0, 3.0], Some(7.0))), 7.0);
-    // The only frame that has a row is not a mean, and keeps its standard error.
+    // If only one frame has a row, its value is not a mean and keeps its standard error.
     let mut last = frames(&[4.0], None);
     last.rows[0].standard_error = Some(0.5);
     assert_eq!((value(&last), Table::of(&last).summaries[0].error(RMSE), Table::of(&last).averaged), (4.0, Some(0.5), 0));
@@ -265,7 +265,7 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     assert!(html(&run, &[]).contains("mean over 2 of 3 frames") && html(&run, &[]).contains("means over the frames, made by this report"));
     let run = frames(&[f64::NAN, f64::NAN], None);
     assert!(value(&run).is_nan());
-    // The number has two rows: the first counts, and a check fails.
+    // If a number has two rows, the first one is used, and a check fails.
     let mut run = frames(&[], Some(7.0));
     run.rows.push(Row { value: 8.0, ..run.rows[0].clone() });
     assert_eq!((value(&run), Table::of(&run).doubles), (7.0, 1));
@@ -278,17 +278,17 @@ fn missing_numbers_are_dashes_with_their_reason() {
     let run = fake::variants(folder.path(), &["cliff"], &NOISES);
     let page = html(&run, &[]);
     assert!(page.contains("title=\"timed with the first noise only\">\u{2013}</td>"));
-    assert!(page.contains("title=\"each tile chooses: nothing is promised\">\u{2013}</td>"));
+    assert!(page.contains("title=\"tiles have different variants, so nothing is promised\">\u{2013}</td>"));
     assert!(page.contains("A dash means that there is no number.") && page.contains("Shading: timed with the first noise only"));
     assert!(text(&run, &[]).contains("Shading: timed with the first noise only"));
     let reason = |run: &RunData, index: usize, source: Source| match columns::cell(run, &Table::of(run), index, source) {
         Cell::Missing(reason) => reason,
         Cell::Value { shown, .. } => panic!("{shown}"),
     };
-    // A row with NaN is neither zero nor missing.
+    // A row with NaN is shown neither as zero nor as a missing row.
     let mut lost = run.clone();
     lost.rows.iter_mut().filter(|r| r.metric == "rmse" && r.frame.is_none()).for_each(|r| r.value = f64::NAN);
-    assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "its row says NaN");
+    assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "the value in its row is NaN");
     lost.rows.retain(|r| r.metric != "rmse");
     assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "no row of this metric");
     lost.definition.metrics = vec!["flip".to_owned()];
@@ -304,7 +304,7 @@ fn missing_numbers_are_dashes_with_their_reason() {
     assert_eq!(reason(&lost, 0, Source::ShadingRatio), "not timed: times = \"none\"");
     // A column without any number is named, but not shown.
     assert!(html(&lost, &[]).contains("Columns without any number: Shading, RMSE, Bias \u{b1} s.e., Flicker."));
-    // Equal pictures have an infinite PSNR, which counts as a number.
+    // Equal pictures have an infinite PSNR, which is shown as a number.
     let mut same = run.clone();
     same.rows.iter_mut().filter(|r| r.metric == "psnr").for_each(|r| r.value = f64::INFINITY);
     assert!(html(&same, &[]).contains("data-v=\"Infinity\""));
@@ -331,7 +331,7 @@ fn every_mark_can_be_red() {
         }
         checks.iter().map(|c| c.0).collect::<Vec<_>>()
     };
-    // Checks of references, promises, bias and variance.
+    // The four checks are about references, promised fetches, bias and variance.
     assert_eq!(marks(&good, &[]), [true; 4]);
     let with = |change: &dyn Fn(&mut RunData)| {
         let mut run = good.clone();
@@ -345,7 +345,7 @@ fn every_mark_can_be_red() {
     assert_eq!(with(&|run| scale(run, "fetches_per_px", "near-cliff", 1.1)), [true, false, true, true]);
     assert_eq!(with(&|run| scale(run, "bias", "auto", 200.0)), [true, true, false, true]);
     assert_eq!(with(&|run| scale(run, "variance", "auto", 2.0)), [true, true, true, false]);
-    // An error without a known reference is as bad as one with a poor reference.
+    // The check also fails if the accuracy of the reference is unknown.
     let lost = with(&|run| run.rows.retain(|r| !r.metric.starts_with("reference_")));
     assert_eq!(lost, [false, true, true, true]);
     let mut without = good.clone();

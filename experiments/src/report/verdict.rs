@@ -1,4 +1,4 @@
-//! The answer to the question of a run, from its numbers. What varies decides the form of the sentence.
+//! The answer to the question of a run, from its numbers. The form of the sentence depends on what varies.
 
 use super::numbers::{CONFIDENCE_95, number, speed, with_interval};
 use super::summary::{CLUMPING, FETCHES, FLICKER, FLIPS, Metric, REJECTIONS, SHADING, Summary, TILE_FETCHES, Table};
@@ -38,7 +38,7 @@ impl Shape {
     }
 }
 
-/// One sentence, with a part for each of several views.
+/// Returns the answer as one sentence. If there are several views, each has its own part.
 pub(super) fn verdict(table: &Table) -> String {
     let shape = Shape::of(table);
     let said: Vec<(&String, String)> = table.views.iter().filter_map(|view| Some((view, of_view(table, shape, view)?))).collect();
@@ -86,7 +86,7 @@ fn say(metric: Metric, value: f64) -> String {
     }
 }
 
-/// Cost, error and flicker of a choice, as far as they are known.
+/// Returns cost, error and flicker of a choice, if they are known.
 fn price(table: &Table, summary: &Summary) -> String {
     let parts = [table.cost, table.error, FLICKER].into_iter().filter(|m| !summary.value(*m).is_nan());
     parts
@@ -109,8 +109,8 @@ fn listed(table: &Table) -> usize {
     if table.views.len() > 1 { LISTED_OF_VIEWS } else { LISTED }
 }
 
-/// The rows that differ from the subject only in what `same` ignores. The subject is the automatic choice, otherwise the choice with the most noise,
-/// otherwise the first.
+/// Returns the rows that are the `same` as the subject, which includes the subject itself. The subject is the automatic choice. If there is none, it
+/// is the first stochastic choice, otherwise the first choice.
 fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) -> Vec<usize> {
     let of = |i: usize| &table.summaries[i];
     let chosen = rows.iter().copied().find(|&i| of(i).key.variant == "auto");
@@ -119,7 +119,7 @@ fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) 
     rows.iter().copied().filter(|&i| same(of(first), of(i))).collect()
 }
 
-/// The items as a list; if there are more than `most` (at least 2), some in the middle are omitted.
+/// Joins the items to a list. If there are more than `most` (at least 2), some in the middle are omitted.
 fn list(items: &[String], most: usize) -> String {
     let count = items.len();
     if count <= most {
@@ -150,7 +150,8 @@ fn spread(table: &Table, (low, high): (usize, usize), metric: Metric) -> f64 {
     if high.abs().max(low.abs()) > 0.0 { (high - low) / high.abs().max(low.abs()) } else { 0.0 }
 }
 
-/// The names of a front's choices with their prices. Choices with the same variant, cost and error, as with several noises, form one item.
+/// Returns the names of a front's choices, each with cost, error and flicker. Choices with the same variant, cost and error, which differ for example
+/// in noise, form one item.
 fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String) -> Vec<String> {
     let mut items: Vec<Vec<&Summary>> = Vec::new();
     for summary in front.iter().map(|&i| &table.summaries[i]) {
@@ -172,7 +173,8 @@ fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String
         let flicker = |pick: fn(f64, f64) -> f64| item.iter().map(|s| s.value(FLICKER)).reduce(pick).unwrap_or(f64::NAN);
         let (low, high) = (flicker(f64::min), flicker(f64::max));
         let more = if high - low > SMALL * high.abs().max(low.abs()) { format!(" to {}", number(high)) } else { String::new() };
-        // The price ends with the flicker of the first choice; the list has the order of the front, so the range starts at the smallest.
+        // The text of `price` ends with the flicker of its choice. It is taken from the choice with the smallest flicker, so that it begins the
+        // range.
         let least = item.iter().copied().find(|s| s.value(FLICKER) <= low).unwrap_or(item[0]);
         format!("{name} ({}{more})", price(table, least))
     };
@@ -278,7 +280,8 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
         if table.variants.len() > 1 || table.noises.len() > 1 { format!(" (with {}, {})", key.variant, key.noise) } else { String::new() };
     let head = format!("of {} values of {}{with}", rows.len(), table.parameter);
     let still_words = || still.iter().map(|(m, _)| m.words).collect::<Vec<_>>().join(", ");
-    // The metric that changes the most is the purpose of the parameter. Clumping is never chosen, because it is the price of fewer flips.
+    // The metric that changes the most is taken as the purpose of the parameter. Clumping is chosen only if no other metric changes, because it is
+    // the price of fewer flips.
     let lead =
         moved.iter().copied().filter(|(m, _)| *m != CLUMPING).max_by(|a, b| spread(table, a.1, a.0).total_cmp(&spread(table, b.1, b.0)));
     let Some((metric, (best, worst))) = lead.or_else(|| moved.first().copied()) else {
@@ -378,13 +381,13 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
 
 /// The change of a metric.
 enum Change {
-    /// It changes in this way.
+    /// The metric changes; the text says how.
     Moved(String),
-    /// It hardly changes.
+    /// The metric changes by less than [`SMALL`].
     Still,
 }
 
-/// The change of a metric from the first to the second row of each pair: values for one pair, ratios for several.
+/// Describes the change of a metric from the first to the second row of each pair: by its values for one pair, by ratios for several pairs.
 fn change(table: &Table, pairs: &[(usize, usize)], metric: Metric) -> Option<Change> {
     let ratio = |&(a, b): &(usize, usize)| table.summaries[b].value(metric) / table.summaries[a].value(metric);
     let mut known: Vec<&(usize, usize)> = pairs.iter().filter(|p| ratio(p).is_finite() && ratio(p) > 0.0).collect();
@@ -452,7 +455,7 @@ fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
     Some(text)
 }
 
-/// The choices with the smallest and the largest error, or else flicker, if no cost was measured.
+/// Names the choices with the smallest and the largest error, for views without a measured cost. If no error was measured either, flicker is used.
 fn without_cost(table: &Table, rows: &[usize]) -> Option<String> {
     let (metric, (low, high)) = [table.error, FLICKER].into_iter().find_map(|m| Some((m, extremes(table, rows, m)?)))?;
     let item = |i: usize| format!("{} ({})", table.label(&table.summaries[i].key), price(table, &table.summaries[i]));
@@ -491,7 +494,8 @@ mod tests {
     use crate::report::fake::{self, Rows, base, definition};
     use crate::row::Row;
 
-    /// The verdict on choices, given by the columns that vary and by fetches, RMSE, flicker, flips and clumping (NaN = no row).
+    /// Returns the verdict on choices. Each choice is given by a row with its columns, and by fetches, RMSE, flicker, flips and clumping (NaN = no
+    /// row).
     fn said(choices: &[(Row, [f64; 5])]) -> String {
         let mut rows = Rows::new();
         for (row, values) in choices {
@@ -527,7 +531,7 @@ mod tests {
             "Of 3 variants, 2 are Pareto-optimal in fetches per pixel and RMSE: vt (4.0 fetches, RMSE 0.05, flicker 0.001) and splat (48.0 fetches, \
              RMSE 0.01, flicker 0)."
         );
-        // A choice that was dominated is on the front once it costs less.
+        // A choice that was dominated is on the front if it costs less.
         all[2].1[0] = 12.0;
         assert!(said(&all).starts_with("Of 3 variants, 3 are Pareto-optimal"), "{}", said(&all));
         assert!(said(&all).contains("near-cliff (12.0 fetches, RMSE 0.02, flicker 0.01)"));
@@ -548,17 +552,17 @@ mod tests {
     fn automatic_choice_is_held_against_splat_and_generic() {
         let folder = Path::new(".");
         let text = verdict(&Table::of(&fake::variants(folder, &["cliff"], &["hashed"])));
-        // 3 + 1.1 x 17.3 ms against 3 + 1.1 x 48 and 3 + 1.2 x 1.1 x 17.3.
+        // The shading times are 3 + 1.1 x 17.3 ms for auto, 3 + 1.1 x 48 ms for splat, and 3 + 1.2 x 1.1 x 17.3 ms for generic.
         assert!(
             text.contains("its shading is 2.53 times as fast as full splat everywhere and 1.17 times as fast as the generic kernel"),
             "{text}"
         );
         // Items of the front beyond the list's limit are counted.
         assert!(text.contains("more between them"), "{text}");
-        // Choices that no noise changes are named once.
+        // Choices that have the same numbers with all noises are named once.
         let text = verdict(&Table::of(&fake::variants(folder, &["cliff"], &fake::NOISES)));
         assert!(text.contains(": far-atlas (2.0 fetches, RMSE 0.102, flicker 0.000659), vt (4.0 fetches"), "{text}");
-        // If noise changes only the flicker, its range is shown.
+        // If the noise changes only the flicker, the range of the flicker is shown.
         assert!(text.contains("far-atlas+near-cliff+far-cliff (22.0 fetches, RMSE 0.0518, flicker 0.0118 to 0.0312)"), "{text}");
         assert!(text.contains("with auto, of 6 noises"), "{text}");
     }
@@ -577,11 +581,11 @@ mod tests {
              clumping 0.5), and the most choices flip under white (flip rate 0.5, clumping 1), flicker ranges from 0.002 (hashed) to 0.005 (white), \
              RMSE is 0.05 under all."
         );
-        // A noise that is best in both.
+        // One noise is best in both.
         let mut both = all.clone();
         both[0].1[4] = 0.4;
         assert!(said(&both).contains("hashed both flips and clumps least (flip rate 0.1, clumping 0.4)"), "{}", said(&both));
-        // With as many variants but without costs, noises are compared.
+        // If there are as many variants as noises, but no costs, noises are compared.
         let mut more: Vec<_> = all
             .iter()
             .cloned()
@@ -589,7 +593,7 @@ mod tests {
             .collect();
         more.iter_mut().for_each(|l| l.1[0] = NONE);
         assert!(said(&more).starts_with("With auto, of 3 noises"), "{}", said(&more));
-        // Flips are never mentioned without clumping, or a note that it is missing.
+        // Flips are always mentioned together with clumping, or with a note that clumping was not measured.
         let mut lost = all.clone();
         lost.iter_mut().for_each(|l| l.1[4] = NONE);
         assert!(said(&lost).contains("hashed (flip rate 0.1, clumping not measured)"), "{}", said(&lost));
@@ -616,7 +620,7 @@ mod tests {
         // The metric that changes the most comes first.
         all[0].1[0] = 1000.0;
         assert!(said(&all).contains("1.0 has the smallest fetches per pixel (10, against 1000 at 0.5)"), "{}", said(&all));
-        // Nothing changes.
+        // No metric changes.
         let still: Vec<_> = all.iter().map(|(row, _)| (row.clone(), [10.0, 0.05, NONE, NONE, NONE])).collect();
         assert_eq!(said(&still), "Of 3 values of blend.hash_scale, none changes RMSE, fetches per pixel by more than 2 %.");
     }

@@ -1,4 +1,4 @@
-//! Costs for lanes that run in lockstep: the fetches of everything that their tile, or their patch, needs.
+//! Costs if the lanes of a tile or patch run in lockstep: each pixel costs the fetches of all flavours that its tile or patch needs.
 
 use std::collections::HashMap;
 
@@ -8,7 +8,7 @@ use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 use kernels::world::NodeId;
 
-/// Everything that decides how many fetches a flavour takes.
+/// The settings that determine how many fetches a flavour takes.
 #[derive(Clone, Copy)]
 pub(super) struct Prices {
     pub(super) estimator: Estimator,
@@ -16,25 +16,25 @@ pub(super) struct Prices {
 }
 
 impl Prices {
-    /// Fetches of a pixel that needs all flavours of a variant, in scenes without colour modulation.
+    /// Returns the number of fetches of a pixel that needs all flavours of a variant, in scenes without colour modulation.
     pub(super) fn of(self, variant: Variant) -> u32 {
         let twice = |flavour| self.two_tilings && flavour == Flavour::Splat && self.estimator.has_two_tilings();
         variant.flavours().map(|flavour| self.estimator.promised_fetches(flavour) * if twice(flavour) { 2 } else { 1 }).sum()
     }
 }
 
-/// Index of a pixel's tile; `tile` = side, pixels.
+/// Returns the index of the tile of pixel `at`; `tile` is the side of tiles in pixels.
 fn tile_of(at: usize, size: [u32; 2], tile: u32) -> usize {
     let (x, y) = (at as u32 % size[0], at as u32 / size[0]);
     (y / tile * size[0].div_ceil(tile) + x / tile) as usize
 }
 
-/// Mean over terrain pixels of the cost of the flavours of a pixel's tile.
+/// Returns the mean cost of terrain pixels, where each pixel costs the flavours of its tile; `None` if no pixel shows terrain.
 pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, prices: Prices) -> Option<f64> {
     grouped(masks, prices, |at| tile_of(at, size, tile))
 }
 
-/// For each pixel the flavours of its tile; 0 if the pixel shows no terrain.
+/// Returns, for each pixel, the flavours of its tile; 0 if the pixel shows no terrain.
 pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
     let mut sets = vec![0; (size[0].div_ceil(tile) * size[1].div_ceil(tile)) as usize];
     for (at, mask) in masks.iter().enumerate() {
@@ -43,7 +43,8 @@ pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
     masks.iter().enumerate().map(|(at, &mask)| if mask == 0 { 0 } else { sets[tile_of(at, size, tile)] }).collect()
 }
 
-/// The same for patches of 16 x 16 quads instead of tiles; only the visible pixels of a patch count.
+/// Returns the mean cost of terrain pixels, where each pixel costs the flavours of its patch of 16 x 16 quads; `None` if no pixel shows terrain. The
+/// flavours of a patch are those of its visible pixels.
 pub(super) fn per_patch(masks: &[u8], positions: &[[f32; 3]], renderer: &Renderer<'_>, drawn: &[NodeId], prices: Prices) -> Option<f64> {
     let layout = renderer.world().layout();
     let lods = quadtree::lod_map(drawn);
@@ -65,7 +66,7 @@ fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], prices: Prices, group: impl Fn
         entry.1 += 1;
     }
     let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| prices.of(variant));
-    // The sums are of whole numbers, so the order of the hash map does not matter.
+    // The sums are whole numbers, so the order in which the hash map yields the groups does not affect the result.
     let (sum, pixels) = groups.values().fold((0, 0), |(sum, pixels), &(mask, n)| (sum + u64::from(cost(mask)) * n, pixels + n));
     (pixels > 0).then(|| sum as f64 / pixels as f64)
 }
@@ -78,16 +79,16 @@ mod tests {
 
     #[test]
     fn a_tile_pays_for_what_any_of_its_pixels_needs() {
-        // 8 x 4 pixels: the left half needs far atlas (2), the right half virtual texture (4), one pixel in the middle needs near cliff (12), one is
-        // sky.
+        // 8 x 4 pixels: the left half needs the far atlas (2 fetches) and the right half the virtual texture (4 fetches). In the left half, one pixel
+        // needs the near cliff (12 fetches) instead. In the right half, one pixel shows sky.
         let mut masks: Vec<u8> = (0..32).map(|i| if i % 8 < 4 { 2 } else { 1 }).collect();
         masks[3] = 4;
         masks[31] = 0;
         let of = |tile| per_tile(&masks, [8, 4], tile, FC5);
-        // Tiles of 4 pixels: on the left 16 pixels of cost 14, on the right 15 pixels of cost 4.
+        // In tiles of 4 x 4 pixels, 16 pixels on the left cost 2 + 12 = 14 each, and 15 pixels on the right cost 4 each.
         assert_eq!(of(4), Some((14.0 * 16.0 + 4.0 * 15.0) / 31.0));
         assert_eq!(of(8), Some(18.0));
-        // Tiles of one pixel: each pixel pays for itself.
+        // In tiles of one pixel, each pixel costs only its own flavour.
         assert_eq!(of(1), Some((2.0 * 15.0 + 12.0 + 4.0 * 15.0) / 31.0));
         assert_eq!(per_tile(&[0; 4], [2, 2], 8, FC5), None);
         let sets = tile_sets(&masks, [8, 4], 4);

@@ -1,7 +1,8 @@
-//! Does the parts of a run on a device: references, sweeps, times.
+//! Carries out the parts of a run on a device: references, sweeps and times.
 //!
-//! A *sweep* is one view by one estimator, noise and resolve. In each frame the geometry is drawn once, each flavour is shaded once on every pixel,
-//! and the pictures of all variants are composed from these layers (`kernels::composition`). *Times* are measured with the variants' own pipelines.
+//! A *sweep* measures one view with one estimator, noise and resolve. In each frame, the geometry is drawn once and each flavour is shaded once on
+//! every pixel. The pictures of all variants are composed from the layers of the flavours (`kernels::composition`). *Times* are measured with the
+//! variants' own pipelines.
 
 mod costs;
 mod pictures;
@@ -30,10 +31,10 @@ use crate::metrics;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Unit, Work, plan};
 
-/// The renderer does not report progress; the steps of a part are the progress.
+/// A callback that ignores the renderer's progress, because progress is reported by the steps of a part.
 const QUIET: &(dyn Fn(Progress) + Sync) = &|_| {};
 
-/// Does the parts of one definition.
+/// Carries out the parts of one definition.
 pub struct Runner<'a> {
     gpu: &'a Gpu,
     definition: &'a Definition,
@@ -42,33 +43,33 @@ pub struct Runner<'a> {
     stage: Option<Stage<'a>>,
 }
 
-/// The state that is kept while the setting stays the same.
+/// The state that is kept between parts that have the same value of the varied parameter.
 struct Stage<'a> {
     setting: Setting,
     choices: FrameSettings,
     renderer: Renderer<'a>,
     layers: Layers,
-    /// Layers of the exact blend, with their pose and frame.
+    /// Layers of the exact blend, with the pose and frame for which they were drawn.
     exact: Option<(Pose, u32, Layers)>,
     fixed: Fixed,
 }
 
-/// Results that do not depend on the noise, which the parts of one view share.
+/// Results that do not depend on the noise, so that all parts of one view and estimator share them.
 #[derive(Default)]
 struct Fixed {
     view: String,
     estimator: Option<Estimator>,
     /// Layers of flavours that draw no random numbers, for each frame.
     frames: HashMap<(u32, SamplePattern), Layers>,
-    /// Rows of the variants that draw no random numbers. Other parts store them with their own noise.
+    /// Rows of the variants that draw no random numbers. Parts with a different noise copy these rows and write that noise into them.
     rows: HashMap<Resolve, Vec<Row>>,
 }
 
-/// Memory that layers may occupy between parts; for longer or larger sequences the layers are shaded again.
+/// Largest total size of the layers in [`Fixed::frames`], bytes. Layers that do not fit are shaded again for each noise.
 const FIXED_BYTES: u64 = 1 << 30;
 
 impl Fixed {
-    /// Clears the state if it belongs to another view or estimator.
+    /// Clears the results if they belong to a different view or estimator.
     fn of(&mut self, view: &str, estimator: Estimator) {
         if self.view != view || self.estimator != Some(estimator) {
             *self = Fixed { view: view.to_owned(), estimator: Some(estimator), ..Fixed::default() };
@@ -77,7 +78,7 @@ impl Fixed {
 }
 
 impl<'a> Runner<'a> {
-    /// A runner for a valid definition. `imported`: folder of the imported scene, if the definition imports one.
+    /// Returns a runner for a valid definition. `imported` = folder of the imported scene, if the definition imports one.
     ///
     /// # Errors
     /// A variant does not exist.
@@ -86,7 +87,7 @@ impl<'a> Runner<'a> {
         Ok(Runner { gpu, definition, imported: imported.map(Path::to_owned), variants, stage: None })
     }
 
-    /// Makes the renderer of a setting when it is first needed. It is kept until another setting is needed.
+    /// Creates the renderer for a setting if it does not exist yet. It is kept until a different setting is needed.
     fn prepare(&mut self, setting: &Setting) -> Result<()> {
         if self.stage.as_ref().is_some_and(|stage| &stage.setting == setting) {
             return Ok(());
@@ -94,7 +95,8 @@ impl<'a> Runner<'a> {
         let scene = self.definition.scene(setting, self.imported.as_deref())?;
         let choices = self.definition.frame_settings(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
         if let Some(stage) = self.stage.as_mut().filter(|stage| stage.choices == choices) {
-            // Only numbers of the blend, the flavours' distances or the light differ, so world and textures are reused.
+            // This succeeds if the scenes differ only in settings such as the blend, the distances of flavours or the light. Then the world and the
+            // textures are reused.
             if stage.renderer.retune(&scene)? {
                 stage.setting.clone_from(setting);
                 stage.exact = None;
@@ -111,7 +113,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// The part that makes the reference for the view and setting of a part.
+    /// Returns the part that renders the reference for the view and setting of `unit`.
     fn reference_of(&self, unit: &Unit) -> Result<Unit> {
         let is_its = |other: &Unit| other.work == Work::Reference && other.view == unit.view && other.setting == unit.setting;
         plan(self.definition).into_iter().find(is_its).with_context(|| format!("the run has no reference of view `{}`", unit.view))
@@ -162,7 +164,7 @@ impl Mark {
         Mark { frame: Some(frame), ..Mark::default() }
     }
 
-    /// The same with a lag, from 1.
+    /// Returns this mark with a lag. Lags are counted from 1.
     fn lag(self, lag: usize) -> Mark {
         Mark { lag: u32::try_from(lag).ok(), ..self }
     }
@@ -206,7 +208,7 @@ impl Labels<'_> {
     }
 }
 
-/// The flavours that the variants of a list may need in a scene.
+/// Returns the flavours that the variants of a list may need in the renderer's scene.
 fn flavours_of(renderer: &Renderer<'_>, variants: &[(String, VariantChoice)]) -> Option<Variant> {
     let available = |flavour: Flavour| flavour != Flavour::VirtualTexture || renderer.demands().has(flavour);
     let wanted = |flavour: &Flavour| available(*flavour) && variants.iter().any(|(_, choice)| choice.may_use(*flavour));
@@ -221,8 +223,8 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
 }
 
 impl Stage<'_> {
-    /// Shades the flavours of `needed` on every pixel of one view. Flavours that draw random numbers are shaded again each time; the others are
-    /// shaded once for all noises.
+    /// Shades the flavours of `needed` on every pixel of one view. Flavours that draw random numbers are shaded again in each call. The remaining
+    /// flavours are shaded once for all noises, if their layers fit into [`FIXED_BYTES`].
     fn draw(&mut self, request: &RenderRequest, needed: Variant) -> Result<Layers> {
         let [drawing, fixed] = split(needed, request.shading.estimator);
         let key = (request.shading.frame, request.shading.sample_pattern);
@@ -237,13 +239,13 @@ impl Stage<'_> {
             self.renderer.draw_flavours(request, fixed, &layers)?;
             self.fixed.frames.insert(key, layers);
         }
-        // These are drawn last, because the measurements read the geometry of this view.
+        // This is drawn in every call and last, because the measurements read the geometry of the frame that was drawn last.
         self.renderer.draw_flavours(request, drawing, &self.layers)?;
         Ok(self.layers.with(&self.fixed.frames[&key], fixed))
     }
 }
 
-/// The variant that a choice is composed as; `None` = the flavours that each pixel needs.
+/// Returns the variant with which a choice is composed; `None` = each pixel is composed from the flavours that it needs.
 fn composed(choice: VariantChoice) -> Option<Variant> {
     match choice {
         VariantChoice::Auto | VariantChoice::GenericAuto => None,
@@ -251,7 +253,7 @@ fn composed(choice: VariantChoice) -> Option<Variant> {
     }
 }
 
-/// A request that shades with the reference blend: 96 fetches.
+/// Returns the request with the settings of the reference blend, which takes 96 fetches.
 fn truth(request: &RenderRequest) -> RenderRequest {
     request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
@@ -261,7 +263,7 @@ fn truth(request: &RenderRequest) -> RenderRequest {
     })
 }
 
-/// Whether patches are classified.
+/// Whether variants are chosen by terrain patch instead of by screen tile.
 fn by_patch(choices: &FrameSettings) -> bool {
     choices.classification == ClassifyBy::Patch
 }
@@ -280,7 +282,7 @@ mod tests {
         let mut rows = Vec::new();
         let error = labels.put(&mut rows, "auto", "flip-rate", Mark::frame(0), 1.0, None).expect_err("no such metric");
         assert!(rows.is_empty() && error.to_string().contains("`flip_rate`"), "{error}");
-        // A metric that is not requested is omitted.
+        // A metric that the definition does not request adds no row.
         labels.put(&mut rows, "auto", metrics::FLIP, Mark::frame(0), 1.0, None).expect("a metric");
         assert!(rows.is_empty());
         labels.put(&mut rows, "auto", metrics::RMSE, Mark::frame(0), 1.0, None).expect("a metric");

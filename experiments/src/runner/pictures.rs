@@ -21,7 +21,7 @@ use crate::unit::Unit;
 
 /// Remedy if a picture cannot be written.
 const ROOM: &str = "make room if the disk is full";
-/// Difference in luminance that is white in a flicker map.
+/// Difference in luminance that a flicker map shows as white.
 const MAP_WHITE: f64 = 0.25;
 
 /// The kind of a picture.
@@ -33,12 +33,12 @@ pub(super) enum Kind {
     FlickerMap,
     /// The converged reference.
     Reference,
-    /// The variant of each tile.
+    /// The flavours of each tile.
     TileMap,
 }
 
 impl Kind {
-    /// The name in the list.
+    /// Returns the name of the kind in the list of pictures.
     fn name(self) -> &'static str {
         match self {
             Kind::Frame => "frame",
@@ -58,14 +58,14 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// A sheet without pictures.
+    /// Returns a sheet without pictures.
     pub(super) fn new(run: &Path, unit: &Unit) -> Sheet {
         let setting = unit.setting.as_ref().map_or_else(String::new, setting_text);
         let blank = RunPicture { view: unit.view.clone(), setting, ..RunPicture::default() };
         Sheet { folder: run.join(PICTURES), part: unit.id.clone(), blank, entries: Vec::new() }
     }
 
-    /// Sets the variant of the pictures that follow.
+    /// Sets the variant, estimator, noise and resolve of the pictures that are added next.
     pub(super) fn of(&mut self, labels: &Labels<'_>, variant: &str) -> &mut Sheet {
         let text = |s: &str| s.to_owned();
         self.blank.variant = text(variant);
@@ -75,7 +75,7 @@ impl Sheet {
         self
     }
 
-    /// Writes a picture; `name` distinguishes it from the other pictures of the part.
+    /// Writes a picture and adds it to the list; `name` distinguishes it from the other pictures of the part.
     pub(super) fn keep(&mut self, kind: Kind, name: &str, title: &str, caption: &str, size: [u32; 2], texels: &[[u8; 3]]) -> Result<()> {
         fs::create_dir_all(&self.folder).with_context(|| format!("cannot make the folder {}", self.folder.display()))?;
         let file = format!("{}-{name}.png", self.part);
@@ -101,10 +101,10 @@ impl Sheet {
     }
 }
 
-/// Frames per second that video metrics are told: the rate that a game aims for.
+/// Frame rate in the command lines of video metrics, frames per second. It is a common target of games.
 const FRAMES_PER_SECOND: f64 = 60.0;
 
-/// Folder of the PNG sequence of one variant of a part, or of its reference (`variant` is empty).
+/// Returns the folder of the PNG sequence of one variant of a part, or of its reference if `variant` is empty.
 pub(super) fn sequence(run: &Path, reference_part: &str, part: &str, variant: &str) -> PathBuf {
     let folder = run.join(VIDEO);
     if variant.is_empty() { folder.join(reference_part) } else { folder.join(format!("{part}-{variant}")) }
@@ -116,7 +116,7 @@ pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], texels: &[[
     write_png_texels(&folder.join(format!("{frame:04}.png")), size, &display(texels)).context(ROOM)
 }
 
-/// Writes the command lines that judge a sequence against the reference's next to its frames.
+/// Writes `judge.txt` next to the frames of a sequence. It holds the command lines that compare the sequence with that of the reference.
 pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Result<()> {
     let pattern = |folder: &Path| format!("../{}/%04d.png", folder.file_name().unwrap_or_default().to_string_lossy());
     let text = commands(&pattern(test), &pattern(reference), FRAMES_PER_SECOND, size);
@@ -124,13 +124,13 @@ pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Res
     write_with(&file, |output| output.write_all(text.as_bytes()))
 }
 
-/// Linear albedo encoded for display: sRGB without tone mapping, because albedo is compared.
+/// Encodes linear albedo for display: as sRGB without tone mapping, because the pictures show albedo and not light.
 pub(super) fn display(texels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     texels.iter().map(|t| t.map(srgb_code)).collect()
 }
 
-/// Difference in luminance between each pixel of a stream's last picture and its point one frame before, in magma; black where there is no earlier
-/// point.
+/// Returns a map, in the colours of magma, of the difference in luminance between each pixel of a stream's last picture and the same terrain point in
+/// the frame before. Pixels whose point was not visible in the frame before are black.
 pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let (now, before) = (meter.picture(gpu, stream, 0)?, meter.picture(gpu, stream, 1)?);
@@ -149,9 +149,10 @@ pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2
 
 /// Legend for the colours of a tile map.
 pub(super) const TILE_MAP_LEGEND: &str =
-    "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixtures: tiles of several.";
+    "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixed colours: several flavours.";
 
-/// The flavours that pixels are shaded with (0 = none), mixed half and half with the picture.
+/// Returns a picture in which the colour of each pixel's flavours is mixed half and half with the pixel of `picture`. `sets` holds the flavours of
+/// each pixel; 0 = none.
 pub(super) fn tile_map(sets: &[u8], picture: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let colour = |(&set, &seen): (&u8, &[u8; 3])| {
         let Some(variant) = Variant::new(set) else { return seen };

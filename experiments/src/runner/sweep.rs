@@ -1,4 +1,4 @@
-//! One view by one estimator, noise and resolve: all variants over all frames and seeds.
+//! Measures one view with one estimator, noise and resolve: all variants over all frames and seeds.
 
 use std::path::Path;
 
@@ -26,9 +26,9 @@ use crate::unit::{Outcome, Unit};
 
 /// Largest number of bands of a spectrum.
 const BANDS: u32 = 24;
-/// Pixels per side for each band, so that a band holds enough frequencies.
+/// Number of pixels of the square's side per band, so that a band contains enough frequencies.
 const PIXELS_PER_BAND: u32 = 8;
-/// Largest side of the square from which spectra are computed, pixels.
+/// Largest side of the square from which a spectrum is computed, pixels.
 const SPECTRUM_SIDE: u32 = 256;
 
 /// The estimator, noise and resolve of a sweep.
@@ -39,13 +39,13 @@ pub(super) struct How {
 }
 
 impl How {
-    /// Whether a choice may draw random numbers; if not, every noise gives the same result.
+    /// Whether a choice may draw random numbers. If it does not, every noise gives the same result.
     fn draws(&self, choice: VariantChoice) -> bool {
         Flavour::ALL.into_iter().any(|f| choice.may_use(f) && self.estimator.is_stochastic(Variant::only(f)))
     }
 }
 
-/// Means over the frames of one variant.
+/// Sums from which the means over the frames of one variant are computed.
 struct Followed {
     fetches: Moments<f64>,
     rejections: Moments<f64>,
@@ -67,22 +67,22 @@ impl Default for Followed {
     }
 }
 
-/// Adds a number to its mean over frames, and returns it.
+/// Adds `value` to the moments over frames, and returns `value`.
 fn add(moments: &mut Moments<f64>, value: f64) -> f64 {
     moments.add([value, 0.0]);
     value
 }
 
 impl Runner<'_> {
-    /// The sweep: first all frames, then errors at the last frame, then seeds.
+    /// Measures a sweep: first all frames, then errors at the last frame, then seeds at the last frame.
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let reference_part = self.reference_of(unit)?;
         let reference = match Reference::read(folder, &reference_part) {
             Ok(reference) => reference,
-            // The reference may have been removed or damaged after its part was done. Making it again gives the same result.
+            // The reference may have been removed or damaged after its part was done. Rendering it again gives the same result.
             Err(error) => {
-                eprintln!("note: {}; it is made again", error_line(&error));
+                eprintln!("note: {}; the reference is rendered again", error_line(&error));
                 self.reference(&reference_part, folder, step)?;
                 Reference::read(folder, &reference_part)?
             }
@@ -95,7 +95,7 @@ impl Runner<'_> {
 
         let stage = self.stage.as_mut().context("prepared")?;
         stage.fixed.of(&unit.view, how.estimator);
-        // Choices that draw no random numbers were measured with an earlier noise, unless this is the first noise since the program started.
+        // If a sweep with a different noise has already measured the choices that draw no random numbers, their rows are reused.
         let known = stage.fixed.rows.get(&how.resolve).cloned();
         let choices: Vec<(String, VariantChoice)> =
             self.variants.iter().filter(|(_, choice)| known.is_none() || how.draws(*choice)).cloned().collect();
@@ -112,7 +112,7 @@ impl Runner<'_> {
             })
         };
 
-        // Each frame is compared with the 1 to 4 frames before it.
+        // The meter compares each frame with up to 4 frames before it.
         let mut meter = stage.renderer.meter(size, &vec![how.resolve; variants.len()])?;
         let mut followed: Vec<Followed> = variants.iter().map(|_| Followed::default()).collect();
         for frame in 0..frames {
@@ -139,7 +139,7 @@ impl Runner<'_> {
             over_frames(&labels, &mut rows, name, followed, &reference, how.resolve)?;
         }
 
-        // Errors and pictures at the last frame.
+        // Measures errors and stores pictures at the last frame.
         step(u64::from(frames), total);
         let last = frames - 1;
         let pose = views::pose(definition, &stage.renderer, &unit.view, last)?;
@@ -149,7 +149,7 @@ impl Runner<'_> {
         self.costs(&choices, &labels, &judged, &meter, &mut sheet, &mut rows)?;
         sheet.finish()?;
 
-        // Seeds at the last frame, if there is no resolve: bias, variance, and the arrangement of the noise.
+        // If there is no resolve, seeds at the last frame give bias, variance, clumping and spectrum.
         if how.resolve == Resolve::Off && definition.seeds >= 2 {
             let done = |seed: u32| step(u64::from(frames + 1 + seed), total);
             self.seeds(needed, how, &choices, &labels, &judged, &variants, &mut rows, &done)?;
@@ -166,7 +166,7 @@ impl Runner<'_> {
         Ok(Outcome { rows, times: Vec::new() })
     }
 
-    /// Errors of the last picture of each variant, and the stored pictures.
+    /// Measures the errors of the last picture of each variant, and stores pictures.
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn errors(
         &self,
@@ -182,7 +182,7 @@ impl Runner<'_> {
         let mark = Mark::frame(definition.frames - 1);
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
         let pictures: Vec<Vec<[u32; 2]>> = (0..choices.len()).map(read).collect::<kernels::base::error::Result<_>>()?;
-        // FLIP takes longer than rendering, so all CPU cores are used, each for its own picture.
+        // FLIP takes longer than rendering, so the pictures are judged in parallel on all CPU cores.
         let judged: Vec<(Vec<[f32; 3]>, judge::Errors)> = pictures
             .par_iter()
             .map(|picture| {
@@ -211,7 +211,7 @@ impl Runner<'_> {
                 sheet.of(labels, name).keep(pictures::Kind::Frame, name, &title, &caption, definition.size, &pictures::display(texels))?;
                 if how.draws(*choice) && definition.frames > 1 {
                     let map = pictures::flicker_map(self.gpu, meter, stream, definition.size)?;
-                    let caption = "Luminance against the frame before, after exact reprojection; white = 0.25 or more.".to_owned();
+                    let caption = "Difference in luminance from the frame before, at the same points; white = 0.25 or more.".to_owned();
                     let title = format!("Flicker of {name}, {}", labels.noise);
                     sheet.keep(pictures::Kind::FlickerMap, &format!("{name}-flicker"), &title, &caption, definition.size, &map)?;
                 }
@@ -220,7 +220,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// The cost for lanes that run in lockstep, and a map of the tiles.
+    /// Computes each choice's cost if the lanes of a tile or patch run in lockstep, and stores a map of the tiles.
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn costs(
         &mut self,
@@ -253,7 +253,7 @@ impl Runner<'_> {
                     match picture.vectors("position") {
                         Some(positions) => costs::per_patch(&masks, positions, &stage.renderer, &picture.report.drawn, prices),
                         None => {
-                            // One map is enough: `generic` has the same tiles as `auto`.
+                            // One map is enough, because `generic` has the same tiles as `auto`.
                             if !mapped {
                                 let albedo: Vec<[f32; 3]> =
                                     meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
@@ -275,7 +275,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Bias, variance, clumping and spectrum of each variant over seeds.
+    /// Measures bias, variance, clumping and spectrum of each variant over seeds.
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn seeds(
         &mut self,
@@ -349,7 +349,7 @@ impl Runner<'_> {
                     spectrum(labels, rows, name, size, &now?, &exact?)?;
                 }
             }
-            // Without random numbers every seed gives the same result.
+            // If no flavour draws random numbers, every seed gives the same result, so one seed is enough.
             if drawing.is_none() {
                 break;
             }
@@ -362,14 +362,15 @@ impl Runner<'_> {
         for (i, (name, _)) in choices.iter().enumerate() {
             let numbers = (finished[i].terrain * 3.0).max(1.0);
             labels.put(rows, name, metrics::BIAS, mark, bias[i].mean(), bias[i].standard_error())?;
-            // Without bias, the squared errors of the seeds scatter like their variances.
+            // If there is no bias, the squared error of each seed is an estimate of the variance. The scatter of these estimates gives the standard
+            // error of the variance.
             labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, squared[i].standard_error())?;
             if clumping[i].count > 0 {
                 labels.put(rows, name, metrics::CLUMPING, mark, clumping[i].mean(), clumping[i].standard_error())?;
             }
         }
 
-        // The variance that theory predicts; it exists only for Far Cry 5's estimators.
+        // Computes the variance that theory predicts. It is only known for the estimator of Far Cry 5.
         let cliffs = Variant::new(needed.mask() & (Flavour::NearCliff.bit() | Flavour::FarCliff.bit()));
         if let (Estimator::Fc5, Some(cliffs)) = (how.estimator, cliffs) {
             let theory = Layers::new(gpu, size);
@@ -392,13 +393,13 @@ impl Runner<'_> {
     }
 }
 
-/// Whether pictures of a choice are stored: those of single flavours and of automatic choices. If noise does not change them, they are stored once,
-/// for the first noise.
+/// Whether pictures of a choice are stored. This is the case for single flavours and for automatic choices. If the choice draws no random numbers,
+/// its pictures are stored only for the first noise.
 fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
     composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || labels.is_first_noise())
 }
 
-/// Rows of one frame of one variant.
+/// Adds the rows of one frame of one variant.
 #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
 fn follow(
     labels: &Labels<'_>,
@@ -420,7 +421,7 @@ fn follow(
     for (lag, (sums, followed)) in sums.lags.iter().zip(&mut followed.lags).enumerate().take(frame as usize) {
         let mark = mark.lag(lag + 1);
         if sums.terrain == 0 {
-            // For lags above 1 only a quarter of the pixels is followed, which may contain no terrain although the picture does.
+            // For lags above 1, only a quarter of the pixels is followed. These pixels may show no terrain although the picture does.
             continue;
         }
         let linked = sums.linked as f64;
@@ -442,7 +443,7 @@ fn follow(
     Ok(())
 }
 
-/// Rows over all frames of one variant.
+/// Adds the rows over all frames of one variant.
 fn over_frames(
     labels: &Labels<'_>,
     rows: &mut Vec<Row>,
@@ -475,8 +476,8 @@ fn over_frames(
     Ok(())
 }
 
-/// Rows of the spectrum of a picture's luminance error, over the largest square of terrain at the middle of the lower edge. There are none if nothing
-/// varies.
+/// Adds the rows of the spectrum of a picture's luminance error, over the largest square of terrain at the middle of the lower edge. Adds no rows if
+/// there is no sufficiently large square, or if the error is 0 everywhere.
 fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2], now: &[[u32; 2]], exact: &[[u32; 2]]) -> Result<()> {
     let mut side = SPECTRUM_SIDE.min(size[0]).min(size[1]) / 16 * 16;
     let inside = |side: u32| {

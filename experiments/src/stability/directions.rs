@@ -1,5 +1,5 @@
-//! How accurately codes store directions, and the effect on derivatives: means and suprema of the errors of octahedral codes, and the error of a
-//! derivative from a stored plane, against its bound.
+//! Measures how accurately codes store directions, and how this affects derivatives: means and suprema of the errors of octahedral codes, and the
+//! error of a derivative from a stored plane, compared with its bound.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 
@@ -16,15 +16,15 @@ use super::Row;
 const DIRECTIONS: u32 = 1_000_000;
 /// Numbers of bits of each of a code's two coordinates.
 const BITS: [u32; 4] = [8, 10, 12, 16];
-/// Mean errors that Cigolle et al. published (JCGT 3(2), 2014), degrees, for the nearest code of each coordinate. Only the values that available
-/// quotations give.
+/// Mean errors that Cigolle et al. published (JCGT 3(2), 2014) for the nearest code of each coordinate, as pairs of bits and degrees. The list
+/// contains only the published values that were available as quotations.
 const SURVEY: [(u32, f64); 3] = [(8, 0.337_09), (10, 0.083_80), (12, 0.020_91)];
-/// Limits of the mean errors for fine codes, degrees times half the number of codes: for the nearest code of each coordinate, and for the nearest
-/// direction (docs/stability-lab.md, section 1).
+/// Limits of the mean error for fine codes, multiplied by half the number of steps, degrees. The first is for the nearest code of each coordinate,
+/// the second for the nearest direction (docs/stability-lab.md, section 1).
 const MEAN: [f64; 2] = [42.79, 39.98];
-/// Largest relative deviation of a mean from the published one.
+/// Largest accepted relative deviation of a mean error from the published mean or, if none was published, from the limit.
 const OF_MEAN: f64 = 0.005;
-/// The supremum lies between the error attained at a code and the bound; this is their largest relative distance.
+/// Largest accepted relative distance between the error attained at a code and the upper bound. The supremum lies between the two.
 const OF_SUPREMUM: f64 = 1e-4;
 /// Number of pixels at which derivatives are taken.
 const PIXELS: u32 = 200_000;
@@ -33,12 +33,12 @@ fn row(kind: &str, view: String, motion: &str, statistic: &str, value: f64, [low
     Row { kind: kind.to_owned(), view, motion: motion.to_owned(), statistic: statistic.to_owned(), value, low, high }
 }
 
-/// Angle between unit vectors, radians, from their distance, which keeps its digits where the angle is small.
+/// Returns the angle between unit vectors, radians. It is computed from their distance, because the arc cosine loses digits if the angle is small.
 fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
     2.0 * (0.5 * length(sub(a, b))).min(1.0).asin()
 }
 
-/// How a code is chosen.
+/// The method by which a code is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rounding {
     /// The nearest code of each coordinate.
@@ -64,14 +64,15 @@ impl Rounding {
         }
     }
 
-    /// Error of a direction, radians.
+    /// Returns the error of a direction after coding, radians.
     fn error(self, n: [f64; 3], bits: u32) -> f64 {
         angle(octahedral::decode(octahedral::dequantise(self.code(n, bits), bits)), n)
     }
 
-    /// Upper bound of the error, radians: a square of codes has half a diagonal of sqrt(6) / 2h in its face of the octahedron, and one of its two
-    /// equilateral triangles has a covering radius of sqrt(2/3) / h; a face is at a distance of 1 / sqrt(3) from the centre (docs/stability-lab.md,
-    /// section 1).
+    /// Returns the upper bound of the error, radians, where h is half the number of steps. On a face of the octahedron, the farthest point from the
+    /// nearest code is at half the diagonal of a square of codes, sqrt(6) / 2h. The farthest point from the best of four codes is at the covering
+    /// radius of the two equilateral triangles of a square, sqrt(2/3) / h. The distance of a face from the centre is 1 / sqrt(3), so the angles are
+    /// these distances times sqrt(3) (docs/stability-lab.md, section 1).
     fn supremum(self, bits: u32) -> f64 {
         let h = f64::from(octahedral::half(bits));
         match self {
@@ -81,7 +82,7 @@ impl Rounding {
     }
 }
 
-/// Point `i` of an almost even lattice of `n` points on the sphere (González, "Measurement of Areas on a Sphere Using Fibonacci and
+/// Returns point `i` of an almost even lattice of `n` points on the sphere (González, "Measurement of Areas on a Sphere Using Fibonacci and
 /// Latitude-Longitude Lattices", Mathematical Geosciences 42, 2010).
 fn fibonacci(i: u32, n: u32) -> [f64; 3] {
     let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
@@ -90,12 +91,13 @@ fn fibonacci(i: u32, n: u32) -> [f64; 3] {
     [r * turn.cos(), r * turn.sin(), z]
 }
 
-/// Largest error attained at the codes next to the middle of a face, radians: at the corners of their squares, or at the centres of both triangles.
+/// Returns the largest error near the middle of a face, radians. Directions are tested at the corners of the squares around codes (fast rounding), or
+/// at the centres of the two triangles of a square (exact rounding).
 fn attained(rounding: Rounding, bits: u32) -> f64 {
     let h = f64::from(octahedral::half(bits));
     let middle = (h / 3.0).floor() as i32;
     let offsets = match rounding {
-        // Slightly inside the square, so that its own code is the nearest.
+        // The points are slightly inside the square, so that the code at its centre is the nearest.
         Rounding::Fast => vec![[0.499_999, 0.499_999], [0.499_999, -0.499_999], [-0.499_999, -0.499_999], [-0.499_999, 0.499_999]],
         Rounding::Exact => vec![[1.0 / 3.0, 1.0 / 3.0], [2.0 / 3.0, 2.0 / 3.0]],
     };
@@ -106,13 +108,13 @@ fn attained(rounding: Rounding, bits: u32) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Mean errors over evenly spread directions against the survey, and suprema: the attained error against the upper bound.
+/// Compares mean errors over evenly spread directions with the survey, and attained errors with the upper bound.
 pub fn octahedral_rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for bits in BITS {
         for rounding in Rounding::ALL {
             let view = format!("{bits} + {bits} bits");
-            // The pieces have a fixed size, so that the sum does not depend on the number of threads.
+            // The sum is computed in pieces of a fixed size, so that it does not depend on the number of threads.
             let pieces: Vec<[f64; 2]> = (0..DIRECTIONS.div_ceil(1000))
                 .into_par_iter()
                 .map(|piece| {
@@ -152,12 +154,12 @@ pub fn octahedral_rows() -> Vec<Row> {
     rows
 }
 
-/// How the plane of a pixel is stored.
+/// The code in which the plane of a pixel is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stored {
-    /// 8 + 8 bits, the nearest direction; the shading normal has the same number of bits.
+    /// An octahedral code of 8 + 8 bits with exact rounding; the shading normal has the same number of bits.
     Octahedral,
-    /// The finer plane of the 32 bits that hold plane and shading normal.
+    /// The code of [`normal_pair`], which stores the plane with more bits than the shading normal. Both together have 32 bits.
     PlaneFirst,
 }
 
@@ -170,9 +172,10 @@ struct Pixel {
     incidence_deg: f64,
 }
 
-/// A pixel of a random camera: a field of view of 20 to 100 degrees, anywhere in the world, in any direction. The angle between ray and normal is
-/// uniform within a range. The shading normal is a quarter of a degree to 8 degrees off, uniformly by octave. This matches rendered frames, except
-/// that 4 in 100 pixels lie beyond (docs/stability-lab.md, section 3).
+/// Returns a pixel of a random camera, which has a field of view of 20 to 100 degrees, any place in the world and any direction. The angle between
+/// ray and normal is uniform within the given range. The angle between the plane's normal and the shading normal is a quarter of a degree to 8
+/// degrees, uniform by octave. Rendered frames have a similar distribution, except that this angle exceeds 8 degrees in 4 of 100 pixels
+/// (docs/stability-lab.md, section 3).
 fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     let mut draw = Draw { row: index, column: 0, table: 77 };
     let size = [1920, 1080];
@@ -186,7 +189,7 @@ fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     let ray = view.ray(draw.whole(size[0]), draw.whole(size[1])).to_array();
     let incidence_deg = draw.between(low, high);
     let normal = draw.leaning(octahedral::unit(ray).map(|x| -x), incidence_deg.to_radians());
-    // Terrain has no overhangs: if the normal points down, the world is mirrored.
+    // Terrain has no overhangs, so if the normal points down, the scene is mirrored vertically.
     let upright = |v: [f64; 3]| if normal[2] < 0.0 { [v[0], v[1], -v[2]] } else { v };
     let (ray, normal) = (upright(ray), upright(normal));
     let steps = [view.ray_dx, view.ray_dy].map(|step| upright(step.to_array()));
@@ -200,10 +203,10 @@ struct Error {
     incidence_deg: f64,
     /// Relative error of each of the two derivatives.
     relative: [f64; 2],
-    /// Error of the mip level from the longer derivative, levels.
+    /// Error of the mip level that follows from the longer derivative, levels.
     mip: f64,
-    /// The larger error as a share of its bound: |d' - d| / |d| <= sin(off) / |cos'|, where `off` is the angle between the planes and cos' the cosine
-    /// between the stored normal and the neighbour's ray. Absent where a cosine was clamped.
+    /// The larger of the two relative errors as a share of its bound: |d' - d| / |d| <= sin(e) / |cos'|. Here e is the angle between the true and the
+    /// stored plane, and cos' is the cosine between the stored normal and the neighbour's ray. `None` if a cosine was clamped.
     of_law: Option<f64>,
 }
 
@@ -241,7 +244,7 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values[((values.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Derivatives from stored planes of both kinds over random cameras; the angle between ray and normal is uniform in 0..85 degrees.
+/// Measures derivatives from planes in both codes over random cameras. The angle between ray and normal is uniform in 0..85 degrees.
 pub fn derivative_rows() -> Vec<Row> {
     let pixels: Vec<Pixel> = (0..PIXELS).into_par_iter().map(|i| pixel(i, [0.0, 85.0])).collect();
     let of = |stored| pixels.par_iter().map(|pixel| error(pixel, stored)).collect::<Vec<Error>>();
@@ -263,7 +266,7 @@ pub fn derivative_rows() -> Vec<Row> {
         push("below 85 deg", "p95 error of a derivative, %", 100.0 * relative(errors, 85.0, 0.95), 20.0);
         push("below 85 deg", "p99 error of the mip, levels", mip(errors, 0.0), 0.15);
         push("82.5 to 85 deg", "p99 error of the mip, levels", mip(errors, 82.5), 0.15);
-        // The margin covers rounding in f64, in differences of nearly equal vectors.
+        // The margin of 1e-6 covers the rounding of differences of nearly equal vectors in f64.
         push("below 85 deg", "largest share of the law's bound", law(errors), 1.0 + 1e-6);
     }
     for (statistic, share, least) in [("gain in the median", 0.5, 3.0), ("gain in p95", 0.95, 3.0)] {
@@ -273,13 +276,13 @@ pub fn derivative_rows() -> Vec<Row> {
     rows
 }
 
-/// Steepness, degrees, at which the price of the bound on anisotropy is reported.
+/// Angles between ray and normal at which the cost of the bound on anisotropy is reported, degrees.
 const STEEP_DEG: [f64; 6] = [88.0, 89.0, 89.43, 89.5, 89.9, 89.99];
 
-/// The price of [`derivatives::MIN_COSINE`]: the number of levels by which a mip is finer than the plane requires, log2(bound / cosine).
+/// Measures the cost of [`derivatives::MIN_COSINE`]: the number of levels by which a mip is finer than the plane requires, log2(bound / cosine).
 pub fn bound_rows() -> Vec<Row> {
     let price = |degrees: f64| {
-        // The camera looks straight ahead: a step up the plane, whose cosine equals that of the neighbour's ray.
+        // The step to the neighbour is so short that the neighbour's ray and the ray itself have the same cosine.
         let cosine = degrees.to_radians().cos();
         let (ray, normal) = ([0.0, 1.0, 0.0], [0.0, -cosine, (1.0 - cosine * cosine).sqrt()]);
         let got = length(derivatives::on_plane(ray, [0.0, 0.0, 1e-9], 1.0, normal));
@@ -301,7 +304,7 @@ pub fn bound_rows() -> Vec<Row> {
         .into()
 }
 
-/// All rows; this takes some seconds on two cores.
+/// Returns all rows. This takes some seconds on two cores.
 pub fn rows() -> Vec<Row> {
     [octahedral_rows(), derivative_rows(), bound_rows()].concat()
 }

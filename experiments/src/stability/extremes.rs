@@ -1,4 +1,4 @@
-//! The extremes at which the lab tests kernels: parameters and their values, as data.
+//! The table of extreme values at which the lab tests kernels. It is read from a TOML file.
 
 use anyhow::{Result, anyhow, bail, ensure};
 use kernels::base::document;
@@ -13,7 +13,7 @@ pub const DEFAULT_TEXT: &str = include_str!("extremes.toml");
 const ROWS: u32 = 1024;
 /// Largest number of rows for each value.
 const MOST_ROWS: u32 = 1 << 20;
-/// Largest number of rows for all values of a case: some gigabytes for the largest kernel.
+/// Largest number of rows for all values of a case. For the kernel with the most columns, these rows take some gigabytes of memory.
 const MOST_OF_CASE: u64 = 1 << 24;
 
 /// The whole table of extremes.
@@ -26,22 +26,22 @@ pub struct Extremes {
     /// The tests.
     #[serde(rename = "case")]
     pub cases: Vec<Case>,
-    /// The places where kernels deviate from their formulas, and the price.
+    /// The arguments for which kernels deviate from their formulas, and the cost of each deviation.
     #[serde(default, rename = "bend")]
     pub bends: Vec<Bend>,
 }
 
-/// A place where a kernel deviates from its formula: a clamp or a fallback.
+/// A deviation of a kernel from its formula: a clamp or a fallback.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bend {
     /// Name of a probe.
     pub kernel: String,
-    /// The arguments for which it deviates.
+    /// The arguments for which the kernel deviates.
     pub when: String,
     /// The result for these arguments.
     pub then: String,
-    /// The price, in a unit that matters to users.
+    /// The cost of the deviation, in a unit that matters to users.
     pub price: String,
 }
 
@@ -51,13 +51,13 @@ pub struct Bend {
 pub struct Axis {
     /// The name that cases use.
     pub name: String,
-    /// First and last value, both above 0; the values between have equal ratios.
+    /// First and last value, both above 0. The values between them are evenly spaced on a logarithmic scale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log: Option<[f64; 2]>,
-    /// Number of values per decade.
+    /// Number of values of `log` per decade; absent = 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub per_decade: Option<u32>,
-    /// First and last exponent of powers of two; each power comes with its two neighbours in f32.
+    /// First and last exponent of powers of two. Each power is tested together with its two neighbours in f32.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub powers_of_two: Option<[i32; 2]>,
     /// Additional values.
@@ -71,21 +71,21 @@ pub struct Axis {
 pub struct Case {
     /// Name of a probe.
     pub kernel: String,
-    /// One of its parameters or columns.
+    /// Name of one of the probe's parameters or columns.
     pub parameter: String,
-    /// Its values, or
+    /// Values of the parameter. They are tested in addition to the values of `axis`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<f64>,
-    /// the name of the axis that has them.
+    /// Name of the axis whose values the parameter takes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<String>,
-    /// Number of rows for each value; everything else in a row is random.
+    /// Number of rows for each value. The other inputs of a row are random.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<u32>,
-    /// Largest error, in the unit of the kernel's first measure; absent = only the derived tolerance applies.
+    /// Largest accepted error, in the unit of the kernel's first measure; absent = only the derived tolerance applies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allow: Option<f64>,
-    /// Whether results must only be finite, for values beyond the kernel's intended range.
+    /// Whether results need only be finite and are not compared. This is for values beyond the kernel's intended range.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub only_finite: bool,
     /// The reason for these values.
@@ -101,7 +101,7 @@ fn probe(kernel: &str) -> Result<&'static Probe> {
 }
 
 impl Case {
-    /// The probe.
+    /// Returns the probe of the case.
     ///
     /// # Errors
     /// No probe has this name.
@@ -109,14 +109,14 @@ impl Case {
         probe(&self.kernel)
     }
 
-    /// Number of rows for each value.
+    /// Returns the number of rows for each value.
     pub fn rows(&self) -> u32 {
         self.rows.unwrap_or(ROWS)
     }
 }
 
 impl Axis {
-    /// Its values in ascending order, NaN last.
+    /// Returns the values of the axis in ascending order, with NaN last.
     pub fn values(&self) -> Vec<f64> {
         let mut values = self.also.clone();
         if let Some([low, high]) = self.log {
@@ -137,23 +137,24 @@ impl Axis {
 }
 
 impl Extremes {
-    /// Reads a table; `name` names it in errors.
+    /// Reads a table. Error messages call it `name`.
     ///
     /// # Errors
-    /// One line with file, line and remedy: invalid TOML, an unknown key, kernel, parameter or axis, or an invalid number.
+    /// The message is one line with the place and the remedy. The causes are invalid TOML, an unknown key, kernel, parameter or axis, and an invalid
+    /// number.
     pub fn parse(text: &str, name: &str) -> Result<Extremes> {
         let read: Extremes = document::read(text, |_| "").map_err(|wrong| anyhow!("{}: {}", wrong.place(name), wrong.what))?;
         for axis in &read.axes {
             let is_range = |[low, high]: [f64; 2]| low >= 1e-45 && high > low && high <= f64::from(f32::MAX);
             ensure!(
                 axis.log.is_none_or(is_range),
-                "{name}: axis `{}`: `log` takes two numbers above 0 that f32 holds, the smaller first",
+                "{name}: axis `{}`: `log` takes two numbers above 0 that f32 holds, the smaller one first",
                 axis.name
             );
             ensure!(axis.per_decade.is_none_or(|n| (1..=100).contains(&n)), "{name}: axis `{}`: `per_decade` is 1 to 100", axis.name);
             let is_exponents = |[low, high]: [i32; 2]| (-126..=127).contains(&low) && (low..=127).contains(&high);
             let exponents = axis.powers_of_two.is_none_or(is_exponents);
-            ensure!(exponents, "{name}: axis `{}`: `powers_of_two` takes two exponents of -126 to 127, the smaller first", axis.name);
+            ensure!(exponents, "{name}: axis `{}`: `powers_of_two` takes two exponents of -126 to 127, the smaller one first", axis.name);
         }
         for (case, number) in read.cases.iter().zip(1..) {
             let place = format!("{name}: case {number}");
@@ -175,7 +176,7 @@ impl Extremes {
             let rows = values.len() as u64 * u64::from(case.rows());
             ensure!(
                 rows <= MOST_OF_CASE,
-                "{place}: {} values of {} rows are more than {MOST_OF_CASE}: give fewer",
+                "{place}: {} values of {} rows each are more than {MOST_OF_CASE} rows: give fewer",
                 values.len(),
                 case.rows()
             );
@@ -191,7 +192,7 @@ impl Extremes {
         Ok(read)
     }
 
-    /// The values of a case.
+    /// Returns the values of a case.
     ///
     /// # Errors
     /// The case names an axis that does not exist.
@@ -218,7 +219,7 @@ mod tests {
             also: vec![0.0, f64::NAN],
         };
         let values = axis.values();
-        assert_eq!(values.len(), 7 + 6 + 2 - 1, "1 is of both: {values:?}");
+        assert_eq!(values.len(), 7 + 6 + 2 - 1, "the value 1 is in `log` and in `powers_of_two` and counts once: {values:?}");
         assert!(
             values[0] == 0.0 && values[values.len() - 1].is_nan() && values.windows(2).all(|pair| pair[0] < pair[1] || pair[1].is_nan())
         );

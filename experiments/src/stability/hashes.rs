@@ -1,4 +1,4 @@
-//! Tests of the hash's words bit by bit: how often each bit is set, and how often it flips when one bit of the input flips.
+//! Tests each bit of the hashes' output words: how often it is set (balance), and how often it flips if one bit of the input flips (avalanche).
 
 use kernels::shared::hash;
 use rayon::prelude::*;
@@ -10,31 +10,35 @@ use super::statistics::{Random, coverage_p, normal_bound, sidak};
 pub const SAMPLES: u32 = 1_000_000;
 /// Lowest bit that thresholds use (`hash::to_unit`).
 pub const FIRST_BIT: usize = 8;
-/// Number of low bits in a word of [`hash::pcg4d`]'s input that flip each bit of a threshold with a probability of one half. Products carry upwards
-/// only, so higher input bits rarely flip the lowest bits of the output, and bits 25 and above never do. The bits that they do not reach are worth at
-/// most 2^-18 of a threshold.
+/// Number of low bits of each word of [`hash::pcg4d`]'s input that flip every bit of a threshold with a probability of one half. The carries of
+/// products only move upwards, so higher input bits rarely flip the lowest bits of the output, and input bits 25 and above never flip them. The
+/// output bits that are not reached change a threshold by at most 2^-18.
 pub const MIXED_BITS: usize = 21;
-/// Largest deviation from one half of the probability that a bit in the highest byte of a threshold flips, for any flipped input bit.
+/// Largest accepted deviation from one half of the probability that a bit in the highest byte of a threshold flips. It applies to the input bits
+/// above [`MIXED_BITS`].
 pub const COARSE_DEVIATION: f64 = 0.2;
-/// Largest deviation of a bit's flip probability from one half after a single [`hash::pcg`]; input bit 21 has the largest one. The level in
-/// [`hash::mix`] goes through this hash before [`hash::pcg4d`].
+/// Largest accepted deviation of a bit's flip probability from one half after a single [`hash::pcg`]. Input bit 21 causes the largest deviation. The
+/// level in [`hash::mix`] goes through a single `pcg`, and then through [`hash::pcg4d`].
 pub const SINGLE_DEVIATION: f64 = 0.1;
 
-/// A hash of four words; words that it does not take are ignored, and words that it does not give are 0.
+/// A hash as a function from four words to four words. Input words that the hash does not take are ignored, and output words that it does not have
+/// are 0.
 type Hash = fn([u32; 4]) -> [u32; 4];
 
-/// Name, number of words in, number of words out.
+/// Name, number of input words, number of output words, and function of each hash.
 const HASHES: [(&str, usize, usize, Hash); 3] = [
     ("pcg", 1, 1, |[a, ..]| [hash::pcg(a), 0, 0, 0]),
     ("mix", 3, 1, |[a, b, c, _]| [hash::mix(a, b, c), 0, 0, 0]),
     ("pcg4d", 4, 4, hash::pcg4d),
 ];
 
-/// How often each bit of four words was set.
+/// Counters of how often each bit of four words was set.
 struct Counts {
-    /// Eight counters of one byte each, spread over sixteen lanes: counter s holds the bits whose index is s modulo 8.
+    /// Counters of one byte, sixteen in each number: byte l of number s counts the bit with the index 8 l + s.
     narrow: [u128; 8],
+    /// Number of additions after which the counters in `narrow` must be moved to `wide`, because they could overflow.
     left: u32,
+    /// Counters of all 128 bits, without the counts in `narrow`.
     wide: [u32; 128],
 }
 
@@ -72,19 +76,19 @@ impl Counts {
     }
 }
 
-/// A lattice of cells, like those that the renderer hashes.
+/// Returns cell `i` of a lattice of cells like those that the renderer hashes.
 fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Balance of each bit over a lattice, and avalanche over random words. For each input bit, the avalanche is the largest deviation from one half of
-/// the probability that an output bit flips. Where avalanche is complete, its bound is that of a separate family of tests at 0.1 %; elsewhere it is
-/// one of this module's constants.
+/// Measures the balance of each bit over a lattice, and the avalanche over random words. For each input bit, the avalanche is the largest deviation
+/// from one half of the probability that an output bit flips. If an input bit should flip every output bit with a probability of one half, the bound
+/// follows from a separate family of tests at 0.1 %. Otherwise the bound is one of this module's constants.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {
         let mut counts = Counts::new();
-        // A hash of one word gets consecutive numbers.
+        // The hash of a single word is tested with consecutive numbers.
         (0..SAMPLES).for_each(|i| counts.add(hash(if name == "pcg" { [i, 0, 0, 0] } else { lattice(i) })));
         let set = counts.finish();
         let of_bit = |bit: usize| row(name, bit, "balance p", coverage_p(u64::from(set[bit]), u64::from(SAMPLES), 0.5), 1.0);
@@ -94,7 +98,7 @@ pub fn rows() -> Vec<Row> {
     let turned: Vec<[u32; 128]> = inputs.par_iter().map(|&(&(_, _, _, hash), bit)| turned_over(hash, bit)).collect();
     let complete = |name: &str, bit: usize| match name {
         "pcg4d" => bit % 32 < MIXED_BITS,
-        // Seed and salt, which pass through pcg more than once.
+        // Words 0 and 1 are the seed and the salt, which pass through pcg more than once.
         "mix" => bit < 64,
         _ => false,
     };
@@ -121,7 +125,7 @@ fn row(hash: &str, bit: usize, statistic: &str, value: f64, high: f64) -> Row {
     Row { kind: hash.to_owned(), view, motion, statistic: statistic.to_owned(), value, low: 0.0, high }
 }
 
-/// How often each bit of the output flips when one bit of a random input flips.
+/// Returns how often each bit of the output flips if bit `bit` of a random input flips.
 fn turned_over(hash: Hash, bit: usize) -> [u32; 128] {
     let mut counts = Counts::new();
     let mut random = Random(bit as u64 + 1);

@@ -1,4 +1,4 @@
-//! Kernels at their extremes: the errors of the GPU and of the reference in f32, relative to the reference in f64.
+//! Measures kernels at extreme values: the errors of the GPU and of the reference in f32, compared with the reference in f64.
 
 use anyhow::Result;
 use kernels::gpu::Gpu;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::extremes::{Case, Extremes};
 
-/// The result of a kernel at one value of a parameter, by one measure.
+/// The result of a kernel at one value of a parameter, by one measure, on one device or for the reference in f32.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Name of the probe.
@@ -18,9 +18,9 @@ pub struct Finding {
     pub parameter: String,
     /// Its value.
     pub value: f64,
-    /// What computed it: `gpu`, or `f32` for the reference in single precision.
+    /// Where the kernel was evaluated: `gpu`, or `f32` for the reference in single precision.
     pub on: String,
-    /// Name of the device; empty for the reference. If there are several devices, the first is the one that the renderer would choose.
+    /// Name of the device; empty for the reference. If there are several devices, the renderer would choose the first.
     pub adapter: String,
     /// Number of rows.
     pub rows: usize,
@@ -28,13 +28,13 @@ pub struct Finding {
     pub not_finite: usize,
     /// Number of rows that differ from the truth by more than the derived tolerance.
     pub differ: usize,
-    /// Number of rows with measured errors. Rows that must only be finite, and rows on the other side of a threshold, have none.
+    /// Number of rows with measured errors. Rows that need only be finite, and rows that count as `other_side`, have no measured error.
     pub compared: usize,
-    /// Number of rows on the other side of a threshold that lies within the tolerance.
+    /// Number of rows whose result and truth lie on different sides of a threshold, if the threshold lies within the tolerance.
     pub other_side: usize,
-    /// Largest share of the derived tolerance that an error uses.
+    /// Largest error as a share of the derived tolerance.
     pub of_tolerance: f64,
-    /// Largest error, in units in the last place of a row's largest result.
+    /// Largest error, in units in the last place (ULP) of the row's largest result.
     pub worst_ulp: f64,
     /// Median error over the rows, in the same unit as `worst_ulp`.
     pub typical_ulp: f64,
@@ -50,7 +50,7 @@ pub struct Finding {
     pub pass: bool,
 }
 
-/// A row's comparison with the truth.
+/// The comparison of a row's results with the truth.
 struct Compared {
     finite: bool,
     verdict: Verdict,
@@ -58,8 +58,8 @@ struct Compared {
     errors: Vec<f64>,
 }
 
-/// Measures every kernel at every extreme on every device; with `share`, only this share of each case's rows. `progress` is called with a line for
-/// each kernel.
+/// Measures every kernel at every extreme value on every device. `share` = the share of each case's rows that is measured, above 0 to 1. `progress`
+/// is called for each kernel with the kernel's name, the number of finished kernels, and the number of all kernels.
 ///
 /// # Errors
 /// A device fails, or `progress` returns an error.
@@ -84,7 +84,7 @@ pub fn measure(
     Ok(findings)
 }
 
-/// Names of devices, numbered if two have the same name.
+/// Returns the names of the devices. Devices with the same name are numbered.
 fn names(gpus: &[&Gpu]) -> Vec<String> {
     let before = |i: usize| gpus[..i].iter().filter(|gpu| gpu.info.name == gpus[i].info.name).count();
     let name = |i: usize| match before(i) {
@@ -94,7 +94,7 @@ fn names(gpus: &[&Gpu]) -> Vec<String> {
     (0..gpus.len()).map(name).collect()
 }
 
-/// The rows of a case at one value: the index of the first, and their number.
+/// The rows of a case at one value, as a range of indices into the rows of all cases of the kernel.
 struct Block<'a> {
     case: &'a Case,
     value: f64,
@@ -104,18 +104,19 @@ struct Block<'a> {
 fn of_kernel(extremes: &Extremes, gpus: &[&Gpu], share: f64, probe: &'static Probe) -> Result<Vec<Finding>> {
     let (mut blocks, mut inputs) = (Vec::new(), Vec::new());
     for case in extremes.cases.iter().filter(|case| case.kernel == probe.name) {
-        // Each case has its own seed, so that adding another case changes no row of this one.
+        // The random numbers depend only on the parameter's name and the row's number, so that adding a case does not change the rows of the existing
+        // cases.
         let table = case.parameter.bytes().fold(0, |hash, byte| pcg(hash ^ u32::from(byte)));
         let count = ((f64::from(case.rows()) * share).ceil() as u32).max(1);
         for value in extremes.values(case)? {
             let begin = inputs.len() / probe.inputs.len();
-            // Every value has the same random rows.
+            // Every value is tested with the same random rows.
             let rows = (0..count).filter_map(|row| probe.row(&case.parameter, value, &mut Draw { row, column: 0, table }));
             inputs.extend(rows.flatten());
             blocks.push(Block { case, value, rows: begin..inputs.len() / probe.inputs.len() });
         }
     }
-    // One dispatch, so that a kernel is compiled only once.
+    // All rows of a kernel are evaluated in one dispatch, so that the kernel is compiled only once.
     let mut results = Vec::new();
     for (gpu, name) in gpus.iter().zip(names(gpus)) {
         results.push(("gpu", name, probe.on_gpu(gpu, &inputs)?));
@@ -177,7 +178,7 @@ fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]
     let verdict = (probe.judge)(input, got, want);
     let scale = want.iter().fold(f64::from(f32::MIN_POSITIVE), |most, x| most.max(x.abs()));
     let farthest = got.iter().zip(want).map(|(got, want)| (got - want).abs()).fold(0.0, f64::max);
-    // On the other side of a threshold the error is the jump at the threshold, not a numerical error.
+    // If the result and the truth lie on different sides of a threshold, their difference is the jump at the threshold and not a numerical error.
     let (ulp, errors) = if verdict == Verdict::OtherSide {
         (0.0, Vec::new())
     } else {
@@ -186,7 +187,7 @@ fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]
     Compared { finite, verdict, ulp, errors }
 }
 
-/// Largest value and median; both 0 without values.
+/// Returns the largest value and the median; both are 0 if there are no values.
 fn worst_and_median(mut values: Vec<f64>) -> [f64; 2] {
     values.sort_by(f64::total_cmp);
     let median = values.get(values.len() / 2).copied().unwrap_or(0.0);

@@ -1,5 +1,5 @@
-//! The stability lab: compares every kernel at its extremes with f64 ([`kernels`], with the values of [`extremes`]), and tests codes, derivatives,
-//! hashes and noise without a device. `docs/stability-lab.md` gives the reasons.
+//! The stability lab: compares every kernel with its reference in f64 at extreme values ([`kernels`], with the values of [`extremes`]), and tests
+//! codes, derivatives, hashes and noise without a device. `docs/stability-lab.md` gives the reasons.
 
 pub mod directions;
 pub mod extremes;
@@ -13,16 +13,17 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// One number and the range in which it must lie.
+/// A measured number and the range in which it must lie.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// What was measured: the name of a kind of noise, a hash, or a code.
     pub kind: String,
-    /// Where it was measured: a view, a distance from the origin, a footprint and slope, a number of bits.
+    /// Under which conditions it was measured: a view, a distance from the origin, a footprint and slope, or a number of bits.
     pub view: String,
-    /// The difference between the two compared things: a camera motion, an axis, a seed, a rounding, another code; empty = nothing is compared.
+    /// What differs between the two compared samples: the camera (a motion), the place (an axis), the seed, the rounding or the code; empty if no
+    /// samples are compared.
     pub motion: String,
-    /// Name of the statistic. Names that end in `p` are p-values, which are tested at the level [`statistics::sidak`] of their family.
+    /// Name of the statistic. Names that end in ` p` are p-values, which are tested at the level [`statistics::sidak`] of their family.
     pub statistic: String,
     /// The number.
     pub value: f64,
@@ -43,7 +44,7 @@ impl fmt::Display for Row {
 }
 
 impl Row {
-    /// Four significant digits, so that differences between two tables do not come from rounding.
+    /// Returns the row with numbers of four significant digits, so that differences between two recorded tables do not come from rounding.
     pub fn shortened(&self) -> Row {
         let short = |x: f64| format!("{x:.3e}").parse().unwrap_or(x);
         Row { value: short(self.value), low: short(self.low), high: short(self.high), ..self.clone() }
@@ -54,7 +55,7 @@ impl Row {
         (self.low..=self.high).contains(&self.value)
     }
 
-    /// Whether it is one of the tests that share the level of a family.
+    /// Whether the row is a p-value, and so one of the tests that share the level of a family.
     pub fn is_test(&self) -> bool {
         self.statistic.ends_with(" p")
     }

@@ -1,7 +1,7 @@
-//! The choice among four equal texels by noise while a camera moves over a plane: flips, clumping and low frequencies.
+//! Measures noise that chooses among four equal texels while a camera moves over a plane: flips, clumping and low frequencies.
 //!
-//! The measurements use the same functions as the renderer's sequences (METHODOLOGY, Flips, Clumping and spectrum), but with exact geometry: rays
-//! meet a plane, derivatives are those of the plane, and points are followed by reprojection.
+//! The measurements use the same functions as the sequences of the renderer (METHODOLOGY, Flips, Clumping and spectrum), but the geometry is exact:
+//! rays are intersected with a plane, derivatives are those of the plane, and points are followed by reprojection.
 
 use std::fmt;
 
@@ -23,31 +23,33 @@ use crate::metrics;
 pub const SIZE: [u32; 2] = [384, 216];
 /// Number of frames of a sequence.
 pub const FRAMES: u32 = 8;
-/// Side of the square at the middle of the lower edge from which the spectrum is computed, pixels.
+/// Side of the square from which the spectrum is computed, pixels. The square is at the middle of the lower edge.
 const SIDE: u32 = 128;
-/// Number of bands of the spectrum up to half a cycle per pixel, and the index of the band that is used: 0.0625 to 0.125 cycles per pixel.
+/// Number of bands of the spectrum, which ends at half a cycle per pixel.
 const BANDS: usize = 8;
+/// Index of the band that is used: 0.0625 to 0.125 cycles per pixel.
 const BAND: usize = 1;
 /// Vertical field of view.
 const FOV_DEG: f64 = 55.0;
-/// Pitch of the view direction: the horizon of flat ground is in the upper half of the picture.
+/// Pitch of the view direction. With this pitch, the horizon of flat ground is in the upper half of the picture.
 const PITCH_DEG: f64 = -15.0;
-/// Compass bearing of the view and of the ascent of walls; it is parallel to neither axis of the noise's cells.
+/// Compass bearing of the view and of the ascent of walls. It is not parallel to an axis of the noise's cells.
 const YAW_DEG: f64 = 30.0;
 /// Height of the eye above the foot of a wall, and above level ground, metres.
 const EYE_M: f64 = 2.0;
-/// Horizontal distance from the eye to the foot of a wall, metres: more than the camera moves ahead in a sequence.
+/// Horizontal distance from the eye to the foot of a wall, metres. It is larger than the distance that the camera moves forwards in a sequence.
 const FOOT_M: f64 = 3.0;
 /// Elevation of the level ground, metres.
 const GROUND_M: f64 = 1234.5;
-/// Ground farther away than this is not shown, metres along the view direction.
+/// Largest distance of visible ground along the view direction, metres.
 const FAR_M: f64 = 4096.0;
-/// Relative tolerance of a budget to either side. Results are deterministic, and differ between machines only by the last digit of a sine.
+/// Relative tolerance of a budget, to either side. Results are deterministic. They differ between machines only because the last digit of a sine may
+/// differ.
 const SLACK: f64 = 0.1;
 const SEED: u32 = 8;
 const SALT: u32 = 3;
 
-/// The ground that the camera looks at: level, or a wall that rises ahead of it.
+/// The ground that the camera looks at: level ground, or a wall that rises in the view direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
     /// Name in tables.
@@ -63,15 +65,15 @@ pub const GROUNDS: [Ground; 3] =
 /// The motion of the camera from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// Nothing.
+    /// The camera does not move.
     Rest,
-    /// 3 cm to the right.
+    /// The camera moves 3 cm to the right.
     Sideways,
-    /// 10 cm ahead.
+    /// The camera moves 10 cm forwards.
     Forwards,
-    /// 0.3 degrees to the right.
+    /// The camera turns 0.3 degrees to the right.
     Turning,
-    /// The picture becomes 1 % larger.
+    /// The field of view shrinks, so that the picture is magnified by 1 %.
     Zoom,
 }
 
@@ -102,7 +104,7 @@ impl Motion {
             pitch: PITCH_DEG.to_radians(),
             fov: 2.0 * ((FOV_DEG / 2.0).to_radians().tan() * 1.01_f64.powf(-step(Motion::Zoom, 1.0))).atan(),
         };
-        // A world without extent has its corner at the origin.
+        // The world has an extent of 0, so its corner is at the origin.
         View::new(pose, SIZE, [0.0; 2], SECTOR_M, 0.0)
     }
 }
@@ -113,9 +115,11 @@ impl fmt::Display for Motion {
     }
 }
 
-/// The pixels of a frame, row by row: the visible point, and the pixel of the previous frame that showed it.
+/// The pixels of a frame, row by row.
 struct Seen {
+    /// The input of the noise at the visible point; `None` = the pixel shows no ground.
     asks: Vec<Option<Ask>>,
+    /// The pixel of the previous frame that showed the same point.
     links: Vec<u32>,
 }
 
@@ -153,7 +157,7 @@ fn see(ground: Ground, now: &View, past: &View, frame: u32, foot: DVec3) -> Seen
     Seen { asks, links }
 }
 
-/// The choice that the first threshold makes among four equal texels, whose values are 0, 1/3, 2/3 and 1.
+/// Returns a picture of the choices that the first threshold makes among four texels of equal weight, whose values are 0, 1/3, 2/3 and 1.
 fn picture(seen: &Seen, noise: Noise<'_>) -> Vec<[u32; 2]> {
     let pixel = |ask: &Option<Ask>| {
         ask.as_ref().map_or([0, 0], |ask| {
@@ -176,13 +180,13 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Names and values.
+    /// Returns the names and values of the statistics.
     pub fn statistics(&self) -> [(&'static str, f64); 3] {
         [(metrics::FLIP_RATE, self.flip_rate), (metrics::CLUMPING, self.clumping), ("power 0.0625-0.125 cycles/px", self.power)]
     }
 }
 
-/// Measures a sequence of [`FRAMES`] frames at a sector with each kind of noise.
+/// Measures a sequence of [`FRAMES`] frames, which starts in sector (`sector`, -`sector`), with each of `noises`.
 pub fn measure(ground: Ground, motion: Motion, sector: i32, noises: &[Noise<'_>]) -> Vec<Measured> {
     let (east, north) = YAW_DEG.to_radians().sin_cos();
     let foot = motion.view(0, sector).pose.position + dvec3(FOOT_M * east, FOOT_M * north, -EYE_M);
@@ -213,7 +217,7 @@ pub fn measure(ground: Ground, motion: Motion, sector: i32, noises: &[Noise<'_>]
     sums.into_iter().map(mean).collect()
 }
 
-/// Power of the error in the band that is used, in the square at the middle of the lower edge.
+/// Returns the power of the error in [`BAND`], computed from the square at the middle of the lower edge.
 fn low_power(picture: &[[u32; 2]]) -> f64 {
     let (left, top) = ((SIZE[0] - SIDE) / 2, SIZE[1] - SIDE);
     #[allow(clippy::cast_possible_truncation, reason = "the transform is in f32")]
@@ -222,8 +226,9 @@ fn low_power(picture: &[[u32; 2]]) -> f64 {
     radial_power(&field, [SIDE; 2], BANDS).expect("a square of finite numbers, 16 a side for each band")[BAND].power
 }
 
-/// The budget for values, given a recorded one: 10 % to either side. White noise of the screen has theoretical values: 3/4 of the choices among four
-/// texels flip when they are drawn again, and blocks have the variance of independent pixels.
+/// Returns the range that a statistic must keep if its recorded value is `value`: 10 % to either side. For two statistics of white noise of the
+/// screen, the range follows from theory instead. The flip rate is near 3/4, because each frame draws a new choice among four texels. Clumping is
+/// near 1, because pixels are independent.
 pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     match (kind, statistic) {
         (NoiseKind::WhiteScreen, metrics::FLIP_RATE) => [0.747, 0.753],
@@ -232,10 +237,10 @@ pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     }
 }
 
-/// The recorded numbers of a moving camera and their budgets.
+/// The recorded numbers of sequences with a moving camera, and their budgets.
 const RECORDED: &str = include_str!("../../../notebooks-data/stability/noise.csv");
 
-/// Sets the ranges of measured values to the recorded budgets. A value that is not recorded yet gets the budget of its own value.
+/// Sets the ranges of measured values to the recorded budgets. A value that is not recorded yet keeps the budget that follows from itself.
 fn hold_to_recorded(rows: &mut [Row]) {
     let budgets: Result<Vec<Row>, csv::Error> = csv::Reader::from_reader(RECORDED.as_bytes()).deserialize().collect();
     let budgets = budgets.expect("the recorded table's columns are a row's fields");
@@ -247,7 +252,7 @@ fn hold_to_recorded(rows: &mut [Row]) {
     }
 }
 
-/// Every kind of noise on every ground in every motion, 10 km from the origin, with the range of its recorded budget.
+/// Measures every kind of noise on every ground with every motion, 10 km from the origin. The ranges are the recorded budgets.
 pub fn rows() -> Vec<Row> {
     let noises = NoiseKind::ALL.map(of_kind);
     let stages: Vec<(Ground, Motion)> = GROUNDS.into_iter().flat_map(|ground| Motion::ALL.map(|motion| (ground, motion))).collect();
@@ -267,7 +272,7 @@ pub fn rows() -> Vec<Row> {
     rows
 }
 
-/// A row as it is recorded: its value with the budget that follows from it.
+/// Returns a row in the form in which it is recorded: its rounded value, and the budget that follows from this value.
 pub fn recorded(row: &Row) -> Row {
     let value = row.shortened().value;
     let kind = row.kind.parse().unwrap_or(NoiseKind::HashedIsotropic);

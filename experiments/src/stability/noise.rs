@@ -1,12 +1,13 @@
-//! Tests of every kind of noise as random numbers: thresholds must be uniform and independent of their neighbours, and a share alpha of them must lie
-//! below alpha.
+//! Tests of every kind of noise as random numbers: thresholds must be uniform and independent of their neighbours, and for each alpha the share of
+//! thresholds below alpha must be alpha (coverage).
 //!
-//! Which tests apply to which kind: every kind is uniform over seeds, and its four thresholds are independent, as are two seeds or salts. Kinds bound
-//! to the ground ([`is_of_ground`]) are also tested over places, at three distances from the origin, and white noise of the screen over pixels and
-//! frames. Interleaved gradient noise and the masks are not tested over places: their neighbours and frames differ on purpose, so over places they
-//! are far more even than random numbers, and dependent. The number of collisions tells whether all 24 bits are random. This test applies where each
-//! place draws a new number, including the jitter of the masks. It does not apply to the lattice of interleaved gradient noise, where each value
-//! occurs once.
+//! All kinds are tested over seeds: thresholds must be uniform, and the four thresholds of a call, two seeds and two salts must be independent. Kinds
+//! bound to the ground ([`is_of_ground`]) are also tested over places, at three distances from the origin. White noise of the screen is also tested
+//! over pixels and frames. Interleaved gradient noise and the masks are not tested over places, because they arrange the thresholds of neighbouring
+//! pixels and frames: over places, their thresholds are dependent and far more evenly distributed than random numbers.
+//!
+//! The number of collisions (equal thresholds) shows whether all 24 bits are random. This test applies to kinds that draw a new number at each place,
+//! and to the masks, whose jitter is drawn at each pixel. It does not apply to interleaved gradient noise, whose lattice contains each value once.
 
 use kernels::shared::noise::{self, HashedPoint, LEVEL_MAX, NoiseKind, WORLD_LEVEL};
 use kernels::shared::real::scale;
@@ -19,7 +20,7 @@ use super::{Row, hashes, hold_as_family};
 pub const SAMPLES: u32 = 1_000_000;
 /// Side of the sectors, metres.
 pub const SECTOR_M: f64 = 64.0;
-/// A distance from the origin and a sector that lies there.
+/// A distance from the origin as text, and the index of a sector at this distance.
 pub type Origin = (&'static str, i32);
 /// The origins at which kinds bound to the ground are tested.
 pub const ORIGINS: [Origin; 3] = [("0 km", 0), ("10 km", 156), ("1000 km", 15_625)];
@@ -27,12 +28,12 @@ pub const ORIGINS: [Origin; 3] = [("0 km", 0), ("10 km", 156), ("1000 km", 15_62
 pub const ALPHAS: [f64; 9] = [0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99];
 /// Slopes of the ground on which coverage is tested, degrees.
 pub const SLOPES_DEG: [f64; 4] = [0.0, 30.0, 60.0, 85.0];
-/// Footprints at which coverage is tested, log2 of metres: each covers one octave. They extend beyond both ends of the scales.
+/// Octaves of the footprint in which coverage is tested, log2 of metres. They extend beyond the smallest and the largest scale of the noise.
 pub const OCTAVES: std::ops::Range<i32> = -17..6;
-/// Number of samples for each pair of an octave and a slope. One pair gives coverage to 0.1 %; the mean over all 92 pairs gives it
-/// to 0.01 %.
+/// Number of samples for each pair of an octave and a slope. The standard error of the coverage is at most 0.1 % for one pair, and at most 0.01 % for
+/// the mean over all 92 pairs.
 pub const PER_CELL: u32 = 250_000;
-/// Side of the cells for tests of neighbours, metres: that of white noise of the world.
+/// Side of the cells for tests of neighbours, metres. White noise of the world has cells of this size.
 const CELL_M: f64 = 1.0 / 16.0;
 const SEED: u32 = 11;
 const SALT: u32 = 5;
@@ -52,15 +53,15 @@ pub struct Ask {
     pub salt: u32,
 }
 
-/// The noise under test: it returns four thresholds, each in [0, 1).
+/// The noise under test: a function that returns four thresholds, each in [0, 1).
 pub type Noise<'a> = &'a (dyn Fn(&Ask) -> [f64; 4] + Sync);
 
-/// The renderer's noise of this kind.
+/// Returns the renderer's noise of a kind.
 pub fn of_kind(kind: NoiseKind) -> impl Fn(&Ask) -> [f64; 4] + Sync {
     move |ask| noise::thresholds(kind, &ask.point, WORLD_LEVEL, ask.pixel, ask.frame, ask.seed, ask.salt)
 }
 
-/// Whether a kind is bound to the ground, so that it is the same in every frame and pixel.
+/// Whether a kind is bound to the ground. The thresholds of such a kind do not depend on the frame and the pixel.
 pub fn is_of_ground(kind: NoiseKind) -> bool {
     matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld)
 }
@@ -75,20 +76,21 @@ fn row(kind: NoiseKind, view: &str, motion: &str, statistic: &str, value: f64) -
     Row { kind: kind.name().to_owned(), view, motion, statistic, value, low: 0.0, high: 1.0 }
 }
 
-/// A random place within some 260 km of a sector, so that even the largest cells rarely coincide, at a scale of any octave, in any pixel of any
-/// frame.
+/// Returns a random place within some 260 km of a sector, with a footprint in any octave, in any pixel and frame. The places are so far apart that
+/// even the largest cells rarely contain two of them.
 pub fn scattered(sector: i32, i: u32) -> Ask {
     let mut random = Random(u64::from(i) << 20 ^ u64::from(sector.cast_unsigned()) << 40);
     let footprint = random.between(f64::from(OCTAVES.start), f64::from(OCTAVES.end)).exp2();
     somewhere(&mut random, sector, footprint, 0.0)
 }
 
-/// A place near a sector, on ground with a slope, whose longer derivative is `footprint` metres.
+/// Returns a random place near a sector, on ground with a slope. The longer derivative has a length of `footprint` metres.
 fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -> Ask {
     #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "small")]
     let mut place = |around: i32| around + random.below(8192) as i32 - 4096;
     let sector = [place(sector), place(-sector)];
-    // One direction in the plane, and another at any angle to it. The steepest ascent of the plane has a random compass bearing.
+    // The two derivatives are random directions in the plane, at any angle to each other. The steepest ascent of the plane has a random compass
+    // bearing.
     let (sin, cos) = slope_deg.to_radians().sin_cos();
     let (to_sin, to_cos) = random.between(0.0, std::f64::consts::TAU).sin_cos();
     let mut along = |length: f64| {
@@ -106,10 +108,11 @@ fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -
     Ask { point, pixel, frame, seed: SEED, salt: SALT }
 }
 
-/// A place at the corner of its cell, in a lattice of `sides` cells, seen exactly at the scale of the cells; its pixel is its column and row.
+/// Returns a place at the corner of cell `i` of a lattice with `sides` cells along x and y. The footprint is that of a scale with exactly these
+/// cells. The pixel is the cell's column and row, and the frame follows from its layer.
 fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
     let [x, y, z] = [i % sides[0], i / sides[0] % sides[1], i / sides[0] / sides[1]];
-    // A twentieth of a cell inside, so that rounding has no effect.
+    // The place is a twentieth of a cell inside the cell, so that rounding does not move it into a neighbour.
     let at = |n: u32| (f64::from(n) + 0.05) * CELL_M;
     let point = HashedPoint {
         sector: [sector, -sector],
@@ -117,18 +120,19 @@ fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
         sector_m: SECTOR_M,
         ddx: [CELL_M; 3],
         ddy: [0.0; 3],
-        // Makes the level of the two kinds that follow the footprint a whole number: the length of a diagonal, or the factor of an axis.
+        // Makes the level a whole number for the two kinds that follow the footprint. The isotropic kind uses the length of `ddx`, which is sqrt(3)
+        // cells. The anisotropic kind multiplies the extent along each axis by sqrt(2).
         hash_scale: if kind == NoiseKind::HashedAnisotropic { 0.5_f64.sqrt() } else { 3_f64.sqrt().recip() },
     };
     Ask { point, pixel: [x, y], frame: 5 + z, seed: SEED, salt: SALT }
 }
 
-/// A place on a plane of 1000 x 1000 cells; each cell has its own pixel.
+/// Returns a place on a plane of 1000 x 1000 cells; each cell has its own pixel.
 fn on_plane(kind: NoiseKind, sector: i32, i: u32) -> Ask {
     corner(kind, sector, [1000, 1000], i)
 }
 
-/// The cell with the same number at the next finer scale.
+/// Returns the place whose cell has the same number at the next finer scale.
 fn next_scale(ask: &Ask) -> Ask {
     let mut finer = *ask;
     for axis in 0..2 {
@@ -145,7 +149,8 @@ fn sample(noise: Noise<'_>, asks: impl Fn(u32) -> Ask + Sync) -> Vec<[f64; 4]> {
     (0..SAMPLES).into_par_iter().map(|i| noise(&asks(i))).collect()
 }
 
-/// Tests samples that must be independent random numbers: the four thresholds are uniform, independent of each other, and cover each alpha.
+/// Tests samples that must be independent random numbers: the four thresholds must be uniform and independent of each other, and the coverage of each
+/// alpha must be alpha.
 fn of_samples(kind: NoiseKind, view: &str, samples: &[[f64; 4]]) -> Vec<Row> {
     let column = |k: usize| samples.iter().map(|s| s[k]).collect::<Vec<f64>>();
     let uniform = (0..4_usize).into_par_iter().flat_map_iter(|k| {
@@ -170,8 +175,8 @@ fn of_pairs(kind: NoiseKind, view: &str, motion: &str, pairs: &[(f64, f64)]) -> 
         .map(|(statistic, p)| row(kind, view, motion, statistic, p))
 }
 
-/// Where the places of a kind are independent random numbers: the given origins for kinds of the ground, one screen for white noise, nowhere for
-/// arranged kinds.
+/// Returns the origins at which the thresholds of different places are independent random numbers: the given origins for kinds bound to the ground,
+/// one screen for white noise of the screen, and none for interleaved gradient noise and masks.
 fn places(kind: NoiseKind, origins: &[Origin]) -> &[Origin] {
     match kind {
         _ if is_of_ground(kind) => origins,
@@ -180,8 +185,8 @@ fn places(kind: NoiseKind, origins: &[Origin]) -> &[Origin] {
     }
 }
 
-/// Uniformity, independence of the four thresholds, and coverage: over seeds, and over places if the places of the kind are independent random
-/// numbers.
+/// Tests uniformity, independence of the four thresholds, and coverage. The samples are taken over seeds and, if the thresholds of different places
+/// are independent random numbers, also over places.
 pub fn scattered_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     for &(name, sector) in places(kind, origins) {
@@ -191,7 +196,7 @@ pub fn scattered_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     rows
 }
 
-/// A change of the input, with its name.
+/// The name of a change of the input, and the change.
 type Change = (&'static str, fn(&Ask) -> Ask);
 
 const OF_SEEDS: [Change; 3] = [
@@ -202,7 +207,7 @@ const OF_SEEDS: [Change; 3] = [
 const OF_PLACES: [Change; 3] = [("x", |ask| beside(ask, 0)), ("y", |ask| beside(ask, 1)), ("z", |ask| beside(ask, 2))];
 const OF_SCALES: [Change; 1] = [("scale", next_scale)];
 
-/// The next cell along an axis, or the next pixel or frame.
+/// Moves to the next cell along an axis and, for noise of the screen, to the next pixel (axes 0 and 1) or frame (axis 2).
 fn beside(ask: &Ask, axis: usize) -> Ask {
     let mut next = *ask;
     next.point.position[axis] += CELL_M;
@@ -213,8 +218,8 @@ fn beside(ask: &Ask, axis: usize) -> Ask {
     next
 }
 
-/// Independence of neighbouring places, or of pixels and frames (`z` on the screen), of scales, and of neighbouring seeds and salts. The samples come
-/// from a lattice of cells or pixels, or from seeds if the places of the kind are arranged.
+/// Tests the independence of neighbouring places (on the screen: pixels and, as `z`, frames), scales, seeds and salts. The samples come from a
+/// lattice of cells or pixels. For interleaved gradient noise and masks, they come from seeds, and only seeds and salts are tested.
 pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut pair = |view: &str, changes: &[Change], asks: &(dyn Fn(u32) -> Ask + Sync)| {
@@ -237,7 +242,7 @@ pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     rows
 }
 
-/// The number of distinct first thresholds in a plane of a million cells or pixels, against independent random numbers of 24 bits.
+/// Compares the number of distinct first thresholds in a plane of a million cells or pixels with that of independent random numbers of 24 bits.
 pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let places = if kind.needs_mask() { &[("screen", 0)] } else { places(kind, origins) };
     let of_place = |&(name, sector): &Origin| {
@@ -247,8 +252,9 @@ pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     places.iter().map(of_place).collect()
 }
 
-/// Tests that cells have the size of their scale at both ends of the range: no cell is shared by places 37 sectors apart if a footprint is longer
-/// than a sector, and the finest cells are 2^-16 m at an elevation of 2000 m for any small footprint. Only kinds that follow the footprint.
+/// Tests the size of cells at both ends of the range of scales. If the footprint is longer than a sector, two places that are 37 sectors apart must
+/// not share a cell. If the footprint is very small, cells must be 2^-16 m wide at an elevation of 2000 m. Only kinds that follow the footprint are
+/// tested.
 pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -264,10 +270,11 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
             here == noise(&ask)
         };
         let share = (0..SAMPLES / 10).into_par_iter().filter(equal).count() as f64 / f64::from(SAMPLES / 10);
-        // Two equal values of 96 bits never occur.
+        // The four thresholds have 96 bits together, so thresholds of two different cells are never all equal.
         rows.push(Row { high: 0.0, ..row(kind, name, "37 sectors", "equal thresholds", share) });
     }
-    // Among 65 536 random numbers of 24 bits, 128 +- 11 are repetitions.
+    // One metre contains 65 536 of the finest cells. Among as many random numbers of 24 bits, 128 are repetitions on average, with a standard
+    // deviation of 11, so up to 200 repetitions are accepted.
     let cells = f64::from(1 << LEVEL_MAX);
     let close = |i: u32| {
         let mut ask = scattered(ORIGINS[1].1, 1);
@@ -280,8 +287,8 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
     rows
 }
 
-/// Coverage of each alpha on ground of each slope at each octave of the footprint: [`PER_CELL`] thresholds, four per call. Only kinds that follow the
-/// footprint; 1000 km from the origin.
+/// Tests the coverage of each alpha on ground of each slope in each octave of the footprint, 1000 km from the origin. Each test uses [`PER_CELL`]
+/// thresholds, four per call. Only kinds that follow the footprint are tested.
 pub fn coverage_rows(kind: NoiseKind, noise: Noise<'_>) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -306,7 +313,7 @@ pub fn coverage_rows(kind: NoiseKind, noise: Noise<'_>) -> Vec<Row> {
     cells.into_par_iter().flat_map_iter(of_cell).collect()
 }
 
-/// All tests that need no camera, for noise that is tested as if it were of a kind.
+/// Runs all tests that need no camera on `noise`, which is tested like the renderer's noise of the given kind.
 pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = coverage_rows(kind, noise);
     for judge in [scattered_rows, neighbour_rows, collision_rows, range_rows] {
@@ -315,7 +322,8 @@ pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Ro
     rows
 }
 
-/// Tests of the hash's words, and of every kind at all origins, at the level of one family. This takes half a minute on two cores.
+/// Tests the words of the hashes, and every kind of noise at all origins. All p-values share the level of one family. This takes half a minute on two
+/// cores.
 pub fn rows() -> Vec<Row> {
     let mut rows = hashes::rows();
     for kind in NoiseKind::ALL {

@@ -1,4 +1,4 @@
-//! Tests of samples against a null hypothesis, and a random number generator that differs from the one under test.
+//! Tests of samples against a null hypothesis (H0), and a random number generator that is independent of the noise under test.
 
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Normal};
 
@@ -7,7 +7,7 @@ use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Nor
 pub struct Random(pub u64);
 
 impl Random {
-    /// A number of 64 random bits.
+    /// Returns a number of 64 random bits.
     pub fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -15,23 +15,23 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Uniform in [0, 1).
+    /// Returns a number that is uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.word() >> 11) as f64 / 9_007_199_254_740_992.0
     }
 
-    /// Uniform in [`low`, `high`).
+    /// Returns a number that is uniform in [`low`, `high`).
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in 0..`n`; n > 0.
+    /// Returns a number that is uniform in 0..`n`; `n` must be above 0.
     #[allow(clippy::cast_possible_truncation, reason = "below a usize")]
     pub fn below(&mut self, n: usize) -> usize {
         (self.word() % n as u64) as usize
     }
 
-    /// Uniform on the unit sphere.
+    /// Returns a direction that is uniform on the unit sphere.
     pub fn direction(&mut self) -> [f64; 3] {
         let z = self.between(-1.0, 1.0);
         let phi = self.between(0.0, std::f64::consts::TAU);
@@ -40,9 +40,9 @@ impl Random {
     }
 }
 
-/// Level of each of `tests` tests, so that the level of the family is 0.1 %.
+/// Returns the level for each of `tests` tests at which the level of the whole family is 0.1 % (Šidák).
 pub fn sidak(tests: usize) -> f64 {
-    // 1 - 0.999^(1/n), written so that no digits are lost for many tests.
+    // This is 1 - 0.999^(1/n), written so that no digits are lost if n is large.
     -(0.999_f64.ln() / tests as f64).exp_m1()
 }
 
@@ -50,23 +50,23 @@ fn chi_square_p(statistic: f64, freedom: usize) -> f64 {
     ChiSquared::new(freedom as f64).expect("freedom > 0").sf(statistic)
 }
 
-/// Two-sided p-value of a normal deviate.
+/// Returns the two-sided p-value of a normal deviate.
 pub fn normal_p(z: f64) -> f64 {
     2.0 * Normal::standard().cdf(-z.abs())
 }
 
-/// The normal deviate of this two-sided p-value, in 0..1.
+/// Returns the positive normal deviate whose two-sided p-value is `p`, which lies in 0..1.
 pub fn normal_bound(p: f64) -> f64 {
     -Normal::standard().inverse_cdf(p / 2.0)
 }
 
-/// H0: counts follow the expected ones. Returns the p-value; `fixed` linear constraints reduce the degrees of freedom.
+/// H0: the counts have the expected means. Returns the p-value of the chi-square test; `fixed` linear constraints reduce the degrees of freedom.
 pub fn goodness_p(counts: &[f64], expected: &[f64], fixed: usize) -> f64 {
     let statistic = counts.iter().zip(expected).map(|(c, e)| (c - e) * (c - e) / e).sum();
     chi_square_p(statistic, counts.len() - fixed)
 }
 
-/// Which of `bins` equal parts of [0, 1) holds `x`.
+/// Returns the index of the bin that contains `x`, if [0, 1) is divided into `bins` equal bins.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= x < 1")]
 fn bin(x: f64, bins: usize) -> usize {
     ((x * bins as f64) as usize).min(bins - 1)
@@ -92,30 +92,30 @@ pub fn uniform_ks_p(samples: &[f64]) -> f64 {
     if lambda < 0.2 { 1.0 } else { (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0) }
 }
 
-/// H0: the two are independent, each uniform in [0, 1). Chi-square over a 16 x 16 table of equal cells.
+/// H0: the two numbers of a pair are independent, and each is uniform in [0, 1). Chi-square over a 16 x 16 table of equal cells.
 pub fn independent_p(pairs: &[(f64, f64)]) -> f64 {
     let mut counts = [0.0; 256];
     for &(a, b) in pairs {
         counts[bin(a, 16) * 16 + bin(b, 16)] += 1.0;
     }
-    // Uniform margins are part of the null hypothesis, so only the total is constrained.
+    // The null hypothesis includes uniform margins, so the only constraint is the total.
     goodness_p(&counts, &[pairs.len() as f64 / 256.0; 256], 1)
 }
 
-/// H0: the two variables, uniform in [0, 1), do not correlate. Two-sided normal test.
+/// H0: the two numbers of a pair, each uniform in [0, 1), are not correlated. Two-sided normal test.
 pub fn uncorrelated_p(pairs: &[(f64, f64)]) -> f64 {
     let sum: f64 = pairs.iter().map(|(a, b)| (a - 0.5) * (b - 0.5)).sum();
     normal_p(sum * 12.0 / (pairs.len() as f64).sqrt())
 }
 
-/// H0: each of the `of` events has this probability, in 0..=1. Two-sided exact binomial test of the number of events that occurred.
+/// H0: each of `of` events has the probability `alpha`, in 0..=1. Two-sided exact binomial test; `covered` = number of events that occurred.
 pub fn coverage_p(covered: u64, of: u64, alpha: f64) -> f64 {
     let binomial = Binomial::new(alpha, of).expect("a probability");
     let above = if covered == 0 { 1.0 } else { binomial.sf(covered - 1) };
     (2.0 * binomial.cdf(covered).min(above)).min(1.0)
 }
 
-/// The number of distinct thresholds. Where no scales are blended, thresholds are numbers of 24 bits.
+/// Returns the number of distinct thresholds, each rounded to 24 bits. The rounding changes no threshold that is not a blend of two scales.
 pub fn distinct(thresholds: &[f64]) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= threshold < 1")]
     let mut words: Vec<u32> = thresholds.iter().map(|u| (u * 16_777_216.0).round() as u32).collect();
@@ -124,10 +124,10 @@ pub fn distinct(thresholds: &[f64]) -> usize {
     words.len()
 }
 
-/// H0: `n` independent random numbers of 24 bits have this many distinct values. Normal approximation, with the exact mean and variance.
+/// H0: the `distinct` values are those of `n` independent random numbers of 24 bits. Normal approximation with the exact mean and variance.
 pub fn distinct_p(distinct: usize, n: usize) -> f64 {
     const WORDS: f64 = 16_777_216.0;
-    // Probabilities that a given number does not occur, and that two given numbers do not occur.
+    // `one` = probability that a given value does not occur; `two` = probability that neither of two given values occurs.
     let [one, two] = [1.0, 2.0].map(|k: f64| (n as f64 * (-k / WORDS).ln_1p()).exp());
     let variance = WORDS * (one - two) + WORDS * WORDS * (two - one * one);
     normal_p((distinct as f64 - WORDS * (1.0 - one)) / variance.sqrt())
@@ -139,8 +139,8 @@ mod tests {
 
     #[test]
     fn collisions_are_as_many_as_draws_have() {
-        // Occupancy by simulation: 32 samples of a million numbers each. The deviates are standard normal, and their mean square over 32 samples is 1
-        // +- 0.25.
+        // Simulates 32 samples of a million numbers each. Under H0 the deviates are standard normal, so the mean of their 32 squares is 1, with a
+        // standard deviation of sqrt(2 / 32) = 0.25.
         let deviates: Vec<f64> = (0..32)
             .map(|seed| {
                 let mut random = Random(seed << 32);
@@ -150,7 +150,7 @@ mod tests {
             .collect();
         let square = deviates.iter().map(|z| z * z).sum::<f64>() / 32.0;
         assert!((0.3..2.0).contains(&square), "{square}: {deviates:?}");
-        // Numbers of 23 bits instead of 24.
+        // Numbers with 23 random bits instead of 24 have fewer distinct values.
         let mut random = Random(1);
         let coarse: Vec<f64> = (0..1_000_000).map(|_| (random.word() >> 41) as f64 / 8_388_608.0).collect();
         assert!(distinct_p(distinct(&coarse), coarse.len()) < 1e-12);
@@ -161,18 +161,18 @@ mod tests {
         const N: usize = 20_000;
         let mut random = Random(3);
         let uniform: Vec<f64> = (0..N).map(|_| random.unit()).collect();
-        // The last thirtieth of the range is missing.
+        // The samples `short` do not reach the last thirtieth of the range.
         let short: Vec<f64> = uniform.iter().map(|u| u * (29.0 / 30.0)).collect();
         assert!(uniform_bins_p(&uniform) > 1e-3 && uniform_bins_p(&short) < 1e-6);
         assert!(uniform_ks_p(&uniform) > 1e-3 && uniform_ks_p(&short) < 1e-6);
-        // Three dependent pairs: a number with itself; a number with a mixture that contains a tenth of it; two numbers that are dependent but not
-        // correlated.
+        // There are three kinds of dependent pairs: `same` is a number with itself, `leaning` is a number with a mixture that contains a tenth of it,
+        // and `folded` is a number with a function of it that is not correlated with it.
         let pairs = |of: &dyn Fn(f64, f64) -> f64| uniform.windows(2).map(|w| (w[0], of(w[0], w[1]))).collect::<Vec<_>>();
         let [other, same, leaning] = [pairs(&|_, b| b), pairs(&|a, _| a), pairs(&|a, b| 0.9 * b + 0.1 * a)];
         let folded = pairs(&|a, _| (2.0 * a - 1.0).abs());
         assert!(independent_p(&other) > 1e-3 && independent_p(&same) < 1e-6 && independent_p(&folded) < 1e-6);
         assert!(uncorrelated_p(&other) > 1e-3 && uncorrelated_p(&leaning) < 1e-6 && uncorrelated_p(&folded) > 1e-3);
-        // Alpha is wrong by 2 %.
+        // The share 0.12 of the samples is covered instead of 0.1.
         let covered = |alpha: f64| uniform.iter().filter(|u| **u < alpha).count() as u64;
         assert!(coverage_p(covered(0.1), N as u64, 0.1) > 1e-3 && coverage_p(covered(0.12), N as u64, 0.1) < 1e-6);
         assert!(coverage_p(0, 10, 0.0) == 1.0 && coverage_p(10, 10, 0.5) < 0.01);

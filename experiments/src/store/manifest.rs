@@ -22,11 +22,11 @@ const FORMAT: u32 = 1;
 pub struct Provenance {
     /// Name of the graphics adapter.
     pub adapter: String,
-    /// Its driver, with version.
+    /// Driver of the adapter, with version.
     pub driver: String,
     /// Whether the adapter renders on the CPU; then only ratios of times are meaningful.
     pub software: bool,
-    /// Reason why scenes were drawn without anisotropic filtering, if they were.
+    /// Reason why scenes were drawn without anisotropic filtering; `None` = they were drawn with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub without_anisotropy: Option<String>,
     /// The command line.
@@ -44,11 +44,11 @@ pub struct Manifest {
     pub experiment: String,
     /// The definition that was run, as TOML.
     pub definition: String,
-    /// xxHash64 of that text.
+    /// xxHash64 of the text in `definition`.
     pub definition_hash: String,
     /// xxHash64 of the scene's text, or of the imported heightmap.
     pub source_hash: String,
-    /// Whether it was run by `check`, with the changes of `small`.
+    /// Whether the run was made by `check`, with the changes of the definition's section `small`.
     pub small: bool,
     /// The shard, such as `2/4`; absent = the whole run.
     pub shard: Option<String>,
@@ -99,12 +99,12 @@ impl Manifest {
     /// Reads the text of a manifest; `file` names it in errors.
     ///
     /// # Errors
-    /// One line: not JSON, another version, or a key that is missing or has another type.
+    /// One line: the text is not JSON, has a different version, lacks a key, or has a value of the wrong type.
     pub fn parse(text: &str, file: &Path) -> Result<Manifest> {
         let broken = |what: String| {
             let what = one_line(&what);
             anyhow!(
-                "{}: {what}: it is damaged, or of another version: remove the folder, or choose another (--out of a run)",
+                "{}: {what}: the manifest is damaged or was written by a different version: remove the folder, or choose a different one with --out",
                 file.display()
             )
         };
@@ -123,13 +123,14 @@ impl Manifest {
         })
     }
 
-    /// Describes a difference between this existing run and the wanted run `other`, if their numbers would not be those of one run.
+    /// Describes the first difference between this existing run and the requested run `other` that would make their numbers incomparable; `None` if
+    /// there is no such difference.
     pub(super) fn difference(&self, other: &Manifest) -> Result<Option<String>> {
         let differs = |what: &str, there: &dyn std::fmt::Display, here: &dyn std::fmt::Display| {
             Some(format!("{what} is {} there and {} here", short(&there.to_string()), short(&here.to_string())))
         };
-        let shard = |manifest: &Manifest| manifest.shard.clone().unwrap_or_else(|| "the whole".to_owned());
-        let size = |manifest: &Manifest| if manifest.small { "small, of `check`" } else { "the full one, of `run`" };
+        let shard = |manifest: &Manifest| manifest.shard.clone().unwrap_or_else(|| "the whole run".to_owned());
+        let size = |manifest: &Manifest| if manifest.small { "the small one, made by `check`" } else { "the full one, made by `run`" };
         let pairs = [
             ("the experiment", self.experiment.clone(), other.experiment.clone()),
             ("the run", size(self).to_owned(), size(other).to_owned()),

@@ -3,13 +3,13 @@
 //! ```text
 //! OUT/<experiment>[/shard-K-of-N]/
 //!   manifest.json      written first; at the end `complete` becomes true
-//!   lock               held by the process that runs
-//!   scene/             the imported scene, if one is imported
-//!   reference/         converged references and their facts
-//!   pictures/, video/  what the report shows; frames, if they are asked for
-//!   parts/             a file for each part done, while parts are missing
-//!   metrics.parquet    all rows, in the order of the parts; metrics.csv has the same
-//!   times.parquet      device times, which never repeat; times.csv has the same
+//!   lock               locked by the process that does the run
+//!   scene/             the imported scene, if the definition imports one
+//!   reference/         converged references and their standard errors and differences
+//!   pictures/, video/  pictures of the report; sequences of frames, if the definition requests them
+//!   parts/             a file for each finished part; removed when all parts are finished and joined
+//!   metrics.parquet    all rows of metrics, in the order of the parts; metrics.csv has the same rows
+//!   times.parquet      device times, which differ each time; times.csv has the same rows
 //! ```
 //!
 //! Every file is written under a temporary name, flushed to the disk, and renamed, so it is complete or absent. The bytes of the metrics do not
@@ -46,8 +46,9 @@ const SCENE: &str = "scene";
 pub(crate) const REFERENCE: &str = "reference";
 /// Folder of pictures. Each list in it, a `.json` file, describes some of them.
 pub(crate) const PICTURES: &str = "pictures";
-/// The report, and its version for a pull request.
+/// File name of the report as a page.
 pub(crate) const REPORT_PAGE: &str = "report.html";
+/// File name of the short report for a pull request.
 pub(crate) const REPORT_TEXT: &str = "report.md";
 /// Folder of PNG sequences.
 pub(crate) const VIDEO: &str = "video";
@@ -60,11 +61,11 @@ const STEPS: u64 = 1000;
 /// What to do about an existing run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// Keep it, and do not start another.
+    /// Keep it, and do not start a new run.
     Refuse,
     /// Continue it, if it is the same run.
     Resume,
-    /// Continue it if it is the same run and was stopped; otherwise replace a run of the same name.
+    /// Continue it if it is the same run and was stopped. Otherwise replace it if it has the same name.
     Replace,
 }
 
@@ -112,11 +113,11 @@ pub struct Run {
 
 impl Run {
     /// Starts or continues a run: locks the folder, writes the manifest, imports the scene if the definition imports one, and finds the finished
-    /// parts. `definition` is the one to run: if `place.small`, the result of [`Definition::small`].
+    /// parts. `definition` is the definition to run; if `place.small` is true, it is the result of [`Definition::small`].
     ///
     /// # Errors
-    /// One line with the remedy: the folder contains something else, a run that must not be resumed, or a different run (the message says what
-    /// differs), or is in use; it cannot be written; the scene cannot be imported or lacks something that the definition needs.
+    /// One line with the remedy. The folder contains other files, a run that must not be resumed, or a different run (the message says what differs);
+    /// the folder is in use or cannot be written; or the scene cannot be imported or lacks something that the definition needs.
     pub fn open(definition: &Definition, place: &Place<'_>, provenance: &Provenance) -> Result<Run> {
         let folder = place.folder(definition);
         let show = folder.display();
@@ -140,13 +141,14 @@ impl Run {
                 remove_results(&folder)?;
             } else if place.existing == Existing::Refuse {
                 let state = if there.complete { "a finished run" } else { "a run that was stopped" };
-                // `check` has no --resume: it is quick by design.
-                let go_on = if place.small { "" } else { "go on with --resume, " };
+                // `check` has no --resume, because it takes only a short time.
+                let go_on = if place.small { "" } else { "continue it with --resume, " };
                 bail!("{show} holds {state}: {go_on}remove it, or choose another --out");
             } else if let Some(difference) = difference {
                 bail!("{show} holds another run, {difference}: choose another --out, or remove the folder");
             } else {
-                // Prose and expectations may have changed; the stored command is the one that started the run.
+                // The definition's prose and expectations may have changed, so the new manifest is used. It keeps the provenance of the existing run,
+                // so the stored command is the one that started the run.
                 manifest.complete = there.complete;
                 manifest.provenance = there.provenance;
             }
@@ -196,7 +198,7 @@ impl Run {
         self.definition.check_imported(&scene)
     }
 
-    /// Finds the finished parts; a damaged part is done again.
+    /// Finds the finished parts. A damaged part is removed, so that it is done again.
     fn survey(&mut self) -> Result<()> {
         // A finished run has no folder of parts, but needs one again if its results are damaged.
         let parts = self.folder.join(PARTS);
@@ -240,7 +242,7 @@ impl Run {
     /// the run.
     ///
     /// # Errors
-    /// A part that fails; the error names it. The parts before it are kept.
+    /// A part fails; the error names it. The finished parts are kept.
     pub fn carry_out(&mut self, measure: &mut dyn Measure, progress: &dyn Fn(u64, u64), go_on: &dyn Fn() -> Result<()>) -> Result<()> {
         let total = self.shares.len() as u64 * STEPS;
         let missing: Vec<Share> = self.shares.iter().filter(|share| !self.done.contains(&share.unit.index)).cloned().collect();
@@ -252,7 +254,7 @@ impl Run {
             go_on().and_then(|()| measure.measure(unit, &self.folder, &step)).and_then(|outcome| self.keep(&share, outcome)).with_context(
                 || {
                     // `check` has no --resume.
-                    let go_on = if self.manifest.small { "" } else { ": --resume goes on from here" };
+                    let go_on = if self.manifest.small { "" } else { ": continue from here with --resume" };
                     format!("`{}`, part {} of {} ({}){go_on}", self.definition.name, unit.index + 1, self.shares.len(), unit.id)
                 },
             )?;
@@ -262,7 +264,7 @@ impl Run {
         Ok(())
     }
 
-    /// Stores the result of a part. Columns that follow from the part are filled in here, so that they cannot contradict it.
+    /// Stores the result of a part. The columns whose values follow from the part are filled in here, so that they cannot contradict the part.
     fn keep(&self, share: &Share, mut outcome: Outcome) -> Result<()> {
         let unit = &share.unit;
         if !share.kept {
@@ -315,7 +317,7 @@ impl Run {
         if !self.manifest.complete {
             let (done, all) = self.progress();
             if done < all {
-                bail!("{} of {all} parts of `{}` are missing: go on with --resume", all - done, self.definition.name);
+                bail!("{} of {all} parts of `{}` are missing: continue with --resume", all - done, self.definition.name);
             }
             for (name, times) in [(METRICS, false), (TIMES, true)] {
                 let groups = || {
@@ -324,7 +326,7 @@ impl Run {
                         Ok(if times { clocks } else { metrics })
                     })
                 };
-                let room = "go on with --resume";
+                let room = "the parts cannot be joined; continue with --resume";
                 write_parquet(&self.file(name, "parquet"), &mut groups(), &[]).context(room)?;
                 write_csv(&self.file(name, "csv"), &mut groups()).context(room)?;
             }
@@ -350,7 +352,7 @@ fn part_file(folder: &Path, unit: &Unit) -> PathBuf {
     folder.join(PARTS).join(format!("{}.parquet", part_name(unit)))
 }
 
-/// Metrics and times of a part.
+/// Reads metrics and times of a part.
 fn read_part(file: &Path, unit: &Unit) -> Result<(Vec<Row>, Vec<Row>)> {
     let Table { rows: mut metrics, notes } = read_parquet(file)?;
     let count = notes.get(NOTE_METRICS).and_then(|count| count.parse::<usize>().ok()).filter(|&count| count <= metrics.len());
@@ -363,7 +365,7 @@ fn read_part(file: &Path, unit: &Unit) -> Result<(Vec<Row>, Vec<Row>)> {
     }
 }
 
-/// The first entry of a folder without manifest that does not come from a run.
+/// Returns the first entry of a folder that a run without a manifest cannot have left there; `None` if there is none.
 fn foreign(folder: &Path) -> Result<Option<String>> {
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read the folder {}", folder.display()))?;
     let mut names: Vec<String> = entries.filter_map(Result::ok).map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
@@ -401,7 +403,7 @@ fn remove(path: &Path) -> Result<()> {
 }
 
 fn remove_leftovers(folder: &Path) -> Result<()> {
-    let context = |path: &Path| format!("cannot tidy up {}", path.display());
+    let context = |path: &Path| format!("cannot remove temporary files: {}", path.display());
     for entry in fs::read_dir(folder).with_context(|| context(folder))? {
         let path = entry.with_context(|| context(folder))?.path();
         let is_folder = path.is_dir() && !path.is_symlink();
@@ -420,7 +422,8 @@ struct Lock(File);
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Closing the file is not enough while a child that another thread has just forked still has a copy. If unlocking fails, closing must do.
+        // Closing the file does not release the lock while a child process, which another thread has just forked, still has a copy of the file
+        // handle. If unlocking fails, the lock is released when all copies are closed.
         drop(self.0.unlock());
     }
 }
@@ -434,7 +437,7 @@ fn lock(folder: &Path, command: &str) -> Result<Lock> {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut who = String::new();
-            // If a locked file cannot be read either, the message does not name the holder.
+            // If the locked file cannot be read, the message does not name the process that holds the lock.
             let _ = file.read_to_string(&mut who);
             let who = if who.trim().is_empty() { "another process".to_owned() } else { who.trim().to_owned() };
             bail!("{} is in use by {who}: wait for it, or choose another --out", folder.display());
@@ -486,7 +489,7 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
     };
     if let Some(shard) = others.iter().find(is_shard) {
         bail!(
-            "{} has no {}, so its numbers cannot be told from others: run that shard again, or remove the folder",
+            "{} has no {}, so it is unknown which run its numbers belong to: run that shard again, or remove the folder",
             shard.display(),
             manifest::FILE
         );
@@ -564,7 +567,7 @@ fn read_one(folder: &Path, manifest: Manifest) -> Result<RunData> {
                 lacking += 1;
             }
         }
-        missing.push(format!("{lacking} of {} parts in {}: go on with --resume", shares.len(), folder.display()));
+        missing.push(format!("{lacking} of {} parts in {}: continue with --resume", shares.len(), folder.display()));
     }
     rows.sort_by(Row::order);
     times.sort_by(Row::order);

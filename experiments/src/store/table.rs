@@ -1,7 +1,7 @@
 //! Rows as files: Parquet for programs, CSV for people and spreadsheets. Both store every number exactly, including NaN.
 //!
-//! The bytes of a file depend only on its rows: it contains no time and no machine name. Parquet readers do not insist on a checksum, so the file's
-//! metadata contains one of all values: damaged data is refused instead of averaged.
+//! The bytes of a file depend only on its rows: it contains no time and no machine name. Parquet readers do not require a checksum. The file's
+//! metadata therefore contains a checksum of all values, so that damaged data is refused and not used.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -43,7 +43,7 @@ const BATCH: usize = 1 << 16;
 pub struct Table {
     /// The rows, in the file's order.
     pub rows: Vec<Row>,
-    /// Notes by name, without those that every file has.
+    /// Notes by name, without the notes that every file has: schema, number of rows, checksum.
     pub notes: BTreeMap<String, String>,
 }
 
@@ -160,7 +160,7 @@ fn declaration(column: &Column) -> String {
     }
 }
 
-/// Writes the same rows as CSV with a header.
+/// Writes rows as CSV with a header.
 ///
 /// # Errors
 /// See [`write_parquet`].
@@ -193,7 +193,7 @@ pub(crate) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)
     })
 }
 
-/// The error of the operating system, if there was one.
+/// Converts an error of the Parquet library. If it contains an error of the operating system, that error is returned.
 fn failure(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(source) => match source.downcast::<io::Error>() {
@@ -207,8 +207,8 @@ fn failure(error: ParquetError) -> io::Error {
 /// Reads a file that [`write_parquet`] has written; unknown columns are ignored.
 ///
 /// # Errors
-/// One line: not Parquet, truncated or damaged, a column that is missing or has another type, another schema, or values that differ from those
-/// written.
+/// One line: the file is not Parquet, is truncated or damaged, has a different schema version, lacks a column, has a column of a different type, or
+/// has values that differ from those that were written.
 pub fn read_parquet(file: &Path) -> Result<Table> {
     decode_parquet(File::open(file).with_context(|| format!("cannot read {}", file.display()))?, file)
 }
@@ -220,14 +220,14 @@ pub fn read_parquet(file: &Path) -> Result<Table> {
 pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<Table> {
     let damaged = |what: String| {
         let what = one_line(&what);
-        anyhow!("{}: {what}: it is damaged or no result of a run; run it again, or take the file from a copy", file.display())
+        anyhow!("{}: {what}: it is damaged or not a result of a run; repeat the run, or restore a copy", file.display())
     };
-    let reader = quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer does not hold together".to_owned()))?;
+    let reader = quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer is inconsistent".to_owned()))?;
     let reader = reader.map_err(|error| damaged(format!("no Parquet file ({error})")))?;
     // A damaged file can make the reader exceed array bounds, so panics are caught.
     match quietly(|| read(&reader)) {
         Some(outcome) => outcome.map_err(|error| damaged(format!("{error:#}"))),
-        None => Err(damaged("its pages do not hold together".to_owned())),
+        None => Err(damaged("its pages are inconsistent".to_owned())),
     }
 }
 
@@ -257,12 +257,13 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
         }
         places.push(place);
     }
-    // A few damaged bytes can claim any number of values.
+    // Damaged bytes can claim any number of values. The stored number of rows limits how many values are read.
     let most: usize = count.parse().with_context(|| format!("`{count}` is not a number of rows"))?;
     let mut rows: Vec<Row> = Vec::new();
     for index in 0..reader.num_row_groups() {
         let group = reader.get_row_group(index).map_err(|error| anyhow!("row group {index}: {error}"))?;
-        // Texts are read first. They give the number of rows: a number in a damaged file must not decide how much memory is allocated.
+        // The first column contains texts. The number of texts that it really contains is the number of rows, because a number in a damaged file must
+        // not decide how much memory is allocated.
         let mut of_group: Vec<Row> = Vec::new();
         for (column, &place) in COLUMNS.iter().zip(&places) {
             let most = if place == places[0] { Some(most.saturating_sub(rows.len())) } else { None };
@@ -275,12 +276,13 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
     found.add(&rows);
     let [_, (_, found_count), (_, found_checksum)] = found.notes();
     if found_count != count || found_checksum != checksum {
-        bail!("{found_count} rows with checksum {found_checksum}, and {count} with {checksum} were written");
+        bail!("it has {found_count} rows with checksum {found_checksum}, but {count} rows with checksum {checksum} were written");
     }
     Ok(Table { rows, notes })
 }
 
-/// Reads a column into the rows of its group. For the first column, `first` is the largest number of rows, and the rows are created.
+/// Reads a column into the rows of its group. `first` is given only for the first column, which creates the rows: it is the largest number of rows to
+/// create.
 fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first: Option<usize>, rows: &mut Vec<Row>) -> Result<()> {
     check_dictionaries(group, place)?;
     let reader = group.get_column_reader(place)?;
@@ -314,19 +316,20 @@ fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first:
                 Ok(())
             })
         }
-        _ => bail!("another type"),
+        _ => bail!("it has a different type"),
     }
 }
 
-/// Refuses a dictionary that claims more values than its bytes can hold. The library allocates as many as it claims, up to 2^31.
+/// Refuses a dictionary that claims more values than its bytes can contain. The library would allocate memory for as many values as the dictionary
+/// claims, up to 2^31.
 fn check_dictionaries(group: &dyn RowGroupReader, place: usize) -> Result<()> {
     let mut pages = group.get_column_page_reader(place)?;
     while let Some(page) = pages.get_next_page()? {
-        // The shortest values take 4 bytes: the length of a text, or a whole number.
+        // A value takes at least 4 bytes: those of a whole number, or of the length of a text.
         if let Page::DictionaryPage { buf, num_values, .. } = page
             && num_values as usize > buf.len() / 4
         {
-            bail!("a dictionary of {num_values} values in {} bytes", buf.len());
+            bail!("a dictionary claims to hold {num_values} values in {} bytes", buf.len());
         }
     }
     Ok(())
@@ -339,7 +342,7 @@ fn fill<T>(rows: &mut [Row], values: Vec<Option<T>>, set: impl Fn(&mut Row, Opti
     rows.iter_mut().zip(values).try_for_each(|(row, value)| set(row, value))
 }
 
-/// Values of a column of a row group, at most `most`; with `optional`, including absent ones.
+/// Reads the values of a column of a row group; fails if there are more than `most`. With `optional`, absent values are included as `None`.
 fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool, most: usize) -> Result<Vec<Option<T::T>>> {
     let mut all = Vec::new();
     loop {
@@ -355,7 +358,7 @@ fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool, most: u
             all.extend(values.map(Some));
         }
         if all.len() > most {
-            bail!("more values than rows, of which there are {most}");
+            bail!("there are more values than rows; there must be at most {most}");
         }
     }
 }

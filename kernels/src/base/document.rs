@@ -15,7 +15,7 @@ use toml::de::{DeTable, DeValue};
 use crate::base::error::one_line;
 use crate::base::names::nearest;
 
-/// Documents are small; a larger file was given by mistake.
+/// Largest size of a document file, bytes. Documents are small, so a larger file was probably given by mistake.
 const MAX_BYTES: u64 = 4 << 20;
 
 /// The text of a document file, at most 4 MiB of UTF-8. `kind` names the expected kind of document, such as `scene`.
@@ -49,23 +49,24 @@ pub fn text(bytes: Vec<u8>, kind: &str) -> Result<String, String> {
 /// What is wrong with a document's text, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wrong {
-    /// Line, from 1, where known.
+    /// Line, counted from 1; `None` if it is not known.
     pub line: Option<usize>,
     /// What is wrong and how to mend it.
     pub what: String,
 }
 
 impl Wrong {
-    /// The place of the error: the document's `name` and, where known, the line.
+    /// The place of the error: the document's `name` and the line, if it is known.
     pub fn place(&self, name: &str) -> String {
         self.line.map_or_else(|| name.to_owned(), |line| format!("{name}:{line}"))
     }
 }
 
-/// Reads `text` into its type. `remedy_of_missing(key)` is appended where a key is missing; it may be empty.
+/// Parses `text` as a `T`. If a key is missing, `remedy_of_missing(key)`, which may be empty, is appended to the message.
 ///
 /// # Errors
-/// Not TOML, an unknown key (the nearest known one is named), a wrong type, or a list that is too long.
+/// The text is not TOML, a key is missing, or the text contains an unknown key (the message names the nearest known key), a value of a wrong type, or
+/// a list that is too long.
 pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&str) -> &'static str) -> Result<T, Wrong> {
     let read: T = toml::from_str(text).map_err(|error| {
         let (line, what) = explain(text, &error, remedy_of_missing);
@@ -79,7 +80,7 @@ pub fn read<T: DeserializeOwned + Serialize>(text: &str, remedy_of_missing: fn(&
     problem.map_or(Ok(read), |problem| Err(problem.wrong(text)))
 }
 
-/// The first list of which the reader has `taken` fewer entries than were `given`.
+/// Finds the first list that has fewer entries in `taken`, the result of the reader, than in `given`, the document.
 fn surplus(given: &toml::Value, taken: &toml::Value, path: &mut Vec<Step>) -> Option<Problem> {
     let mut within = |step: Step, given: &toml::Value, taken: &toml::Value| {
         path.push(step);
@@ -106,11 +107,11 @@ fn surplus(given: &toml::Value, taken: &toml::Value, path: &mut Vec<Step>) -> Op
 pub enum Step {
     /// A key of a table.
     Key(Cow<'static, str>),
-    /// A place in an array, from 0.
+    /// An index in an array, from 0.
     Index(usize),
 }
 
-/// What is wrong, and with which value.
+/// A problem with a value of the document.
 #[derive(Clone, Debug)]
 pub struct Problem {
     /// Path to the value in the file.
@@ -180,7 +181,7 @@ impl At {
     }
 
     /// # Errors
-    /// Always: [`At::problem`].
+    /// Always, with the problem of [`At::problem`].
     pub fn fail(&self, what: impl Into<String>) -> Checked {
         Err(self.problem(what))
     }
@@ -228,7 +229,7 @@ impl At {
     /// Checks a name that becomes part of a file name.
     ///
     /// # Errors
-    /// [`At::name`] refuses the text, or it has other characters than letters, digits, - and _.
+    /// [`At::name`] refuses the text, or the text contains characters other than letters, digits, - and _.
     pub fn file_stem(&self, text: &str) -> Checked {
         self.name(text)?;
         let plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
@@ -243,7 +244,7 @@ impl At {
         let mut seen = HashMap::new();
         for (i, name) in names.enumerate() {
             if let Some(before) = seen.insert(name, i) {
-                return self.index(i).key("name").fail(format!("`{name}` is already the name of entry {}: give each its own", before + 1));
+                return self.index(i).key("name").fail(format!("`{name}` is already the name of entry {}: names must differ", before + 1));
             }
         }
         Ok(())
@@ -280,12 +281,12 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
         },
         |near| format!("did you mean `{near}`?"),
     );
-    // Where an enumeration is read through its tag, the reader's span covers the whole table.
+    // If an enumeration is read through its tag, the reader's span covers the whole table.
     let at = find_key(text, key, span.as_ref()).or(span);
     (at.as_ref().map(line), format!("unknown key `{key}`: {hint}"))
 }
 
-/// A key, and where the key and its value stand in the text.
+/// A key, and the positions of the key and its value in the text.
 struct Entry {
     key: String,
     key_at: Range<usize>,
@@ -349,8 +350,8 @@ fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String,
 }
 
 impl Problem {
-    /// The problem with its line in `text`: the line of the deepest step of the path that the text contains. Later steps may be missing, because
-    /// values that are left out have their defaults.
+    /// Adds the line in `text`, which is the line of the deepest step of the path that the text contains. The text may lack the later steps, because
+    /// values that are left out have defaults.
     pub fn wrong(&self, text: &str) -> Wrong {
         Wrong { line: line_of_problem(text, self), what: self.to_string() }
     }

@@ -8,7 +8,7 @@ pub enum Error {
     /// A scene file is wrong.
     #[error("scene {where_}: {what}")]
     Scene {
-        /// File and, where known, line or table.
+        /// The file and, if known, the line or table.
         where_: String,
         /// What is wrong and how to mend it.
         what: String,
@@ -56,8 +56,8 @@ pub enum Error {
     },
 }
 
-/// The text on one line: each run of white space and control characters, including line breaks and terminal escapes, becomes one blank. Texts from
-/// files pass through this function before they become part of an error.
+/// Returns the text on one line: each run of white space and control characters, including line breaks and terminal escapes, becomes one blank. Texts
+/// from files pass through this function before they become part of an error.
 pub fn one_line(text: &str) -> String {
     text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }

@@ -12,7 +12,7 @@ fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
 /// Runs `write` on a temporary file beside `file`, then renames it: the file is complete or absent.
 ///
 /// # Errors
-/// When writing or renaming fails; nothing is left behind.
+/// Writing or renaming fails; the temporary file is then removed.
 pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std::result::Result<(), E>) -> std::result::Result<(), E> {
     let mut name = file.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}.tmp", std::process::id()));
@@ -32,13 +32,13 @@ pub struct WholeFolder {
 }
 
 impl WholeFolder {
-    /// An empty folder that is to become `place`.
+    /// Creates a temporary folder next to `place`; [`WholeFolder::finish`] renames it to `place`.
     ///
     /// # Errors
-    /// `place` names no folder, or the temporary one cannot be made beside it.
+    /// `place` does not end in a name, or the temporary folder cannot be created.
     pub fn beside(place: &Path) -> Result<WholeFolder> {
         let Some(name) = place.file_name() else {
-            return Err(Error::Request(format!("`{}` names no folder: give a name", place.display())));
+            return Err(Error::Request(format!("`{}` does not end in a name: give the name of a folder", place.display())));
         };
         let parent = place.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let temporary = parent.join(format!(".{}.part-{}", name.to_string_lossy(), std::process::id()));
@@ -54,7 +54,7 @@ impl WholeFolder {
     /// Gives the folder its final name. An empty folder of that name is replaced.
     ///
     /// # Errors
-    /// A folder of that name is not empty, or it cannot be renamed. Then nothing is left behind.
+    /// A folder of that name exists and is not empty, or the temporary folder cannot be renamed. The temporary folder is then removed.
     pub fn finish(self) -> Result<()> {
         // Not every system can rename a folder onto an empty one.
         if self.place.exists() {
@@ -66,7 +66,7 @@ impl WholeFolder {
 
 impl Drop for WholeFolder {
     fn drop(&mut self) {
-        // Errors are ignored: after `finish` the temporary folder no longer exists, and one that cannot be removed stays.
+        // Errors are ignored: after `finish` the temporary folder does not exist, and a folder that cannot be removed stays.
         drop(fs::remove_dir_all(&self.temporary));
     }
 }

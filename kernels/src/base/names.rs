@@ -1,7 +1,7 @@
 //! Suggestions for misspelled names.
 
-/// The known word nearest to `word`, if at most a third of the letters differ. One differing letter is always accepted, but not if it is the whole
-/// word. Upper and lower case count as equal, and so do `-` and `_`; of equally near words the first one is taken.
+/// The known word nearest to `word`, if at most a third of the letters differ. One differing letter is always accepted, unless the word has only one
+/// letter. Upper and lower case count as equal, and so do `-` and `_`. If several words are equally near, the first one is returned.
 pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace('_', "-");
     let wanted = plain(word);
@@ -9,7 +9,7 @@ pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let most = |candidate: &str| (length.max(candidate.chars().count()) / 3).max(1);
     known
         .iter()
-        // The distance of two words is at least the difference of their lengths, so a word of megabytes need not be compared.
+        // The distance of two words is at least the difference of their lengths, so a word of several megabytes is never compared.
         .filter(|candidate| length.abs_diff(candidate.chars().count()) <= most(candidate))
         .map(|&candidate| (strsim::osa_distance(&wanted, &plain(candidate)), candidate))
         .filter(|&(distance, candidate)| distance <= most(candidate) && distance < length.max(1))

@@ -1,6 +1,6 @@
 //! Sections of numbers, for display.
 
-/// A titled list of numbers of the last frame, for display.
+/// A titled list of numbers about the last frame, for display.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
     /// Its title.

@@ -59,7 +59,7 @@ impl Wgsl {
     }
 }
 
-/// The files of a module that uses `roots`: each once, after all its dependencies.
+/// Returns the files of a module that uses `roots`. Each file appears once, after all its dependencies.
 pub fn closure(roots: &[&'static Wgsl]) -> Vec<&'static Wgsl> {
     fn visit(file: &'static Wgsl, begun: &mut Vec<&'static str>, all: &mut Vec<&'static Wgsl>) {
         if begun.contains(&file.path) {
@@ -83,7 +83,7 @@ pub fn closure(roots: &[&'static Wgsl]) -> Vec<&'static Wgsl> {
 pub struct Piece {
     /// The path of the file; for generated text, a description.
     pub path: String,
-    /// WGSL.
+    /// The WGSL text.
     pub text: String,
 }
 
@@ -94,7 +94,7 @@ impl Piece {
     }
 }
 
-/// The pieces of a module that uses `roots`, with the host's constants before each file.
+/// Returns the pieces of a module that uses `roots`. The constants of the host stand before the file that uses them.
 pub fn pieces(roots: &[&'static Wgsl]) -> Vec<Piece> {
     let mut pieces = Vec::new();
     for file in closure(roots) {
@@ -110,7 +110,7 @@ pub fn pieces(roots: &[&'static Wgsl]) -> Vec<Piece> {
     pieces
 }
 
-/// The text of a module.
+/// Joins pieces into the text of a module.
 pub fn joined(pieces: &[Piece]) -> String {
     pieces.iter().flat_map(|piece| [piece.text.as_str(), "\n"]).collect()
 }

@@ -56,7 +56,7 @@ pub enum Effort {
 /// # Panics
 /// If `rgba` does not hold `width * height * 4` bytes.
 pub fn encode(format: BlockFormat, rgba: &[u8], width: usize, height: usize, weights: [f32; 3], effort: Effort) -> Vec<u8> {
-    assert_eq!(rgba.len(), width * height * 4, "an RGBA8 image of {width} x {height} texels");
+    assert_eq!(rgba.len(), width * height * 4, "`rgba` must hold {width} x {height} RGBA8 texels");
     let algorithm = match effort {
         Effort::Fast | Effort::Refined => Algorithm::RangeFit,
         Effort::Best => Algorithm::IterativeClusterFit,
@@ -86,10 +86,9 @@ pub fn encode(format: BlockFormat, rgba: &[u8], width: usize, height: usize, wei
     blocks
 }
 
-/// Improves a block by two alternating steps, at most twice, as long as the error falls: compute the end points by least squares for the
-/// given indices; then choose the nearest palette entry for each texel. Without quantisation, neither step could raise the weighted squared
-/// error; because of quantisation, the error is compared after each round. Blocks in BC1's three-colour mode (mostly blocks of one colour)
-/// are not changed.
+/// Improves a block in at most two rounds. Each round computes the end points by least squares for the given indices, and then chooses the
+/// nearest palette entry for each texel. Quantisation of the end points can raise the weighted squared error, so a round that does not lower
+/// the error is discarded and ends the search. Blocks in BC1's three-colour mode (mostly blocks of one colour) are not changed.
 fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
     // Share of the first end point in palette entries 0 to 3.
     const SHARE: [f32; 4] = [1.0, 0.0, 2.0 / 3.0, 1.0 / 3.0];
@@ -168,7 +167,7 @@ fn quantise565(colour: [f32; 3]) -> u16 {
 /// # Panics
 /// If `blocks` does not hold [`BlockFormat::image_bytes`] bytes.
 pub fn decode(format: BlockFormat, blocks: &[u8], width: usize, height: usize) -> Vec<u8> {
-    assert_eq!(blocks.len(), format.image_bytes(width, height), "a {format:?} image of {width} x {height} texels");
+    assert_eq!(blocks.len(), format.image_bytes(width, height), "`blocks` must hold a {format:?} image of {width} x {height} texels");
     let mut rgba = vec![0; width * height * 4];
     let blocks_wide = width.div_ceil(4);
     for (index, block) in blocks.chunks_exact(format.block_bytes()).enumerate() {
@@ -183,7 +182,8 @@ pub fn decode(format: BlockFormat, blocks: &[u8], width: usize, height: usize) -
     rgba
 }
 
-/// A BC3 alpha block whose 16 decoded values are never below `needed`, and exceed it by as little as the format allows.
+/// Returns a BC3 alpha block whose 16 decoded values are nowhere below `needed`. It tries a block in BC3's eight-value mode and a block in its
+/// six-value mode, and returns the one whose values exceed `needed` by less in total.
 ///
 /// Interpolated values are computed as exact fractions and rounded down. A decoder that rounds up or down therefore never decodes a value
 /// below `needed`.

@@ -21,7 +21,7 @@ pub mod reference;
 
 /// Edge of a tile, pixels: the default, as in Far Cry 5.
 pub const TILE: u32 = 8;
-/// Possible edges of a tile, pixels: for measuring what the size of tiles costs.
+/// Possible edges of a tile, pixels. They serve to measure how the cost depends on the size of tiles.
 pub const TILES: [u32; 3] = [4, 8, 16];
 /// Bits of a tile's column in an entry of a list; its row has as many.
 pub const TILE_COORDINATE_BITS: u32 = 12;
@@ -40,10 +40,11 @@ pub fn tiles_of(size: [u32; 2], tile: u32) -> [u32; 2] {
     size.map(|n| n.div_ceil(tile))
 }
 
-/// Vertices that shading draws per tile: 3 where depth can be clamped instead of clipped, else 6.
+/// Number of vertices that shading draws per tile: 3 if the device can clamp depth instead of clipping it, else 6.
 ///
-/// Two triangles share the tile's diagonal, and pixels along it that a device shades in one group are shaded twice. One triangle that contains a
-/// square also covers pixels outside it; there, its depth fails the depth test, which runs before shading.
+/// With 6 vertices, two triangles share the tile's diagonal, and groups of pixels on the diagonal that a device shades together are shaded twice.
+/// With 3 vertices, one triangle contains the tile. It also covers pixels outside the tile, but its depth at those pixels fails the depth test, which
+/// runs before shading.
 pub fn tile_vertices(gpu: &Gpu) -> u32 {
     if gpu.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) { 3 } else { 6 }
 }
@@ -73,7 +74,7 @@ impl Lists {
         }
     }
 
-    /// Tiles in each list; call after the submission is done.
+    /// Returns the number of tiles in each list. Must be called after the submission is done.
     ///
     /// # Errors
     /// When the device is lost.
@@ -137,7 +138,7 @@ impl Stage for Classification {
     const DECLARATION: Declaration = Declaration {
         passes: |_| vec![PassUse::new("classification", 1, "tile list per variant")],
         name: "classification",
-        about: "Reads mask and stencil; makes a tile list and indirect arguments for each variant",
+        about: "Reads mask and stencil; writes a tile list and indirect arguments for each variant",
         modules: &[&SUBGROUP_MODULE, &PLAIN_MODULE],
         ..Declaration::EMPTY
     };

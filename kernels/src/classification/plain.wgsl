@@ -1,4 +1,4 @@
-// The OR of a tile's masks in workgroup memory, for every adapter.
+// Computes the OR of a tile's masks by atomics in workgroup memory, which every adapter supports.
 
 var<workgroup> tile_mask: atomic<u32>;
 

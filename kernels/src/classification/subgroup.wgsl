@@ -1,5 +1,5 @@
-// The OR of a tile's masks: first by subgroup operations, so that only one atomic per subgroup is left.
-// The workgroup is one-dimensional because naga supports subgroup built-ins only there.
+// Computes the OR of a tile's masks: first by subgroup operations, so that only one atomic per subgroup is left. The workgroup is
+// one-dimensional because naga supports subgroup built-ins only in one-dimensional workgroups.
 
 var<workgroup> tile_mask: atomic<u32>;
 

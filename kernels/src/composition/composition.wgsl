@@ -1,9 +1,10 @@
-// Composition: makes the picture of any set of flavours from the pictures of single flavours. Albedo is linear in the flavours, and the weights of a
-// pixel follow from its distance, its normal and the set. So 31 variants cost five shading passes and 31 weighted sums.
+// Composition: computes the picture of any set of flavours from the pictures of single flavours. Albedo is linear in the flavours, and the weights of
+// a pixel follow from its distance, its normal and the set. So 31 variants cost five shading passes and 31 weighted sums instead of 31 shading
+// passes.
 
 struct CompositionStream {
     mask: u32,              // the variant forced on every tile; 0 = each pixel has the flavours that it needs
-    modulated: u32,         // 1 = flavours except the virtual texture share one fetch of colour modulation, which each of them has counted
+    modulated: u32,         // 1 = all flavours except the virtual texture counted the same fetch of colour modulation; the sum must count it once
     squared: u32,           // 1 = weights are squared, because variances of independent flavours add with squared weights
     pad_0: u32,
 }
@@ -59,7 +60,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         return;
     }
-    // The weights as the shading pass computes them, from the same depth and normal.
+    // These weights equal those of the shading pass, because they are computed from the same depth and normal.
     let normal = frame_shading_normal(textureLoad(normal_target, pixel, 0));
     let distance = length(frame_ray(vec2<f32>(pixel))) * view_distance(frame.near_m, depth);
     let all = flavour_weights(distance, normal.z, frame.flavours);
@@ -80,7 +81,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
         var shared_fetches = 0u;
         for (var flavour = 0u; flavour < 5u; flavour++) {
             let w = weights[flavour];
-            // A layer outside the mask may hold anything.
+            // The layer of a flavour outside the mask may hold undefined values.
             if ((mask >> flavour) & 1u) == 0u || w <= 0.0 {
                 continue;
             }

@@ -1,9 +1,9 @@
-//! Composition: makes the picture of any variant from the pictures of single flavours.
+//! Composition: computes the picture of any variant from the pictures of single flavours.
 //!
 //! Linear albedo is a weighted sum over flavours, and the weights of a pixel follow only from its distance, its normal and the variant. So the
 //! pictures of all 31 variants follow from the pictures of five flavours, by 31 weighted sums in place of 31 shading passes. A composed picture
-//! equals that of the variant's own shader up to one more rounding to f16 (tested for all 31). Fetches and first choices are composed, too. Times are
-//! not: they are measured with the pipelines of the variants.
+//! equals the picture of the variant's own shader up to one additional rounding to f16 (tested for all 31 variants). Fetches and first choices are
+//! composed, too. Times are not: they are measured with the pipelines of the variants.
 //!
 //! Reads depth, normals, and albedo + diagnostics of each flavour. Writes two words per pixel (`shared::signal`). Dispatch: one workgroup per 8 x 8
 //! tile.
@@ -27,7 +27,7 @@ use crate::view;
 pub struct CompositionStream {
     /// The variant forced on every pixel; 0 = each pixel has the flavours that it needs.
     pub mask: u32,
-    /// 1 = flavours other than the virtual texture share one counted fetch of colour modulation.
+    /// 1 = all flavours except the virtual texture counted the same fetch of colour modulation, so the sum counts it once.
     pub modulated: u32,
     /// 1 = weights are squared, because variances of independent flavours add with squared weights.
     pub squared: u32,
@@ -74,7 +74,7 @@ impl Layers {
         }
     }
 
-    /// These layers, with those of `flavours` taken from `other`. The textures are shared, not copied.
+    /// Returns these layers, with the layers of `flavours` replaced by those of `other`. The textures are shared, not copied.
     #[must_use]
     pub fn with(&self, other: &Layers, flavours: Variant) -> Layers {
         let pick = |own: &[wgpu::Texture; 5], other: &[wgpu::Texture; 5]| {
@@ -117,7 +117,7 @@ pub static MODULE: ShaderModule = ShaderModule::new("composition", &[&WGSL]);
 impl Stage for Composition {
     const DECLARATION: Declaration = Declaration {
         name: "composition",
-        about: "Reads each flavour's G-buffer; makes the pictures of any set of flavours, two words per pixel",
+        about: "Reads each flavour's G-buffer; writes the pictures of any set of flavours, two words per pixel",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
@@ -155,8 +155,8 @@ impl Composition {
         CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, pad_0: 0 }
     }
 
-    /// Records the pass: each stream goes to its destination. One dispatch makes all streams and reads each layer once; if the streams do not fit one
-    /// binding, there are several dispatches.
+    /// Records the pass, which writes the picture of each stream to its destination. One dispatch composes all streams and reads each layer once; if
+    /// the pictures do not fit in one buffer binding, there are several dispatches.
     pub fn encode(&self, rec: &mut Recording<'_>, geometry: &geometry::Targets, layers: &Layers, destinations: &[Destination<'_>]) {
         let (gpu, frame, encoder) = (rec.gpu, rec.frame(), &mut rec.encoder);
         let depth = aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly);

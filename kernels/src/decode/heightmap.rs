@@ -135,8 +135,8 @@ struct Reader<'a> {
 /// Reads a heightmap. The extension of the file determines its format (`png`, `raw`, `r16`, `bin`, `exr`, `tif`, `tiff`).
 ///
 /// # Errors
-/// [`Error::File`] if the file cannot be read. [`Error::Heightmap`] if it is truncated, too large, or of one height everywhere; if its size
-/// or bit depth is wrong; if samples are NaN, infinite or missing; or if an option does not suit it.
+/// [`Error::File`] if the file cannot be read. [`Error::Heightmap`] if the file is truncated or too large, if all its samples are equal, if
+/// its size or bit depth is wrong, if samples are NaN, infinite or missing, or if an option does not fit the file.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Heightmap> {
     let file = File::open(path).map_err(|source| Error::File { file: path.to_owned(), source })?;
     decode(BufReader::new(file), path, options)
@@ -220,7 +220,7 @@ impl Reader<'_> {
         if decoder.color_type() != ColorType::L16 || decoder.original_color_type() != ExtendedColorType::L16 {
             let bits = decoder.original_color_type();
             return Err(self.error(format!(
-                "its samples are {}, not 16-bit grey: 256 levels would show as terraces; export the heightmap as 16-bit greyscale",
+                "its samples are {}, but must be 16-bit grey, because 8 bits would show as terraces; export the heightmap as 16-bit greyscale",
                 colour_words(bits)
             )));
         }
@@ -404,7 +404,7 @@ impl Reader<'_> {
             }
         };
         let place = |i: usize| (i % width as usize, i / width as usize);
-        // No land lies at -9999 or -32768 m: files without a no-data tag use these values for gaps.
+        // Files without a no-data tag mark gaps by -9999 or -32768. No ground has such an elevation.
         let gap = |s: f32| !s.is_finite() || [-9999.0, -32_768.0].contains(&s);
         if let Some(i) = samples.iter().position(|&s| gap(s)) {
             let (x, y) = place(i);

@@ -30,7 +30,7 @@ pub const STOPS: [f64; 2] = [-16.0, 16.0];
 /// How radiance is mapped to what a screen can show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ToneCurve {
-    /// Reinhard's curve on luminance with a white point of [`WHITE`]; colour is kept.
+    /// Reinhard's curve on luminance with a white point of [`WHITE`]; the ratios of the colour channels are kept.
     #[default]
     Reinhard,
     /// Radiance above 1 is clipped.
@@ -63,9 +63,10 @@ table! {
     /// How a picture is shown to people.
     #[derive(Copy)]
     Exposure as "frame", {
-        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. Metrics and OpenEXR files are not exposed.
+        /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. Exposure does not affect metrics and OpenEXR files.
         exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
-        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip` above 1. Metrics and OpenEXR files are not mapped.
+        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip` above 1. It does not affect metrics and OpenEXR
+        /// files.
         tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
     }
 }
@@ -108,7 +109,7 @@ pub struct Display {
 impl Stage for Display {
     const DECLARATION: Declaration = Declaration {
         name: "display",
-        about: "Reads linear HDR radiance; makes tone-mapped sRGB",
+        about: "Reads linear HDR radiance; writes tone-mapped sRGB",
         modules: &[&MODULE],
         passes: |_| {
             vec![PassUse {

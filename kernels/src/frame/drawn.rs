@@ -16,7 +16,7 @@ use crate::view::camera::View;
 
 /// A drawn frame on the device, with the request that made it. It borrows the renderer, so that nothing else can be drawn while it is in use.
 ///
-/// What needs only its geometry is a method of [`DrawnGeometry`].
+/// Operations that need only the geometry are methods of [`DrawnGeometry`].
 pub struct Frame<'f, 'a> {
     geometry: DrawnGeometry<'f, 'a>,
     report: FrameReport,
@@ -59,8 +59,8 @@ impl<'f, 'a> Frame<'f, 'a> {
     }
 }
 
-/// The geometry of a view on the device: depth, normals and classification mask. What was shaded on it may belong to another request, so it has no
-/// picture to read.
+/// The geometry of a view on the device: depth, normals and classification mask. The shading in the targets may belong to a different request, so no
+/// picture can be read.
 pub struct DrawnGeometry<'f, 'a> {
     renderer: &'f Renderer<'a>,
     targets: &'f Targets,
@@ -93,16 +93,16 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         &self.targets.geometry
     }
 
-    /// Where each pixel's surface point was in the frame of the previous call with these `links`: one index per pixel,
-    /// [`NO_LINK`](crate::motion::NO_LINK) = not seen there.
+    /// Returns, for each pixel, the index of the pixel that showed its surface point in the frame of the previous call with these `links`;
+    /// [`NO_LINK`](crate::motion::NO_LINK) = the point was not visible in that frame.
     ///
     /// # Errors
-    /// When `links` are of another size or the device fails.
+    /// When `links` are for pictures of a different size or the device fails.
     pub fn link(&self, links: &mut Links) -> Result<Vec<u32>> {
         let (own, other) = (self.request.view.size, links.size());
         if own != other {
             return Err(Error::Request(format!(
-                "links of {}x{} pixels do not fit a picture of {}x{}: make them of its size",
+                "links for pictures of {}x{} pixels do not fit this picture of {}x{}: make links of the size of the picture",
                 other[0], other[1], own[0], own[1]
             )));
         }

@@ -1,4 +1,4 @@
-//! A scene that changes while it is drawn: only what the change affects is made again.
+//! Changes a scene while it is drawn. Only the parts that the change affects are rebuilt.
 
 use std::sync::Arc;
 
@@ -13,12 +13,12 @@ use crate::scene::{Blend, Scene};
 use crate::terrain::palette_means;
 use crate::variant::Flavour;
 
-/// What edits caused to be made again.
+/// Numbers of the parts that edits have rebuilt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EditCounts {
     /// Nodes whose materials changed, or that have a material whose mean look changed.
     pub nodes: usize,
-    /// Layers of detail textures.
+    /// Layers of detail textures that changed.
     pub textures: usize,
 }
 
@@ -33,11 +33,11 @@ pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) 
 impl Renderer<'_> {
     /// Replaces the scene, if the new one differs from it only in what can change while it is drawn: the light, the distances and slopes of the
     /// flavours, the blend (except anisotropy), cameras and paths; and, in a renderer that is [`editable`](crate::frame::RendererOptions::editable),
-    /// materials, splat rules and strokes. Only the nodes, textures and pages that the change affects are made again. Returns whether the scene was
+    /// materials, splat rules and strokes. Only the nodes, textures and pages that the change affects are rebuilt. Returns whether the scene was
     /// replaced; if not, nothing has changed.
     ///
     /// # Errors
-    /// When the scene is invalid, asks for cliffs that the world does not have, or a texture cannot be loaded. Then nothing has changed.
+    /// When the scene is invalid, has cliffs steeper than any slope of the world, or a texture cannot be loaded. In these cases, nothing has changed.
     pub fn retune(&mut self, scene: &Scene) -> Result<bool> {
         if *scene == self.scene {
             return Ok(true);
@@ -66,7 +66,8 @@ impl Renderer<'_> {
         if relaid || palette.is_some() {
             self.replace_materials(relaid, palette);
         }
-        // Of these numbers, the height blend changes the texels of pages; the mip bias changes only how they are rounded.
+        // Only these two numbers of the blend affect cached pages. The sharpness of the height blend changes their texels. The mip bias changes only
+        // the rounding of their texels, because the shader of pages cancels its factor.
         let enters = |blend: &Blend| [blend.height_sharpness, blend.mip_bias];
         if enters(&scene.blend) != enters(&self.scene.blend) {
             self.stages.virtual_texture.forget();
@@ -80,13 +81,14 @@ impl Renderer<'_> {
         Ok(true)
     }
 
-    /// Whether [`Renderer::retune`] to this scene makes a new palette, which may take as long as making its textures.
+    /// Whether [`Renderer::retune`] with this scene builds a new palette. If no texture can be reused, this takes as long as making all textures of
+    /// the scene.
     pub fn needs_textures(&self, scene: &Scene) -> bool {
         let textured = |s: &Scene| (s.materials.clone(), s.blend.material_contrast.to_bits(), s.folder.clone());
         textured(scene) != textured(&self.scene)
     }
 
-    /// Draws with the scene's own textures from now on, after a [`sketch`](crate::frame::RendererOptions::sketch).
+    /// Replaces the textures of a [`sketch`](crate::frame::RendererOptions::sketch) by those of `palette`, which are the scene's own.
     pub fn take_palette(&mut self, palette: Palette) {
         self.replace_materials(false, Some(palette));
     }
@@ -120,7 +122,8 @@ impl Renderer<'_> {
         same == *own
     }
 
-    /// Lays the materials again if the rules of the world have changed (`relaid`), and replaces the palette if a new one is given.
+    /// Replaces the palette if a new palette is given, and bakes the nodes that the change affects again. `relaid`: whether the placement of
+    /// materials in the world has changed.
     fn replace_materials(&mut self, relaid: bool, palette: Option<Palette>) {
         let mut means = Vec::new();
         let mut looks = Vec::new();
@@ -143,7 +146,7 @@ impl Renderer<'_> {
         let nodes = self.streaming.lay_anew(&self.gpu, &self.world, &self.means, &Changes { relaid, means, looks });
         self.edited.nodes += nodes;
         if nodes > 0 {
-            // The geometry pass writes normals, and their texels also hold properties of the materials, so it must run again.
+            // The geometry pass reads the normal atlas. Its compressed texels also hold properties of the materials, so the pass must run again.
             self.drawn = None;
         }
     }

@@ -27,7 +27,7 @@ pub fn write_png_texels(file: &Path, size: [u32; 2], texels: &[[u8; 3]]) -> Resu
     })
 }
 
-/// Writes the picture for people to look at: as the device tone-mapped it or, if the picture was averaged on the CPU, tone-mapped by the reference
+/// Writes the displayed picture as PNG. If the device did not tone-map the picture, because it was averaged on the CPU, the reference tone-maps it
 /// with `exposure`.
 ///
 /// # Errors

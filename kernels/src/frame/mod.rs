@@ -57,11 +57,11 @@ use stages::Stages;
 pub struct RendererOptions {
     /// Edge of a tile, pixels: 4, 8 or 16.
     pub tile: u32,
-    /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]). This keeps the sources of textures and
-    /// nodes: at most 130 MB for nodes, and twice the size of the compressed textures.
+    /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]). An editable renderer keeps the sources of
+    /// nodes (at most 130 MB) and of textures (twice the size of the compressed textures).
     pub editable: bool,
-    /// Edge of detail textures, texels, in place of the scene's: for a first look, until [`Renderer::take_palette`] sets the scene's own textures.
-    /// Only for editable renderers.
+    /// Edge of detail textures, texels, instead of the size that the scene gives; `None` = the size that the scene gives. Used for a first look,
+    /// until [`Renderer::take_palette`] sets the scene's own textures. Only for editable renderers.
     pub sketch: Option<u32>,
 }
 
@@ -81,9 +81,9 @@ pub struct Renderer<'a> {
     means: PaletteMeans,
     /// The palette of the textures, if the renderer is editable.
     palette: Option<Palette>,
-    /// Previous palette; in an A/B comparison, the other scene's.
+    /// The palette before the current one. In an A/B comparison, it is the palette of the other side, so its textures can be reused.
     former: Option<Palette>,
-    /// What edits since the last frame caused to be made again.
+    /// Numbers of nodes and texture layers that edits since the last frame have rebuilt.
     edited: EditCounts,
     streaming: Streaming,
     terrain: Terrain,
@@ -109,7 +109,7 @@ impl<'a> Renderer<'a> {
     /// Prepares a scene for drawing: world, palette, atlases, shaders.
     ///
     /// # Errors
-    /// When the data of the scene are wrong (with file and reason), the scene asks for cliffs that its world does not have, or a shader does not
+    /// When the data of the scene are wrong (with file and reason), the scene has cliffs steeper than any slope of its world, or a shader does not
     /// compile.
     pub fn new(gpu: &Gpu, scene: &Scene, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         Renderer::with(gpu, scene, RendererOptions::default(), progress)
@@ -132,7 +132,7 @@ impl<'a> Renderer<'a> {
         let sources = gpu.sources();
         let frame_layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
         let stages = Stages::build(Build { gpu, frame: &frame_layout, terrain: &terrain, demands: &demands, tile: options.tile })?;
-        // Reports a pipeline that the device refused here, and not with the first picture.
+        // If the device refused a pipeline, the error is reported at this point and not with the first picture.
         gpu.check()?;
         Ok(Renderer {
             gpu: gpu.clone(),
@@ -219,7 +219,7 @@ impl<'a> Renderer<'a> {
         Ok(Frame::new(self, targets, *request, report))
     }
 
-    /// Draws one frame into the targets, which are made again if their size or format differs.
+    /// Draws one frame into the targets, which are allocated again if their size or format differs.
     fn draw_targets(&mut self, request: &RenderRequest) -> Result<FrameReport> {
         request.check(&self.gpu.device.limits(), self.options.tile)?;
         self.check_variant(request.shading.variant)?;
@@ -251,7 +251,7 @@ impl<'a> Renderer<'a> {
         let drawn = match self.drawn.take().filter(|drawn| request.outputs.keep_geometry && drawn.key == key) {
             Some(drawn) => drawn,
             None => {
-                // streaming, quadtree: which nodes, and their payloads; culling: patches
+                // quadtree, residency: the nodes and their payloads; culling: the patches
                 let eye = request.geometry.culled_from.map_or(view, |pose| self.view(&request.with(|r| r.view.pose = pose)));
                 let (visited, nodes, patches) = self.visible_patches(request, &view, &eye)?;
                 loaded = self.streaming.loaded();
@@ -360,7 +360,7 @@ impl<'a> Renderer<'a> {
     /// The geometry of the last frame drawn, which must be the geometry of `request`.
     ///
     /// # Errors
-    /// When nothing was drawn yet, or the last frame had other geometry.
+    /// When nothing was drawn yet, or the last frame had a different geometry.
     pub fn drawn_as(&self, request: &RenderRequest) -> Result<DrawnGeometry<'_, 'a>> {
         match (&self.targets, &self.drawn) {
             (Some(targets), Some(drawn)) if drawn.key == request.geometry_key() => Ok(DrawnGeometry::new(self, targets, *request)),
@@ -384,7 +384,7 @@ impl<'a> Renderer<'a> {
         Links::new(&self.gpu, &self.frame_layout, size)
     }
 
-    /// The pass that composes pictures; it also makes the streams to compose.
+    /// The pass that composes pictures. It also describes the streams to compose ([`Composition::stream`]).
     pub fn composition(&self) -> &Composition {
         &self.stages.composition
     }
@@ -401,7 +401,8 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    /// The nodes that `eye` visits, which become resident; the nodes that it draws; and the patches that it may see, placed for `view`.
+    /// Selects the nodes for the view `eye` and makes them resident. Returns the nodes visited, the nodes to draw, and the patches that may be
+    /// visible from `eye`, in the local coordinates of `view`.
     fn visible_patches(&mut self, request: &RenderRequest, view: &View, eye: &View) -> Result<(Vec<NodeId>, Vec<NodeId>, Vec<Patch>)> {
         self.streaming.begin_frame();
         let (streaming, world, means, progress, gpu) = (&mut self.streaming, &self.world, &self.means, self.progress, &self.gpu);
@@ -452,7 +453,7 @@ impl<'a> Renderer<'a> {
                 (self.progress)(Progress { stage: "shader variants".to_owned(), done, total });
             }
         }
-        // Unlit draws are internal: nobody sees them.
+        // Draws without lighting are internal and never displayed.
         if request.outputs.lit {
             self.stages.shading.display(&keys, !request.outputs.keep_geometry);
         }
@@ -466,7 +467,7 @@ fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
     Demands { anisotropy: gpu.anisotropy(demands.anisotropy), ..demands }
 }
 
-/// Refuses cliffs that the world does not have.
+/// Returns an error if the scene has cliffs steeper than any slope of the world.
 fn check_cliffs(scene: &Scene, world: &World) -> Result<()> {
     // Computing the largest slope takes a tenth of a second, so it is done only if the world may not be steep enough.
     let asked = scene.flavours.cliff_slope_deg;

@@ -21,10 +21,10 @@ impl AovSet {
     /// All layers.
     pub const ALL: AovSet = AovSet((1 << AOV_NAMES.len()) - 1);
 
-    /// The set of these names.
+    /// Returns the set of the layers with these names.
     ///
     /// # Errors
-    /// For an unknown name, with the nearest known one.
+    /// When a name is unknown. The error suggests the nearest known name.
     pub fn from_names<S: AsRef<str>>(names: &[S]) -> Result<AovSet> {
         let mut set = AovSet::default();
         for name in names {
@@ -83,7 +83,7 @@ pub struct Picture {
     pub report: FrameReport,
 }
 
-/// The first three numbers of texels that have four, as f16.
+/// Converts texels of four f16 channels to their first three channels in f32.
 fn rgb(bytes: &[u8]) -> Vec<[f32; 3]> {
     let halves: Vec<f16> = bytemuck::pod_collect_to_vec(bytes);
     halves.to_f32_vec().chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2]]).collect()
@@ -168,8 +168,7 @@ impl Picture {
         Ok(Picture { size, hdr, displayed, layers, passes, fetches_per_px, report })
     }
 
-    /// The picture that people see: as the device tone-mapped it or, if the request did not ask for that, tone-mapped by the reference with
-    /// `exposure`.
+    /// Returns the displayed picture. If the request did not ask the device to tone-map it, the reference tone-maps it with `exposure`.
     pub fn displayed(&self, exposure: Exposure) -> Vec<[u8; 3]> {
         match &self.displayed {
             Some(codes) => codes.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),

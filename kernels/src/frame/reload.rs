@@ -1,4 +1,4 @@
-//! Rebuilds shaders in a renderer that goes on drawing: all stages that a change affects, or none.
+//! Rebuilds shaders in a renderer that continues to draw. Either all stages that a change affects are rebuilt, or none.
 
 use std::sync::Arc;
 
@@ -25,8 +25,8 @@ impl Renderer<'_> {
     /// The shading pipelines of the displayed view are built at once. The others are built when a frame needs them, which may fail then.
     ///
     /// # Errors
-    /// When a shader does not compile (with file, line and message), or no pipeline can be built from it (with the files and the message). Then
-    /// nothing has changed, for this renderer and for its device.
+    /// When a shader does not compile (with file, line and message), or no pipeline can be built from it (with the files and the message). In both
+    /// cases, this renderer and its device are unchanged.
     pub fn reload_shaders(&mut self, sources: Sources) -> Result<ReloadReport> {
         let files = self.sources.differences(&sources);
         if files.is_empty() {
@@ -50,13 +50,13 @@ impl Renderer<'_> {
         }
     }
 
-    /// Rebuilds the stages of the table that use a file of `changed`. Also returns the names of the passes outside the table that use one.
+    /// Rebuilds the stages of the table that use a file of `changed`. Also returns the names of the passes outside the table that use such a file.
     fn rebuilt(&self, changed: &[String]) -> Result<(Rebuilt, Vec<&'static str>)> {
         let rebuilt = self.stages.rebuilt(self.build(), changed)?;
         let mut others = Vec::new();
         let files = touched(&FOLLOWING, changed);
         if !files.is_empty() {
-            // Made only to see whether it compiles; code that follows frames makes it again.
+            // Compiled only to detect errors. Code that follows frames compiles the pass again.
             let (links, complaint) = self.gpu.caught(|| Links::new(&self.gpu, &self.frame_layout, [1, 1]));
             drop(links?);
             if let Some(what) = complaint {

@@ -16,7 +16,7 @@ pub struct FrameReport {
     pub visited: usize,
     /// Nodes that were not resident and were baked for this frame.
     pub loaded: usize,
-    /// What edits of the scene since the frame before caused to be made again.
+    /// Numbers of the parts that edits of the scene have rebuilt since the frame before.
     pub edited: EditCounts,
     /// Nodes drawn.
     pub nodes: usize,
@@ -28,7 +28,7 @@ pub struct FrameReport {
     pub atlas: AtlasCounts,
     /// Virtual-texture pages.
     pub pages: PageCounts,
-    /// The pages kept after this frame's rendering.
+    /// The cached pages after this frame's rendering.
     pub page_cache: CacheCounts,
     /// Number of tiles: all tiles with terrain, then the tiles of each variant 1..=31.
     pub tiles: Vec<u32>,

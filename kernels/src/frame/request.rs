@@ -48,12 +48,12 @@ pub struct ViewRequest {
 /// How the terrain's geometry is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryRequest {
-    /// Bias of the terrain's LOD: each whole level halves the distance at which nodes are split.
+    /// Bias of the terrain's LOD. Adding 1 halves the distance at which nodes are split.
     pub lod_bias: f64,
     /// Vertex decimation: every 1st, 2nd or 4th vertex along a node's side is drawn, see [`STRIDES`](crate::geometry::STRIDES). The textures of the
-    /// ground stay as fine as before.
+    /// ground keep their resolution.
     pub vertex_stride: u32,
-    /// Selects nodes and patches as seen from this pose instead of from the camera, to show what culling removes.
+    /// The pose from which nodes and patches are selected, to show what culling removes; `None` = they are selected from the camera.
     pub culled_from: Option<Pose>,
     /// How the geometry pass stores its two normals.
     pub normals: NormalEncoding,
@@ -75,13 +75,13 @@ pub struct ShadingRequest {
     pub variant: VariantChoice,
     /// How near cliff, far cliff and splat compute their value.
     pub estimator: Estimator,
-    /// Noise of their random choices.
+    /// Noise of the random choices of these flavours.
     pub noise: NoiseKind,
-    /// Seed of their random choices.
+    /// Seed of the random choices of these flavours.
     pub seed: u32,
-    /// Frame index. There is no clock.
+    /// Frame index. No picture depends on a clock.
     pub frame: u32,
-    /// Full splat with two tiling scales: 96 fetches.
+    /// Whether full splat blends two tiling scales, which takes 96 fetches.
     pub two_tilings: bool,
     /// Where the shaded sample lies in its pixel, for temporal supersampling.
     pub sample_pattern: SamplePattern,
@@ -100,7 +100,8 @@ pub struct Outputs {
     pub displayed: bool,
     /// Whether each variant is shaded and timed in a pass of its own. It is off when the shading pass is timed as a whole.
     pub time_variants: bool,
-    /// Reuses the geometry of the last frame instead of drawing it, if its [`GeometryKey`] is the same: for many seeds or variants of one view.
+    /// Whether the geometry of the last frame is reused instead of drawn again, if its [`GeometryKey`] is the same. This speeds up many seeds or
+    /// variants of one view.
     pub keep_geometry: bool,
 }
 
@@ -159,7 +160,7 @@ impl RenderRequest {
     }
 }
 
-/// The largest picture side, pixels: 12 bits of tile coordinates would allow more, textures do not.
+/// The largest picture side, pixels. The limit comes from the size of textures; the 12 bits of tile coordinates would allow more.
 pub const MAX_SIDE: u32 = 16_384;
 /// The largest picture, pixels.
 pub const MAX_PIXELS: u64 = 1 << 26;
@@ -175,7 +176,7 @@ pub fn check_size(size: [u32; 2], limits: &wgpu::Limits, tile: u32) -> Result<()
     let lists = columns * rows * u64::from(classification::LISTS) * 4;
     if size.contains(&0) || size.iter().any(|&n| n > side) || pixels > MAX_PIXELS || lists > limits.max_storage_buffer_binding_size {
         return Err(Error::Request(format!(
-            "a picture of {}x{} cannot be made here: each side must be 1 to {side} pixels, {MAX_PIXELS} in all; make it smaller",
+            "a picture of {}x{} cannot be made here: each side must be 1 to {side} pixels, with at most {MAX_PIXELS} pixels in all; make it smaller",
             size[0], size[1]
         )));
     }

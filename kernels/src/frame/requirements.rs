@@ -1,12 +1,12 @@
-//! What a scene requires, and what it does not: flavours, variants, textures, passes, bytes.
+//! What a scene requires, and what it does not require: flavours, variants, textures, passes, bytes.
 //!
-//! What is not required is neither compiled, allocated nor dispatched. Sizes and formats are those of
+//! Parts that are not required are not compiled, allocated or dispatched. Sizes and formats are those of
 //! *Terrain Rendering in Far Cry 5* (Moore, GDC 2018), sections on terrain data and the virtual texture.
 //!
-//! Limits: without a virtual texture, neither its request pass nor its page pass is compiled or run. Its pages are then one unused layer, because the
-//! shading pass must have something bound, and the page table (224 KiB) stays; forcing a variant with `vt` is an error. Without colour modulation,
-//! its atlas is one layer. Detail textures and the splat map always exist, even where no flavour samples them, because errors are measured against
-//! the full blend.
+//! Limits: without a virtual texture, neither its request pass nor its page pass is compiled or run. Its pages are then one unused layer, because a
+//! binding of the shading pass cannot be empty, and the page table (224 KiB) is allocated, too. Forcing a variant with `vt` is an error. Without
+//! colour modulation, its atlas is one layer. Detail textures and the splat map always exist, even if no flavour samples them, because errors are
+//! measured against the full blend.
 
 use std::fmt;
 
@@ -35,7 +35,7 @@ pub struct FlavourUse {
     pub reason: String,
 }
 
-/// What follows from a scene file, before any world data is read.
+/// What follows from a scene file alone, without any world data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Requirements {
     /// The scene's name.
@@ -55,7 +55,7 @@ pub struct Requirements {
     pub targets: Vec<TargetUse>,
     /// Passes in their order, required or not.
     pub passes: Vec<PassUse>,
-    /// The stages in their order: name, and what each reads and makes.
+    /// The stages in their order: name, and what each stage reads and writes.
     pub stages: Vec<(&'static str, &'static str)>,
 }
 

@@ -1,4 +1,4 @@
-//! The settings of a frame: choices that no scene makes.
+//! The settings of a frame that are not part of a scene.
 
 use toml::Value;
 
@@ -20,7 +20,7 @@ use crate::view::normals::NormalEncoding;
 /// Prefix of the keys of these settings.
 pub const FRAME: &str = "frame.";
 
-/// The value that selects no variant: the choice is automatic.
+/// The value of `frame.variant` that selects no variant, so that each tile has the variant it needs.
 const AUTOMATIC: &str = "auto";
 
 const SHADING: Listing = Listing::new("Shading", &[Home::Definition, Home::Option, Home::Workbench]);
@@ -31,18 +31,18 @@ const ESTIMATORS: Listing = Listing::new("Shading", &[Home::DefinitionList("esti
 const NOISES: Listing = Listing::new("Shading", &[Home::DefinitionList("noises"), Home::Option, Home::Workbench]);
 
 table! {
-    /// Choices of a frame, which no scene makes.
+    /// Settings of a frame that are not part of a scene.
     #[derive(Copy)]
     FrameSettings of FrameSettings as "frame" at |frame| frame,
     parts
         /// The settings that stages declare.
         stages: StageSettings,
     {
-        /// The variant that shades every tile. `auto`: each tile by the variant its pixels need.
+        /// The variant that shades every tile. `auto`: each tile is shaded by the variant that its pixels need.
         variant: Option<Variant> = None, "", Kind::Text(VARIANT), VARIANTS.shown("Automatic");
-        /// Shade by the one pipeline that takes the flavours at run time, instead of by the variants' own pipelines.
+        /// Shade with one generic pipeline, which reads the flavours of each tile at run time, instead of one pipeline per variant.
         generic: bool = false, "", Kind::Flag, VARIANTS.shown("Generic kernel");
-        /// How near cliff, far cliff and splat arrive at a value.
+        /// How near cliff, far cliff and splat compute their value.
         estimator: Estimator = Estimator::Fc5, "", Kind::Name(|| Estimator::ALL.map(Estimator::name).to_vec()), ESTIMATORS.shown("Estimator");
         /// Source of the random numbers.
         noise: NoiseKind = NoiseKind::HashedIsotropic, "", Kind::Name(|| NoiseKind::ALL.map(NoiseKind::name).to_vec()), NOISES.shown("Noise");
@@ -53,23 +53,24 @@ table! {
         seed: u32 = 0, "", Kind::Whole(0, u32::MAX), SHADING.shown("Seed");
         /// Give each frame a seed of its own: the seed plus the frame's number.
         reseeds: bool = false, "", Kind::Flag, SHADING.shown("A seed a frame");
-        /// Blend full splat at two scales of texture: 96 fetches.
+        /// Blend full splat at two tiling scales, which takes 96 fetches.
         two_tilings: bool = false, "", Kind::Flag, SHADING.shown("Two tilings");
-        /// Draw terrain nodes this many levels coarser, below 0 finer: geometry, splat map and baked colours alike.
+        /// Draw terrain nodes this many levels coarser, or finer if below 0. This changes geometry, splat map and baked colours.
         lod_bias: f64 = 0.0, "levels", Kind::Number(Range::new(LOD_BIASES[0], LOD_BIASES[1])),
             GEOMETRY.slider("Node LOD bias", LOD_BIASES[0], LOD_BIASES[1]);
-        /// Vertex decimation: draw every 1st, 2nd or 4th vertex along a node's side. Textures stay as fine; ridges lose detail.
+        /// Vertex decimation: draw every 1st, 2nd or 4th vertex along a node's side. Textures keep their resolution, but ridges lose
+        /// detail.
         vertex_stride: u32 = 1, "", Kind::OneOf(&geometry::STRIDES), GEOMETRY.shown("Vertex stride");
         /// Edge of a tile of the screen.
         tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
             Listing::new("Classification", &[Home::Definition, Home::Option]);
-        /// What has a variant of its own: a tile of the screen or a patch of the terrain.
+        /// The unit that has its own variant: a tile of the screen or a patch of the terrain.
         classification: ClassifyBy = ClassifyBy::Tile, "", Kind::Name(|| ClassifyBy::ALL.map(ClassifyBy::name).to_vec()),
             Listing::new("Classification", &[Home::Definition]);
     }
 }
 
-/// The unit that has a variant of its own.
+/// The unit that has its own variant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClassifyBy {
     /// A tile of the screen.
@@ -80,7 +81,7 @@ pub enum ClassifyBy {
 }
 
 impl ClassifyBy {
-    /// Both.
+    /// Both units.
     pub const ALL: [ClassifyBy; 2] = [ClassifyBy::Tile, ClassifyBy::Patch];
 
     /// The name used in files.
@@ -121,13 +122,16 @@ pub fn setting(key: &str) -> Option<&'static Setting<FrameSettings>> {
 }
 
 impl FrameSettings {
+    /// Checks all settings.
+    ///
     /// # Errors
-    /// The first value that its setting does not accept.
+    /// When a setting does not accept its value. The error names the first such setting.
     pub fn check(&self) -> Checked {
         settings::check(settings(), self)
     }
 
-    /// These settings, but looked at as with `other`: settings that no experiment has, such as the exposure, are those of `other`.
+    /// Returns these settings with one difference: settings that an experiment cannot set, such as the exposure, have the values of
+    /// `other`.
     #[must_use]
     pub fn looked_at_as(mut self, other: &FrameSettings) -> FrameSettings {
         let measured = |home: &Home| matches!(home, Home::Definition | Home::DefinitionList(_));

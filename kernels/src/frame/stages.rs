@@ -50,7 +50,7 @@ macro_rules! stages {
             [$(<$stage as Stage>::Settings::table::<$stage, FrameSettings>()),*].into_iter().flatten()
         }
 
-        /// What every stage writes, by its name, with the size of the picture; `()` = the stage writes nothing of that size.
+        /// The targets of every stage, by the name of the stage; `()` = the stage has no targets that depend on the picture's size.
         pub struct Targets {
             $(#[doc = concat!("Targets of the stage `", stringify!($field), "`.")] pub $field: <$stage as Stage>::Targets,)*
             size: [u32; 2],
@@ -63,7 +63,7 @@ macro_rules! stages {
                 Targets { $($field: <$stage>::targets(canvas),)* size: canvas.size, normals: canvas.normals.format() }
             }
 
-            /// Whether they are as if allocated for this picture.
+            /// Whether these targets fit a picture of this size and encoding of normals.
             pub(super) fn fit(&self, size: [u32; 2], normals: NormalEncoding) -> bool {
                 self.size == size && self.normals == normals.format()
             }
@@ -81,7 +81,7 @@ macro_rules! stages {
                 Ok(Stages { $($field: <$stage>::build(build)?),* })
             }
 
-            /// Rebuilds the stages that use one of the files `changed`; `Rebuilt::take` puts them in their places.
+            /// Rebuilds the stages that use one of the files `changed`. `Rebuilt::take` replaces the stages by the rebuilt ones.
             ///
             /// # Errors
             /// When a shader does not compile, or no pipeline can be built from it. Then nothing has changed.
@@ -100,28 +100,28 @@ macro_rules! stages {
 }
 
 stages! {
-    /// Makes depth, stencil, classification mask and normals.
+    /// Writes depth, stencil, classification mask and normals.
     geometry: Geometry,
-    /// Makes the tile list of each variant.
+    /// Writes the tile list of each variant.
     classification: Classification,
-    /// Makes pages.
+    /// Renders pages of the virtual texture.
     virtual_texture: VirtualTexture,
-    /// Makes the G-buffer.
+    /// Writes the G-buffer.
     shading: Shading,
-    /// Makes linear HDR.
+    /// Writes linear HDR radiance.
     lighting: Lighting,
-    /// Makes tone-mapped sRGB, where a picture is shown.
+    /// Writes tone-mapped sRGB, on request.
     display: Display,
-    /// Makes numbers of each pixel, on request.
+    /// Writes position, derivatives and splat texels of each pixel, on request.
     inspect: Inspect,
     /// Composes pictures of any set of flavours, on request.
     composition: Composition,
 }
 
-/// Modules of the passes outside the table. They are compiled when frames are followed.
+/// Modules of the passes outside the table that link frames. They are compiled when [`Links`](crate::motion::Links) or a meter is made.
 pub const FOLLOWING: [&ShaderModule; 1] = [&motion::MODULE];
 
-/// Every WGSL file that a renderer is made of, each once, in alphabetical order of their paths.
+/// Every WGSL file that a renderer uses, each once, in alphabetical order of their paths.
 pub fn shader_files() -> Vec<&'static Wgsl> {
     let modules = DECLARATIONS.iter().flat_map(|stage| stage.modules.iter().copied()).chain(FOLLOWING);
     let mut files: Vec<&Wgsl> = modules.flat_map(ShaderModule::files).collect();
@@ -132,7 +132,7 @@ pub fn shader_files() -> Vec<&'static Wgsl> {
 
 /// Stages that were rebuilt.
 pub(super) struct Rebuilt {
-    /// Their names, in the order of the frame.
+    /// Names of the rebuilt stages, in the order of the frame.
     pub(super) names: Vec<&'static str>,
     exchanges: Vec<Exchange<Stages>>,
 }
@@ -154,7 +154,7 @@ impl Rebuilt {
         Ok(())
     }
 
-    /// Puts the stages in their places.
+    /// Replaces the stages by the rebuilt ones.
     pub(super) fn take(self, stages: &mut Stages) {
         for exchange in self.exchanges {
             exchange(stages);

@@ -1,6 +1,6 @@
 // Geometry pass: draws patches into depth, stencil, classification mask and two normals.
 
-// True where the scene has holes. Only then do holes cost a varying and a discard.
+// Whether the scene has holes. If not, the fetch and the discard for holes are compiled out.
 override HAS_HOLES: bool = false;
 
 struct Patch {
@@ -16,7 +16,8 @@ struct Patch {
 
 struct GeometryVarying {
     @builtin(position) clip: vec4<f32>,
-    // Relative to the camera: derivatives are differences, and f32 resolves elevations above the sea only to millimetres.
+    // Position relative to the camera. Derivatives are small differences of positions, and f32 resolves elevations above sea level only to
+    // millimetres.
     @location(0) relative: vec3<f32>,
     @location(1) node_uv: vec2<f32>,
     @location(2) @interpolate(flat) slot: u32,

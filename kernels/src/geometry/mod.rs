@@ -54,19 +54,19 @@ pub struct Geometry {
     shader: Shader,
     pipeline_layout: wgpu::PipelineLayout,
     has_holes: bool,
-    /// For normals of 32 bits.
+    /// Pipeline for normals of 32 bits.
     pipeline: wgpu::RenderPipeline,
-    /// For normals of 128 bits; made when a picture first needs it.
+    /// Pipeline for normals of 128 bits, which is created when a picture first needs it.
     exact: OnceLock<wgpu::RenderPipeline>,
     layout: wgpu::BindGroupLayout,
     /// Index buffer of a patch and its number of indices, by log2 of the vertex stride.
     indices: [(wgpu::Buffer, u32); STRIDES.len()],
 }
 
-/// Vertex strides: 17, 9 or 5 of the 17 vertices along a patch's side are drawn.
+/// Possible vertex strides. With them, 17, 9 or 5 of the 17 vertices along a patch's side are drawn.
 pub const STRIDES: [u32; 3] = [1, 2, 4];
 
-/// Stitching, without bindings.
+/// WGSL functions for stitching, which need no bindings.
 pub static STITCH_WGSL: Wgsl =
     Wgsl::new("geometry/stitch.wgsl", include_str!("stitch.wgsl"), &[]).with(&[("GEOMETRY_NODE_QUADS", Constant::U32(NODE_QUADS as u32))]);
 
@@ -147,7 +147,7 @@ impl Stage for Geometry {
             ]
         },
         name: "geometry",
-        about: "Reads patches, heights, normals and holes; makes depth, stencil, classification mask and two normals",
+        about: "Reads patches, heights, normals and holes; writes depth, stencil, classification mask and two normals",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };

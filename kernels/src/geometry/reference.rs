@@ -8,7 +8,7 @@ pub fn weld(index: u32, delta: u32) -> u32 {
     if index - below <= step / 2 { below } else { below + step }
 }
 
-/// Welds a vertex of a node as the packed deltas say (north << 12 | east << 8 | south << 4 | west).
+/// Welds a vertex of a node by the packed LOD deltas (north << 12 | east << 8 | south << 4 | west).
 pub fn stitch(index: [u32; 2], deltas: u32) -> [u32; 2] {
     let last = u32::from(crate::world::NODE_QUADS);
     let [x, y] = index;

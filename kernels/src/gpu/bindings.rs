@@ -47,7 +47,7 @@ impl Binding {
 }
 
 impl Gpu {
-    /// A layout with `bindings` at 0, 1, 2...
+    /// A bind-group layout with `bindings` in order, the first at index 0.
     pub fn layout(&self, label: &str, stages: wgpu::ShaderStages, bindings: &[Binding]) -> wgpu::BindGroupLayout {
         let entries: Vec<_> = (0..)
             .zip(bindings)
@@ -56,14 +56,14 @@ impl Gpu {
         self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
     }
 
-    /// A bind group with `resources` at 0, 1, 2...
+    /// A bind group with `resources` in order, the first at index 0.
     pub fn group(&self, label: &str, layout: &wgpu::BindGroupLayout, resources: &[wgpu::BindingResource<'_>]) -> wgpu::BindGroup {
         let entries: Vec<_> =
             (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() }).collect();
         self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
     }
 
-    /// A pipeline layout of groups 0, 1, 2...
+    /// A pipeline layout with `groups` in order, the first at index 0.
     pub fn pipeline_layout(&self, label: &str, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
         let groups: Vec<_> = groups.iter().map(|g| Some(*g)).collect();
         self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -73,7 +73,8 @@ impl Gpu {
         })
     }
 
-    /// A pipeline that draws one full-screen triangle into a target of `format`: entry points `LABEL_vertex` and `LABEL_fragment`.
+    /// A pipeline that draws one full-screen triangle into a target of `format`. Its entry points are `LABEL_vertex` and `LABEL_fragment`, where
+    /// `LABEL` is the value of `label`.
     pub fn full_screen(
         &self,
         label: &str,

@@ -25,11 +25,15 @@ pub use upload::upload;
 /// The features that the terrain stack requires, each with its name and the reason that an error gives.
 const REQUIRED: [(wgpu::Features, &str, &str); 3] = [
     (wgpu::Features::TEXTURE_COMPRESSION_BC, "BC texture compression", "node payloads and detail textures are BC1 and BC3"),
-    (wgpu::Features::DEPTH32FLOAT_STENCIL8, "32-bit float depth with stencil", "depth is reversed f32, terrain is a stencil bit"),
+    (
+        wgpu::Features::DEPTH32FLOAT_STENCIL8,
+        "32-bit float depth with stencil",
+        "depth is reversed 32-bit float, and a stencil bit marks terrain",
+    ),
     (wgpu::Features::TEXTURE_FORMAT_16BIT_NORM, "16-bit unorm textures", "heights are R16_UNORM"),
 ];
 
-/// Features that are used where present. Results are the same without them.
+/// Features that are used if the adapter has them. Results are the same without them.
 const OPTIONAL: [(wgpu::Features, &str); 3] = [
     (wgpu::Features::TIMESTAMP_QUERY, "timestamp queries"),
     (wgpu::Features::SUBGROUP, "subgroup operations"),
@@ -43,11 +47,11 @@ pub struct AdapterReport {
     pub name: String,
     /// Graphics interface: vulkan, metal, dx12.
     pub backend: String,
-    /// Discrete, integrated, software...
+    /// Type of the adapter, such as discrete, integrated or software.
     pub device_type: String,
     /// Driver name and version.
     pub driver: String,
-    /// Whether the terrain stack runs on it, or what is missing.
+    /// `Ok` if the terrain stack runs on the adapter; otherwise a text that names the missing features.
     pub usable: std::result::Result<(), String>,
     /// The required and optional features, and whether the adapter has them.
     pub features: Vec<(String, bool)>,
@@ -60,7 +64,7 @@ pub struct Gpu {
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
-    /// Name, driver and kind of the adapter.
+    /// Name, driver and type of the adapter.
     pub info: wgpu::AdapterInfo,
     /// Features that were enabled.
     pub features: wgpu::Features,
@@ -97,7 +101,7 @@ fn report(adapter: &wgpu::Adapter) -> AdapterReport {
     }
 }
 
-/// Every adapter of this machine, in the order the system gives.
+/// All adapters of this machine, in the order in which the system lists them.
 pub fn adapters() -> Vec<AdapterReport> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(report).collect()
 }
@@ -107,7 +111,7 @@ fn ranked() -> Result<Vec<wgpu::Adapter>> {
     let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
     if found.is_empty() {
         return Err(Error::Adapter(
-            "no Vulkan, Metal or DirectX 12 driver was found; on Debian or Ubuntu `apt-get install mesa-vulkan-drivers` gives a software one"
+            "no Vulkan, Metal or DirectX 12 driver was found; on Debian or Ubuntu `apt-get install mesa-vulkan-drivers` installs a software driver"
                 .to_owned(),
         ));
     }
@@ -115,7 +119,7 @@ fn ranked() -> Result<Vec<wgpu::Adapter>> {
         found.retain(|a| a.get_info().name.to_lowercase().contains(&wanted.to_lowercase()));
         if found.is_empty() {
             return Err(Error::Adapter(format!(
-                "no name contains WGPU_ADAPTER_NAME=`{wanted}`; `experiments adapters` lists the adapters"
+                "no adapter has a name that contains `{wanted}`, the value of WGPU_ADAPTER_NAME; `experiments adapters` lists the adapters"
             )));
         }
     }
@@ -148,16 +152,17 @@ fn compiles_anisotropy_in_minutes(driver: &str, driver_info: &str) -> bool {
 /// Options for opening a device.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GpuOptions {
-    /// Leaves optional features off, so that stages take their plain path even if the adapter supports a better one.
+    /// Leaves optional features disabled, so that stages take the code path that needs none, even if the adapter supports them.
     pub plain: bool,
 }
 
 impl Gpu {
-    /// The first usable adapter, hardware before software. The environment variable `WGPU_ADAPTER_NAME` restricts the choice to adapters whose name
-    /// contains its value.
+    /// Opens a device on the first usable adapter; hardware comes before software. The environment variable `WGPU_ADAPTER_NAME` restricts the choice
+    /// to adapters whose name contains its value.
     ///
     /// # Errors
-    /// There is no adapter, none with that name, or none with the required features. In the last case, the error lists what each adapter lacks.
+    /// There is no adapter, no adapter with that name, or no adapter with the required features. In the last case, the error lists what each adapter
+    /// lacks.
     pub fn new() -> Result<Gpu> {
         Gpu::with(GpuOptions::default())
     }
@@ -170,7 +175,7 @@ impl Gpu {
         Gpu::open(&ranked()?[0], options)
     }
 
-    /// A device of every usable adapter, hardware before software. `WGPU_ADAPTER_NAME` restricts the choice.
+    /// Opens a device on every usable adapter; hardware comes before software. `WGPU_ADAPTER_NAME` restricts the choice as in [`Gpu::new`].
     ///
     /// # Errors
     /// As [`Gpu::new`].
@@ -200,12 +205,12 @@ impl Gpu {
         Ok(Gpu { device, queue, info: adapter.get_info(), features, failure, sources: Arc::default() })
     }
 
-    /// Whether the adapter runs on the CPU. Its times may be compared with each other, but never quoted alone.
+    /// Whether the adapter runs on the CPU. Times measured on such an adapter may be compared with each other, but must not be quoted alone.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
-    /// The reason, in one sentence, why this device filters detail textures without anisotropy; `None` if it filters them as the scene asks.
+    /// The reason, in one sentence, why this device filters detail textures without anisotropy; `None` if it uses the anisotropy of the scene.
     pub fn without_anisotropy(&self) -> Option<&'static str> {
         compiles_anisotropy_in_minutes(&self.info.driver, &self.info.driver_info).then_some(
             "scenes are drawn with anisotropy 1: Mesa's software driver before version 23 takes minutes to compile anisotropic shaders; install a newer Mesa",
@@ -217,10 +222,10 @@ impl Gpu {
         if self.without_anisotropy().is_some() { 1 } else { wanted }
     }
 
-    /// Returns the first error that the device reported since the last call, if any.
+    /// Fails if the device has reported an error since the last call.
     ///
     /// # Errors
-    /// The device reported an error; the text is the device's.
+    /// The first error that the device has reported since the last call, in the words of the device.
     pub fn check(&self) -> Result<()> {
         match self.failure.lock().ok().and_then(|mut slot| slot.take()) {
             Some(text) => Err(Error::Gpu(text)),
@@ -228,7 +233,7 @@ impl Gpu {
         }
     }
 
-    /// Submits and waits until the device is idle.
+    /// Submits the commands of `encoder`, and waits until the device is idle.
     ///
     /// # Errors
     /// When the device is lost or reported an error.
@@ -255,7 +260,7 @@ impl Gpu {
         buffer
     }
 
-    /// An uninitialised (zeroed) buffer of `size` bytes.
+    /// A buffer of `size` bytes. Its initial contents are zeros.
     pub fn buffer(&self, label: &str, usage: wgpu::BufferUsages, size: u64) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }

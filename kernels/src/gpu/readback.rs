@@ -16,7 +16,8 @@ pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8
     mapped(&staging, |bytes| bytes.to_vec())
 }
 
-/// Reads all texels of mip level 0, layer 0, in tightly packed rows. `bytes_per_texel` is that of the format. Waits for the device.
+/// Reads all texels of mip level 0, layer 0, in tightly packed rows. `bytes_per_texel` is the texel size of the format. Waits for
+/// the device.
 ///
 /// # Errors
 /// When the device is lost.
@@ -33,13 +34,13 @@ pub struct TextureReading<'t> {
 }
 
 impl<'t> TextureReading<'t> {
-    /// Adds mip level 0, layer 0 of a texture. Returns its place among the results.
+    /// Adds mip level 0, layer 0 of a texture. Returns the index of its texels in the result of [`TextureReading::run`].
     pub fn add(&mut self, texture: &'t wgpu::Texture, aspect: wgpu::TextureAspect, bytes_per_texel: u32) -> usize {
         self.textures.push((texture, aspect, bytes_per_texel));
         self.textures.len() - 1
     }
 
-    /// Reads all of them, in tightly packed rows. Waits for the device once.
+    /// Reads all added textures. Returns the texels of each texture, in tightly packed rows. Waits for the device once.
     ///
     /// # Errors
     /// When the device is lost.
@@ -81,7 +82,7 @@ fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
     gpu.buffer("read-back", wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ, size)
 }
 
-/// Submits copies into staging buffers, and waits until those are mapped.
+/// Submits the copies into staging buffers, and waits until the buffers are mapped.
 fn wait(gpu: &Gpu, encoder: wgpu::CommandEncoder, buffers: &[wgpu::Buffer]) -> Result<()> {
     gpu.queue.submit([encoder.finish()]);
     for buffer in buffers {

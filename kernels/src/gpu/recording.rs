@@ -1,4 +1,4 @@
-//! Recording the passes of a frame: one object holds what every pass needs, so that a stage's own inputs and outputs are all its arguments.
+//! Records the passes of a frame. One object holds what every pass needs, so a stage receives only its own inputs and outputs as further arguments.
 
 use crate::base::error::Result;
 use crate::gpu::bindings::view;
@@ -12,12 +12,12 @@ pub struct Recording<'a> {
     pub encoder: wgpu::CommandEncoder,
     /// Times of all passes of the frame.
     pub timer: Timer,
-    /// Bind groups 0, 1...: the uniforms of the frame, then the terrain if it is given.
+    /// The bind groups that stages share, from index 0: the uniforms of the frame, then the terrain, if it is given.
     groups: &'a [&'a wgpu::BindGroup],
 }
 
 impl<'a> Recording<'a> {
-    /// Begins a frame. `groups` are bound to 0, 1... in every pass.
+    /// Begins a frame. `groups` are the bind groups that stages share. Each pass binds as many of them as it asks for, from index 0.
     pub fn new(gpu: &'a Gpu, groups: &'a [&'a wgpu::BindGroup]) -> Recording<'a> {
         Recording { gpu, encoder: gpu.encoder("frame"), timer: Timer::new(gpu), groups }
     }
@@ -27,8 +27,7 @@ impl<'a> Recording<'a> {
         self.groups[0]
     }
 
-    /// Begins a timed compute pass with this pipeline. `own` are bound after the groups that the layout of the pipeline shares with all stages:
-    /// `shared` of them.
+    /// Begins a timed compute pass with this pipeline. Binds the first `shared` of the groups that stages share, and then the groups `own`.
     pub fn compute(
         &mut self,
         name: &str,
@@ -45,7 +44,7 @@ impl<'a> Recording<'a> {
         pass
     }
 
-    /// Begins a timed render pass into `colours`, with `own` bound as in [`Recording::compute`].
+    /// Begins a timed render pass into `colours`. Binds groups as [`Recording::compute`] does.
     pub fn render(
         &mut self,
         name: &str,
@@ -87,7 +86,7 @@ impl<'a> Recording<'a> {
         pass.draw(0..3, 0..1);
     }
 
-    /// Submits what was recorded, and waits for the device. Recording goes on with no commands.
+    /// Submits the commands recorded so far, and waits for the device. Recording continues with an empty encoder.
     ///
     /// # Errors
     /// When the device is lost.

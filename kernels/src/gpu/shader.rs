@@ -14,9 +14,9 @@ pub struct Shader {
 /// A shader module as a stage declares it: its name, and the files with its entry points.
 #[derive(Debug)]
 pub struct ShaderModule {
-    /// Its name in messages.
+    /// The module's name in error messages.
     pub name: &'static str,
-    /// The files that hold its entry points. Their dependencies are added automatically.
+    /// The files that hold the module's entry points. Their dependencies are added automatically.
     pub roots: &'static [&'static Wgsl],
 }
 
@@ -26,17 +26,17 @@ impl ShaderModule {
         ShaderModule { name, roots }
     }
 
-    /// Its pieces, with the embedded texts, in order.
+    /// The pieces of the module in order, with their embedded texts.
     pub fn pieces(&self) -> Vec<Piece> {
         wgsl::pieces(self.roots)
     }
 
-    /// Every file in it, in order.
+    /// All files of the module, in order.
     pub fn files(&self) -> Vec<&'static Wgsl> {
         wgsl::closure(self.roots)
     }
 
-    /// Compiles it. Texts in the device's [`Sources`](crate::gpu::Sources) replace the embedded texts of their files.
+    /// Compiles the module. Texts in the device's [`Sources`](crate::gpu::Sources) replace the embedded texts of their files.
     ///
     /// # Errors
     /// The compiler rejects the module; the error has file, line and message.
@@ -46,7 +46,8 @@ impl ShaderModule {
 }
 
 impl Shader {
-    /// Concatenates `pieces` and compiles them. Texts in the device's [`Sources`](crate::gpu::Sources) replace those of their files.
+    /// Concatenates `pieces` and compiles them. Texts in the device's [`Sources`](crate::gpu::Sources) replace the texts of pieces from the same
+    /// file.
     ///
     /// # Errors
     /// The compiler rejects the module; the error has file, line and message.
@@ -84,8 +85,8 @@ impl Shader {
 }
 
 impl Gpu {
-    /// Runs `make` in error scopes. Returns its result and, in one line, the validation or internal error that it caused, if any; that error is not
-    /// reported anywhere else. Errors of other threads, a lost device and lack of memory are not captured.
+    /// Runs `make` in error scopes. Returns its result and, in one line, the validation or internal error that it caused, if any. This error is not
+    /// reported anywhere else. Errors of other threads, out-of-memory errors and the loss of the device are not captured.
     pub(crate) fn caught<T>(&self, make: impl FnOnce() -> T) -> (T, Option<String>) {
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
@@ -116,7 +117,8 @@ fn summary(complaint: &str) -> String {
     if details.is_empty() { what.to_owned() } else { format!("{what} ({})", details.join("; ")) }
 }
 
-/// The file, and the line in it (from 1), of line `line` (from 1) of the concatenation. Lines beyond the end give the end of the last file.
+/// Returns the file, and the line in this file, from which line `line` of the concatenation comes. Lines count from 1. For a line beyond the end,
+/// returns the last line of the last file.
 fn locate(pieces: &[Piece], line: usize) -> (&str, usize) {
     let mut left = line;
     let mut end: (&str, usize) = ("?", line);

@@ -8,7 +8,7 @@ use crate::base::error::{Error, Result};
 use crate::base::wgsl::{Piece, Wgsl};
 use crate::gpu::Gpu;
 
-/// Texts that replace embedded ones, by [path](Wgsl::path). Empty by default.
+/// Shader texts that replace the embedded texts, by the [path](Wgsl::path) of their file. Empty by default.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sources {
     texts: BTreeMap<String, String>,
@@ -42,7 +42,7 @@ impl Sources {
         paths.into_iter().filter(|path| self.texts.get(*path) != other.texts.get(*path)).cloned().collect()
     }
 
-    /// Replaces the text of a piece, if there is another text for its file.
+    /// Replaces the text of a piece, if these sources have a text for its file.
     pub(crate) fn replace(&self, piece: &mut Piece) {
         if let Some(text) = self.texts.get(&piece.path) {
             piece.text.clone_from(text);
@@ -51,7 +51,7 @@ impl Sources {
 }
 
 impl Gpu {
-    /// The texts that currently replace embedded ones.
+    /// The texts that currently replace embedded texts.
     pub fn sources(&self) -> Arc<Sources> {
         self.sources.read().unwrap_or_else(PoisonError::into_inner).clone()
     }

@@ -1,8 +1,8 @@
 //! Reduces shader modules to what one pipeline runs.
 //!
 //! The override constants of a pipeline decide most branches of a large module, but a driver removes dead branches only after it has inlined and
-//! transformed their code: Mesa spends 2 s on a shading pipeline, whatever the variant. So this module fills in the constants, replaces the branches
-//! that they decide by the side taken, and removes everything that is no longer referenced.
+//! transformed their code: Mesa spends 2 s on a shading pipeline, whatever the variant. So this module fills in the constants, replaces each `if`
+//! whose condition they decide by the branch that is taken, and removes everything that is then unreferenced.
 
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
@@ -10,7 +10,7 @@ use naga::compact::{KeepUnused, compact};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Arena, Block, Constant, Expression, Function, Handle, Literal, Module, Statement};
 
-/// A module that pipelines are cut from.
+/// A shader module from which the modules of single pipelines are cut.
 pub(crate) struct Template {
     module: Module,
     info: ModuleInfo,
@@ -28,7 +28,7 @@ impl Template {
         Ok(Template { module, info })
     }
 
-    /// The module with these override values, reduced to these entry points and what they need.
+    /// Returns the module with the values of `overrides` filled in, reduced to `entry_points` and everything that they use.
     ///
     /// # Errors
     /// When a given name is not an override of the module, or a value does not fit the override's type.
@@ -56,21 +56,21 @@ struct Globals {
 }
 
 impl Globals {
-    /// Replaces each branch that constants decide by the side taken.
+    /// Replaces each `if` whose condition is constant by the branch that is taken.
     fn prune(&self, function: &mut Function) {
         let mut body = std::mem::take(&mut function.body);
         self.prune_block(&mut body, &function.expressions);
         let mut computed = Vec::new();
         gather(&body, &mut computed);
         computed.sort_unstable();
-        // Removes the names of expressions that are no longer computed, because a name would keep its expression in the module.
+        // Removes the names of expressions that no remaining statement computes, because a name would keep its expression in the module.
         let is_computed = |handle: Handle<Expression>| computed.binary_search(&handle).is_ok();
         let expressions = &function.expressions;
         function.named_expressions.retain(|&handle, _| expressions[handle].needs_pre_emit() || is_computed(handle));
         function.body = body;
     }
 
-    /// The value of a condition, if a constant decides it.
+    /// The value of a condition, if the condition is constant; otherwise `None`.
     fn decided(&self, condition: Handle<Expression>, local: &Arena<Expression>) -> Option<bool> {
         let literal = match local[condition] {
             Expression::Constant(constant) => &self.expressions[self.constants[constant].init],
@@ -130,7 +130,7 @@ fn ends(statement: &Statement) -> bool {
     }
 }
 
-/// The expressions that statements compute.
+/// Adds the expressions that the statements of a block compute to `computed`.
 fn gather(block: &Block, computed: &mut Vec<Handle<Expression>>) {
     for statement in block.iter() {
         match statement {
@@ -193,7 +193,7 @@ mod tests {
         let both = template.cut(&["first", "second"], &[("KIND", 1.0)]).expect("it is cut");
         validate(&both).expect("valid");
         assert_eq!((both.entry_points.len(), both.global_variables.len()), (2, 2));
-        assert!(template.cut(&["first"], &[("KIN", 1.0)]).is_err(), "no such override");
+        assert!(template.cut(&["first"], &[("KIN", 1.0)]).is_err(), "`KIN` is not an override of the module");
         assert!(Template::new("fn f( {").is_err());
     }
 }

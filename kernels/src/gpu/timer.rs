@@ -12,7 +12,7 @@ pub struct PassTime {
     pub time_ms: f64,
 }
 
-/// Collects the passes of one frame. On a device without timestamps it collects nothing.
+/// Collects the times of the passes of one frame. On a device without timestamps, it collects nothing.
 pub struct Timer {
     queries: Option<wgpu::QuerySet>,
     resolved: wgpu::Buffer,
@@ -81,14 +81,15 @@ impl Timer {
     /// The times, in the order of the passes; call it after the submission is done.
     ///
     /// # Errors
-    /// When the device is lost, or there were more passes than the timer holds. An incomplete list is an error, because it would look complete.
+    /// When the device is lost, or there were more passes than the timer holds. In the second case, no times are returned, because readers could not
+    /// see that the list is incomplete.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>> {
         if self.names.is_empty() {
             return Ok(Vec::new());
         }
         if self.missed > 0 {
             return Err(Error::Gpu(format!(
-                "{} of {} passes were not timed: a timer holds {} passes; time fewer at once",
+                "{} of {} passes were not timed: a timer holds {} passes; time fewer passes per frame",
                 self.missed,
                 self.missed + Timer::CAPACITY,
                 Timer::CAPACITY

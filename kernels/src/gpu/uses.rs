@@ -1,4 +1,4 @@
-//! The passes and textures that a scene uses, for display.
+//! Lists of the passes and textures that a scene uses, to be shown to users.
 
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ pub struct TextureUse {
     pub mips: u32,
     /// Layers or slots.
     pub layers: u32,
-    /// All mips of all layers, bytes.
+    /// Size of all mips of all layers, bytes.
     pub bytes: u64,
     /// Whether the scene requires it.
     pub required: bool,
@@ -44,7 +44,7 @@ pub struct TextureUse {
 }
 
 impl TextureUse {
-    /// A square texture of this edge, texels, that the scene requires for this reason.
+    /// A square texture with `edge` texels along each side, which the scene requires for this `reason`.
     pub fn new(name: &'static str, format: wgpu::TextureFormat, edge: u32, mips: u32, layers: u32, reason: &'static str) -> TextureUse {
         let (block, bytes) = (u64::from(format.block_dimensions().0), u64::from(format.block_copy_size(None).unwrap_or(0)));
         let chain: u64 = (0..mips).map(|mip| u64::from((edge >> mip).max(1)).div_ceil(block).pow(2) * bytes).sum();
@@ -60,7 +60,7 @@ impl TextureUse {
         }
     }
 
-    /// The same texture; not required, for this reason, if `required` is false.
+    /// Marks the texture as not required, for this `reason`, if `required` is false. Otherwise returns it unchanged.
     #[must_use]
     pub fn unless(self, required: bool, reason: &'static str) -> TextureUse {
         if required { self } else { TextureUse { required, reason, ..self } }

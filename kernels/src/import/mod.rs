@@ -1,4 +1,4 @@
-//! Makes a scene from a heightmap file: `scene_folder` writes materials, rules and cameras that suit the land, `viewpoints` finds the
+//! Makes a scene from a heightmap file: `scene_folder` writes materials, rules and cameras that suit the terrain, `viewpoints` finds the
 //! cameras. [`decode`](crate::decode) reads the file itself.
 
 pub mod scene_folder;

@@ -40,7 +40,10 @@ fn refuse_occupied(out_dir: &Path) -> Result<()> {
         Err(_) => out_dir.exists(),
     };
     if occupied {
-        return Err(Error::Request(format!("{} exists and is not an empty folder; give another or remove it first", out_dir.display())));
+        return Err(Error::Request(format!(
+            "{} exists and is not an empty folder; give a different folder, or remove this one first",
+            out_dir.display()
+        )));
     }
     Ok(())
 }
@@ -164,11 +167,14 @@ fn copy_materials(from: &Path, to: &Path) -> Result<Vec<Material>> {
             what: "no sub-folder contains an `albedo` image; give a folder with one folder per material".to_owned(),
         }),
         1..=256 => Ok(materials),
-        n => Err(Error::Material { name: from.display().to_string(), what: format!("{n} materials; a palette holds at most 256") }),
+        n => Err(Error::Material {
+            name: from.display().to_string(),
+            what: format!("there are {n} materials, but a palette holds at most 256; remove some sub-folders"),
+        }),
     }
 }
 
-/// The part that a material plays in the landscape, derived from its name.
+/// The role of a material in the landscape, derived from its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Green,
@@ -239,8 +245,8 @@ fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> V
             });
         }
     }
-    // The rule with the lowest weight, for ground that no other rule reaches: rubble, or else rock, soil or vegetation, or else the first
-    // material.
+    // The rule with the lowest weight decides ground that no other rule reaches. Its material is the first that exists of: rubble, rock, soil,
+    // vegetation, the first material of the list.
     let ground =
         [Role::Rubble, Role::Rock, Role::Soil, Role::Green].into_iter().find_map(|r| materials.iter().find(|m| Role::of(&m.name) == r));
     if let Some(ground) = ground.or(materials.first()) {

@@ -1,7 +1,7 @@
 //! Finds four viewpoints from the data of a world: `cliff`, `ground`, `vista`, `grazing`.
 //!
-//! Candidates come from a coarse grid. Each is scored with a fan of rays towards the ground, and the best of each kind is kept. Nothing is
-//! random: the same world has the same viewpoints.
+//! Candidates come from a coarse grid. Each candidate is scored with a fan of rays towards the ground or with samples of the ground before it.
+//! For each viewpoint, the candidate with the highest score is kept. Nothing is random: a world always gets the same viewpoints.
 
 use rayon::prelude::*;
 
@@ -97,7 +97,7 @@ fn eye_at(world: &World, x: f64, y: f64, above: f64) -> [f64; 3] {
     [x, y, world.surface_height_m(x, y).max(world.height_m(x, y)) + above]
 }
 
-/// Where a ray meets the ground within `reach` metres.
+/// The point where a ray meets the ground; `None` if there is no such point within `reach` metres.
 fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option<Hit> {
     let at = |t: f64| [0, 1, 2].map(|k| eye[k] + direction[k] * t);
     let above = |t: f64| {
@@ -201,14 +201,14 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Six octaves of distance from 5 to 320 m: the score of each grows until it fills a ninth of the picture.
+        // Six octaves of distance from 5 to 320 m. The score of an octave grows until its hits fill a ninth of the picture.
         let mut bins = [0.0f64; 6];
         let hits = fan(world, *pose, 11, 6, 320.0);
         let sky = hits.iter().filter(|h| h.is_none()).count() as f64 / hits.len() as f64;
         for hit in hits.iter().flatten().filter(|h| h.slope_deg > steep_deg && h.distance >= 4.0) {
             bins[((hit.distance / 5.0).log2().max(0.0) as usize).min(5)] += 1.0;
         }
-        // A wall right in front of the camera hides the rest.
+        // A wall right in front of the camera lowers the score, because it hides everything else.
         let pressed = hits.iter().flatten().filter(|h| h.distance < 8.0).count() as f64 / hits.len() as f64;
         let full = hits.len() as f64 / 9.0;
         bins.iter().map(|b| (b / full).min(1.0).sqrt()).sum::<f64>() - 2.0 * (sky - 0.35).max(0.0) - 4.0 * (pressed - 0.15).max(0.0)
@@ -235,7 +235,7 @@ fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Share of each kind in the visible ground; near ground has more samples.
+        // Share of each kind of material in the visible ground; near ground has more samples.
         let mut share = [0.0f64; 4];
         let (sin, cos) = pose.yaw.sin_cos();
         for i in 0..60 {
@@ -265,7 +265,7 @@ fn vista(world: &World, places: &[Place]) -> Pose {
     }
     let mut poses = Vec::new();
     for place in tops.into_iter().flatten() {
-        // Look inwards from the rim, so that the view is long.
+        // Only positions near the rim of the world are used. They look inwards, so that the view is long.
         if (place.x / extent[0]).abs().max((place.y / extent[1]).abs()) < 0.22 {
             continue;
         }
@@ -277,7 +277,7 @@ fn vista(world: &World, places: &[Place]) -> Pose {
     let score = |pose: &Pose| {
         let hits = fan(world, *pose, 9, 8, reach);
         let count = hits.len() as f64;
-        // Far and middle distances can each add 1 to the score. Sky up to about a third of the picture costs nothing.
+        // Far and middle distances can each add 1 to the score. Sky lowers the score only if it fills more than about a third of the picture.
         let far = hits.iter().flatten().filter(|h| h.distance > 0.45 * reach).count() as f64 / count;
         let middle = hits.iter().flatten().filter(|h| h.distance > 0.1 * reach && h.distance <= 0.45 * reach).count() as f64 / count;
         let sky = hits.iter().filter(|h| h.is_none()).count() as f64 / count;

@@ -14,8 +14,8 @@ struct Inspected {
     ddy: vec3<f32>,
     plane: u32,                 // axis of the projection with the largest weight
     splat: vec4<u32>,           // the four palette indices around the pixel
-    bilinear: vec4<f32>,        // their bilinear weights
-    blended: vec4<f32>,         // their weights after the height blend, with the materials' heights in that projection
+    bilinear: vec4<f32>,        // bilinear weights of the four
+    blended: vec4<f32>,         // weights of the four after the height blend, with the heights of their materials in the projection `plane`
 }
 
 @compute @workgroup_size(8, 8)

@@ -1,6 +1,7 @@
-//! Inspection: the numbers that shading derives from a pixel: world position, derivatives, splat texels and their weights.
+//! Inspection: writes the numbers that shading derives from a pixel, namely world position, derivatives, splat texels and their weights.
 //!
-//! Reads depth, normals, splat map and detail textures. Writes one [`Inspected`] per pixel. Dispatched only when such a layer is requested.
+//! Reads depth, normals, splat map and detail textures. Writes one [`Inspected`] per pixel. Dispatched only if one of these numbers is
+//! requested.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -14,7 +15,7 @@ use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::terrain;
 use crate::view;
 
-/// One pixel; the layout matches `Inspected` in `inspect.wgsl`. All zero where there is no terrain.
+/// One pixel; the layout matches `Inspected` in `inspect.wgsl`. All fields are 0 if the pixel has no terrain.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Inspected {
@@ -32,9 +33,9 @@ pub struct Inspected {
     pub plane: u32,
     /// Palette indices of the four splat texels, in the order 00, 10, 01, 11.
     pub splat: [u32; 4],
-    /// Their bilinear weights.
+    /// Bilinear weights of the four splat texels.
     pub bilinear: [f32; 4],
-    /// Their weights after the height blend, with the heights of their materials in that projection.
+    /// Weights of the four splat texels after the height blend, which uses the heights of their materials in the projection `plane`.
     pub blended: [f32; 4],
 }
 
@@ -56,7 +57,7 @@ pub static MODULE: ShaderModule = ShaderModule::new("inspect", &[&WGSL]);
 impl Stage for Inspect {
     const DECLARATION: Declaration = Declaration {
         name: "inspect",
-        about: "Reads depth, normals and terrain; makes position, derivatives and splat texels of each pixel, on request",
+        about: "Reads depth, normals and terrain; writes position, derivatives and splat texels of each pixel, on request",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
@@ -94,7 +95,7 @@ impl Inspect {
     pub fn run(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], targets: &geometry::Targets) -> Result<Vec<Inspected>> {
         let (width, height) = (targets.mask.width(), targets.mask.height());
         let row_bytes = u64::from(width) * size_of::<Inspected>() as u64;
-        // The picture is done in bands of rows, because a device limits the size of a storage buffer binding.
+        // The picture is processed in bands of rows, because a device limits the size of a storage buffer binding.
         let rows = u32::try_from(gpu.device.limits().max_storage_buffer_binding_size / row_bytes).unwrap_or(height).clamp(1, height);
         let out = gpu.buffer("inspected", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, u64::from(rows) * row_bytes);
         let views = [aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly), view(&targets.normals)];

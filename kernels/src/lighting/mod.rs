@@ -41,7 +41,7 @@ impl Stage for Lighting {
         passes: |_| vec![PassUse::new("lighting", 1, "sun and sky")],
         targets: |_| vec![TargetUse::new("linear image", FORMAT)],
         name: "lighting",
-        about: "Reads the G-buffer and depth; makes linear HDR radiance",
+        about: "Reads the G-buffer and depth; writes linear HDR radiance",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };

@@ -7,8 +7,8 @@
 //! | height, (`size` / 2)² | BC1, linear | height | colour mask | 0 | opaque |
 //!
 //! Alpha and green are the two most precise channels of BC3, so they hold n.x and n.y. The normal map of a quadtree node is packed in the
-//! same way. Mips are 2x2 box averages of linear values. n.x and n.y are averaged without renormalising, so a texel of a coarse level is
-//! the mean of its normals, which is shorter where they differ.
+//! same way. Mips are 2x2 box averages of linear values. n.x and n.y are averaged without renormalising, so a texel of a coarse level holds
+//! the mean of several normals. This mean is shorter than 1 if the normals differ.
 
 use rayon::prelude::*;
 
@@ -16,13 +16,13 @@ use super::MaterialMaps;
 use crate::base::colour::{srgb_code, unorm8};
 use crate::blocks::{self, BlockFormat, Effort};
 
-/// Detail textures of one type that can be resident at once.
+/// Largest number of detail textures of one type that can be resident at once.
 pub const MAX_LAYERS: usize = 32;
 
 /// The detail textures of a scene: three arrays, each with at most [`MAX_LAYERS`] layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DetailArrays {
-    /// Edge of an albedo or normal layer in texels; a height layer has half of it.
+    /// Edge of an albedo or normal layer in texels; a height layer has half this edge.
     pub size: u32,
     /// BC1 sRGB, `size`².
     pub albedo: Vec<CompressedChain>,
@@ -89,7 +89,7 @@ pub struct CompressedLayers {
     pub height: CompressedChain,
 }
 
-/// Compresses one material's maps; their size must be a power of two, at least 8.
+/// Compresses the maps of one material. The size of the maps must be a power of two, at least 8.
 pub fn compress(maps: &MaterialMaps) -> CompressedLayers {
     let albedo = chain(maps.albedo.clone(), maps.size, BlockFormat::Bc1, ALBEDO, |t| {
         let [r, g, b] = t.map(srgb_code);
@@ -109,10 +109,11 @@ pub fn compress(maps: &MaterialMaps) -> CompressedLayers {
 
 /// Importance of errors in red, green and blue of the albedo array.
 const ALBEDO: [f32; 3] = [1.0, 1.0, 1.0];
-/// The same for the normal array: errors of slope are more visible than errors of smoothness, and these are more visible than errors of
-/// occlusion.
+/// Importance of errors in red, green and blue of the normal array: errors of the normal (green) are more visible than errors of smoothness
+/// (red), and errors of smoothness are more visible than errors of occlusion (blue).
 const NORMAL: [f32; 3] = [0.3, 1.0, 0.15];
-/// The same for the height array: blue is constant; height decides blends everywhere, the mask matters only where there is a tint.
+/// Importance of errors in red, green and blue of the height array: height (red) decides blends everywhere, the colour mask (green) matters only
+/// in tinted materials, and blue is constant.
 const HEIGHT: [f32; 3] = [1.0, 0.5, 0.0];
 
 /// All levels of an image, from `size`² to 1x1, each quantised by `to_bytes` and compressed.

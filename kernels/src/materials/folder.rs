@@ -14,15 +14,15 @@ use crate::base::error::{Error, Result, one_line};
 /// Largest edge of a map, texels: four times the edge of the finest detail textures. A map of this size takes 0.8 GB until it is resampled.
 const MAX_EDGE: u32 = 8192;
 
-/// Extensions of the image files that are searched for, in this order.
+/// File name extensions of images, in the order in which they are searched for.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// Reads a material's maps and resamples them to `size` x `size`.
 ///
 /// Looks for `albedo` (sRGB), `normal` (OpenGL: green = up in the image, n = 2 value - 1, renormalised), `height`, `roughness` (smoothness
 /// = 1 - roughness) and, optionally, `ao` (used as specular occlusion; 1 without it). Each is a .png, .jpg or .jpeg file with 8 or 16 bits
-/// per channel. If a map of single values is a colour image, its red channel is used. The format is determined by content, not by
-/// extension. All images of a folder are squares of the same size, which can be any size. Larger images are averaged over the area of each
+/// per channel. If the image of a map with one value per texel is in colour, its red channel is used. The format is determined by content, not
+/// by extension. All images of a folder are squares of the same size, which can be any size. Larger images are averaged over the area of each
 /// texel, smaller ones are interpolated bilinearly, both in linear space and with wrap-around. The top row of an image becomes the last
 /// row, v = 1. The colour mask is 1 everywhere: a tint applies to the whole material.
 ///
@@ -39,7 +39,7 @@ pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
     let required = |map: &str| {
         find(map).ok_or_else(|| {
             let there = if files.is_empty() { "nothing".to_owned() } else { files.join(", ") };
-            wrong(name, format!("no {map}.png, .jpg or .jpeg in {} (there is: {there}); add that map", dir.display()))
+            wrong(name, format!("no {map}.png, .jpg or .jpeg in {} (the folder contains: {there}); add that map", dir.display()))
         })
     };
     // Check all names first, so that a missing map is reported before seconds of decoding.
@@ -54,7 +54,10 @@ pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
             None => edge = Some((image.edge, path.clone())),
             Some((first, of)) if *first != image.edge => {
                 let (a, b) = (image.edge, *first);
-                return Err(wrong(name, format!("{} is {a}x{a} but {} is {b}x{b}: give all maps one size", path.display(), of.display())));
+                return Err(wrong(
+                    name,
+                    format!("{} is {a}x{a} but {} is {b}x{b}: give all maps the same size", path.display(), of.display()),
+                ));
             }
             Some(_) => {}
         }
@@ -100,10 +103,10 @@ impl Image {
         let decoder = reader.into_decoder().map_err(unreadable)?;
         let (width, height) = decoder.dimensions();
         if width != height || width == 0 {
-            return Err(broken(format!("{width}x{height} texels, but material maps are square: crop or resize it")));
+            return Err(broken(format!("the image has {width}x{height} texels, but material maps must be square: crop or resize it")));
         }
         if width > MAX_EDGE {
-            return Err(broken(format!("{width}x{width} texels exceed {MAX_EDGE} per side: resize it")));
+            return Err(broken(format!("the image has {width}x{width} texels, but at most {MAX_EDGE} per side are allowed: resize it")));
         }
         let decoded = DynamicImage::from_decoder(decoder).map_err(unreadable)?;
         let edge = width as usize;
@@ -145,7 +148,7 @@ impl Image {
     }
 }
 
-/// For each target texel, the source texels that it is made of and their weights (sum 1), along one axis.
+/// For each target texel along one axis, the source texels from which it is made, with their weights (sum 1).
 fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
     let ratio = from as f64 / to as f64;
     (0..to)

@@ -23,14 +23,15 @@ pub use arrays::{CompressedChain, DetailArrays, MAX_LAYERS};
 /// Number of palette entries to which an 8-bit splat texel can refer.
 pub const MAX_MATERIALS: usize = 256;
 
-/// Repeats of a texture along a sector must stay below this: the fixed-point count has 7 integer bits, 24 fractional ones and a sign.
+/// Repeats of a texture along a sector must stay below this number. The fixed-point rate does not set this limit: it keeps 24 fractional bits
+/// and counts whole repeats modulo 256.
 pub const MAX_REPEATS_PER_SECTOR: f64 = 65_536.0;
 
 /// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask matters.
 pub const FLAG_TINTED: u32 = 1;
 
-/// Lowest bit of the layer in [`PaletteEntry::flags`], 3 bits: the one of the eight layers of a layered blend that represents the material.
-/// The first eight materials have layers of their own. Any other material is represented by the layer with the nearest mean albedo.
+/// Lowest of the 3 bits of [`PaletteEntry::flags`] that number a layer: in a layered blend of eight layers, the layer that represents the
+/// material. The first eight materials have layers of their own. Any other material is represented by the layer with the nearest mean albedo.
 pub const LAYER_SHIFT: u32 = 8;
 
 /// Uncompressed maps of one material: `size` x `size` texels, row-major, tiling in both directions.
@@ -54,7 +55,7 @@ pub struct MaterialMaps {
     pub colour_mask: Vec<f32>,
 }
 
-/// Means of a material over its whole texture: its look from far away.
+/// Means of a material over its whole texture. They show how the material looks from far away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaterialMeans {
     /// Mean linear albedo, tint applied: the mean of albedo * mix(1, tint, colour mask).
@@ -162,13 +163,13 @@ struct Texture {
     means: TextureMeans,
 }
 
-/// Seed of every procedural material: textures are assets and do not change with the world's seed.
+/// Seed of all procedural materials. It is constant, because textures must not change with the seed of the world.
 const TEXTURE_SEED: u32 = 5;
 
-/// Number of sources whose uncompressed maps are in memory at once: a 2048² set takes about 170 MB.
+/// Number of sources whose uncompressed maps are in memory at once. The maps of one source with 2048² texels take about 170 MB.
 const SOURCES_AT_ONCE: usize = 4;
 
-/// Where a set of maps comes from; equal sources share their layers.
+/// Where a set of maps comes from. Materials with equal sources share a layer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Source {
     Procedural(String),
@@ -195,8 +196,8 @@ fn wrong(name: &str, what: String) -> Error {
 impl Palette {
     /// Makes or reads every distinct texture of the scene once, compresses it, and lists the materials.
     ///
-    /// `sector_m` is the edge of a sector in metres, the unit of exact texture coordinates. `progress` receives a line when a texture is
-    /// begun, from worker threads; if it returns an error, the building stops. The result depends only on the scene.
+    /// `sector_m` is the edge of a sector in metres, the unit of exact texture coordinates. `progress` is called from worker threads with a
+    /// line of text when a texture is begun; if it returns an error, the building stops. The result depends only on the scene and `sector_m`.
     ///
     /// # Errors
     /// The error that `progress` returns; no materials or more than [`MAX_MATERIALS`]; more than [`MAX_LAYERS`] distinct textures; a
@@ -206,8 +207,8 @@ impl Palette {
         Palette::made(scene, scene.detail_size, sector_m, [None, None], &progress)
     }
 
-    /// As [`Palette::build`], but with textures of `size` texels along an edge instead of the scene's `detail_size`. Meant for a first
-    /// look: it takes a small part of the time.
+    /// As [`Palette::build`], but with textures of `size` texels along an edge instead of the scene's `detail_size`. It takes a small
+    /// part of the time, and serves as a preview.
     ///
     /// # Errors
     /// As [`Palette::build`].
@@ -229,7 +230,7 @@ impl Palette {
         Palette::made(scene, scene.detail_size, sector_m, [Some(self), former], &progress)
     }
 
-    /// The layers that differ from those of `before`; `None` if the number or the size of the layers differs.
+    /// The layers that differ from the layers of `before`; `None` if the number or the size of the layers differs.
     pub fn fresh_layers(&self, before: &Palette) -> Option<Vec<usize>> {
         let alike = self.arrays.size == before.arrays.size && self.layers.len() == before.layers.len();
         alike.then(|| (0..self.layers.len()).filter(|&layer| self.layers[layer] != before.layers[layer]).collect())
@@ -252,7 +253,7 @@ impl Palette {
         if !size.is_power_of_two() || !(64..=2048).contains(&size) {
             return Err(of_scene(format!("detail_size = {size}: give a power of two from 64 to 2048")));
         }
-        // Check first everything that needs no texture: reading a texture takes seconds.
+        // First check everything that needs no texture, because reading a texture takes seconds.
         let mut sources: Vec<(Source, &str)> = Vec::new();
         let mut layer_of = Vec::with_capacity(count);
         for material in &scene.materials {
@@ -265,7 +266,7 @@ impl Palette {
         }
         if sources.len() > MAX_LAYERS {
             return Err(of_scene(format!(
-                "{} distinct detail textures of each type, but at most {MAX_LAYERS} fit: let materials share a `procedural` or `folder` and vary tint, tile_m or orientation_deg",
+                "the scene has {} distinct detail textures of each type, but at most {MAX_LAYERS} are possible: let materials share a `procedural` or `folder` and vary tint, tile_m or orientation_deg",
                 sources.len()
             )));
         }

@@ -25,7 +25,7 @@ struct Recipe {
     name: &'static str,
     /// Height range, lowest to highest texel, in tile edges.
     relief: f32,
-    /// Mean luminance of the albedo (Rec. 709 weights), near published values for dry ground of that kind.
+    /// Mean luminance of the albedo (Rec. 709 weights), near published values for this kind of ground when dry.
     luminance: f32,
     sketch: fn(&Bench) -> Sketch,
 }
@@ -48,7 +48,7 @@ const RECIPES: [Recipe; 12] = [
 fn recipe(kind: &str, material: &str) -> Result<&'static Recipe> {
     RECIPES.iter().find(|r| r.name == kind).ok_or_else(|| {
         let hint = crate::base::names::nearest(kind, &NAMES).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
-        wrong(material, format!("no procedural material `{kind}`; {hint}known: {}", NAMES.join(", ")))
+        wrong(material, format!("no procedural material `{kind}`; {hint}known materials: {}", NAMES.join(", ")))
     })
 }
 
@@ -94,8 +94,8 @@ pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
             *out = [-gx * inverse, -gy * inverse];
         }
     });
-    // A texel below its surroundings receives less light from the sky. Its depth below two local means counts, relative to the radius of
-    // each mean.
+    // A texel below its surroundings receives less light from the sky. Its occlusion follows from its depth below two local means, each divided
+    // by the radius of the mean.
     let near = height.blur(0.008);
     let wide = height.blur(0.03);
     let specular_occlusion = bench.par(|i| {
@@ -317,7 +317,7 @@ impl Bench {
     }
 
     /// Sum of octaves of noise: the frequency doubles and the amplitude is multiplied by `gain` from each to the next. `shape` is applied
-    /// to each octave. Octaves with a frequency above half the texels are left out.
+    /// to each octave. Octaves with a frequency above half the number of texels along an edge are left out.
     fn octaves(&self, waves: [u32; 2], count: u32, gain: f32, salt: u32, shape: impl Fn(f32) -> f32 + Sync) -> Field {
         let mut sum = vec![0.0; self.n * self.n];
         let mut amplitude = 1.0;
@@ -417,7 +417,7 @@ struct Stamp<S> {
     shape: S,
 }
 
-/// A surface on which shapes are placed. Where several overlap, the highest is visible.
+/// A surface on which shapes are drawn. Where several shapes overlap, the highest is visible.
 struct Canvas {
     n: usize,
     texels: Vec<Texel>,
@@ -436,7 +436,8 @@ impl Canvas {
         Canvas { n: bench.n, texels: bench.par(f) }
     }
 
-    /// Draws all shapes in order. `touch` receives the shape, the offset from its origin and the index of the texel.
+    /// Draws all shapes in order. `touch` receives the shape, the offset from its origin and the index of the texel. It
+    /// returns how the shape changes the texel; `None` = the shape does not cover the texel.
     fn draw<S: Sync>(&mut self, stamps: &[Stamp<S>], touch: impl Fn(&S, [f32; 2], usize) -> Option<Touch> + Sync) {
         let n = self.n;
         let band_rows = n.div_ceil(16);
@@ -543,7 +544,7 @@ impl Stone {
         }
     }
 
-    /// Height above the ground plane, and the index of the face. A height below 0 means that the stone is not there.
+    /// Height relative to the ground plane, negative below it, and the index of the face.
     fn height(&self, d: [f32; 2]) -> (f32, usize) {
         let mut lowest = (f32::INFINITY, 0);
         for (k, p) in self.planes.iter().enumerate() {
@@ -797,7 +798,8 @@ fn scree(bench: &Bench) -> Sketch {
     sketch
 }
 
-/// Darkens hollows, where dust and moisture collect: by `strength` per tile edge of depth below the mean within `radius`.
+/// Darkens hollows, where dust and moisture collect. The depth d of a texel is measured below the mean height within `radius`; its colour is
+/// divided by 1 + `strength` * d.
 fn shade_hollows(sketch: &mut Sketch, radius: f32, strength: f32) {
     let mean = sketch.height.blur(radius);
     for ((colour, h), m) in sketch.albedo.iter_mut().zip(&sketch.height.v).zip(&mean.v) {
@@ -838,7 +840,7 @@ fn lay_strips(bench: &Bench, canvas: &mut Canvas, strips: &[Stamp<Strip>]) {
     canvas.draw(strips, |strip, d, _| strip.touch(d, texel));
 }
 
-/// `across`² blades of grass that lean in all directions. Each has a colour between two neighbouring ones of `colours`.
+/// `across`² blades of grass that lean in all directions. The colour of each blade lies between two neighbouring entries of `colours`.
 fn blades(bench: &Bench, across: u32, salt: u32, length: [f32; 2], width: f32, colours: &[[f32; 3]], clump: &Field) -> Vec<Stamp<Strip>> {
     bench
         .scatter(across, salt)
@@ -902,7 +904,7 @@ fn meadow(bench: &Bench) -> Sketch {
     });
     let mixed = [[0.04, 0.075, 0.018], [0.06, 0.105, 0.022], [0.085, 0.125, 0.03], [0.125, 0.14, 0.04], [0.22, 0.18, 0.08]];
     let mut strips = blades(bench, 96, 40, [0.04, 0.085], 0.0032, &mixed, &clump);
-    // clover: three round leaflets
+    // Clover has three round leaflets.
     for (centre, mut dice) in bench.scatter(17, 50) {
         if dice.unit() < 0.45 {
             continue;
@@ -916,7 +918,7 @@ fn meadow(bench: &Bench) -> Sketch {
             strips.push(leaf(centre, [cos, sin], size, 0.5, base, 0.002, green, times(green, 1.25), 1.0));
         }
     }
-    // flowers: five petals and a centre
+    // A flower has five petals and a centre.
     for (centre, mut dice) in bench.scatter(13, 51) {
         if dice.unit() < 0.68 {
             continue;
@@ -1069,7 +1071,7 @@ fn sand(bench: &Bench) -> Sketch {
     };
     let ripple = |i: usize| {
         let p = phase(i);
-        // rises over 70 % of the wavelength
+        // The ripple rises over 70 % of the wavelength and falls over the rest.
         let saw = if p < 0.7 { p / 0.7 } else { (1.0 - p) / 0.3 };
         saw * saw * (3.0 - 2.0 * saw)
     };

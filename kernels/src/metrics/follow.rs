@@ -1,8 +1,8 @@
 //! Statistics of each pixel that follow its surface point from frame to frame, for live views of noise and flicker.
 //!
-//! [`Links`](crate::motion::Links), the pass that all metrics over time use, says where each pixel's point was one frame before. [`Followed`] carries
-//! running moments along the links. A window of n frames is exponential: a new frame has the weight 1/n. While there are fewer than n frames, all
-//! have the same weight. Where a point was not seen one frame before, its statistics begin again.
+//! [`Links`](crate::motion::Links), the pass that all metrics over time use, finds where each pixel's point was one frame before. [`Followed`]
+//! carries running moments along the links. A window of n frames is exponential: a new frame has the weight 1/n. While there are fewer than n frames,
+//! all frames have the same weight. If a point was not visible one frame before, its statistics start again.
 
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ pub struct Sample {
     pub luminance: f32,
     /// The first random choice, 0 = none.
     pub choice: u8,
-    /// Luminance minus that of the picture with which it is compared; 0 without a comparison.
+    /// Luminance minus the luminance of the comparison picture; 0 without a comparison.
     pub error: f32,
 }
 
@@ -35,16 +35,16 @@ pub struct Point {
     pub flicker: f32,
     /// Number of frames whose choice can be compared with that of the frame before, at most the window.
     pub chosen: f32,
-    /// Share of these frames whose choice differs.
+    /// Share of the frames counted in `chosen` whose choice differs from that of the frame before.
     pub flips: f32,
-    /// Mean difference from the picture with which it is compared.
+    /// Mean of [`Sample::error`].
     pub bias: f32,
     last: f32,
     last_choice: u8,
 }
 
 impl Point {
-    /// The moments after one more frame; `before` = the moments where the point was seen one frame before.
+    /// Returns the moments after one more frame. `before`: the moments of the linked pixel one frame before; `None` = the point was not visible.
     fn with(before: Option<&Point>, now: Sample, window: f32) -> Point {
         if now.luminance < 0.0 {
             return Point::default();
@@ -62,7 +62,7 @@ impl Point {
         let frames = (p.frames + 1.0).min(window);
         let share = 1.0 / frames;
         let deviation = now.luminance - p.mean;
-        // There is one difference fewer than there are frames.
+        // n frames have n - 1 differences from one frame to the next.
         let share_of_steps = 1.0 / (frames - 1.0).max(1.0);
         let comparable = now.choice != 0 && p.last_choice != 0;
         let chosen = if comparable { (p.chosen + 1.0).min(window) } else { p.chosen };
@@ -94,9 +94,9 @@ pub struct Summary {
     pub flicker: f64,
     /// Share of choices that differ from the choice one frame before; `None` without choices.
     pub flip_rate: Option<f64>,
-    /// Mean difference from the picture with which it is compared; `None` without a comparison.
+    /// Mean difference in luminance from the comparison picture; `None` without a comparison.
     pub bias: Option<f64>,
-    /// Block variance of this frame's noise relative to white noise of the same strength (1); `None` where nothing varies.
+    /// Block variance of this frame's noise, relative to that of white noise of the same variance: white noise has 1. `None` if nothing varies.
     pub clumping: Option<f64>,
 }
 
@@ -105,15 +105,15 @@ pub struct Summary {
 pub struct Followed {
     size: [usize; 2],
     points: Vec<Point>,
-    /// Luminance minus the expected luminance: that of the picture with which it is compared, or else the running mean. NaN where there is no
-    /// terrain.
+    /// Luminance minus the expected luminance, which is the luminance of the comparison picture or, without a comparison, the running mean. NaN for
+    /// pixels without terrain.
     noise: Vec<f32>,
     compared: bool,
 }
 
 impl Followed {
-    /// Adds a picture. `links` lead to the picture added before. `compared`: the errors are differences from another picture, and are used as the
-    /// noise.
+    /// Adds a picture. `links` lead to the picture added before. `compared`: whether the errors of the samples are differences from a comparison
+    /// picture. If so, they are used as the noise.
     ///
     /// # Panics
     /// When the number of samples or links is not the number of pixels.
@@ -144,7 +144,7 @@ impl Followed {
         &self.points
     }
 
-    /// Statistics of the pixels from `low` up to, but not including, `high`; `None` if they have no terrain.
+    /// Returns statistics of the pixels from `low` up to, but not including, `high`; `None` if these pixels have no terrain.
     pub fn summary(&self, low: [usize; 2], high: [usize; 2]) -> Option<Summary> {
         let high = [high[0].min(self.size[0]), high[1].min(self.size[1])];
         let row = |y: usize| y * self.size[0] + low[0]..y * self.size[0] + high[0].max(low[0]);
@@ -220,7 +220,7 @@ mod tests {
         assert!((all.variance - 0.0625).abs() < 1e-6, "{}", all.variance);
         assert!((all.flicker - 0.5).abs() < 1e-6 && all.flip_rate == Some(1.0), "{all:?}");
         assert!((all.bias.expect("compared") - 0.1).abs() < 1e-6, "{:?}", all.bias);
-        // All pixels have the same error: the strongest possible clumping.
+        // All pixels have the same error, which is the strongest possible clumping: the number of pixels in a block, 25.
         assert!((all.clumping.expect("noise") - 25.0).abs() < 1e-3, "{:?}", all.clumping);
     }
 
@@ -245,7 +245,7 @@ mod tests {
         let region = followed.summary([0, 0], [2, 14]).expect("terrain");
         assert_eq!((region.terrain, region.clumping), (28, None));
         assert_eq!(followed.summary([0, 14], [20, 15]), None, "sky");
-        // A picture of another size begins again, too.
+        // A picture of a different size also starts the statistics again.
         followed.take([10, 30], &samples, &links, 8, false);
         assert!(followed.points().iter().all(|p| p.frames <= 1.0));
     }
@@ -264,11 +264,14 @@ mod tests {
             followed.take(size, &samples, &links, 1000, false);
         }
         let all = followed.summary([0, 0], [200, 200]).expect("terrain");
-        // The variance is 1/12, minus the share 1/32 that the running mean takes; the mean |difference| of two uniform numbers is 1/3. The tolerance
-        // is six standard errors of 40 000 pixels.
+        // The variance of a uniform number is 1/12, of which the running mean of 32 frames removes 1/32. The mean |difference| of two uniform numbers
+        // is 1/3. The tolerances are six standard errors of a mean over 40 000 pixels and 32 frames (31 differences). The standard deviation of a
+        // squared deviation is 0.0745, that of a |difference| is 0.236. The factors 1.2 and 1.5 are margins, because the values of a pixel in
+        // successive frames are not independent.
         assert!((all.variance - 31.0 / 32.0 / 12.0).abs() < 6.0 * 0.0745 / 40_000_f64.sqrt() / 32_f64.sqrt() * 1.2, "{}", all.variance);
         assert!((all.flicker - 1.0 / 3.0).abs() < 6.0 * 0.236 / 40_000_f64.sqrt() / 31_f64.sqrt() * 1.5, "{}", all.flicker);
-        // 1 600 blocks: the standard deviation of their squares is sqrt(2).
+        // The mean error of a block is close to normally distributed, so its square, relative to the expected value 1, has the standard deviation
+        // sqrt(2). The tolerance is six standard errors of the mean over 1 600 blocks, whose square root is 40.
         assert!((all.clumping.expect("noise") - 1.0).abs() < 6.0 * 2_f64.sqrt() / 40.0, "{:?}", all.clumping);
         assert_eq!(all.flip_rate, None, "no choices");
     }

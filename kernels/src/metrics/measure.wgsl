@@ -1,5 +1,5 @@
-// Changes of one stream between this frame and 1 to 4 frames before, as sums per tile, so that no picture is read back to be measured.
-// One invocation per tile of 8 x 8 pixels: there is no barrier, and the order of the sums never changes.
+// Compares the picture of one stream with its pictures 1 to 4 frames before and writes sums per tile. Only the sums are read back, never a picture.
+// One invocation handles a tile of 8 x 8 pixels, so no barrier is needed, and the order of additions never changes.
 
 struct MeasureFrame {
     size: vec2<u32>,
@@ -13,20 +13,20 @@ struct MeasureFrame {
 
 // Sums of a tile. A count is at most 64.
 struct MeasureTile {
-    // For each lag: linked pixels; of these, pixels with a choice in both frames << 8; of these, pixels whose choices differ << 16.
+    // For each lag, three counts: linked pixels | linked pixels with a choice in both frames << 8 | pixels whose two choices differ << 16.
     links: vec4<u32>,
     // For each lag: sum of absolute differences in luminance.
     differences: vec4<f32>,
     terrain: u32,
     fetches: u32,
-    // Pixels whose history was tested against the 3 x 3 box; of these, rejected pixels << 8.
+    // Two counts: pixels whose history was tested against the 3 x 3 box | pixels whose history was rejected << 8.
     rejections: u32,
-    // Terrain pixels in the quarter; the results of lags 2 to 4 are shares of them.
+    // Number of terrain pixels in the quarter. The results of lags 2 to 4 are shares of this number.
     quarter_terrain: u32,
 }
 
-// A storage buffer and not a uniform: lavapipe compiles a shader again for each value of the uniforms that its branches test, and in Mesa 22.3 each
-// dispatch leaves a copy of the shader behind (170 kB per stream and frame were seen here).
+// A storage buffer and not a uniform buffer, because lavapipe recompiles a shader for each new value of a uniform on which its branches depend. In
+// Mesa 22.3, each dispatch also leaks a copy of the shader (measured: 170 kB per stream and frame).
 @group(0) @binding(0) var<storage, read> measure: MeasureFrame;
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
@@ -34,7 +34,8 @@ struct MeasureTile {
 // Histogram of absolute differences at lag 1: 16 bins per octave; the first bin also holds all differences below 2^-14.
 @group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 256>;
 
-// A history is rejected if a channel is outside the box by more than this share: the rounding of f16 on both sides.
+// A history is rejected if a channel is outside the box by more than this share, 2^-10. The history and the bounds of the box are f16 values, each of
+// which may be rounded by a share of 2^-11.
 const MEASURE_BOX_SLACK: f32 = 0.0009765625;
 
 fn measure_bin(difference: f32) -> u32 {
@@ -61,7 +62,8 @@ fn measure_outside_box(colour: vec3<f32>, pixel: vec2<u32>) -> bool {
     return any(colour < low * (1.0 - MEASURE_BOX_SLACK)) || any(colour > high * (1.0 + MEASURE_BOX_SLACK));
 }
 
-// Change of a pixel since an earlier frame: linked, chosen << 8, flipped << 16, as in `MeasureTile`; difference in luminance; the earlier pixel.
+// Change of a pixel since an earlier frame: its counts, packed as in `MeasureTile.links`; the absolute difference in luminance; the signal of the
+// earlier pixel.
 struct MeasureChange {
     links: u32,
     difference: f32,
@@ -92,7 +94,7 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = measure.size.x * measure.size.y;
     let origin = vec2<u32>(tile % measure.tiles.x, tile / measure.tiles.x) * 8u;
     let end = min(origin + 8u, measure.size);
-    // The lags are written out and not indexed: with a variable index, a processor would keep the sums in memory.
+    // The code of each lag is written out, because sums with a variable index would be kept in memory and not in registers.
     var links_sum = vec4<u32>(0u);
     var differences = vec4<f32>(0.0);
     var terrain = 0u;
@@ -117,7 +119,7 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    // The expensive part, for a quarter of the pixels; it has a loop of its own for the reason given in motion.wgsl.
+    // The expensive part, only for a quarter of the pixels. It has a loop of its own for the reason given in motion.wgsl.
     for (var y = origin.y; y < end.y; y++) {
         for (var first = origin.x; first < end.x; first += 4u) {
             let x = motion_of_quarter(first, y, measure.quarter);

@@ -2,8 +2,8 @@
 //!
 //! A *stream* is one way to shade (variant, estimator, noise, resolve), followed over time: a ring of five pictures, two words per pixel
 //! (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed its surface point one frame before, and a quarter of the
-//! pixels to those 2 to 4 frames before. Then each stream is compared with its own past, and only sums per tile are read back. Memory does not grow
-//! with the number of frames.
+//! pixels to those 2 to 4 frames before. Then the picture of each stream is compared with its earlier pictures, and only sums per tile are read back.
+//! Memory does not grow with the number of frames.
 //!
 //! The formulas are in METHODOLOGY; `reference` computes them in f64.
 
@@ -61,13 +61,13 @@ pub struct MeasureTile {
 /// Sums of one lag in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LagSums {
-    /// Terrain pixels that were followed back: all pixels at lag 1, and a quarter (another one each frame) at lags 2 to 4.
+    /// Number of terrain pixels that were followed back: all pixels at lag 1, and a quarter (a different quarter in each frame) at lags 2 to 4.
     pub terrain: u64,
-    /// Of those, pixels whose point was seen in the earlier frame.
+    /// Number of these pixels whose point was visible in the earlier frame.
     pub linked: u64,
-    /// Of those, pixels with a random choice in both frames.
+    /// Number of linked pixels with a random choice in both frames.
     pub chosen: u64,
-    /// Of those, pixels whose choice differs.
+    /// Number of pixels counted in `chosen` whose two choices differ.
     pub flipped: u64,
     /// Sum over linked pixels of the absolute difference in luminance.
     pub difference: f64,
@@ -78,15 +78,16 @@ pub struct LagSums {
 pub struct FrameSums {
     /// Terrain pixels.
     pub terrain: u64,
-    /// Fetches of these pixels.
+    /// Number of fetches of all terrain pixels.
     pub fetches: u64,
-    /// Comparisons with 1 to 4 frames before.
+    /// Comparisons with the pictures 1 to 4 frames before.
     pub lags: [LagSums; LAGS],
-    /// Pixels whose history was tested against the 3 x 3 box: a quarter of those linked at lag 1, another quarter each frame.
+    /// Number of pixels whose history was tested against the 3 x 3 box: the pixels of a quarter that are linked at lag 1, a different quarter in each
+    /// frame.
     pub tested: u64,
-    /// Of those, rejected.
+    /// Number of tested pixels whose history was rejected.
     pub rejected: u64,
-    /// Histogram of the absolute differences at lag 1, of the pixels tested.
+    /// Histogram, over the tested pixels, of the absolute difference in luminance at lag 1.
     pub histogram: [u32; BINS],
 }
 
@@ -119,7 +120,7 @@ impl FrameSums {
 }
 
 /// The value below which a share of a histogram's counts lies, interpolated within its bin on the log scale and accurate to 1/16 of an octave (4.4
-/// %). It is 0 in the lowest bin, which holds all values below 2^-14, and `None` for an empty histogram.
+/// %). It is 0 if it lies in the lowest bin, which also holds all values below 2^-14, and `None` for an empty histogram.
 pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
     let total: u64 = histogram.iter().sum();
     if total == 0 {
@@ -140,7 +141,7 @@ pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
 
 /// A way to shade, followed over time.
 pub struct Stream {
-    /// The ring of pictures as they are shaded.
+    /// The ring of shaded pictures, before any resolve.
     pub signal: wgpu::Buffer,
     /// The resolve that is applied to them before they are measured.
     pub resolve: Resolve,
@@ -151,7 +152,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// The ring that is measured.
+    /// The ring that is measured: the resolved pictures or, without a resolve, the shaded pictures.
     pub fn measured(&self) -> &wgpu::Buffer {
         self.resolved.as_ref().map_or(&self.signal, |[ring, _]| ring)
     }
@@ -219,7 +220,7 @@ impl Meter {
         Ok(Meter { size, pipeline, frame_layout, stream_layout, motion, temporal, streams, index: 0 })
     }
 
-    /// Where this frame's pictures go.
+    /// Where this frame's pictures are written in the rings, and where the earlier pictures begin.
     pub fn slots(&self) -> Slots {
         Slots::of(self.index, self.size[0] * self.size[1])
     }
@@ -229,7 +230,7 @@ impl Meter {
         self.index
     }
 
-    /// Records the resolves and the measurement of this frame; its signals and links must have been recorded or written before.
+    /// Records the resolves and the measurement of this frame. The signals and links of the frame must have been recorded or written before.
     pub fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, timer: &mut Timer) {
         let slots = self.slots();
         let lags = self.index.min(LAGS as u32);
@@ -266,7 +267,7 @@ impl Meter {
         }
     }
 
-    /// Reads the sums of the frame, one per stream, and advances to the next frame; call after the submission is done.
+    /// Reads the sums of the frame, one per stream, and advances to the next frame. Must be called after the submission is done.
     ///
     /// # Errors
     /// When the device is lost.
@@ -326,7 +327,7 @@ impl Meter {
     }
 }
 
-/// `pixels` signals of a buffer, from pixel `offset` on.
+/// Reads `pixels` signals from a buffer, starting at pixel `offset`.
 ///
 /// # Errors
 /// When the device is lost.

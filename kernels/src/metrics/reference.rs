@@ -4,8 +4,8 @@ use super::{FrameSums, SeedSums};
 use crate::motion::{LAGS, NO_LINK};
 use crate::shared::{motion, signal};
 
-/// Sums of a frame, for pictures of `size` pixels. `now` is compared with `past[lag]` by the links of that lag; lags 2 to 4 and box tests take only
-/// the pixels of `quarter`. The histogram is left empty.
+/// Sums of a frame, for pictures of `size` pixels. `now` is compared with `past[lag]` along the links of that lag; lags 2 to 4 and the box tests
+/// include only the pixels of `quarter`. The histogram is left empty.
 pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], quarter: u32) -> FrameSums {
     let mut sums = FrameSums::default();
     let [width, height] = size.map(|n| n as usize);

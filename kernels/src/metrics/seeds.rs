@@ -35,7 +35,7 @@ pub struct SeedSums {
     pub terrain: f64,
     /// Sum over pixels and channels of the difference from the exact blend.
     pub error: f64,
-    /// Sum of the square of that difference.
+    /// Sum over pixels and channels of the square of this difference.
     pub squared_error: f64,
     /// Blocks that are all terrain.
     pub blocks: f64,
@@ -46,7 +46,7 @@ pub struct SeedSums {
 }
 
 impl SeedSums {
-    /// Block variance relative to that of white noise of the same strength: white = 1. `None` where nothing varies.
+    /// Block variance relative to that of white noise of the same variance: white noise has 1. `None` if nothing varies.
     pub fn clumping(&self) -> Option<f64> {
         (self.pixel_squares > 0.0).then(|| f64::from(BLOCK * BLOCK) * self.block_squares / self.pixel_squares)
     }
@@ -119,7 +119,7 @@ impl Seeds {
         self.size.map(|n| n / BLOCK)
     }
 
-    /// Buffers of a stream.
+    /// Allocates the buffers of a stream.
     pub fn stream(&self, gpu: &Gpu) -> SeedStream {
         let pixels = u64::from(self.size[0]) * u64::from(self.size[1]);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
@@ -154,7 +154,7 @@ impl Seeds {
         }
     }
 
-    /// Records the pass that adds the pictures of one seed. `count`: the number of seeds, this one included.
+    /// Records the pass that adds the pictures of one seed. `count`: the number of seeds so far, including this one.
     pub fn encode_add(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, streams: &[SeedStream], count: u32) {
         self.encode(gpu, encoder, streams, count, &[&self.add, &self.arrange]);
     }
@@ -164,7 +164,7 @@ impl Seeds {
         self.encode(gpu, encoder, streams, count, &[&self.finish]);
     }
 
-    /// The sums of the seed that was added last, one per stream.
+    /// Reads the sums of the seed that was added last, one per stream.
     ///
     /// # Errors
     /// When the device is lost.
@@ -192,7 +192,7 @@ impl Seeds {
             .collect()
     }
 
-    /// The sums over all seeds, one per stream; call after [`Seeds::encode_finish`].
+    /// Reads the sums over all seeds, one per stream. Must be called after [`Seeds::encode_finish`].
     ///
     /// # Errors
     /// When the device is lost.

@@ -1,11 +1,12 @@
-// One view over many seeds: moments of each pixel, and the arrangement of each seed's error. Sums per tile or block are read back, pictures are not.
+// One view over many seeds: computes the moments of each pixel over the seeds, and the clumping of each seed's error. Only sums per tile or block are
+// read back, no pictures.
 
 struct SeedFrame {
     size: vec2<u32>,
     tiles: vec2<u32>,
     blocks: vec2<u32>,          // whole blocks, across and down
     block: u32,                 // edge of a block, pixels
-    count: u32,                 // seeds so far, this one included
+    count: u32,                 // number of seeds so far, including this one
     offset: u32,                // where the picture begins in `signal`
     zero: u32,                  // 0, see moments.wgsl
     pad_1: u32,
@@ -16,7 +17,7 @@ struct SeedFrame {
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 // The exact blend; it has terrain wherever `signal` has.
 @group(1) @binding(1) var<storage, read> exact: array<vec2<u32>>;
-// Three per pixel, see moments.wgsl.
+// Three states per pixel, one for each channel, see moments.wgsl.
 @group(1) @binding(2) var<storage, read_write> moments: array<vec4<f32>>;
 // Per tile, from `seeds_add`: sum over pixels and channels of the difference from the exact blend, sum of its square, number of pixels.
 // From `seeds_finish`: sum over pixels and channels of (mean - exact), sum of the variance, number of pixels.

@@ -6,7 +6,7 @@ use crate::geometry;
 use crate::gpu::{Gpu, Recording, read_buffer};
 use crate::view::camera::View;
 
-/// Where each pixel's surface point was one frame before.
+/// Links each pixel to the pixel that showed its surface point one frame before.
 pub struct Links {
     motion: Motion,
     size: [u32; 2],
@@ -29,8 +29,8 @@ impl Links {
         self.size
     }
 
-    /// Links the picture with this `geometry`, seen by `now`, to the picture of the previous call: one index per pixel, [`NO_LINK`](super::NO_LINK) =
-    /// not seen there. Waits for the device.
+    /// Links the picture with this `geometry` and the view `now` to the picture of the previous call. Returns one index per pixel;
+    /// [`NO_LINK`](super::NO_LINK) = the point was not visible in that picture. Waits for the device.
     ///
     /// # Errors
     /// When the device is lost.

@@ -1,8 +1,8 @@
 //! Motion: links from each pixel to the pixels that showed its surface point 1 to 4 frames before.
 //!
-//! Reads depth, triangle normals, and the distances of the frames before. Writes the distances of this frame, one index per pixel and lag (or none,
-//! where the point was hidden, outside the picture, or behind the camera), and the exact position one frame before. At lags 2 to 4, only a quarter of
-//! the pixels is linked, another quarter in each frame. Dispatch: one workgroup per 128 x 2 pixels.
+//! Reads depth, triangle normals, and the distances of the frames before. Writes the distances of this frame; for each pixel and lag, the index of
+//! the linked pixel, or [`NO_LINK`] if the point was hidden, outside the picture, or behind the camera; and the exact position of the point one frame
+//! before. At lags 2 to 4, only a quarter of the pixels is linked, a different quarter in each frame. Dispatch: one workgroup per 128 x 2 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -24,19 +24,19 @@ pub use links::Links;
 pub const LAGS: usize = 4;
 /// Number of pictures in a ring: a frame and the frames with which it is compared.
 pub const SLOTS: u32 = 5;
-/// The link if no pixel showed the point.
+/// The value of a link if no pixel showed the point.
 pub const NO_LINK: u32 = u32::MAX;
-/// Two points are on the same surface up to this relative difference in depth. The expected depth is that of the point's own plane, at the pixel
-/// nearest to the point. So the remaining differences come from the normal's 8-bit code (under 1 degree) and the curvature of the ground over half a
-/// pixel.
+/// Largest relative difference in depth at which two points count as points of one surface. The expected depth is the depth of the plane of the
+/// point's triangle at the pixel nearest to the point. So differences come only from the normal's 8-bit code (an error of less than 1 degree) and
+/// from the curvature of the ground over half a pixel.
 pub const TOLERANCE: f32 = 0.02;
 
-/// Where the pictures of a frame and of the frames before begin in their rings, pixels.
+/// Where the pictures of a frame and of the frames before it begin in their rings, as offsets in pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
-    /// Place of this frame's picture.
+    /// Offset of this frame's picture.
     pub now: u32,
-    /// Places of the pictures 1 to 4 frames before.
+    /// Offsets of the pictures 1 to 4 frames before.
     pub past: [u32; LAGS],
     /// 0 to 3: the quarter of the pixels on which this frame does the box test, the histogram and lags 2 to 4.
     pub quarter: u32,
@@ -77,7 +77,7 @@ pub struct Motion {
     distances: wgpu::Buffer,
     /// Index of the linked pixel, one picture per lag; [`NO_LINK`] = none.
     pub links: wgpu::Buffer,
-    /// Where the point was one frame before, pixels.
+    /// Position of each pixel's surface point one frame before, pixels.
     pub positions: wgpu::Buffer,
     /// Views of the earlier frames, the latest first.
     views: Vec<View>,
@@ -125,7 +125,7 @@ impl Motion {
         self.views.clear();
     }
 
-    /// Records the pass for the frame that is seen by `now`, into its slot.
+    /// Records the pass for the frame with the view `now`. `slots`: where the frame and the earlier frames are in the rings.
     pub fn encode(&self, rec: &mut Recording<'_>, geometry: &geometry::Targets, now: &View, slots: &Slots) {
         let mut uniform = MotionFrame {
             lags: self.lags(),
@@ -148,7 +148,7 @@ impl Motion {
         pass.dispatch_workgroups(now.size[0].div_ceil(4 * 32), now.size[1].div_ceil(2), 1);
     }
 
-    /// Keeps the view of a frame when it is done.
+    /// Adds the view of a finished frame to the views of the earlier frames.
     pub fn advance(&mut self, done: View) {
         self.views.insert(0, done);
         self.views.truncate(LAGS);

@@ -1,10 +1,10 @@
-// Motion: where each pixel's surface point was seen 1 to 4 frames before, computed exactly from depth and cameras. Disoccluded points have no link.
+// Motion: finds where each pixel's surface point was seen 1 to 4 frames before, exactly, from depth and cameras. Disoccluded points have no link.
 
 struct MotionFrame {
     past: array<MotionPast, 4>,     // cameras of the earlier frames, the latest first
     lags: u32,                      // number of earlier frames, 0..=4
     slot: u32,                      // index in `distances` at which this frame begins
-    tolerance: f32,                 // two points are on one surface up to this relative difference in depth
+    tolerance: f32,                 // largest relative difference in depth between two points of one surface
     quarter: u32,                   // 0..=3: the quarter of the pixels that is linked at lags 2 to 4
     past_slots: vec4<u32>,          // index in `distances` at which each earlier frame begins
 }
@@ -14,12 +14,13 @@ struct MotionFrame {
 @group(2) @binding(0) var<uniform> motion: MotionFrame;
 // Metres along the view direction, one picture per slot; 0 = no terrain.
 @group(2) @binding(1) var<storage, read_write> distances: array<f32>;
-// Index of the pixel nearest to where the point was, one picture per lag. For lags 2 to 4, only the pixels of the quarter are written.
+// For each pixel, the index of the pixel nearest to the earlier position of its surface point; one picture per lag. For lags 2 to 4, only the pixels
+// of the quarter are written.
 @group(2) @binding(2) var<storage, read_write> links: array<u32>;
 // Exact position of the point one frame before, pixels; -1e9 = not seen.
 @group(2) @binding(3) var<storage, read_write> positions: array<vec2<f32>>;
 
-// A surface point as it is seen now.
+// The surface point of a pixel in this frame.
 struct MotionPoint {
     point: vec3<f32>,
     normal: vec3<f32>,

@@ -1,12 +1,12 @@
-//! Inspection of one pixel: what each stage of the frame made of it, beside the exact values.
+//! Inspection of one pixel: the values that each stage of the frame computed for it, and the exact values.
 //!
 //! The stages' own numbers are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
-//! Beside them are the values that the references compute in f64 from the same inputs: thresholds of the noise and the choice that follows, page and
+//! The exact values are those that the references compute in f64 from the same inputs: thresholds of the noise and the choice that follows, page and
 //! level of the virtual texture, and the derivatives on the triangle that was drawn. That triangle comes from the world: it belongs to the node drawn
-//! there, at the LOD of that node, with quantised heights and welded borders, and its normal is not rounded to any code. (It is not guessed from
-//! neighbouring pixels: triangles cover only a few pixels, so most neighbouring pixels are on other triangles.)
-//! Weights modified by height come from the device, because only the device has the heights of detail textures. They are those of the projection with
-//! the largest weight.
+//! there, at the LOD of that node, with quantised heights and welded borders, and its normal is not quantised. (It is not guessed from neighbouring
+//! pixels: triangles cover only a few pixels, so most neighbouring pixels are on other triangles.)
+//! Weights modified by height come from the device, because only the device has the heights of detail textures. They apply to the projection with the
+//! largest weight.
 
 use crate::base::error::{Error, Result};
 use crate::culling::{PATCH_QUADS, pack_deltas};
@@ -29,10 +29,10 @@ use glam::{DVec2, DVec3};
 
 /// Layers that are read from the picture.
 const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
-/// Largest apparent horizontal distance from a triangle of a point that is on it: metres, and shares of the step to the next pixel. It comes from
-/// f32, and from screen coordinates that are multiples of 1/256 pixel.
+/// Tolerance for the horizontal distance of a visible point from the triangle that contains it: metres, plus a share of the step to the next pixel.
+/// The computed distance may be above 0, because positions are f32 and screen coordinates are multiples of 1/256 pixel.
 const BESIDE: [f64; 2] = [1e-3, 0.02];
-/// Largest apparent distance of such a point from the triangle's plane: metres, and shares of a pixel's width there.
+/// Tolerance for the distance of a visible point from the plane of its triangle: metres, plus a share of a pixel's width at the point.
 const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
 
 /// What is known about a pixel of terrain. Vectors are in world axes: x east, y north, z up.
@@ -42,7 +42,7 @@ pub struct Pixel {
     pub pixel: [u32; 2],
     /// World metres, from depth along the pixel's ray in f64; as exact as the f32 depth (about 1e-7 of the distance).
     pub position: [f64; 3],
-    /// Sector that holds it, from the world's south-west corner.
+    /// Sector that contains the position, counted from the world's south-west corner.
     pub sector: [i32; 2],
     /// Metres along the view direction.
     pub depth_m: f64,
@@ -52,7 +52,7 @@ pub struct Pixel {
     pub shading_normal: [f64; 3],
     /// Unit normal of the triangle, on the side that is seen, as stored.
     pub triangle_normal: [f64; 3],
-    /// The triangle itself; `None` if the world has no triangle there, because the shader that places vertices was edited.
+    /// The triangle that was drawn; `None` if the world has no triangle at the position, because the shader that places vertices was edited.
     pub triangle: Option<Triangle>,
     /// Steps of the position to the next pixel on the right and to the next one below.
     pub steps: [Derivative; 2],
@@ -66,9 +66,9 @@ pub struct Pixel {
     pub splat: [Texel; 4],
     /// First random choice that was recorded: 0 = none, else 1 + splat texel + 4 times the axis that the projection looks along.
     pub choice: u32,
-    /// That choice as the references compute it; `None` = nothing of this pixel is random.
+    /// The first random choice as the references compute it; `None` = the pixel makes no random choice.
     pub draw: Option<Draw>,
-    /// Where it samples the virtual texture; `None` = it does not.
+    /// The place at which the pixel samples the virtual texture; `None` = it does not sample the virtual texture.
     pub page: Option<Page>,
 }
 
@@ -88,7 +88,8 @@ pub struct Triangle {
 pub struct Derivative {
     /// The step that the shader computes, metres.
     pub shader: [f64; 3],
-    /// The step to where the neighbour's ray meets the triangle's plane, metres; `None` if it does not meet the plane, or the triangle is not known.
+    /// The step to where the neighbour's ray meets the triangle's plane, metres; `None` if the ray does not meet the plane, or the triangle is not
+    /// known.
     pub exact: Option<[f64; 3]>,
 }
 
@@ -124,7 +125,7 @@ pub struct Texel {
 /// The first random choice, as the references compute it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Draw {
-    /// The flavour that draws first.
+    /// The flavour that makes the first random choice.
     pub flavour: Flavour,
     /// Threshold that chooses the projection, [0, 1); `None` = all projections are blended.
     pub projection: Option<f64>,
@@ -133,7 +134,7 @@ pub struct Draw {
     /// Weights of the projections that look along x, y and z, summing to 1.
     pub projections: [f64; 3],
     /// The choice that follows, coded as [`Pixel::choice`]. The device rounds to f32, so it may choose differently if a threshold is within about
-    /// 1e-6 of the border between two choices, or a point is that close to a border of noise cells.
+    /// 1e-6 of the border between two choices, or if the point is as close to the border of a noise cell.
     pub expected: u32,
 }
 
@@ -165,7 +166,7 @@ impl Pixel {
     /// Angle between the stored and the true normal of the triangle, radians.
     pub fn normal_error(&self) -> Option<f64> {
         let (stored, exact) = (DVec3::from_array(self.triangle_normal), DVec3::from_array(self.triangle?.normal));
-        // The angle from the distance of the two unit vectors, because the arc cosine is inaccurate for small angles.
+        // The angle is computed from the distance of the two unit vectors, because the arc cosine is inaccurate for small angles.
         Some(2.0 * ((stored - exact).length() / 2.0).min(1.0).asin())
     }
 }
@@ -191,9 +192,9 @@ pub fn place_at(view: &View, [x, y]: [u32; 2], depth_m: f64) -> DVec3 {
     view.pose.position + view.ray(f64::from(x), f64::from(y)) * depth_m
 }
 
-/// Inspects a pixel of the last picture, which `request` made and which is shaded at the centres of pixels. `None` = sky.
+/// Inspects a pixel of the last picture, which must have been drawn by `request` and shaded at the centres of pixels. Returns `None` for sky.
 ///
-/// The geometry is shaded once more, by shaders that record choices. They are compiled the first time.
+/// The geometry is shaded once more, by shaders that record choices. These shaders are compiled at the first call.
 ///
 /// # Errors
 /// When the pixel lies outside the picture or the device fails.
@@ -246,7 +247,7 @@ pub fn inspect(renderer: &mut Renderer<'_>, request: &RenderRequest, pixel: [u32
     let all = flavour_weights::weights(distance_m, shading_normal[2], &FlavourParams::new(&scene.flavours));
     let flavours = flavour_weights::weights_for(all, u32::from(variant), forced);
 
-    // The inputs of the shader, in its own f32, so that the noise uses the same cells as in the shader.
+    // The inputs are the f32 values of the shader, so that the noise uses the same cells as in the shader.
     let sector_m = world.layout().sector_m;
     let place = Place::of(view.sector.to_array(), inspected.position.map(f64::from), sector_m);
     let weights = inspected.bilinear.map(f64::from);
@@ -314,8 +315,8 @@ impl Place {
     }
 }
 
-/// Step from `ray * t` to where the neighbour's ray meets the plane through `ray * t`. All vectors start at the eye. `None` if it does not meet the
-/// plane.
+/// Step from `ray * t` to where the neighbour's ray meets the plane through `ray * t`. All vectors start at the eye. `None` if the neighbour's ray
+/// does not meet the plane.
 fn step_on_plane(ray: DVec3, ray_step: DVec3, t: f64, normal: [f64; 3]) -> Option<[f64; 3]> {
     let normal = DVec3::from_array(normal);
     let neighbour = ray + ray_step;
@@ -323,7 +324,7 @@ fn step_on_plane(ray: DVec3, ray_step: DVec3, t: f64, normal: [f64; 3]) -> Optio
     (hit.is_finite() && hit > 0.0).then(|| (neighbour * hit - ray * t).to_array())
 }
 
-/// A point that was seen, and the tolerances of its position.
+/// A visible surface point, and the tolerances of its position.
 struct Spot {
     position: DVec3,
     /// Normal of the triangle, as stored.
@@ -333,8 +334,8 @@ struct Spot {
 }
 
 impl Spot {
-    /// The triangle drawn here: of the triangles that contain the point, the one whose normal is most like the stored normal, which decides between
-    /// neighbours at their common edge. `stride`: the vertex stride.
+    /// Returns the triangle drawn at the point. At a common edge, several triangles contain the point within the tolerances; the result is the
+    /// triangle whose normal is most similar to the stored normal. `stride`: the vertex stride.
     fn triangle(&self, world: &World, drawn: &[NodeId], stride: u32) -> Option<Triangle> {
         let layout = world.layout();
         let at = self.position.truncate();
@@ -357,8 +358,8 @@ impl Spot {
     }
 }
 
-/// Triangles of a node around a position, seen from above, counter-clockwise, in world metres: those of the quads next to it and, if it is next to a
-/// border, those of all quads along that border, because vertices are welded along borders.
+/// Returns the triangles of a node around a position, seen from above, counter-clockwise, in world metres: the triangles of the quads next to the
+/// position and, if the position is next to a border of the node, of all quads along that border, because welding moves vertices along borders.
 fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: DVec2) -> Vec<[DVec2; 3]> {
     let (origin, spacing, quads) = (node.origin_m(layout), layout.spacing_m(node.lod), u32::from(NODE_QUADS));
     let at = (at - origin) / spacing;
@@ -407,7 +408,7 @@ struct Drawing {
 
 /// The first flavour, in the order of shading, that has a weight and draws random numbers with this estimator.
 fn drawing(estimator: Estimator, flavours: [f64; 5]) -> Option<Drawing> {
-    // Far Cry 5's near cliff blends all projections; the single tap of `Stf` has one.
+    // Near cliff of Far Cry 5 blends all projections, so it chooses none. `Stf` takes a single tap, so it chooses a projection.
     let in_order = [
         (Flavour::NearCliff, salt::NEAR_CLIFF, estimator == Estimator::Stf),
         (Flavour::FarCliff, salt::FAR_CLIFF, true),
@@ -468,7 +469,7 @@ mod tests {
 
     use super::*;
 
-    /// Numbers in [0, 1) that look random.
+    /// A pseudo-random number in [0, 1).
     fn unit(i: u32, k: u32) -> f64 {
         f64::from(crate::shared::hash::pcg4d([i, k, 3, 9])[0]) / 4_294_967_296.0
     }
@@ -493,12 +494,12 @@ mod tests {
             let shader = on_plane(ray.to_array(), step.to_array(), 80.0, normal);
             let same = Derivative { shader, exact };
             assert!(same.error().is_some_and(|e| e < 1e-10) && same.mips().is_some_and(|m| m.abs() < 1e-10), "{same:?}");
-            // It ends on the plane.
+            // The exact step lies in the plane.
             assert!(DVec3::from_array(exact.expect("in view")).dot(DVec3::from_array(normal)).abs() < 1e-12);
             let doubled = Derivative { shader: shader.map(|x| 2.0 * x), exact };
             assert!((doubled.error().expect("known") - 1.0).abs() < 1e-9 && (doubled.mips().expect("known") - 1.0).abs() < 1e-9);
         }
-        // A plane seen edge-on: the ray of the neighbour below misses it.
+        // The plane is seen almost edge-on, and the ray of the neighbour misses it.
         assert_eq!(step_on_plane(DVec3::Y, DVec3::new(0.0, 0.0, 1e-3), 10.0, [0.0, -1e-4, 1.0]), None);
         let unknown = Derivative { shader: [1.0; 3], exact: None };
         assert_eq!((unknown.error(), unknown.mips()), (None, None));
@@ -508,13 +509,13 @@ mod tests {
     fn triangles_cover_a_node_once_also_where_borders_are_welded() {
         let layout = Layout::of(10_240.0, None);
         let [north_east, south_west] = [NodeId { lod: 5, x: 1, y: 1 }, NodeId { lod: 2, x: 7, y: 7 }];
-        // One neighbour is five levels coarser, so its step is longer than a patch; the other is two levels coarser. They are in the east and south
-        // of the first node, and in the north and west of the second.
+        // One neighbour is five levels coarser, so its vertices are farther apart than the edge of a patch; the other neighbour is two levels
+        // coarser. The neighbours are in the east and south of the first node, and in the north and west of the second.
         for node in [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 0, x: 32, y: 31 }] {
             let lods = lod_map(&[node, north_east, south_west]);
             for i in 0..600 {
                 let stride = [1, 2, 4][i as usize % 3];
-                // Half of them in the outermost quads.
+                // Half of the coordinates lie in the outermost quads.
                 let along = |k: u32| {
                     let u = unit(i, k);
                     let share = if (i + k).is_multiple_of(2) {
@@ -545,7 +546,7 @@ mod tests {
             let spot = |up: f64| Spot { position: at.extend(height(at.x, at.y) + up), normal: DVec3::Z, beside_m: 1e-9, off_plane_m: 1e-6 };
             let triangle = spot(0.0).triangle(&world, &[node], 1).expect("every place has a triangle");
             assert_eq!((triangle.lod, triangle.spacing_m), (node.lod, layout.spacing_m(node.lod)));
-            // Its slope equals that of the surface.
+            // The slope of the triangle equals that of the surface.
             let [x, y, z] = triangle.normal;
             let step = 1e-7;
             let slope = [height(at.x + step, at.y) - height(at.x, at.y), height(at.x, at.y + step) - height(at.x, at.y)].map(|d| d / step);
@@ -565,7 +566,7 @@ mod tests {
         assert_eq!(first(Estimator::Fc5, [0.0, 0.5, 0.0, 0.5, 0.0]), Some((Flavour::FarCliff, true)));
         assert_eq!(first(Estimator::Fc5, [0.5, 0.0, 0.0, 0.0, 0.5]), None);
         assert_eq!(first(Estimator::Stf, [0.5, 0.0, 0.0, 0.0, 0.5]), Some((Flavour::Splat, true)));
-        // Texel 3 by 0.95 of 0.1, 0.2, 0.3, 0.4; axis 1 by 0.5 of 0.2, 0.5, 0.3.
+        // The threshold 0.95 selects texel 3 from the weights 0.1, 0.2, 0.3, 0.4. The threshold 0.5 selects axis 1 from the weights 0.2, 0.5, 0.3.
         let weights = [0.1, 0.2, 0.3, 0.4];
         let far = Drawing { flavour: Flavour::FarCliff, salt: salt::FAR_CLIFF, projects: true }.draw(
             [0.5, 0.95, 0.0, 0.0],
@@ -594,10 +595,10 @@ mod tests {
         assert_eq!((near.id, near.texel, near.lod), (PageId { level: 0, x: 3 * 64 + 10, y: 2 * 64 + 63 }, [64.0, 128.0], 0.0));
         let far = page([9.0, 3.0], 1, 0.0);
         assert!((far.covered - 9.0).abs() < 1e-9 && (far.lod - 9f64.log2()).abs() < 1e-9 && (far.mip - (9f64 / 8.0).log2()).abs() < 1e-9);
-        // Page edges of 8 m: 202.25 m and 191.5 m from the corner.
+        // The edge of a page of level 3 is 8 m. The position is 202.25 m east and 191.5 m north of the world's south-west corner.
         assert_eq!(far.id, PageId { level: 3, x: 25, y: 23 });
         assert!((far.texel[0] - 2.25 * 32.0).abs() < 1e-9 && (far.texel[1] - 7.5 * 32.0).abs() < 1e-9, "{far:?}");
-        // Anisotropy, up to 4, covers the longer step; a mip bias acts like wider pixels.
+        // The longer step is divided by the anisotropy, at most 4. A mip bias of 1 doubles both steps.
         assert_eq!(page([9.0, 3.0], 2, 0.0).id.level, 2);
         assert_eq!(page([9.0, 3.0], 16, 0.0).id.level, 1);
         assert_eq!(page([9.0, 3.0], 1, 1.0).id.level, 4);

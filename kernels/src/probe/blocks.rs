@@ -4,8 +4,8 @@ use super::judge::{Draw, Verdict, farthest};
 use super::{Cell, Measure, Probe, real, whole, word};
 
 /// A decoder may deviate by 3 % of the length of its colour line: the Direct3D 11.3 functional specification, section 19.5, lets devices expand end
-/// points to 8 bits first, and round. The specification also allows one code. This test allows two: a decoder in 8-bit fixed point (Mesa's llvmpipe)
-/// rounds end points (half a code) and weights (half a code), and truncates the result (one code).
+/// points to 8 bits first, and round. The specification also allows an error of one code. This test allows two codes, because a decoder in 8-bit
+/// fixed point (Mesa's llvmpipe) rounds end points (half a code) and weights (half a code), and truncates the result (one code).
 const OF_LINE: f64 = 0.03;
 const CODES: f64 = 2.0 / 255.0;
 
@@ -13,9 +13,9 @@ pub(super) const BC1: Probe = Probe {
     name: "bc1",
     about: "A texel of a BC1 block: colours on a line between two end points of 5 + 6 + 5 bits, or transparent black",
     inputs: &[
-        word("colours", "end points, 16 bits each, the first in the low half; if it is not the larger, the line has 3 colours"),
+        word("colours", "end points, 16 bits each, the first in the low half; if the first is not the larger one, the line has 3 colours"),
         word("indices", "2 bits a texel, the first in the lowest bits"),
-        whole("texel", "row by row", 0, 15),
+        whole("texel", "index of the texel, row by row", 0, 15),
     ],
     outputs: &[real("red", "0..1"), real("green", "0..1"), real("blue", "0..1"), real("alpha", "0 or 1")],
     blocks: Some(wgpu::TextureFormat::Bc1RgbaUnorm),
@@ -38,12 +38,12 @@ pub(super) const BC3: Probe = Probe {
     inputs: &[
         word(
             "alphas",
-            "end points, 8 bits each, the first lowest, and the lowest 16 bits of the indices; if the first is not the larger, 0 and 1 are added",
+            "end points, 8 bits each, the first lowest, then 16 bits of the indices; if the first is not the larger one, 0 and 1 are added",
         ),
-        word("alpha_indices", "their upper bits, 3 a texel"),
+        word("alpha_indices", "the upper 32 bits of the indices of alpha, 3 bits a texel"),
         word("colours", "end points, 16 bits each, the first in the low half"),
         word("indices", "2 bits a texel, the first in the lowest bits"),
-        whole("texel", "row by row", 0, 15),
+        whole("texel", "index of the texel, row by row", 0, 15),
     ],
     outputs: &[real("red", "0..1"), real("green", "0..1"), real("blue", "0..1"), real("alpha", "0..1")],
     blocks: Some(wgpu::TextureFormat::Bc3RgbaUnorm),
@@ -67,18 +67,18 @@ return array<u32, 4>(bits.x, bits.y, bits.z, bits.w);
     parameters: &[],
 };
 
-/// Two end points, which are equal in some rows.
+/// Draws two end points, which are equal in some rows.
 fn colours(d: &mut Draw) -> f64 {
     let colours = d.word();
     f64::from(if d.whole(8) < 0.5 { colours & 0xffff | colours << 16 } else { colours })
 }
 
-/// Red, green, blue of 5 + 6 + 5 bits, 0..=1.
+/// Decodes red, green and blue from 5 + 6 + 5 bits, each 0..=1.
 fn colour(code: u32) -> [f64; 3] {
     [f64::from(code >> 11 & 31) / 31.0, f64::from(code >> 5 & 63) / 63.0, f64::from(code & 31) / 31.0]
 }
 
-/// Two end points of alpha, 0..=1.
+/// Decodes the two end points of alpha, 0..=1.
 fn alphas(word: u32) -> [f64; 2] {
     [word & 255, word >> 8 & 255].map(|code| f64::from(code) / 255.0)
 }
@@ -95,7 +95,7 @@ fn within<const N: usize>(got: &[f64], want: &[f64], line: [f64; N]) -> Verdict 
     if worst <= 1.0 { Verdict::Agrees(worst) } else { Verdict::Differs }
 }
 
-/// A colour of a block's line: one of four, or one of three and transparent black.
+/// The colour of a texel: one of the four colours on the block's line, or one of three colours and transparent black.
 fn on_line(colours: u32, indices: u32, texel: u32, four: bool) -> [f64; 4] {
     let (first, second) = (colour(colours & 0xffff), colour(colours >> 16));
     let mix = |a: f64, b: f64| {
@@ -124,7 +124,7 @@ fn bc3_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
     let [first, second] = alphas(row[0].word());
     let indices = u64::from(row[0].word() >> 16) | u64::from(row[1].word()) << 16;
     let index = (indices >> (3 * texel) & 7) as u32;
-    // Six values in between, or four and both ends of the range.
+    // There are six values between the end points, or four values between them and both ends of the range, 0 and 1.
     let steps = if first > second { 7.0 } else { 5.0 };
     let alpha = match index {
         0 => first,

@@ -10,7 +10,7 @@ pub(super) const FRUSTUM: Probe = Probe {
     name: "frustum",
     about: "Whether a box lies entirely beyond a plane of the frustum; a visible box is never culled",
     inputs: &[
-        real("plane_x", "normal of the plane, any length, towards the seen side"),
+        real("plane_x", "normal of the plane, any length, pointing to the visible side"),
         real("plane_y", "normal"),
         real("plane_z", "normal"),
         real("plane_w", "so that n . p + w = 0 on the plane; m if the normal has length 1"),
@@ -55,7 +55,7 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
     parameters: &[
         Parameter {
             name: "beyond_m",
-            unit: "m beyond the plane, of the nearest corner",
+            unit: "m from the plane to the nearest corner, which lies beyond it",
             set: |row, value, _| {
                 let n = octahedral::unit(three(row, 0));
                 set_direction(row, 0, n);
@@ -64,7 +64,7 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
             },
         },
         Parameter { name: "box_m", unit: "m, every edge", set: |row, value, _| (0..3).for_each(|i| row[7 + i] = row[4 + i] + value) },
-        Parameter { name: "corner_m", unit: "m, all coordinates of a box without extent", set: |row, value, _| row[4..10].fill(value) },
+        Parameter { name: "corner_m", unit: "m, every coordinate of both corners", set: |row, value, _| row[4..10].fill(value) },
     ],
 };
 
@@ -80,7 +80,8 @@ fn frustum_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.push(if beyond { T::one() } else { T::zero() });
 }
 
-/// Visible boxes are never culled. For boxes beyond the plane the tolerance is the margin plus the margin's own rounding.
+/// Visible boxes must not be culled. Within twice the margin of [`culling::beyond`], boxes beyond the plane may be kept or culled; the factor 2
+/// covers the rounding of the margin itself.
 fn frustum_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (distance, size) = frustum_distance(row);
     let near = -distance <= 2.0 * (SLACK * size + FLUSHED) || row.iter().any(|&x| is_next_to(x, MOST));
@@ -92,7 +93,8 @@ fn is_next_to(x: f64, limit: f64) -> bool {
     (x.abs() / limit - 1.0).abs() < 1e-3
 }
 
-/// `may`: culling is correct; `near`: the value lies within the margin, where both answers are accepted.
+/// Judges a decision to cull. `may` is true if culling is correct; `near` is true if the value lies within the margin, where both answers are
+/// accepted.
 fn one_sided(got: &[f64], want: &[f64], may: bool, near: bool) -> Verdict {
     match (got[0] == 1.0, want[0] == 1.0) {
         (true, _) if !may => Verdict::Differs,
@@ -109,7 +111,7 @@ pub(super) const NORMAL_CONE: Probe = Probe {
         real("axis_x", "axis of the cone, any length"),
         real("axis_y", "axis"),
         real("axis_z", "axis"),
-        real("sin_half_angle", "of the cone, 0..=1; 1 or a value that is not a sine = any direction"),
+        real("sin_half_angle", "sine of the cone's half angle, 0..=1; 1 or a value that is not a sine = any direction"),
         real("patch_x", "m, from the eye to the patch"),
         real("patch_y", "m"),
         real("patch_z", "m"),
@@ -129,7 +131,7 @@ return array<f32, 1>(select(0.0, 1.0, away));
         let distance = length(to_patch);
         let half = d.between(0.0, 80.0_f64.to_radians());
         let radius = distance * d.between(-12.0, 0.0).exp2();
-        // In half of the rows, close to the deciding angle.
+        // In half of the rows, the angle is close to the angle that decides.
         let border = std::f64::consts::FRAC_PI_2 - half - (radius / distance).asin();
         let off = if d.whole(2) < 0.5 { d.between(-24.0, 0.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-3.0, 3.0) };
         let axis = d.leaning(octahedral::unit(to_patch), border + off);
@@ -156,18 +158,18 @@ return array<f32, 1>(select(0.0, 1.0, away));
         Parameter { name: "axis_length", unit: "1", set: |row, value, _| set_length(row, 0, value) },
         Parameter {
             name: "from_axis_deg",
-            unit: "deg off an axis, of the cone",
+            unit: "deg from a coordinate axis to the cone's axis",
             set: |row, value, d| set_direction(row, 0, from_axis(value, d)),
         },
         Parameter {
             name: "radius_share",
-            unit: "of the distance, of the sphere",
+            unit: "radius of the sphere as a share of its distance",
             set: |row, value, _| row[7] = value * length(three(row, 4)),
         },
     ],
 };
 
-/// Angle by which all normals face away, radians; negative where one may face the eye. Computed from angles, unlike the reference.
+/// Angle by which all normals face away, radians; negative if a normal may face the eye. Unlike the reference, this function adds up angles.
 fn cone_margin(row: &[f64]) -> f64 {
     let to_patch = three(row, 4);
     let (distance, sine) = (length(to_patch), row[3]);
@@ -186,11 +188,11 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.push(if away { T::one() } else { T::zero() });
 }
 
-/// Patches that face the eye are never culled. For patches that face away the tolerance is the margin. The margin is that of a cosine: as an angle it
-/// is wider where the sine is small.
+/// Patches that face the eye must not be culled. Within twice the margin [`ROUNDING`], patches that face away may be kept or culled. The margin
+/// applies to a cosine; it corresponds to a larger angle where the sine is small.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
-    // cos(between) - sin(a + s) = cos(between) - cos(between + margin), between = the angle to the axis.
+    // `between` is the angle to the axis, and cos(between) - sin(a + s) = cos(between) - cos(between + margin).
     let between = std::f64::consts::FRAC_PI_2 - margin - row[3].asin() - (row[7] / length(three(row, 4))).min(1.0).asin();
     let over = between.cos() - (between + margin).cos();
     let near = over <= 2.0 * ROUNDING || between + margin <= 0.0 || (between + margin).sin() <= 2.0 * ROUNDING;
@@ -207,20 +209,20 @@ const STORED: usize = 21;
 
 pub(super) const OCCLUSION: Probe = Probe {
     name: "occlusion",
-    about: "The pixels that a box covers, the level of the depth pyramid at which it is tested, and whether it is hidden; a visible box never is",
+    about: "Pixels that a box covers, level of the depth pyramid at which it is tested, and whether it is hidden; a visible box is never hidden",
     inputs: &[
-        real("x_x", "row of the matrix from box coordinates to clip space that gives x"),
-        real("x_y", "of that row"),
-        real("x_z", "of that row"),
-        real("x_w", "of that row"),
-        real("y_x", "row that gives y"),
-        real("y_y", "of that row"),
-        real("y_z", "of that row"),
-        real("y_w", "of that row"),
-        real("w_x", "row that gives w, the distance along the view"),
-        real("w_y", "of that row"),
-        real("w_z", "of that row"),
-        real("w_w", "of that row"),
+        real("x_x", "matrix row from box coordinates to clip-space x: coefficient of x"),
+        real("x_y", "coefficient of y"),
+        real("x_z", "coefficient of z"),
+        real("x_w", "constant term"),
+        real("y_x", "matrix row for clip-space y: coefficient of x"),
+        real("y_y", "coefficient of y"),
+        real("y_z", "coefficient of z"),
+        real("y_w", "constant term"),
+        real("w_x", "matrix row for w, the distance along the view: coefficient of x"),
+        real("w_y", "coefficient of y"),
+        real("w_z", "coefficient of z"),
+        real("w_w", "constant term"),
         real("near_m", "m"),
         real("low_x", "m, lower corner of the box"),
         real("low_y", "m"),
@@ -228,12 +230,12 @@ pub(super) const OCCLUSION: Probe = Probe {
         real("high_x", "m, upper corner"),
         real("high_y", "m"),
         real("high_z", "m"),
-        whole("width", "of the picture, pixels", 1, MOST_SIDE),
-        whole("height", "of the picture, pixels", 1, MOST_SIDE),
-        real("stored_0", "smallest depth in a texel of the pyramid, near plane's distance / distance along the view"),
-        real("stored_1", "alike"),
-        real("stored_2", "alike"),
-        real("stored_3", "alike"),
+        whole("width", "pixels of the picture", 1, MOST_SIDE),
+        whole("height", "pixels of the picture", 1, MOST_SIDE),
+        real("stored_0", "smallest depth in the first texel of the pyramid: near plane's distance / distance along the view"),
+        real("stored_1", "smallest depth in the second texel"),
+        real("stored_2", "smallest depth in the third texel"),
+        real("stored_3", "smallest depth in the fourth texel"),
     ],
     outputs: &[
         whole("known", "0 = undecided: the box is drawn", 0, 1),
@@ -241,8 +243,8 @@ pub(super) const OCCLUSION: Probe = Probe {
         whole("first_y", "first row, from above", 0, MOST_SIDE),
         whole("last_x", "last column", 0, MOST_SIDE),
         whole("last_y", "last row", 0, MOST_SIDE),
-        whole("level", "of the pyramid", 0, 14),
-        real("depth", "of the nearest point"),
+        whole("level", "level of the pyramid", 0, 14),
+        real("depth", "depth of the nearest point"),
         whole("hidden", "1 = culled", 0, 1),
     ],
     blocks: None,
@@ -270,7 +272,7 @@ return array<f32, 8>(
         let forward = d.direction();
         let right = d.leaning(forward, std::f64::consts::FRAC_PI_2);
         let half = [0; 2].map(|_| d.between(-4.0, 2.0).exp2());
-        // In front of the camera, within twice its field of view, no larger than its distance.
+        // The box lies in front of the camera, within twice its field of view. Its half extents are 2^-12 to 1.4 times its distance.
         let distance = near * d.between(0.0, 17.0).exp2();
         let aside = [0; 2].map(|_| d.between(-2.0, 2.0) * distance);
         let extent = [0; 3].map(|_: i32| distance * d.between(-12.0, 0.5).exp2());
@@ -315,7 +317,7 @@ return array<f32, 8>(
     parameters: &[
         Parameter {
             name: "behind",
-            unit: "of the distance, behind what was drawn",
+            unit: "share of the distance by which the box lies behind what was drawn",
             set: |row, value, _| {
                 let nearest = row[NEAR] / exact(row).nearest_m.max(row[NEAR]);
                 row[STORED..].fill(nearest * (1.0 + value));
@@ -323,7 +325,7 @@ return array<f32, 8>(
         },
         Parameter {
             name: "distance_m",
-            unit: "m along the view, of the middle of a box of a metre",
+            unit: "m along the view to the middle of a box with edges of 1 m",
             set: |row, value, _| {
                 let forward = three(row, 8);
                 let aside = [0, 1, 2].map(|i| (row[LOW + i] + row[HIGH + i]) / 2.0);
@@ -336,7 +338,7 @@ return array<f32, 8>(
         },
         Parameter {
             name: "fov_deg",
-            unit: "deg, both ways",
+            unit: "deg, horizontally and vertically",
             set: |row, value, _| {
                 for k in 0..2 {
                     let by = 1.0 / (length(three(row, 4 * k)) * (value / 2.0).to_radians().tan());
@@ -346,7 +348,7 @@ return array<f32, 8>(
         },
         Parameter {
             name: "eye_m",
-            unit: "m, from the origin of coordinates to all of it",
+            unit: "m by which the eye and the box are moved in a random direction",
             set: |row, value, d| {
                 let by = d.direction().map(|x| x * value);
                 for k in 0..3 {
@@ -449,7 +451,7 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let stored = row[STORED..].iter().copied().fold(f64::INFINITY, f64::min);
     let has_number = row[STORED..].iter().all(|x| !x.is_nan());
     let nearest = row[NEAR] / truth.nearest_m;
-    // Hidden is correct if the box is in front of the eye and everything that was drawn is nearer.
+    // The answer `hidden` is correct if the box is in front of the eye and everything that was drawn is nearer.
     let is_right = got[7] == 0.0 || (has_number && nearest > 0.0 && nearest < stored);
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
     let covers =
@@ -459,7 +461,8 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got[0] == 1.0 && !(truth.nearest_m > 0.0 && covers && is_deep && is_right) {
         return Verdict::Differs;
     }
-    // Whether anything is known may differ near the near plane, where the distance loses its digits, and at the ends of the supported range.
+    // Implementations may disagree on whether the cover is known near the near plane, where the distance loses its digits, and at the ends of the
+    // supported range.
     let by_near = (truth.nearest_m - row[NEAR]).abs() <= 4.0 * truth.nearest_off_m;
     let by_loss = (0.9..1.1).contains(&(truth.off / KNOWN));
     let at_an_end = row[..SIZE].iter().any(|&x| is_next_to(x, MOST)) || is_next_to(row[NEAR], NEAREST);

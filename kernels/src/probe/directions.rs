@@ -8,7 +8,7 @@ use super::{EXACT, Measure, Parameter, Probe, real, take, whole};
 use crate::shared::real::{Real, add, dot, length, scale, sub};
 use crate::shared::{biplanar, derivatives, normal_pair, octahedral, snapped_projection, triplanar};
 
-/// The normal of a plane that faces the ray, at this angle from it, degrees.
+/// Draws the unit normal of a plane that faces the ray. `degrees` is the angle between the normal and the reversed ray.
 fn facing(ray: [f64; 3], degrees: f64, d: &mut Draw) -> [f64; 3] {
     d.leaning(octahedral::unit(ray).map(|x| -x), degrees.to_radians())
 }
@@ -44,7 +44,7 @@ return array<f32, 7>(e.x, e.y, code.x, code.y, decoded.x, decoded.y, decoded.z);
         name: "direction",
         unit: "deg",
         error: |row, got, want| {
-            // Where two codes are equally near, both are accepted: the measure is how much farther the chosen one is.
+            // If two codes are equally near, both are accepted, so the measure is how much farther the chosen code is from the direction.
             let n = octahedral::unit(three(row, 0));
             let off = |v: &[f64]| angle_deg(three(v, 4), n);
             (off(got) - off(want)).abs()
@@ -69,7 +69,7 @@ pub(super) const OCTAHEDRAL_CODES: Probe = Probe {
         real("n_x", "direction, any length"),
         real("n_y", "direction"),
         real("n_z", "direction"),
-        whole("bits", "of each coordinate", 2, 16),
+        whole("bits", "bits of each coordinate", 2, 16),
     ],
     outputs: &[
         whole("fast_u", "code nearest to the coordinate", -32_767, 32_767),
@@ -115,7 +115,7 @@ return array<f32, 10>(fast.x, fast.y, exact.x, exact.y, f.x, f.y, f.z, e.x, e.y,
     ],
 };
 
-/// How much farther from the direction `got` is than `want`, degrees.
+/// Difference between the angles of `got` and `want` from the direction, degrees. The decoded vectors start at column `at`.
 fn farther(row: &[f64], got: &[f64], want: &[f64], at: usize) -> f64 {
     let n = octahedral::unit(three(row, 0));
     (angle_deg(three(got, at), n) - angle_deg(three(want, at), n)).abs()
@@ -159,13 +159,15 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
     double: normal_pair_row,
     random: |d| {
         let n = d.direction();
-        // Rays at every angle of incidence, about half of them nearly edge-on, where the side from which points are seen decides.
+        // Rays have every angle of incidence. About half of them are nearly edge-on, where the choice of a lattice point depends on the side from
+        // which the ray sees it.
         let across = d.direction();
         let across = sub(across, n.map(|x| x * dot(n, across)));
         let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
         let far = d.between(-4.0, 12.0).exp2();
         let ray: [f64; 3] = std::array::from_fn(|i| far * (across[i] + tilt * n[i]));
-        // Shading normals between a quarter of a degree and 90 degrees off the plane's upper normal; for overhangs, off the lower one.
+        // Shading normals lean away from the plane's upper normal by about a quarter of a degree to 90 degrees. For a quarter of the overhangs, they
+        // lean away from the lower normal.
         let up = if n[2] < 0.0 && d.whole(4) > 0.5 { -1.0 } else { 1.0 };
         let (lean, other) = (d.between(-8.0, 0.5).exp2(), d.direction());
         let shading: [f64; 3] = std::array::from_fn(|i| up * n[i] + lean * other[i]);
@@ -178,7 +180,8 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
             name: "plane",
             unit: "deg",
             error: |row, got, want| {
-                // A plane has no front side. Where two codes are equally near, both are accepted: the measure is how much farther the chosen one is.
+                // A plane has no front side. If two codes are equally near, both are accepted, so the measure is how much farther the chosen code is
+                // from the plane.
                 let n = octahedral::unit(three(row, 0));
                 let off = |v: &[f64]| angle_deg(three(v, 2), n).min(angle_deg(three(v, 2), n.map(|x| -x)));
                 (off(got) - off(want)).abs()
@@ -210,15 +213,15 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
 
 pub(super) const DERIVATIVES: Probe = Probe {
     name: "derivatives",
-    about: "Step from a pixel's position to its neighbour's, where the neighbour's ray meets the plane through the point",
+    about: "Step from the point that a pixel sees to the point at which its neighbour's ray meets the same plane",
     inputs: &[
         real("ray_x", "ray of the pixel"),
         real("ray_y", "ray"),
         real("ray_z", "ray"),
         real("step_x", "from the pixel's ray to the neighbour's"),
-        real("step_y", "ray"),
-        real("step_z", "ray"),
-        real("t", "the point is ray * t; m where rays have no unit"),
+        real("step_y", "step"),
+        real("step_z", "step"),
+        real("t", "the point is ray * t; m if rays have no unit"),
         real("normal_x", "plane's normal, any length"),
         real("normal_y", "normal"),
         real("normal_z", "normal"),
@@ -320,7 +323,7 @@ return array<f32, 6>(w.x, w.y, w.z, bent.x, bent.y, bent.z);
         Parameter { name: "from_axis_deg", unit: "deg off an axis", set: |row, value, d| set_direction(row, 0, from_axis(value, d)) },
         Parameter {
             name: "from_diagonal",
-            unit: "relative, of one component",
+            unit: "relative difference of one component",
             set: |row, value, _| row[..3].copy_from_slice(&[1.0, 1.0 + value, 1.0]),
         },
         Parameter {
@@ -375,27 +378,27 @@ pub(super) const SNAPPED_PROJECTION: Probe = Probe {
         real("n_x", "direction, any length"),
         real("n_y", "direction"),
         real("n_z", "direction"),
-        real("cosine", "of the slope at which steep ground begins"),
+        real("cosine", "cosine of the slope at which steep ground begins"),
         real("p_x", "m"),
         real("p_y", "m"),
         real("p_z", "m"),
         whole("sector_x", "sectors east", -(1 << 20), 1 << 20),
         whole("sector_y", "sectors north", -(1 << 20), 1 << 20),
         whole("sector_z", "sectors up", -(1 << 20), 1 << 20),
-        whole("fixed", "repeats per sector, in 2^-24", -EXACT, EXACT),
+        whole("fixed", "repeats per sector, in units of 2^-24", -EXACT, EXACT),
         real("g_0", "height gradient along the first coordinate"),
-        real("g_1", "along the second"),
+        real("g_1", "height gradient along the second"),
     ],
     outputs: &[
         whole("plane", "0..2 = looking along x, y, z; 3, 4 = along (1, 1), (1, -1)", 0, 4),
         whole("sectors_0", "sectors along the first coordinate", -(1 << 21), 1 << 21),
-        whole("sectors_1", "along the second", -(1 << 21), 1 << 21),
-        whole("rate", "repeats per sector along the first, in 2^-24", -EXACT, EXACT),
+        whole("sectors_1", "sectors along the second", -(1 << 21), 1 << 21),
+        whole("rate", "repeats per sector along the first, in units of 2^-24", -EXACT, EXACT),
         real("c_0", "m along the first"),
         real("c_1", "m along the second"),
-        real("gradient_x", "in the volume"),
-        real("gradient_y", "in the volume"),
-        real("gradient_z", "in the volume"),
+        real("gradient_x", "gradient in the volume"),
+        real("gradient_y", "gradient in the volume"),
+        real("gradient_z", "gradient in the volume"),
     ],
     blocks: None,
     wgsl: "\
@@ -452,7 +455,7 @@ fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (Some(code), Some(best)) = (code(got), code(want)) else { return Verdict::Differs };
     let decoded = |code: [u32; 2]| octahedral::decode::<f64>(octahedral::dequantise(code, 8));
     let error = |code| length(sub(decoded(code), n));
-    // Where two codes are equally near, both are accepted.
+    // If two codes are equally near, both are accepted.
     let chosen = if code == best {
         Verdict::Agrees(0.0)
     } else if error(code) - error(best) <= UNIT_TOLERANCE {
@@ -490,10 +493,12 @@ fn octahedral_codes_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         } else {
             Verdict::Differs
         };
-        // The rounding of the step and of its product, through the derivative of a direction, which is at most 2.
+        // The rounding of the step and of its product with a code adds 3 ULP. The derivative of a direction by its code multiplies this error by at
+        // most 2.
         both(chosen, close(&got[decoded_at..decoded_at + 3], &decoded, UNIT_TOLERANCE + 8.0 * EPS))
     };
-    // Near the middle between two codes both are accepted. The same holds below the equator near a fold, where a code jumps to the same direction.
+    // Near the middle between two codes, both codes are accepted. Below the equator, near a fold, a code may jump to a different code of the same
+    // direction; both codes are accepted there, too.
     let same_point = |code: [f64; 2]| (0..2).all(|i| (code[i] - e[i] * half).abs() <= 0.5 + UNIT_TOLERANCE * half);
     let error = |code: [f64; 2]| length(sub(octahedral::decode::<f64>(code.map(|x| x / half)), n));
     // Across a fold lies the mirrored square, whose codes stand for the same directions.
@@ -521,12 +526,14 @@ fn normal_pair_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if word == best {
         return decoded;
     }
-    // Two lattice points, or two codes, may be equally near: both vectors that are compared have an error. The other form of the word would require
-    // that at the window's border as well, which is not expected.
+    // Two lattice points, or two codes, may be equally near, because both compared vectors have an error. If one word is fine and the other word is
+    // plain, the code would also have to lie on the border of the range that a fine word can store. This is not expected, so it counts as a
+    // difference.
     let as_near = |a: [f64; 3], b: [f64; 3], to: [f64; 3]| (length(sub(a, to)) - length(sub(b, to))).abs() <= 2.0 * UNIT_TOLERANCE;
     let [n, ray, normal] = [0, 3, 6].map(|at| octahedral::unit(three(row, at)));
     let n = if n[2] < 0.0 { n.map(|x| -x) } else { n };
-    // The side from which a point is seen is undecided where the ray lies in the plane. There, any lattice point around the plane is accepted.
+    // If the ray lies in the plane, rounding decides from which side it sees a lattice point. Any lattice point around the plane's normal is then
+    // accepted.
     let edge_on = [n, pair.plane, wanted.plane].iter().any(|&v| dot(v, ray).abs() <= 2.0 * UNIT_TOLERANCE);
     let supremum = if word >> 31 == 0 { normal_pair::FINE_SUPREMUM } else { normal_pair::PLAIN_SUPREMUM };
     let plane = as_near(pair.plane, wanted.plane, n) || (edge_on && length(sub(pair.plane, n)) <= 3.0 * supremum);
@@ -546,11 +553,12 @@ fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let side = if dot(n, ray) >= 0.0 { 1.0 } else { -1.0 };
     let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
     let seen = dot(n, step).abs();
-    // t (s - r' (n.s / n.r')): n is off by 11 ULP, so each dot product is off by some 16 ULP of its vector's length, and the quotient by the sum of
-    // both; r' multiplies this by r / facing.
+    // The result is t (s - r' (n.s / n.r')). The error of n is 11 ULP, so the error of each dot product is about 16 ULP of the length of s or r'.
+    // Both errors enter the quotient, and r' multiplies the quotient: the error of n.s contributes s (r / facing), the error of n.r' contributes
+    // |n.s| (r / facing)².
     let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
     let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
-    // The visible side of the plane is undecided where the ray lies in it.
+    // If the ray lies in the plane, rounding decides which side of the plane is visible.
     if verdict == Verdict::Differs && dot(n, ray).abs() <= 20.0 * EPS * length(ray) { Verdict::OtherSide } else { verdict }
 }
 
@@ -566,8 +574,9 @@ fn tri_planar_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (n, k) = (three(row, 0), row[3].clamp(0.0, 1e4));
     let weights = triplanar::weights(n, row[3]);
-    // 2^(k log2 r): log2 errs by 2^-21 = 4 ULP at 1, and r by 12 ULP. k magnifies both; ln 2 and 1 undo this in part: 16 k. A weight close to 0 or 1
-    // cannot move: its derivative is w (1 - w).
+    // A weight is proportional to 2^(k log2 r). log2 has an error of 2^-21 = 4 ULP near 1, and r has an error of 12 ULP. Their effect on the weight
+    // is at most (4 ln 2 + 12) k ULP, which is less than 16 k. The derivative of a normalised weight w is proportional to w (1 - w), so weights close
+    // to 0 or 1 hardly change.
     let sensitivity = weights.iter().map(|w| 4.0 * w * (1.0 - w)).fold(0.0, f64::max);
     let of_weights = EPS * (16.0 + 16.0 * k * sensitivity);
     let gradients: [[f64; 3]; 3] = [
@@ -578,8 +587,8 @@ fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let gradient: [f64; 3] = std::array::from_fn(|c| (0..3).map(|i| weights[i] * gradients[i][c]).sum());
     let unit = octahedral::unit(n);
     let bent = sub(unit, sub(gradient, unit.map(|x| x * dot(unit, gradient))));
-    // The gradient inherits the error of the weights. Its part along the normal cancels, so errors are relative to the whole gradient, divided by the
-    // length, which is at least 1.
+    // The gradient inherits the error of the weights. The gradient's part along the normal cancels in `bent`, so rounding errors are relative to the
+    // whole gradient. Normalising divides the errors by the length of `bent`, which is at least 1.
     let of_gradient = of_weights * gradients.iter().map(|&g| length(g)).sum::<f64>() + 24.0 * EPS * (1.0 + length(gradient));
     both(close(&got[..3], &want[..3], of_weights), close(&got[3..], &want[3..], of_gradient / length(bent).max(1.0) + UNIT_TOLERANCE))
 }
@@ -602,8 +611,9 @@ fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if top <= 2.0 * UNIT_TOLERANCE {
         return Verdict::OtherSide;
     }
-    // Error of the ratio of the values above, and of its k-th power: the slope is k r^(k-1) where r is well above its error; elsewhere, for k below
-    // 1, the error is at most error^k. log2 errs by 2^-21 = 4 ULP at 1, which k magnifies; w 2^-w undoes that in part.
+    // `r` is the ratio of the two values in `above`, and `e` its error. If r is well above its error, the error of r^k is e times the slope k
+    // r^(k-1). Otherwise, for k below 1, r + e is at most 3 e, so the error of r^k is at most (3 e)^k. In addition, log2 has an error of 2^-21 = 4
+    // ULP near 1, which k multiplies. The error of exp2(-x) grows with x, but 2^-x falls, and x 2^-x is at most 0.54.
     let (r, e) = (above[0].min(above[1]) / top, 2.0 * UNIT_TOLERANCE / top);
     let slope = if k >= 1.0 { k } else { k * (r - e).max(1e-300).powf(k - 1.0) };
     let power = if r > 2.0 * e || k >= 1.0 { slope * e } else { (3.0 * e).powf(k) };
@@ -626,7 +636,7 @@ fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let plane = got[0] as u32;
     let step = (std::f64::consts::PI / 8.0).tan();
-    // Thresholds: the slope, 22.5 degrees to either side of the axes, and the sign of a component that is zero.
+    // Thresholds: the slope, and the azimuths 22.5 degrees to either side of the axes.
     let [x, y] = [n[0].abs(), n[1].abs()];
     let margins = [n[2].abs() - row[3], y - step * x, x - step * y];
     let near = margins.iter().any(|m| m.abs() <= 2.0 * UNIT_TOLERANCE);
@@ -643,7 +653,7 @@ fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let gradient = [row[11], row[12]];
     let sizes = (length(position), gradient[0].abs() + gradient[1].abs());
     let whole = close(&got[1..4], &[sectors[0], sectors[1], rate], 0.25);
-    // A sum and a product: two roundings.
+    // A coordinate is a sum and a product, and each is rounded once.
     let coordinates = close(&got[4..6], &snapped_projection::coordinates(position, plane), 2.0 * EPS * sizes.0 + 1e-30);
     let volume = close(&got[6..], &snapped_projection::from_gradient(gradient, plane), 2.0 * EPS * sizes.1 + 1e-30);
     both(both(verdict, whole), both(coordinates, volume))

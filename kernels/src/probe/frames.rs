@@ -12,9 +12,9 @@ const LONGEST: i32 = 4096;
 pub(super) const MOMENTS: Probe = Probe {
     name: "moments",
     about: "Mean and variance of a stream whose samples are alternately the mean plus and minus the spread",
-    inputs: &[real("mean", "of the stream"), real("spread", "of a sample from the mean"), whole("count", "samples", 1, LONGEST)],
+    inputs: &[real("mean", "of the stream"), real("spread", "distance of samples from the mean"), whole("count", "samples", 1, LONGEST)],
     outputs: &[real("mean_high", "mean"), real("mean_low", "remainder of the mean"), real("variance", "unbiased")],
-    // The row is read from memory, so that no compiler can know that this bit of the count is never set.
+    // The shader reads the row from memory, so the compiler cannot know that the highest bit of the count is never set, and that `zero` is 0.
     blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 3> {
@@ -53,12 +53,12 @@ fn moments_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn moments_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // The mean of two parts has twice the digits, but each step's difference from it is rounded: half an ULP of the spread for the difference, and
-    // 2.5 ULP for the quotient by the count. These errors do not cancel, so they may add up over all samples, each by the spread divided by the
-    // count.
+    // The mean in two parts has twice the digits of f32. But each step rounds the sample's difference from the mean (half an ULP of the spread) and
+    // divides it by the number i of samples so far (2.5 ULP). These errors do not cancel, so over all samples they may add up to 3 ULP of the sum of
+    // spread / i, which is at most spread (1 + ln count).
     let of_mean = 4.0 * EPS * row[1].abs() * (1.0 + row[2].ln()) + EPS * EPS * row[0].abs();
     let mean = close(&[got[0] + got[1]], &[want[0] + want[1]], of_mean + f64::from(f32::MIN_POSITIVE));
-    // A term of the squares has 6 roundings; the sum is compensated.
+    // A term of the squares has 6 roundings; the sum is compensated and adds hardly any error.
     both(mean, close(&got[2..], &want[2..], 8.0 * EPS * want[2] + f64::from(f32::MIN_POSITIVE)))
 }
 
@@ -66,23 +66,23 @@ pub(super) const REPROJECTION: Probe = Probe {
     name: "reprojection",
     about: "The pixel at which an earlier camera saw a point, and the distance at which that pixel's ray meets the plane through the point",
     inputs: &[
-        real("x", "m from this eye"),
+        real("x", "m, point relative to this frame's eye"),
         real("y", "m"),
         real("z", "m"),
-        real("offset_x", "m, this eye minus the earlier one"),
+        real("offset_x", "m, this frame's eye minus the earlier eye"),
         real("offset_y", "m"),
         real("offset_z", "m"),
         real("half_width", "tangent of half the earlier field of view"),
-        whole("width", "of its picture, pixels; the height is half of it", 1, EXACT),
-        real("normal_x", "of the plane"),
-        real("normal_y", "of the plane"),
-        real("normal_z", "of the plane"),
+        whole("width", "pixels of the earlier picture; its height is half of the width", 1, EXACT),
+        real("normal_x", "normal of the plane"),
+        real("normal_y", "normal of the plane"),
+        real("normal_z", "normal of the plane"),
     ],
     outputs: &[
         real("pixel_x", "whole numbers are pixel centres"),
-        real("pixel_y", "alike"),
+        real("pixel_y", "whole numbers are pixel centres"),
         real("distance", "m along the earlier view, which is along y"),
-        real("expected", "m, where that pixel's ray meets the plane"),
+        real("expected", "m, distance at which that pixel's ray meets the plane"),
     ],
     blocks: None,
     wgsl: "\
@@ -130,7 +130,7 @@ fn probe(row: array<f32, 11>) -> array<f32, 4> {
     ],
 };
 
-/// The earlier camera of a row: it looks along y, x to the right.
+/// The earlier camera of a row. It looks along y, and x points to the right.
 fn past<T: Real>(row: &[T]) -> Past<T> {
     let half = T::of(0.5);
     let shift = half * (row[7] - T::one());
@@ -158,14 +158,14 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let past = past(row);
     let (point, offset) = (three(row, 0), three(row, 3));
     let q = add(point, offset);
-    // Each coordinate of q is rounded once, relative to its larger part. Then there are dot products, a quotient of 2.5 ULP, and twice the three
-    // roundings of the pitch.
+    // Each coordinate of q is a sum, which is rounded once; the error is relative to the larger summand. The other errors come from the dot products,
+    // a quotient (2.5 ULP), and the pitch, whose three roundings enter twice.
     let rounded = EPS * (length(point) + length(offset) + length(q));
     let distance = dot(q, past.forward);
     let rows = length(past.x_row).max(length(past.y_row));
     let relative = 8.0 * EPS + rounded / distance.abs().max(1e-30);
     let of_pixel = relative * rows * length(q) / distance.abs().max(1e-30) + 8.0 * EPS * past.x_shift.abs();
-    // At the nearest and the farthest planes that reprojection accepts, either answer is accepted.
+    // Near the smallest and the largest distance that reprojection accepts, rounding decides, so either answer is accepted.
     let at_threshold = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (distance - t).abs() <= rounded + 8.0 * EPS * t);
     let seen = both(close(&got[..2], &want[..2], of_pixel), close(&got[2..3], &want[2..3], rounded + 4.0 * EPS * distance.abs()));
     if seen == Verdict::Differs {
@@ -173,11 +173,11 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     }
     let (n, ray) = (three(row, 8), motion::past_ray(&past, [want[0], want[1]]));
     let along = dot(n, ray).abs();
-    // The ray has the error of the pixel, in pitches; the plane's distance has that of q.
+    // The error of the ray is the error of the pixel times the pitch. The error of the plane's distance is the error of q.
     let of_ray = length(n) * (of_pixel / rows + 8.0 * EPS * length(ray));
     let of_plane = length(n) * (rounded + 4.0 * EPS * length(q));
     if along <= of_ray + 1e-6 * length(ray) * (1.0 + 16.0 * EPS) {
-        // Edge-on, or too close to edge-on to decide.
+        // The plane is edge-on, or too close to edge-on to decide.
         return if (got[3] - want[3]).abs() <= EPS * want[3].abs() { Verdict::Agrees(0.0) } else { Verdict::OtherSide };
     }
     let expected = close(&got[3..], &want[3..], (of_plane + want[3].abs() * of_ray) / (along - of_ray) + 4.0 * EPS * want[3].abs());

@@ -1,4 +1,4 @@
-//! From pixels to positions, and the moves of vertices.
+//! Positions from pixels, and the vertices that are moved at the edges of nodes.
 
 use super::judge::{EPS, Verdict, close, equal, farthest};
 use super::{Measure, Parameter, Probe, real, take, whole};
@@ -14,11 +14,11 @@ pub(super) const DEPTH_POSITION: Probe = Probe {
     about: "Position of a pixel's ground relative to the eye, from its depth; the camera looks along y",
     inputs: &[
         real("pixel_x", "whole numbers are pixel centres"),
-        real("pixel_y", "alike"),
+        real("pixel_y", "whole numbers are pixel centres"),
         real("depth", "near plane's distance / distance along the view, 0..1"),
         real("near_m", "m"),
         real("half_width", "tangent of half the field of view"),
-        whole("width", "of the picture, pixels; the height is half of it", 1, 1 << 24),
+        whole("width", "pixels of the picture; its height is half of the width", 1, 1 << 24),
     ],
     outputs: &[real("x", "m"), real("y", "m"), real("z", "m")],
     blocks: None,
@@ -66,21 +66,22 @@ fn depth_position_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn depth_position_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let pitch = 2.0 * row[4] / row[5];
     let first = 0.5 * (row[5] - 1.0) * pitch;
-    // Products of the pitch (3 ULP) with the pixel and half the width, and their difference, in which they may cancel; the quotient adds 2.5 ULP.
+    // The pitch (3 ULP) is multiplied by the pixel and by half the width. The two products may cancel in their difference, so the error is relative
+    // to the sum of their magnitudes. The quotient adds 2.5 ULP.
     let along = 1.0 + first + pitch * (row[0].abs() + row[1].abs());
     close(got, want, 8.0 * EPS * along * want[1].abs() + f64::from(f32::MIN_POSITIVE))
 }
 
 pub(super) const WELD: Probe = Probe {
     name: "weld",
-    about: "The vertex that a vertex of a node is moved to where neighbours are coarser",
+    about: "The vertex to which a vertex of a node is moved if neighbouring nodes are coarser",
     inputs: &[
         whole("x", "vertex from the west", 0, 128),
         whole("y", "vertex from the south", 0, 128),
         whole("west", "number of levels by which the western neighbour is coarser", 0, DELTAS),
-        whole("south", "the southern", 0, DELTAS),
-        whole("east", "the eastern", 0, DELTAS),
-        whole("north", "the northern", 0, DELTAS),
+        whole("south", "number of levels by which the southern neighbour is coarser", 0, DELTAS),
+        whole("east", "number of levels by which the eastern neighbour is coarser", 0, DELTAS),
+        whole("north", "number of levels by which the northern neighbour is coarser", 0, DELTAS),
     ],
     outputs: &[whole("to_x", "vertex from the west", 0, 128), whole("to_y", "vertex from the south", 0, 128)],
     blocks: None,

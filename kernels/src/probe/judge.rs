@@ -1,12 +1,12 @@
-//! The distance of a result from the truth, and random rows to test it with.
+//! Compares results with the truth, and draws random rows for the comparison.
 //!
 //! The truth is the reference in f64. Input values are f32, so that all implementations see the same input. The tolerance of each probe follows from
 //! the accuracy that WGSL demands (W3C, *WebGPU Shading Language*, "Floating Point Accuracy"): sums, differences and products are rounded once; `x /
 //! y` 2.5 ULP; `inverseSqrt` 2 ULP and `sqrt` = 1 / `inverseSqrt`; `log2` 2^-21 absolute in [0.5, 2], 3 ULP elsewhere; `exp2(x)` 3 + 2 |x| ULP; `pow`
-//! through those two. Products may be contracted into sums, and denormals may be flushed to zero. Bounds grow with the conditioning of the row,
-//! computed in f64.
+//! is computed from these two. Products may be contracted into sums, and denormals may be flushed to zero. Bounds grow with the conditioning of the
+//! row, computed in f64.
 //!
-//! Where a result is discontinuous (an index, a code, a cell), a row within the tolerance of its threshold may fall on either side.
+//! If a result is discontinuous (an index, a code, a cell), a row within the tolerance of a threshold may give the result of either side.
 
 use std::collections::BTreeSet;
 
@@ -17,25 +17,25 @@ use crate::shared::real::{add, dot, length, scale, sub};
 /// A unit in the last place at 1: twice the rounding error of one operation.
 pub const EPS: f64 = f32::EPSILON as f64;
 
-/// Unit vector: division by the largest (2.5 ULP), dot (3 roundings), sqrt (2 + 2.5 ULP), division (2.5 ULP): 11 ULP of at most 1, and
-/// 5 more for the code's own division and sums.
+/// Tolerance of a unit vector and of its octahedral code. The division by the largest component (2.5 ULP), the dot product (3 roundings), the square
+/// root (2 + 2.5 ULP) and the division by the length (2.5 ULP) add up to 11 ULP of at most 1. The division and the sums of the code add 5 ULP.
 pub const UNIT_TOLERANCE: f64 = 16.0 * EPS;
 
-/// For results of at most 8 operations whose errors do not cancel: 16 ULP.
+/// Tolerance of results of at most 8 operations whose errors do not cancel: 16 ULP.
 pub const FEW: f64 = 16.0 * EPS;
 
 /// The outcome of comparing one row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
-    /// Within the tolerance; holds the largest share of the tolerance that is used.
+    /// Within the tolerance. The number is the largest error as a share of the tolerance.
     Agrees(f64),
     /// On the other side of a threshold that lies within the tolerance.
     OtherSide,
-    /// Neither of these.
+    /// Outside the tolerance, and no threshold explains the difference.
     Differs,
 }
 
-/// Random numbers of a row. They depend on its index, not on the order of rows.
+/// Draws the random numbers of a row. They depend on the index of the row, not on the order of rows.
 #[derive(Clone, Debug)]
 pub struct Draw {
     /// Index of the row.
@@ -71,7 +71,7 @@ impl Draw {
         [r * cos, r * sin, z]
     }
 
-    /// A unit vector at this angle from another one, radians.
+    /// A random unit vector at this angle from the unit vector `n`, radians.
     pub fn leaning(&mut self, n: [f64; 3], angle: f64) -> [f64; 3] {
         let other = self.direction();
         let across = octahedral::unit(sub(other, scale(n, dot(other, n))));
@@ -90,7 +90,7 @@ impl Draw {
     }
 }
 
-/// Exact comparison, for results that are integers with at most an exact conversion.
+/// Compares exactly, for results that are integers or exact conversions of integers.
 pub fn equal(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs }
 }
@@ -150,7 +150,7 @@ pub(super) fn from_seam(degrees: f64, d: &mut Draw) -> [f64; 3] {
     [side * sin, cos * c, -cos * s]
 }
 
-/// Largest |got - want| / tolerance.
+/// Compares numbers with an absolute tolerance.
 pub fn close(got: &[f64], want: &[f64], tolerance: f64) -> Verdict {
     let share = got.iter().zip(want).map(|(g, w)| (g - w).abs() / tolerance).fold(0.0, f64::max);
     if share <= 1.0 { Verdict::Agrees(share) } else { Verdict::Differs }
@@ -177,7 +177,7 @@ pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> 
     if verdict != Verdict::Differs && same(got) != same(want) { Verdict::OtherSide } else { verdict }
 }
 
-/// Error of a level: that of `log2`, plus the relative error `ulps` of its argument, divided by ln 2.
+/// Error bound of a level: the error of `log2`, plus the relative error of its argument, `ulps`, divided by ln 2.
 pub(super) fn level_error(level: f64, ulps: f64) -> f64 {
     2.0_f64.powi(-21) + EPS * (3.0 * level.abs() + 1.443 * ulps)
 }

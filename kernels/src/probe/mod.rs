@@ -1,8 +1,8 @@
-//! Shared functions as tables: rows of numbers in, rows of numbers out, on the GPU or by the reference in f32 or f64.
+//! Evaluates shared functions for tables: each row of input numbers gives a row of results, computed on the GPU or by the reference in f32 or f64.
 //!
-//! The command line and the agreement tests share these tables, so that both evaluate the same functions. f64 is the truth; f32 is the yardstick for
-//! the shader's error. All three take the same columns. Values are rounded to f32 for the f32 reference and the GPU, so comparisons should use values
-//! that f32 represents exactly.
+//! The command line and the agreement tests share these tables, so that both evaluate the same functions. The results in f64 are the truth; the error
+//! of the results in f32 is what the shader's error is compared with. The GPU and both references take the same columns. Values are rounded to f32
+//! for the f32 reference and the GPU, so comparisons should use values that f32 represents exactly.
 
 use serde::Serialize;
 
@@ -31,7 +31,7 @@ pub use judge::{Draw, EPS, FEW, UNIT_TOLERANCE, Verdict, both, close, equal};
 /// Largest magnitude of whole numbers that are passed as f32, which holds them exactly.
 const EXACT: i32 = 1 << 24;
 
-/// Last place of [`crate::shared::blue_noise::ranks`].
+/// Last index of [`crate::shared::blue_noise::ranks`].
 const MASK_PLACES: i32 = (RANKS * (1 + SLICES)).cast_signed() - 1;
 
 /// A column of a probe's table.
@@ -41,7 +41,7 @@ pub struct Column {
     pub name: &'static str,
     /// Unit, or what the number means.
     pub unit: &'static str,
-    /// Smallest and largest value of a column of whole numbers; absent where every number is accepted.
+    /// Smallest and largest value of a column of whole numbers; `None` = every number is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub whole: Option<[i64; 2]>,
 }
@@ -80,7 +80,7 @@ impl Column {
 
 type Reference<T> = fn(&[T], &mut Vec<T>);
 
-/// The type that a reference reads and writes: a real, or a word, whose bits are stored in an f32.
+/// The type that a reference reads and writes. It stores a real number or a word: f32 stores the bits of the word, f64 stores its value.
 trait Cell: Real {
     fn word(self) -> u32;
     fn of_word(word: u32) -> Self;
@@ -124,19 +124,19 @@ pub struct Probe {
     pub inputs: &'static [Column],
     /// Output columns.
     pub outputs: &'static [Column],
-    /// WGSL that defines `probe` over the shared functions, as [`Probe::layout`] says.
+    /// WGSL that defines `probe` with the shared functions. [`Probe::layout`] gives the types of its cells.
     pub wgsl: &'static str,
     /// Format of the block texture from which a row's first words are decoded, if the probe has one.
     blocks: Option<wgpu::TextureFormat>,
     single: Reference<f32>,
     double: Reference<f64>,
-    /// A random row of inputs.
+    /// Draws a random row of inputs.
     pub random: fn(&mut Draw) -> Vec<f64>,
     /// Compares a result with the truth; takes row, result and truth.
     pub judge: Judge,
     /// Errors of a result, in units that matter to users.
     pub measures: &'static [Measure],
-    /// Parameters for which rows can be made, in addition to the columns.
+    /// Parameters that [`Probe::row`] can set, in addition to the columns.
     pub parameters: &'static [Parameter],
 }
 
@@ -153,7 +153,7 @@ pub struct Measure {
     pub error: fn(&[f64], &[f64], &[f64]) -> f64,
 }
 
-/// A quantity that a row can be made to have: a column, or a value derived from columns.
+/// A quantity that [`Probe::row`] can set: a common value of several columns, or a value from which columns are computed.
 pub struct Parameter {
     /// Name. It must not be the name of a column.
     pub name: &'static str,
@@ -200,7 +200,7 @@ impl Probe {
         self.on_gpu_by(gpu, self.wgsl, rows)
     }
 
-    /// Evaluates other WGSL in place of the probe's shader.
+    /// Evaluates `wgsl` instead of the probe's shader.
     ///
     /// # Errors
     /// See [`Probe::on_gpu`].
@@ -244,7 +244,7 @@ impl Probe {
             .map(|(_, unit)| unit)
     }
 
-    /// A random row in which the parameter or column of this name has this value, rounded to f32 as all implementations receive it. Absent if the
+    /// A random row in which the parameter or column of this name has this value, rounded to f32 as all implementations receive it. `None` if the
     /// name is unknown or the column does not accept the value.
     pub fn row(&self, parameter: &str, value: f64, draw: &mut Draw) -> Option<Vec<f64>> {
         let mut row = (self.random)(draw);

@@ -82,7 +82,7 @@ return array<u32, 4>(bits.x, bits.y, bits.z, bits.w);
 
 pub(super) const NOISE: Probe = Probe {
     name: "noise",
-    about: "Thresholds of the other kinds of noise, and the indices of the mask ranks that they use",
+    about: "Thresholds of the kinds of noise other than hashed alpha, and the indices of the mask ranks that they use",
     inputs: &[
         whole("kind", "2 = white, 3 = world, 4 = ign, 5 = blue, 6 = stbn", 2, 6),
         whole("sector_x", "sectors east of the south-west corner", -EXACT, EXACT),
@@ -104,9 +104,9 @@ pub(super) const NOISE: Probe = Probe {
     ],
     outputs: &[
         whole("index_0", "index of the rank in the masks", 0, MASK_PLACES),
-        whole("index_1", "place", 0, MASK_PLACES),
-        whole("index_2", "place", 0, MASK_PLACES),
-        whole("index_3", "place", 0, MASK_PLACES),
+        whole("index_1", "index of the rank", 0, MASK_PLACES),
+        whole("index_2", "index of the rank", 0, MASK_PLACES),
+        whole("index_3", "index of the rank", 0, MASK_PLACES),
         real("u_0", "0..1"),
         real("u_1", "0..1"),
         real("u_2", "0..1"),
@@ -190,11 +190,11 @@ fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         ((0..3).map(|i| noise_level(widen * ddx[i].abs().max(ddy[i].abs()))).collect(), 3.0)
     };
     let error = levels.iter().map(|&l| level_error(l, ulps)).fold(0.0, f64::max);
-    // Cells are floored products with powers of two, which are exact. The blend remains, whose factor has the error of the level. Blend and
-    // correction together change by at most 2.5 times that error. Their own operations add 12 ULP.
+    // Cells are floored products with powers of two, which are exact, so errors come from the blend. The factor of the blend has the error of the
+    // level. Blend and correction together change by at most 2.5 times that error; the tolerance allows 3 times. Their own operations add 12 ULP.
     let verdict = close(got, want, 3.0 * error + 12.0 * EPS);
-    // With one scale per axis, another cell is looked up where the level of one axis passes a whole number and those of the others do not. (With one
-    // scale for all axes the blend is continuous there. At the ends of the range the scale does not change.)
+    // With one scale per axis, a different cell is hashed where the level of one axis passes a whole number and the levels of the others do not.
+    // (With one scale for all axes the blend is continuous there. At the ends of the range the scale does not change.)
     let at_threshold = |&l: &f64| (l - l.round()).abs() <= error && l.round() > -5.0 && l.round() < 16.0;
     if verdict == Verdict::Differs && row[0] >= 1.0 && levels.iter().any(at_threshold) { Verdict::OtherSide } else { verdict }
 }

@@ -1,4 +1,5 @@
-//! Evaluates one WGSL function that needs no bindings for each row of a table, so that the GPU can be compared with its f64 reference.
+//! Evaluates a WGSL function for each row of a table, so that the GPU can be compared with the function's f64 reference. The function needs no
+//! bindings.
 
 use crate::base::error::Result;
 use crate::base::wgsl::{self, Piece};
@@ -20,7 +21,7 @@ pub enum Cells {
 
 /// Number of blocks in a row of the texture that holds a table's blocks: 4096 texels, within the limits of every device.
 const BLOCKS_ACROSS: usize = 1024;
-/// Largest number of rows at once. It bounds the buffers, and the height of the texture of blocks.
+/// Largest number of rows in one call. It limits the size of the buffers and the height of the texture of blocks.
 const MOST_ROWS: usize = BLOCKS_ACROSS * BLOCKS_ACROSS;
 
 /// A function that is compiled once and applied to any number of rows.
@@ -32,10 +33,10 @@ pub struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// Compiles `body`, WGSL that defines `probe` over the shared functions, for rows of `columns` cells in and out.
+    /// Compiles `body`, WGSL that defines `probe` with the shared functions. `columns` are the numbers of cells in a row of inputs and of results.
     ///
     /// # Errors
-    /// When the WGSL does not compile (file and line) or the device is lost.
+    /// The WGSL does not compile (the message gives file and line), or the device is lost.
     pub fn new(gpu: &'a Gpu, body: &str, columns: [usize; 2], cells: Cells) -> Result<Table<'a>> {
         let main = main(columns, cells);
         let mut pieces = wgsl::pieces(shared::WGSL);
@@ -61,17 +62,17 @@ impl<'a> Table<'a> {
     /// Applies the function to every row; cells are row-major.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// The device is lost.
     ///
     /// # Panics
-    /// If there are more than [`Table::most_rows`].
+    /// If there are more rows than [`Table::most_rows`].
     pub fn run(&self, inputs: &[u32]) -> Result<Vec<u32>> {
         let (gpu, [in_columns, out_columns]) = (self.gpu, self.columns);
         let rows = inputs.len() / in_columns;
         if rows == 0 {
             return Ok(Vec::new());
         }
-        assert!(rows <= self.most_rows(), "{rows} rows at once");
+        assert!(rows <= self.most_rows(), "{rows} rows are too many for one call: see Table::most_rows");
         let input = gpu.buffer_with("probe in", wgpu::BufferUsages::STORAGE, bytemuck::cast_slice(inputs));
         let out_bytes = (rows * out_columns * 4) as u64;
         let output = gpu.buffer("probe out", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, out_bytes);
@@ -108,7 +109,7 @@ impl<'a> Table<'a> {
         Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &output, out_bytes)?))
     }
 
-    /// A texture of the blocks at the beginnings of the rows, 4 x 4 texels each, and a sampler that reads the nearest texel.
+    /// Creates a texture of the blocks at the beginnings of the rows, 4 x 4 texels each, and a sampler that reads the nearest texel.
     fn blocks(&self, format: wgpu::TextureFormat, inputs: &[u32]) -> (wgpu::TextureView, wgpu::Sampler) {
         let words = format.block_copy_size(None).unwrap_or(0) as usize / 4;
         let mut bytes: Vec<u8> =
@@ -138,7 +139,7 @@ impl<'a> Table<'a> {
     }
 }
 
-/// The entry point around the function. Cells are passed as words, because a float would not preserve all of them.
+/// The WGSL of the entry point that calls the function. Cells are passed as words, because an f32 would not preserve every bit pattern.
 fn main([in_columns, out_columns]: [usize; 2], cells: Cells) -> String {
     let (of_row, from, to) = match cells {
         Cells::Reals => ("f32", "bitcast<f32>", "bitcast<u32>"),
@@ -151,7 +152,7 @@ fn main([in_columns, out_columns]: [usize; 2], cells: Cells) -> String {
     let place = (vec2<f32>(at) + 0.5) / vec2<f32>(textureDimensions(probe_blocks));\n"
         );
         let bindings = "@group(0) @binding(3) var probe_blocks: texture_2d<f32>;\n@group(0) @binding(4) var probe_sampler: sampler;\n";
-        // Uses a sampler, as the frame does, at the centre of the texel.
+        // The texel is read with a sampler at its centre, because the frame also uses a sampler.
         (bindings, (place, ", textureSampleLevel(probe_blocks, probe_sampler, place, 0.0)"))
     } else {
         ("", (String::new(), ""))
@@ -173,10 +174,10 @@ fn probe_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     )
 }
 
-/// Applies `body` once to rows of reals: see [`Cells::Reals`].
+/// Compiles `body` and applies it once to rows of reals: see [`Cells::Reals`].
 ///
 /// # Errors
-/// When the WGSL does not compile (file and line) or the device is lost.
+/// The WGSL does not compile (the message gives file and line), or the device is lost.
 pub fn run(gpu: &Gpu, body: &str, inputs: &[f32], in_columns: usize, out_columns: usize) -> Result<Vec<f32>> {
     let results = Table::new(gpu, body, [in_columns, out_columns], Cells::Reals)?.run(bytemuck::cast_slice(inputs))?;
     Ok(bytemuck::cast_vec(results))

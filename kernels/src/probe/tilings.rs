@@ -11,20 +11,20 @@ pub(super) const HEX_TILING: Probe = Probe {
     inputs: &[
         whole("sector_0", "whole sectors along the first coordinate", -EXACT, EXACT),
         whole("sector_1", "whole sectors along the second", -EXACT, EXACT),
-        real("x_0", "m beyond them"),
-        real("x_1", "m beyond them"),
+        real("x_0", "m beyond the whole sectors"),
+        real("x_1", "m beyond the whole sectors"),
         real("sector_m", "m"),
-        real("repeats", "of the texture along a sector"),
+        real("repeats", "repeats of the texture along a sector"),
         whole("salt", "number of the lattice", 0, EXACT),
     ],
     outputs: &[
         whole("level", "log2 of hexagons along a sector", -10, 15),
         whole("id_0_0", "column of the first hexagon", 0, 65_535),
-        whole("id_0_1", "its row", 0, 65_535),
+        whole("id_0_1", "row of the first", 0, 65_535),
         whole("id_1_0", "column of the second", 0, 65_535),
-        whole("id_1_1", "its row", 0, 65_535),
+        whole("id_1_1", "row of the second", 0, 65_535),
         whole("id_2_0", "column of the third", 0, 65_535),
-        whole("id_2_1", "its row", 0, 65_535),
+        whole("id_2_1", "row of the third", 0, 65_535),
         real("w_0", "0..1"),
         real("w_1", "0..1"),
         real("w_2", "0..1"),
@@ -58,7 +58,7 @@ return array<f32, 12>(
         error: |_, got, want| {
             let of = |v: &[f64], id: (f64, f64)| (0..3).filter(|i| (v[1 + 2 * i], v[2 + 2 * i]) == id).map(|i| v[7 + i]).sum::<f64>();
             let ids = (0..3).flat_map(|i| [(got[1 + 2 * i], got[2 + 2 * i]), (want[1 + 2 * i], want[2 + 2 * i])]);
-            // At another level the whole pattern is different, which is not an error of this level.
+            // If the levels differ, the whole patterns differ, and weights cannot be compared.
             if got[0] == want[0] { 100.0 * ids.map(|id| (of(got, id) - of(want, id)).abs()).fold(0.0, f64::max) } else { 0.0 }
         },
     }],
@@ -70,13 +70,13 @@ return array<f32, 12>(
 
 pub(super) const TEXEL_CHOICE: Probe = Probe {
     name: "texel-choice",
-    about: "A random mip level and texel, whose expectation is the trilinear filter",
+    about: "A random mip level and texel; the expected value of the texel is the trilinearly filtered value",
     inputs: &[
         real("lod", "level of detail"),
-        whole("levels", "of the texture", 1, 15),
+        whole("levels", "mip levels of the texture", 1, 15),
         real("u_level", "uniform number, 0..1"),
         real("coordinate", "texture coordinate, repeats"),
-        whole("size", "of the level, texels", 1, 16_384),
+        whole("size", "texels of the level", 1, 16_384),
         real("u_texel", "uniform number, 0..1"),
     ],
     outputs: &[whole("level", "mip level", 0, 14), whole("texel", "column or row", 0, 16_383)],
@@ -110,7 +110,7 @@ fn hex_tiling_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 
 fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if (got[0] - want[0]).abs() > 0.5 {
-        // Halfway between two powers of two.
+        // Halfway between two powers of two, rounding decides the level.
         let spacings = (row[5] * 12.0_f64.sqrt()).log2();
         let near = (spacings - spacings.floor() - 0.5).abs() <= level_error(spacings, 2.0);
         return if near && (got[0] - want[0]).abs() < 1.5 { Verdict::OtherSide } else { Verdict::Differs };
@@ -120,8 +120,9 @@ fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if close(&got[10..], &hex_tiling::offset::<f64>(first, row[6] as u32), 0.5 * f64::from(f32::MIN_POSITIVE)) == Verdict::Differs {
         return Verdict::Differs;
     }
-    // Products with powers of two are exact. A coordinate in spacings has three more roundings. A barycentric coordinate sums two of them and is
-    // divided by at least 1/3: 6 times their error. The 7th power multiplies the error by 7, and normalising at most doubles it.
+    // Products with powers of two are exact. A coordinate in spacings has three more roundings. A barycentric coordinate is a sum of two of these
+    // coordinates. It is divided by the largest barycentric coordinate, which is at least 1/3, so its error is at most 6 times the error of a
+    // coordinate. The 7th power multiplies the error by 7, and normalising at most doubles it.
     let reach = row[2].abs().max(row[3].abs()) / row[4] * got[0].exp2();
     let coordinate = 1.5 * EPS * (1.2 * reach + 1.0);
     let pairs = |v: &[f64]| [0, 1, 2].map(|i| (id(v, i), v[7 + i]));
@@ -139,7 +140,7 @@ fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got.iter().zip(want).all(|(g, w)| (g - w).abs() < 0.5) {
         return Verdict::Agrees(0.0);
     }
-    // A level and a coordinate in texels have an error of one ULP of their magnitude; u is compared with their fraction.
+    // A level and a coordinate in texels have an error of one ULP of their magnitude; u is compared with their fractional part.
     let lod = row[0].clamp(0.0, row[1] - 1.0);
     let texels = (row[3] - row[3].floor()) * row[4] - 0.5;
     let may = |x: f64, u: f64, error: f64| {
@@ -160,11 +161,11 @@ pub(super) const TILING: Probe = Probe {
         real("near", "m, distance up to which the finest scale is used"),
         real("cliff", "share of cliff, 0..1"),
         whole("sector", "sectors along an axis", -EXACT, EXACT),
-        whole("fixed_high", "upper 16 bits of repeats per sector in 2^-24", 0, 0xffff),
+        whole("fixed_high", "upper 16 bits of the repeats per sector, in units of 2^-24", 0, 0xffff),
         whole("fixed_low", "lower 16 bits", 0, 0xffff),
-        whole("scale", "log2 of how much coarser", 0, 8),
+        whole("scale", "log2 of the number of tiles per repeat", 0, 8),
     ],
-    outputs: &[real("scales", "the finer scale and the share of the coarser, octaves"), real("coordinate", "0..1")],
+    outputs: &[real("scales", "the finer scale plus the weight of the coarser one, octaves"), real("coordinate", "0..1")],
     blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 7>) -> array<f32, 2> {

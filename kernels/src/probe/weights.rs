@@ -56,7 +56,7 @@ return array<f32, 8>(w.x, w.y, w.z, w.w, sum.x, sum.y, sum.z, sum.w);
     parameters: &[
         Parameter { name: "fraction", unit: "0..1, both", set: |row, value, _| row[..2].fill(value) },
         Parameter { name: "height", unit: "all four", set: |row, value, _| row[2..6].fill(value) },
-        Parameter { name: "height_apart", unit: "one above three equal", set: |row, value, _| {
+        Parameter { name: "height_apart", unit: "of one height above three equal heights", set: |row, value, _| {
             row[2..6].fill(0.5);
             row[3] += value;
         } },
@@ -94,7 +94,7 @@ return array<f32, 2>(f32(of_4), f32(of_3));
         Parameter { name: "weight", unit: "all four", set: |row, value, _| row[..4].fill(value) },
         Parameter {
             name: "weight_apart",
-            unit: "relative, of one to three equal",
+            unit: "relative difference of one weight from three equal weights",
             set: |row, value, _| {
                 row[..4].fill(1.0);
                 row[1] += value;
@@ -111,7 +111,7 @@ pub(super) const LAYERS: Probe = Probe {
         real("w_10", "weight"),
         real("w_01", "weight"),
         real("w_11", "weight"),
-        whole("l_00", "its layer", 0, 7),
+        whole("l_00", "layer of the texel", 0, 7),
         whole("l_10", "layer", 0, 7),
         whole("l_01", "layer", 0, 7),
         whole("l_11", "layer", 0, 7),
@@ -171,8 +171,8 @@ fn splat_blend_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let used: Vec<f64> =
         splat_blend::bilinear([row[0], row[1]]).into_iter().filter(|&w| w > splat_blend::MIN_WEIGHT).map(f64::log2).collect();
     let spread = used.iter().fold(f64::MIN, |m, &x| m.max(x)) - used.iter().fold(f64::MAX, |m, &x| m.min(x));
-    // A term is (w_i / w_best) 2^x, at most 1. So x is at most the spread of log2 w, and |x| 2^x is at most 0.54 below zero. exp2 errs by 3 + 2 |x|
-    // ULP, and x adds 0.7 |x|; two divisions, the products and the sum give 16 ULP.
+    // A term is (w_i / w_best) 2^x, which is at most 1. So a positive x is at most the spread of log2 w, and for a negative x, |x| 2^x is at most
+    // 0.54. exp2 has an error of 3 + 2 |x| ULP, and the rounding of x adds 0.7 |x| ULP. Two divisions, the products and the sum add up to 16 ULP.
     close(got, want, EPS * (16.0 + 4.0 * spread))
 }
 
@@ -191,7 +191,7 @@ fn select_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         if index.fract() != 0.0 || !(0.0..count as f64).contains(&index) {
             return Verdict::Differs;
         }
-        // Three sums and a product, each rounded once: 4 half ULPs of the total.
+        // Three sums and a product are rounded once each, so the error is at most 4 half ULPs of the total.
         let (weights, chosen) = (row[..count].iter().map(|w| w.max(0.0)).collect::<Vec<_>>(), index as usize);
         let total: f64 = weights.iter().sum();
         let below: f64 = weights[..chosen].iter().sum();
@@ -218,11 +218,11 @@ fn layers_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn layers_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // Each layer has a quotient (2.5 ULP and a sum) and a mixture (4 roundings) of numbers up to 1.
+    // Each of the 8 layers has a quotient (2.5 ULP and a sum) and a mixture (4 roundings) of numbers up to 1; the tolerance allows 8 ULP per layer.
     close(got, want, 8.0 * 8.0 * EPS)
 }
 
-/// Approximately the distances in metres and the slopes of the flavours in the built-in scene.
+/// Distances and slopes of the flavours, approximately those of the built-in scene.
 const RULES: FlavourParams = FlavourParams {
     far_atlas_m: 300.0,
     cliff_far_atlas_m: 1500.0,
@@ -237,7 +237,7 @@ const RULES: FlavourParams = FlavourParams {
 
 pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
     name: "flavour-weights",
-    about: "Weights of the five flavours by distance and slope (far atlas from 300 m, on cliffs 1500 m; near cliff to 30 m), and weights limited to a mask",
+    about: "Weights of the five flavours by distance and slope (far atlas from 300 m, cliffs 1500 m; near cliff up to 30 m), and limited to a mask",
     inputs: &[
         real("distance", "m"),
         real("normal_z", "cosine of the slope"),
@@ -247,7 +247,7 @@ pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
         real("given_3", "far cliff"),
         real("given_4", "splat"),
         whole("mask", "flavours that a tile may shade", 0, 31),
-        whole("forced", "whether the tile shades all of them", 0, 1),
+        whole("forced", "1 = the tile shades all flavours of the mask", 0, 1),
     ],
     outputs: &[
         real("w_0", "virtual texture, 0..1"),
@@ -295,7 +295,9 @@ fn flavour_weights_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn flavour_weights_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // A ramp is at least 1/20 as wide as its distance, and its slope is at most 1.5: it multiplies the error of 8 roundings by 30.
+    // The width of a ramp is at least 1/20 of the distance or cosine at which it lies, and its slope is at most 1.5 per width. So it multiplies a
+    // relative error by at most 30, and the error of 8 roundings (4 ULP) becomes at most 120 ULP. The tolerance is about twice that, because weights
+    // are products of ramps.
     let weights = close(&got[..5], &want[..5], 256.0 * EPS);
     both(both(weights, equal(&[], &got[5..6], &want[5..6])), close(&got[6..], &want[6..], FEW))
 }

@@ -6,7 +6,7 @@ use crate::shared::hash;
 
 pub(super) const HASH: Probe = Probe {
     name: "hash",
-    about: "The integer hashes, PCG and PCG4D, and their mixture",
+    about: "The integer hashes PCG and PCG4D, and the mixture of three words",
     inputs: &[word("x", "a word"), word("y", "a word"), word("z", "a word"), word("w", "a word")],
     outputs: &[
         word("pcg", "of x"),
@@ -15,7 +15,7 @@ pub(super) const HASH: Probe = Probe {
         word("pcg4d_z", "of all four"),
         word("pcg4d_w", "of all four"),
         word("mix", "of x, y and z"),
-        real("unit", "w as a number of 0..1"),
+        real("unit", "w as a number in 0..1"),
     ],
     blocks: None,
     wgsl: "\

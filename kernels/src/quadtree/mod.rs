@@ -1,8 +1,8 @@
-//! Selects the nodes to draw: walks down from the roots and splits a node where more detail is wanted and every child that can exist is
-//! loaded.
+//! Selects the nodes to draw: walks down from the roots, level by level, and splits a node if it is visible and close to the camera. The
+//! nodes of a level are loaded before any of them is split.
 //!
 //! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
-//! Reads the camera and the loaded nodes; makes the node list, the LOD map and the sector data.
+//! Reads the camera and the loaded nodes. Writes the node list, the LOD map and the sector data.
 //! Runs on the CPU; it is the reference for a traversal on the GPU.
 
 use glam::{DVec2, DVec3};
@@ -26,14 +26,15 @@ pub struct Selection {
     pub drawn: Vec<NodeId>,
 }
 
-/// A node is split while one of its quads, at the point of the node nearest to the camera, is higher than this many pixels.
+/// A node is split if a quad at the point of the node nearest to the camera would be higher than this many pixels.
 pub const QUAD_PX: f64 = 2.5;
-/// Bounds of the ratio of distance to node edge below which a node is split. The lower bound keeps splat texels near the camera fine in
-/// small pictures. The upper bound limits the number of nodes in large pictures, because the resident nodes must fit in the atlases.
+/// Bounds of the split ratio: a node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
+/// The lower bound keeps splat texels near the camera fine in small pictures. The upper bound limits the number of nodes in large pictures,
+/// because the resident nodes must fit in the atlases.
 pub const SPLIT_RATIO: [f64; 2] = [0.6, 2.0];
 
-/// A visible node is split when its distance from the camera is less than this ratio times its edge. Each whole step of the LOD bias halves
-/// the ratio.
+/// Returns the split ratio: a visible node is split if its distance from the camera is less than this ratio times its edge length. Adding 1
+/// to the LOD bias halves the ratio.
 fn split_ratio(view: &View, lod_bias: f64) -> f64 {
     let focal_px = f64::from(view.size[1]) / (2.0 * (view.pose.fov / 2.0).tan());
     let ratio = (focal_px / (f64::from(NODE_QUADS) * QUAD_PX)).clamp(SPLIT_RATIO[0], SPLIT_RATIO[1]);
@@ -51,8 +52,9 @@ pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View)
 /// Range of the LOD bias, see [`select`].
 pub const LOD_BIASES: [f64; 2] = [-2.0, 4.0];
 
-/// Traverses the tree. `lod_bias`: how many levels coarser than usual the nodes are; negative values make them finer, as far as the atlases
-/// can hold them. `load` receives the nodes that are needed next, all of one level, and returns their bounds in the same order.
+/// Traverses the tree. `lod_bias`: the number of levels by which the nodes are coarser than usual. Negative values make them finer, up to
+/// the upper bound of [`SPLIT_RATIO`], so that the nodes fit in the atlases. `load` receives the nodes that are needed next, all of one
+/// level, and returns their bounds in the same order.
 ///
 /// # Errors
 /// The errors of `load`.
@@ -65,7 +67,8 @@ pub fn select<E>(
     let layout = world.layout();
     let ratio = split_ratio(view, lod_bias);
     let mut selection = Selection::default();
-    // Neighbours that are not visible are coarse or absent. The margin keeps the seams to them outside the picture.
+    // Nodes outside the view stay coarse or are not loaded. The margin keeps the seams between them and the visible nodes outside the
+    // picture.
     let sees = |node: NodeId, (low, high): (DVec3, DVec3)| {
         let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
         view.sees(low - margin, high + margin)
@@ -98,7 +101,8 @@ pub fn select<E>(
     Ok(selection)
 }
 
-/// The LOD drawn in each sector, row by row from the south. Sectors without terrain have the value 0, so that no seam is made towards them.
+/// The LOD drawn in each sector, row by row from the south. Sectors without terrain have the value 0, the finest LOD, so that no patch is
+/// stitched to them.
 pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
     let mut map = vec![0; usize::from(SECTORS) * usize::from(SECTORS)];
     for node in drawn {
@@ -124,7 +128,8 @@ pub fn lod_at(map: &[u8], place: [f64; 2]) -> Option<u8> {
 /// Number of bits of the sector data that hold the atlas slot of one LOD.
 pub const SLOT_BITS: u32 = 10;
 
-/// For each sector, 10 bits per LOD: the atlas slot of the loaded node that covers the sector. Slots count from 1; 0 = none.
+/// Packs the sector data: for each sector and LOD, 10 bits hold the atlas slot of the loaded node that covers the sector. Slots count from
+/// 1; 0 = no node is loaded.
 pub fn sector_data(nodes: impl Iterator<Item = (NodeId, u32)>) -> Vec<[u32; 2]> {
     let mut packed = vec![0u64; usize::from(SECTORS) * usize::from(SECTORS)];
     for (node, slot) in nodes {

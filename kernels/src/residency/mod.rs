@@ -1,6 +1,6 @@
 //! Node payloads in GPU memory: synchronised atlases with one slot per node.
 //!
-//! Reads the nodes that a frame visits; makes them resident. The least recently used slots are replaced first.
+//! Makes the nodes that a frame visits resident. The least recently used slots are replaced first.
 //! Source: Moore, GDC 2018, "Stream Quad Tree"; SYSTEMS A. An atlas is an array texture in which each slot is a layer, so filtering never
 //! reads a neighbouring node. Slots count from 1 (ruling 9), because 0 means "not loaded". Offline rendering waits for every node that it
 //! visits, so that a picture does not depend on what was loaded before.
@@ -29,7 +29,7 @@ pub struct AtlasCounts {
     pub resident: usize,
     /// Maximum number of resident nodes.
     pub capacity: usize,
-    /// Bytes of all atlases as allocated, used or not.
+    /// Bytes allocated for all atlases, unused slots included.
     pub bytes: u64,
 }
 
@@ -59,11 +59,11 @@ pub struct Streaming {
 
 /// What has changed in the materials.
 pub struct Changes {
-    /// Whether the rules that place them changed.
+    /// Whether the rules, the strokes or the list of materials changed, so that materials must be placed again.
     pub relaid: bool,
     /// For each palette index, whether the mean look changed.
     pub means: Vec<bool>,
-    /// For each palette index, whether the texture changed, or how it lies on the ground.
+    /// For each palette index, whether the palette entry (such as the size of a repeat) or a texture of the material changed.
     pub looks: Vec<bool>,
 }
 
@@ -71,9 +71,9 @@ struct Resident {
     slot: u32,
     bounds: NodeBounds,
     used: u64,
-    /// Changes whenever the materials of the node, or their looks, change.
+    /// Changes when the materials of the node change, or the looks of these materials.
     revision: u64,
-    /// The ground and cover that it was made from, if these are kept.
+    /// The ground and cover from which the payload was made, if they are kept.
     source: Option<(Ground, Cover)>,
 }
 
@@ -91,28 +91,30 @@ fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::Textu
     })
 }
 
-/// Textures of the atlases that a scene needs. Slots count from 1, because 0 means that nothing is loaded.
+/// Returns the textures of all atlases, required by the scene or not. They have one layer more than [`CAPACITY`]: slot 0 is unused, because
+/// 0 means that nothing is loaded.
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
     use wgpu::TextureFormat as Format;
     let node = |name, format, texels: usize, reason| {
         let edge = u32::try_from(texels).expect("some hundred texels");
         TextureUse::new(name, format, edge, 1, CAPACITY + 1, reason)
     };
-    let baked = "far atlas, and whatever is not resident yet";
+    let baked = "far atlas, and pixels whose page is missing";
     vec![
         node("node height", Format::R16Unorm, HEIGHT_SIDE, "the terrain's shape"),
         node("node normal", Format::Bc3RgbaUnorm, TEXTURE_SIDE, baked),
         node("node albedo", Format::Bc1RgbaUnormSrgb, TEXTURE_SIDE, baked),
         node("node colour modulation", Format::Bc1RgbaUnorm, TEXTURE_SIDE, "colour modulation")
             .unless(demands.colour_modulation, "world.colour_modulation = 0"),
-        // Needed even if no flavour samples it: every error is measured against the full blend.
+        // Needed even if no flavour samples it, because every error is measured against the full blend.
         node("node splat map", Format::R8Uint, SPLAT_SIDE, "cliffs, splat, pages, and the reference that errors are measured against"),
     ]
 }
 
 impl Streaming {
-    /// Makes empty atlases. The atlas of colour modulation has a single layer if the scene has no colour modulation, because something must
-    /// be bound. `keeps_ground`: whether [`Streaming::lay_anew`] will be called; this takes about 250 KB of memory per node.
+    /// Makes empty atlases. The atlas of colour modulation has a single layer if the scene has no colour modulation, because a binding
+    /// cannot be empty. `keeps_ground`: whether to keep the ground and cover of nodes, which [`Streaming::lay_anew`] needs and which take
+    /// about 250 KB of memory per node.
     pub fn new(gpu: &Gpu, colour_modulation: bool, keeps_ground: bool) -> Streaming {
         use wgpu::TextureFormat as Format;
         let layers = (CAPACITY + 1).min(gpu.device.limits().max_texture_array_layers);
@@ -186,9 +188,9 @@ impl Streaming {
         self.resident.get(&node).map_or(0, |r| r.revision)
     }
 
-    /// Places materials on the resident nodes again, by the current `world` and `palette`. A node is made again if its materials changed,
-    /// or if the mean look of one of them changed. If only the look of one changed, the node gets a new revision but is not made again.
-    /// Returns how many nodes were made again.
+    /// Places materials on the resident nodes again, with the current `world` and `palette`. The payload of a node is baked again if the
+    /// materials of the node changed, or the mean look of one of them. If only the palette entry or a texture of a material changed, the
+    /// node gets a new revision, but its payload stays. Returns the number of payloads that were baked again.
     pub fn lay_anew(&mut self, gpu: &Gpu, world: &World, palette: &PaletteMeans, changes: &Changes) -> usize {
         let holds = |cover: &Cover, changed: &[bool]| cover.iter().any(|&id| changed.get(usize::from(id)).copied().unwrap_or(true));
         let anew: Vec<(NodeId, Option<(Cover, NodePayload)>)> = self

@@ -1,16 +1,17 @@
-//! What a scene demands of the stages: flavours, holes, modulation, textures. It follows from the scene file alone, before any world data is read.
+//! What a scene demands of the stages: flavours, holes, colour modulation, textures. The demands follow from the scene file alone, before any world
+//! data is read.
 
 use std::collections::BTreeSet;
 
 use super::{Scene, World};
 use crate::variant::{Flavour, Variant};
 
-/// A flavour, whether a scene can ask for it, and the reason.
+/// A flavour, whether a scene can need it, and the reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlavourDemand {
     /// The flavour.
     pub flavour: Flavour,
-    /// Whether some pixel of the scene can be shaded by it.
+    /// Whether the scene can have a pixel that is shaded by this flavour.
     pub required: bool,
     /// Why it is, or is not, required.
     pub reason: String,
@@ -34,11 +35,11 @@ pub struct Demands {
 }
 
 impl Demands {
-    /// Everything that follows from a (valid) scene.
+    /// The demands of a valid scene.
     pub fn of(scene: &Scene) -> Demands {
         let (holes, colour_modulation) = match &scene.world {
             World::Procedural { holes, colour_modulation, .. } => (!holes.is_empty(), *colour_modulation > 0.0),
-            // There is no ground beyond the data, and data seldom end at the border of a sector.
+            // A heightmap always needs holes: there is no ground beyond its data, and the data seldom end exactly at the border of a sector.
             World::Heightmap { colour_modulation, .. } => (true, *colour_modulation > 0.0),
         };
         let sources: BTreeSet<_> = scene.materials.iter().map(|m| (&m.procedural, &m.folder)).collect();
@@ -52,7 +53,7 @@ impl Demands {
         }
     }
 
-    /// Whether the scene can ask for this flavour.
+    /// Whether the scene can need this flavour.
     pub fn has(&self, flavour: Flavour) -> bool {
         self.flavours.iter().any(|demand| demand.required && demand.flavour == flavour)
     }
@@ -67,11 +68,13 @@ impl Demands {
 fn flavours_of(scene: &Scene) -> Vec<FlavourDemand> {
     let rules = &scene.flavours;
     let cliffs = rules.has_cliffs();
-    let no_cliffs = || format!("flavours.cliff_slope_deg = {}: nothing is cliff", rules.cliff_slope_deg);
+    let no_cliffs = || format!("flavours.cliff_slope_deg = {}: there are no cliffs", rules.cliff_slope_deg);
     let decide = |flavour: Flavour| match flavour {
         Flavour::VirtualTexture if rules.far_atlas_m > 0.0 => (true, format!("ground nearer than {} m", rules.far_atlas_m)),
         Flavour::VirtualTexture => (false, "flavours.far_atlas_m = 0: all ground is shaded from the far atlas".to_owned()),
-        Flavour::FarAtlas => (true, format!("ground beyond {} m, and whatever is not resident yet", rules.far_atlas_m)),
+        Flavour::FarAtlas => {
+            (true, format!("ground beyond {} m, and ground without a cached page of the virtual texture", rules.far_atlas_m))
+        }
         Flavour::NearCliff if cliffs => {
             (true, format!("slopes above {} degrees nearer than {} m", rules.cliff_slope_deg, rules.cliff_near_m))
         }

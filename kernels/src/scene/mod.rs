@@ -1,7 +1,7 @@
 //! A scene file: what a scene contains, but not how it is drawn.
 //!
-//! The types below are the file's schema (TOML, unknown keys refused). Lengths are metres, angles
-//! degrees, colours linear RGB in 0..1; the world's origin lies at its centre, z up, x east, y north.
+//! The types below are the schema of the file (TOML; unknown keys are refused). Lengths are in metres, angles in
+//! degrees, colours in linear RGB, 0..1. The world's origin lies at its centre; x points east, y north, z up.
 
 use std::path::PathBuf;
 
@@ -16,7 +16,7 @@ pub use parse::{DEFAULT, DEFAULT_TEXT, FILE, SceneText, load, parse, text};
 pub use settings::{Blend, FlavourRules, Sky, Sun, setting, settings};
 pub use validate::{validate, validate_against_world};
 
-/// Everything a scene file says.
+/// The contents of a scene file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
@@ -25,18 +25,19 @@ pub struct Scene {
     /// A description in one sentence.
     #[serde(default)]
     pub description: String,
-    /// Where heights come from.
+    /// The source of the heights.
     pub world: World,
     /// Palette, in order: the position in this list is the splat map's index. At most 256.
     #[serde(rename = "material")]
     pub materials: Vec<Material>,
-    /// Splat rules. At every splat texel the rule with the largest weight decides the material; of equal weights the later rule wins.
+    /// Splat rules. At every splat texel the rule with the largest weight decides the material; if several weights are equal, the last
+    /// of these rules decides.
     #[serde(rename = "rule")]
     pub rules: Vec<Rule>,
     /// Brush strokes over the rules, in the order of painting: a later stroke covers an earlier one.
     #[serde(default, rename = "stroke", skip_serializing_if = "Vec::is_empty")]
     pub strokes: Vec<Stroke>,
-    /// Edge length of detail textures, texels, a power of two in 64..=2048. The texture of heights and colour masks has half of it.
+    /// Edge length of detail textures, texels, a power of two in 64..=2048. The texture of heights and colour masks has half this edge length.
     #[serde(default = "default_detail_size")]
     pub detail_size: u32,
     /// Where each shading flavour applies.
@@ -57,7 +58,7 @@ pub struct Scene {
     /// Named camera paths.
     #[serde(default, rename = "path")]
     pub paths: Vec<CameraPath>,
-    /// Folder that relative file names refer to: the scene file's own. Not part of the file.
+    /// The folder of the scene file, to which relative file names refer. Not part of the file.
     #[serde(skip)]
     pub folder: PathBuf,
 }
@@ -66,39 +67,40 @@ fn default_detail_size() -> u32 {
     settings::DETAIL_SIZE
 }
 
-/// Where heights come from.
+/// The source of the heights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum World {
-    /// Mountains from a seed: 10 240 m wide, 0.5 m per sample, made node by node.
+    /// Mountains that are generated from a seed, node by node: 10 240 m wide, with samples 0.5 m apart.
     Procedural {
         /// The seed, from which every decision of the generator follows.
         seed: u32,
         /// Circular holes; most scenes have none.
         #[serde(default)]
         holes: Vec<Hole>,
-        /// Peak-to-peak strength of the colour modulation map, 0 (none, not sampled) to 1.
+        /// Peak-to-peak strength of the colour modulation map, 0 to 1. 0 = there is no map, and nothing is sampled.
         #[serde(default)]
         colour_modulation: f64,
     },
     /// An imported heightmap: 16-bit samples, row 0 = north, samples are vertices.
     Heightmap {
-        /// 16-bit grey PNG, relative to the scene file.
+        /// 16-bit grey PNG. The path is relative to the folder of the scene file.
         file: PathBuf,
-        /// Sample spacing.
+        /// Distance between neighbouring samples, metres.
         metres_per_texel: f64,
-        /// Elevation of sample value 0 and of 65535.
+        /// Elevations of the sample values 0 and 65535, metres.
         height_range_m: [f64; 2],
-        /// Procedural relief added below the resolution of the data, metres. 0 = there is none, and LODs are only as deep as the data.
+        /// Largest offset of the procedural relief that is added below the resolution of the data, metres. 0 = no relief is added, and the finest LOD
+        /// follows from the resolution of the data.
         #[serde(default)]
         detail_m: f64,
-        /// Seed of that relief and of rule noise.
+        /// Seed of the added relief and of the noise masks of the splat rules.
         #[serde(default)]
         seed: u32,
         /// Circular holes.
         #[serde(default)]
         holes: Vec<Hole>,
-        /// Peak-to-peak strength of the colour modulation map, 0 (none, not sampled) to 1.
+        /// Peak-to-peak strength of the colour modulation map, 0 to 1. 0 = there is no map, and nothing is sampled.
         #[serde(default)]
         colour_modulation: f64,
     },
@@ -123,7 +125,7 @@ pub struct Material {
     /// A built-in procedural material. Exactly one of `procedural` and `folder` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub procedural: Option<String>,
-    /// Folder with albedo, normal, height, roughness and (optionally) ao images, relative to the scene file.
+    /// Folder with images `albedo`, `normal`, `height`, `roughness` and, optionally, `ao`. The path is relative to the folder of the scene file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
     /// Edge of one repeat of the texture, metres.
@@ -147,12 +149,12 @@ fn one() -> f64 {
     1.0
 }
 
-/// One splat rule. Its weight is `weight` times the product of the masks given; a mask is a trapezoid
-/// `[from, to]` that is 1 inside and falls to 0 over `*_fade` outside.
+/// One splat rule. Its weight is `weight` times the product of all masks that the rule gives. The mask of a band `[from, to]` is a trapezoid: 1
+/// inside the band, falling to 0 outside it over the distance `*_fade`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {
-    /// Name of the material laid down.
+    /// Name of the material that the rule places.
     pub material: String,
     /// Factor on the product of the masks, > 0.
     #[serde(default = "one")]
@@ -160,36 +162,36 @@ pub struct Rule {
     /// Elevation band, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_m: Option<[f64; 2]>,
-    /// Fade outside that band, metres.
+    /// Width of the fade outside the elevation band, metres.
     #[serde(default)]
     pub height_fade_m: f64,
     /// Slope band, degrees from horizontal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slope_deg: Option<[f64; 2]>,
-    /// Fade outside that band, degrees.
+    /// Width of the fade outside the slope band, degrees.
     #[serde(default)]
     pub slope_fade_deg: f64,
     /// Mean-curvature band, 1/m, positive = convex (ridge), negative = concave (gully).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curvature: Option<[f64; 2]>,
-    /// Fade outside that band, 1/m.
+    /// Width of the fade outside the curvature band, 1/m.
     #[serde(default)]
     pub curvature_fade: f64,
-    /// Noise mask: weight is multiplied by a smooth threshold of value noise of this wavelength, metres. 0 = none.
+    /// Wavelength of the noise mask, metres; 0 = no noise mask. The weight is multiplied by a smooth threshold of value noise.
     #[serde(default)]
     pub noise_m: f64,
-    /// Share of the ground, 0..1, that the noise mask lets through.
+    /// Share of the ground, 0..1, where the noise mask lets the rule apply.
     #[serde(default = "half")]
     pub noise_cover: f64,
 }
 
-/// A stroke of the brush: a line as wide as the brush. Strokes are stored as lines, not as texels, so that every LOD sees the same stroke.
+/// A stroke of the brush: a line as wide as the brush. Strokes are stored as lines, not as texels, so that every LOD has the same stroke.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
-    /// What it changes.
+    /// What the stroke changes.
     pub kind: StrokeKind,
-    /// Name of the material that is laid, or whose rules are weighted.
+    /// Name of the material that a stroke of kind `splat` paints, or whose rules a stroke of kind `mask` weights.
     pub material: String,
     /// The points of the line, world metres (x, y), at least one. Straight segments connect them.
     pub points: Vec<[f64; 2]>,
@@ -199,8 +201,8 @@ pub struct Stroke {
     /// splat map holds one material per texel.
     #[serde(default)]
     pub fade_m: f64,
-    /// Factor on the weights of the material's rules, in the middle of a mask: 0 keeps the material away, 1 changes nothing. A stroke of kind `splat`
-    /// does not use it.
+    /// Factor on the weights of the material's rules, in the middle of a mask: 0 removes the material, 1 changes nothing. A stroke of kind `splat`
+    /// does not use this value.
     #[serde(default)]
     pub amount: f64,
 }
@@ -209,9 +211,9 @@ pub struct Stroke {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StrokeKind {
-    /// The splat map: the material lies wherever the brush passed, regardless of the rules.
+    /// The splat map: every splat texel that the brush passed gets the material, regardless of the rules.
     Splat,
-    /// The weights of the rules that lay the material.
+    /// The weights of the rules that place the material.
     Mask,
 }
 

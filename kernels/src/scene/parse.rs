@@ -1,4 +1,4 @@
-//! Reading a scene file.
+//! Reads scene files.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ pub const DEFAULT: &str = "default";
 /// Name of the scene file in a folder that holds a scene.
 pub const FILE: &str = "scene.toml";
 
-/// Text of the built-in scene, an example of everything a scene file may say.
+/// Text of the built-in scene. It is an example of everything that a scene file may contain.
 pub const DEFAULT_TEXT: &str = include_str!("default.toml");
 
 /// The text of a scene file, before parsing.
@@ -22,13 +22,13 @@ pub const DEFAULT_TEXT: &str = include_str!("default.toml");
 pub struct SceneText {
     /// The TOML.
     pub text: String,
-    /// Its name in errors.
+    /// Name of the scene in errors.
     pub name: String,
-    /// Folder that relative file names refer to.
+    /// Folder to which relative file names refer.
     pub folder: PathBuf,
 }
 
-/// Reads a scene: `default` is the built-in one, anything else the path of a `.toml` file or of a folder that holds `scene.toml`.
+/// Reads a scene. `default` names the built-in scene; any other text is the path of a `.toml` file or of a folder that holds `scene.toml`.
 ///
 /// # Errors
 /// As for [`text`] and [`parse`].
@@ -37,7 +37,7 @@ pub fn load(path_or_name: &str) -> Result<Scene> {
     parse(&scene.text, &scene.name, &scene.folder)
 }
 
-/// The text of a scene, named as for [`load`].
+/// Reads the text of a scene. `path_or_name` is as for [`load`].
 ///
 /// # Errors
 /// The path does not exist or cannot be read.
@@ -64,8 +64,8 @@ pub fn text(path_or_name: &str) -> Result<SceneText> {
 /// Reads a scene from `text` and validates it. `where_` names the text in errors; relative file names refer to `folder`.
 ///
 /// # Errors
-/// Not TOML, an unknown key (the nearest known one is named), a wrong type, or what [`super::validate`] refuses; the
-/// place is given as `where_:line`.
+/// If the text is not TOML, if it has an unknown key (the error suggests the nearest known key) or a value of the wrong type, or if
+/// [`super::validate`] refuses the scene. The error gives the place as `where_:line`.
 pub fn parse(text: &str, where_: &str, folder: &Path) -> Result<Scene> {
     let refuse = |wrong: document::Wrong| Error::Scene { where_: wrong.place(where_), what: wrong.what };
     let mut scene: Scene = document::read(text, remedy_of_missing).map_err(|wrong| refuse(in_words_of_settings(wrong, text)))?;
@@ -74,7 +74,8 @@ pub fn parse(text: &str, where_: &str, folder: &Path) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Replaces the message about a value of the wrong type by that of [`Setting::accept`](crate::settings::Setting::accept), if the value is a setting.
+/// Replaces the message about a value of the wrong type by the message of [`Setting::accept`](crate::settings::Setting::accept), if the value is a
+/// setting.
 fn in_words_of_settings(wrong: document::Wrong, text: &str) -> document::Wrong {
     let Ok(document) = text.parse::<toml::Table>() else { return wrong };
     let mut said = super::settings().filter_map(|setting| {

@@ -6,7 +6,7 @@ use toml::Value;
 use super::{Scene, World};
 use crate::settings::{Field, Home, Kind, Listing, Range, Setting, table};
 
-/// Elevations, coordinates and distances beyond this many metres are mistakes.
+/// Largest absolute value of elevations, coordinates and distances, metres. Larger values are refused as mistakes.
 pub(super) const FAR_M: f64 = 1.0e7;
 
 /// Where every setting of a scene can be set. Settings that the workbench shows can be set there, too.
@@ -28,31 +28,31 @@ const fn positive(most: f64) -> Kind {
 }
 
 table! {
-    /// Where each flavour applies (SYSTEMS C and F). Distances along the view ray, slopes of the shading normal.
+    /// Where each flavour applies (SYSTEMS C and F). Distances are measured along the view ray. Slopes are those of the shading normal.
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
         /// Ground beyond this distance is shaded from the far atlas, nearer ground from the virtual texture. 0: no virtual texture.
         far_atlas_m: f64 = 300.0, "m", number(0.0, FAR_M), FLAVOURS.logarithmic("Far atlas from", 1.0, 5000.0);
-        /// Cliffs nearer than this take near stochastic shading, cliffs beyond it far stochastic shading (Far Cry 5: 30 m).
+        /// Cliffs nearer than this distance are shaded by the flavour `near-cliff`, cliffs beyond it by `far-cliff` (Far Cry 5: 30 m).
         cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);
         /// Beyond this distance cliffs, too, are shaded from the far atlas.
         cliff_far_atlas_m: f64 = 1500.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Cliff far atlas from", 10.0, 10_000.0);
         /// Width of every blend between distances, as a share of the distance.
-        // Blends of no width would make the shaders divide by zero; a thousandth cannot be told from a step.
+        // A blend of width 0 would make the shaders divide by zero. A width of a thousandth looks like a hard edge.
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
-        /// Slopes steeper than this are cliff. 90 or more: there are no cliffs.
+        /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
         cliff_slope_deg: f64 = 45.0, "deg", number(1.0, 180.0), FLAVOURS.slider("Cliffs above", 5.0, 90.0);
         /// Width of the blend between ground and cliff.
         slope_blend_deg: f64 = 4.0, "deg", number(0.001, 45.0), FLAVOURS.slider("Slope blend", 0.001, 20.0);
-        /// Width of the band of slopes just below `cliff_slope_deg` that takes full tri-planar splat, up to the distance `cliff_near_m`:
-        /// it is too steep for one projection and borders on contrasting materials. 0: no splat.
+        /// Width of the band of slopes just below `cliff_slope_deg` that is shaded by full tri-planar splat, up to the distance `cliff_near_m`.
+        /// These slopes are too steep for one projection, and they border on contrasting materials. 0: no splat.
         splat_band_deg: f64 = 8.0, "deg", number(0.0, 89.0), FLAVOURS.slider("Splat band", 0.0, 30.0);
     }
 }
 
 impl FlavourRules {
-    /// Whether any slope is cliff.
+    /// Whether any slope is shaded as a cliff.
     pub fn has_cliffs(&self) -> bool {
         self.cliff_slope_deg < 90.0
     }
@@ -71,9 +71,10 @@ table! {
         triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
         /// Added to mip levels, by scaling gradients by 2^bias. Below 0 the picture is sharper and flickers, above 0 it is blurrier.
         mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("LOD bias", -4.0, 4.0);
-        /// Anisotropic filtering of detail textures. 1: trilinear, by which near ground is blurred. Mesa's software driver before version 23 draws with 1.
+        /// Anisotropy of the filtering of detail textures. 1: trilinear filtering, which blurs near ground. With Mesa's software driver before
+        /// version 23, the anisotropy is always 1.
         anisotropy: u16 = 8, "", Kind::Whole(1, 16), BLEND;
-        /// Distance of the materials' mean colours from 18 % grey, relative to the distance they were made with. 0: all alike, 1: as made.
+        /// Factor on the distance of the materials' mean colours from 18 % grey. 0: all mean colours are 18 % grey, 1: the original colours.
         material_contrast: f64 = 1.0, "x", number(0.0, 2.0), BLEND;
     }
 }
@@ -83,7 +84,7 @@ table! {
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     Sun of Scene as "sun" at |scene| scene.sun, {
-        /// Compass bearing the light comes from, clockwise from north.
+        /// Compass bearing from which the light comes, clockwise from north.
         azimuth_deg: f64 = 190.0, "deg", number(-360.0, 360.0), LIGHT.slider("Sun from", 0.0, 360.0);
         /// Height of the sun above the horizon.
         elevation_deg: f64 = 34.0, "deg", number(-90.0, 90.0), LIGHT.slider("Sun above", 0.5, 90.0);
@@ -93,7 +94,7 @@ table! {
 }
 
 table! {
-    /// The sky: radiance linear in the sine of elevation, over the whole sphere, so that its irradiance is exact.
+    /// The sky. Its radiance is linear in the sine of the elevation, over the whole sphere, so its irradiance can be computed exactly.
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     Sky of Scene as "sky" at |scene| scene.sky, {
@@ -107,14 +108,14 @@ table! {
 /// Default edge of detail textures, texels.
 pub(super) const DETAIL_SIZE: u32 = 1024;
 
-/// The settings outside the optional tables. Which settings a world has depends on its kind.
+/// The settings outside the optional tables. The kind of a world decides which of these settings it has.
 const OTHERS: &[Setting<Scene>] = &[
     Setting {
         key: "world.seed",
         unit: "",
         kind: Kind::Whole(0, u32::MAX),
         default: || None,
-        about: "Seed of the procedural world, and of a heightmap's added relief and rule noise (there 0 if left out).",
+        about: "Seed of the procedural world, or of the added relief and the noise masks of a heightmap world. A heightmap world without this key has seed 0.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { seed, .. } | World::Heightmap { seed, .. } => Some(seed),
@@ -174,7 +175,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "m",
         kind: number(0.0, 1000.0),
         default: || Some(Value::Float(0.0)),
-        about: "Procedural relief added below a heightmap's resolution. 0: there is none, and LODs are only as deep as the data.",
+        about: "Largest offset of the procedural relief that is added below a heightmap's resolution. 0: no relief is added, and the finest LOD follows from the resolution.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { .. } => None,
@@ -190,7 +191,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "texels",
         kind: Kind::OneOf(&[64, 128, 256, 512, 1024, 2048]),
         default: || Some(Field::value(&DETAIL_SIZE)),
-        about: "Edge length of detail textures. The texture of heights and colour masks has half of it.",
+        about: "Edge length of detail textures. The texture of heights and colour masks has half this edge length.",
         listing: Listing::new("Textures", HOMES),
         field: |scene| Some(&scene.detail_size),
         field_mut: |scene| Some(&mut scene.detail_size),

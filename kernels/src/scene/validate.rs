@@ -1,4 +1,4 @@
-//! What a scene file must satisfy beyond its types.
+//! Checks of a scene file that its types cannot express.
 
 use super::settings::FAR_M;
 use super::{CameraPose, Hole, Rule, Scene, Stroke, World};
@@ -7,8 +7,8 @@ use crate::base::error::{Error, Result, one_line};
 use crate::base::names::suggestion;
 use crate::settings;
 
-/// Checks a scene made by hand or read from a file: sizes, ranges, names that must be unique, names that must exist, files that
-/// must exist.
+/// Checks a scene that was read from a file or built in code: sizes, ranges, names that must be unique, names that must exist, and files
+/// that must exist.
 ///
 /// # Errors
 /// The first problem, with its place in the scene.
@@ -16,7 +16,7 @@ pub fn validate(scene: &Scene) -> Result<()> {
     check(scene).map_err(|problem| Error::Scene { where_: format!("`{}`", one_line(&scene.name)), what: problem.to_string() })
 }
 
-/// Checks what depends on the world's data: a scene that asks for cliffs must have some.
+/// Checks a scene against the data of its world: if the scene uses cliff flavours, the world must have slopes that are steep enough for cliffs.
 ///
 /// `max_slope_deg`: the steepest slope of the world, degrees.
 ///
@@ -32,12 +32,12 @@ pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
         where_: format!("`{}`", scene.name),
         what: format!(
             "flavours, cliff_slope_deg: cliffs start at {asked} degrees, but the steepest slope of this world is {max_slope_deg:.1}: \
-             lower cliff_slope_deg below that, add relief (world, detail_m), or set it to 90 for no cliffs"
+             lower cliff_slope_deg below that, add relief (world, detail_m), or set cliff_slope_deg to 90 for no cliffs"
         ),
     })
 }
 
-/// Largest number of points of one stroke: every splat texel near it is compared with each of them.
+/// Largest number of points of one stroke. It is limited because every splat texel near the stroke is compared with all its points.
 const MOST_POINTS: usize = 65_536;
 
 pub(super) fn check(scene: &Scene) -> Checked {
@@ -160,14 +160,15 @@ fn one_stroke(at: &At, stroke: &Stroke, materials: &[&str]) -> Checked {
         1..=MOST_POINTS => {}
         count => points.fail(format!("there are {count}, must be at most {MOST_POINTS}: leave some out, or split the stroke in two"))?,
     }
-    // The path of a point is made only if the point is wrong, because there may be many points.
+    // There may be many points, so the name of a point's place in the file is made only if the point is wrong.
     if let Some(i) = stroke.points.iter().position(|point| !point.iter().all(|x| x.abs() <= FAR_M)) {
         points.index(i).all_within(&stroke.points[i], -FAR_M, FAR_M)?;
     }
     at.key("radius_m").positive(stroke.radius_m, FAR_M)?;
     if !(0.0..=stroke.radius_m).contains(&stroke.fade_m) {
         let (fade, radius) = (stroke.fade_m, stroke.radius_m);
-        at.key("fade_m").fail(format!("is {fade}, must lie in 0..={radius}: the soft edge lies within the line, up to radius_m"))?;
+        at.key("fade_m")
+            .fail(format!("is {fade}, must lie in 0..={radius}: the soft edge lies inside the line, so it is at most radius_m wide"))?;
     }
     at.key("amount").within(stroke.amount, 0.0, 1.0e6)
 }
@@ -180,7 +181,7 @@ fn flavours(at: &At, scene: &Scene) -> Checked {
     }
     if f.cliff_near_m >= f.cliff_far_atlas_m {
         at.key("cliff_near_m").fail(format!(
-            "is {}, must be less than cliff_far_atlas_m = {}, or there is no far cliff between them",
+            "is {}, must be less than cliff_far_atlas_m = {}: the flavour far-cliff covers the distances between the two",
             f.cliff_near_m, f.cliff_far_atlas_m
         ))?;
     }
@@ -213,7 +214,7 @@ fn cameras(top: &At, scene: &Scene) -> Checked {
         at.key("frames_per_key").within(f64::from(path.frames_per_key), 1.0, 1.0e6)?;
         let keys = at.key("key");
         if path.keys.len() < 2 {
-            keys.fail(format!("path `{}` has {}, a path needs at least two [[path.key]]", path.name, path.keys.len()))?;
+            keys.fail(format!("path `{}` has {} key poses, but a path needs at least two [[path.key]]", path.name, path.keys.len()))?;
         }
         for (i, pose) in path.keys.iter().enumerate() {
             camera(&keys.index(i), pose)?;

@@ -1,4 +1,4 @@
-//! Settings: values that a user chooses. Each is declared once, with its key, unit, accepted values, default, description and accessor.
+//! Settings: values that a user chooses. Each setting is declared once, with its key, unit, accepted values, default, description and accessor.
 //!
 //! A table is an array of [`Setting`] over the type that owns the values: [`crate::scene::settings`] over a scene, [`crate::frame::settings`] over
 //! the choices of a frame and of its stages. Scene files, definitions of experiments, the command line, the workbench with its state file, and the reference
@@ -57,7 +57,7 @@ pub enum Kind {
     Number(Range),
     /// A list of this many numbers.
     Numbers(usize, Range),
-    /// A whole number, from the first to the last.
+    /// A whole number in this range; both ends are accepted.
     Whole(u32, u32),
     /// One of these whole numbers.
     OneOf(&'static [u32]),
@@ -69,7 +69,7 @@ pub enum Kind {
     Text(&'static str),
 }
 
-/// `a, b or c`.
+/// Lists items as text: `a, b or c`.
 fn alternatives<T: fmt::Display>(items: &[T]) -> String {
     match items {
         [] => String::new(),
@@ -131,7 +131,7 @@ impl Kind {
     }
 }
 
-/// A number, whole or not.
+/// The value as a number, whole or not.
 fn number(value: &Value) -> Option<f64> {
     #[allow(clippy::cast_precision_loss, reason = "whole numbers of settings have at most 32 bits")]
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
@@ -157,7 +157,7 @@ pub trait Field {
     /// The value does not fit this type. The error is a hint, which may be empty.
     fn store(&mut self, value: &Value) -> Result<(), String>;
 
-    /// The number itself, if the value can be changed continuously.
+    /// The number itself, for changing it; `None` if the value is not a single real number.
     fn number(&mut self) -> Option<&mut f64> {
         None
     }
@@ -232,14 +232,14 @@ pub struct Listing {
     pub homes: &'static [Home],
     /// The workbench's short label, unique in the window; `None` = the workbench does not show it.
     pub label: Option<&'static str>,
-    /// Its slider; `None` = another control.
+    /// Its slider; `None` = the workbench does not use a slider.
     pub slider: Option<Slider>,
 }
 
 /// The slider of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slider {
-    /// The ends, within the accepted range. A number outside them may be typed.
+    /// Smallest and largest number of the slider, within the accepted range. Accepted numbers outside the slider can be typed.
     pub ends: [f64; 2],
     /// Whether it is logarithmic.
     pub logarithmic: bool,
@@ -251,19 +251,19 @@ impl Listing {
         Listing { group, homes, label: None, slider: None }
     }
 
-    /// The same, shown by the workbench under a label.
+    /// This listing, shown by the workbench under `label`.
     #[must_use]
     pub const fn shown(self, label: &'static str) -> Listing {
         Listing { label: Some(label), ..self }
     }
 
-    /// The same, shown as a slider.
+    /// This listing, shown by the workbench as a slider from `least` to `most`.
     #[must_use]
     pub const fn slider(self, label: &'static str, least: f64, most: f64) -> Listing {
         Listing { slider: Some(Slider { ends: [least, most], logarithmic: false }), ..self.shown(label) }
     }
 
-    /// The same, shown as a logarithmic slider.
+    /// This listing, shown by the workbench as a logarithmic slider from `least` to `most`.
     #[must_use]
     pub const fn logarithmic(self, label: &'static str, least: f64, most: f64) -> Listing {
         Listing { slider: Some(Slider { ends: [least, most], logarithmic: true }), ..self.shown(label) }
@@ -276,27 +276,27 @@ pub struct Setting<T: 'static> {
     pub key: &'static str,
     /// Its unit; empty = none.
     pub unit: &'static str,
-    /// What it accepts.
+    /// The values that it accepts.
     pub kind: Kind,
     /// The default value; `None` = a value must be given.
     pub default: fn() -> Option<Value>,
-    /// What it does, in sentences.
+    /// Its description, in whole sentences.
     pub about: &'static str,
     /// Its group, where it can be set, and how it is shown.
     pub listing: Listing,
     /// Where the value is stored; `None` = this `T` does not have it.
     pub field: fn(&T) -> Option<&dyn Field>,
-    /// The same, for changing the value.
+    /// As `field`, for changing the value.
     pub field_mut: fn(&mut T) -> Option<&mut dyn Field>,
 }
 
-/// The settings of one part of an owner, such as those of a stage among those of a frame.
+/// A type that holds one part of an owner's settings. The settings of a stage, for example, are a part of the settings of a frame.
 pub trait Part: Copy + Default + PartialEq + fmt::Debug + 'static {
-    /// Their table over an owner that stores them as part `P`.
+    /// The table of these settings, for an owner that stores them as part `P`.
     fn table<P, O: Holds<P, Part = Self>>() -> &'static [Setting<O>];
 }
 
-/// No settings.
+/// A part that has no settings.
 impl Part for () {
     fn table<P, O: Holds<P, Part = ()>>() -> &'static [Setting<O>] {
         &[]
@@ -317,11 +317,11 @@ pub trait Holds<P>: 'static {
 
 /// Declares a type whose fields are settings: the type, its default values, and the table of the settings.
 ///
-/// - `Name of Owner as "prefix" at |owner| place`: `place` is where an owner stores the `Name`. The table is `Name::SETTINGS`. With `parts field: Type`,
-///   the type has one more field, which is not a setting.
-/// - `Name as "prefix"`: whoever implements [`Holds`] stores the `Name`. The table is [`Part::table`].
+/// - `Name of Owner as "prefix" at |owner| place`: `place` is the expression for the `Name` that an owner stores. The table is `Name::SETTINGS`. With
+///   `parts field: Type`, the type has one more field, which is not a setting.
+/// - `Name as "prefix"`: an owner stores the `Name` if it implements [`Holds`]. The table is [`Part::table`].
 ///
-/// Keys begin with `prefix`. Each field has: documentation, which is also the description of the setting; name, type and default;
+/// Keys begin with `prefix`. Each field has documentation, which is also the description of the setting, then name, type and default, then
 /// `unit, kind, listing`.
 macro_rules! table {
     (
@@ -333,7 +333,7 @@ macro_rules! table {
         $crate::settings::table!(@type [$(#[$meta])*] $Table [$($(#[doc = $about_parts])+ $parts: $Parts)?] { $($fields)+ });
 
         impl $Table {
-            /// The settings of these values.
+            /// The settings in the fields of this type.
             pub const SETTINGS: &[$crate::settings::Setting<$Owner>] =
                 $crate::settings::table!(@rows $Table $prefix |$owner| ($place) ($place) { $($fields)+ });
         }
@@ -409,7 +409,7 @@ macro_rules! table {
 
 pub(crate) use table;
 
-/// Implements [`Field`] for types whose values have names: `ALL` lists the values, `name` is the name of one.
+/// Implements [`Field`] for types whose values have names: `ALL` lists the values, and `name` returns the name of a value.
 macro_rules! named {
     ($($Type:ty),+) => {
         $(
@@ -441,7 +441,7 @@ impl<T> Setting<T> {
         self.key.split('.').fold(At::top(), |at, step| at.key(step))
     }
 
-    /// The value that an owner has.
+    /// The value that `owner` stores; `None` if `owner` does not have this setting.
     pub fn get(&self, owner: &T) -> Option<Value> {
         (self.field)(owner).map(Field::value)
     }
@@ -451,7 +451,7 @@ impl<T> Setting<T> {
         self.listing.label.unwrap_or_else(|| self.name())
     }
 
-    /// The number that an owner has, if a slider can move it.
+    /// The number that `owner` stores, for changing it; `None` if the value is not a single real number.
     pub fn number<'a>(&self, owner: &'a mut T) -> Option<&'a mut f64> {
         (self.field_mut)(owner)?.number()
     }
@@ -498,7 +498,7 @@ impl<T> Setting<T> {
 /// Checks every value of an owner.
 ///
 /// # Errors
-/// The first value, in the order of the table, that its setting does not accept, described as by [`Setting::set`].
+/// A value is not accepted by its setting. The error describes the first such value in the order of the table, as [`Setting::set`] does.
 pub fn check<T: 'static>(mut table: impl Iterator<Item = &'static Setting<T>>, owner: &T) -> Checked {
     let wrong = |setting: &'static Setting<T>| {
         let value = setting.get(owner)?;

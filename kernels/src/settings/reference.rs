@@ -31,7 +31,7 @@ pub struct Row {
     pub key: &'static str,
     /// Its group.
     pub group: &'static str,
-    /// The value that an owner has.
+    /// The value in an owner, if an owner was given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<Value>,
     /// The default value; absent = a value must be given.
@@ -57,12 +57,12 @@ impl<T> Setting<T> {
         self.name().replace('_', "-")
     }
 
-    /// Where it can be set.
+    /// Whether it can be set in `home`.
     pub fn has_home(&self, home: Home) -> bool {
         self.listing.homes.contains(&home) || home == Home::Workbench && self.listing.label.is_some()
     }
 
-    /// The setting, and the value that `owner` has.
+    /// The setting as a row, with its value in `owner`, if an owner is given.
     pub fn row(&self, owner: Option<&T>) -> Row {
         let mut places: Vec<String> = self
             .listing
@@ -111,7 +111,7 @@ fn by_group(rows: &[Row]) -> Vec<(&'static str, Vec<&Row>)> {
     groups
 }
 
-/// Values as a table in plain text: each with its unit, default and accepted values.
+/// Lists values as a table in plain text, each with its unit, default and accepted values.
 pub fn values(rows: &[Row]) -> String {
     let mut text = String::new();
     for (group, rows) in by_group(rows) {
@@ -146,20 +146,20 @@ pub fn reference(rows: &[Row]) -> String {
 const INTRODUCTION: &str = "\
 # Settings
 
-This file is made from the tables of settings in the code. Do not edit it: change the tables, then run
+This file is generated from the tables of settings in the code. Do not edit it: change the tables, then run
 `SCREE_RECORD=1 cargo test --release --test scree settings_reference`.
 
 A setting has the same key, accepted values and default wherever it is set:
 
 - **scene file**: under its key. `blend.hash_scale` is the key `hash_scale` in the table `[blend]`.
-- **definition** of an experiment: under its key in `[set]`, as `\"blend.hash_scale\" = 2.0`, or as `parameter` in `[vary]`. Where a list is
-  named, the definition gives several values in that list instead.
-- **render**: `experiments render --set blend.hash_scale=2`, or an option of its own, as `--lod-bias 1`.
+- **definition** of an experiment: under its key in `[set]`, as `\"blend.hash_scale\" = 2.0`, or as `parameter` in `[vary]`. If the
+  column `where` names a list, the definition gives several values in that list instead.
+- **render**: `experiments render --set blend.hash_scale=2`, or an option of its own, such as `--lod-bias 1`.
 - **workbench**: a control in a panel. The value is kept in the state file, by the last part of its key in `[look]`, or by its whole key in the
   numbers of the scene.
 
-A value that is not accepted is refused with the same sentence everywhere, as \"`frame.lod_bias` is 9, must be -2 to 4\". From the state file the
-sentence is a warning, and the value is left out.
+A value that is not accepted is refused with the same sentence everywhere, such as \"`frame.lod_bias` is 9, must be -2 to 4\". If the value
+comes from the state file, the sentence is a warning, and the value is ignored.
 
 A scene file has more values, in lists: materials, rules, strokes, cameras and paths. `kernels/src/scene/mod.rs` explains them.
 ";

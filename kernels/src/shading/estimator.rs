@@ -15,8 +15,8 @@ pub enum Estimator {
     Fc5,
     /// The exact blend of everything from which `Fc5` chooses: the mean of `Fc5`.
     Exact,
-    /// The theoretical variance of `Fc5` over seeds, times [`VARIANCE_SCALE`], in place of albedo: the yardstick for measured variance. Splat has no
-    /// variance.
+    /// The theoretical variance of `Fc5` over seeds, times [`VARIANCE_SCALE`], written in place of albedo. Measured variance is compared with it.
+    /// Splat has no variance.
     Variance,
     /// `Fc5` with the two projections that the surface faces most (Quilez, *Biplanar mapping*, 2020) instead of three.
     Biplanar,
@@ -30,7 +30,7 @@ pub enum Estimator {
     /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended by bilinear weights, the detail by weights modified by
     /// height. Far cliff uses only the lower of the two scales, so its scale jumps.
     Laplacian,
-    /// Eight layers, seen from above, all sampled at every pixel and blended one over the other (Luna, 2016).
+    /// Eight layers, projected from above. All layers are sampled at every pixel, and each is blended over the layers before it (Luna, 2016).
     Luna8,
     /// Four materials in one projection: from above or, on steep ground, onto a vertical plane in one of eight directions (after Terrain3D).
     Snapped,
@@ -58,7 +58,7 @@ const NOWHERE: [bool; 3] = [false; 3];
 const ON_CLIFFS: [bool; 3] = [true, true, false];
 
 impl Estimator {
-    /// Estimators that make a picture.
+    /// Estimators whose result is a picture.
     pub const ALL: [Estimator; 8] = [
         Estimator::Fc5,
         Estimator::Exact,
@@ -129,8 +129,8 @@ impl Estimator {
         variant.flavours().filter_map(Estimator::place).any(|place| self.taken().draws[place])
     }
 
-    /// The estimator whose picture is the mean of this estimator's pictures over seeds, for flavours where this one draws random numbers. For splat
-    /// with [`Estimator::Stf`], that picture is the one of near cliff.
+    /// Returns the estimator whose picture equals the mean of this estimator's pictures over seeds, for the flavours in which this estimator draws
+    /// random numbers. There is one exception: for splat, the mean of [`Estimator::Stf`] is the picture of near cliff.
     pub const fn mean(self) -> Estimator {
         match self {
             Estimator::Fc5 | Estimator::Stf => Estimator::Exact,
@@ -140,7 +140,7 @@ impl Estimator {
         }
     }
 
-    /// Whether splat can have two tiling scales. The splat of all other estimators is defined with one.
+    /// Whether splat can blend two tiling scales. For all other estimators, splat is defined with one scale.
     pub const fn has_two_tilings(self) -> bool {
         matches!(self, Estimator::Fc5 | Estimator::Exact | Estimator::Biplanar | Estimator::BiplanarMean)
     }
@@ -160,7 +160,7 @@ impl fmt::Display for Estimator {
 impl FromStr for Estimator {
     type Err = Error;
 
-    /// Accepts the names of the estimators that make a picture.
+    /// Accepts the names of [`Estimator::ALL`].
     fn from_str(text: &str) -> Result<Estimator> {
         Estimator::ALL.into_iter().find(|e| e.name() == text).ok_or_else(|| {
             let names = Estimator::ALL.map(Estimator::name);

@@ -29,15 +29,15 @@ pub use modules::SNAPPED_COSINE;
 
 /// Salts of the random numbers, so that each stochastic flavour has independent ones (ruling 15).
 pub mod salt {
-    /// Of near cliff.
+    /// Salt of near cliff.
     pub const NEAR_CLIFF: u32 = 1;
-    /// Of far cliff.
+    /// Salt of far cliff.
     pub const FAR_CLIFF: u32 = 2;
-    /// Of full splat, by estimators that choose at random.
+    /// Salt of full splat, for estimators that shade splat with random choices.
     pub const SPLAT: u32 = 3;
-    /// Added to the salt of a flavour: the choice of texels of albedo and properties.
+    /// Added to the salt of a flavour for the random choice of texels in the albedo and normal textures.
     pub const TEXEL: u32 = 4;
-    /// Added to the salt of a flavour: the choice of texels of heights.
+    /// Added to the salt of a flavour for the random choice of texels in the height texture.
     pub const HEIGHT_TEXEL: u32 = 8;
 }
 
@@ -50,16 +50,16 @@ pub enum Kernel {
     Generic,
 }
 
-/// Everything a pipeline is specialised by.
+/// The parameters that specialise a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct PipelineKey {
     /// The kernel.
     pub kernel: Kernel,
     /// Estimator of near cliff, far cliff and splat.
     pub estimator: Estimator,
-    /// Noise of their random choices.
+    /// Noise of the estimator's random choices.
     pub noise: NoiseKind,
-    /// Whether full splat blends two tiling scales: 96 fetches. It has no effect on estimators whose splat is defined with one scale.
+    /// Whether full splat blends two tiling scales, with 96 fetches. This has no effect on estimators whose splat is defined with one scale.
     pub two_tilings: bool,
     /// Whether fetches are counted and choices recorded.
     pub diagnostics: bool,
@@ -70,9 +70,9 @@ pub struct PipelineKey {
 pub struct ShadingPass<'a> {
     /// The pipelines to draw with.
     pub keys: &'a [PipelineKey],
-    /// Whether every key records diagnostics. If so, those of a picture without any terrain tile are cleared, too.
+    /// Whether every key records diagnostics. If so, the diagnostics target is cleared even if the picture has no terrain tile.
     pub diagnostics: bool,
-    /// Whether each key has a pass of its own, `shading: KEY`. If not, all share one pass, `shading`.
+    /// Whether each key has a pass of its own, named `shading: KEY`. If not, all keys share one pass, named `shading`.
     pub timed: bool,
 }
 
@@ -90,7 +90,8 @@ pub struct Settings {
 }
 
 impl PipelineKey {
-    /// The canonical key of the same pipeline: what its flavours do not use is at its default, so that no pipeline is built twice.
+    /// Returns the canonical key of this pipeline: parameters that its flavours do not use have their default values, so that no pipeline is built
+    /// twice.
     #[must_use]
     pub fn canonical(self) -> PipelineKey {
         let Kernel::Variant(variant) = self.kernel else { return self };
@@ -137,7 +138,7 @@ const DIAGNOSTICS_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 impl Targets {
-    /// Targets of a size in pixels.
+    /// Allocates targets for a picture of `size` pixels.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Targets {
         Targets {
             albedo: gpu.target("albedo", size, FORMAT),
@@ -177,7 +178,7 @@ impl Stage for Shading {
             ]
         },
         name: "shading",
-        about: "Reads tile lists, depth, normals, terrain and pages; makes the G-buffer, with one variant per tile",
+        about: "Reads tile lists, depth, normals, terrain and pages; writes the G-buffer, with one variant per tile",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };
@@ -223,8 +224,8 @@ impl Stage for Shading {
         })
     }
 
-    /// Also builds the pipelines of the displayed view or, if there is none, the generic one, so that an error shows at once and not with the first
-    /// picture.
+    /// Also builds the pipelines of the displayed view or, if there is no such view, the generic pipeline, so that an error is reported at once and
+    /// not with the first picture.
     fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<Shading>> {
         let mut shading = Shading::build(build)?;
         let generic = PipelineKey {
@@ -244,8 +245,8 @@ impl Stage for Shading {
 }
 
 impl Shading {
-    /// Tracks the pipelines of the displayed view, which a reload builds at once. `fresh`: a new view begins; else `keys` are added to those of the
-    /// same view.
+    /// Records which pipelines the displayed view uses, because a reload builds them at once. `fresh`: whether a new view begins, which discards the
+    /// earlier keys; otherwise `keys` are added to them.
     pub fn display(&mut self, keys: &[PipelineKey], fresh: bool) {
         if fresh {
             self.displayed.clear();
@@ -254,7 +255,7 @@ impl Shading {
         self.displayed.extend(added);
     }
 
-    /// Builds a pipeline unless it exists. Returns whether it was built.
+    /// Builds a pipeline if it does not exist. Returns whether it was built.
     ///
     /// # Errors
     /// When the device refuses it. The error is [`Error::Request`], because other pipelines still work.
@@ -315,7 +316,7 @@ impl Shading {
         Ok(true)
     }
 
-    /// Records the pass: one indirect draw per key of `how`, each of which must be warm.
+    /// Records the pass: one indirect draw per key of `how`. The pipeline of each key must have been built by [`Shading::warm`].
     pub fn encode(
         &self,
         rec: &mut Recording<'_>,

@@ -6,12 +6,12 @@ override VARIANT: u32 = 0u;
 override ESTIMATOR: u32 = 0u;
 // Noise kind of the stochastic choices, see noise.wgsl.
 override NOISE: u32 = 0u;
-// Whether a tile is drawn as one triangle, which the depth test cuts off below the tile. Two triangles share a diagonal, and groups of 2 x 2 pixels
-// along it (or whatever else a device shades together) would be shaded twice.
+// Whether a tile is drawn as one triangle, which the depth test cuts off below the tile. If not, two triangles share a diagonal, and the pixels near
+// it are shaded twice if they are in a group on the diagonal: the device shades groups of 2 x 2 or more pixels together.
 override ONE_TRIANGLE: bool = false;
 // Edge of a tile, pixels.
 override TILE: u32 = 8u;
-// Splat with two tiling scales: 96 fetches, the reference look.
+// Whether splat blends two tiling scales, with 96 fetches. This is the reference blend.
 override TWO_TILINGS: bool = false;
 
 @group(2) @binding(0) var depth_target: texture_depth_2d;

@@ -14,7 +14,7 @@ fn shade_project(pixel: ptr<function, Pixel>) {
     }
 }
 
-// All materials of a splat cell, blended as the estimator does it: 16 fetches; 40 hex-tiled, 20 in bands, 28 in layers.
+// Blends all materials of a splat cell by the method of the estimator: 16 fetches; 40 with hex tiling, 20 in two bands, 28 in eight layers.
 fn shade_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
     if ESTIMATOR == ESTIMATOR_LAPLACIAN {
         return shade_laplacian_blend(pixel, projection, scale);

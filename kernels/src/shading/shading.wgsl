@@ -15,15 +15,15 @@ fn shading_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) i
     let tile = tile_place(entry);
     let tile_pixel = vec2<f32>(tile * TILE);
     if ONE_TRIANGLE {
-        // The sides pass 3/8 of a pixel outside the tile at the pixel centres of its first row, 3/8 inside at those of its last row, and meet far
-        // below it.
+        // At the pixel centres of the tile's first row, the left and right sides of the triangle are 3/8 of a pixel outside the tile; at those of the
+        // last row, they are 3/8 of a pixel inside, which still includes all centres. The sides meet far below the tile.
         let edge = f32(TILE);
         let outside = 0.375 * edge / (edge - 1.0);
         let apex = vec2<f32>(0.5 * edge, 0.5 * edge * ((edge - 1.0) * 4.0 / 3.0 + 1.0));
         var triangle = array<vec2<f32>, 3>(vec2<f32>(-outside, 0.0), vec2<f32>(edge + outside, 0.0), apex);
         let at = triangle[vertex];
-        // Depth is clamped, not clipped: it is 0, behind all terrain, down to the pixel centres of the last row, and 1 from the centres of the next
-        // row on.
+        // Depth is clamped and not clipped. At the pixel centres of the tile it is 0, behind all terrain, and passes the depth test (less). From the
+        // first row of centres below the tile on, it is 1 and fails.
         return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), (at.y - edge + 0.25) * 4.0, 1.0), tile_variant(entry));
     }
     var corners = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);

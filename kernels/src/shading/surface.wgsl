@@ -33,7 +33,7 @@ fn shade_surface(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurfa
             shade_add(&pages, pixel, weights[FLAVOUR_VT], shade_virtual_texture(pixel));
         }
     }
-    // All flavours but the virtual texture share one colour modulation; the pages of the virtual texture already contain it.
+    // All flavours except the virtual texture share one fetch of colour modulation. The pages of the virtual texture already contain it.
     var sum = SurfaceSum(surface_zero(), pages.normal, 0.0);
     if RUNS_FAR_ATLAS {
         if shade_evaluates(mask, FLAVOUR_FAR_ATLAS_BIT, weights[FLAVOUR_FAR_ATLAS]) {
@@ -82,6 +82,6 @@ fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurf
         }
     }
     let modulation = terrain_colour_modulation(pixel.node);
-    // Scaled, so that f16 values stay out of the range of denormals.
+    // The variance is scaled, so that f16 values stay out of the range of denormals.
     return ShadedSurface(variance * modulation * modulation * SHADING_VARIANCE_SCALE, pixel.normal, 0.0, 0.0);
 }

@@ -1,8 +1,8 @@
 //! The two projections that a surface faces most, with weights that drop the third projection without a seam.
 //!
-//! Source: Quilez, *Biplanar mapping*, 2020. A weight is 0 up to a component of 1/√3 of the normal, and grows from there. Where the middle component
-//! and the smallest one change places, neither is above 1/√3, so there is no jump. The only jumps are on the eight diagonals, where all three
-//! components are equal in size.
+//! Source: Quilez, *Biplanar mapping*, 2020. An axis has weight 0 if the normal's component along it is at most 1/√3 in size; above that size, the
+//! weight grows. If the middle component and the smallest one change places, both are at most 1/√3, so the weights do not jump. They jump only on the
+//! eight diagonals, where all three components are equal in size.
 
 use super::bounded;
 use super::octahedral::unit;
@@ -11,10 +11,10 @@ use super::real::Real;
 /// Sharpness is clamped to 0..=this value.
 pub const MAX_SHARPNESS: f64 = 1e4;
 
-/// The axes, ascending, and their weights, which sum to 1: `biplanar_projections`.
+/// The two axes, ascending, and their weights, which sum to 1: `biplanar_projections`.
 ///
 /// w_i = ((|n_i| - 1/√3) / (1 - 1/√3))^(k/8), normalised; `sharpness` is k >= 0, on the scale of tri-planar weights. A component of at most 1/√3 has
-/// weight 0 for any k; if both have, the first axis gets all the weight. A vector without direction counts as z.
+/// weight 0 for any k; if both components are that small, the first axis gets all the weight. A vector without direction counts as z.
 pub fn projections<T: Real>(n: [T; 3], sharpness: T) -> ([u32; 2], [T; 2]) {
     let a = unit(n).map(T::abs);
     let dropped = if a[0] <= a[1] && a[0] <= a[2] {

@@ -1,8 +1,8 @@
 // The two projections that a surface faces most, with weights that drop the third projection without a seam.
 // Source: Quilez, "Biplanar mapping", 2020.
 
-// 1 / sqrt 3: each component of a direction that faces all three axes equally. Components of at most this size have weight 0. Where the middle
-// component equals the smallest one, it is never above this.
+// 1 / sqrt 3: each component of a direction that faces all three axes equally. Components of at most this size have weight 0. If the middle component
+// equals the smallest one, neither is larger than this.
 const BIPLANAR_DIAGONAL: f32 = 0.57735027;
 const BIPLANAR_MAX_SHARPNESS: f32 = 1e4;
 
@@ -30,7 +30,8 @@ fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
         return Biplanar(axes, vec2<f32>(1.0, 0.0));
     }
     let k = 0.125 * usable_positive_1(sharpness, BIPLANAR_MAX_SHARPNESS);
-    // Divided by the larger one, whose term is then 1. Zero stays zero at any power, so the weight of an axis falls to 0 before the axis is dropped.
+    // The values are divided by the larger one, whose term is then 1. Zero stays zero at any power, so the weight of an axis falls to 0 before the
+    // axis is dropped.
     let r = above / top;
     let w = select(vec2<f32>(0.0), exp2(k * log2(max(r, vec2<f32>(1e-30)))), r > vec2<f32>(1e-30));
     return Biplanar(axes, w / (w.x + w.y));

@@ -5,8 +5,9 @@
 //! Akenine-Möller, Ramamoorthi, *Spatiotemporal Blue Noise Masks*, EGSR 2022) applies the method to a volume: the energy between two points is the
 //! spatial Gaussian if they share a slice, the temporal Gaussian if they share a pixel, and zero otherwise.
 //!
-//! Masks are made at run time in integers (tables of 24 bits, hashed starts, explicit rules for ties), so that every machine has the same masks. The
-//! points of each spatio-temporal slice are then ranked again within the slice: it holds every rank once, in the order of the volume.
+//! Masks are computed at run time in integers (tables of 24 bits, hashed starts, explicit rules for ties), so that every machine has the same masks.
+//! The points of each spatio-temporal slice are then ranked again within the slice, in the order that they have in the volume, so that each slice
+//! holds every rank once.
 
 use std::sync::OnceLock;
 
@@ -27,12 +28,12 @@ const SIGMA: f64 = 1.9;
 const REACH: usize = 8;
 /// Energy of a point at its own place. The energy in a full volume is at most 27 times this, which fits 32 bits.
 const UNIT: f64 = 16_777_216.0;
-/// The first pattern holds one in this many points (Ulichney: about a tenth; fewer than half).
+/// The initial pattern sets one in this many points. Ulichney's initial pattern has about a tenth of the points, and must have fewer than half.
 const FIRST_PART: usize = 10;
 const SEED: u32 = 0x0b1e;
 
-/// The ranks of the blue-noise mask, then those of each slice of the spatio-temporal mask, each EDGE x EDGE, row by row. They are made once, in about
-/// a tenth of a second.
+/// The ranks of the blue-noise mask, then the ranks of each slice of the spatio-temporal mask. The mask and each slice have EDGE x EDGE ranks, row by
+/// row. They are computed once, in about a tenth of a second.
 pub fn ranks() -> &'static [u32] {
     static MASKS: OnceLock<Vec<u32>> = OnceLock::new();
     MASKS.get_or_init(|| {
@@ -86,8 +87,8 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     for i in taken {
         torus.turn(i);
     }
-    // Ulichney's last two phases are the same: the tightest cluster of free places is the largest void, because the energies of points and of free
-    // places have the same sum everywhere.
+    // Ulichney's last two phases can be done in the same way: the tightest cluster of free places is the largest void, because the energies of points
+    // and of free places have the same sum everywhere.
     for rank in first..points {
         let i = torus.largest_void();
         torus.turn(i);
@@ -101,7 +102,7 @@ struct Torus {
     slices: usize,
     /// The energy at every place, slice by slice, row by row.
     energy: Vec<u32>,
-    /// All ones where there is a point, zero elsewhere.
+    /// For each place: all bits set if there is a point, zero otherwise.
     set: Vec<u32>,
     /// For each row: the least energy of its free places, and the least bitwise complement of the energies of its points.
     rows: [Vec<u32>; 2],
@@ -169,12 +170,12 @@ impl Torus {
         }
     }
 
-    /// The free place with the least energy; the first one of several.
+    /// The free place with the least energy; the first one if several have it.
     fn largest_void(&self) -> usize {
         self.place(0, |energy, set| energy | set)
     }
 
-    /// The point with the most energy; the first one of several.
+    /// The point with the most energy; the first one if several have it.
     fn tightest_cluster(&self) -> usize {
         self.place(1, |energy, set| !(energy & set))
     }

@@ -48,9 +48,9 @@ fn brdf_f_schlick(f0: vec3<f32>, u: f32) -> vec3<f32> {
     return f + (vec3<f32>(1.0) - f) * (m2 * m2 * m);
 }
 
-// Directional albedo under uniform light, 0..=1. Within 0.1 of the integral of the terms above for dielectrics, but up to 0.31 too dark for metals
-// seen at a grazing angle. Karis, "Physically Based Shading on Mobile", 2014: an analytic fit in place of the split-sum table, after Lazarov,
-// "Getting More Physical in Call of Duty: Black Ops II", SIGGRAPH 2013.
+// Directional albedo under uniform light, 0..=1. The result is within 0.1 of the integral of the terms above for dielectrics, but up to 0.31 too dark
+// for metals seen at a grazing angle. Karis, "Physically Based Shading on Mobile", 2014: an analytic fit in place of the split-sum table, after
+// Lazarov, "Getting More Physical in Call of Duty: Black Ops II", SIGGRAPH 2013.
 fn brdf_env_approx(f0: vec3<f32>, perceptual_roughness: f32, n_dot_v: f32) -> vec3<f32> {
     let f = vec3<f32>(brdf_unit(f0.x), brdf_unit(f0.y), brdf_unit(f0.z));
     let r = brdf_unit(perceptual_roughness) * vec4<f32>(-1.0, -0.0275, -0.572, 0.022) + vec4<f32>(1.0, 0.0425, 1.04, -0.04);

@@ -3,8 +3,8 @@
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "GPU Culling", "Occlusion Buffer Culling", "Back Face Culling"; Haar and Aaltonen,
 //! *GPU-Driven Rendering Pipelines*, SIGGRAPH 2015.
-//! The tests are conservative: nothing visible is ever left out, in f32 or in f64, whether denormals are kept or flushed to zero. The cost is a
-//! margin of [`SLACK`] times the magnitudes of the terms that are summed: within it, something that could be left out is drawn.
+//! The tests are conservative: nothing visible is ever left out, in f32 or in f64, whether denormals are kept or flushed to zero. The cost is that
+//! terrain which could be left out is still drawn if it lies within a margin of [`SLACK`] times the magnitudes of the summed terms.
 
 use super::octahedral::unit;
 use super::real::{Real, dot, length};
@@ -29,8 +29,8 @@ pub const SLACK: f64 = 8.0 / 16_777_216.0;
 
 /// Largest number that is accepted: sums of squares and products of such numbers fit f32.
 pub(crate) const MOST: f64 = 1e15;
-/// Vectors no longer than this are treated as having no direction: an axis by its largest component, the vector to a patch by its length (metres).
-/// Their squares have little precision in f32.
+/// Vectors of at most this size are treated as having no direction, because their squares have little precision in f32. The size of a cone's axis is
+/// its largest component; the size of the vector to a patch is its length, metres.
 pub(crate) const LEAST: f64 = 1e-15;
 /// Bound on the error of three products whose factors are at most [`MOST`] if denormal factors are flushed to zero.
 pub(crate) const FLUSHED: f64 = 1e-22;
@@ -49,13 +49,13 @@ pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
 
 /// Whether a patch faces away completely. The patch lies within `radius` m of a point, and `to_patch` goes from the eye to that point, m. Its normals
 /// lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half angle, 0..=1, where 1 means any direction.
-/// The angles of cone and sphere add up: with half angle a and a sphere of angular radius s, sin s = radius / distance, all normals face away where
+/// The angles of cone and sphere add up: with half angle a and a sphere of angular radius s, sin s = radius / distance, all normals face away if
 /// axis . direction > sin(a + s).
 pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], radius: T) -> bool {
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
     let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));
     let distance = length(to_patch);
-    // The eye is inside the sphere, a vector is too short to have a direction in f32, or a number is not valid.
+    // Not culled, because the eye is inside the sphere, a vector is too short to have a direction in f32, or a number is not valid.
     if !(known && has_axis && sin_half_angle >= T::zero() && sin_half_angle < T::one() && distance > radius && distance > T::of(LEAST)) {
         return false;
     }
@@ -71,15 +71,16 @@ pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], ra
 /// Bound on the rounding error in f32 of two unit vectors (16 ULP each), their product, two sines and cosines, and their products: less than 96 ULP.
 pub const ROUNDING: f64 = 96.0 / 8_388_608.0;
 
-/// Largest relative error of a box's distance along the view. If the error is larger, or the box comes nearer than the near plane, its cover is
+/// Largest relative error of a box's distance along the view. If the error is larger, or the box comes nearer than the near plane, the box's cover is
 /// unknown.
 pub(crate) const KNOWN: f64 = 1.0 / 128.0;
-/// Smallest distance of the near plane that is accepted, m.
+/// Smallest accepted distance of the near plane, m.
 pub(crate) const NEAREST: f64 = 1e-6;
 /// Positions are clamped to this distance from the middle of the picture, in halves of its width or height. Farther out, the exact position makes no
 /// difference.
 const OUTSIDE: f64 = 4.0;
-/// Bound on the rounding error of a quotient (2.5 ULP), two sums and a product, about doubled for safety; it is multiplied by 1 + |q|.
+/// Bound on the rounding error of a screen position: a quotient q (2.5 ULP), two sums and a product, about doubled for safety. It is
+/// multiplied by 1 + |q|.
 const FEW: f64 = 8.0 / 8_388_608.0;
 
 /// The pixels that a box covers on the screen, rounded outwards.
@@ -95,9 +96,9 @@ pub struct Cover<T> {
 
 /// The pixels that the box from `low` to `high`, m, covers in a picture of `size` pixels (1..=16384 each). `rows` are the rows for x, y and w of a
 /// matrix from the box's coordinates to clip space; w is the distance along the view, m, and `near` is the smallest distance that is drawn. The
-/// pixels lie within the picture, and there is at least one: a box beside the picture covers its edge, and the frustum test must leave it out. `None`
-/// if the cover is unknown: the box reaches the near plane, its distance is lost in rounding (of terms 2^14 times as large), `near` is below 1e-6 m,
-/// or a number is NaN, infinite or beyond 1e15.
+/// pixels lie within the picture, and there is at least one: a box outside the picture counts as covering the nearest edge, and the frustum test must
+/// leave it out. `None` if the cover is unknown: the box reaches the near plane, its distance is lost in rounding (the summed terms are 2^14 times as
+/// large), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
 pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
     let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
     if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
@@ -146,9 +147,9 @@ pub fn level(first: [u32; 2], last: [u32; 2]) -> u32 {
     along(0).max(along(1))
 }
 
-/// Whether a box is hidden: everything that was drawn at the pixels that it covers is nearer than its nearest point, which has this `depth`.
-/// `farthest` are the least depths, reversed, in the texels of the pyramid that the box covers; 0 means that nothing was drawn. False if a depth is
-/// NaN.
+/// Whether a box is hidden, because everything that was drawn at its pixels is nearer than its nearest point. `depth` is the reversed depth of that
+/// point. `farthest` are the least reversed depths in the texels of the pyramid that the box covers; 0 means that nothing was drawn. False if a depth
+/// is NaN.
 pub fn hidden<T: Real>(depth: T, farthest: [T; 4]) -> bool {
     farthest.iter().all(|&stored| depth < stored)
 }

@@ -11,8 +11,8 @@ fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
     return known && terms.x + terms.y + terms.z + plane.w < -(CULLING_SLACK * size + CULLING_FLUSHED);
 }
 
-// Whether a patch faces away completely. It lies within `radius` of a point, `to_patch` goes from the eye to that point, and its normals lie in a
-// cone.
+// Whether a patch faces away completely. The patch lies within `radius` of a point, `to_patch` goes from the eye to that point, and its normals lie
+// in a cone.
 fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>, radius: f32) -> bool {
     let known = usable_within_3(axis, CULLING_MOST) && usable_within_3(to_patch, CULLING_MOST)
         && usable_within_3(vec3<f32>(radius, sin_half_angle, 0.0), CULLING_MOST) && radius >= 0.0 && sin_half_angle >= 0.0
@@ -49,8 +49,8 @@ fn culling_summed(row: vec4<f32>, place: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(terms.x + terms.y + terms.z + row.w, CULLING_SLACK * size + CULLING_FLUSHED);
 }
 
-// The pixels of a picture that the box from `low` to `high` covers. The rows are those for x, y and w of a matrix from the box's coordinates to clip
-// space.
+// The pixels of a picture that the box from `low` to `high` covers. The parameters `row_...` are the rows for x, y and w of a matrix from the box's
+// coordinates to clip space.
 fn culling_cover(
     row_x: vec4<f32>, row_y: vec4<f32>, row_w: vec4<f32>, near: f32, low: vec3<f32>, high: vec3<f32>, size: vec2<u32>
 ) -> CullingCover {
@@ -96,8 +96,8 @@ fn culling_level(first: vec2<u32>, last: vec2<u32>) -> u32 {
     return max(level.x, level.y);
 }
 
-// Whether a box whose nearest point has this depth is hidden by what was drawn. `farthest` are the least depths in the texels of the pyramid that it
-// covers.
+// Whether a box is hidden by what was drawn. `depth` is the reversed depth of the box's nearest point. `farthest` are the least reversed depths in
+// the texels of the pyramid that the box covers.
 fn culling_hidden(depth: f32, farthest: vec4<f32>) -> bool {
     let numbers = usable_number(farthest.x) && usable_number(farthest.y) && usable_number(farthest.z) && usable_number(farthest.w);
     return numbers && usable_number(depth) && all(vec4<f32>(depth) < farthest);

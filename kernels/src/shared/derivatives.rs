@@ -8,7 +8,7 @@ use super::octahedral::unit;
 use super::real::{Real, add, dot, length, scale, sub};
 
 /// Smallest |cosine| between plane normal and neighbouring ray. With this limit, the step along the surface is at most about 100 times the step
-/// across the view: no texture filter resolves more, and beyond the horizon of the plane there is no hit at all.
+/// across the view. No texture filter can resolve a longer step, and beyond the horizon of the plane the ray does not hit the plane at all.
 pub const MIN_COSINE: f64 = 0.01;
 
 /// Step of the position to the neighbouring pixel, metres. The point is `ray * t`, relative to the eye; `ray_step` is the difference between the

@@ -1,8 +1,8 @@
-//! Which shading flavours a point needs, and how much of each.
+//! Which shading flavours a point needs, and their weights.
 //!
-//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations". Slope divides the surface into cliff, a splat
-//! band just flatter than cliff, and ground; distance divides ground into virtual texture and far atlas, cliff into near cliff,
-//! far cliff and far atlas; the splat band becomes ground where near cliffs end. Arrays are in the order of [`Flavour::ALL`].
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations". Slope divides the surface into cliff, a splat band just
+//! flatter than cliff, and ground. Distance divides ground into virtual texture and far atlas, and cliff into near cliff, far cliff and far atlas.
+//! Beyond the distance at which near cliff ends, the splat band is shaded as ground. Arrays are in the order of [`Flavour::ALL`].
 //!
 //! [`Flavour::ALL`]: crate::variant::Flavour::ALL
 
@@ -11,7 +11,7 @@ use super::real::Real;
 use crate::base::wgsl::Constant;
 use crate::variant::Flavour;
 
-/// Weights up to this one count as zero: half a step of an 8-bit channel is not worth the cost of a flavour.
+/// Weights up to this one count as zero: a flavour with such a weight changes an 8-bit channel by at most half a step, which is not worth its cost.
 pub const MIN_WEIGHT: f64 = 1.0 / 512.0;
 /// Least weight, before normalisation, of each flavour of a forced variant.
 pub const FORCED_WEIGHT: f64 = 1e-3;
@@ -45,17 +45,18 @@ pub(super) const CONSTANTS: &[(&str, Constant)] = &[
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct FlavourParams {
-    /// Distance, metres, at which ground goes from virtual texture to far atlas.
+    /// Distance, metres, at which ground changes from virtual texture to far atlas.
     pub far_atlas_m: f32,
-    /// Distance, metres, at which cliffs go to the far atlas.
+    /// Distance, metres, at which cliffs change to the far atlas.
     pub cliff_far_atlas_m: f32,
-    /// Distance, metres, at which near cliff goes to far cliff, and splat to ground.
+    /// Distance, metres, at which near cliff changes to far cliff, and splat to ground.
     pub cliff_near_m: f32,
     /// Half the width of a distance blend, as a share of its distance, 0..=1.
     pub distance_blend: f32,
-    /// z of the normal below which everything is cliff, and z above which nothing is; first < second. second <= -1 means that there are no cliffs.
+    /// z of the normal below which everything is cliff, and z above which nothing is cliff; first < second. second <= -1 means that there are no
+    /// cliffs.
     pub cliff_cos: [f32; 2],
-    /// z of the normal below which everything but cliff is splat, and z above which nothing is; first < second.
+    /// z of the normal below which everything that is not cliff is splat, and z above which nothing is splat; first < second.
     pub splat_cos: [f32; 2],
     /// Not 0 if there is a splat band.
     pub splat_enabled: u32,
@@ -65,8 +66,8 @@ pub struct FlavourParams {
     pub padding: [u32; 2],
 }
 
-/// Blend weights of the five flavours, >= 0, summing to 1. `distance`: metres along the view ray; `normal_z`: of the unit normal.
-/// NaN counts as far and flat, which is the cheapest.
+/// Blend weights of the five flavours, >= 0, summing to 1. `distance` is in metres along the view ray; `normal_z` is the z component of the unit
+/// normal. NaN counts as far and flat, which gives the cheapest flavour.
 pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T; 5] {
     let one = T::one();
     let distance = if distance < T::of(1e9) { distance.max(T::zero()) } else { T::of(1e9) };
@@ -85,16 +86,16 @@ pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T;
     [ground * (one - beyond_ground), ground * beyond_ground + of_cliff * beyond_cliff, cliff * near, cliff * (one - near), splat]
 }
 
-/// The set of flavours whose weight is above [`MIN_WEIGHT`], as bits of [`crate::variant::Flavour`]. It is never empty: without any other flavour it
-/// is far atlas.
+/// The set of flavours whose weight is above [`MIN_WEIGHT`], as bits of [`crate::variant::Flavour`]. It is never empty: if no weight is large enough,
+/// the set is far atlas.
 pub fn mask<T: Real>(weights: [T; 5]) -> u32 {
     let bits = (0..5).filter(|&i| weights[i] > T::of(MIN_WEIGHT)).map(|i| 1 << i).sum();
     if bits == 0 { FAR_ATLAS } else { bits }
 }
 
 /// The weights of the flavours in a variant's `mask`, summing to 1. A flavour that [`mask`] leaves out has weight zero here, too, so that a pixel
-/// looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`], so that it is
-/// really evaluated. If no flavour of the mask has a weight, they get equal shares; an empty mask gives far atlas.
+/// looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`], so that the shader
+/// really evaluates it. If no flavour of the mask has a weight, all flavours of the mask get equal weights. An empty mask counts as far atlas.
 pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] {
     let mask = if mask & 31 == 0 { FAR_ATLAS } else { mask & 31 };
     let least = T::of(if forced { FORCED_WEIGHT } else { 0.0 });
@@ -116,7 +117,7 @@ fn ramp<T: Real>(x: T, low: T, high: T) -> T {
     t * t * (T::of(3.0) - T::of(2.0) * t)
 }
 
-/// 0 nearer than a border, 1 beyond it. Every distance is beyond a border of 0.
+/// 0 on the near side of a border, 1 beyond it, and a smooth step around it. Every distance is beyond a border of 0.
 fn behind<T: Real>(distance: T, border: f32, blend: f32) -> T {
     let border: T = bounded(T::of(f64::from(border)), 0.0, 1e9);
     let blend: T = bounded(T::of(f64::from(blend)), 0.0, 1.0);

@@ -1,19 +1,20 @@
-// Which shading flavours a point needs, and how much of each.
+// Which shading flavours a point needs, and their weights.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 ("Terrain Shader Variations").
-// FLAVOUR_VT and the four after it: index of a flavour in arrays of five. FLAVOUR_VT_BIT and so on: its bit in a mask. FLAVOUR_BITS: all bits.
+// FLAVOUR_VT and the four constants after it are the indices of the flavours in arrays of five. FLAVOUR_VT_BIT and the four constants after it are
+// the bits of the flavours in a mask. FLAVOUR_BITS has all five bits.
 
 struct FlavourParams {
-    // Distance, metres, at which ground goes from virtual texture to far atlas.
+    // Distance, metres, at which ground changes from virtual texture to far atlas.
     far_atlas_m: f32,
-    // Distance, metres, at which cliffs go to the far atlas.
+    // Distance, metres, at which cliffs change to the far atlas.
     cliff_far_atlas_m: f32,
-    // Distance, metres, at which near cliff goes to far cliff, and splat to ground.
+    // Distance, metres, at which near cliff changes to far cliff, and splat to ground.
     cliff_near_m: f32,
     // Half the width of a distance blend, as a share of its distance, 0..=1.
     distance_blend: f32,
-    // z of the normal below which everything is cliff (x), and z above which nothing is (y); x < y. y <= -1 means that there are no cliffs.
+    // z of the normal below which everything is cliff (x), and z above which nothing is cliff (y); x < y. y <= -1 means that there are no cliffs.
     cliff_cos: vec2<f32>,
-    // z of the normal below which everything but cliff is splat (x), and z above which nothing is (y); x < y.
+    // z of the normal below which everything that is not cliff is splat (x), and z above which nothing is splat (y); x < y.
     splat_cos: vec2<f32>,
     // Not 0 if there is a splat band.
     splat_enabled: u32,
@@ -37,7 +38,7 @@ fn flavour_ramp(x: f32, low: f32, high: f32) -> f32 {
     return t * t * (3.0 - 2.0 * t);
 }
 
-// 0 nearer than a border, 1 beyond it. Every distance is beyond a border of 0.
+// 0 on the near side of a border, 1 beyond it, and a smooth step around it. Every distance is beyond a border of 0.
 fn flavour_behind(distance: f32, border: f32, blend: f32) -> f32 {
     let at = usable_positive_1(border, 1e9);
     let share = usable_positive_1(blend, 1.0);
@@ -51,7 +52,8 @@ fn flavour_steep(normal_z: f32, band: vec2<f32>) -> f32 {
     return select(1.0 - flavour_ramp(normal_z, low, high), 0.0, high <= -1.0);
 }
 
-// Blend weights of the five flavours, >= 0, summing to 1. `distance`: metres along the view ray; `normal_z`: of the unit normal.
+// Blend weights of the five flavours, >= 0, summing to 1. `distance` is in metres along the view ray; `normal_z` is the z component of the unit
+// normal.
 fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array<f32, 5> {
     // NaN counts as far and flat, which gives the cheapest flavour.
     let d = select(1e9, clamp(distance, 0.0, 1e9), usable_number(distance));
@@ -75,7 +77,7 @@ fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array
     );
 }
 
-// The set of flavours whose weight is above FLAVOUR_MIN_WEIGHT. It is never empty: without any other flavour it is far atlas.
+// The set of flavours whose weight is above FLAVOUR_MIN_WEIGHT. It is never empty: if no weight is large enough, the set is far atlas.
 fn flavour_mask(weights: array<f32, 5>) -> u32 {
     var mask = 0u;
     mask |= select(0u, 1u, weights[0] > FLAVOUR_MIN_WEIGHT);
@@ -93,8 +95,8 @@ fn flavour_restricted(weight: f32, present: bool, forced: bool) -> f32 {
 }
 
 // The weights of the flavours in a variant's mask, summing to 1. A flavour that `flavour_mask` leaves out has weight zero here, too, so that a pixel
-// looks the same in every variant that contains its mask. If `forced` is not 0, every flavour of the mask gets a weight, so that it is really
-// evaluated. If no flavour of the mask has a weight, they get equal shares; an empty mask gives far atlas.
+// looks the same in every variant that contains its mask. If `forced` is not 0, every flavour of the mask gets a weight, so that the shader really
+// evaluates it. If no flavour of the mask has a weight, all flavours of the mask get equal weights. An empty mask counts as far atlas.
 fn flavour_weights_for(weights: array<f32, 5>, mask: u32, forced: u32) -> array<f32, 5> {
     let usable = mask & FLAVOUR_BITS;
     let m = select(usable, FLAVOUR_FAR_ATLAS_BIT, usable == 0u);

@@ -1,14 +1,14 @@
 // Integer hashes, bit-equal on every machine.
 // Source: Jarzynski & Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 
-// One word to one word: PCG-RXS-M-XS.
+// Hashes one word to one word: PCG-RXS-M-XS.
 fn hash_pcg(v: u32) -> u32 {
     let state = v * 747796405u + 2891336453u;
     let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
     return (word >> 22u) ^ word;
 }
 
-// Four words to four words, each depending on all of the input.
+// Hashes four words to four words. Each result depends on all four inputs.
 fn hash_pcg4d(v: vec4<u32>) -> vec4<u32> {
     var h = v * 1664525u + 1013904223u;
     h.x += h.y * h.w;
@@ -23,13 +23,13 @@ fn hash_pcg4d(v: vec4<u32>) -> vec4<u32> {
     return h;
 }
 
-// Uniform in [0, 1): the 24 high bits, which f32 holds exactly.
+// Converts a hash to a uniform number in [0, 1): its 24 high bits, which f32 holds exactly.
 fn hash_to_unit(h: u32) -> f32 {
     return f32(h >> 8u) * 5.9604644775390625e-8;
 }
 
-// Three parameters in one word, so that a four-word hash has three words left for a cell.
-// Chained rather than added or xored: neighbouring seeds, salts and levels must not cancel.
+// Mixes three parameters into one word, so that a four-word hash has three words left for a cell.
+// The hashes are chained, not added or xored, so that neighbouring seeds, salts and levels do not cancel each other.
 fn hash_mix(seed: u32, salt: u32, level: u32) -> u32 {
     return hash_pcg(level + hash_pcg(salt + hash_pcg(seed)));
 }

@@ -1,12 +1,12 @@
 //! Hex tiling: the plane is divided into hexagons, each of which shows the texture at a random offset; around a point, three hexagons are blended.
 //!
-//! Source: Mikkelsen, *Practical Real-Time Hex-Tiling*, JCGT 11(2), 2022, after Heitz and Neyret, *High-Performance By-Example Noise
-//! using a Histogram-Preserving Blending Operator*, HPG 2018. From Mikkelsen this takes the exponent 7 on barycentric weights, but neither his
-//! weighting by luminance nor his rotations. **Contrast is not preserved**: blending three independent offsets multiplies the variance of a texture
-//! by Σ w², which is a third where three hexagons meet. Heitz and Neyret divide by √Σ w², which needs a texture with a Gaussian histogram.
+//! Source: Mikkelsen, *Practical Real-Time Hex-Tiling*, JCGT 11(2), 2022, after Heitz and Neyret, *High-Performance By-Example Noise using a
+//! Histogram-Preserving Blending Operator*, HPG 2018. This module uses Mikkelsen's exponent 7 on barycentric weights, but neither his weighting by
+//! luminance nor his rotations. **Contrast is not preserved**: blending three independent offsets multiplies the variance of a texture by Σ w², which
+//! is a third where three hexagons meet. Heitz and Neyret divide by √Σ w², which needs a texture with a Gaussian histogram.
 //!
-//! Hexagons lie in the plane of the projection. Their number along a sector is a power of two, and the skew of the lattice is a fraction, so that
-//! whole sectors are whole steps of the lattice: ids are exact integers (modulo 2^16) at any distance from the origin.
+//! Hexagons lie in the plane of the projection. The number of hexagons along a sector is a power of two, and the skew of the lattice is a fraction,
+//! so that a whole sector is a whole number of steps of the lattice. Ids are therefore exact integers (modulo 2^16) at any distance from the origin.
 
 use super::real::Real;
 use super::{bounded, hash, usable};

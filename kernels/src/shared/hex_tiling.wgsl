@@ -1,13 +1,13 @@
 // Hex tiling: the plane is divided into hexagons, each of which shows the texture at a random offset; around a point, three hexagons are blended.
-// Source: Mikkelsen, "Practical Real-Time Hex-Tiling", JCGT 11(2), 2022, after Heitz & Neyret, "High-Performance By-Example Noise
-// using a Histogram-Preserving Blending Operator", HPG 2018. It takes Mikkelsen's exponent, but neither his weighting by luminance nor his rotations.
+// Source: Mikkelsen, "Practical Real-Time Hex-Tiling", JCGT 11(2), 2022, after Heitz & Neyret, "High-Performance By-Example Noise using a
+// Histogram-Preserving Blending Operator", HPG 2018. This file uses Mikkelsen's exponent, but neither his weighting by luminance nor his rotations.
 // Contrast is not preserved: blending independent offsets multiplies the variance of a texture by w1^2 + w2^2 + w3^2. Hexagons lie in the plane of
-// the projection. Their number along a sector is a power of two, so that their ids are exact integers everywhere.
+// the projection. The number of hexagons along a sector is a power of two, so that the ids of hexagons are exact integers everywhere.
 
 // Smallest and largest level: a sector has 2^level hexagons along its edge.
 const HEX_TILING_LEVEL_MIN: i32 = -10;
 const HEX_TILING_LEVEL_MAX: i32 = 15;
-// 1 / sqrt 3 = 0.5774 as the fraction 37 / 64, so that whole sectors are whole steps of the lattice. It distorts the hexagons by 0.13 %.
+// 1 / sqrt 3 = 0.5774 as the fraction 37 / 64, so that a whole sector is a whole number of steps of the lattice. It distorts the hexagons by 0.13 %.
 const HEX_TILING_SKEW: u32 = 37u;
 const HEX_TILING_SKEW_BITS: u32 = 6u;
 

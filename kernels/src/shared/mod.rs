@@ -1,10 +1,9 @@
 //! Functions that several stages share. Each WGSL file has a reference in Rust of the same name.
 //!
-//! A WGSL file holds free functions, prefixed by its topic, without bindings, overrides or directives, so that any
-//! shader can use it. The Rust functions are generic over [`real::Real`]: f64 is the
-//! truth, f32 the yardstick for the shader's error. `hash::pcg4d` in Rust is `hash_pcg4d` in WGSL, and so on; a name in backticks at the end of a
-//! description is that of the function in WGSL. No function returns NaN or infinity, whatever its input, unless its documentation says that it only
-//! copies numbers.
+//! A WGSL file holds free functions, prefixed by its topic, without bindings, overrides or directives, so that any shader can use it. The Rust
+//! functions are generic over [`real::Real`]. The results in f64 are the truth; the error of the results in f32 is what the shader's error is
+//! compared with. `hash::pcg4d` in Rust is `hash_pcg4d` in WGSL, and so on; a name in backticks at the end of a description is the name of the
+//! function in WGSL. No function returns NaN or infinity, whatever its input, unless its documentation says that it only copies numbers.
 
 pub mod biplanar;
 pub mod blue_noise;
@@ -72,8 +71,8 @@ shared_files! {
     CULLING = "culling" needs [OCTAHEDRAL, USABLE] with culling::CONSTANTS,
 }
 
-/// `signal.wgsl`: the packing of measured pixels. It is not part of [`WGSL`], because it converts to f16, which is a separate capability in a
-/// validator.
+/// `signal.wgsl`: the packing of measured pixels. It is not part of [`WGSL`], because it converts to f16, for which a WGSL validator needs a separate
+/// capability.
 pub static SIGNAL: Wgsl = Wgsl::new("shared/signal.wgsl", include_str!("signal.wgsl"), &[&USABLE]).with(signal::CONSTANTS);
 
 use usable::{bounded, usable};

@@ -18,7 +18,7 @@ pub struct Moments<T> {
 }
 
 impl<T: Real> Moments<T> {
-    /// The moments of no samples.
+    /// The moments before the first sample.
     pub fn new() -> Moments<T> {
         Moments { mean: [T::zero(); 2], squares: [T::zero(); 2], count: 0 }
     }
@@ -49,7 +49,7 @@ impl<T: Real> Moments<T> {
         if self.count < 2 { 0.0 } else { (self.squares[0].to_f64() + self.squares[1].to_f64()).max(0.0) / f64::from(self.count - 1) }
     }
 
-    /// Standard error of the mean of independent samples; absent for fewer than two.
+    /// Standard error of the mean of independent samples; `None` for fewer than two.
     pub fn standard_error(&self) -> Option<f64> {
         (self.count >= 2).then(|| (self.variance() / f64::from(self.count)).sqrt())
     }

@@ -1,9 +1,9 @@
 //! Where an earlier camera saw a point of this frame, computed exactly from depth and the two cameras.
 //!
 //! A point q, relative to the earlier eye, lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), and r has length 1 along the view direction
-//! f. So its distance is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and dy. The same holds for y.
-//! This is the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a matrix whose translation would lose
-//! digits far from the origin.
+//! f. So the distance of q along f is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and dy. The same
+//! holds for y. This is the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a matrix whose translation
+//! would lose digits far from the origin.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -23,7 +23,7 @@ pub struct Past<T> {
     pub forward: [T; 3],
     /// Pixel x = dot(`x_row`, q) / distance - `x_shift`.
     pub x_row: [T; 3],
-    /// The same for pixel y: dot(`y_row`, q) / distance - `y_shift`.
+    /// Pixel y = dot(`y_row`, q) / distance - `y_shift`.
     pub y_row: [T; 3],
     /// Shift of x, pixels.
     pub x_shift: T,
@@ -47,7 +47,7 @@ pub struct MotionPast {
 }
 
 impl<T: Real> Past<T> {
-    /// The same camera in another precision.
+    /// The camera in a different precision.
     pub fn cast<U: Real>(&self) -> Past<U> {
         let v = |a: [T; 3]| a.map(|x| U::of(x.to_f64()));
         Past {

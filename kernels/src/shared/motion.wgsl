@@ -17,7 +17,7 @@ struct MotionPast {
 // MOTION_MIN_DISTANCE, MOTION_FAR: smallest and largest distance along the view direction at which a pixel is computed, metres.
 
 // Pixel (x, y; whole numbers are pixel centres) and distance along the earlier view direction of `point`, which is relative to this frame's eye. If
-// the point is behind the earlier camera, or the input is not finite: distance 0, pixel -1e9.
+// the point is behind the earlier camera, or the input is not finite, the distance is 0 and the pixel is -1e9.
 fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
     let q = point + past.offset;
     let distance = dot(q, past.forward);

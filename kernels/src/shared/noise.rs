@@ -1,13 +1,13 @@
 //! Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
 //!
-//! There are seven kinds, bound to the ground (hashed alpha in two forms, white noise of fixed cells) or to the screen (white noise, interleaved
-//! gradient noise, a blue-noise mask, a spatio-temporal one). Each is exactly uniform over seeds; the kinds differ in how neighbouring pixels and
-//! frames are correlated.
+//! There are seven kinds. Three are bound to the ground (hashed alpha in two forms, white noise of fixed cells), and four to the screen (white noise,
+//! interleaved gradient noise, a blue-noise mask, a spatio-temporal blue-noise mask). Each kind is exactly uniform over seeds; the kinds differ in
+//! how neighbouring pixels and frames are correlated.
 //!
-//! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) hashes the cell that holds the point. Cells are
-//! about as wide as a pixel; two neighbouring powers of two are blended, so that the scale follows the camera without a pop, and the distribution
-//! function of the blend makes the result uniform again. Here cells are exact integers (sector index times cells per sector, plus cell in sector):
-//! the noise is the same at the origin and 1000 km from it.
+//! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) hashes the cell that holds the point. Cells are about as wide as a pixel; two
+//! neighbouring powers of two are blended, so that the scale follows the camera without a pop, and the distribution function of the blend makes the
+//! result uniform again. Here cells are exact integers (sector index times cells per sector, plus cell in sector), so that the noise works equally
+//! well at the origin and 1000 km from it.
 //!
 //! The anisotropic kind jumps where one axis reaches a power of two while the others do not, because it blends along the diagonal of a cube of scales
 //! (a limit of the published method).
@@ -36,7 +36,7 @@ pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
 pub const WORLD_LEVEL: i32 = 4;
 /// Interleaved gradient noise: Jimenez' slopes along x and y, 0.06711056 and 0.00583715, in units of 2^-32.
 pub const IGN_SLOPES: [u32; 2] = [288_237_660, 25_070_368];
-/// Interleaved gradient noise: what one frame adds, a step of 5.588238 pixels along both axes, in units of 2^-32.
+/// Interleaved gradient noise: the change from one frame to the next, a step of 5.588238 pixels along both axes, in units of 2^-32.
 pub const IGN_FRAME: u32 = 1_750_839_832;
 /// Interleaved gradient noise: the whole part of Jimenez' factor 52.9829189.
 pub const IGN_WHOLE: u32 = 52;
@@ -256,8 +256,8 @@ pub fn white_world<T: Real>(point: &HashedPoint<T>, level: i32, seed: u32, salt:
     cell_units(point, [level.clamp(LEVEL_MIN, LEVEL_MAX); 3], seed, salt)
 }
 
-/// Interleaved gradient noise as published, of a pixel and frame, in units of 2^-32: `noise_interleaved_gradient_value`. Frames move
-/// the pixel by 5.588238 along both axes.
+/// Interleaved gradient noise as published, of a pixel and frame, in units of 2^-32: `noise_interleaved_gradient_value`. Each frame shifts the pixel
+/// by 5.588238 along both axes.
 pub fn interleaved_gradient_value(pixel: [u32; 2], frame: u32) -> u32 {
     let inner =
         pixel[0].wrapping_mul(IGN_SLOPES[0]).wrapping_add(pixel[1].wrapping_mul(IGN_SLOPES[1])).wrapping_add(frame.wrapping_mul(IGN_FRAME));
@@ -324,13 +324,13 @@ pub fn thresholds<T: Real>(
     }
 }
 
-/// log2(cells per metre) at which a cell is `footprint` metres wide; the finest level if that is zero or NaN.
+/// log2(cells per metre) at which a cell is `footprint` metres wide; the finest level if the footprint is zero or NaN.
 fn level<T: Real>(footprint: T) -> T {
     bounded(-bounded(footprint, 1e-6, 1e6).log2(), f64::from(LEVEL_MIN), f64::from(LEVEL_MAX))
 }
 
-/// The lower of the two scales around a level, and the share of the upper one. The upper scale is always the next integer: with a ceiling, both would
-/// be the same if the level is a whole number.
+/// The lower of the two scales around a level, and the share of the upper one. The upper scale is always the next integer. If it were the level
+/// rounded up, both scales would be equal for a level that is a whole number.
 fn split<T: Real>(level: T) -> (i32, T) {
     let k = level.floor().to_i32().expect("a level is finite and small").min(LEVEL_MAX - 1);
     (k, level - T::of(f64::from(k)))
@@ -343,11 +343,11 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
     hash::pcg4d([x, y, z, hash::mix(seed, salt, level)]).map(hash::to_unit)
 }
 
-/// 2^-100 m. Multiplied by any number of cells per metre, it is not denormal.
+/// Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const LEAST_M: f64 = 7.888_609_052_210_118e-31;
 
 /// The cell that holds a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed thresholds and the white noise of the world hash this
-/// cell. Sectors or digits are lost if `k` is outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`], which neither of them uses.
+/// cell. A `k` outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`] would lose sectors or digits; neither of the two kinds of noise uses one.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());

@@ -1,15 +1,15 @@
 // Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
 // Source: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017: a scale from screen derivatives (isotropic and anisotropic), a blend of two discrete
 // scales, and the distribution function that makes the blend uniform again. Cells are exact integers (sector index times cells per sector, plus cell
-// in sector), so the noise is the same at the origin and 1000 km from it. noise.rs describes the other kinds, and the constants NOISE_... that the
-// host passes to this file.
+// in sector), so the noise works equally well at the origin and 1000 km from it. noise.rs describes the other kinds of noise, and the constants
+// NOISE_... that the host passes to this file.
 
 // Scales are 2^k cells per metre, k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. If sectors are 32 m wide or wider, a sector is a whole number of cells
 // for every k. The buffer of ranks holds the blue-noise mask, then the slices of the spatio-temporal mask, each NOISE_MASK_EDGE squared, row by row.
 
 // The largest f32 below 1.
 const NOISE_BELOW_ONE: f32 = 0.99999994;
-// 2^-100 m. Multiplied by any number of cells per metre, it is not denormal.
+// Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const NOISE_LEAST_M: f32 = 7.8886091e-31;
 
 // The scale, log2(cells per metre), at which a cell is `footprint` metres wide. The finest scale if the footprint is zero or NaN.
@@ -17,8 +17,8 @@ fn noise_level(footprint: f32) -> f32 {
     return clamp(-log2(max(usable_positive_1(footprint, 1e6), 1e-6)), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX);
 }
 
-// The lower of the two scales around a level; the upper one is always the next integer, so that the two
-// cells differ even where the level is a whole number.
+// The lower of the two scales around a level; the upper one is always the next integer, so that the two cells differ even if the level is a whole
+// number.
 fn noise_lower(level: f32) -> f32 {
     return clamp(floor(level), NOISE_LEVEL_MIN, NOISE_LEVEL_MAX - 1.0);
 }
@@ -88,7 +88,7 @@ fn noise_hashed_isotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32,
     return noise_blend(coarse, fine, level - lower);
 }
 
-// Hashed alpha, anisotropic: one scale per axis. Parameters as above.
+// Hashed alpha, anisotropic: one scale per axis. The parameters are those of noise_hashed_isotropic.
 fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, ddx: vec3<f32>, ddy: vec3<f32>, hash_scale: f32, seed: u32, salt: u32) -> vec4<f32> {
     // The factor is sqrt 2, because the diagonal of a cell, not its edge, spans the pixel.
     let footprint = 1.41421356 * hash_scale * max(abs(ddx), abs(ddy));
@@ -160,7 +160,7 @@ fn noise_rank_index(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u3
     return slice * NOISE_MASK_RANKS + shifted.y * NOISE_MASK_EDGE + shifted.x;
 }
 
-// (rank + hashed jitter) / ranks: 12 bits of each. The jitter changes with the frame only if the ranks do.
+// (rank + hashed jitter) / ranks: 12 bits of the rank, then 12 bits of the jitter. The jitter changes with the frame only if the ranks do.
 fn noise_mask(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, ranks: vec4<u32>) -> vec4<f32> {
     let fresh = select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE);
     let jitter = hash_pcg4d(vec4<u32>(pixel, fresh, hash_mix(seed, salt, 1u)));
@@ -168,8 +168,8 @@ fn noise_mask(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, ran
     return vec4<f32>(hash_to_unit(u.x), hash_to_unit(u.y), hash_to_unit(u.z), hash_to_unit(u.w));
 }
 
-// The noise of this kind; an unknown kind is white. `world_level`: log2 of cells per metre of the fixed cells; `ranks`: the ranks at noise_rank_index
-// for decisions 0 to 3; not used by kinds without a mask.
+// Thresholds of this kind of noise; an unknown kind gives white noise. `world_level` is the log2 of the number of fixed cells per metre. `ranks` are
+// the ranks at noise_rank_index for decisions 0 to 3; kinds without a mask do not use them.
 fn noise_thresholds(
     kind: u32,
     sector: vec2<i32>,

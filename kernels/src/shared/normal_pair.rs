@@ -1,31 +1,32 @@
 //! Two normals in 32 bits: the plane of a triangle, from which derivatives follow, and the shading normal.
 //!
-//! Two octahedral codes of 8 + 8 bits spend as many bits on the shading normal, which a texture blurs anyway, as on the plane, whose error the
-//! derivatives multiply by one over the cosine of incidence. But a plane has no sign, so half of the octahedron holds all planes. The shading normal
-//! is near the plane's normal, so only the low bits of its code are stored. The bits saved make the plane's lattice 8 times finer. If the two normals
-//! are too far apart, the plane has 127 steps, as in an octahedral code. In either case, the 8 + 8 bits of the shading normal are kept exactly:
+//! Two octahedral codes of 8 + 8 bits would give both normals equally many bits. But a texture blurs the shading normal anyway, while the derivatives
+//! multiply the error of the plane by one over the cosine of incidence. Two facts save bits for the plane. A plane has no sign, so half of the
+//! octahedron holds all planes. The shading normal is near the plane's normal, so only the low bits of its code are stored. The saved bits make the
+//! plane's lattice 8 times finer. If the two normals are too far apart, the plane has 127 steps, as in an octahedral code. In either case, the 8 + 8
+//! bits of the shading normal are kept exactly:
 //!
 //! | bits | 31 | plane | shading normal |
 //! | --- | --- | --- | --- |
 //! | fine | 0 | 30..=10, of [`FINE`] steps | 9..=5 and 4..=0, the low bits of its codes |
 //! | plain | 1 | 30..=16, of [`PLAIN`] steps | 15..=8 and 7..=0, its codes |
 //!
-//! Sources: the octahedron is Cigolle et al.'s, *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014; the packing is
-//! our own, derived in `docs/stability-lab.md`, section 3. An error of ε in the plane bends a derivative by at most sin ε / cos, where cos is the
-//! cosine between the decoded plane's normal and the neighbour's ray (section 2 there).
+//! Sources: the octahedral codes are from Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014. The
+//! packing is new; `docs/stability-lab.md` derives it in section 3. An error of ε in the plane bends a derivative by at most sin ε / cos, where cos
+//! is the cosine between the decoded plane's normal and the neighbour's ray (section 2 of that document).
 
 use super::octahedral;
 use super::real::{Real, dot, sub};
 
 /// Steps of the plane's lattice from the middle of the octahedron's square to its rim: 8 for each step of the shading normal's code.
 pub const FINE: i32 = 1016;
-/// The same if the shading normal is too far from the plane's normal: one for each step of the code.
+/// Steps of the plane's lattice if the shading normal is too far from the plane's normal: one for each step of the shading normal's code.
 pub const PLAIN: i32 = 127;
-/// Largest angle between a plane and its fine code, radians (0.0798 degrees): √2 times a step, as for octahedral codes, reached near the centres of
-/// the octahedron's faces. If the ray meets a plane at less than this angle, it may see the nearest lattice point from behind, so another point is
-/// taken; the error is then at most three times as large.
+/// Largest angle between a plane and its fine code, radians (0.0798 degrees): √2 times a step, as for octahedral codes. The largest angles occur near
+/// the centres of the octahedron's faces. If the ray meets a plane at less than this angle, it may see the nearest lattice point from behind. A
+/// different point is then chosen, and the error is at most three times as large.
 pub const FINE_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 1016.0;
-/// The same for its plain code (0.638 degrees).
+/// Largest angle between a plane and its plain code, radians (0.638 degrees).
 pub const PLAIN_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 127.0;
 
 /// The contents of a word.
@@ -136,8 +137,8 @@ mod tests {
         Draw { row: test, column: 0, table: 8 }
     }
 
-    /// A typical code of a shading normal on terrain: its angle to the plane's normal has a lognormal distribution with median 2 degrees and sigma
-    /// 1.1.
+    /// A typical code of a shading normal on terrain. The angle between the shading normal and the plane's normal has a lognormal distribution with
+    /// median 2 degrees and sigma 1.1.
     fn shading(draw: &mut Draw, n: [f64; 3]) -> [u32; 2] {
         let [radius, turn] = [draw.between(1e-9, 1.0), draw.between(0.0, std::f64::consts::TAU)];
         let normal = (-2.0 * radius.ln()).sqrt() * turn.cos();
@@ -150,7 +151,7 @@ mod tests {
         2.0 * (0.5 * length(sub(a, b))).min(1.0).asin()
     }
 
-    /// The smaller angle between a plane and a decoded one.
+    /// The angle between a plane and a decoded plane, whichever signs their normals have.
     fn plane_error(n: [f64; 3], decoded: [f64; 3]) -> f64 {
         angle(n, decoded).min(angle(n.map(|x| -x), decoded))
     }
@@ -167,7 +168,7 @@ mod tests {
                     assert!(!std::mem::replace(&mut seen[index as usize], true), "two points have number {index}");
                 }
             }
-            assert!(seen.iter().all(|&s| s), "half {half}: a number is nobody's");
+            assert!(seen.iter().all(|&s| s), "half {half}: a number belongs to no point");
             assert_eq!(unpack_diamond(u32::MAX >> 10, half), unpack_diamond(points - 1, half));
         }
         assert!(pack_diamond([FINE, 0], FINE) < 1 << 21 && pack_diamond([PLAIN, 0], PLAIN) < 1 << 15);
@@ -175,7 +176,7 @@ mod tests {
 
     #[test]
     fn the_code_predicted_is_the_nearest() {
-        // Another prediction would also be consistent, but its window would not be symmetric.
+        // A different prediction would also decode correctly, but the codes within its reach would not lie symmetrically around it.
         for x in -FINE..=FINE {
             let [code, _] = predict([x, 0]);
             assert!((0..=254).contains(&code) && (8 * (code - PLAIN) - x).abs() <= 4, "{x} as {code}");
@@ -215,7 +216,7 @@ mod tests {
             assert_eq!(decode::<f64>(encode(n, ray, shading)).shading, shading, "{n:?}");
             assert_eq!(decode::<f64>(encode(single(n), single(ray), shading)).shading, shading, "{n:?} in f32");
             let usable = n.iter().all(|x| x.abs() <= 1e30) && n.iter().any(|x| x.abs() > 1e-30);
-            // Axes are exact, and so are the zeros of vertical planes. A vector without direction counts as z.
+            // The z axis is exact, and vertical planes keep z = 0 exactly. A vector without direction counts as z.
             if !usable || n[0] == 0.0 && n[1] == 0.0 {
                 assert_eq!(decode::<f64>(encode(n, ray, shading)).plane, [0.0, 0.0, 1.0], "{n:?}");
             } else if n[2] == 0.0 {
@@ -313,7 +314,7 @@ mod tests {
                 most[0] / most[1],
             );
             for [two, one] in [median, most] {
-                assert!(two >= 3.0 * one, "{band:?} degrees: {two} of two codes, {one} of the pair");
+                assert!(two >= 3.0 * one, "{band:?} degrees: relative error {two} with two codes, {one} with the pair");
             }
         }
     }

@@ -3,7 +3,8 @@
 // plain (bit 31 = 1): 30..16 plane, of 127 steps  | 15..8, 7..0 the code
 // Octahedron: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
 
-// Steps of the plane's lattice from the middle to the rim. The fine lattice has 8 times as many as a code; the plain lattice has as many as a code.
+// Steps of the plane's lattice from the middle to the rim. The fine lattice has 8 times as many steps as a code of the shading normal; the plain
+// lattice has equally many.
 const NORMAL_PAIR_FINE: i32 = 1016;
 const NORMAL_PAIR_PLAIN: i32 = 127;
 
@@ -67,7 +68,8 @@ fn normal_pair_predict(p: vec2<i32>) -> vec2<i32> {
     return (p + NORMAL_PAIR_FINE + 4) >> vec2<u32>(3u);
 }
 
-// `plane` is a normal of any length and either sign, `ray` leads from the eye to the plane, `shading` is as in NormalPair; larger codes count as 254.
+// Encodes a plane and the code of a shading normal in a word. `plane` is a normal of any length and either sign, `ray` leads from the eye to the
+// plane, `shading` is as in NormalPair; larger codes count as 254.
 fn normal_pair_encode(plane: vec3<f32>, ray: vec3<f32>, shading: vec2<i32>) -> u32 {
     let n = octahedral_unit(plane);
     let upper = select(n, -n, n.z < 0.0);

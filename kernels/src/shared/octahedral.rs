@@ -1,18 +1,18 @@
 //! Unit vectors as points on the octahedron, two numbers each.
 //!
-//! Source: Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014.
-//! Codes of b bits use the values `0..=2 half` with half = 2^(b-1) - 1. Their number is odd, so that zero, and with it the six axes, are exact.
+//! Source: Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014. Codes of b bits use the values
+//! `0..=2 half` with half = 2^(b-1) - 1. The number of values is odd, so that zero is exact, and with it the six axes.
 
 use super::real::{Real, dot, sub};
 use super::{bounded, usable};
 
-/// Unit vector along `v`; z where `v` has no usable direction (every component is below 1e-30, or one is above 1e30 or NaN).
+/// Unit vector along `v`; z if `v` has no usable direction (every component is below 1e-30, or one is above 1e30 or NaN).
 pub fn unit<T: Real>(v: [T; 3]) -> [T; 3] {
     let size = v.iter().fold(T::zero(), |m, x| m.max(x.abs()));
     if !(v.iter().all(|x| x.abs() <= T::of(1e30)) && size > T::of(1e-30)) {
         return [T::zero(), T::zero(), T::one()];
     }
-    // Scaled first: squares of large or small components would leave f32's range.
+    // The vector is scaled first, because squares of large or small components would leave f32's range.
     let scaled = v.map(|x| x / size);
     let length = dot(scaled, scaled).sqrt();
     scaled.map(|x| x / length)
@@ -47,7 +47,7 @@ pub fn half(bits: u32) -> u32 {
     (1 << (bits.clamp(2, 24) - 1)) - 1
 }
 
-/// Codes of `bits` bits each, `0..=2 half`: the nearest to each coordinate. "oct" in the survey.
+/// The code nearest to each coordinate, `0..=2 half`, of `bits` bits ("oct" in the survey).
 pub fn quantise<T: Real>(e: [T; 2], bits: u32) -> [u32; 2] {
     let half = f64::from(half(bits));
     e.map(|x| code((bounded(usable(x), -1.0, 1.0) * T::of(half)).round() + T::of(half)))
@@ -59,7 +59,7 @@ pub fn dequantise<T: Real>(code: [u32; 2], bits: u32) -> [T; 2] {
     code.map(|q| T::of(f64::from(q.min(2 * half)) - f64::from(half)) / T::of(f64::from(half)))
 }
 
-/// The one of the four codes around `n` that decodes nearest to `n`. "oct-P" in the survey.
+/// The code that decodes nearest to `n`, among the four codes around `n` ("oct-P" in the survey).
 pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
     let n = unit(n);
     let half = half(bits);

@@ -4,16 +4,16 @@
 
 // Half the number of steps in use. Codes are -127..=127, stored as 0..=254.
 const OCTAHEDRAL_HALF: f32 = 127.0;
-// 127 times this f32 is exactly 1; a division need not be exact on a GPU.
+// The step of the codes, 1 / 127. 127 times this f32 is exactly 1; a division on a GPU need not be exact.
 const OCTAHEDRAL_STEP: f32 = 0.007874016;
 
-// Unit vector along v; z where v has no usable direction (too short, not finite).
+// Unit vector along v; z if v has no usable direction (too short, not finite).
 fn octahedral_unit(v: vec3<f32>) -> vec3<f32> {
     let size = max(max(abs(v.x), abs(v.y)), abs(v.z));
     if !(usable_within_3(v, 1e30) && size > 1e-30) {
         return vec3<f32>(0.0, 0.0, 1.0);
     }
-    // Scaled first: squares of large or small components would leave the range of f32.
+    // The vector is scaled first, because squares of large or small components would leave the range of f32.
     let scaled = v / size;
     return scaled / sqrt(dot(scaled, scaled));
 }
@@ -44,14 +44,14 @@ fn octahedral_decode(e: vec2<f32>) -> vec3<f32> {
     return v / sqrt(dot(v, v));
 }
 
-// Codes of any count of bits are -half..=half with half = 2^(bits - 1) - 1; `step` is 1 / half, chosen so that half times `step` is exactly 1.
+// Codes of any number of bits are -half..=half with half = 2^(bits - 1) - 1; `step` is 1 / half, chosen so that half times `step` is exactly 1.
 
 // The nearest code to each coordinate ("oct" in the survey).
 fn octahedral_quantise(e: vec2<f32>, half: f32) -> vec2<f32> {
     return clamp(round(usable_2(e) * half), vec2<f32>(-half), vec2<f32>(half));
 }
 
-// The one of the four codes around n that decodes nearest to n ("oct-P" in the survey).
+// The code that decodes nearest to n, among the four codes around n ("oct-P" in the survey).
 fn octahedral_encode_precise(n: vec3<f32>, half: f32, step: f32) -> vec2<f32> {
     let unit = octahedral_unit(n);
     let low = floor(octahedral_encode(unit) * half);

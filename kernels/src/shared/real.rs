@@ -1,4 +1,5 @@
-//! Small vectors over f32 or f64, so that one reference serves as truth (f64) and yardstick (f32).
+//! Small vectors over f32 or f64, so that one reference runs in f64, which gives the truth, and in f32, which gives an error to compare the shader's
+//! error with.
 
 use num_traits::Float;
 

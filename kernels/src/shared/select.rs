@@ -1,12 +1,12 @@
 //! Choice of an index with probability proportional to its weight, by inverting the cumulative sum.
 //!
-//! Weights need not sum to 1; negative and NaN count as 0. An index of weight 0 is never chosen, except index 0 if all weights are 0. A stochastic
-//! flavour draws an independent `u` for each decision, because using one twice would bias the mean.
+//! Weights need not sum to 1; negative weights and NaN count as 0. An index of weight 0 is never chosen, except index 0 if all weights are 0. A
+//! stochastic flavour draws an independent `u` for each decision, because two decisions with the same `u` would bias the mean.
 
 use super::bounded;
 use super::real::Real;
 
-/// One of N indices, by weight; `u` is uniform in [0, 1).
+/// Chooses one of N indices by weight; `u` is uniform in [0, 1).
 pub fn select<T: Real, const N: usize>(weights: [T; N], u: T) -> usize {
     let weights = weights.map(|w| bounded(w, 0.0, 1e30));
     let total = weights.iter().fold(T::zero(), |sum, &w| sum + w);
@@ -25,12 +25,12 @@ pub fn select<T: Real, const N: usize>(weights: [T; N], u: T) -> usize {
     chosen
 }
 
-/// One of four indices, by weight: `select_of_4`.
+/// Chooses one of four indices by weight: `select_of_4`.
 pub fn of_4<T: Real>(weights: [T; 4], u: T) -> usize {
     select(weights, u)
 }
 
-/// One of three indices, by weight: `select_of_3`.
+/// Chooses one of three indices by weight: `select_of_3`.
 pub fn of_3<T: Real>(weights: [T; 3], u: T) -> usize {
     select(weights, u)
 }

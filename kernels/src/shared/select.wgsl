@@ -1,5 +1,5 @@
 // Choice of an index with probability proportional to its weight, by inverting the cumulative sum.
-// Weights need not sum to 1; negative and NaN count as 0. An index of weight 0 is never chosen, except index 0 if all weights are 0.
+// Weights need not sum to 1; negative weights and NaN count as 0. An index of weight 0 is never chosen, except index 0 if all weights are 0.
 
 const SELECT_MAX_WEIGHT: f32 = 1e30;
 

@@ -7,7 +7,7 @@ use crate::base::wgsl::Constant;
 
 /// Largest colour value that f16 can hold.
 pub const LARGEST: f32 = 65_504.0;
-/// Bits of the second word, after 16 for blue: fetches, then the first random choice.
+/// The second word holds 16 bits of blue, then the fetches with this number of bits, then the first random choice with `CHOICE_BITS`.
 const FETCH_BITS: u32 = 10;
 const CHOICE_BITS: u32 = 5;
 const CHOICE_FROM: u32 = 16 + FETCH_BITS;

@@ -35,7 +35,7 @@ fn signal_choice(signal: vec2<u32>) -> u32 {
     return extractBits(signal.y, SIGNAL_CHOICE_FROM, SIGNAL_CHOICE_BITS);
 }
 
-// The same pixel with another colour.
+// The pixel with its colour replaced.
 fn signal_recolour(signal: vec2<u32>, colour: vec3<f32>) -> vec2<u32> {
     let held = signal_held(colour);
     return vec2<u32>(pack2x16float(held.rg), (pack2x16float(vec2<f32>(held.b, 0.0)) & 0xffffu) | (signal.y & 0xffff0000u));

@@ -10,7 +10,7 @@ use super::real::Real;
 use super::triplanar;
 use super::usable;
 
-/// 1/√2 in units of 1/256, 0.013 % smaller, so that whole sectors are exact in fixed point.
+/// 1/√2 in units of 1/256, rounded down by 0.011 %, so that whole sectors are exact in fixed point.
 const DIAGONAL: i32 = 181;
 
 /// The plane for a normal. The slope is steep if the |z| of the unit normal is below `cosine`.

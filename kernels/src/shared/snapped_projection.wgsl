@@ -3,7 +3,7 @@
 // After Terrain3D (TokisanGames, main.glsl, get_material): there, the splat texel's normal is rounded to a coarse grid if its vertical component is
 // below a threshold, and the texture is projected onto the plane across the rounded normal.
 
-// 1 / sqrt 2 in units of 1 / 256, 0.013 % smaller, so that whole sectors are exact in fixed point.
+// 1 / sqrt 2 in units of 1 / 256, rounded down by 0.011 %, so that whole sectors are exact in fixed point.
 const SNAPPED_DIAGONAL: i32 = 181;
 // tan 22.5 degrees.
 const SNAPPED_HALF_STEP: f32 = 0.41421356;

@@ -28,7 +28,7 @@ pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 
     let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
     let h = heights.map(|h| bounded(usable(h), -MAX_HEIGHT, MAX_HEIGHT));
     let used = |i: &usize| w[*i] > T::of(MIN_WEIGHT);
-    // Divided by the largest term, which is then 1: nothing overflows, and the sum cannot underflow.
+    // The terms are divided by the largest term, which is then 1: nothing overflows, and the sum cannot underflow.
     let score = |i: usize| w[i].log2() + k * h[i];
     let top = (0..4)
         .filter(used)
@@ -39,8 +39,8 @@ pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 
     bent.map(|x| x / sum)
 }
 
-/// The same weights term by term, for callers that cannot hold all four terms. Before term i is added with the factor `share`, multiply the sum so
-/// far by `keep`. At the end, divide by the sum of the shares, which is accumulated in the same way; it is at least 1.
+/// The weights of [`weights`], computed term by term for callers that cannot hold all four terms. Before term i is added with the factor `share`,
+/// multiply the sum so far by `keep`. At the end, divide by the sum of the shares, which is accumulated in the same way; it is at least 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run<T> {
     score: T,

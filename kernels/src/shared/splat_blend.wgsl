@@ -23,8 +23,8 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
     let k = usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS);
     let used = w > vec4<f32>(SPLAT_BLEND_MIN_WEIGHT);
 
-    // Divided by the largest term, not by the term of the highest texel: the largest term is then exactly 1, no term exceeds 1 by more than rounding,
-    // and the sum cannot underflow if the weight of the highest texel is tiny.
+    // The terms are divided by the largest term, not by the term of the highest texel: the largest term is then exactly 1, no term exceeds 1 by more
+    // than rounding, and the sum cannot underflow if the weight of the highest texel is tiny.
     let score = select(vec4<f32>(-1e30), log2(max(w, vec4<f32>(SPLAT_BLEND_MIN_WEIGHT))) + k * h, used);
     var best_score = score.x;
     var best_weight = w.x;
@@ -49,8 +49,8 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
     return bent / (bent.x + bent.y + bent.z + bent.w);
 }
 
-// The same weights term by term, for callers that cannot hold all four terms. Before term i is added with the factor `share`, multiply the sum so far
-// by `keep`. At the end, divide by the sum of the shares, which is accumulated in the same way; it is at least 1.
+// The weights of splat_blend_weights, computed term by term for callers that cannot hold all four terms. Before term i is added with the factor
+// `share`, multiply the sum so far by `keep`. At the end, divide by the sum of the shares, which is accumulated in the same way; it is at least 1.
 struct SplatBlendRun {
     score: f32,                 // log2 w + k h of the largest term so far
     weight: f32,                // its w
@@ -71,7 +71,7 @@ fn splat_blend_add(run: SplatBlendRun, weight: f32, height: f32, sharpness: f32)
     let h = clamp(usable_1(height), -SPLAT_BLEND_MAX_HEIGHT, SPLAT_BLEND_MAX_HEIGHT);
     let k = usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS);
     let score = log2(w) + k * h;
-    // Divided by the largest term, as above. The first term replaces the start, whose weight is 0, and `keep` is then 0.
+    // The terms are divided by the largest term, as above. The first term replaces the start, whose weight is 0, and `keep` is then 0.
     if score > run.score {
         return SplatBlendRun(score, w, h, (run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0);
     }

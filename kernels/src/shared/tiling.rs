@@ -5,7 +5,7 @@
 use super::bounded;
 use super::real::Real;
 
-/// Coarsest lower scale. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next one.
+/// The coarsest value of the lower scale. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next one.
 pub const MAX_LEVEL: f64 = 7.0;
 
 /// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles. There is one

@@ -1,7 +1,7 @@
 // Texture tiling: scales that follow distance, and coordinates that stay exact far from the origin.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 (cliff tiling).
 
-// Coarsest lower scale. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next one.
+// The coarsest value of the lower scale. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next one.
 const TILING_MAX_LEVEL: f32 = 7.0;
 
 // Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles. There is one

@@ -15,14 +15,14 @@ pub const MAX_SHARPNESS: f64 = 1e4;
 pub fn weights<T: Real>(n: [T; 3], sharpness: T) -> [T; 3] {
     let a = unit(n).map(T::abs);
     let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
-    // Divided by the largest component, whose term is then 1, so the sum cannot underflow.
+    // Components are divided by the largest one, whose term is then 1, so the sum cannot underflow.
     let top = a[0].max(a[1]).max(a[2]);
     let w = a.map(|x| (x / top).powf(k));
     let sum = w[0] + w[1] + w[2];
     w.map(|x| x / sum)
 }
 
-/// Coordinates in the plane that an axis looks at: (y, z), (x, z), (x, y). An axis above 2 counts as 2. Only copies numbers.
+/// Coordinates in the plane that an axis looks at: (y, z), (x, z), (x, y). An axis above 2 counts as 2. The function only copies numbers.
 pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     match axis {
         0 => [p[1], p[2]],
@@ -31,7 +31,7 @@ pub fn coordinates<T: Real>(p: [T; 3], axis: u32) -> [T; 2] {
     }
 }
 
-/// Converts a height gradient in that plane (d/du, d/dv) to a gradient in the volume. Only copies numbers.
+/// Converts a height gradient (d/du, d/dv) in the plane that an axis looks at to a gradient in the volume. The function only copies numbers.
 pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     match axis {
         0 => [T::zero(), g[0], g[1]],
@@ -40,7 +40,7 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     }
 }
 
-/// Steepest slope, metres per metre; it is almost vertical.
+/// Steepest slope of a height gradient, metres per metre; it is almost vertical.
 const MAX_SLOPE: f64 = 1e6;
 
 /// Normal of the surface displaced by a height whose volume gradient is `gradient` (metres per metre): n minus the surface gradient,

@@ -6,14 +6,14 @@ const TRIPLANAR_MAX_SHARPNESS: f32 = 1e4;
 const TRIPLANAR_MAX_SLOPE: f32 = 1e6;
 
 fn triplanar_power(ratio: f32, sharpness: f32) -> f32 {
-    // Zero to the power of zero counts as 1: sharpness 0 weights all axes alike.
+    // Zero to the power of zero counts as 1, so that sharpness 0 gives all axes the same weight.
     let at_zero = select(0.0, 1.0, sharpness <= 0.0);
     return select(at_zero, exp2(sharpness * log2(max(ratio, 1e-30))), ratio > 1e-30);
 }
 
 // |n|^k, normalised to sum 1; k is `sharpness` >= 0. If n has no direction, z gets all the weight.
 fn triplanar_weights(n: vec3<f32>, sharpness: f32) -> vec3<f32> {
-    // Divided by the largest component, whose term is then exactly 1, so the sum cannot underflow.
+    // Components are divided by the largest one, whose term is then exactly 1, so the sum cannot underflow.
     let a = abs(octahedral_unit(n));
     let r = a / max(max(a.x, a.y), a.z);
     let k = usable_positive_1(sharpness, TRIPLANAR_MAX_SHARPNESS);
@@ -32,7 +32,7 @@ fn triplanar_coordinates(p: vec3<f32>, axis: u32) -> vec2<f32> {
     return p.xy;
 }
 
-// Converts a height gradient in that plane to a gradient in the volume.
+// Converts a height gradient in the plane that an axis looks at to a gradient in the volume.
 fn triplanar_from_gradient(g: vec2<f32>, axis: u32) -> vec3<f32> {
     if axis == 0u {
         return vec3<f32>(0.0, g.x, g.y);

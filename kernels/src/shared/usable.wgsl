@@ -1,7 +1,8 @@
 // Guards that keep NaN, infinity and very large numbers out of computations. They test bit patterns, because a WGSL compiler may assume that NaN and
 // infinity never occur (14.6), and a device may flush denormals to zero, so comparisons are not reliable for either.
 
-// Mask of the magnitude. As integers, magnitudes keep their order: 0x7f800000 is infinity, and everything above is NaN.
+// Mask of the magnitude. The bits of magnitudes, read as integers, have the same order as the magnitudes: 0x7f800000 is infinity, and everything
+// above is NaN.
 const USABLE_MAGNITUDE: u32 = 0x7fffffffu;
 // Bits of 1e30 and of 2^-126, the smallest number that is not denormal.
 const USABLE_MOST: u32 = 0x7149f2cau;

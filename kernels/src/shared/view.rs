@@ -1,4 +1,4 @@
-//! From a pixel and its depth to a position relative to the eye: `view.wgsl`.
+//! Computes a position relative to the eye from a pixel and its depth: `view.wgsl`.
 //!
 //! The position is `ray * distance`. It is relative to the eye, so that it is as precise far from the world's origin as near it.
 

@@ -1,6 +1,6 @@
-// From a pixel and its depth to a position relative to the eye.
+// Computes a position relative to the eye from a pixel and its depth.
 
-// Ray of a pixel, 1 long along the view direction: `ray_00` is that of pixel (0, 0), `ray_dx` and `ray_dy` are its steps to the right and down.
+// Ray of a pixel, 1 long along the view direction: `ray_00` is the ray of pixel (0, 0), `ray_dx` and `ray_dy` are its steps to the right and down.
 fn view_ray(ray_00: vec3<f32>, ray_dx: vec3<f32>, ray_dy: vec3<f32>, pixel: vec2<f32>) -> vec3<f32> {
     return ray_00 + ray_dx * pixel.x + ray_dy * pixel.y;
 }

@@ -17,7 +17,7 @@ use crate::view::normals::NormalEncoding;
 pub struct Declaration {
     /// Its name, as shown in messages and timings.
     pub name: &'static str,
-    /// What it reads and makes, in one sentence.
+    /// What it reads and writes, in one sentence.
     pub about: &'static str,
     /// Shader modules that it may compile, depending on scene and device.
     pub modules: &'static [&'static ShaderModule],
@@ -63,7 +63,7 @@ pub struct Canvas<'a> {
     pub tile: u32,
 }
 
-/// Puts the rebuilt parts into a stage.
+/// A function that puts rebuilt parts into a stage.
 pub type Exchange<S> = Box<dyn FnOnce(&mut S)>;
 
 /// A stage of the frame.
@@ -74,13 +74,13 @@ pub trait Stage: Sized + 'static {
     /// Choices of a frame that concern this stage alone; `()` = none.
     type Settings: Part;
 
-    /// What it writes, with the size of the picture; `()` = nothing.
+    /// The textures and buffers that it writes and that depend on the picture's size; `()` = none.
     type Targets: 'static;
 
-    /// Allocates what it writes.
+    /// Allocates its targets.
     fn targets(canvas: Canvas<'_>) -> Self::Targets;
 
-    /// Compiles its shaders and allocates what does not depend on the picture.
+    /// Compiles its shaders and allocates its resources, except those that depend on the picture's size.
     ///
     /// # Errors
     /// When a shader does not compile.

@@ -1,11 +1,11 @@
 //! Temporal resolve: combines frames over time, as games do to hide noise. Off by default, because it hides what is measured.
 //!
-//! *Exponential*: a history is fetched bilinearly where the surface point was one frame before, clamped to the 3 x 3 colour box of the current frame,
-//! and blended with a tenth of the current frame (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
-//! *FlipQuad*: a pixel has four samples on its edges, so that neighbours share them. Each frame has two of them; the other two are from the frame
-//! before (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015). A pixel
-//! shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So they match in
-//! both frames; Far Cry 4 had to reorder the samples for that.
+//! *Exponential*: a history is fetched bilinearly at the position of the surface point one frame before, clamped to the 3 x 3 colour box of the
+//! current frame, and blended with a tenth of the current frame (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
+//! *FlipQuad*: a pixel has four samples on its edges, which neighbouring pixels share. Each frame provides two of the four; the other two come from
+//! the frame before (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015). A
+//! pixel shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So the
+//! derivatives of both frames match; Far Cry 4 had to reorder the samples to achieve this.
 //!
 //! Reads the ring of shaded pictures, links and positions. Writes the ring of resolved pictures and a history. Dispatch: one workgroup per 8 x 8
 //! tile.
@@ -34,12 +34,12 @@ pub const FLIPQUAD_SHIFT: f64 = 1.0 / 6.0;
 /// How frames are resolved over time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Resolve {
-    /// No resolve: each frame as it is.
+    /// No resolve: each frame stays as it was shaded.
     #[default]
     Off,
-    /// Exponential history, clipped to the 3 x 3 colour box of the current frame.
+    /// Exponential history, clamped to the 3 x 3 colour box of the current frame.
     Exponential,
-    /// FlipQuad: two samples per pixel and frame, on pixel edges; alternate frames take the other two of four samples.
+    /// FlipQuad: four samples on the edges of each pixel, of which alternate frames provide two each.
     FlipQuad,
     /// FlipQuad, then the exponential history.
     FlipQuadExponential,
@@ -115,7 +115,7 @@ impl SamplePattern {
         self as u32
     }
 
-    /// Position of the sample relative to the centre of pixel (x, y), pixels: as `surface_sample_offset`.
+    /// Position of the sample relative to the centre of pixel (x, y), pixels. Equal to `surface_sample_offset` in `footprint.wgsl`.
     pub fn offset(self, pixel: [u32; 2]) -> [f64; 2] {
         let turn = |i: u32| if i.is_multiple_of(2) { FLIPQUAD_SHIFT } else { -FLIPQUAD_SHIFT };
         match self {
@@ -125,7 +125,7 @@ impl SamplePattern {
         }
     }
 
-    /// Steps to the pixel whose sample lies on the opposite edge of this one.
+    /// Step to the pixel whose sample lies on the opposite edge of this pixel.
     const fn neighbour(self) -> [u32; 2] {
         match self {
             SamplePattern::Centre => [0, 0],
@@ -211,7 +211,8 @@ impl Temporal {
         Ok(Temporal { pipeline, frame_layout, layout })
     }
 
-    /// Records the resolve of one stream's frame `index`: from its ring into `resolved` (ring, two histories).
+    /// Records the resolve of frame `index` of one stream. Reads `signal`, the ring of shaded pictures. Writes `resolved`: the ring of resolved
+    /// pictures, and two histories.
     #[allow(clippy::too_many_arguments, reason = "everything that a stage reads and writes is an argument")]
     pub fn encode(
         &self,

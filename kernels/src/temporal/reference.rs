@@ -4,17 +4,17 @@ use super::{Resolve, SHARE, TemporalFrame};
 use crate::motion::NO_LINK;
 use crate::shared::signal;
 
-/// Pictures of a frame and of the one before, their links, and the history.
+/// The pictures of a frame and of the frame before, the links between them, and the history.
 pub struct Frame<'a> {
-    /// This frame as shaded.
+    /// This frame, as shaded.
     pub now: &'a [[u32; 2]],
     /// The frame before, as shaded.
     pub before: &'a [[u32; 2]],
     /// For each pixel, the index of the linked pixel one frame before.
     pub links: &'a [u32],
-    /// For each pixel, where its point was one frame before, pixels.
+    /// For each pixel, the position of its surface point one frame before, pixels.
     pub positions: &'a [[f32; 2]],
-    /// The previous history: colour, and 1 where there is a history.
+    /// The previous history: colour, and 1 if the pixel has a history, else 0.
     pub history: &'a [[f64; 4]],
 }
 

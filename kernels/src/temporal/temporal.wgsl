@@ -11,7 +11,7 @@ struct TemporalFrame {
     exponential: u32,           // 1 = blend into the history
     share: f32,                 // share of the current frame in the history, (0, 1]
     neighbour: vec2<u32>,       // step to the pixel that owns this frame's second sample: (1, 0) or (0, 1)
-    past_neighbour: vec2<u32>,  // the same for the frame before
+    past_neighbour: vec2<u32>,  // step to the pixel that owns the second sample of the frame before
     history_in: u32,            // where the previous history begins
     history_out: u32,           // where the new history begins
     pad_0: u32,
@@ -23,7 +23,7 @@ struct TemporalFrame {
 @group(0) @binding(2) var<storage, read> positions: array<vec2<f32>>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
 @group(1) @binding(1) var<storage, read_write> resolved: array<vec2<u32>>;
-// Colour, and 1 where there is a history.
+// Colour, and 1 if the pixel has a history, else 0.
 @group(1) @binding(2) var<storage, read_write> history: array<vec4<f32>>;
 
 fn temporal_index(pixel: vec2<u32>) -> u32 {
@@ -41,7 +41,7 @@ fn temporal_pair(slot: u32, pixel: vec2<u32>, step: vec2<u32>) -> vec3<f32> {
     return select(own, 0.5 * (own + signal_colour(other)), signal_is_terrain(other));
 }
 
-// Bilinear history around a position, of terrain pixels only; w = 0 where there is none.
+// Returns the bilinearly filtered history at a position, from terrain pixels only; w = 0 if no such pixel has a history.
 fn temporal_history(position: vec2<f32>) -> vec4<f32> {
     let corner = floor(position);
     let f = position - corner;

@@ -1,8 +1,9 @@
 // Position of a pixel on the terrain and its footprint there, from the output of the geometry pass.
 
-// Where the frame is sampled in a pixel, relative to the centre, in pixels. With FlipQuad, the samples of one frame lie on the left edges
-// of the pixels, and those of the next frame on the top edges. They lie a sixth of a pixel from the middle of the edge, in alternating
-// directions. So a pixel shares four samples with its neighbours, in four different rows and four different columns.
+// Returns the position of the frame's sample in a pixel, relative to the centre, in pixels. With FlipQuad, the samples of one frame lie on
+// the left edges of the pixels, and those of the next frame on the top edges. The samples lie a sixth of a pixel from the middle of the
+// edge, in alternating directions. So a pixel has four samples on its edges, which it shares with its neighbours, and they lie in four
+// different rows and four different columns.
 fn surface_sample_offset(pixel: vec2<u32>) -> vec2<f32> {
     let turn = select(vec2<f32>(0.16666667), vec2<f32>(-0.16666667), (pixel & vec2<u32>(1u)) == vec2<u32>(1u));
     if frame.sample_pattern == 1u {
@@ -14,12 +15,13 @@ fn surface_sample_offset(pixel: vec2<u32>) -> vec2<f32> {
     return vec2<f32>(0.0);
 }
 
-// The world position follows from depth, and the derivatives from the plane of the triangle. Texture coordinates are never used.
+// Computes the world position from depth, and its derivatives from the plane of the triangle. Derivatives of texture coordinates are never
+// used.
 fn surface_footprint(pixel: vec2<u32>, depth: f32, normals: vec4<f32>) -> Footprint {
     let centre = frame_ray(vec2<f32>(pixel));
     let triangle_normal = frame_plane(normals);
-    // A sample that is not at the centre lies on the plane of the triangle that is seen at the centre. On grazing planes, the distance is
-    // limited to half and twice the distance at the centre.
+    // A sample that is not at the centre is assumed to lie on the plane of the triangle that is visible at the centre. For planes seen at
+    // grazing angles, its distance is limited to between half and twice the distance at the centre.
     let offset = surface_sample_offset(pixel);
     let ray = centre + frame.ray_dx * offset.x + frame.ray_dy * offset.y;
     let facing = dot(triangle_normal, ray);

@@ -17,7 +17,7 @@ use crate::shared;
 use crate::view;
 use crate::world::{LODS, NodeId, PaletteMeans, SECTORS};
 
-/// Leads from a position to the texels of a material.
+/// WGSL functions that find the texels of a material at a position.
 pub static WGSL: Wgsl = Wgsl::new(
     "terrain/terrain.wgsl",
     include_str!("terrain.wgsl"),
@@ -36,7 +36,7 @@ pub static WGSL: Wgsl = Wgsl::new(
     ("TERRAIN_LODS", Constant::U32(LODS as u32)),
     ("TERRAIN_SLOT_BITS", Constant::U32(quadtree::SLOT_BITS)),
 ]);
-/// World position and derivatives of a pixel of the geometry pass.
+/// WGSL functions that compute the world position and its derivatives from the results of the geometry pass.
 pub static FOOTPRINT_WGSL: Wgsl =
     Wgsl::new("terrain/footprint.wgsl", include_str!("footprint.wgsl"), &[&WGSL, &view::WGSL, &shared::DERIVATIVES, &shared::VIEW]);
 
@@ -53,15 +53,15 @@ pub struct Terrain {
 struct Resources {
     sector_data: wgpu::Buffer,
     entries: wgpu::Buffer,
-    /// Albedo, normal, height.
+    /// Detail textures: albedo, normal, height.
     details: [wgpu::Texture; 3],
-    /// For detail textures, for atlases.
+    /// The sampler of detail textures, and the sampler of atlases.
     samplers: [wgpu::Sampler; 2],
 }
 
 fn detail_array(gpu: &Gpu, label: &str, chains: &[CompressedChain], format: wgpu::TextureFormat) -> wgpu::Texture {
     let (size, levels) = chains.first().map_or((4, 1), |c| (c.size, c.levels.len()));
-    // Not every driver can address a level smaller than a block in a mip chain with a larger base; wgpu pads such levels.
+    // Not every driver can address a mip level that is smaller than a compressed block. wgpu pads such levels.
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: u32::try_from(chains.len().max(1)).unwrap_or(1) },
@@ -97,7 +97,7 @@ fn detail_arrays(gpu: &Gpu, palette: &Palette) -> [wgpu::Texture; 3] {
     ]
 }
 
-/// The palette as a table with an entry for every possible splat texel. Entries without a material are zeros.
+/// The palette as a table with an entry for every possible value of a splat texel. Entries without a material are zeros.
 fn table(palette: &Palette) -> Vec<PaletteEntry> {
     let mut all = palette.entries.clone();
     all.resize(MAX_MATERIALS, PaletteEntry::zeroed());
@@ -113,7 +113,8 @@ pub fn palette_means(palette: &Palette) -> PaletteMeans {
     }
 }
 
-/// The detail textures that a scene needs. They exist even if no flavour samples them: every error is measured against the full blend.
+/// The detail textures that a scene needs. They exist even if no flavour samples them, because every error is measured against the full
+/// blend.
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
     let textured = "cliffs, splat, pages, and the reference that errors are measured against";
     let [full, half] = [demands.detail_size, demands.detail_size / 2];
@@ -167,8 +168,8 @@ impl Terrain {
         Terrain { group: resources.bound(gpu, &layout, streaming), layout, resources }
     }
 
-    /// Uses another palette from the next frame on. `fresh`: the layers that changed, if the arrays are otherwise the same
-    /// ([`Palette::fresh_layers`]); `None` makes all arrays again.
+    /// Uses `palette` from the next frame on. `fresh`: the layers to upload, if the number and size of layers stay the same
+    /// ([`Palette::fresh_layers`]); `None` = all arrays are allocated and uploaded again.
     pub fn replace_palette(&mut self, gpu: &Gpu, streaming: &Streaming, palette: &Palette, fresh: Option<&[usize]>) {
         gpu.queue.write_buffer(&self.resources.entries, 0, cast_slice(&table(palette)));
         let Some(fresh) = fresh else {
@@ -184,8 +185,8 @@ impl Terrain {
         }
     }
 
-    /// Tells shaders which nodes this frame may read: only the nodes of this frame, not other resident nodes, because a picture must not
-    /// depend on what was viewed before.
+    /// Writes the sector data, which hold the nodes that shaders may read. `nodes` are only the nodes of this frame and not all resident
+    /// nodes, because a picture must not depend on what was viewed before.
     pub fn update(&self, gpu: &Gpu, nodes: impl Iterator<Item = (NodeId, u32)>) {
         gpu.queue.write_buffer(&self.resources.sector_data, 0, cast_slice(&quadtree::sector_data(nodes)));
     }

@@ -1,10 +1,10 @@
-// Terrain data for any world position: sector data -> node -> atlases; splat texels -> materials -> detail textures. This file counts every
-// texture sample that shading takes, where it is taken.
+// Terrain data for any world position: sector data -> node -> atlases; splat texels -> materials -> detail textures. Shading calls
+// `count_fetch` beside every texture sample.
 
 override COUNT_FETCHES: bool = false;
-// Detail textures are filtered anisotropically, with gradients. Without this, the three textures of a tap share one LOD.
+// Whether detail textures are filtered anisotropically, with gradients. If not, the three textures of a tap are sampled at one common LOD.
 override ANISOTROPIC: bool = false;
-// Detail textures are hex-tiled: three samples of each at random offsets.
+// Whether detail textures are hex-tiled: each is sampled three times, at random offsets.
 override HEX_TILING: bool = false;
 
 struct PaletteEntry {
@@ -26,7 +26,8 @@ struct PaletteEntry {
 @group(1) @binding(3) var colour_modulation_atlas: texture_2d_array<f32>;
 @group(1) @binding(4) var splat_atlas: texture_2d_array<u32>;
 @group(1) @binding(5) var<storage, read> sector_data: array<vec2<u32>>;
-// A uniform buffer, not a storage buffer: software Vulkan reads uniform buffers with gathers, but storage buffers in a loop over lanes.
+// A uniform buffer and not a storage buffer, because software Vulkan reads uniform buffers with gathers, but storage buffers in a loop over
+// lanes.
 @group(1) @binding(6) var<uniform> palette: array<PaletteEntry, 256>;
 @group(1) @binding(7) var detail_albedo: texture_2d_array<f32>;
 @group(1) @binding(8) var detail_normal: texture_2d_array<f32>;
@@ -81,7 +82,7 @@ fn terrain_node(place: Place) -> NodePlace {
     return NodePlace(0u, vec2<f32>(0.0));
 }
 
-// Texture coordinate of a node payload with 128 texels and 2 texels of border.
+// Converts a position in a node to the texture coordinate in an atlas whose layers have 128 texels and a border of 2 texels on each side.
 fn terrain_atlas_uv(node_uv: vec2<f32>) -> vec2<f32> {
     return (node_uv * 128.0 + 2.0) / 132.0;
 }
@@ -160,7 +161,7 @@ struct Footprint {
 struct Projection {
     plane: u32,                 // 0..2 look along x, y, z; 3 and 4 along a diagonal, see snapped_projection.wgsl
     sectors: vec2<i32>,         // whole sectors along both coordinates
-    position: vec2<f32>,        // metres beyond them
+    position: vec2<f32>,        // metres beyond those sectors
     ddx: vec2<f32>,             // derivatives of the coordinates, mip bias included
     ddy: vec2<f32>,
     longest_2: f32,             // square of the longer derivative
@@ -168,8 +169,8 @@ struct Projection {
 
 fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
     let place = footprint.place;
-    // Elevation is split into whole sectors and a rest, like the horizontal axes, so that a wall on a high mountain is as exact as one at
-    // sea level.
+    // Elevation is split into whole multiples of a sector's edge and a rest, like the horizontal axes, so that texture coordinates are as
+    // accurate on a wall of a high mountain as at sea level.
     let storey = floor(place.position.z / frame.sector_m);
     let folded = vec3<f32>(place.position.xy, place.position.z - storey * frame.sector_m);
     let ddx = snapped_coordinates(footprint.ddx, plane) * frame.gradient_scale;
@@ -226,7 +227,7 @@ struct Texels {
     height: vec2<f32>,          // height, colour mask
 }
 
-// Three filtered fetches.
+// Samples the three textures with filtering: three fetches.
 fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>) -> Texels {
     count_fetch();
     count_fetch();
@@ -248,9 +249,9 @@ fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, 
     );
 }
 
-// Three fetches of one texel each. Mip level and texel are chosen at random, so that the expected value is that of trilinear filtering.
-// Albedo and colour mask (stored beside the height) are multiplied with each other, so they are chosen independently: `u` chooses level,
-// column and row of the first two textures, `v` those of the height texture.
+// Reads one texel of each of the three textures: three fetches. Mip level and texel are chosen at random, so that the expected value is
+// that of trilinear filtering. Albedo and colour mask (stored beside the height) are multiplied with each other, so they are chosen
+// independently: `u` chooses level, column and row of the first two textures, `v` those of the height texture.
 fn terrain_texels_chosen(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>, u: vec4<f32>, v: vec4<f32>) -> Texels {
     let lod = terrain_lod(projection, rate);
     let level = texel_choice_level(lod, textureNumLevels(detail_albedo), u.x);
@@ -302,12 +303,12 @@ fn terrain_material(id: u32, projection: Projection, scale: u32) -> Surface {
     return sum;
 }
 
-// Four fetches: the splat id and its three textures.
+// Returns the surface of one tap: four fetches, for the splat id and for the three textures of its material.
 fn terrain_tap(cell: SplatCell, texel: u32, projection: Projection, scale: u32) -> Surface {
     return terrain_material(terrain_splat_id(cell, texel), projection, scale);
 }
 
-// Four fetches: the splat id, and one texel of each texture.
+// Returns the surface of one tap with texels chosen at random: four fetches, for the splat id and for one texel of each texture.
 fn terrain_tap_chosen(cell: SplatCell, texel: u32, projection: Projection, scale: u32, u: vec4<f32>, v: vec4<f32>) -> Surface {
     let entry = palette[terrain_splat_id(cell, texel)];
     let rate = terrain_rate(entry, scale);
@@ -316,11 +317,11 @@ fn terrain_tap_chosen(cell: SplatCell, texel: u32, projection: Projection, scale
 }
 
 // Loops over taps run to `frame.taps` (always 4), `frame.taps - 1u` (3 projections) and `frame.taps - 2u` (2 tilings) instead of constants,
-// so that they are not unrolled. An unrolled splat flavour has 36 texture samples; software Vulkan then takes seconds to compile what it
-// runs in milliseconds.
+// so that they are not unrolled. An unrolled splat flavour has 36 texture samples, and software Vulkan takes seconds to compile it,
+// although it runs in milliseconds.
 
-// Sixteen fetches: four taps with bilinear weights that are modified by height. Each tap is added at once: an array of taps that is indexed
-// by a loop that is not unrolled would be stored in memory.
+// Blends four taps with bilinear weights that are modified by height: sixteen fetches. Each tap is added to the sum as soon as it is
+// fetched. An array of taps would be stored in memory and not in registers, because a loop that is not unrolled would index it.
 fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var run = splat_blend_start();
@@ -338,8 +339,9 @@ fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> S
 // Number of mip levels between the two bands of a texture: the fine band contains detail finer than 2^3 pixels.
 const TERRAIN_BAND_MIPS: f32 = 3.0;
 
-// Twenty fetches: four taps of five fetches, in two bands. Each band is blended over about its own wavelength: the coarse band by bilinear
-// weights, over the splat cell; the fine band by weights modified by height, over the relief.
+// Blends four taps in two bands: twenty fetches, five per tap. The transition of each band is about as wide as the wavelength of the band.
+// The coarse band is blended by bilinear weights, across the splat cell; the fine band is blended by weights modified by height, along the
+// relief.
 // Source: Burt & Adelson, "A Multiresolution Spline With Application to Image Mosaics", ACM ToG 2(4), 1983.
 fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
@@ -368,12 +370,12 @@ fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> S
     return sum;
 }
 
-// Lowest bit of the layer in the flags. The first materials of the palette have layers of their own; any other material is drawn as the
-// layer in its flags.
+// Position of the lowest bit of the layer in `PaletteEntry.flags`. The first materials of the palette have layers of their own. Any other
+// material is drawn as the layer that its flags name.
 const TERRAIN_LAYER_BITS: u32 = 8u;
 
-// Twenty-eight fetches: four splat ids, which give the blend map, and the three textures of each of the eight layers. All layers are always
-// sampled, as in the original shader of the method.
+// Blends eight layers: twenty-eight fetches, for the four splat ids that form the blend map, and for the three textures of each layer. All
+// layers are always sampled, as in the original shader of the method.
 fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var layers: vec4<u32>;
@@ -391,7 +393,8 @@ fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surfac
     return sum;
 }
 
-// Sixteen fetches: four taps with plain bilinear weights. This is the mean over random choices of one tap by these weights.
+// Blends four taps with plain bilinear weights: sixteen fetches. The result is the mean over random choices of one tap with these
+// probabilities.
 fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var sum = surface_zero();
@@ -418,7 +421,7 @@ fn terrain_splat_moments(cell: SplatCell, projection: Projection, scale: u32) ->
     return moments;
 }
 
-// Factor of the colour modulation map, 1 = neutral. Sampled only in scenes that have one.
+// Whether the scene has a colour modulation map. If not, the map is not sampled, and its factor is 1.
 override COLOUR_MODULATION: bool = false;
 
 fn terrain_colour_modulation(node: NodePlace) -> vec3<f32> {

@@ -7,7 +7,8 @@ use glam::{DMat4, DVec2, DVec3, DVec4, IVec2, Mat4};
 use crate::scene::{CameraPath, CameraPose};
 use crate::shared::culling;
 
-/// Distance of the near plane, metres. Depth is reversed and infinite, so a near value costs no precision far away.
+/// Distance of the near plane, metres. Depth is reversed and the far plane lies at infinity, so a small value costs no precision at
+/// large distances.
 pub const NEAR_M: f64 = 0.1;
 
 /// A camera in the world.
@@ -46,8 +47,8 @@ impl Pose {
     }
 }
 
-/// The pose of frame `frame` of a path: a Catmull-Rom spline that passes through every key exactly. Yaw takes the shorter way round. If every key is
-/// relative to the ground, every frame between them is, too.
+/// The pose of frame `frame` of a path: a Catmull-Rom spline that passes through every key exactly. Between two keys, yaw turns the shorter way. If
+/// all keys are relative to the ground, the poses of all frames are relative to the ground, too.
 pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) -> Pose {
     let on_ground = path.keys.iter().all(|k| k.above_ground);
     let mut keys: Vec<Pose> = path.keys.iter().map(|k| Pose::of(k, |x, y| if on_ground { 0.0 } else { ground_m(x, y) })).collect();
@@ -75,7 +76,7 @@ pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) 
     }
 }
 
-/// A pose with an image of a certain size. Positions are relative to the camera's sector.
+/// A camera pose, the size of its image, and what follows from both. Positions are relative to the camera's sector.
 ///
 /// *Local* coordinates: x, y relative to the south-west corner of the camera's sector, z = elevation.
 #[derive(Clone, Copy, Debug)]
@@ -99,8 +100,8 @@ pub struct View {
 }
 
 impl View {
-    /// `jitter` moves the image's sample points by that many pixels right and down (0 = pixel centres);
-    /// `sector_m` and `world_m` are the edges of a sector and of the world.
+    /// Makes the view of a pose. `jitter` moves the sample points of the image by that many pixels to the right and down (0 = pixel centres).
+    /// `sector_m` and `world_m` are the edge lengths of a sector and of the world, metres.
     #[allow(clippy::cast_possible_truncation, reason = "a sector index fits i32 for any position a scene can state")]
     pub fn new(pose: Pose, size: [u32; 2], jitter: [f64; 2], sector_m: f64, world_m: f64) -> View {
         let corner = DVec2::splat(-world_m / 2.0);
@@ -114,7 +115,8 @@ impl View {
         let ray_dx = right * (2.0 * half_width / width);
         let ray_dy = -up * (2.0 * half_height / height);
         let ray_00 = forward - right * half_width + up * half_height + ray_dx * (0.5 + jitter[0]) + ray_dy * (0.5 + jitter[1]);
-        // x_clip = x_view / half_width etc.; the jitter shifts the image the other way. z_clip = near, w = depth along forward.
+        // x_clip = x_view / half_width, y_clip = y_view / half_height. Moving the sample points by the jitter shifts the image in the opposite
+        // direction. z_clip = near, w = depth along the view direction.
         let shift = DVec2::new(-2.0 * jitter[0] / width, 2.0 * jitter[1] / height);
         let view_rows = [right / half_width + forward * shift.x, up / half_height + forward * shift.y, DVec3::ZERO, forward];
         let rows = view_rows.map(|r| r.extend(-r.dot(camera)));
@@ -168,7 +170,7 @@ mod tests {
 
     #[test]
     fn ten_kilometres_from_the_origin_a_view_is_the_same() {
-        // Everything that shaders receive is relative to a sector, so a view that is whole sectors away has the same numbers.
+        // Everything that shaders receive is relative to a sector, so a view that is moved by whole sectors has the same numbers.
         let (near, far) = (pose(), Pose { position: pose().position + DVec3::new(156.0 * 64.0, -156.0 * 64.0, 0.0), ..pose() });
         let [near, far] = [near, far].map(|pose| View::new(pose, [320, 180], [0.3, -0.45], 64.0, 32_768.0));
         assert_eq!((near.camera, near.ray_00, near.ray_dx, near.ray_dy), (far.camera, far.ray_00, far.ray_dx, far.ray_dy));
@@ -187,7 +189,7 @@ mod tests {
             fov_deg: 50.0,
         };
         let path = CameraPath { name: String::new(), frames_per_key: 4, keys: vec![key(0.0, 350.0), key(8.0, 10.0)] };
-        // A ridge between the keys that neither of them stands on.
+        // The crest of the ridge lies halfway between the two keys.
         let ridge = |x: f64, _: f64| 100.0 - (x - 4.0).abs();
         for frame in 0..=9 {
             let pose = along(&path, frame, ridge);

@@ -4,7 +4,7 @@ use crate::scene::FlavourRules;
 use crate::shared::flavour_weights::FlavourParams;
 
 impl FlavourParams {
-    /// The parameters for a scene's rules. Slopes in degrees become values of the normal's z; a slope blend lies half on either side of its slope.
+    /// The parameters for a scene's rules. Slopes in degrees are converted to values of the normal's z. Each slope blend is centred on its slope.
     #[allow(clippy::cast_possible_truncation, reason = "shaders read f32")]
     pub fn new(rules: &FlavourRules) -> Self {
         let band = |slope_deg: f64| {

@@ -10,9 +10,9 @@ struct Frame {
     ray_dx: vec3<f32>,          // step of the ray per pixel to the right
     height_low_m: f32,          // elevation of height 0
     ray_dy: vec3<f32>,          // step of the ray per pixel down
-    height_span_m: f32,         // elevation of height 1 above that of height 0
-    camera_sector: vec2<i32>,   // counted from the world's south-west corner
-    size: vec2<u32>,            // image, pixels
+    height_span_m: f32,         // elevation of height 1 minus elevation of height 0
+    camera_sector: vec2<i32>,   // sector of the camera, counted from the world's south-west corner
+    size: vec2<u32>,            // size of the image, pixels
     seed: u32,
     frame: u32,                 // frame index
     forced_mask: u32,           // 0 = automatic choice, otherwise the variant that is forced on every tile
@@ -27,7 +27,7 @@ struct Frame {
     flavours: FlavourParams,
     sun_direction: vec3<f32>,   // towards the sun
     taps: u32,                  // always 4, the number of splat texels around a point; see terrain.wgsl
-    sun_irradiance: vec3<f32>,  // on a surface facing it
+    sun_irradiance: vec3<f32>,  // irradiance on a surface that faces the sun
     noise_world_level: i32,     // log2 of cells per metre of world-space white noise
     sky_zenith: vec3<f32>,      // radiance
     sample_pattern: u32,        // where each pixel is sampled: 0 = centre, 1 = left edge, 2 = top edge; see footprint.wgsl
@@ -52,7 +52,7 @@ fn frame_normals(shading: vec3<f32>, plane: vec3<f32>, ray: vec3<f32>) -> vec4<f
     return vec4<f32>(code, octahedral_encode8_precise(plane));
 }
 
-// The shading normal in a texel. Both 32-bit forms give the same bits.
+// Decodes the shading normal in a texel. Both 32-bit encodings decode to the same bits.
 fn frame_shading_normal(texel: vec4<f32>) -> vec3<f32> {
     if frame.normals == NORMALS_EXACT {
         return octahedral_decode(texel.xy);
@@ -64,7 +64,7 @@ fn frame_shading_normal(texel: vec4<f32>) -> vec3<f32> {
     return octahedral_decode(octahedral_dequantise8(code));
 }
 
-// The normal of the triangle's plane in a texel, or its opposite, because a plane has no sign.
+// Decodes the normal of the triangle's plane in a texel. The result may be the opposite normal, because the side of a plane is not stored.
 fn frame_plane(texel: vec4<f32>) -> vec3<f32> {
     if frame.normals == NORMALS_EXACT {
         return octahedral_decode(texel.zw);

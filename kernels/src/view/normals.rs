@@ -19,10 +19,10 @@ pub enum NormalEncoding {
     /// Two octahedral codes of 8 + 8 bits, as in Far Cry 5.
     #[default]
     Octahedral,
-    /// The same 32 bits, with the triangle's plane 8 times finer and the same code of the shading normal, which is stored relative to the plane:
-    /// [`normal_pair`].
+    /// Also 32 bits, but the triangle's plane is stored 8 times finer, unless the two normals are far apart. The shading normal is stored relative to
+    /// the plane and decodes to the same 8 + 8 bits. See [`normal_pair`].
     PlaneFirst,
-    /// Two points of the octahedron's square in f32, 128 bits. It serves to measure the errors of the other encodings.
+    /// Two points of the octahedron's square in f32, 128 bits. The errors of the other encodings are measured against this encoding.
     Exact,
 }
 
@@ -34,7 +34,7 @@ pub struct NotAnEncoding {
 }
 
 impl NormalEncoding {
-    /// Every encoding, in the order of its code.
+    /// All encodings, in the order of their codes.
     pub const ALL: [NormalEncoding; 3] = [NormalEncoding::Octahedral, NormalEncoding::PlaneFirst, NormalEncoding::Exact];
 
     /// The encoding's number in shaders.
@@ -55,7 +55,7 @@ impl NormalEncoding {
         }
     }
 
-    /// Format of the target.
+    /// Format of the render target that stores the normals.
     pub const fn format(self) -> wgpu::TextureFormat {
         match self {
             NormalEncoding::Octahedral | NormalEncoding::PlaneFirst => wgpu::TextureFormat::Rgba8Unorm,
@@ -75,7 +75,7 @@ impl NormalEncoding {
     /// `frame_shading_normal` and `frame_plane`. The plane's normal may be the opposite of the triangle's normal.
     ///
     /// # Panics
-    /// When the texel has another size.
+    /// If the texel does not have [`Self::bytes`] bytes.
     pub fn decode(self, texel: &[u8]) -> [[f64; 3]; 2] {
         let of_code = |code: [u32; 2]| octahedral::decode(octahedral::dequantise(code, 8));
         match self {

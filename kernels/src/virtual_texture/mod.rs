@@ -1,17 +1,20 @@
 //! Virtual texture: pages of the blended splat map, seen from above, rendered once and sampled with 4 fetches.
 //!
-//! Reads depth, normals and mask, which decide the visible pages, and the splat map, which is their content. Writes the page table (R32Uint; for each
-//! level a 64 x 64 torus around the camera; physical layer + 1 in 11 bits, the rest of the page's address as a tag) and the physical pages: 256²
-//! texels, a border of 4 texels on each side, and one further mip, in arrays of albedo (sRGB), smoothness + specular occlusion, and normal.
+//! Reads depth, normals and mask, to find the visible pages, and the splat map, from which the pages are rendered. Writes the page table (R32Uint): a
+//! torus of 64 x 64 cells around the camera for each level. A cell holds the physical layer + 1 in 11 bits and, as a tag, the part of the page's
+//! address that does not follow from the cell. Also writes the physical pages, which are layers of three array textures: albedo (sRGB), smoothness +
+//! specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side, and a second mip level.
 //! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10.
 //!
 //! Limits: the page table of a level is a torus of 64 x 64 cells around the camera. Two pages that are 64 pages apart share a cell. The page with the
-//! larger tag is kept, whatever the order of threads; pixels of the other page fall back on a coarser page. A frame that wants more than 256 pages
-//! replaces the finest ones by their parents, level by level; [`PageCounts::coarsened`] counts them. A pixel without its page looks through the
-//! coarser levels, one counted table fetch for each, and ends with the far atlas, so `vt` may cost more than 4 fetches.
+//! larger tag is kept, so the result does not depend on the order of threads; pixels of the rejected page use a coarser page. If a frame requests
+//! more than 256 pages, the finest pages are replaced by their parents, level by level; [`PageCounts::coarsened`] counts the replaced pages. A pixel
+//! whose page is missing tries the coarser levels in turn, with one counted table fetch per level, and finally uses the far atlas. So `vt` may cost
+//! more than 4 fetches.
 //!
-//! Each frame is complete: the pages that its pixels request are rendered before it is shaded. Not implemented yet: jittered feedback would replace
-//! `requests`, page budgets and compression would replace `fill`, and Far Cry 4's adaptive address space would replace the windows of the page table.
+//! Each frame is complete: the pages that its pixels request are rendered before it is shaded. Not implemented: jittered feedback, which would
+//! replace `encode_requests`; page budgets and compression, which would extend `fill`; and Far Cry 4's adaptive address space, which would replace
+//! the windows of the page table.
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -54,7 +57,7 @@ const LAYER_BITS: u32 = 11;
 const LAYER_MASK: u32 = (1 << LAYER_BITS) - 1;
 const TAG_MASK: u32 = (1 << TAG_BITS) - 1;
 
-/// Addresses of pages.
+/// WGSL functions that compute addresses of pages.
 pub static WGSL: Wgsl =
     Wgsl::new("virtual_texture/virtual_texture.wgsl", include_str!("virtual_texture.wgsl"), &[&terrain::WGSL, &view::WGSL]).with(&[
         ("VIRTUAL_PAGE_TEXELS", Constant::real(PAGE_TEXELS as f64)),
@@ -77,7 +80,7 @@ static REQUEST_WGSL: Wgsl = Wgsl::new(
 
 /// The module that renders pages.
 pub static PAGE_MODULE: ShaderModule = ShaderModule::new("pages", &[&PAGE_WGSL]);
-/// The module that asks for pages.
+/// The module that requests pages.
 pub static REQUEST_MODULE: ShaderModule = ShaderModule::new("page requests", &[&REQUEST_WGSL]);
 
 /// A page: its level and its place, counted from the world's south-west corner.
@@ -102,14 +105,14 @@ impl PageId {
         ((self.level * WINDOW + self.y % WINDOW) * WINDOW + self.x % WINDOW) as usize
     }
 
-    /// Tag of the page: what its cell holds besides the physical layer.
+    /// Tag of the page, which its cell holds in addition to the physical layer.
     fn tag(self) -> u32 {
         let wrap = TAG_MASK;
         ((self.y / WINDOW) & wrap) << (LAYER_BITS + TAG_BITS) | ((self.x / WINDOW) & wrap) << LAYER_BITS
     }
 
-    /// The page of a non-zero request. Tags repeat every 2^16 pages, so several pages match; the result is the match nearest to `camera` (the finest
-    /// page under the camera), because no picture requests fine pages 32 km away.
+    /// Returns the page of a non-zero request. Tags repeat every 2^16 pages, so several pages match the request. The result is the match nearest to
+    /// `camera`, the page of level 0 at the south-west corner of the camera's sector, because no picture requests fine pages 32 km away.
     fn of_request(index: usize, request: u32, camera: [i64; 2]) -> PageId {
         let index = u32::try_from(index).unwrap_or(0);
         let wrap = TAG_MASK;
@@ -166,7 +169,7 @@ pub struct CacheCounts {
     pub resident: usize,
     /// Largest possible number of cached pages; 0 = the scene has no virtual texture.
     pub capacity: usize,
-    /// Bytes allocated for pages and page table, used or not.
+    /// Bytes allocated for pages and page table, unused pages included.
     pub bytes: u64,
     /// Cached pages, by level.
     pub by_level: [usize; LEVELS as usize],
@@ -195,7 +198,7 @@ pub struct VirtualTexture {
     pub table: wgpu::Texture,
     /// Albedo, (smoothness, specular occlusion), normal.
     pub pages: [wgpu::Texture; 3],
-    /// Trilinear, and anisotropic as far as the border of a page allows.
+    /// Sampler of the pages: trilinear, with an anisotropy that the border of a page allows.
     pub sampler: wgpu::Sampler,
     cache: HashMap<PageId, Physical>,
     free: Vec<u32>,
@@ -307,7 +310,7 @@ impl Stage for VirtualTexture {
             all.map(|texture| texture.unless(required, reason(required))).into()
         },
         name: "virtual texture",
-        about: "Reads depth, normals, mask, then splat map and detail textures; makes page requests, the missing pages and the page table",
+        about: "Reads depth, normals, mask, then splat map and detail textures; writes page requests, the missing pages and the page table",
         modules: &[&REQUEST_MODULE, &PAGE_MODULE],
         ..Declaration::EMPTY
     };
@@ -318,7 +321,7 @@ impl Stage for VirtualTexture {
     fn targets(_: Canvas<'_>) {}
 
     /// Compiles the passes and allocates the physical pages. If the scene has no virtual texture, nothing is compiled, and the textures exist only
-    /// because the shading pass must have something bound.
+    /// because a binding of the shading pass cannot be empty.
     fn build(build: Build<'_>) -> Result<VirtualTexture> {
         let gpu = build.gpu;
         let capacity = if build.demands.has(Flavour::VirtualTexture) { CAPACITY } else { 0 };
@@ -392,7 +395,7 @@ impl VirtualTexture {
 
     /// Resets the counts, for a frame that samples no pages.
     pub fn rest(&mut self) -> PageCounts {
-        // What the frame before asked for serves this one no more.
+        // A new frame number, so that pages of the frame before do not count as used by this frame.
         self.frame += 1;
         self.counts = PageCounts::default();
         self.counts
@@ -403,7 +406,8 @@ impl VirtualTexture {
         self.passes.is_some()
     }
 
-    /// The page that the last frame used in place of `page`: `page` itself, or else the finest cached page above it.
+    /// Returns the page that the last frame used in place of `page`: `page` itself or, if the frame did not use it, the finest of its ancestors that
+    /// the frame used. `None` = the frame used none of them.
     pub fn serving(&self, page: PageId) -> Option<PageId> {
         let serves = |page: &PageId| self.cache.get(page).is_some_and(|physical| physical.used == self.frame);
         std::iter::successors(Some(page), |page| page.parent()).find(serves)
@@ -441,8 +445,8 @@ impl VirtualTexture {
         rec.compute("page requests", &passes.request_pipeline, 2, &[&group]).dispatch_workgroups(x, y, 1);
     }
 
-    /// Reads the requests back, renders the missing pages, and writes the page table for this frame. The request pass must have run. `nodes`: the
-    /// nodes that the frame may read, each with the revision of its materials.
+    /// Reads the requests back, renders the missing pages, and writes the page table for this frame. The pass of [`VirtualTexture::encode_requests`]
+    /// must have run. `nodes`: the nodes that the frame may read, each with the revision of its materials.
     ///
     /// # Errors
     /// When the device is lost.
@@ -666,7 +670,7 @@ mod tests {
             let camera = [i64::from(page.x << page.level) + 900, i64::from(page.y << page.level) - 900];
             assert_eq!(PageId::of_request(page.cell(), page.tag() | 1, camera), page);
         }
-        // Negative control: a neighbour one window away shares the cell but not the tag.
+        // Negative control: a page one window away has the same cell but a different tag.
         let (a, b) = (PageId { level: 2, x: 10, y: 5 }, PageId { level: 2, x: 10 + WINDOW, y: 5 });
         assert_eq!(a.cell(), b.cell());
         assert_ne!(a.tag(), b.tag());

@@ -31,7 +31,8 @@ fn page_fragment(in: PageVarying) -> PageTargets {
     // Row 0 of a page is its southern edge.
     let local = job.origin + (in.clip.xy - job.border) * job.texel_m;
     let place = terrain_place(job.sector, vec3<f32>(local, 0.0));
-    // The mip bias is applied when pages are sampled; dividing by it here avoids applying it twice.
+    // The factor of the mip bias is applied when pages are sampled. Dividing by it here cancels the factor that terrain_projection applies,
+    // so that it is not applied twice.
     let step = job.texel_m / frame.gradient_scale;
     let footprint = Footprint(place, vec3<f32>(step, 0.0, 0.0), vec3<f32>(0.0, step, 0.0));
     let node = terrain_node(place);

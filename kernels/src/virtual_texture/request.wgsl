@@ -36,6 +36,6 @@ fn virtual_texture_mark(place: Place, level: u32) {
     let page = virtual_texture_address(place, level).page;
     let cell = page & vec2<i32>(VIRTUAL_WINDOW - 1);
     let index = (level * u32(VIRTUAL_WINDOW) + u32(cell.y)) * u32(VIRTUAL_WINDOW) + u32(cell.x);
-    // Two requested pages that are 64 pages apart share a cell. The larger tag wins, whatever the order of threads.
+    // Two requested pages that are 64 pages apart share a cell. The larger tag wins, so the result does not depend on the order of threads.
     atomicMax(&requests[index], virtual_texture_tag(page) | 1u);
 }

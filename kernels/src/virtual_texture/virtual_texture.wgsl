@@ -21,7 +21,7 @@ fn virtual_texture_address(place: Place, level: u32) -> VirtualAddress {
     let pages_per_sector = i32(round(frame.sector_m * pages_per_m));
     let in_sector = place.position.xy * pages_per_m;
     let whole = floor(in_sector);
-    // Rounding may put the south-western border of the world slightly outside the world.
+    // Rounding may move a position on the southern or western border of the world slightly out of the world.
     let finest = max(place.sector * pages_per_sector + vec2<i32>(whole), vec2<i32>(0));
     let span = 1 << level;
     let uv = (vec2<f32>(finest & vec2<i32>(span - 1)) + (in_sector - whole)) / f32(span);

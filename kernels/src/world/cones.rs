@@ -35,7 +35,7 @@ impl Cone {
 /// # Panics
 /// If there are not 64 patches.
 pub fn encode(patch_normals: &[Vec<[f64; 3]>]) -> Vec<u8> {
-    assert_eq!(patch_normals.len(), PATCHES * PATCHES, "8 x 8 patches");
+    assert_eq!(patch_normals.len(), PATCHES * PATCHES, "there must be one list of normals for each of the 8 x 8 patches");
     let mut rgba = vec![0u8; PATCHES * PATCHES * 4];
     for (normals, texel) in patch_normals.iter().zip(rgba.chunks_exact_mut(4)) {
         let axis = enclosing_axis(normals);
@@ -79,7 +79,7 @@ fn axis_of(red: f64, green: f64) -> [f64; 3] {
     }
 }
 
-/// Smallest alpha code with which the cone around the decoded axis contains all normals.
+/// Alpha code with which the cone around the decoded axis contains all normals, with a margin for different decoders.
 ///
 /// Decoders may round interpolated colours differently by one code, so the axis is allowed to move by one code in both channels. One
 /// additional code of alpha covers different rounding of interpolated alpha.
@@ -105,8 +105,8 @@ fn needed_code(normals: &[[f64; 3]], red: u8, green: u8) -> u8 {
     ((sine * 255.0).ceil() + 1.0).min(255.0) as u8
 }
 
-/// An axis near the centre of the smallest cone around the normals. It starts at their mean and moves towards the farthest normal, 16 times
-/// (Badoiu & Clarkson 2003, "Smaller core-sets for balls", here on the sphere).
+/// An axis near the centre of the smallest cone around the normals. The axis starts at the mean of the normals, and moves 16 times towards the
+/// normal that is farthest from it (Badoiu & Clarkson 2003, "Smaller core-sets for balls", applied to points on the sphere).
 fn enclosing_axis(normals: &[[f64; 3]]) -> [f64; 3] {
     let sum = normals.iter().fold([0.0; 3], |s, n| [s[0] + n[0], s[1] + n[1], s[2] + n[2]]);
     let mut axis = normalize(sum);

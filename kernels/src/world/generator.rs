@@ -54,7 +54,8 @@ fn pcg(v: u32) -> u32 {
     (word >> 22) ^ word
 }
 
-/// Rotations by exact rational angles: cosine and sine from Pythagorean triples. Each octave has its own, so that no two lattices line up.
+/// Rotations whose cosine and sine are rational numbers, from Pythagorean triples. Octaves with consecutive indices are rotated differently, so
+/// that their lattices do not line up.
 const TURNS: [[f64; 2]; 8] = [
     [0.8, 0.6],
     [5.0 / 13.0, -12.0 / 13.0],
@@ -224,8 +225,8 @@ fn stairs(t: f64, riser: f64, tread: f64) -> f64 {
 
 /// A sequence of hard and soft beds. The height of the ground is remapped so that hard beds become walls and soft beds become ledges.
 ///
-/// The remapping is monotonic, so a ridge stays a ridge and a wall follows the contours of the ground below it. No crest becomes thinner
-/// than it is in the ground: a coarse grid of vertices would draw a thin crest as a row of needles.
+/// The remapping is monotonic, so a ridge stays a ridge and a wall follows the contours of the ground below it. No crest becomes thinner than
+/// it was before, because a coarse grid of vertices would draw a thin crest as a row of needles.
 #[derive(Clone, Copy, Debug)]
 struct Strata {
     seed: u32,
@@ -233,12 +234,12 @@ struct Strata {
     period_m: f64,
     /// Slope (tangent) that a wall has on average. Ground that is already this steep stays as it is.
     wall: f64,
-    /// Share of a period that its wall takes in height: for the softest bed, for the hardest bed.
+    /// Share of a period's height that its wall takes: first for the softest bed, then for the hardest bed.
     rise: [f64; 2],
 }
 
 impl Strata {
-    /// The ground after erosion has exposed its beds. `bend`: by how many metres the beds lie below their usual level here. `strength`:
+    /// Returns the ground after erosion has exposed its beds. `bend`: by how many metres the beds lie below their usual level here. `strength`:
     /// 0..=1.
     fn on(&self, ground: Dual, bend: f64, strength: f64) -> Dual {
         let t = (ground.v + bend) / self.period_m;
@@ -254,8 +255,8 @@ impl Strata {
         let start = 0.5 + 0.2 * (part(h >> 16) - 0.5) - 0.5 * width;
         let q = ((s - start) / width).clamp(0.0, 1.0);
         let tread = (1.0 - rise) / (1.0 - width);
-        // The wall has a long foot and a short rounded top. Both are as steep as the ledges where they meet them: a sharp edge would look
-        // jagged on a grid of vertices.
+        // The wall has a long foot and a short rounded top. Where the wall meets a ledge, both have the same slope, because a sharp edge would
+        // look jagged on a grid of vertices.
         let extra = rise - tread * width;
         let stepped = tread * s + extra * (q * q * (2.0 - q * q));
         let rate = tread + extra / width * (4.0 * q * (1.0 - q * q));
@@ -313,11 +314,11 @@ impl Generator {
         saturate(self.broad(x, y).height)
     }
 
-    /// [`Generator::height_m`] and [`Generator::broad_height_m`]. Both together take no longer than the first alone.
+    /// [`Generator::height_m`] and [`Generator::broad_height_m`]. Computing both takes no longer than computing the first.
     pub fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
         let broad = self.broad(x, y);
         let mut height = broad.height;
-        // Thin beds: on rock only, and weaker on steep ground, where a bed would be less than a few vertices wide.
+        // Thin beds exist on rock only. They are weaker on steep ground, where a bed would be less than a few vertices wide.
         if broad.rock > 0.0 {
             let squeezed = smoothstep(1.1, 2.3, broad.beds.slope_squared().sqrt());
             let strength = broad.rock * (0.55 - 0.4 * squeezed);
@@ -344,7 +345,7 @@ impl Generator {
         let denominator = 1.0 / (above + 0.30);
         let lift = distance.map(above * above * denominator, above * (above + 0.60) * denominator * denominator);
 
-        // Massifs: ridged octaves, only where the valleys leave room. Each octave is weaker where the ground so far is steep.
+        // Massifs: ridged octaves, only where the valleys leave room. Each octave is weaker where the sum of the previous layers is steep.
         let mut height = lift.scale(760.0).plus(region.scale(30.0)).plus(self.uplift.noise(x, y).scale(430.0));
         height.v += 470.0;
         let room = lift.v / (lift.v + 0.12);
@@ -402,12 +403,12 @@ impl Generator {
     }
 }
 
-/// Ground without its finest relief, and the values on which that relief depends.
+/// Ground without its finest relief, and the values on which the finest relief depends.
 #[derive(Clone, Copy, Debug)]
 struct Broad {
     /// Elevation, metres, before it is compressed into [`HEIGHT_RANGE_M`].
     height: f64,
-    /// The same without noise. Thin beds follow it.
+    /// Elevation before any octave of fine relief is added, with its derivatives. Thin beds follow it.
     beds: Dual,
     /// By how many metres beds lie below their usual level.
     bend: f64,
@@ -417,8 +418,8 @@ struct Broad {
     amplitude: f64,
 }
 
-/// Adds octaves of fine relief: hummocks on turf; creases between blocks where the ground is `rock`. Takes and returns an elevation and the
-/// amplitude of the next octave.
+/// Adds octaves of fine relief: hummocks on turf, and creases between blocks to the degree that the ground is `rock`. `ground` and the result
+/// are an elevation and the amplitude of the next octave.
 fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -> (f64, f64) {
     octaves.iter().fold(ground, |(height, amplitude), octave| {
         let n = octave.value(x, y);
@@ -427,7 +428,7 @@ fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -
     })
 }
 
-/// Gullies with a given depth (metres) that run down the slope of the ground so far.
+/// Gullies of the given depth (metres) that run down the slope of `ground`.
 fn cut(gullies: &Gullies, x: f64, y: f64, ground: Dual, depth_m: f64) -> Dual {
     let slope = ground.slope_squared().sqrt();
     let strength = smoothstep(0.1, 0.8, slope) * depth_m;
@@ -450,7 +451,7 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Relief from half the spacing of the data down to about a metre.
+    /// Relief with wavelengths from the spacing of the data, but at least 2 m, down to about a metre; at most 8 octaves.
     pub fn new(seed: u32, data_spacing_m: f64) -> Relief {
         let mut octaves = Vec::new();
         let mut wavelength = data_spacing_m.max(2.0);

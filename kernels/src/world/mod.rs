@@ -1,8 +1,8 @@
 //! The `world` stage: makes node payloads from a scene, on demand and on worker threads.
 //!
-//! Reads the scene (generator or heightmap, splat rules, holes) and the mean looks of the palette's materials; makes [`NodePayload`]s. The
-//! world is a function of position and is never stored as one array: 34 125 nodes can exist, about 500 are needed at a time (SYSTEMS A,
-//! Ruling 12).
+//! Reads the scene (generator or heightmap, splat rules, holes) and the mean values of the palette's materials; makes [`NodePayload`]s. The
+//! world is a function of position and is never stored as one array, because 34 125 nodes can exist but only about 500 are needed at a time
+//! (SYSTEMS A, Ruling 12).
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Data".
 //!
 //! Limits: a procedural world has holes only where its scene lists them. A world from a heightmap always has holes: the ground ends where
@@ -41,7 +41,7 @@ pub const NODE_QUADS: u16 = 128;
 /// A quadtree node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct NodeId {
-    /// 0 = finest.
+    /// The LOD of the node; 0 = finest.
     pub lod: u8,
     /// Column of the node, in nodes of this LOD from the western edge of the world.
     pub x: u16,
@@ -92,7 +92,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of a world that is `extent_m` wide and has samples `data_spacing_m` apart; `None`: the world has detail at every scale.
+    /// The layout of a world that is `extent_m` wide and has samples `data_spacing_m` apart; `None` = the world has detail at every scale.
     pub fn of(extent_m: f64, data_spacing_m: Option<f64>) -> Layout {
         let mut sector_m = SECTOR_M;
         while sector_m * f64::from(SECTORS) < extent_m {
@@ -276,8 +276,8 @@ impl World {
         height.clamp(self.height_range_m.0, self.height_range_m.1)
     }
 
-    /// [`World::height_m`], and the elevation from which slope and curvature are measured. Both together take no longer than the first
-    /// alone.
+    /// [`World::height_m`], and the elevation from which slope and curvature are measured. Computing both takes no longer than computing the
+    /// first.
     fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
         match &self.source {
             Source::Generated(generator) => {
@@ -296,7 +296,7 @@ impl World {
         }
     }
 
-    /// Elevation of vertex (i, j), 0..=128, of a node as it is drawn, metres: filtered where the node is coarser than the finest LOD, and quantised.
+    /// Elevation of vertex (i, j), 0..=128, of a node as it is drawn, metres: filtered if the node is coarser than the finest LOD, and quantised.
     pub fn vertex_elevation_m(&self, node: NodeId, vertex: [u32; 2]) -> f64 {
         self.elevation_m(self.quantise(payload::vertex_height_m(self, node, vertex)))
     }
@@ -422,7 +422,7 @@ impl World {
         payload::cover(self, ground)
     }
 
-    /// The payload that follows from ground and cover.
+    /// Makes the payload of a node from its ground and from the materials on it.
     ///
     /// # Panics
     /// If the palette lacks a material of the scene.
@@ -430,7 +430,7 @@ impl World {
         payload::bake(self, ground, cover, palette)
     }
 
-    /// This world with materials that the rules and strokes of another scene place. The heightmap is shared.
+    /// Returns a copy of this world in which the rules and strokes of `scene` place the materials. The copy shares the heightmap with this world.
     #[must_use]
     pub fn laid_by(&self, scene: &Scene) -> World {
         World {
@@ -463,8 +463,9 @@ impl World {
         nodes.par_iter().map(bake).collect()
     }
 
-    /// The steepest slope, degrees. For data without added relief it is exact (over all triangles of neighbouring samples). Otherwise it
-    /// includes the steepest slope that a coarse scan finds, with differences over the finest spacing. Computed once.
+    /// The steepest slope, degrees. For data without added relief, it is the exact maximum over all triangles of neighbouring samples. Otherwise, a
+    /// coarse scan measures slopes over the finest spacing, and the result is the maximum of these slopes and of the data's slope, if there are
+    /// data. The result is computed once and kept.
     pub fn max_slope_deg(&self) -> f64 {
         *self.max_slope_deg.get_or_init(|| {
             let of_data = match &self.source {

@@ -1,9 +1,9 @@
 //! The payload of a node: all data that streaming loads for one node of the quadtree (SYSTEMS A).
 //!
 //! Heights, normals and cones are computed from one grid of heights, so that they agree. The grid is wider than the node by a border. In
-//! nodes coarser than the finest LOD, the grid is filtered: samples of ground that is rougher than their spacing would be drawn as combs.
-//! Heights on the edges of a node are never filtered. Nodes of different LODs are welded only at these heights (see
-//! `geometry/stitch.wgsl`), which must be the same in both nodes.
+//! nodes coarser than the finest LOD, the grid is filtered: without the filter, relief that is finer than the spacing of the samples would be
+//! drawn as rows of spikes. Nodes of different LODs are welded only at the heights on their edges (see `geometry/stitch.wgsl`). These heights
+//! must be the same in both nodes, so they are never filtered.
 //!
 //! Slope and curvature for the splat rules are measured over a fixed footprint in metres, whatever the LOD of the node, and the height for
 //! the rules is not filtered. A coarse node therefore gets the same materials as a fine one.
@@ -30,10 +30,10 @@ const GRID_SIDE: usize = TEXTURE_SIDE + 1;
 /// Splat texels along the edge of the working grid: -1..=65, so that border texels of the albedo also lie between four splat texels.
 const SPLAT_GRID_SIDE: usize = SPLAT_SIDE + 2;
 
-/// Mean look of each material of the palette, for the baked albedo and the packed channels; one entry per material.
+/// Mean values of each material of the palette, one entry per material. The baked albedo and the packed channels are made from them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PaletteMeans {
-    /// Linear mean albedo, tint included, 0..=1.
+    /// Mean albedo, linear RGB, tint included, 0..=1.
     pub albedo: Vec<[f32; 3]>,
     /// Mean smoothness (1 - perceptual roughness), 0..=1.
     pub smoothness: Vec<f32>,
@@ -47,7 +47,7 @@ pub struct PaletteMeans {
 /// has its centre at (i - 1.5)/128; splat texel (i, j) lies at i/64.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodePayload {
-    /// Which node.
+    /// The node to which the data belong.
     pub id: NodeId,
     /// Minimum of `height`.
     pub min_height: u16,
@@ -75,11 +75,11 @@ impl NodePayload {
     }
 }
 
-/// The ground of a node without its materials: the input of the splat rules, which stays valid when the rules change. About 250 KB.
+/// The ground of a node without its materials: the input of the splat rules. It stays valid when the rules change. About 250 KB.
 pub struct Ground {
     id: NodeId,
     grid: Grid,
-    /// Elevation at splat texels -1..=65, unfiltered.
+    /// Unfiltered elevations at splat texels -1..=65, metres.
     source: Vec<f64>,
     relief: RuleRelief,
 }
@@ -97,7 +97,7 @@ impl Ground {
         Ground { id, grid, source, relief }
     }
 
-    /// Which node.
+    /// The node to which this ground belongs.
     pub fn id(&self) -> NodeId {
         self.id
     }
@@ -111,7 +111,7 @@ pub(super) fn bake(world: &World, ground: &Ground, splat_grid: &Cover, palette: 
     let materials = world.material_count();
     assert!(
         palette.albedo.len() >= materials && palette.smoothness.len() >= materials && palette.specular_occlusion.len() >= materials,
-        "palette means for all {materials} materials of the scene"
+        "the palette must have means for all {materials} materials of the scene"
     );
     let Ground { id, grid, .. } = ground;
     let height = grid.quantised(world);
@@ -208,18 +208,18 @@ impl Grid {
     }
 }
 
-/// The mean of a working grid's vertex (i, j) and its neighbours, weighted 1 2 1 along either axis, which removes what alternates from vertex to vertex.
-/// Vertices on the node's edges, prolonged through the border, keep their heights, and the vertices next to them half of theirs; so neighbours agree on
-/// the border, too.
+/// Filtered height of vertex (i, j) of a working grid: the mean of the vertex and its neighbours, weighted 1 2 1 along each axis. The mean removes
+/// relief that alternates from vertex to vertex. Heights on the lines through the node's edges are not filtered. Heights one vertex away from
+/// these lines are moved half of the way to the mean. Neighbouring nodes therefore compute the same heights in their borders, too.
 fn filtered(height: impl Fn(usize, usize) -> f64, i: usize, j: usize) -> f64 {
-    // Vertices from the nearest edge of a node, at most 2, over 2.
+    // Distance to the nearest of these lines in vertices, at most 2, divided by 2.
     let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;
     let along_x = |j: usize| 0.25 * (height(i - 1, j) + height(i + 1, j)) + 0.5 * height(i, j);
     let mean = 0.25 * (along_x(j - 1) + along_x(j + 1)) + 0.5 * along_x(j);
     height(i, j) + share(i).min(share(j)) * (mean - height(i, j))
 }
 
-/// Height of vertex (i, j), 0..=128, of a node as its payload has it before quantisation, metres.
+/// Height of vertex (i, j), 0..=128, of a node, metres: the value that is quantised for the payload.
 pub(super) fn vertex_height_m(world: &World, id: NodeId, [i, j]: [u32; 2]) -> f64 {
     let layout = world.layout();
     let grid = Grid { origin: id.origin_m(layout).to_array(), spacing: layout.spacing_m(id.lod), heights: Vec::new() };
@@ -248,22 +248,22 @@ pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
 
 /// Slope and curvature at splat texels, from differences over a fixed footprint.
 ///
-/// Both are defined at the points of a lattice that is fixed in the world and has half the footprint as its spacing, and interpolated
-/// linearly in between. Texels finer than the lattice are interpolated between its points; coarser texels lie on its points. So all LODs
-/// use the same function.
+/// Slope and curvature are defined at the points of a lattice that is fixed in the world. The spacing of the lattice is half the footprint. If
+/// texels are closer together than lattice points, their values are interpolated linearly; otherwise each texel lies on a lattice point.
+/// So all LODs use the same function.
 struct RuleRelief {
     values: Vec<(f64, f64)>,
 }
 
 impl RuleRelief {
-    /// `broad`: the elevations at the texels from which both are measured.
+    /// `broad`: the elevations at the texels, from which slope and curvature are measured.
     fn of(world: &World, origin: [f64; 2], step: f64, broad: &[f64]) -> RuleRelief {
         let reach = world.footprint_m() / 2.0;
         let count = SPLAT_GRID_SIDE;
         let start = [origin[0] - step, origin[1] - step];
         let mut values = Vec::with_capacity(count * count);
         if step < reach {
-            // Lattice points around the texels, with one more on each side for differences.
+            // Lattice points around the texels, and one more on each side for the central differences.
             let first = start.map(|s| (s / reach).floor() - 1.0);
             let side = ((count - 1) as f64 * step / reach).ceil() as usize + 4;
             let mut lattice = Vec::with_capacity(side * side);
@@ -318,7 +318,7 @@ pub(super) fn slope_and_curvature([dx, dy, curvature]: [f64; 3]) -> (f64, f64) {
     ((dx * dx + dy * dy).sqrt().atan().to_degrees(), curvature)
 }
 
-/// Mean looks at the 132 x 132 texel centres, interpolated between the four splat texels around each centre.
+/// Mean values of the materials at the 132 x 132 texel centres, interpolated between the four splat texels around each centre.
 struct Looks {
     /// Linear RGB, smoothness, specular occlusion.
     texels: Vec<[f32; 5]>,
@@ -332,7 +332,7 @@ impl Looks {
             [r, g, b, palette.smoothness[i], palette.specular_occlusion[i]]
         };
         let mut texels = Vec::with_capacity(TEXTURE_SIDE * TEXTURE_SIDE);
-        // Texel i lies at (i - 1.5)/128 of the edge: at (i - 1.5)/2 in splat texels, and 1 more in the working grid.
+        // Texel i lies at (i - 1.5)/128 of the edge, which is (i - 1.5)/2 in splat texels. The working grid begins at splat texel -1, so 1 is added.
         let place = |i: usize| {
             let at = (i as f32 - 1.5) / 2.0 + 1.0;
             let cell = at.floor();
@@ -376,12 +376,12 @@ fn normals(grid: &Grid, looks: &Looks) -> Vec<u8> {
             rgba.extend_from_slice(&[unorm8(f64::from(look[3])), stored(n[1]), unorm8(f64::from(look[4])), stored(n[0])]);
         }
     }
-    // The normal matters most: the colour line is fitted mainly to n.y, and smoothness and occlusion follow it as well as they can.
+    // The normal matters most, so the encoder fits the colours of a block mainly to n.y. Smoothness and occlusion become less accurate.
     blocks::encode(BlockFormat::Bc3, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [0.15, 1.0, 0.1], Effort::Fast)
 }
 
-/// sRGB bytes (IEC 61966-2-1) of 4097 linear values, indexed by the square root of the value: evenly spaced linear values would be too
-/// coarse in the dark, evenly spaced roots are accurate enough for 8 bits.
+/// sRGB bytes (IEC 61966-2-1) of 4097 linear values, indexed by the square root of the value. Evenly spaced linear values would be too coarse
+/// for dark colours; evenly spaced square roots are accurate enough for 8 bits.
 static SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let encode = |root: f64| unorm8(srgb_from_linear(root * root));
     (0..=4096).map(|i| encode(f64::from(i) / 4096.0)).collect()
@@ -435,7 +435,7 @@ pub const fn diagonal_rises(i: usize, j: usize) -> bool {
     (i + j).is_multiple_of(2)
 }
 
-/// Unit normals of the two triangles of each quad, grouped by patch. They are computed from the heights as drawn.
+/// Unit normals of the two triangles of each quad, grouped by patch. They are computed from the quantised heights that are drawn.
 fn patch_normals(world: &World, height: &[u16], spacing: f64) -> Vec<Vec<[f64; 3]>> {
     let quads = HEIGHT_SIDE - 1;
     let per_patch = quads / cones::PATCHES;

@@ -1,16 +1,16 @@
 //! Splat rules decide which material lies where, by height, slope, curvature and noise. Brush strokes change their result.
 //!
-//! The weight of a rule is the product of its trapezoid masks (see [`crate::scene::Rule`]) and of the masks that were painted for its
+//! The weight of a rule is the product of its constant factor, its masks (see [`crate::scene::Rule`]) and the masks that were painted for its
 //! material. The rule with the largest weight wins, except where a material itself was painted (see [`crate::scene::Stroke`]).
 
 use crate::scene::{Rule, Scene, Stroke, StrokeKind, World};
 use crate::shared::hash;
 
-/// Prepared rules: names are resolved to palette indices, covers are converted to noise thresholds.
+/// Prepared rules: names are resolved to palette indices, and the covers of noise masks are converted to noise thresholds.
 #[derive(Clone, Debug)]
 pub struct Rules {
     rules: Vec<Prepared>,
-    /// In the order in which they were painted.
+    /// The strokes, in the order in which they were painted.
     strokes: Vec<Painted>,
 }
 
@@ -85,7 +85,7 @@ impl Rules {
             if weight > 0.0 {
                 weight *= self.mask_of(prepared.material, x, y);
             }
-            // Noise is the expensive factor, and it can only lower a weight: skip it for rules that cannot win.
+            // The noise mask is expensive, and it can only lower a weight, so it is skipped for rules that cannot win.
             if weight > 0.0 && weight >= best.0 {
                 weight *= prepared.noise_mask(x, y);
                 if weight > 0.0 && weight >= best.0 {
@@ -200,8 +200,8 @@ fn lattice_noise(x: f64, y: f64, seed: u32) -> f64 {
     a + (b - a) * t
 }
 
-/// 257 measured quantiles of [`value_noise`]. They convert covers, which are shares of the ground, to thresholds: the noise is not
-/// uniformly distributed.
+/// 257 measured quantiles of [`value_noise`]. They convert covers, which are shares of the ground, to thresholds. A formula would not do, because
+/// the noise is not uniformly distributed.
 fn noise_quantiles() -> Vec<f64> {
     const SIDE: u32 = 128;
     let mut values: Vec<f64> = (0..SIDE * SIDE)

@@ -26,7 +26,7 @@ use crate::model::viewpoint::{EYE_M, Viewpoint};
 
 /// Name of the camera that is added to the scene for a free viewpoint.
 const CAMERA: &str = "workbench";
-/// Lines of a report that are shown: the answer, the checks, and most of the table.
+/// Number of lines of a report that are shown. They contain the answer, the checks, and most of the table.
 const EXCERPT: usize = 40;
 /// How often to check whether a process has ended.
 const NAP: Duration = Duration::from_millis(10);
@@ -47,7 +47,8 @@ pub struct Extent {
 /// Saves the current settings and view into a new folder, completely or not at all. The folder has `NAME.toml`. It also has `scene.toml`, unless the
 /// scene differs from the built-in one only in numbers and the viewpoint is a camera or path of the scene. Returns the file of the definition.
 ///
-/// Paths in the scene file become absolute. A run has frames from 0 on; the picture on screen is its frame of the same number.
+/// Paths in the scene file become absolute. A run renders frames from 0 on. The picture on screen is equal to the frame of the run with the same
+/// number.
 ///
 /// # Errors
 /// One line with the remedy: the name is not suitable, the folder exists or cannot be written, a definition cannot describe the view (a recorded
@@ -73,7 +74,7 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     let definition = Definition {
         name: name.to_owned(),
         question: format!(
-            "What does {choice} cost and show by {} and {} noise, seen from {view}?",
+            "What does {choice} cost, and how does it look, with estimator {} and {} noise, seen from {view}?",
             settings.frame.estimator,
             settings.frame.noise.name()
         ),
@@ -101,7 +102,7 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     };
     let file = format!("{name}.toml");
     let text = format!("# Saved from the workbench. To run it: experiments run {file} --out out\n{}", definition.to_toml()?);
-    // Check the text with the same parser that a run uses, so that every saved definition can be run.
+    // Check the text with the parser that a run uses, so that every saved definition can be run.
     definition::parse(&text, &file, staging.folder())?;
     write_in(&staging, &file, &text)?;
     staging.finish().with_context(|| format!("cannot make the folder {}: choose another", folder.display()))?;
@@ -118,7 +119,7 @@ fn frame_settings(settings: &Settings) -> BTreeMap<String, Value> {
     differing.map(|(setting, value)| (setting.key.to_owned(), value)).collect()
 }
 
-/// Name of the view, and the camera that must be added to the scene for it, if any.
+/// Returns the name of the view, and the camera that must be added to the scene for this view, if one is needed.
 fn view(scene: &Scene, viewpoint: &Viewpoint) -> Result<(String, Option<CameraPose>)> {
     let is_camera = |name: &str| scene.cameras.iter().any(|camera| camera.name == name);
     match viewpoint {
@@ -204,7 +205,7 @@ fn definition_at(path: PathBuf) -> Option<PathBuf> {
     is_definition.then_some(path)
 }
 
-/// Why a definition cannot be run, one line: an error in it, or a file that it names does not exist. `None` = it can be run.
+/// Why a definition cannot be run, in one line: it has an error, or a file that it names does not exist. `None` = it can be run.
 pub fn lacks(definition: &Path) -> Option<String> {
     definition::load(definition).err().map(|error| one_line(&format!("{error:#}")))
 }
@@ -234,7 +235,7 @@ pub fn open(page: &Path) -> Result<()> {
     };
     let started = Command::new(opener).arg(page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
     let mut child = started.with_context(|| format!("`{opener}` cannot be started: open {} in a browser", page.display()))?;
-    // Its exit status is not reliable. It is waited for only so that no zombie process remains.
+    // The exit status of the opener is not reliable. The program waits for the process only to avoid a zombie process.
     thread::spawn(move || child.wait());
     Ok(())
 }
@@ -281,14 +282,14 @@ struct Said {
     last: String,
     error: Option<String>,
     page: Option<PathBuf>,
-    /// How often it has been asked to stop.
+    /// Number of times that the run has been asked to stop.
     cancelled: u32,
     outcome: Option<Result<Report, String>>,
 }
 
 impl Run {
-    /// Runs a definition; its results go to a folder with its name in `out`. A run that was stopped continues, and a finished one writes its report
-    /// again. `wake` is called whenever there is something new to show.
+    /// Runs a definition. The results are written to a folder with the name of the definition in `out`. A run that was stopped continues, and a run
+    /// that is finished writes its report again. `wake` is called whenever there is something new to show.
     ///
     /// # Errors
     /// There is no program `experiments`, or it cannot be started.
@@ -298,7 +299,7 @@ impl Run {
         Run::follow(command, name(definition), wake)
     }
 
-    /// Starts a process that prints the same kind of output as `experiments run`.
+    /// Starts a process that prints lines like those of `experiments run`, and follows its output.
     fn follow(mut command: Command, name: String, wake: impl Fn() + Send + 'static) -> Result<Run> {
         // One pipe for standard output and standard error, so that their lines stay in order.
         let (output, input) = io::pipe().context("the run's output cannot be followed")?;
@@ -338,7 +339,7 @@ impl Run {
         lock(&self.shared.said).outcome.clone()
     }
 
-    /// Asks it to stop, as Ctrl-C does. Finished parts are kept, and [`Run::start`] continues from there. A second call ends it at once.
+    /// Asks the run to stop, as Ctrl-C does. Finished parts are kept, and [`Run::start`] continues from there. A second call ends the run at once.
     pub fn cancel(&self) {
         let shared = self.shared.clone();
         thread::spawn(move || shared.cancel());
@@ -402,7 +403,7 @@ impl Shared {
         if first && interrupt(&child) {
             return;
         }
-        // This fails if the process has ended already, which is fine.
+        // Killing fails if the process has ended already, which needs no action.
         drop(child.kill());
     }
 }
@@ -468,7 +469,7 @@ mod tests {
         Viewpoint::Camera(name.to_owned())
     }
 
-    /// The scene of a saved definition, with the folder of another one, since the folder does not count in comparisons.
+    /// The scene of a saved definition, with the folder of the scene `like`, so that a comparison of both ignores the folder.
     fn saved_scene(definition: &Definition, like: &Scene) -> Scene {
         Scene { folder: like.folder.clone(), ..definition.scene(&None, None).expect("a scene") }
     }
@@ -490,17 +491,17 @@ mod tests {
         for (list, name) in [(&definition.estimators, "biplanar"), (&definition.noises, "white"), (&definition.temporal, "off")] {
             assert_eq!(*list, [name]);
         }
-        // The built-in scene with other numbers needs no scene file.
+        // The built-in scene with changed numbers needs no scene file.
         assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(scene::DEFAULT), 2));
         assert_eq!(fs::read_dir(folder.0.join("seen")).expect("a folder").count(), 1);
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
-        // Another scene does.
+        // A scene with a changed material needs a scene file.
         settings.scene.materials[0].tile_m *= 2.0;
         let file = save(&folder.0.join("other"), "other", &settings, &camera("cliff"), EXTENT).expect("it is saved");
         let definition = definition::load(&file).expect("it is read");
         assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(scene::FILE), 0));
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
-        // So does a scene with edits and strokes.
+        // So does a scene with other edits and with strokes.
         let stroke = Stroke {
             kind: StrokeKind::Splat,
             material: settings.scene.materials[1].name.clone(),
@@ -515,7 +516,7 @@ mod tests {
         let file = save(&folder.0.join("painted"), "painted", &settings, &camera("cliff"), EXTENT).expect("it is saved");
         let definition = definition::load(&file).expect("it is read");
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
-        // The automatic choice has a name for either kernel; a path has its own number of frames.
+        // The automatic choice has a different name for each kernel. The view may also be a path of the scene.
         for (generic, name) in [(false, "auto"), (true, "generic")] {
             let mut settings = settings.clone();
             (settings.frame.variant, settings.frame.generic) = (None, generic);
@@ -723,7 +724,7 @@ mod tests {
         drop(run);
         let began = Instant::now();
         while lock(&shared.said).outcome.is_none() {
-            assert!(began.elapsed() < Duration::from_secs(60), "it goes on");
+            assert!(began.elapsed() < Duration::from_secs(60), "the process still runs");
             thread::sleep(NAP);
         }
     }

@@ -23,7 +23,7 @@ const HISTORY: usize = 240;
 pub struct Live {
     links: Option<Links>,
     followed: [Followed; 2],
-    /// What the metrics belong to: the settings of A and B, and the number of restarts.
+    /// The settings of A and B, and the number of restarts, to which the metrics belong.
     of: Option<([Option<Settings>; 2], u32)>,
     /// The request of the last picture that was measured. A picture of the same frame and pose, for example with another layer, is not measured
     /// again.
@@ -34,7 +34,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Measures the pictures of A and B of one view. Call it right after they were drawn; `request` must be the last request of A.
+    /// Measures the pictures of A and B of one view. Call this right after they were drawn; `request` must be the last request of A.
     ///
     /// # Errors
     /// The device fails.
@@ -74,10 +74,10 @@ impl Live {
             self.sum_again(metrics, request.view.size);
             return Ok(());
         };
-        // Flips and flicker compare consecutive frames. Across a gap in the frames, no point is followed.
+        // Flips and flicker compare consecutive frames. If a frame is missing, no surface point is followed across the gap.
         let mut found = match renderer.drawn_as(request) {
             Ok(frame) => frame.link(links)?,
-            // B has other geometry: the links of A need that of A again, by the cheapest shading there is.
+            // The last picture was B, with geometry that differs from A. The links need the geometry of A, so draw A again with the cheapest shading.
             Err(_) => {
                 let again = request.with(|r| {
                     r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
@@ -117,7 +117,7 @@ impl Live {
         Ok(())
     }
 
-    /// If the region changed, sums the last frame again over the new region; the history restarts.
+    /// If the region changed, sums the last frame again over the new region, and restarts the history.
     fn sum_again(&mut self, metrics: &Metrics, size: [u32; 2]) {
         if let (true, Some(last)) = (self.region != metrics.region, self.history.back().copied()) {
             self.region = metrics.region;
@@ -133,7 +133,7 @@ impl Live {
         self.followed.each_ref().map(|f| if f.points().is_empty() { None } else { f.summary(low, high) })
     }
 
-    /// The statistics of each pixel, of A (0) or B (1).
+    /// The statistics of each pixel of A (`index` 0) or of B (1).
     pub fn side(&self, index: usize) -> &Followed {
         &self.followed[index]
     }

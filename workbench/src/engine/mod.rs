@@ -2,8 +2,7 @@
 //!
 //! The thread has a device of its own. A mailbox with room for one wish holds the next request; a newer wish replaces an older one. A second mailbox
 //! holds the news, with the last picture. Pictures are passed as texels, not as textures of a shared device, for two reasons: on a software adapter,
-//! two devices have two queues, so that a long frame does not delay clicks; and if the device is lost, it can be replaced with only a pause in the
-//! window.
+//! two devices have two queues, so a long frame does not delay clicks; and a lost device can be replaced, which only causes a pause in the window.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -41,7 +40,7 @@ use live::Live;
 use reload::{INTERVAL, Reload};
 use sketch::Sketch;
 
-/// Edge of a picture that is drawn only to compile a shader, pixels.
+/// Width and height of a picture that is drawn only to compile a shader, pixels.
 const WARMING_SIDE: u32 = 16;
 /// Repaint delay for a new picture and other urgent news. With a delay of zero, egui would paint the window twice, which on a software adapter takes
 /// as long as the picture.
@@ -59,14 +58,14 @@ struct Mail {
     warming: bool,
     /// Whether the thread must forget what it drew, because its window has closed.
     rest: bool,
-    /// Number of devices to destroy, one at each picture, for tests.
+    /// Number of devices to destroy in a test, one before each picture.
     lose: u32,
     stop: bool,
     /// Whether the thread has ended, for whatever reason.
     ended: bool,
 }
 
-/// Called when there are news, with the time for which they may wait.
+/// Called when there is news, with the time by which showing it may be delayed.
 type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
 
 struct Boxes {
@@ -79,7 +78,7 @@ struct Boxes {
     wake: Mutex<Wake>,
 }
 
-/// Locks a mutex, even if a thread panicked while it held the lock. This is sound here because the data is consistent at any moment.
+/// Locks a mutex, even if a thread panicked while it held the lock. This is correct here, because the data is consistent after every single change.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -100,7 +99,7 @@ impl Boxes {
         self.wake(SOON);
     }
 
-    /// Changes the news because of progress, which may wait to be shown.
+    /// Changes the news because of progress. The window may show it with a delay.
     fn report(&self, change: impl FnOnce(&mut News)) {
         change(&mut lock(&self.news));
         self.wake(PROGRESS);
@@ -111,12 +110,12 @@ impl Boxes {
         wake(within);
     }
 
-    /// Number of compiled shaders, and of all; zeros if shaders are not being compiled in advance.
+    /// Number of compiled shaders, and number of all shaders; zeros if shaders are not being compiled in advance.
     fn warmth(&self, warmed: &Warmed) -> [usize; 2] {
         if self.is_warming() { warmed.count() } else { [0; 2] }
     }
 
-    /// Whether a test wants the device to be lost now.
+    /// Whether a test requests the loss of the device now. Each call uses up one request.
     fn is_to_lose(&self) -> bool {
         let mut mail = lock(&self.mail);
         let lose = mail.lose > 0;
@@ -128,8 +127,8 @@ impl Boxes {
         lock(&self.mail).warming
     }
 
-    /// The newest wish. If there is none, waits for one, at most for `patience` if given; but returns at once if shaders remain to be compiled in
-    /// advance (`cold`, and requested by [`Engine::warm`]).
+    /// Takes the newest wish. If there is none, waits for one, for at most `patience` if it is given. Does not wait if shaders remain to be compiled
+    /// in advance (`cold`) and [`Engine::warm`] requested this.
     fn next(&self, cold: bool, patience: Option<Duration>) -> Next {
         let mut mail = lock(&self.mail);
         let mut waited = false;
@@ -161,7 +160,7 @@ impl Boxes {
 enum Next {
     Wish(Box<Wish>),
     Idle,
-    /// Forget what was drawn, and signal it.
+    /// Forget what was drawn, and signal that this is done.
     Rest,
     Stop,
 }
@@ -176,7 +175,7 @@ pub struct Engine {
 
 impl Engine {
     /// Starts the thread. `shaders` is a folder with the layout of `kernels/src`; the thread draws with the WGSL files in it and watches them for
-    /// changes. `wake` is called when there are news, with the time for which they may wait.
+    /// changes. `wake` is called when there is news, with the time by which showing it may be delayed.
     pub fn start(shaders: Option<PathBuf>, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
@@ -199,7 +198,8 @@ impl Engine {
         self.boxes.arrived.notify_one();
     }
 
-    /// For tests: loses a number of devices, each before a picture that is not a first look, as a driver may do at any time.
+    /// For tests: simulates the loss of a number of devices, one before each picture that is not a first look. A driver may lose a device at any
+    /// time.
     pub fn lose_devices(&self, count: u32) {
         lock(&self.boxes.mail).lose = count;
     }
@@ -233,7 +233,7 @@ impl Drop for Engine {
 /// Why drawing with a device or a scene ended.
 enum End {
     Stop,
-    /// This wish is for another scene than the loaded one.
+    /// This wish is for a scene that is not loaded.
     Scene(Box<Wish>),
     /// The device failed while drawing this wish.
     Device(Box<Wish>),
@@ -267,7 +267,7 @@ fn draw_on_devices(boxes: &Arc<Boxes>, mut reload: Option<Reload>) {
                 (news.progress, news.failure) = (None, Some(why.to_owned()));
                 news.unloaded = pending.take().map(|wish| wish.opened);
             });
-            // The next wish may need less of the device than the one that failed.
+            // The next wish may need less memory or time on the device than the wish that failed.
             let Some(wish) = awaited(boxes) else { return };
             boxes.tell(|news| news.failure = None);
             (pending, losses) = (Some(wish), 0);
@@ -355,7 +355,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
                 news.shaders_edited = !renderer.gpu().sources().is_empty();
             });
             if outcome.is_ok_and(|report| !report.stages.is_empty()) {
-                // Metrics and compiled shaders of the old sources are no longer valid.
+                // Metrics of the old shaders, and the list of shaders that are compiled, are not valid for the new shaders.
                 (live, warmed) = (Live::default(), Warmed::default());
                 next = again(next, last.take());
             }
@@ -386,8 +386,8 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
         if wish.opened != opened {
             return End::Scene(wish);
         }
-        // The textures of the loaded scene are still being made. This wish needs others, but can reuse most of these, so it waits until they are
-        // finished.
+        // The textures of the loaded scene are still being made. The scene of this wish needs different textures, but can reuse most of those of the
+        // loaded scene. The wish therefore waits until they are finished.
         if sketch.is_some() && renderer.needs_textures(&wish.settings.scene) {
             last = Some(wish);
             next = boxes.next(false, patience);
@@ -459,7 +459,7 @@ fn again(next: Next, last: Option<Box<Wish>>) -> Next {
     }
 }
 
-/// Draws a first look for a wish: only A, without metrics.
+/// Draws a first look for a wish. It shows only A, and has no metrics.
 fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
@@ -497,7 +497,7 @@ fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::b
     let measured = wish.is_measured();
     let request = wish.request(pose, &wish.layers());
     let picture = renderer.render(&request)?;
-    // Read these before B is drawn, because B may have other tints.
+    // Read the mean albedos before B is drawn, because B may have different tints.
     let mean_albedos = renderer.mean_albedos().to_vec();
     let pixel = match wish.probe {
         Some(probe) => oracle::inspect(renderer, &request, oracle::pixel_at(probe, wish.size))?,
@@ -549,8 +549,8 @@ fn draw_second(
     measured: bool,
 ) -> kernels::base::error::Result<Picture> {
     if !renderer.retune(&settings.scene)? {
-        let text = "B is not drawn: it needs another set of flavours than A (because of a distance, slope or band), or textures of another size; \
-                    use `Keep A as B` again, or undo the change";
+        let text = "B is not drawn: it needs a different set of flavours than A (because of a distance, slope or band), or textures of a different \
+                    size; use `Keep A as B` again, or undo the change";
         return Err(kernels::base::error::Error::Request(text.to_owned()));
     }
     let request = settings.request(a.view.pose, a.view.size, a.shading.frame, if measured { &LAYERS } else { &[] });
@@ -560,7 +560,7 @@ fn draw_second(
     }))
 }
 
-/// B for display, and how much A differs from it.
+/// Prepares B for display, and measures how much A differs from it.
 fn compared(wish: &Wish, a: &Picture, b: Picture, settings: Settings, live: &Live) -> Second {
     let pairs = a.hdr.iter().zip(&b.hdr).filter(|(a, _)| a[3] > 0.0);
     let (mut count, mut squares, mut sum, mut largest) = (0_u32, 0.0_f64, 0.0_f64, 0.0_f64);
@@ -625,7 +625,7 @@ impl Warmed {
         Variant::all().map(VariantChoice::Forced).chain([VariantChoice::GenericAuto])
     }
 
-    /// Records which shaders drew a picture.
+    /// Records which shaders were used to draw a picture.
     fn drew(&mut self, request: &RenderRequest, picture: &Picture) {
         let same = |like: &RenderRequest| {
             (like.shading.estimator, like.shading.noise, like.shading.two_tilings, like.wants_diagnostics())
@@ -660,7 +660,7 @@ impl Warmed {
         [all - self.missing.len(), all]
     }
 
-    /// Skips a variant that cannot be compiled for this scene. It reports its error when a wish asks for it.
+    /// Skips a variant that cannot be compiled for this scene. A wish for that variant will report the error.
     fn give_up(&mut self) {
         self.missing.pop();
     }

@@ -2,8 +2,8 @@
 //! shaders for a minute per scene.
 //!
 //! When its window closes, a thread forgets what it drew and measured. The next window of the same scene gets a device and a loaded scene, with the
-//! shaders, terrain nodes and pages that earlier windows needed. No picture depends on these. Counts of work in a frame do, such as the number of
-//! nodes that it loaded; tests that check them start a thread of their own.
+//! shaders, terrain nodes and pages that earlier windows needed. Pictures do not depend on what is already loaded. Counts of work in a frame, such as
+//! the number of nodes that it loaded, do depend on it. Tests that check such counts therefore start a thread of their own.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -13,10 +13,10 @@ use kernels::scene::Scene;
 use super::{Boxes, Engine, Wake, lock};
 use crate::model::picture::News;
 
-/// Maximum number of idle threads: each holds a device and the textures of a scene.
+/// Maximum number of idle threads. There is a limit because each thread holds a device and the textures of a scene.
 const MOST: usize = 4;
 
-/// Idle threads. They wait for a wish, so they simply end together with the program.
+/// Idle threads. They only wait for a wish, so they may end together with the program.
 static IDLE: Mutex<Vec<Engine>> = Mutex::new(Vec::new());
 
 impl Engine {
@@ -38,7 +38,7 @@ impl Engine {
 
     /// Puts the thread into the pool, if it was started by [`Engine::shared`]. Returns whether it did; if not, the caller must end the thread.
     pub(super) fn give_back(&mut self) -> bool {
-        // After a failed test, the thread may be in a bad state: do not use it again.
+        // After a failed test, the thread may be in a bad state, so do not use it again.
         let Some(scene) = self.scene.take().filter(|_| !std::thread::panicking()) else { return false };
         if !self.boxes.rest() {
             return false;
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
     use crate::model::picture::Adapter;
 
-    /// A thread that follows the protocol but does not draw: it is slow, and every request fails.
+    /// An engine whose thread follows the protocol but does not draw. The thread is slow, and every request fails.
     fn pretended(scene: &Scene, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
@@ -140,7 +140,7 @@ mod tests {
             }
         };
 
-        // If it is given back in the middle of its work, the caller waits for it, and no news follow.
+        // If an engine is dropped while its thread works, the caller waits until the thread rests, and no news follows.
         let engine = pretended(&first, wake(0));
         engine.warm();
         let boxes = engine.boxes.clone();
@@ -150,7 +150,7 @@ mod tests {
         drop(engine);
         assert_eq!(idle(), 1);
         let before = woken[0].load(Ordering::Relaxed);
-        // A window of another scene cannot use it, a window of the same scene can.
+        // A window of another scene cannot use the thread. A window of the same scene can.
         assert!(!lock(&IDLE).iter().any(|engine| engine.scene.as_deref() == Some(&other)));
         let engine = Engine::shared(&first, wake(1));
         assert!(Arc::ptr_eq(&engine.boxes, &boxes) && idle() == 0);
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(news.adapter.map(|adapter| adapter.name).as_deref(), Some("pretended"));
         assert!(!lock(&boxes.mail).warming);
         assert_eq!((woken[0].load(Ordering::Relaxed), woken[1].load(Ordering::Relaxed)), (before, 0));
-        // From now on, its news wake only the new window.
+        // News of the thread now wakes only the new window.
         boxes.tell(|_| {});
         assert_eq!((woken[0].load(Ordering::Relaxed), woken[1].load(Ordering::Relaxed)), (before, 1));
         drop(engine);
@@ -173,7 +173,7 @@ mod tests {
         drop(engine);
         assert_eq!(idle(), 1);
 
-        // If there are too many, the oldest is ended.
+        // If there are too many idle threads, the oldest one is ended.
         let more: Vec<Engine> = (0..MOST).map(|_| pretended(&other, |_| {})).collect();
         drop(more);
         assert_eq!(idle(), MOST);

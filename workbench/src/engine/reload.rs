@@ -1,8 +1,8 @@
 //! Reloading of shaders that are edited while the workbench runs: finds changed files in a folder, and rebuilds the stages that use them.
 //!
-//! A change that compiles takes effect. For one that does not, the old shaders stay in use, and the error is reported as one line with file, line and
-//! message. Notifications of changes differ between file systems, so the files are polled four times a second. There are about thirty of them, and
-//! reading a modification time takes microseconds.
+//! A change that compiles takes effect. If a change does not compile, the old shaders stay in use, and the error is reported as one line with file,
+//! line and message. Notifications of changes differ between file systems, so the files are polled four times a second. There are about thirty of
+//! them, and reading a modification time takes microseconds.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -22,7 +22,7 @@ struct Watched {
     name: String,
     /// `None` = the file does not exist.
     stamp: Option<Stamp>,
-    /// Whether the next check reports the file once more.
+    /// Whether the next check reports the file again.
     again: bool,
 }
 
@@ -40,8 +40,8 @@ impl Watcher {
         Watcher { folder, files, looked: None }
     }
 
-    /// The files that were changed, created or removed since the last check; at the first check, all files. `None` if there are none, or if the last
-    /// check is less than [`INTERVAL`] ago.
+    /// Returns the files that were changed, created or removed since the last check; at the first check, all files. `None` = there are no such files,
+    /// or the last check is less than [`INTERVAL`] ago.
     ///
     /// A changed file is reported again at the next check, because an editor may still have been writing it and may have finished within the same
     /// tick of the file system's clock. A caller that reads each reported file therefore always ends up with its last version.
@@ -67,7 +67,7 @@ impl Watcher {
         names
     }
 
-    /// Takes the current files as unchanged: nothing is reported until a file changes.
+    /// Regards the current files as unchanged, so that nothing is reported until a file changes.
     fn rest(&mut self) {
         self.look();
         for file in &mut self.files {
@@ -96,7 +96,8 @@ impl Reload {
         Reload { folder, watcher, tried: None }
     }
 
-    /// Applies changes to the renderer. `None` if there are none; otherwise a report of what was rebuilt (nothing, if a change was reverted).
+    /// Applies changes of the files to the renderer. `None` = there are no changes. Otherwise, returns a report of the stages that were rebuilt. It
+    /// has no stages if a change that did not compile was reverted.
     ///
     /// # Errors
     /// One line: a file cannot be read, or a compiler error with file and line. The renderer then continues with its old shaders.
@@ -177,7 +178,7 @@ mod tests {
         write(&folder, "a.wgsl~", "333");
         std::fs::rename(folder.0.join("a.wgsl~"), folder.0.join("a.wgsl")).expect("renamed");
         assert_eq!(watcher.look(), ["a.wgsl"]);
-        // Others empty the file first; writing the text afterwards is a second change.
+        // Other editors empty the file first. Writing the text afterwards is a second change.
         write(&folder, "a.wgsl", "");
         assert_eq!(watcher.look(), ["a.wgsl"]);
         write(&folder, "a.wgsl", "4444");

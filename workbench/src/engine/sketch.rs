@@ -1,5 +1,5 @@
-//! The first look at a scene (sketch): drawn with small textures, coarse terrain and the cheapest shader, while the textures of the scene are being
-//! made.
+//! The first look at a scene (sketch). It is drawn with small textures, coarse terrain and the cheapest shader while the textures of the scene are
+//! being made.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +15,7 @@ use kernels::quadtree::LOD_BIASES;
 use kernels::scene::Scene;
 use kernels::variant::{Flavour, Variant};
 
-/// Edge of the textures of a first look, texels. They are made in less time than it takes to compile the first shader.
+/// Width and height of the textures of a first look, texels. Making these textures takes less time than compiling the first shader.
 pub const TEXELS: u32 = 64;
 
 /// How often the thread checks whether the textures of the scene are ready.
@@ -26,7 +26,7 @@ pub type Tell = Arc<dyn Fn(Progress) + Send + Sync>;
 
 /// A scene whose textures are being made.
 pub struct Sketch {
-    /// The scene for which they are made.
+    /// The scene for which the textures are made.
     scene: Scene,
     sector_m: f64,
     /// Receives the finished textures; `None` = making them has not begun.
@@ -42,8 +42,8 @@ impl Sketch {
         renderer.is_sketch().then(|| Sketch { scene: renderer.scene().clone(), sector_m, finished: None, abandoned: Arc::default() })
     }
 
-    /// Begins to make the textures, unless that was done before. This uses all cores, so call it after the first picture. It uses a thread pool of
-    /// its own, because drawing uses the global one at the same time.
+    /// Begins to make the textures, unless this function was called before. Making them uses all cores, so call this function after the first
+    /// picture. A separate thread pool is used, because drawing uses the global thread pool at the same time.
     pub fn begin(&mut self, tell: &Tell) {
         let (scene, sector_m, tell, abandoned) = (self.scene.clone(), self.sector_m, tell.clone(), self.abandoned.clone());
         self.finished.get_or_insert_with(|| {
@@ -78,7 +78,7 @@ impl Sketch {
             }
             Ok(Err(error)) => Some(Err(error.to_string())),
             Ok(Ok(palette)) => {
-                debug_assert!(self.scene.materials == renderer.scene().materials, "another palette was made for other materials");
+                debug_assert!(self.scene.materials == renderer.scene().materials, "the palette was made for different materials");
                 renderer.take_palette(palette);
                 Some(Ok(()))
             }

@@ -1,7 +1,8 @@
-//! The brush: it turns the way of the pointer over the picture into strokes on the ground.
+//! The brush. It converts the path of the pointer over the picture into strokes on the ground.
 //!
 //! Places on the ground are computed from the depth of the picture on screen, with the same function as in the inspector ([`place_at`]). Every pixel
-//! between two positions of the pointer is examined, so that a stroke follows the ground under the pointer. It ends at sky and at a ridge's edge.
+//! between two positions of the pointer is examined, so that a stroke follows the ground under the pointer. A stroke ends at sky and at the edge of a
+//! ridge.
 
 use std::f64::consts::TAU;
 
@@ -14,25 +15,27 @@ use kernels::oracle::{pixel_at, place_at};
 
 /// Smallest and largest radius of a brush, metres.
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
-/// Largest factor that a brush puts on the weights of rules.
+/// Largest factor that a brush applies to the weights of rules.
 pub const MOST_AMOUNT: f64 = 16.0;
-/// Maximum number of points of a stroke. Baking compares every splat texel near the stroke with each of them.
+/// Maximum number of points of a stroke. Baking compares every splat texel near the stroke with each point.
 pub const MOST_POINTS: usize = 4096;
-/// Maximum number of strokes of a scene: the brush adds no more.
+/// Maximum number of strokes of a scene. If it is reached, the brush adds no stroke.
 pub const MOST_STROKES: usize = 1000;
-/// Maximum number of points of all strokes of a scene together: the brush adds no more. A scene file may have 4 MiB, and a point takes about 40
-/// bytes.
+/// Maximum number of points of all strokes of a scene together. If it is reached, the brush adds no point. A point takes about 40 bytes in a scene
+/// file, so this many points take about 2.5 MiB of the 4 MiB that a scene file may have.
 pub const MOST_IN_ALL: usize = 65_536;
 /// Smallest distance between two points of a stroke, as a share of the radius.
 const SPACING: f64 = 0.25;
 /// A point may be left out if it lies at most this far from the simplified line, as a share of the radius.
 const BESIDE: f64 = 1.0 / 16.0;
-/// Maximum number of consecutive points that are left out. The limit bounds the cost, since every new point is compared with all of them.
+/// Maximum number of consecutive points that are left out. The limit bounds the cost, because all points that were left out are checked again for
+/// every new point.
 const MOST_LEFT_OUT: usize = 256;
-/// Two neighbouring pixels may show different ground, one behind the other, if the ratio of their depths exceeds this.
+/// Two neighbouring pixels may show different surfaces, one behind the other, if the ratio of their depths exceeds this.
 const EDGE: f64 = 1.5;
-/// Second condition for such an edge: the inverse depth differs from the continuation of a plane by more than this share of its step. The ratio alone
-/// does not suffice, since ground near the horizon has large ratios, too. On a plane, the inverse depth is linear in the picture.
+/// Second condition for an edge between two surfaces: the inverse depth differs from a linear continuation of the two previous pixels by more than
+/// this share of its step from the last pixel. The ratio of depths alone does not suffice, because ground near the horizon has large ratios, too. On
+/// a plane, the inverse depth is linear in the picture.
 const BEND: f64 = 0.5;
 /// Number of points of the ring that shows the brush.
 const RING: u32 = 64;
@@ -41,7 +44,7 @@ const AROUND: u32 = 8;
 /// Steepest slope of the ring, metres of height per metre of distance.
 const STEEPEST: f64 = 4.0;
 
-/// The ground, as reconstructed from the depth of a picture. Places in the picture are shares of its width and height, from the top left.
+/// The ground, as reconstructed from the depth of a picture. Positions in the picture are given as shares of its width and height, from the top left.
 pub struct Ground<'a> {
     view: View,
     /// Depth along the view direction in metres, row by row from the top; 0 = sky.
@@ -67,14 +70,15 @@ impl<'a> Ground<'a> {
         f64::from(self.depths[y as usize * self.view.size[0] as usize + x as usize])
     }
 
-    /// The place on the ground that is visible at `at`, in world metres. `None` = sky, or outside of the picture.
+    /// The place on the ground that is visible at `at`, in world metres. `None` = `at` shows sky, or lies outside of the picture.
     pub fn at(&self, at: [f32; 2]) -> Option<DVec3> {
         let is_inside = at.iter().all(|share| (0.0..=1.0).contains(share));
         let depth_m = self.depth_m(at);
         (is_inside && depth_m > 0.0).then(|| place_at(&self.view, pixel_at(at, self.view.size), depth_m))
     }
 
-    /// The places on the ground along a line in the picture, pixel by pixel, without its start. `None` = sky, or an edge with other ground behind it.
+    /// The places on the ground along a line in the picture, pixel by pixel, without the start of the line. A `None` entry stands for sky, or marks
+    /// an edge between the surfaces before and after it.
     pub fn between(&self, from: [f32; 2], to: [f32; 2]) -> Vec<Option<DVec3>> {
         let pixels = |k: usize| (to[k] - from[k]).abs() * self.view.size[k] as f32;
         let steps = pixels(0).max(pixels(1)).ceil().max(1.0);
@@ -99,18 +103,20 @@ impl<'a> Ground<'a> {
         places
     }
 
-    /// Where a place of the world is in the picture. `None` = it is behind the camera. The result may lie outside of the picture or be occluded.
+    /// Projects a place in the world into the picture. `None` = the place is behind the camera, or nearer than the near plane. The result may lie
+    /// outside of the picture or be occluded.
     pub fn seen(&self, place: DVec3) -> Option<[f32; 2]> {
         let View { pose, camera, clip_from_local, .. } = self.view;
         let clip = clip_from_local * (place - pose.position + camera).extend(1.0);
         (clip.w > NEAR_M).then(|| [(0.5 + clip.x / clip.w * 0.5) as f32, (0.5 - clip.y / clip.w * 0.5) as f32])
     }
 
-    /// A closed ring on the ground. It is a circle when seen from above, and lies in the plane that best fits the visible ground around its centre.
+    /// Positions in the picture of a closed ring on the ground. The ring is a circle when seen from above, and lies in the plane that best fits the
+    /// visible ground around its centre.
     pub fn ring(&self, centre: DVec3, radius_m: f64) -> Vec<Option<[f32; 2]>> {
         let around = |count: u32| (0..count).map(move |i| DVec2::from_angle(TAU * f64::from(i) / f64::from(count)) * radius_m);
         let seen = around(AROUND).filter_map(|offset| self.at(self.seen(centre + offset.extend(0.0))?));
-        // Places far from the centre belong to other ground, in front of this ground or behind it.
+        // Places far from the centre belong to a different surface, which is in front of the ground at the centre or behind it.
         let slope = slope(seen.map(|place| place - centre).filter(|offset| offset.truncate().length() <= 2.0 * radius_m));
         let mut ring: Vec<_> = around(RING).map(|offset| self.seen(centre + offset.extend(slope.dot(offset)))).collect();
         let first = ring.first().copied();
@@ -156,7 +162,7 @@ pub struct Brush {
     pub paints: bool,
     /// What a stroke changes.
     pub kind: StrokeKind,
-    /// Name of the material that is laid, or of the material whose rules are weighted.
+    /// Name of the material that a splat stroke paints, or whose rules a mask weights.
     pub material: String,
     /// Radius in metres, within [`RADII_M`].
     pub radius_m: f64,
@@ -171,7 +177,7 @@ pub struct Brush {
 /// A drag that is being painted.
 #[derive(Clone, Debug, PartialEq)]
 struct Drawing {
-    /// Index of the picture in the viewport on which it began, from the left.
+    /// Index of the picture in the viewport on which the drag began, from the left.
     part: usize,
     /// Last position of the pointer; `None` = outside of the picture.
     pointer: Option<[f32; 2]>,
@@ -179,12 +185,12 @@ struct Drawing {
     began: bool,
     /// Index of the stroke that is extended; `None` = the next place begins a new stroke.
     stroke: Option<usize>,
-    /// Places that were left out since the second to last point of that stroke.
+    /// Places after the second to last point of that stroke that were left out.
     left_out: Vec<DVec2>,
 }
 
 impl Default for Brush {
-    /// Lays a material with a radius of 4 m.
+    /// A splat brush with a radius of 4 m that does not paint yet.
     fn default() -> Brush {
         Brush {
             paints: false,
@@ -200,7 +206,7 @@ impl Default for Brush {
 }
 
 impl Brush {
-    /// Selects the first material of the scene if the scene does not have the selected one.
+    /// Selects the first material of the scene if the scene does not have the selected material.
     pub fn fit(&mut self, scene: &Scene) {
         let known = scene.materials.iter().any(|material| material.name == self.material);
         if let (false, Some(first)) = (known, scene.materials.first()) {
@@ -229,12 +235,12 @@ impl Brush {
         self.drawing = None;
     }
 
-    /// Why the last drag was not painted completely; one line.
+    /// Why the last drag was not painted completely, in one line; `None` = it was painted completely.
     pub fn full(&self) -> Option<&str> {
         self.full.as_deref()
     }
 
-    /// Paints along the way of the pointer to a position; `None` = it left the picture.
+    /// Paints along the path of the pointer to the position `to`; `None` = the pointer left the picture.
     pub fn drag(&mut self, scene: &mut Scene, ground: &Ground<'_>, to: Option<[f32; 2]>) {
         let Some(mut drawing) = self.drawing.take() else { return };
         self.fit(scene);
@@ -259,7 +265,7 @@ impl Brush {
 
     /// Extends the stroke to a place, or begins a new stroke there.
     fn pass(&mut self, drawing: &mut Drawing, scene: &mut Scene, place: DVec2) {
-        // If the stroke was undone in the meantime, this place begins a new one.
+        // If the stroke was undone in the meantime, this place begins a new stroke.
         let index = drawing.stroke.filter(|index| index + 1 == scene.strokes.len());
         let last = index.and_then(|index| scene.strokes[index].points.last().copied());
         let (Some(index), Some(last)) = (index, last.map(DVec2::from_array)) else {
@@ -287,7 +293,7 @@ impl Brush {
         }
         drawing.left_out.clear();
         if count >= MOST_POINTS {
-            self.full = Some(format!("the stroke has {MOST_POINTS} points, the most that are possible: let go, and begin another stroke"));
+            self.full = Some(format!("the stroke has {MOST_POINTS} points, the maximum: let go of the button, and begin another stroke"));
             return;
         }
         if points_in_all(scene) >= MOST_IN_ALL {
@@ -299,7 +305,7 @@ impl Brush {
 
     fn stroke(&self, from: DVec2) -> Stroke {
         let (fade_m, amount) = match self.kind {
-            // These have no effect on this kind; zero, so that equal strokes compare as equal.
+            // Fade and amount have no effect on a splat stroke. They are zero, so that strokes with the same effect compare as equal.
             StrokeKind::Splat => (0.0, 0.0),
             StrokeKind::Mask => (self.fade_m.min(self.radius_m).max(0.0), self.amount),
         };
@@ -311,7 +317,7 @@ fn points_in_all(scene: &Scene) -> usize {
     scene.strokes.iter().map(|stroke| stroke.points.len()).sum()
 }
 
-/// Why the scene can take no further stroke, if it cannot; one line.
+/// Why no stroke can be added to the scene, in one line; `None` = a stroke can be added.
 fn crowded(scene: &Scene) -> Option<String> {
     let (strokes, points) = (scene.strokes.len(), points_in_all(scene));
     let is_full = strokes >= MOST_STROKES || points >= MOST_IN_ALL;
@@ -334,7 +340,7 @@ mod tests {
         View::new(pose, SIZE, [0.0; 2], 64.0, 10_240.0)
     }
 
-    /// Depths of the plane `z = rise . (x, y)`, metres; sky above it.
+    /// Depths of the plane `z = rise . (x, y)` in metres, and of the sky above its horizon (0).
     fn plane(view: &View, rise: DVec2) -> Vec<f32> {
         let normal = DVec3::new(-rise.x, -rise.y, 1.0);
         let depth = |x: u32, y: u32| {
@@ -352,7 +358,7 @@ mod tests {
         Brush { material: "moss".to_owned(), radius_m, ..Brush::default() }
     }
 
-    /// Distance from a place to the line of a stroke, metres.
+    /// Distance from a place to the line through the points of a stroke, metres.
     fn beside_m(stroke: &Stroke, place: DVec2) -> f64 {
         let points: Vec<DVec2> = stroke.points.iter().copied().map(DVec2::from_array).collect();
         let alone = points[0].distance(place);
@@ -364,7 +370,7 @@ mod tests {
         let view = view();
         for rise in [DVec2::ZERO, DVec2::new(0.3, -0.1)] {
             let depths = plane(&view, rise);
-            let ground = Ground::new(view, &depths).expect("of its size");
+            let ground = Ground::new(view, &depths).expect("a depth for each pixel");
             for pixel in [[0, 89], [80, 45], [159, 60]] {
                 let at = kernels::oracle::probe_of(pixel, SIZE);
                 let place = ground.at(at).expect("ground");
@@ -372,19 +378,19 @@ mod tests {
                 let back = ground.seen(place).expect("before the camera");
                 assert!((0..2).all(|k| (back[k] - at[k]).abs() < 1e-6), "{back:?} instead of {at:?}");
             }
-            assert!(ground.at([0.5, 1.01]).is_none() && ground.at([-0.01, 0.5]).is_none(), "beside the picture");
+            assert!(ground.at([0.5, 1.01]).is_none() && ground.at([-0.01, 0.5]).is_none(), "outside of the picture");
         }
-        assert!(Ground::new(view, &[1.0]).is_none(), "of another size");
+        assert!(Ground::new(view, &[1.0]).is_none(), "the number of depths does not match the size of the view");
         let behind = view.pose.position - view.pose.axes()[2];
         let depths = plane(&view, DVec2::ZERO);
-        assert!(Ground::new(view, &depths).expect("of its size").seen(behind).is_none());
+        assert!(Ground::new(view, &depths).expect("a depth for each pixel").seen(behind).is_none());
     }
 
     #[test]
     fn a_drag_leaves_a_line_that_is_thin_and_close() {
         let view = view();
         let depths = plane(&view, DVec2::ZERO);
-        let ground = Ground::new(view, &depths).expect("of its size");
+        let ground = Ground::new(view, &depths).expect("a depth for each pixel");
         let (mut scene, mut brush) = (plain(), brush(2.0));
         // On level ground, a line parallel to the horizon is straight.
         brush.begin(0, [0.103, 0.8]);
@@ -397,7 +403,7 @@ mod tests {
         assert_eq!((stroke.kind, stroke.material.as_str(), stroke.radius_m, stroke.fade_m), (StrokeKind::Splat, "moss", 2.0, 0.0));
         let [from, to] = [0.103, 0.903].map(|share| ground.at([share, 0.8]).expect("ground").truncate());
         assert!((length_m(&stroke) - from.distance(to)).abs() <= SPACING * 2.0, "{} m", length_m(&stroke));
-        // At a corner, too, every place is near the line, and the stroke has far fewer points than there are places.
+        // Also at corners, every place is near the line, and the stroke has far fewer points than there are places.
         let corners = [[0.2, 0.9], [0.8, 0.9], [0.8, 0.6], [0.3, 0.7], [0.31, 0.95]];
         brush.begin(0, corners[0]);
         for at in corners {
@@ -408,10 +414,10 @@ mod tests {
         let passed: Vec<DVec3> = corners.windows(2).flat_map(|pair| ground.between(pair[0], pair[1])).flatten().collect();
         for place in &passed {
             let beside = beside_m(stroke, place.truncate());
-            assert!(beside <= (SPACING + BESIDE) * 2.0 + 1e-9, "{beside} m beside the line at {place}");
+            assert!(beside <= (SPACING + BESIDE) * 2.0 + 1e-9, "{place} is {beside} m away from the line");
         }
         assert!(passed.len() > 150 && stroke.points.len() < passed.len() / 3, "{} points of {}", stroke.points.len(), passed.len());
-        // Positive control: the straight line between the ends would be too far from the places.
+        // Positive control: some places are far from the straight line of the first stroke.
         assert!(passed.iter().any(|place| distance_m(place.truncate(), [from, to]) > 4.0));
     }
 
@@ -419,14 +425,14 @@ mod tests {
     fn a_mask_has_an_edge_no_wider_than_itself() {
         let view = view();
         let depths = plane(&view, DVec2::ZERO);
-        let ground = Ground::new(view, &depths).expect("of its size");
+        let ground = Ground::new(view, &depths).expect("a depth for each pixel");
         let mut scene = plain();
         let mut brush = Brush { kind: StrokeKind::Mask, fade_m: 9.0, amount: 0.25, material: "nothing".to_owned(), ..brush(2.0) };
         brush.begin(0, [0.5, 0.8]);
         brush.drag(&mut scene, &ground, Some([0.5, 0.8]));
         let stroke = &scene.strokes[0];
         assert_eq!((stroke.fade_m, stroke.amount, stroke.points.len()), (2.0, 0.25, 1));
-        // A material that the scene does not have is replaced by its first one.
+        // A material that the scene does not have is replaced by the first material of the scene.
         assert_eq!(stroke.material, scene.materials[0].name);
         assert!(scene::validate(&scene).is_ok());
     }
@@ -443,9 +449,9 @@ mod tests {
             }
             depths
         };
-        // A gap of sky splits the drag into two strokes, a pillar in front of the ground into three.
+        // A gap of sky splits the drag into two strokes. A pillar in front of the ground splits it into three.
         for (depths, strokes) in [(columns(70, |_| 0.0), 2), (columns(70, |depth| depth / 2.0), 3), (plain_depths.clone(), 1)] {
-            let ground = Ground::new(view, &depths).expect("of its size");
+            let ground = Ground::new(view, &depths).expect("a depth for each pixel");
             let (mut scene, mut brush) = (plain(), brush(1.0));
             brush.begin(0, [0.1, 0.8]);
             brush.drag(&mut scene, &ground, Some([0.9, 0.8]));
@@ -475,13 +481,13 @@ mod tests {
         assert_eq!((scene.strokes.len(), scene.strokes[0].points.len()), (1, MOST_POINTS));
         assert!(brush.full().is_some_and(|text| text.contains("let go")), "{:?}", brush.full());
         assert!(scene::validate(&scene).is_ok());
-        // The limit on all points together holds, too: for a new stroke, and for one that is extended.
+        // The limits on the number of strokes and on all points together hold, too, for a new stroke and for a stroke that is extended.
         let long = scene.strokes[0].clone();
         let one = Stroke { points: vec![[0.0, 0.0]], ..long.clone() };
         let many = vec![long; MOST_IN_ALL / MOST_POINTS];
         let mut grown = many.clone();
         grown.pop();
-        // Room for one point, which the new stroke takes; it cannot be extended.
+        // All strokes together have the maximum number of points. The last stroke has one point, and cannot be extended.
         grown.push(Stroke { points: many[0].points[1..].to_vec(), ..one.clone() });
         grown.push(one.clone());
         for (strokes, stroke) in [(vec![one; MOST_STROKES], None), (many, None), (grown.clone(), Some(grown.len() - 1))] {
@@ -499,7 +505,7 @@ mod tests {
     fn what_is_undone_in_the_middle_of_a_drag_stays_undone() {
         let view = view();
         let depths = plane(&view, DVec2::ZERO);
-        let ground = Ground::new(view, &depths).expect("of its size");
+        let ground = Ground::new(view, &depths).expect("a depth for each pixel");
         let (mut scene, mut brush) = (plain(), brush(1.0));
         brush.begin(0, [0.1, 0.8]);
         brush.drag(&mut scene, &ground, Some([0.5, 0.8]));
@@ -515,19 +521,19 @@ mod tests {
         let view = view();
         for rise in [DVec2::ZERO, DVec2::new(0.4, 0.2)] {
             let depths = plane(&view, rise);
-            let ground = Ground::new(view, &depths).expect("of its size");
+            let ground = Ground::new(view, &depths).expect("a depth for each pixel");
             let centre = ground.at([0.5, 0.6]).expect("ground");
             let ring = ground.ring(centre, 6.0);
             assert_eq!((ring.len(), ring[0]), (RING as usize + 1, ring[RING as usize]));
             for at in ring {
                 let place = ground.at(at.expect("before the camera")).expect("ground");
-                // Pixels limit the precision.
+                // The size of the pixels limits the precision.
                 let radius = place.truncate().distance(centre.truncate());
                 assert!((radius - 6.0).abs() < 1.0, "{radius} m on {rise}");
             }
         }
         assert_eq!(slope(std::iter::empty()), DVec2::ZERO);
         let line = (1..5).map(|i| DVec3::new(f64::from(i), 0.0, f64::from(i)));
-        assert_eq!(slope(line), DVec2::ZERO, "a line tells nothing of the slope beside it");
+        assert_eq!(slope(line), DVec2::ZERO, "points on a line do not determine the slope across the line");
     }
 }

@@ -12,7 +12,7 @@ pub enum Mode {
     /// Only A is drawn.
     #[default]
     Off,
-    /// A to the left of a line, B to its right.
+    /// A is shown to the left of a line, B to its right.
     Wipe,
     /// The same part of both pictures, next to each other.
     SideBySide,
@@ -41,10 +41,10 @@ impl Mode {
     pub const fn about(self) -> &'static str {
         match self {
             Mode::Off => "B is not drawn",
-            Mode::Wipe => "A left of the line, B right of it; drag the line",
-            Mode::SideBySide => "The same part of both",
-            Mode::Flicker => "One picture at a time; the key X shows the other",
-            Mode::Difference => "Absolute difference in luminance, 0.001 black to 1 white, logarithmic",
+            Mode::Wipe => "A is left of the line, B is right of it. Drag the line to move it.",
+            Mode::SideBySide => "The same part of A and B, next to each other",
+            Mode::Flicker => "One picture at a time. The key X switches between A and B.",
+            Mode::Difference => "Absolute difference in luminance, from 0.001 (black) to 1 (pale yellow), logarithmic",
         }
     }
 }
@@ -75,14 +75,15 @@ impl Other {
 /// The comparison.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Compare {
-    /// How both are shown.
+    /// How A and B are shown.
     pub mode: Mode,
     /// What B is.
     pub other: Other,
 }
 
 impl Compare {
-    /// The settings of B; `None` = B is not drawn. The settings of the display (layer, scale, exposure, tone curve, counting, timing) are those of A.
+    /// Returns the settings of B; `None` = B is not drawn. The settings of the display (layer, scale, exposure, tone curve, counting, timing) are
+    /// those of A.
     pub fn b(&self, a: &Settings) -> Option<Settings> {
         let Settings { layer, scale, counts, times_variants, .. } = *a;
         let looked_at_as_a =
@@ -116,7 +117,7 @@ impl Compare {
     }
 }
 
-/// Describes in words how `own` differs from `other`; the choice of variant alone if there is no difference.
+/// Describes in words how `own` differs from `other`. If there is no difference, returns only the choice of variant.
 pub fn label(own: &Settings, other: &Settings) -> String {
     let mut parts = Vec::new();
     if own.choice() != other.choice() {

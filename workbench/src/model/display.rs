@@ -35,7 +35,7 @@ pub enum Layer {
     Deviation,
     /// Mean absolute difference in luminance from frame to frame.
     Flicker,
-    /// Share of choices that differ from the frame before.
+    /// Share of random choices that differ from those in the previous frame.
     Flips,
     /// Mean difference in luminance to B.
     Bias,
@@ -102,7 +102,7 @@ static DEPTH: [Scale; 1] = [Scale {
     logarithmic: true,
     ticks: &[(1.0, "1 m"), (10.0, "10 m"), (100.0, "100 m"), (1000.0, "1 km"), (10_000.0, "10 km")],
 }];
-/// Fetches, up to those of full splat with two tilings.
+/// Texture fetches, up to the 96 fetches of full splat with two tilings.
 static FETCHES: [Scale; 1] = [Scale {
     name: "texture fetches per pixel",
     colours: Colours::Magma,
@@ -152,7 +152,7 @@ const MOST_CHOICES: usize = 12;
 /// What the colours of a picture mean.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Legend {
-    /// Text, where neither bars nor swatches apply: [`Layer::legend`].
+    /// The text [`Layer::legend`], because neither bars nor swatches apply.
     Words,
     /// One bar for each value.
     Bars(&'static [Scale]),
@@ -189,7 +189,7 @@ pub fn difference_legend() -> Legend {
     Legend::Bars(&DIFFERENCE)
 }
 
-/// The colour of a choice: black = there was none.
+/// The colour of a choice; black = there was no random choice.
 fn choice(code: f32) -> [u8; 3] {
     if code >= 1.0 { CHOICES[(code as usize - 1) % CHOICES.len()] } else { [0; 3] }
 }
@@ -207,7 +207,7 @@ fn occurring(masks: &[f32]) -> Vec<Variant> {
 }
 
 impl Layer {
-    /// All of them, in the order of the menu.
+    /// All layers, in the order of the menu.
     pub const ALL: [Layer; 12] = [
         Layer::Lit,
         Layer::Albedo,
@@ -247,19 +247,19 @@ impl Layer {
             Layer::Lit => "linear radiance, exposed and tone-mapped as set in Parameters",
             Layer::Albedo => "linear albedo as sRGB",
             Layer::Normal => "x, y, z from -1 to 1 as red, green, blue",
-            Layer::Depth => "1 m black to 10 km white, logarithmic",
-            Layer::Mask => "flavours that a pixel needs; sets of flavours have mean colours",
-            Layer::Tiles => "variant that a tile runs; sets of flavours have mean colours",
-            Layer::Fetches => "texture fetches per pixel, 0 black to 96 white",
-            Layer::Choice => "one colour per choice; black: no random choice",
-            Layer::Deviation => "standard deviation of luminance over frames, 0.001 black to 1 white, logarithmic",
-            Layer::Flicker => "mean |difference| in luminance to the previous frame, 0.001 black to 1 white, logarithmic",
-            Layer::Flips => "share of choices that differ from the previous frame, 0 black to 1 white",
-            Layer::Bias => "mean A - B, -0.1 blue, 0 grey, 0.1 orange; grey where B is not drawn",
+            Layer::Depth => "from 1 m (black) to 10 km (pale yellow), logarithmic",
+            Layer::Mask => "flavours that a pixel needs; a set of flavours has the mean colour of its flavours",
+            Layer::Tiles => "variant that a tile runs; a set of flavours has the mean colour of its flavours",
+            Layer::Fetches => "texture fetches per pixel, from 0 (black) to 96 (pale yellow)",
+            Layer::Choice => "one colour per random choice; black = no random choice",
+            Layer::Deviation => "standard deviation of luminance over frames, from 0.001 (black) to 1 (pale yellow), logarithmic",
+            Layer::Flicker => "mean |difference| in luminance to the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic",
+            Layer::Flips => "share of choices that differ from the previous frame, from 0 (black) to 1 (pale yellow)",
+            Layer::Bias => "mean A - B in luminance, from -0.1 (blue) over 0 (grey) to 0.1 (orange); grey if B is not drawn",
         }
     }
 
-    /// The layer of the renderer that it shows; `None` = it is made from the picture itself.
+    /// The layer of the renderer that this layer shows; `None` = it is computed from the lit picture or from the live metrics.
     pub const fn aov(self) -> Option<&'static str> {
         match self {
             Layer::Lit | Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias => None,
@@ -297,7 +297,7 @@ impl Layer {
         }
     }
 
-    /// What the colours of a picture that was made with this layer mean.
+    /// The legend for a picture that was drawn with this layer.
     pub fn legend_for(self, picture: &Picture) -> Legend {
         let swatches = match (self, self.aov().and_then(|name| picture.layer(name))) {
             (Layer::Mask | Layer::Tiles, Some(Values::Value(masks))) => {
@@ -339,7 +339,8 @@ impl Layer {
         followed.points().par_iter().zip(&picture.displayed(Exposure::default())).map(colour).collect()
     }
 
-    /// The colours of a picture that was made with this layer, row by row from the top. Where the layer is missing, the lit picture.
+    /// The colours of a picture that was drawn with this layer, row by row from the top. If the picture does not have the layer, the colours of the
+    /// lit picture are returned.
     pub fn colours(self, picture: &Picture, followed: &Followed) -> Vec<[u8; 3]> {
         if self.is_measured() && followed.points().len() == picture.hdr.len() {
             return self.measured(picture, followed);
@@ -425,7 +426,7 @@ mod tests {
 
     #[test]
     fn what_is_measured_has_the_colours_of_its_bar() {
-        // The second frame is brighter by the value of a tick. This is its flicker; its deviation is half of it.
+        // The second frame is brighter by the value of a tick. This difference is the flicker, and half of it is the deviation.
         let ticks = values(&FLICKER[0]);
         let count = u32::try_from(ticks.len()).expect("few");
         let links: Vec<u32> = (0..count).collect();
@@ -491,7 +492,7 @@ mod tests {
             let Legend::Swatches(swatches) = layer.legend_for(&picture) else { panic!("no swatches") };
             let names: Vec<&str> = swatches.iter().map(|swatch| swatch.name.as_str()).collect();
             assert_eq!(names, ["vt (1)", "vt+far-atlas (3)", "splat (16)"]);
-            // Pixels are halfway from their swatch to the picture.
+            // The colour of a pixel is halfway between its swatch and the picture.
             let seen = picture.displayed(Exposure::default())[0];
             let colours = layer.colours(&picture, &Followed::default());
             let mixed = |swatch: &Swatch| std::array::from_fn(|k| swatch.colour[k].midpoint(seen[k]));
@@ -503,7 +504,7 @@ mod tests {
         let colours: Vec<[u8; 3]> = swatches.iter().map(|swatch| swatch.colour).collect();
         assert_eq!(Layer::Choice.colours(&picture, &Followed::default()), colours);
         assert_eq!((swatches[0].name.as_str(), swatches[1].name.as_str(), swatches[8].name.as_str()), ("none", "1, 9", "8"));
-        // Text for layers with neither bars nor swatches, and where the layer is missing from the picture.
+        // Layers without bars and swatches have a text as legend. So does a layer that the picture does not have.
         for layer in [Layer::Lit, Layer::Albedo, Layer::Mask] {
             assert_eq!(layer.legend_for(&picture), Legend::Words, "{}", layer.name());
         }

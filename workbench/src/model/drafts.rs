@@ -1,4 +1,4 @@
-//! Text that is being typed, selections, and open dialogs of the panels. They belong to a scene, and are empty when another scene is opened.
+//! Text that is being typed, selections, and open dialogs of the panels. They belong to a scene, and are cleared when another scene is opened.
 
 use std::path::{self, Path, PathBuf};
 use std::sync::mpsc::Receiver;
@@ -73,22 +73,22 @@ pub(crate) struct MaterialsDraft {
     pub(crate) misnamed: Option<String>,
     /// The folder in the text field.
     pub(crate) folder: String,
-    /// The folder of a material that was last copied into that field.
+    /// The folder that was last copied from a material into that field.
     pub(crate) foldered: Option<PathBuf>,
     /// The result of the last action on a material.
     pub(crate) said: Option<Result<String, String>>,
-    /// The open dialog that chooses a folder.
+    /// The open dialog in which the user chooses a folder.
     pub(crate) dialog: Option<Dialog>,
     /// The scene file in the text field.
     pub(crate) file: String,
     pub(crate) overwrites: bool,
-    /// The result of the last saving.
+    /// The result of the last attempt to save the scene.
     pub(crate) saved: Option<Result<String, String>>,
-    /// The files of this scene: the file that was opened, and those in which it was saved.
+    /// The files of this scene: the file from which it was opened, and the files in which it was saved.
     pub(crate) own: Vec<PathBuf>,
 }
 
-/// A system dialog that chooses a folder, on a thread of its own.
+/// A system dialog in which the user chooses a folder. It runs on a thread of its own.
 pub(crate) struct Dialog {
     /// Name of the material for which the folder is chosen.
     pub(crate) material: String,
@@ -96,7 +96,7 @@ pub(crate) struct Dialog {
 }
 
 impl MaterialsDraft {
-    /// Records what the scene was opened from (what [`scene::load`] takes). That file is overwritten only if the user asks for it.
+    /// Records what the scene was opened from (the argument of [`scene::load`]). That file is overwritten only if the user asks for it.
     pub(crate) fn opened(&mut self, given: &str) {
         if given == scene::DEFAULT {
             return;
@@ -117,11 +117,11 @@ pub(crate) struct RulesDraft {
 /// The recent scenes, and the state of opening another scene.
 #[derive(Default)]
 pub(crate) struct Scenes {
-    /// Recent scenes as [`scene::load`] takes them, the newest first.
+    /// Recent scenes in the form that [`scene::load`] accepts, the newest first.
     pub(crate) recent: Vec<String>,
     /// The action that waits for the user to confirm that edits may be lost.
     pub(crate) waits: Option<Waiting>,
-    /// The open system dialog that chooses a scene file.
+    /// The open system dialog in which the user chooses a scene file.
     pub(crate) dialog: Option<Receiver<Option<PathBuf>>>,
 }
 
@@ -135,7 +135,7 @@ pub(crate) enum Waiting {
 }
 
 impl Scenes {
-    /// Puts the scene that was opened first in the list of recent ones.
+    /// Moves the scene that was opened to the top of the list of recent scenes.
     pub(crate) fn opened(&mut self, name: &str) {
         self.recent.retain(|other| other != name);
         self.recent.insert(0, name.to_owned());

@@ -16,10 +16,10 @@ const LONGEST_NAME: usize = 100;
 const MAPS: [&str; 4] = ["albedo", "normal", "height", "roughness"];
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
-/// The scene with absolute paths, so that its file can be read from any folder.
+/// Returns the scene with absolute paths, so that its file can be read from any folder.
 ///
 /// # Errors
-/// A file that it names has no absolute path.
+/// A file that the scene names has no absolute path.
 pub(crate) fn with_absolute_paths(scene: &Scene) -> Result<Scene, String> {
     let mut copy = scene.clone();
     let material_folders = copy.materials.iter_mut().filter_map(|material| material.folder.as_mut());
@@ -104,9 +104,9 @@ pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// The material in the file of the scene (`original`) from which a material comes. That is the material with the same name. If there is none, it is
-/// the one with the same index, provided that no material has its name now (so it was renamed) and that none were removed (which shifts indices).
-/// `None` = the material was added.
+/// The material in the file of the scene (`original`) from which a material comes. This is the material in the file with the same name. If there is
+/// none, it is the material in the file with the same index, provided that no material of the scene has the name of that one (so it was renamed) and
+/// that the scene has no fewer materials than the file (removing a material shifts indices). `None` = the material was added.
 pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'a Material> {
     let material = scene.materials.get(index)?;
     let namesake = original.materials.iter().find(|other| other.name == material.name);
@@ -129,7 +129,7 @@ pub fn reset_material(scene: &mut Scene, original: &Scene, index: usize) {
 /// The rules in the file of the scene, with the current names of their materials.
 ///
 /// # Errors
-/// One line: a material that they use was removed.
+/// One line: a material that the rules use was removed.
 pub fn usual_rules(scene: &Scene, original: &Scene) -> Result<Vec<Rule>, String> {
     let present = |name: &str| {
         let is_it = |&index: &usize| origin(scene, original, index).is_some_and(|material| material.name == name);
@@ -145,7 +145,7 @@ pub fn usual_rules(scene: &Scene, original: &Scene) -> Result<Vec<Rule>, String>
 /// Takes the textures of a material from a folder. `folder` is absolute, or relative to the folder of the scene, as in a scene file.
 ///
 /// # Errors
-/// One line: as [`holds_textures`]. Nothing is changed.
+/// One line, see [`holds_textures`]. Nothing is changed.
 pub fn take_folder(scene: &mut Scene, index: usize, folder: PathBuf) -> Result<(), String> {
     holds_textures(&scene.folder.join(&folder))?;
     if let Some(material) = scene.materials.get_mut(index) {
@@ -172,7 +172,7 @@ pub fn holds_textures(folder: &Path) -> Result<(), String> {
     Err(format!("{shown} holds no {} image: give a folder that contains {wanted}", missing.join(", no ")))
 }
 
-/// The scene for a file in `folder`. If that is not the folder of the scene, the paths that the scene names become absolute.
+/// The scene for a file in `folder`. If `folder` is not the folder of the scene, the paths that the scene names become absolute.
 fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
     let place = |folder: &Path| fs::canonicalize(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }).ok();
     let stays = place(&scene.folder).is_some_and(|own| place(folder) == Some(own));
@@ -181,7 +181,7 @@ fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
 }
 
 /// Writes a scene to a file, completely or not at all, after checking that [`scene::load`] reads it back unchanged. `own` are the files of this
-/// scene; if `overwrites` is set, one of them may be overwritten. No other file is. Returns the absolute path of the file.
+/// scene. If `overwrites` is set, one of them may be overwritten. No other file is ever overwritten. Returns the absolute path of the file.
 ///
 /// # Errors
 /// One line with the remedy: the scene is invalid; the file name is not suitable, the file exists or cannot be written; or it cannot be read back.
@@ -214,7 +214,7 @@ pub fn save(scene: &Scene, file: &Path, own: &[PathBuf], overwrites: bool) -> Re
             file.sync_all()
         };
         written().map_err(|source| Error::File { file: file.clone(), source })?;
-        // Read it in the same way as the next start does.
+        // Read the file in the same way as the next start does.
         let read = scene::load(&temporary.to_string_lossy())?;
         if read == copy { Ok(()) } else { Err(Error::Request("the scene that was read is different".to_owned())) }
     });
@@ -372,7 +372,7 @@ mod tests {
         let error = take_folder(&mut scene, 0, "nowhere".into()).expect_err("there is none");
         assert!(error.contains("nowhere") && error.contains("albedo, normal, height, roughness"), "{error}");
         fs::create_dir(folder.0.join("rock")).expect("can be made");
-        // Add the images one by one, in any of the formats. This check and the reader agree on what is missing.
+        // Add the images one by one, in different formats. This check and the reader of textures agree on which images are missing.
         let files = ["albedo.png", "normal.jpg", "height.jpeg", "roughness.png"];
         for (i, file) in files.into_iter().enumerate() {
             let error = take_folder(&mut scene, 0, "rock".into()).expect_err("not all are there");
@@ -466,7 +466,7 @@ mod tests {
             assert!(error.contains(says) && error.lines().count() == 1, "{error}");
         }
         assert_eq!((fs::read(&file).expect("there"), fs::read(&other).expect("there")), (before.clone(), b"mine".to_vec()));
-        // Its own file, by another path.
+        // The scene's own file may be overwritten, also if it is given by a different path.
         let own = folder.0.join(".").join("scene.toml");
         save(&changed, &file, &[own], true).expect("its own, and asked for");
         assert!(fs::read(&file).expect("there") != before);

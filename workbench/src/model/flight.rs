@@ -14,7 +14,8 @@ const NOTCH: f64 = 1.15;
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
 /// Smallest and largest distance from the orbited place, metres.
 pub const ORBITS_M: [f64; 2] = [0.5, 50_000.0];
-/// Largest angle between the view direction and the orbited place, radians: above rounding errors, and too small to be visible.
+/// A place is in the middle of the view if the angle between the view direction and the direction to it is at most this, radians. The limit is above
+/// rounding errors, and too small to be visible.
 const BESIDE: f64 = 1e-6;
 /// Smallest and largest distance of the orbited place if only sky is visible, metres.
 const AHEAD_M: [f64; 2] = [20.0, 2000.0];
@@ -22,7 +23,7 @@ const AHEAD_M: [f64; 2] = [20.0, 2000.0];
 /// The place that the camera orbits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Orbit {
-    /// None: the camera flies or walks.
+    /// No place: the camera flies or walks.
     #[default]
     Off,
     /// The inspected pixel, or else the ground in the middle of the picture. Its position is not known until a picture has been drawn.
@@ -54,8 +55,8 @@ impl Flight {
         if let Orbit::About(target) = self.orbit { Some(target) } else { None }
     }
 
-    /// Turns the view by a drag, so that the point under the pointer stays there. `drag` and `height` (of the viewport) are in points. Returns
-    /// whether the pose changed.
+    /// Turns the view by a drag. The point under the pointer approximately follows the pointer. `drag` and `height` (of the viewport) are in points.
+    /// Returns whether the pose changed.
     pub fn turn(&self, pose: &mut Pose, drag: Vec2, height: f32) -> bool {
         if drag == Vec2::ZERO || height <= 0.0 {
             return false;
@@ -67,8 +68,8 @@ impl Flight {
         true
     }
 
-    /// Moves the camera for a time according to the keys that are held. Returns whether the pose changed. When walking or orbiting, W and S move
-    /// horizontally. The orbited place moves along with the camera.
+    /// Moves the camera for a number of seconds according to the keys that are held. Returns whether the pose changed. When walking or orbiting, W
+    /// and S move horizontally. The orbited place moves along with the camera.
     pub fn advance(&mut self, pose: &mut Pose, input: &InputState, seconds: f64) -> bool {
         let held = |key: Key| f64::from(u8::from(input.key_down(key)));
         let wanted = [held(Key::D) - held(Key::A), held(Key::E) - held(Key::Q), held(Key::W) - held(Key::S)];
@@ -103,8 +104,8 @@ fn around(pose: &Pose, target: DVec3, distance_m: f64) -> Pose {
     pose
 }
 
-/// The pose turned so that `target` is in the middle of the view. The position stays, unless it is straight above or below the target, too near, or
-/// too far.
+/// The pose turned so that `target` is in the middle of the view. The position does not change, unless it is straight above or below the target, or
+/// its distance is not within [`ORBITS_M`].
 pub fn facing(pose: &Pose, target: DVec3) -> Pose {
     let towards = target - pose.position;
     let level_m = towards.truncate().length();
@@ -127,7 +128,7 @@ pub fn ahead(pose: &Pose, ground_m: f64) -> DVec3 {
 }
 
 /// Orbits `target` by a drag. `drag` and `height` (of the viewport) are in points; a drag over the whole height is half a turn. Points nearer than
-/// the target follow the pointer. Returns whether the pose changed.
+/// the target move in the direction of the drag. Returns whether the pose changed.
 pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     if drag == Vec2::ZERO || height <= 0.0 {
         return false;
@@ -138,7 +139,7 @@ pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     true
 }
 
-/// Moves towards `target` by a number of notches of the wheel, or away from it if negative. Returns whether the pose changed.
+/// Moves towards `target` by a number of notches of the wheel, or away from it if the number is negative. Returns whether the pose changed.
 pub fn approach(pose: &mut Pose, target: DVec3, notches: f64) -> bool {
     *pose = around(pose, target, pose.position.distance(target) * NOTCH.powf(-notches));
     notches != 0.0
@@ -156,8 +157,8 @@ mod tests {
     fn a_drag_over_the_height_turns_by_the_field_of_view() {
         let mut at = pose();
         assert!(Flight::default().turn(&mut at, Vec2::new(0.0, 100.0), 100.0));
-        assert!((at.pitch - 1.0).abs() < 1e-6, "what was at the top is dragged to the bottom: looks up by the field of view");
-        // A drag to the right moves the world to the right: the view turns left, past north.
+        assert!((at.pitch - 1.0).abs() < 1e-6, "a drag from the top to the bottom turns the view up by the field of view");
+        // A drag to the right moves the picture to the right, so the view turns left, past north.
         assert!(Flight::default().turn(&mut at, Vec2::new(20.0, 0.0), 100.0));
         assert!((at.yaw - (TAU - 0.1)).abs() < 1e-6);
         Flight::default().turn(&mut at, Vec2::new(0.0, 1e6), 100.0);
@@ -174,7 +175,7 @@ mod tests {
         assert!((flight.speed_m_s - SPEEDS_M_S[0]).abs() < 1e-9);
     }
 
-    /// Places and cameras near and far, level, steep and straight below.
+    /// Cameras that face a place from near and far: level, from a steep angle, from straight above and from straight below.
     fn orbits() -> impl Iterator<Item = (Pose, DVec3)> {
         let target = DVec3::new(1234.5, -4321.0, 678.9);
         let near = [[0.0, -80.0, 30.0], [0.4, -0.3, 0.2], [-60.0, 1.0, -45.0]];
@@ -185,7 +186,7 @@ mod tests {
         })
     }
 
-    /// Distance between the unit vectors of the view direction and the direction to a place: for small angles, the angle in radians.
+    /// Distance between the unit vectors of the view direction and the direction to a place. For small angles, it is the angle in radians.
     fn beside(pose: &Pose, target: DVec3) -> f64 {
         let [_, _, forward] = pose.axes();
         (target - pose.position).normalize_or_zero().distance(forward)
@@ -222,7 +223,7 @@ mod tests {
         assert!(seen(&at)[0] > 0.1 && seen(&at)[1].abs() < 0.1, "{:?}", seen(&at));
         let before = at;
         swing(&mut at, target, Vec2::new(0.0, 10.0), 400.0);
-        assert!(seen(&at)[1] < seen(&before)[1] - 0.1 && at.position.z > before.position.z, "dragged down: it is seen from higher up");
+        assert!(seen(&at)[1] < seen(&before)[1] - 0.1 && at.position.z > before.position.z, "after a drag down, the camera is higher");
         let opposite = at;
         swing(&mut at, target, Vec2::new(400.0, 0.0), 400.0);
         let middle = at.position.midpoint(opposite.position);
@@ -238,7 +239,7 @@ mod tests {
                 let [right, up, _] = at.axes();
                 assert!((at.pitch.abs() - STEEPEST).abs() < 1e-12 && (at.yaw - start.yaw).abs() < 1e-12, "{at:?}");
                 assert!(up.z > 0.0 && right.distance(start.axes()[0]) < 1e-9, "upside down: {up}");
-                // A small drag back changes the pose slightly, and does not turn it by half a turn.
+                // A small drag back changes the pose only slightly, and does not turn it by half a turn.
                 let there = at;
                 swing(&mut at, target, Vec2::new(0.0, -pull.signum()), 400.0);
                 assert!(at.position.distance(there.position) < 0.02 * start.position.distance(target), "{there:?} to {at:?}");

@@ -1,8 +1,8 @@
 //! The state that is saved from one start to the next: the arrangement of panes, choices, changed numbers, places and paths. It is a TOML file of the
 //! user ([`place`]), which can be read and edited by hand. The workbench also starts without it.
 //!
-//! The file is written completely or not at all, and never over something that this program did not write: a file that cannot be understood is
-//! renamed, and one of a newer version of the program is left as it is.
+//! The file is written completely or not at all, and never over a file that this program did not write. A file that cannot be parsed is renamed. A
+//! file of a newer version of the program is left as it is.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -27,7 +27,7 @@ use super::panes::{Layout, Pane};
 use super::places::{Place, Places, Recorded};
 use super::settings::{Settings, differences, kept_names, numbers};
 
-/// Version of the file. Raised when a key is added or changes its meaning: an older program then leaves the file alone.
+/// Version of the file format. It is raised when a key is added or changes its meaning. An older program does not change a file of a newer version.
 pub const VERSION: u32 = 3;
 /// Maximum number of scenes in the list of recent ones.
 pub const MOST_RECENT: usize = 10;
@@ -41,7 +41,7 @@ const OF_ADAPTER: [&str; 2] = ["scale", "vertex_stride"];
 #[serde(deny_unknown_fields)]
 pub struct Kept {
     version: u32,
-    /// Recent scenes, by their [`scene_name`]: the newest first, each once, at most [`MOST_RECENT`].
+    /// The [`scene_name`] of each recent scene, the newest first, at most [`MOST_RECENT`].
     #[serde(default)]
     recent: Vec<String>,
     #[serde(default)]
@@ -63,7 +63,7 @@ impl<'de> Deserialize<'de> for Look {
         let known = kept_names();
         let unknown = choices.keys().find(|name| !known.contains(&name.as_str())).cloned();
         match unknown {
-            // The same wording as the errors of the TOML reader, because those are parsed to add a suggestion.
+            // Use the wording of the TOML reader, because its errors are parsed to add a suggestion.
             Some(name) => Err(D::Error::custom(format!("unknown field `{name}`, expected one of `{}`", known.join("`, `")))),
             None => Ok(Look(choices)),
         }
@@ -74,7 +74,8 @@ impl<'de> Deserialize<'de> for Look {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct OfScene {
-    /// Only the numbers that differ from the file of the scene, by their keys in it. Later edits of other numbers in that file thus take effect.
+    /// The numbers that differ from the file of the scene, by their keys in that file. Other numbers are not saved, so that later edits of them in
+    /// the file of the scene take effect.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     numbers: BTreeMap<String, f64>,
     #[serde(rename = "place", skip_serializing_if = "Vec::is_empty")]
@@ -94,7 +95,7 @@ impl Look {
         Look(settings.kept().map(|(name, value)| (name.to_owned(), value)).collect())
     }
 
-    /// Applies the choices; returns a line for each that is refused.
+    /// Applies the choices. Returns a line for each choice that is refused.
     fn apply(&self, settings: &mut Settings) -> Vec<String> {
         let refused = self.0.iter().filter_map(|(name, value)| settings.take(name, value).err());
         refused.map(|why| left_out(&why)).collect()
@@ -108,7 +109,7 @@ fn left_out(why: &str) -> String {
 
 impl Kept {
     /// The state to save now. `before` is the state that was saved until now; its entries for other scenes are copied. `scene_name` is the name of
-    /// the scene ([`scene_name`]), and `original` is the scene as its file has it.
+    /// the scene ([`scene_name`]), and `original` is the scene as it is in its file.
     pub fn of(before: &Kept, scene_name: &str, settings: &Settings, original: &Scene, places: &Places, tree: &Tree<Pane>) -> Kept {
         let changed = differences(&settings.scene, original).into_iter().filter(|(_, [now, _])| now.is_finite());
         let numbers = changed.map(|(parameter, [now, _])| (parameter.key.to_owned(), now));
@@ -129,12 +130,13 @@ impl Kept {
         Kept { version: VERSION, recent, look: Look::of(settings), layout: Layout::of(tree), scenes }
     }
 
-    /// Applies the saved choices, and no numbers. Returns a line for each choice that is no longer possible; that setting is not changed.
+    /// Applies the saved choices, and no numbers. Returns a line for each choice that cannot be applied; its setting is not changed.
     pub fn apply_look(&self, settings: &mut Settings) -> Vec<String> {
         self.look.apply(settings)
     }
 
-    /// Applies the saved numbers of this scene, and no choices. Returns lines like [`Kept::apply_look`].
+    /// Applies the saved numbers of this scene, and no choices. Returns a line for each number that cannot be set. If the numbers together make the
+    /// scene invalid, none is applied, and a further line says why.
     pub fn apply_numbers(&self, scene_name: &str, scene: &mut Scene) -> Vec<String> {
         let mut said = Vec::new();
         let mut changed = scene.clone();
@@ -152,7 +154,7 @@ impl Kept {
         said
     }
 
-    /// The same state, with the render scale and the vertex stride of `before`.
+    /// This state, with the render scale and the vertex stride of `before`.
     #[must_use]
     pub fn with_scale_and_stride_of(mut self, before: &Kept) -> Kept {
         for name in OF_ADAPTER {
@@ -162,7 +164,7 @@ impl Kept {
         self
     }
 
-    /// The same state, without the render scale and the vertex stride if they have these default values. The next start then uses the defaults for
+    /// This state, without the render scale and the vertex stride if they have these default values. The next start then uses the defaults for
     /// its adapter.
     #[must_use]
     pub fn without_usual(mut self, scale: f64, stride: u32) -> Kept {
@@ -182,7 +184,7 @@ impl Kept {
         self.scenes.get(scene_name).map_or_else(Places::default, |scene| Places::new(scene.places.clone(), scene.paths.clone()))
     }
 
-    /// Recent scenes, in the form that [`scene::load`] accepts: newest first, at most [`MOST_RECENT`].
+    /// Recent scenes, in the form that [`scene::load`] accepts, the newest first, at most [`MOST_RECENT`].
     pub fn recent(&self) -> &[String] {
         &self.recent
     }
@@ -192,9 +194,9 @@ impl Kept {
         OF_ADAPTER.map(|name| self.look.0.contains_key(name))
     }
 
-    /// Reads the saved state, and returns a line if there is a problem that the user should know. Without a file, the state is empty and there is no
-    /// line. A file that is damaged or of another kind is renamed to `NAME.damaged` (`NAME.damaged-2`, and so on). A file of a newer version, or one
-    /// that cannot be read, is left as it is.
+    /// Reads the saved state, and returns a line if there is a problem that the user should know. If there is no file, the state is empty and there
+    /// is no line. A file that is damaged or of another kind is renamed to `NAME.damaged` (`NAME.damaged-2`, and so on). A file of a newer version,
+    /// or one that cannot be read, is left as it is.
     pub fn load(path: &Path) -> (Kept, Option<String>) {
         let line = match Found::at(path) {
             Found::Nothing => return (Kept::default(), None),
@@ -204,7 +206,7 @@ impl Kept {
                     "{what}; it is renamed to {}, and defaults are used: to use it again, correct it and give it its old name",
                     aside.display()
                 ),
-                Err(error) => format!("{what}; it cannot be renamed ({error}), so that nothing is saved: move it away"),
+                Err(error) => format!("{what}; it cannot be renamed ({error}), so nothing is saved: move it away"),
             },
             Found::Refused(Refused::Newer(version)) => newer(path, version),
             Found::Unreadable(why) => unreadable(path, &why),
@@ -231,24 +233,25 @@ impl Kept {
         }
     }
 
-    /// Writes the saved state, completely or not at all, and only if there is no file yet or the existing one is of this kind.
+    /// Writes the saved state, completely or not at all, and only if there is no file yet or the existing file is a saved state that can be parsed.
     ///
     /// # Errors
-    /// One line: the existing file is of a newer version, of another kind, or cannot be read; or the file cannot be written. An existing file stays.
+    /// One line: the existing file is of a newer version, of another kind, or cannot be read; or the file cannot be written. An existing file
+    /// is not changed.
     pub fn save(&self, path: &Path) -> Result<(), String> {
         match Found::at(path) {
             Found::Nothing => {}
             Found::Kept(there) => return self.beside(*there).write(path),
             Found::Refused(Refused::Newer(version)) => return Err(newer(path, version)),
             Found::Refused(Refused::Foreign(what)) => {
-                return Err(format!("{what}; it is not overwritten, so that nothing is saved: move it away"));
+                return Err(format!("{what}; it is not overwritten, so nothing is saved: move it away"));
             }
             Found::Unreadable(why) => return Err(unreadable(path, &why)),
         }
         self.write(path)
     }
 
-    /// The same state, with the other scenes as they are in the file, because another window may have changed them.
+    /// This state, with the other scenes as they are in the file (`there`), because another window may have changed them.
     fn beside(&self, there: Kept) -> Kept {
         let own = self.recent.first();
         let mut scenes = there.scenes;
@@ -282,12 +285,12 @@ pub enum Refused {
     Newer(i64),
 }
 
-/// What a path leads to.
+/// What is found at a path.
 enum Found {
     Nothing,
     Kept(Box<Kept>),
     Refused(Refused),
-    /// With the reason.
+    /// The file cannot be read, for this reason.
     Unreadable(String),
 }
 
@@ -319,14 +322,14 @@ impl Found {
 
 fn newer(path: &Path, version: i64) -> String {
     format!(
-        "{} has version {version}, but this program knows only {VERSION}: it is not changed, so that nothing is saved; use the newer program, \
+        "{} has version {version}, but this program knows only {VERSION}: it is not changed, so nothing is saved; use the newer program, \
          or set SCREE_STATE to another file",
         path.display()
     )
 }
 
 fn unreadable(path: &Path, why: &str) -> String {
-    format!("cannot read {}: {why}: nothing is saved; correct that, or set SCREE_STATE to another file", path.display())
+    format!("cannot read {}: {why}; nothing is saved: remove the cause, or set SCREE_STATE to another file", path.display())
 }
 
 /// Renames a file to a free name in the same folder, and returns that name.
@@ -383,7 +386,7 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Reads the saved state from a file; the line is that of [`Kept::load`].
+    /// Reads the saved state from a file. Returns also the line for the user that [`Kept::load`] returns.
     pub fn open(path: PathBuf) -> (Keeper, Option<String>) {
         let (kept, line) = Kept::load(&path);
         (Keeper { path, kept, looked: Instant::now(), writing: None, failure: None }, line)
@@ -394,7 +397,7 @@ impl Keeper {
         &self.kept
     }
 
-    /// Why the last attempt to write failed, until an attempt succeeds; one line.
+    /// Why the last attempt to write failed, in one line; `None` = it succeeded.
     pub fn failure(&self) -> Option<&str> {
         self.failure.as_deref()
     }
@@ -416,7 +419,7 @@ impl Keeper {
     /// Writes the state if it has changed, and waits until it is written.
     ///
     /// # Errors
-    /// As [`Kept::save`].
+    /// See [`Kept::save`].
     pub fn finish(&mut self, present: impl FnOnce(&Kept) -> Kept) -> Result<(), String> {
         self.join();
         if self.take(present) {
@@ -533,7 +536,7 @@ mod tests {
         assert!(
             read.has_scale_and_stride() == [true; 2] && read.tree(egui::Id::unique("again")).as_ref().and_then(Layout::of) == kept().layout
         );
-        // The state that was read is written again unchanged, so that nothing drifts from start to start.
+        // The state that was read is saved again unchanged, so values do not drift from start to start.
         let mut original = plain();
         original.blend.mip_bias = 0.5;
         let mut settings = Settings::new(original.clone());
@@ -581,16 +584,16 @@ mod tests {
             let refusal = kept().save(&file_of(&folder)).expect_err("not ours");
             assert!(refusal.contains("not overwritten") && fs::read(file_of(&folder)).expect("still there") == *text, "{refusal}");
             let (kept, line) = Kept::load(&file_of(&folder));
-            let line = line.expect("somebody should know");
+            let line = line.expect("a line for the user");
             let aside = if number == 1 { "workbench.toml.damaged".to_owned() } else { format!("workbench.toml.damaged-{number}") };
             assert!(kept == Kept::default() && line.contains(&aside) && !line.contains('\n'), "{line}");
             assert_eq!(fs::read(folder.0.join(aside)).expect("set aside"), *text);
             assert!(!file_of(&folder).exists());
         }
         fs::write(file_of(&folder), "version = 1\n[look]\nnoises = 3\n").expect("written");
-        let line = Kept::load(&file_of(&folder)).1.expect("a key of no meaning");
+        let line = Kept::load(&file_of(&folder)).1.expect("a line about the unknown key");
         assert!(line.contains("workbench.toml:3") && line.contains("did you mean `noise`"), "{line}");
-        // A folder in the place of the file.
+        // There is a folder at the path of the file.
         fs::create_dir(file_of(&folder)).expect("made");
         let line = Kept::load(&file_of(&folder)).1.expect("a folder");
         assert!(line.contains("not a regular file") && file_of(&folder).is_dir() && kept().save(&file_of(&folder)).is_err(), "{line}");
@@ -627,13 +630,13 @@ mod tests {
         (expected.frame.estimator, expected.frame.seed) = (Estimator::Stf, 5);
         expected.scene.blend.hash_scale = 3.0;
         assert_eq!(settings, expected);
-        // Numbers that make the scene invalid, given its current file.
+        // A saved number makes the scene invalid in combination with its current file.
         let mut impossible = Kept { look: Look::default(), ..kept.clone() };
         impossible.scenes.entry(scene::DEFAULT.to_owned()).or_default().numbers =
             BTreeMap::from([("flavours.cliff_near_m".to_owned(), 9000.0)]);
         let said = apply(&impossible, scene::DEFAULT, &mut settings);
         assert!(said.len() == 1 && said[0].contains("cliff_near_m") && settings.scene == expected.scene, "{said:?}");
-        // Such numbers are not saved; those that were saved before stay.
+        // Numbers that make the scene invalid are not saved. The numbers that were saved before are kept.
         let mut numbers = changed();
         numbers.scene.flavours.cliff_near_m = 9000.0;
         let kept = Kept::of(&kept, scene::DEFAULT, &numbers, &plain(), &Places::default(), &tree());
@@ -645,7 +648,7 @@ mod tests {
         let folder = Folder::new("whole");
         kept().save(&file_of(&folder)).expect("written");
         let before = fs::read(file_of(&folder)).expect("there");
-        // The name of the temporary file is taken.
+        // A folder already has the name of the temporary file.
         fs::create_dir(folder.0.join(format!("workbench.toml.{}.tmp", std::process::id()))).expect("made");
         let error = Kept::default().save(&file_of(&folder)).expect_err("cannot be written");
         assert!(error.contains("workbench.toml") && error.contains("make room"), "{error}");

@@ -1,6 +1,6 @@
-//! The panes of the window and their arrangement, and the form in which the arrangement is saved: by titles and shares. The format of the window
-//! library is not suitable: TOML can represent neither its identifiers (unsigned 64 bits) nor its empty values, and a pane that a version adds or
-//! removes would make the file unreadable.
+//! The panes of the window and their arrangement, and the form in which the arrangement is saved: titles of panes, and shares of the window. The
+//! format of the window library is not suitable, because TOML can represent neither its identifiers (unsigned 64 bits) nor its empty values. Also,
+//! the file could not be read by a version of the program that has a pane more or less.
 
 use eframe::egui;
 use egui_tiles::{Container, Grid, GridLayout, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
@@ -13,9 +13,9 @@ pub enum Pane {
     Viewport,
     /// Choice of variant, estimator and noise.
     Variants,
-    /// Materials: their textures, and how these lie on the ground.
+    /// Materials: their textures, and the size, rotation and tint of the textures.
     Materials,
-    /// Splat rules: which material lies where.
+    /// Splat rules, which assign a material to each place.
     Rules,
     /// The brush, and the strokes that are painted over the rules.
     Brush,
@@ -29,7 +29,7 @@ pub enum Pane {
     Frame,
     /// How one pixel was shaded.
     Inspector,
-    /// What each stage reports of the frame: nodes on a map, atlases, pages, tiles.
+    /// What each stage reports about the frame: nodes on a map, atlases, pages, tiles.
     Machine,
     /// Saving the current settings as an experiment, and running experiments.
     Experiments,
@@ -123,7 +123,7 @@ pub enum Layout {
         /// The children, from the left.
         children: Vec<Layout>,
     },
-    /// Children beside each other.
+    /// Children next to each other.
     Row {
         /// Shares of the width, one per child.
         shares: Vec<f32>,
@@ -281,7 +281,7 @@ mod tests {
         Layout::Pane { name: pane.name().to_owned() }
     }
 
-    /// All panes: the first one beside a column of a grid and tabs, of which the last is open.
+    /// All panes: the first one next to a column that consists of a grid and of tabs. The last tab is open.
     fn all() -> Layout {
         let [first, second, third] = [0, 1, 2].map(|i| pane(Pane::ALL[i]));
         let grid = Layout::Grid { columns: 2, column_shares: vec![0.75, 1.25], row_shares: vec![1.0], children: vec![second, third] };
@@ -295,7 +295,7 @@ mod tests {
     fn a_layout_becomes_a_tree_and_the_same_layout_again() {
         let tree = all().tree(id()).expect("panes");
         assert_eq!(Layout::of(&tree), Some(all()));
-        // The same after writing it as text and reading it again.
+        // Writing the layout as text and reading it again gives the same layout.
         let text = toml::to_string(&all()).expect("can be written");
         assert_eq!(toml::from_str::<Layout>(&text).expect("can be read"), all(), "{text}");
     }
@@ -311,7 +311,7 @@ mod tests {
         let Layout::Tabs { open, children } = &children[1] else { panic!("tabs stay tabs") };
         let expected: Vec<Layout> = Pane::ALL[1..].iter().map(|&p| pane(p)).collect();
         assert_eq!((*open, children), (0, &expected));
-        // Without tabs, tabs are created for the new panes.
+        // If the layout has no tabs, tabs are created for the panes that it lacks.
         let Some(Layout::Row { children, .. }) = pane(Pane::ALL[0]).tree(id()).as_ref().and_then(Layout::of) else {
             panic!("a row is made")
         };

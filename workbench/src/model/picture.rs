@@ -1,4 +1,4 @@
-//! Requests for pictures, and the pictures: what the window asks the drawing thread for, and what it gets.
+//! The requests for pictures that the window sends to the drawing thread, and the pictures and news that it gets back.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,21 +20,21 @@ use kernels::oracle::Pixel;
 pub struct Wish {
     /// The settings of A.
     pub settings: Settings,
-    /// What it is compared with.
+    /// What A is compared with.
     pub compare: Compare,
-    /// Live metrics of it.
+    /// Settings of the live metrics.
     pub metrics: Metrics,
     /// The viewpoint.
     pub viewpoint: Viewpoint,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// The frame number, on which noise and camera paths depend. There is no other time.
+    /// The frame number. Noise and camera paths depend on it, and not on a clock.
     pub frame: u32,
     /// Position of the inspected pixel, as shares of the picture; `None` = no pixel is inspected.
     pub probe: Option<[f32; 2]>,
-    /// Whether the depth layer is needed to find places on the ground: for the brush, and for the orbited place.
+    /// Whether the depth layer is needed to find places on the ground, for the brush or for the orbited place.
     pub seeks: bool,
-    /// The pose for which nodes and patches are culled while culling is frozen; `None` = the viewpoint.
+    /// The pose for which nodes and patches are culled while culling is frozen; `None` = the pose of the viewpoint.
     pub culled_from: Option<Pose>,
     /// Number that identifies the loading of the scene. If it changes, the scene and the files that it names are loaded again, even if the scene is
     /// equal.
@@ -90,13 +90,13 @@ pub struct Shown {
     pub texels: Vec<[u8; 3]>,
     /// What its colours mean.
     pub legend: Legend,
-    /// Whether it is a first look: drawn with small textures on coarse terrain, only to show where everything is.
+    /// Whether the picture is a first look: a preview that is drawn with small textures on coarse terrain.
     pub draft: bool,
     /// The picture and its numbers.
     pub picture: Picture,
     /// B, if it was requested.
     pub second: Option<Second>,
-    /// The inspected pixel of A; `None` = no pixel was inspected, or it shows sky.
+    /// The inspected pixel of A; `None` = no pixel was inspected, or the inspected pixel shows sky.
     pub pixel: Option<Pixel>,
     /// Why B is missing although it was requested; one line.
     pub alone: Option<String>,
@@ -104,9 +104,9 @@ pub struct Shown {
     pub ground_m: f64,
     /// Elevation of the ground below the pose that culling is frozen at, metres; `None` = it is not frozen.
     pub culled_ground_m: Option<f64>,
-    /// How the quadtree lies over the world.
+    /// Layout of the quadtree in the world.
     pub layout: kernels::world::Layout,
-    /// Mean linear albedo of each material of the wish's scene, tint included.
+    /// Mean linear albedo of each material of the scene in the wish, tint included.
     pub mean_albedos: Vec<[f32; 3]>,
     /// The readings since measuring began, the newest last.
     pub readings: Vec<Reading>,
@@ -142,16 +142,16 @@ pub struct News {
     pub adapter: Option<Adapter>,
     /// Progress of a long task.
     pub progress: Option<Progress>,
-    /// Number of compiled shaders, and of all that a click may need.
+    /// Number of compiled shaders, and number of all shaders that a click may need.
     pub warm: [usize; 2],
     /// Why the last wish was not fulfilled; one line.
     pub failure: Option<String>,
     /// [`Wish::opened`] of the scene that was loaded last, with all files that it names.
     pub loaded: Option<u32>,
-    /// [`Wish::opened`] of the scene that could not be loaded, if the last one could not. `failure` says why.
+    /// [`Wish::opened`] of the last scene, if it could not be loaded; `failure` says why. `None` = it was loaded, or is being loaded.
     pub unloaded: Option<u32>,
     /// Why the shaders in the watched folder are not in use; one line with file, line and message. The last shaders that compiled stay in use.
     pub shader_error: Option<String>,
-    /// Whether shaders other than those of the program are in use.
+    /// Whether shaders are in use that differ from those of the program.
     pub shaders_edited: bool,
 }

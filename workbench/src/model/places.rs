@@ -17,15 +17,15 @@ use super::files;
 
 /// Maximum number of frames of a path: 28 minutes at 60 frames a second, 5 MB.
 pub const MOST_FRAMES: usize = 100_000;
-/// Maximum number of frames that may be missing between two pictures of a recording. Frames are missing where somebody steps faster than pictures are
+/// Maximum number of frames that may be missing between two pictures of a recording. Frames are missing if somebody steps faster than pictures are
 /// drawn.
 const LONGEST_GAP: usize = 60;
 /// Longest name, characters.
 const NAME_LENGTH: usize = 100;
 /// Largest file that is read as a path, bytes. The longest possible path takes about 12 million bytes.
 const MOST_BYTES: u64 = 64 << 20;
-/// Columns of the file of a path. Angles are in radians, so that a replay has the poses of the recording to the last bit: not every f64 in radians
-/// equals an f64 in degrees times pi/180.
+/// Columns of the file of a path. Angles are in radians, so that a replay has the poses of the recording to the last bit. Degrees would not
+/// preserve them, because not every f64 in radians equals an f64 in degrees times pi/180.
 const COLUMNS: [&str; 7] = ["frame", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "fov_rad"];
 
 /// The angle in degrees that converts back to exactly these radians, if there is one; otherwise approximately the nearest one. An angle may therefore
@@ -33,7 +33,8 @@ const COLUMNS: [&str; 7] = ["frame", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad"
 fn degrees(radians: f64) -> f64 {
     let nearest = radians.to_degrees();
     let (mut above, mut below) = (nearest, nearest);
-    // Two factors and two products are rounded, each by at most 2^-53. Together these are at most four units in the last place.
+    // The two conversions round two factors and two products. Each rounding has a relative error of at most 2^-53. The four errors together are at
+    // most four units in the last place, so four steps in each direction reach every candidate.
     for _ in 0..=4 {
         if let Some(exact) = [above, below].into_iter().find(|degrees| degrees.to_radians() == radians) {
             return exact;
@@ -86,7 +87,7 @@ impl TryFrom<CameraPose> for Place {
     fn try_from(camera: CameraPose) -> Result<Place, String> {
         if camera.above_ground {
             return Err(format!(
-                "`{}` gives its height above the ground, which only a camera of a scene can: give z as elevation",
+                "`{}` gives its height above the ground, which only a camera in a scene file may do: give z as elevation",
                 camera.name
             ));
         }
@@ -139,13 +140,13 @@ fn pose([x, y, z, yaw, pitch, fov]: [f64; 6]) -> Result<Pose, String> {
 
 impl PartialEq for Recorded {
     fn eq(&self, other: &Recorded) -> bool {
-        // Viewpoints are compared each time the window is drawn, so that comparing clones must not cost a pass over all poses.
+        // Viewpoints are compared each time the window is drawn, so comparing clones must not cost a pass over all poses.
         self.name == other.name && (Arc::ptr_eq(&self.poses, &other.poses) || self.poses == other.poses)
     }
 }
 
 impl Recorded {
-    /// A path with one of these poses per frame.
+    /// Creates a path with one of these poses per frame.
     ///
     /// # Errors
     /// There are no poses, or more than [`MOST_FRAMES`].
@@ -181,8 +182,8 @@ impl Recorded {
     /// Reads a table that [`Recorded::to_csv`] wrote. `place` names the table in errors.
     ///
     /// # Errors
-    /// One line with the place and the line: the columns are different, frames do not count up from 0, a cell is not a number, a pose is impossible
-    /// for a camera, or there are no rows or too many.
+    /// One line with `place` and the number of the line: the columns are different, frames do not count up from 0, a cell is not a number, a pose is
+    /// impossible for a camera, or there are no rows or too many.
     pub fn from_csv(name: &str, table: impl Read, place: &str) -> Result<Recorded, String> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table);
         let header = reader.headers().map_err(|error| format!("{place}: {}", one_line(&explain(&error))))?;
@@ -203,7 +204,7 @@ impl Recorded {
                 )));
             }
             if poses.len() == MOST_FRAMES {
-                return Err(wrong(format!("a path has at most {MOST_FRAMES} frames: cut it into several")));
+                return Err(wrong(format!("a path has at most {MOST_FRAMES} frames: split it into several paths")));
             }
             let mut row = [0.0; 6];
             for ((number, cell), column) in row.iter_mut().zip(record.iter().skip(1)).zip(&COLUMNS[1..]) {
@@ -236,7 +237,7 @@ impl Recorded {
         let metadata = fs::metadata(file).map_err(unreadable)?;
         if !metadata.is_file() || metadata.len() > MOST_BYTES {
             return Err(format!(
-                "{place} is not a regular file, or it is larger than any path: give a table that `Write ... to a file` made"
+                "{place} is not a regular file, or it is larger than any path: give a table that was written with `Write ... to a file`"
             ));
         }
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -250,7 +251,7 @@ fn explain(error: &csv::Error) -> String {
             let line = pos.as_ref().map_or(0, csv::Position::line);
             format!("line {line} has {len} cells, must have {}", COLUMNS.len())
         }
-        csv::ErrorKind::Utf8 { .. } => "it is not UTF-8 text: give a table that `Write ... to a file` made".to_owned(),
+        csv::ErrorKind::Utf8 { .. } => "it is not UTF-8 text: give a table that was written with `Write ... to a file`".to_owned(),
         _ => error.to_string(),
     }
 }
@@ -260,7 +261,7 @@ fn explain(error: &csv::Error) -> String {
 pub enum Ended {
     /// It has [`MOST_FRAMES`] frames.
     Full,
-    /// The frame number went back, or too far ahead.
+    /// The frame number went back, or jumped too far ahead.
     Jumped {
         /// The last frame that was recorded.
         from: usize,
@@ -278,7 +279,7 @@ impl fmt::Display for Ended {
     }
 }
 
-/// A path that is being recorded: one pose per frame, from frame 0 on, so that a replay also has the same noise.
+/// A path that is being recorded: one pose per frame, from frame 0 on. A replay also begins at frame 0, so that it has the same noise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     poses: Vec<Pose>,
@@ -286,7 +287,7 @@ pub struct Recording {
 
 impl Recording {
     /// Records the pose of the picture on screen. The same picture may be passed repeatedly. Pictures before that of frame 0 are ignored. If a frame
-    /// has several pictures, the last one counts; if it has none, it gets the pose of the frame before.
+    /// has several pictures, the pose of the last one is kept. If it has none, it gets the pose of the frame before.
     ///
     /// # Errors
     /// Why the recording ended. The frames recorded until then remain.
@@ -328,7 +329,7 @@ impl Recording {
     }
 }
 
-/// The places and paths of a scene. No two places have the same name, and no two paths.
+/// The places and paths of a scene. No two places have the same name, and no two paths have the same name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Places {
     places: Vec<Place>,
@@ -336,7 +337,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// A collection of these places and paths. Where a name occurs twice, the second one gets a new name.
+    /// Creates a collection of these places and paths. If a name occurs twice, the second place or path gets a new name.
     pub fn new(places: Vec<Place>, paths: Vec<Recorded>) -> Places {
         let mut all = Places::default();
         for Place { name, pose } in places {
@@ -363,7 +364,7 @@ impl Places {
         self.places.is_empty() && self.paths.is_empty()
     }
 
-    /// Adds a place under the given name, or one derived from it if it is taken. Returns the name.
+    /// Adds a place under the given name, or under a name derived from it if that name is taken. Returns the name of the place.
     pub fn keep(&mut self, name: &str, pose: Pose) -> &str {
         let name = unique(name, "place", |name| self.places.iter().any(|place| place.name == name));
         let at = self.places.len();
@@ -371,7 +372,7 @@ impl Places {
         &self.places[at].name
     }
 
-    /// Adds a path under its name, or one derived from it if it is taken. Returns the name.
+    /// Adds a path under its name, or under a name derived from it if that name is taken. Returns the name of the path.
     pub fn add(&mut self, path: Recorded) -> &str {
         let name = unique(&path.name, "path", |name| self.paths.iter().any(|path| path.name == name));
         let at = self.paths.len();
@@ -417,7 +418,7 @@ mod tests {
 
     use super::*;
 
-    /// Numbers with many digits, from an explicit seed.
+    /// Random poses from a fixed seed, whose numbers have many digits.
     fn poses(count: usize) -> Vec<Pose> {
         let mut state = 1_u64;
         let mut next = || {
@@ -448,7 +449,7 @@ mod tests {
         for (frame, pose) in (0..).zip(&flown) {
             assert_eq!([bits(&read.pose(frame)), bits(&kept.pose(frame))], [bits(pose); 2], "frame {frame}");
         }
-        assert_eq!((read.pose(500), read.pose(u32::MAX)), (flown[0], flown[u32::MAX as usize % 500]), "over and over");
+        assert_eq!((read.pose(500), read.pose(u32::MAX)), (flown[0], flown[u32::MAX as usize % 500]), "the path repeats");
         assert_eq!((&path, &path), (&read, &kept));
     }
 
@@ -462,7 +463,7 @@ mod tests {
                 assert!((a - b).abs() <= 2.0 * f64::EPSILON * b.abs(), "{a} {b}");
             }
             assert_eq!(bits(&once.pose)[..3], bits(&pose)[..3], "positions are exact");
-            assert_eq!(bits(&read(&once).pose), bits(&once.pose), "read again");
+            assert_eq!(bits(&read(&once).pose), bits(&once.pose), "a second conversion changes nothing");
         }
         let east = Place { name: "east".to_owned(), pose: Pose { position: DVec3::ONE, yaw: TAU / 4.0, pitch: 0.0, fov: TAU / 8.0 } };
         let camera = CameraPose::from(east.clone());
@@ -494,7 +495,7 @@ mod tests {
             let error = Recorded::from_csv("t", picture, "t.csv").expect_err("no text");
             assert!(error.starts_with("t.csv: it is not UTF-8 text: give a table") && !error.contains('\n'), "{error}");
         }
-        // Blanks, and the line ends of other systems, are accepted.
+        // Spaces around cells, empty lines and the line ends of Windows are accepted.
         assert!(Recorded::from_csv("t", format!("{header}\r\n {row}\r\n\r\n").as_bytes(), "t.csv").is_ok());
         assert!(Recorded::read(Path::new("nowhere/at/all.csv")).expect_err("no such file").contains("all.csv"));
     }
@@ -516,11 +517,12 @@ mod tests {
     fn a_recording_has_a_pose_a_frame_and_an_end() {
         let at = poses(8);
         let mut recording = Recording::default();
-        // A picture from before the recording; the first one; the same one again; and one with a moved camera while time stood still.
+        // A picture from before the recording; a picture of frame 0; that picture again; a picture of frame 0 with a moved camera, while time is
+        // paused; and a picture of frame 1.
         for (frame, pose) in [(57, at[0]), (0, at[1]), (0, at[1]), (0, at[2]), (1, at[3])] {
             recording.see(frame, pose).expect("goes on");
         }
-        // Two frames without a picture.
+        // Frames 2 and 3 have no picture.
         recording.see(4, at[4]).expect("a short gap");
         assert_eq!(recording.see(2, at[5]), Err(Ended::Jumped { from: 4, to: 2 }));
         assert_eq!(recording.see(500, at[5]), Err(Ended::Jumped { from: 4, to: 500 }));

@@ -22,9 +22,9 @@ pub struct Settings {
     pub scale: f64,
     /// What the viewport shows.
     pub layer: Layer,
-    /// Whether fetches are counted (a slower shader).
+    /// Whether fetches are counted, which uses a slower shader.
     pub counts: bool,
-    /// Whether each variant is shaded, and timed, in a pass of its own.
+    /// Whether each variant is shaded and timed in a separate pass.
     pub times_variants: bool,
 }
 
@@ -36,7 +36,7 @@ pub const SCALE: Setting<Settings> = Setting {
     unit: "",
     kind: Kind::Number(Range::new(0.1, 2.0)),
     default: || Some(Value::Float(1.0)),
-    about: "Pixels drawn per pixel of the screen, along a side. On a software adapter it is usually less.",
+    about: "Number of pixels drawn per pixel of the screen, along each side. On a software adapter, the default is 0.5.",
     listing: VIEW.logarithmic("Render scale", 0.1, 2.0),
     field: |settings| Some(&settings.scale),
     field_mut: |settings| Some(&mut settings.scale),
@@ -48,7 +48,7 @@ pub const COUNTS: Setting<Settings> = Setting {
     unit: "",
     kind: Kind::Flag,
     default: || Some(Value::Boolean(false)),
-    about: "Count texture fetches, by a slower shader: its time is not that of the plain one.",
+    about: "Count texture fetches. This uses a slower shader, so the times differ from those of the normal shader.",
     listing: VIEW.shown("Count fetches"),
     field: |settings| Some(&settings.counts),
     field_mut: |settings| Some(&mut settings.counts),
@@ -60,7 +60,7 @@ pub const TIMES_VARIANTS: Setting<Settings> = Setting {
     unit: "",
     kind: Kind::Flag,
     default: || Some(Value::Boolean(false)),
-    about: "Shade each variant in a pass of its own, to compare their times. Their sum is not the time of one pass for all.",
+    about: "Shade each variant in a separate pass, to compare the times. The sum of these times is not the time of a single pass for all variants.",
     listing: VIEW.shown("Time variants"),
     field: |settings| Some(&settings.times_variants),
     field_mut: |settings| Some(&mut settings.times_variants),
@@ -138,19 +138,19 @@ impl Settings {
         self.frame.choice()
     }
 
-    /// Name of that choice: `auto`, `splat`, `generic vt+splat`.
+    /// Name of the choice that [`Settings::choice`] returns, such as `auto`, `splat` or `generic vt+splat`.
     pub fn choice_name(&self) -> String {
         let what = self.frame.variant.map_or_else(|| "auto".to_owned(), |variant| variant.to_string());
         if self.frame.generic { format!("generic {what}") } else { what }
     }
 
-    /// Adds a flavour to the forced ones, or removes it. When none is left, the choice is automatic.
+    /// Adds a flavour to the forced flavours, or removes it. If no flavour is left, the choice is automatic.
     pub fn toggle(&mut self, flavour: Flavour) {
         let mask = self.frame.variant.map_or(0, Variant::mask) ^ flavour.bit();
         self.frame.variant = Variant::new(mask);
     }
 
-    /// Whether both render the same pictures. Differences in how these are displayed do not count.
+    /// Whether both settings render the same pictures. Differences in how the pictures are displayed do not count.
     pub fn looks_like(&self, other: &Settings) -> bool {
         let Settings { scale, layer, counts, times_variants, .. } = *self;
         let frame = other.frame.looked_at_as(&self.frame);
@@ -169,7 +169,7 @@ impl Settings {
     }
 }
 
-/// The settings of a frame that the workbench shows, without those of its stages.
+/// The settings of a frame that the workbench shows, without the settings of the stages.
 pub fn own_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
     FrameSettings::SETTINGS.iter().filter(|setting| setting.has_home(Home::Workbench))
 }
@@ -191,7 +191,7 @@ pub fn reference() -> String {
     settings::reference(&rows)
 }
 
-/// The names that [`Settings::kept`] has.
+/// The names of the settings that [`Settings::kept`] returns.
 pub fn kept_names() -> Vec<&'static str> {
     frame_settings().map(Setting::name).chain(OWN.into_iter().map(Setting::name)).collect()
 }

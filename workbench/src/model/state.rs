@@ -96,14 +96,14 @@ pub struct Model {
     pub(crate) textures: [Option<TextureHandle>; 3],
     /// How pictures are displayed.
     pub(crate) looking: Looking,
-    /// Why the current settings make no valid scene, if they do not.
+    /// Why the current settings do not make a valid scene; `None` = they do.
     impossible: Option<String>,
-    /// The last valid scene. It is not validated again, so that it is still drawn after files that it names have been removed.
+    /// The last valid scene. It is not validated again, so it is still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
     /// How long each drawing of the window itself took. A click waits at most this long.
     pub(crate) answers: VecDeque<Duration>,
-    /// Whether the saved state has a render scale and a vertex stride that the user chose.
+    /// Whether the saved state has a render scale, and whether it has a vertex stride, that the user chose.
     chosen: [bool; 2],
     /// Whether the window may close although edits would be lost.
     leaves: bool,
@@ -173,7 +173,7 @@ impl Model {
         }
     }
 
-    /// Records what the scene was opened from (what [`scene::load`] takes). Saving may then overwrite that file, if the user asks for it.
+    /// Records what the scene was opened from (the argument of [`scene::load`]). Saving may then overwrite that file, if the user asks for it.
     pub fn come_from(&mut self, given: &str) {
         self.materials.opened(given);
         let name = kept::scene_name(given);
@@ -197,7 +197,7 @@ impl Model {
         self.notes = notes;
     }
 
-    /// The state to save.
+    /// Returns the state to save.
     fn present(&self, before: &Kept, scene_name: &str) -> Kept {
         let kept = Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree);
         // The defaults are not known until the adapter is known.
@@ -256,7 +256,7 @@ impl Model {
 
     /// Why there is no picture of what the controls describe.
     pub fn failure(&self) -> Option<&str> {
-        // A failure to load another scene does not concern this one.
+        // Ignore a failure to load a different scene.
         let own = self.news.unloaded.is_none_or(|opened| opened == self.opened);
         self.impossible.as_deref().or(self.news.failure.as_deref().filter(|_| own))
     }
@@ -289,7 +289,7 @@ impl Model {
         }
     }
 
-    /// Applies the defaults for the adapter once it is known, except where the user chose a value.
+    /// Applies the defaults for the adapter once it is known. A value that the user chose is not changed.
     pub(crate) fn adapt(&mut self) {
         let Some(adapter) = &self.news.adapter else { return };
         let untouched = [self.settings.scale == self.usual_scale, self.settings.frame.vertex_stride == self.usual_stride];
@@ -349,7 +349,8 @@ impl Model {
     /// The current pose of the camera, from which it moves on.
     pub fn pose(&self) -> Option<Pose> {
         match &self.viewpoint {
-            // Only the drawing thread knows the height of a walker. Its position may be ahead of that in the picture.
+            // Only the drawing thread knows the height of the ground below a walking camera. East and north are taken from the current pose, which
+            // may be ahead of the pose in the picture.
             Viewpoint::Free { pose, walking: true } => {
                 let z = self.shown_here().map_or(pose.position.z, |shown| shown.pose.position.z);
                 Some(Pose { position: pose.position.with_z(z), ..*pose })
@@ -359,7 +360,7 @@ impl Model {
         }
     }
 
-    /// Leaves a camera or a path: the camera is free from now on, starting at this pose.
+    /// Changes to a free camera that starts at this pose.
     pub(crate) fn fly(&mut self, pose: Pose) {
         self.viewpoint = Viewpoint::Free { pose, walking: self.flight.walking };
     }
@@ -370,7 +371,7 @@ impl Model {
         self.flight.walking &= !on;
     }
 
-    /// The place that the camera orbits, world metres; `None` = it flies or walks.
+    /// The place that the camera orbits, world metres; `None` = the camera flies or walks, or the place is not known yet.
     pub fn orbited(&self) -> Option<DVec3> {
         self.flight.target()
     }
@@ -448,7 +449,7 @@ impl Model {
     }
 }
 
-/// `room` scaled by `scale`, or by less so that no side is longer than `most`. A side of 0 stays 0.
+/// Scales `room` by `scale`, or by less if a side would be longer than `most`. A side of 0 stays 0.
 fn scaled(room: [u32; 2], scale: f64, most: u32) -> [u32; 2] {
     let longest = f64::from(room[0].max(room[1]).max(1));
     let scale = scale.min(f64::from(most) / longest);

@@ -29,7 +29,7 @@ pub enum Viewpoint {
     },
 }
 
-/// The viewpoint with which a scene opens.
+/// The viewpoint that is selected when a scene is opened.
 pub(crate) fn usual_viewpoint(scene: &Scene) -> Viewpoint {
     match (scene.paths.iter().find(|p| p.name == "forwards").or(scene.paths.first()), scene.cameras.first()) {
         (Some(path), _) => Viewpoint::Path(path.name.clone()),

@@ -19,7 +19,7 @@ const fn name(kind: StrokeKind) -> &'static str {
 
 const fn about(kind: StrokeKind) -> &'static str {
     match kind {
-        StrokeKind::Splat => "Lays the material wherever the brush passes, regardless of the rules",
+        StrokeKind::Splat => "Paints the material wherever the brush passes, regardless of the rules",
         StrokeKind::Mask => "Multiplies the weights of the rules for this material by the amount",
     }
 }
@@ -27,7 +27,7 @@ const fn about(kind: StrokeKind) -> &'static str {
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     model.brush.fit(&model.settings.scene);
     ui.checkbox(&mut model.brush.paints, "Paint")
-        .on_hover_text("When on, a drag or click in the picture paints on the ground, and Shift with a drag looks around (key B)");
+        .on_hover_text("If on, a drag or click in the picture paints on the ground, and a drag with Shift looks around (key B)");
     settings(model, ui);
     notes(model, ui);
     ui.separator();
@@ -45,7 +45,7 @@ fn settings(model: &mut Model, ui: &mut Ui) {
         ui.end_row();
         let shown = brush.material.clone();
         let all = names.into_iter().map(|name| (name.clone(), name, "")).collect();
-        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("The material to lay, or whose rules are weighted");
+        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("The material to paint, or whose rules are weighted");
         ui.end_row();
         let about = "Radius of the brush on the ground, seen from above.";
         let row = Number { name: "Brush radius", unit: "m", range: RADII_M, logarithmic: true, about };

@@ -63,7 +63,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     }
 }
 
-/// Shows the other picture, in the mode that shows one at a time; in any other mode, changes to that mode and shows B.
+/// In the mode that shows one picture at a time, switches to the other picture. In any other mode, changes to that mode and shows B.
 pub(crate) fn flick(model: &mut Model) {
     if model.compare.mode == Mode::Flicker {
         model.looking.b ^= true;
@@ -91,9 +91,9 @@ fn numbers(shown: &Shown, ui: &mut Ui) {
             ui.end_row();
         };
         row("RMSE", format!("{rmse:.5}"), "Root mean squared difference of lit linear colour, over terrain");
-        row("PSNR", if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() }, "The same as a ratio to a peak of 1");
-        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in luminance");
-        row("Largest |A - B|", format!("{largest:.4}"), "Largest difference in luminance");
+        row("PSNR", if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() }, "The RMSE as a ratio to a peak of 1");
+        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in luminance, over terrain");
+        row("Largest |A - B|", format!("{largest:.4}"), "Largest absolute difference in luminance, over terrain");
     });
     ui.label("Of this frame, lit, at one sample a pixel on both sides; experiments judge against a supersampled reference.");
 }

@@ -6,8 +6,8 @@ use toml::Value;
 
 use super::{choose, reset};
 
-/// A label and the control of a setting; the checkbox of a flag includes its label. In a grid, they take two columns. `about_item` gives the tooltip
-/// of a value in a list; an empty one is not shown.
+/// Shows a label and the control of a setting. In a grid, they take two columns. The checkbox of a flag includes its label. `about_item` returns the
+/// tooltip of a value in a list; an empty tooltip is not shown.
 pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about_item: fn(&str) -> &'static str) -> Option<Response> {
     let before = setting.get(owner)?;
     let mut value = before.clone();
@@ -19,7 +19,7 @@ pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about
             let logarithmic = setting.listing.slider.is_some_and(|slider| slider.logarithmic);
             let suffix = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
             let label = ui.label(setting.label()).on_hover_text(about);
-            // A number outside the ends, but within the range, may be typed.
+            // The user may type a number that is outside the ends of the slider, but within the range of the setting.
             let slider = Slider::new(number, ends[0]..=ends[1]).logarithmic(logarithmic).clamping(SliderClamping::Never);
             let response = ui.add(slider.suffix(suffix).max_decimals(2)).labelled_by(label.id).on_hover_text(about);
             *number = number.clamp(range.least, range.most);
@@ -43,7 +43,7 @@ pub(crate) fn control<T>(ui: &mut Ui, setting: &Setting<T>, owner: &mut T, about
         _ => return None,
     };
     if value != before {
-        // A control offers only what the setting accepts.
+        // A control offers only values that the setting accepts.
         let set = setting.set(owner, &value);
         debug_assert!(set.is_ok(), "{set:?}");
     }

@@ -19,7 +19,7 @@ const MOST_SEEDS: u32 = 4096;
 
 /// State of the panel.
 pub(crate) struct ExperimentsPanel {
-    /// Folder for saved experiments; each gets a folder of its own in it.
+    /// Folder for saved experiments. Each experiment gets a folder of its own in it.
     folder: String,
     /// Name of the next experiment.
     name: String,
@@ -40,7 +40,7 @@ impl Default for ExperimentsPanel {
         ExperimentsPanel {
             folder: "saved-experiments".to_owned(),
             name: "seen".to_owned(),
-            // As in the demo: enough frames for a lag of four, and enough seeds for a variance.
+            // These are the numbers of the demo. They suffice to compare frames four apart, and to compute a variance.
             frames: 5,
             seeds: 16,
             definitions: experiment::shipped().map(|folder| folder.display().to_string()).unwrap_or_default(),
@@ -52,7 +52,8 @@ impl Default for ExperimentsPanel {
     }
 }
 
-/// The definitions that were found, and where. Folders are read when their name changes or the panel appears, not each time the window is drawn.
+/// The definitions that were found, and the places that were searched. Folders are read when their name changes or the panel appears, not each time
+/// the window is drawn.
 #[derive(Default)]
 struct Listed {
     places: Option<[String; 2]>,
@@ -61,7 +62,7 @@ struct Listed {
     drawn: u64,
 }
 
-/// A definition, and why it cannot be run, if it cannot.
+/// A definition, and the reason why it cannot be run; `None` = it can be run.
 #[derive(Clone)]
 struct Found {
     file: PathBuf,
@@ -73,7 +74,7 @@ impl ExperimentsPanel {
         self.run.as_ref().is_some_and(|run| !run.is_done())
     }
 
-    /// Stores the outcome of an action, to show it.
+    /// Stores the outcome of an action, so that it is shown.
     fn note(&mut self, outcome: Result<String>) {
         self.said = Some(outcome.map_err(|error| format!("{error:#}").replace('\n', " ")));
     }
@@ -128,7 +129,7 @@ fn count(ui: &mut Ui, label: &str, value: &mut u32, range: [u32; 2], about: &str
 /// The controls for saving the current settings as an experiment.
 fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
     egui::Grid::new("saving").num_columns(2).show(ui, |ui| {
-        place(ui, "Folder", &mut panel.folder, "Each saved experiment gets a folder in this one");
+        place(ui, "Folder", &mut panel.folder, "Folder in which each saved experiment gets a folder of its own");
         field(ui, "Experiment name", &mut panel.name, "Name of its folder and of the .toml file in it: letters a to z, digits, - and _");
         count(
             ui,
@@ -160,7 +161,7 @@ fn save(panel: &ExperimentsPanel, model: &Model) -> Result<String> {
     ensure!(model.culled_from.is_none(), "a run culls for its own camera, but culling is frozen here: let go of `Freeze culling`");
     ensure!(
         !model.news.shaders_edited,
-        "a run draws with the program's own shaders, but edited ones are on screen: revert the edits, or build the programs with them"
+        "a run draws with the program's own shaders, but edited shaders are in use here: revert the edits, or build the programs with them"
     );
     let extent = Extent { size, frames: panel.frames, seeds: panel.seeds };
     let folder = Path::new(&panel.folder).join(&panel.name);
@@ -172,7 +173,7 @@ fn save(panel: &ExperimentsPanel, model: &Model) -> Result<String> {
 fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
     egui::Grid::new("definitions").num_columns(2).show(ui, |ui| {
         place(ui, "Definitions", &mut panel.definitions, "A folder of definitions, or one .toml file");
-        place(ui, "Results", &mut panel.out, "Each run gets a folder in this one");
+        place(ui, "Results", &mut panel.out, "Folder in which each run gets a folder of its own");
     });
     let found = panel.found(ui.ctx().cumulative_frame_nr());
     if found.is_empty() {
@@ -186,7 +187,7 @@ fn list(panel: &mut ExperimentsPanel, ui: &mut Ui) {
             let button = ui.add_enabled(idle && lacks.is_none(), Button::new(format!("Run {}", experiment::name(file))));
             let why = lacks.as_deref().unwrap_or("Another run is in progress: wait for it, or cancel it");
             let button = button.on_disabled_hover_text(why);
-            if button.on_hover_text(format!("{}; a run that was stopped continues", file.display())).clicked() {
+            if button.on_hover_text(format!("{}. A run that was stopped continues.", file.display())).clicked() {
                 wanted = Some(file);
             }
         }

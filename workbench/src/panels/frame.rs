@@ -35,7 +35,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
 }
 
-/// Passes with their times in milliseconds. If each variant was shaded in a pass of its own, these passes are listed below their sum.
+/// The passes with their times in milliseconds. If each variant was shaded in a separate pass, these passes are listed below their sum.
 fn passes(passes: &[PassTime]) -> Vec<(String, f64)> {
     let mut rows: Vec<(String, f64)> = Vec::new();
     let mut sum = None;
@@ -54,7 +54,7 @@ fn passes(passes: &[PassTime]) -> Vec<(String, f64)> {
     rows
 }
 
-/// Median and longest of the times, milliseconds.
+/// Median and longest of the times, milliseconds; `None` = there are no times.
 fn median_and_longest(times: &VecDeque<Duration>) -> Option<[f64; 2]> {
     let mut sorted: Vec<f64> = times.iter().map(|t| t.as_secs_f64() * 1e3).collect();
     sorted.sort_by(f64::total_cmp);

@@ -11,7 +11,7 @@ use kernels::oracle::{Derivative, Pixel, chosen, pixel_at, probe_of};
 const CORNERS: [&str; 4] = ["south-west", "south-east", "north-west", "north-east"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A line of the table.
+/// A row of the table.
 #[derive(Debug, PartialEq)]
 struct Row {
     name: String,
@@ -44,7 +44,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
 }
 
-/// The controls: which pixel is inspected, and what to do with its table.
+/// The controls for the inspected pixel, and for its table.
 fn place(model: &mut Model, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
     let mut pixel = model.probe.map_or(size.map(|side| side / 2), |probe| pixel_at(probe, size));
     let mut moved = false;
@@ -66,7 +66,7 @@ fn place(model: &mut Model, ui: &mut Ui, size: [u32; 2], rows: &[Row]) {
         }
         if ui
             .add_enabled(model.probe.is_some(), Button::new("Let go"))
-            .on_hover_text("Inspects no pixel any more. This saves shading each picture a second time.")
+            .on_hover_text("Stops inspecting. Each picture is then shaded once instead of twice.")
             .clicked()
         {
             model.probe = None;
@@ -110,8 +110,8 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
     );
     row("Depth", format!("{:.4} m", pixel.depth_m), "Distance along the view direction. The depth buffer stores near plane / depth.");
     row("Distance", format!("{:.4} m", pixel.distance_m), "Distance along the ray of the pixel. The weights of flavours depend on it.");
-    row("Shading normal", normal(pixel.shading_normal), "As stored. The weights of flavours and projections depend on it.");
-    row("Triangle normal", normal(pixel.triangle_normal), "As stored. Derivatives depend on it.");
+    row("Shading normal", normal(pixel.shading_normal), "The stored normal. The weights of flavours and projections depend on it.");
+    row("Triangle normal", normal(pixel.triangle_normal), "The stored normal. Derivatives depend on it.");
     match (pixel.triangle, pixel.normal_error()) {
         (Some(triangle), Some(error)) => {
             row(
@@ -143,15 +143,15 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
             "Change of the position from this pixel to the next one, as computed by the shader",
         );
         let of_exact = step.exact.map_or_else(|| "none".to_owned(), |step| format!("{} m", vector(step, 5)));
-        row(exact, of_exact, "To where the ray of the next pixel meets the plane of the exact triangle; none if it does not");
+        row(exact, of_exact, "Step to where the ray of the next pixel meets the plane of the exact triangle; none if it does not");
         row(
             off,
             derivative_error(step),
             "Error as a share of the exact step, and the resulting error of the mip level: above 0, textures are too coarse; below 0, too fine",
         );
     }
-    row("Flavours needed", flavours(pixel.mask), "The mask: the flavours with a visible weight in this pixel");
-    row("Tile variant", flavours(pixel.variant), "The flavours that the pixels of its tile need together, or the forced ones");
+    row("Flavours needed", flavours(pixel.mask), "The mask of the pixel: the flavours that have a visible weight in it");
+    row("Tile variant", flavours(pixel.variant), "The flavours that the pixels of the tile need together, or the flavours that are forced");
     for (flavour, weight) in Flavour::ALL.into_iter().zip(pixel.flavours).filter(|(_, weight)| *weight > 0.0) {
         row(
             &format!("Weight of {}", flavour.name()),
@@ -163,7 +163,7 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
         row(
             &format!("Material {corner}"),
             format!("{} (no. {}), {}, by height {}", texel.material, texel.index, percent(texel.weight), percent(texel.blended)),
-            "Splat texel next to the pixel: material, index in the palette, bilinear weight, and weight if all four are blended by height",
+            "Splat texel next to the pixel: material, index in the palette, bilinear weight, and weight when all four texels are blended by height",
         );
     }
     choice(pixel, settings, &mut row);
@@ -212,7 +212,7 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
     row(
         "Choice",
         named(pixel.choice),
-        "The first random choice, as recorded by the shader: the material, and the projection if it is chosen at random, too",
+        "The first random choice, as recorded by the shader: the material, and also the projection if it is chosen at random",
     );
     let verdict = if pixel.agrees() { "the same".to_owned() } else { named(pixel.draw.map_or(0, |draw| draw.expected)) };
     row(
@@ -224,7 +224,7 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
 
 fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     let Some(page) = pixel.page else {
-        row("Page", "none".to_owned(), "The virtual texture has no weight here");
+        row("Page", "none".to_owned(), "The virtual texture has no weight in this pixel");
         return;
     };
     let kernels::virtual_texture::PageId { level, x, y } = page.id;
@@ -241,7 +241,7 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Footprint",
         format!("{:.2} x {:.2}, covered {:.2} texels", page.footprint[0], page.footprint[1], page.covered),
-        "Shorter and longer step to the next pixels, in texels of level 0, with mip bias; and the length that decides the level",
+        "Lengths of the shorter and the longer step to the next pixels, in texels of level 0, with mip bias; and the length that decides the level",
     );
     row(
         "Page LOD",
@@ -253,7 +253,7 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
         Some(kernels::virtual_texture::PageId { level, x, y }) => format!("level {level}, column {x}, row {y}"),
         None => "none: far atlas".to_owned(),
     };
-    row("Page sampled", served, "Coarser than the requested page if the cache cannot hold all pages of the frame");
+    row("Page sampled", served, "The sampled page is coarser than the requested one if the cache cannot hold all pages of the frame");
 }
 
 #[cfg(test)]

@@ -6,15 +6,15 @@ use crate::model::display::{Legend, Scale, Swatch};
 
 /// Width and height of a bar of colours, points.
 const BAR: [f32; 2] = [240.0, 10.0];
-/// Length of a tick below the bar, and size of its text, points.
+/// Length of a tick below the bar, and font size of its text, points.
 const TICK: f32 = 4.0;
 const TEXT: f32 = 11.0;
 /// Number of segments of a bar; colours are interpolated within a segment.
 const PIECES: u16 = 128;
-/// Edge of a swatch, points.
+/// Width and height of a swatch, points.
 const SWATCH: f32 = 12.0;
 
-/// Draws a legend. `name` is the name of the layer, which must be unique among the pictures on screen. `words` explains its colours.
+/// Draws a legend. `name` is the name of the layer, which must be unique among the pictures on screen. `words` explains the colours of the layer.
 pub(crate) fn show(ui: &mut Ui, name: &str, words: &str, legend: &Legend) {
     match legend {
         Legend::Words => {

@@ -11,15 +11,16 @@ use crate::model::state::Model;
 /// Smallest and initial span of the map, metres.
 const NARROWEST_M: f64 = 200.0;
 const USUAL_M: f64 = 4000.0;
-/// Smallest and largest edge of the map on the screen, points.
+/// Smallest and largest side of the map on the screen, points.
 const MAP_POINTS: [f32; 2] = [120.0, 480.0];
-/// Points of a wheel turn or a drag that change the span by a factor of e.
+/// A turn of the wheel, or a drag, by this many points changes the span by a factor of e.
 const POINTS_PER_E: f32 = 200.0;
 /// Length of the arrow for the view direction, points.
 const ARROW_POINTS: f32 = 22.0;
-/// Edge of a swatch in the legend, points.
+/// Width and height of a swatch in the legend, points.
 const SWATCH_POINTS: f32 = 12.0;
-/// Colours of levels, the finest first: viridis, which is perceptually uniform and runs from light to dark, so that it works with colour blindness.
+/// Colours of levels, the finest first. They are taken from viridis, which is perceptually uniform and runs from light to dark, so that people with
+/// colour blindness can distinguish them.
 const LEVEL_COLOURS: [[u8; 3]; LODS as usize] =
     [[253, 231, 37], [122, 209, 81], [34, 168, 132], [42, 120, 142], [65, 68, 135], [68, 1, 84]];
 
@@ -89,9 +90,9 @@ fn legend(levels: &[Level], ui: &mut Ui) {
         for (name, about) in [
             ("", "Colour of the level on the map"),
             ("Level", "0 is the finest"),
-            ("Edge", "Edge of a node"),
+            ("Edge", "Length of an edge of a node"),
             ("Nodes", "Number of nodes drawn in this frame"),
-            ("Texel", "Edge of a texel of the baked atlas. A node has 128 texels along its edge, as many as quads."),
+            ("Texel", "Length of an edge of a texel of the baked atlas. A node has 128 texels along an edge, and as many quads."),
         ] {
             ui.label(name).on_hover_text(about);
         }
@@ -146,14 +147,14 @@ fn closer(span_m: f64, points: f32, widest_m: f64) -> f64 {
     (span_m * f64::from(-points / POINTS_PER_E).exp()).clamp(NARROWEST_M, widest_m.max(NARROWEST_M))
 }
 
-/// The longest of 1, 2, 5, 10, 20, ... metres that is at most `longest_m`; 1 if that is shorter than 1 m.
+/// The longest of 1, 2, 5, 10, 20, ... metres that is at most `longest_m`; 1 if `longest_m` is shorter than 1 m.
 fn round_length_m(longest_m: f64) -> f64 {
     let decade = 10_f64.powi(longest_m.max(1.0).log10().floor() as i32);
     [5.0, 2.0].into_iter().map(|digit| digit * decade).find(|&length| length <= longest_m).unwrap_or(decade)
 }
 
-/// The part of level ground at an elevation that is in the frustum, as the corners of a convex polygon in world metres. It is cut off at some
-/// distance beyond `reach_m` from the camera. Empty if the camera is not above that ground, or sees none of it.
+/// The part of level ground at an elevation that is in the frustum, as the corners of a convex polygon in world metres. The polygon is cut off at
+/// some distance from the camera, which is greater than `reach_m`. It is empty if the camera is not above that ground, or sees none of it.
 fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> Vec<DVec2> {
     let above_m = pose.position.z - ground_m;
     if above_m <= 0.0 || size.contains(&0) {
@@ -164,7 +165,7 @@ fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> V
     let half_width = half_height * f64::from(size[0]) / f64::from(size[1]);
     let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
     let corners = corners.map(|[x, y]: [f64; 2]| forward + right * (half_width * x) + up * (half_height * y));
-    // Rays have length 1 along the view direction. A ray that descends less than this meets the ground beyond `reach_m`, or never.
+    // Rays have length 1 along the view direction. A ray whose z is above `highest` meets the ground beyond `reach_m`, or never.
     let highest = -above_m / (4.0 * reach_m.max(above_m));
     let mut rays = Vec::new();
     for (i, &ray) in corners.iter().enumerate() {
@@ -219,7 +220,7 @@ fn map(span_m: &mut f64, shown: &Shown, ui: &mut Ui) {
     camera(&painter, &map, pose, shown.wish.size, shown.ground_m, Color32::WHITE);
     scale_bar(&map, &painter);
     response.on_hover_text(
-        "Drawn nodes, coloured by level, with north at the top. The camera, its view direction, and an outline of the level ground that it sees.",
+        "The drawn nodes, coloured by level, with north at the top; the camera, its view direction, and an outline of the level ground that it sees",
     );
     if frozen.is_some() {
         ui.label("Culling is frozen: the nodes are those that the yellow camera sees.");
@@ -276,7 +277,7 @@ mod tests {
     fn nodes_lie_in_their_place_with_north_up() {
         let layout = Layout::of(10_240.0, None);
         let map = map_of(DVec2::ZERO, 400.0);
-        // Half a point per metre: two nodes of level 0 at the centre of the world, and their parent.
+        // The map has half a point per metre. It shows two nodes of level 0 at the centre of the world, and the parent of one of them.
         let node = |lod, x, y| map.node(NodeId { lod, x, y }, &layout);
         assert_eq!(node(0, 80, 80), Rect::from_min_max(pos2(150.0, 88.0), pos2(182.0, 120.0)));
         assert_eq!(node(0, 80, 79), Rect::from_min_max(pos2(150.0, 120.0), pos2(182.0, 152.0)));
@@ -291,7 +292,8 @@ mod tests {
 
     #[test]
     fn straight_down_the_outline_is_the_picture_on_the_ground() {
-        // 100 m above the ground, with a vertical field of view of 90 degrees and an aspect ratio of 2: 200 m by 400 m. North to south is the width.
+        // At 100 m above the ground, a vertical field of view of 90 degrees and an aspect ratio of 2 show 200 m by 400 m. The camera looks east
+        // before it pitches down, so the width of the picture runs from north to south.
         let corners = ground_outline(&pose(-90.0, 90.0), [640, 320], 50.0, 1000.0);
         let expected = [[200.0, -240.0], [200.0, 160.0], [400.0, -240.0], [400.0, 160.0]].map(DVec2::from_array);
         assert_eq!(corners.len(), 4);
@@ -333,7 +335,7 @@ mod tests {
         let levels = levels(&drawn, &layout);
         assert_eq!(levels.iter().map(|level| level.nodes).collect::<Vec<_>>(), [3, 0, 0, 1, 0, 1]);
         assert_eq!(levels[3], Level { lod: 3, edge_m: 512.0, texel_m: 4.0, nodes: 1 });
-        // A world with coarse data has a coarser finest level.
+        // In a world with coarse data, the finest level is coarser.
         let coarse = super::levels(&drawn[..1], &Layout::of(10_240.0, Some(2.0)));
         assert_eq!(coarse.iter().map(|level| level.lod).collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
     }
@@ -352,7 +354,7 @@ mod tests {
     #[test]
     fn the_map_comes_closer_within_bounds_and_its_scale_is_round() {
         assert_eq!(closer(4000.0, 0.0, 10_240.0), 4000.0);
-        assert!((closer(4000.0, 50.0, 10_240.0) * closer(1.0e3, -50.0, 10_240.0) - 4.0e6).abs() < 1e-3, "there and back");
+        assert!((closer(4000.0, 50.0, 10_240.0) * closer(1.0e3, -50.0, 10_240.0) - 4.0e6).abs() < 1e-3, "in and out restores the span");
         assert_eq!((closer(4000.0, 1e4, 10_240.0), closer(4000.0, -1e4, 10_240.0)), (NARROWEST_M, 10_240.0));
         for (span_m, bar_m) in [(200.0, 50.0), (799.0, 100.0), (4100.0, 1000.0), (9000.0, 2000.0), (30_000.0, 5000.0)] {
             assert!((round_length_m(span_m / 4.0) - bar_m).abs() < 1e-9, "{span_m}");

@@ -13,7 +13,7 @@ use crate::model::state::Model;
 
 /// Width of the text fields, points.
 const FIELD: f32 = 170.0;
-/// Edge of a swatch of colour, points.
+/// Width and height of a swatch of colour, points.
 const SWATCH: f32 = 14.0;
 /// Largest tint that a scene file accepts.
 const MOST_TINT: f64 = 16.0;
@@ -118,12 +118,12 @@ fn list(model: &mut Model, ui: &mut Ui) {
     });
 }
 
-/// A swatch of the mean colour of a material in the current picture; empty if the picture does not have the material yet.
+/// A swatch of the mean colour of a material in the current picture. It is empty if the scene of the picture does not have the material yet.
 fn swatch(ui: &mut Ui, name: &str, albedo: Option<[f32; 3]>) {
     let (rect, response) = ui.allocate_exact_size(vec2(SWATCH, SWATCH), Sense::hover());
     let Some([r, g, b]) = albedo.map(|albedo| albedo.map(|c| c.clamp(0.0, 1.0))) else {
         ui.painter().rect_stroke(rect, 2.0, ui.visuals().widgets.noninteractive.bg_stroke, StrokeKind::Inside);
-        response.on_hover_text(format!("The picture does not have {name} yet"));
+        response.on_hover_text(format!("The current picture was drawn without the material {name}"));
         return;
     };
     ui.painter().rect_filled(rect, 2.0, Color32::from(Rgba::from_rgb(r, g, b)));
@@ -154,7 +154,7 @@ fn name(model: &mut Model, ui: &mut Ui, index: usize) {
     ui.end_row();
 }
 
-/// The source of its textures.
+/// The source of the textures of the material.
 fn textures(model: &mut Model, ui: &mut Ui, index: usize) {
     let material = &model.settings.scene.materials[index];
     if model.materials.foldered != material.folder {
@@ -230,7 +230,7 @@ fn choose_folder(material: String, ctx: egui::Context) -> Dialog {
     Dialog { material, chosen }
 }
 
-/// The numbers that decide how its textures look on the ground.
+/// The numbers that decide how the textures of the material look on the ground.
 fn numbers(model: &mut Model, ui: &mut Ui, index: usize) {
     let usual = editing::origin(&model.settings.scene, &model.original, index).cloned();
     let usual = usual.as_ref();
@@ -247,7 +247,7 @@ fn numbers(model: &mut Model, ui: &mut Ui, index: usize) {
     tint(ui, &mut material.tint, usual.map(|usual| &usual.tint));
 }
 
-/// The tint: a colour picker for values up to 1, and number fields also for higher ones.
+/// The controls for the tint: a colour picker for values up to 1, and number fields that also accept higher values.
 fn tint(ui: &mut Ui, tint: &mut [f64; 3], usual: Option<&[f64; 3]>) {
     let hint = "Factor on the colour of the texture where its colour mask is 1, linear RGB, 0 to 16";
     ui.label("Tint").on_hover_text(hint);

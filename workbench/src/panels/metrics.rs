@@ -33,7 +33,8 @@ const QUANTITIES: [Quantity; 5] = [
     Quantity { name: "Bias", about: "Mean A - B in luminance, if B is drawn", of: |s| s.bias },
     Quantity {
         name: "Clumping",
-        about: "Variance of means of the noise over 5 x 5 blocks; white noise has 1. Noise is A - B, or the deviation from the running mean",
+        about: "Variance of the means of the noise over blocks of 5 x 5 pixels, relative to white noise (1). The noise of A is A - B if B is drawn. \
+                Otherwise, it is the deviation from the running mean.",
         of: |s| s.clumping,
     },
 ];
@@ -41,8 +42,8 @@ const QUANTITIES: [Quantity; 5] = [
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let Metrics { on, window, frozen, resets, region } = &mut model.metrics;
     ui.horizontal_wrapped(|ui| {
-        ui.checkbox(on, "Measure").on_hover_text("Uses shaders that record choices, so that times differ from those of the plain shaders");
-        ui.checkbox(frozen, "Freeze").on_hover_text("Keeps the numbers as they are. When released, measuring begins anew.");
+        ui.checkbox(on, "Measure").on_hover_text("Uses shaders that record choices, so the times differ from those of the normal shaders");
+        ui.checkbox(frozen, "Freeze").on_hover_text("Keeps the numbers as they are. Switching it off restarts measuring.");
         if ui.button("Begin anew").clicked() {
             *resets = resets.wrapping_add(1);
         }

@@ -26,7 +26,7 @@ use machine::MachinePanel;
 use crate::model::panes::Pane;
 use crate::model::state::Model;
 
-/// The states of panels that have one of their own. They do not depend on the scene.
+/// The states of the panels that keep a state of their own. These states do not depend on the scene.
 #[derive(Default)]
 pub(crate) struct Panels {
     machine: MachinePanel,
@@ -62,7 +62,7 @@ impl Panels {
     }
 }
 
-/// A labelled drop-down list. `items` are the values with their names and tooltips; an empty tooltip is not shown.
+/// Shows a labelled drop-down list. `items` are the values with their names and tooltips; an empty tooltip is not shown.
 pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, shown: &str, items: Vec<(T, String, &str)>) -> Response {
     let text = ui.label(label);
     let combo = ComboBox::from_id_salt(label).selected_text(shown).show_ui(ui, |ui| {
@@ -80,7 +80,7 @@ pub(crate) fn choose<T: PartialEq>(ui: &mut Ui, label: &str, current: &mut T, sh
 pub(crate) struct Number<'a> {
     /// Its label, which must be unique on screen.
     pub(crate) name: &'a str,
-    /// Its unit; empty = it has none.
+    /// Its unit; empty = the number has no unit.
     pub(crate) unit: &'a str,
     /// Smallest and largest value of the slider.
     pub(crate) range: [f64; 2],
@@ -90,7 +90,7 @@ pub(crate) struct Number<'a> {
     pub(crate) about: &'a str,
 }
 
-/// A row of a grid with three columns: label, slider, and a button that resets the value to `usual`. `None` = there is no such value.
+/// A row of a grid with three columns: label, slider, and a button that resets the value to `usual`. `None` = there is no value to reset to.
 pub(crate) fn number(ui: &mut Ui, number: &Number<'_>, value: &mut f64, usual: Option<f64>) {
     let Number { name, unit, range, logarithmic, about } = *number;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
@@ -103,7 +103,7 @@ pub(crate) fn number(ui: &mut Ui, number: &Number<'_>, value: &mut f64, usual: O
     ui.end_row();
 }
 
-/// A button that resets a value to `usual`. `None` = there is no such value, and the button is disabled.
+/// A button that resets a value to `usual`. `None` = there is no value to reset to, so the button is disabled.
 pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T, usual: Option<&T>) {
     let changed = usual.is_some_and(|usual| *usual != *value);
     let button = ui.add_enabled(changed, Button::new("Reset").small());
@@ -117,10 +117,10 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     }
 }
 
-/// A hint for fields in which paths are typed: the folder that relative paths start from.
+/// A hint for a field in which a path is typed. It names the folder at which relative paths start.
 pub(crate) fn from_here() -> String {
     let here = std::env::current_dir().map_or_else(|_| "the working directory".to_owned(), |folder| folder.display().to_string());
-    format!("Absolute, or from {here}")
+    format!("A relative path starts at {here}")
 }
 
 /// Shows the result or the error of an action on `what`. Scrolls to a new result.
@@ -135,7 +135,7 @@ pub(crate) fn outcome(ui: &mut Ui, what: &str, said: Option<&Result<String, Stri
         Err(wrong) => (wrong, Some(ui.visuals().error_fg_color)),
     };
     let shown = colour.into_iter().fold(RichText::new(text), RichText::color);
-    // Panels also scroll sideways, so that a long line would continue out of sight. Wrap it at the visible edge.
+    // Panels also scroll sideways, so a long line would continue out of sight. Wrap the text at the visible edge.
     let place = ui.scope(|ui| {
         ui.set_max_width(ui.clip_rect().right() - ui.cursor().left());
         ui.add(Label::new(shown).wrap())

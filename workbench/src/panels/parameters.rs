@@ -22,7 +22,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         control(ui, &SCALE, &mut model.settings, |_| "");
         reset_setting(ui, &SCALE, &mut model.settings, &model.usual_scale.value());
     });
-    // The other settings of a frame are in the panel *Variants*, those of its stages here.
+    // These are the numbers of a frame, and all settings of its stages. The other settings of a frame are in the panel *Variants*.
     let numbers_of_frame = own_settings().filter(|setting| matches!(setting.kind, Kind::Number(_) | Kind::OneOf(_)));
     for setting in numbers_of_frame.chain(stage_settings()) {
         let usual = if setting.name() == "vertex_stride" { Some(model.usual_stride.value()) } else { (setting.default)() };
@@ -58,7 +58,7 @@ fn row(model: &mut Model, ui: &mut Ui, setting: &Setting<Scene>, ends: Ends) {
     else {
         return;
     };
-    let hint = format!("{}\n`{}` in a scene or an experiment: {}; {usual} in this scene.", setting.about, setting.key, setting.kind);
+    let hint = format!("{}\n`{}` in a scene or an experiment: {}. This scene has {usual}.", setting.about, setting.key, setting.kind);
     let label = ui.label(setting.label()).on_hover_text(&hint);
     let suffix = if setting.unit.is_empty() { String::new() } else { format!(" {}", setting.unit) };
     let [least, most] = ends.ends;

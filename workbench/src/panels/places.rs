@@ -36,7 +36,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Path file");
         let field = TextEdit::singleline(&mut model.places.file).desired_width(FIELD).hint_text("path.csv");
-        ui.add(field).labelled_by(label.id).on_hover_text(format!("A .csv file. {}", from_here()));
+        ui.add(field).labelled_by(label.id).on_hover_text(format!("Name of a .csv file. {}", from_here()));
         if ui.button("Read path").on_hover_text("Reads a table with one pose per frame, as written by `Write ... to a file`").clicked() {
             model.places.said = Some(model.places.read());
         }
@@ -63,7 +63,7 @@ fn bookmark(model: &mut Model, ui: &mut Ui, place: &Place) {
 fn record(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let Some(frames) = model.places.recording.as_ref().map(Recording::frames) else {
-            if ui.button("Record path").on_hover_text("Records one pose per frame, from frame 0 on, until it is stopped").clicked() {
+            if ui.button("Record path").on_hover_text("Records one pose per frame, from frame 0 on, until you stop it").clicked() {
                 model.places.recording = Some(Recording::default());
                 model.places.said = None;
                 // A replay begins at frame 0, too. The same frame numbers give the same noise, so that the replay shows the same pictures.
@@ -80,7 +80,7 @@ fn record(model: &mut Model, ui: &mut Ui) {
 
 fn recorded(model: &mut Model, ui: &mut Ui, path: &Recorded) {
     ui.horizontal_wrapped(|ui| {
-        let hint = format!("Repeats {} frames, starting at frame 0", path.frames());
+        let hint = format!("Plays the {} frames of the path again and again, starting at frame 0", path.frames());
         if ui.button(format!("Replay {}", path.name)).on_hover_text(hint).clicked() {
             model.viewpoint = Viewpoint::Recorded(Arc::new(path.clone()));
             model.clock = Clock { frame: 0, ..model.clock };
@@ -88,7 +88,7 @@ fn recorded(model: &mut Model, ui: &mut Ui, path: &Recorded) {
         if ui.button(format!("Forget path {}", path.name)).clicked() {
             model.places.all.forget_path(&path.name);
         }
-        if ui.button(format!("Write {} to a file", path.name)).on_hover_text("Writes it to the file named in `Path file`").clicked() {
+        if ui.button(format!("Write {} to a file", path.name)).on_hover_text("Writes the path to the file named in `Path file`").clicked() {
             model.places.said = Some(model.places.write(path));
         }
     });

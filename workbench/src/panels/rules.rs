@@ -1,4 +1,4 @@
-//! The panel *Rules*: the splat rules, which decide where each material lies before strokes are painted.
+//! The panel *Rules*: the splat rules, which assign a material to each place before strokes are applied.
 
 use eframe::egui::{self, Button, CollapsingHeader, DragValue, Role, Ui, WidgetInfo};
 use kernels::scene::Rule;
@@ -13,7 +13,7 @@ struct Band {
     unit: &'static str,
     /// Smallest and largest value accepted.
     limits: [f64; 2],
-    /// The band when it is switched on: wide enough to change nothing.
+    /// The band when it is switched on. It is so wide that it changes nothing.
     whole: [f64; 2],
     /// Largest fade accepted.
     most_fade: f64,
@@ -38,7 +38,7 @@ const SLOPE: Band = Band {
     whole: [0.0, 90.0],
     most_fade: 90.0,
     speed: 0.2,
-    about: "Slope, from level ground (0) to a wall (90)",
+    about: "Slope, from level ground (0) to a vertical wall (90)",
 };
 const CURVATURE: Band = Band {
     name: "curvature",
@@ -47,10 +47,10 @@ const CURVATURE: Band = Band {
     whole: [-10.0, 10.0],
     most_fade: 1.0e3,
     speed: 1e-3,
-    about: "Mean curvature, below 0 in gullies and above 0 on ridges",
+    about: "Mean curvature, which is below 0 in gullies and above 0 on ridges",
 };
 
-/// The change of a rule to make after all rules have been drawn.
+/// A change of the list of rules. It is made after all rules have been drawn.
 enum Wanted {
     Up,
     Down,
@@ -151,7 +151,7 @@ fn value(ui: &mut Ui, value: &mut f64, [low, high]: [f64; 2], speed: f64, unit: 
     response
 }
 
-/// The controls of a band: whether there is one, its ends, and its fade.
+/// The controls of a band: a checkbox that switches it on, its ends, and its fade.
 fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fade: &mut f64) {
     let Band { name, unit, limits: [lowest, highest], whole, most_fade, speed, about } = *kind;
     let mut has = band.is_some();
@@ -179,7 +179,7 @@ fn band(ui: &mut Ui, number: usize, kind: &Band, band: &mut Option<[f64; 2]>, fa
     ui.end_row();
     ui.label("");
     ui.horizontal(|ui| {
-        let hint = format!("Distance outside of the range over which the weight falls to 0, from 0 to {most_fade}{unit}. 0 = abruptly.");
+        let hint = format!("Distance outside of the range over which the weight falls to 0, from 0 (abrupt) to {most_fade}{unit}.");
         let label = ui.label(format!("Rule {number} {name} fade"));
         value(ui, fade, [0.0, most_fade], speed, unit).labelled_by(label.id).on_hover_text(hint);
     });

@@ -30,7 +30,7 @@ pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
             ui.close();
         }
         let reload = ui.add_enabled(given.is_some(), Button::new("Reload scene"));
-        let hint = "Reads the scene file and all files that it names again. Edits are replaced; undo restores them.";
+        let hint = "Reads the scene file and all files that it names again. This discards edits; undo restores them.";
         if reload.on_hover_text(hint).clicked() {
             // An error is shown as a note.
             let _ = model.reload(ui.ctx());
@@ -97,7 +97,7 @@ fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<P
     chosen
 }
 
-/// Asks whether edits may be lost, if an action waits for the answer.
+/// If an action waits for the answer, asks whether edits may be lost.
 pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
     let Some(waiting) = model.scenes.waits.clone() else { return };
     let (then, yes) = match &waiting {
@@ -108,14 +108,14 @@ pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
         let text = format!("`{}` has materials, rules or strokes that are not saved in a file: {then}.", model.original.name);
         ui.colored_label(ui.visuals().warn_fg_color, text);
         ui.horizontal_wrapped(|ui| {
-            if ui.button(yes).on_hover_text("Discards the edits").clicked() {
+            if ui.button(yes).on_hover_text("Continues, and discards the edits").clicked() {
                 match &waiting {
                     // An error is shown as a note.
                     Waiting::Open(name) => drop(model.open_anyway(name)),
                     Waiting::Close => model.close_anyway(ui.ctx()),
                 }
             }
-            if ui.button("Keep this scene").on_hover_text("Use `Save scene as...` in the panel Materials to save it").clicked() {
+            if ui.button("Keep this scene").on_hover_text("Cancels. Use `Save scene as...` in the panel Materials to save it.").clicked() {
                 model.scenes.waits = None;
             }
         });

@@ -16,7 +16,7 @@ const COLUMNS: usize = 4;
 /// Time of shading with one kernel.
 #[derive(Clone, Debug, PartialEq)]
 struct Timed {
-    /// `None` = the generic kernel.
+    /// The variant; `None` = the generic kernel.
     variant: Option<Variant>,
     tiles: u32,
     ms: f64,
@@ -29,7 +29,7 @@ impl Timed {
     }
 }
 
-/// Times of the variants that had a pass of their own, the longest first.
+/// Times of the kernels that had a separate pass, the longest first.
 fn timed(report: &FrameReport) -> Vec<Timed> {
     let one = |name: &str, ms: f64| {
         let variant = if name == "generic" { None } else { Some(name.parse::<Variant>().ok()?) };
@@ -121,8 +121,8 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
             ("Tiles", "Number of tiles of 8 x 8 pixels"),
             ("Share", "Share of the tiles with terrain"),
             ("Fetches", "Promised fetches per pixel, without colour modulation and the second tiling of splat"),
-            ("ms", "Time of its pass on the device, milliseconds"),
-            ("ns a tile", "That time divided by the number of its tiles"),
+            ("ms", "Time on the device of the pass of this kernel, milliseconds"),
+            ("ns a tile", "Time of the pass divided by the number of tiles, nanoseconds"),
         ] {
             ui.label(name).on_hover_text(about);
         }
@@ -131,7 +131,7 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
             ui.label(timed.variant.map_or_else(|| "generic".to_owned(), |variant| variant.to_string()));
             ui.label(timed.tiles.to_string());
             ui.label(format!("{:.1} %", 100.0 * f64::from(timed.tiles) / f64::from(all)));
-            // The generic kernel runs the flavours that each tile needs, which have no single number of fetches unless a variant is forced.
+            // The generic kernel runs the flavours that each tile needs. If no variant is forced, tiles have different numbers of fetches.
             let fetches = timed.variant.or(settings.frame.variant).map(|variant| promised(settings, variant));
             ui.label(fetches.map_or_else(|| "-".to_owned(), |fetches| fetches.to_string()));
             ui.label(format!("{:.3}", timed.ms));
@@ -141,7 +141,8 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
     });
 }
 
-/// The button of a variant: its number, and its share of the tiles. The tooltip has its fetches, its tiles, and its time if known.
+/// The button of a variant. It shows the number of the variant and its share of the tiles. The tooltip shows its fetches, its tiles, and its time if
+/// known.
 fn cell(model: &mut Model, ui: &mut Ui, variant: Variant, [tiles, all]: [u32; 2], timed: Option<&Timed>) {
     let forced = model.settings.frame.variant == Some(variant);
     let [r, g, b] = variant.colour();
@@ -180,11 +181,11 @@ const fn about(flavour: Flavour) -> &'static str {
     }
 }
 
-/// The tooltip of a way to store normals.
+/// The tooltip of an encoding of normals.
 fn of_normals(name: &str) -> &'static str {
     match name.parse() {
-        Ok(NormalEncoding::Octahedral) => "8 + 8 bits each for shading normal and plane, as in Far Cry 5",
-        Ok(NormalEncoding::PlaneFirst) => "The same 32 bits, with a plane that is 8 times finer and an unchanged shading normal",
+        Ok(NormalEncoding::Octahedral) => "32 bits: 8 + 8 for the shading normal and 8 + 8 for the plane, as in Far Cry 5",
+        Ok(NormalEncoding::PlaneFirst) => "32 bits, as in Far Cry 5, but the plane is 8 times finer; the shading normal is unchanged",
         Ok(NormalEncoding::Exact) => "128 bits without compression, to measure the error of the others",
         Err(_) => "",
     }
@@ -211,6 +212,6 @@ mod tests {
         assert_eq!(timed(&report), [Timed { variant: None, tiles: 500, ms: 3.0 }]);
         report.passes = vec![pass("shading", 3.0), pass("shading: of the past", 1.0)];
         assert!(timed(&report).is_empty());
-        assert!(Timed { variant: None, tiles: 0, ms: 0.0 }.ns_a_tile().abs() < 1e-9, "no tiles are no division by them");
+        assert!(Timed { variant: None, tiles: 0, ms: 0.0 }.ns_a_tile().abs() < 1e-9, "without tiles, nothing is divided by zero");
     }
 }

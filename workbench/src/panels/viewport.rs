@@ -18,11 +18,11 @@ const LONGEST_STEP_S: f32 = 0.25;
 /// Points of scrolling for one notch of the wheel.
 const NOTCH_POINTS: f32 = 50.0;
 
-/// Width of the area in which a line can be dragged, points.
+/// Width of the area in which the wipe line can be dragged, points.
 const GRASP: f32 = 10.0;
 /// Distances from the centre at which the arms of the crosshair begin and end, points.
 const CROSS: [f32; 2] = [4.0, 12.0];
-/// Edge of the loupe, points, and how much it magnifies.
+/// Width and height of the loupe in points, and its magnification.
 const LOUPE: [f32; 2] = [150.0, 8.0];
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
@@ -31,7 +31,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let pixels = ui.ctx().pixels_per_point();
     model.room = [rect.width(), rect.height()].map(|side| (side * pixels).round().max(0.0) as u32);
     let painter = ui.painter_at(rect);
-    // No background is painted: the window is black anyway, and painting takes time on a software adapter. The status line says why there is no
+    // Paint no background, because the window is black anyway, and painting takes time on a software adapter. The status line says why there is no
     // picture.
     if model.textures[0].is_none() && model.failure().is_none() {
         let text = model.news.progress.as_ref().map_or("starting", |p| p.stage.as_str());
@@ -42,7 +42,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     }
     let parts = parts(model, rect);
     if let [left, right] = &parts[..] {
-        // Paint the gap between pictures side by side: without a real window, the background is not black.
+        // Paint the gap between the two pictures, because the background is not black in a window without a screen.
         painter.rect_filled(Rect::from_min_max(left.clip.right_top(), right.clip.left_bottom()), 0.0, Color32::BLACK);
     }
     for part in &parts {
@@ -96,12 +96,12 @@ struct Part {
 }
 
 impl Part {
-    /// Position on the screen of a position in the picture (in shares of it).
+    /// Converts a position in the picture (in shares of the picture) to a position on the screen.
     fn on_screen(&self, at: egui::Pos2) -> egui::Pos2 {
         self.place.min + (at - self.uv.min) / self.uv.size() * self.place.size()
     }
 
-    /// Position in the picture (in shares of it) of a position on the screen.
+    /// Converts a position on the screen to a position in the picture (in shares of the picture).
     fn in_picture(&self, at: egui::Pos2) -> egui::Pos2 {
         self.uv.min + (at - self.place.min) / self.place.size() * self.uv.size()
     }
@@ -109,7 +109,7 @@ impl Part {
 
 /// The parts of the viewport, one per visible picture.
 fn parts(model: &Model, rect: Rect) -> Vec<Part> {
-    // Use the mode of the last picture, since there is no second picture yet for a mode that was just chosen.
+    // Use the mode of the last picture, because there is no second picture yet if a mode was just chosen.
     let mode = model.shown().filter(|shown| shown.second.is_some()).map_or(Mode::Off, |shown| shown.wish.compare.mode);
     let whole = |texture, clip| Part { texture, place: rect, clip, uv: cut_out(&model.looking, 1.0) };
     match mode {
@@ -129,7 +129,7 @@ fn parts(model: &Model, rect: Rect) -> Vec<Part> {
     }
 }
 
-/// The visible part of the picture, in shares of it, for a part of the viewport with this share of its width.
+/// The visible part of the picture, in shares of the picture, for a part of the viewport. `width` is the share of the viewport's width.
 fn cut_out(looking: &Looking, width: f32) -> Rect {
     let size = vec2(width, 1.0) / looking.zoom.max(1.0);
     let middle = |k: usize, side: f32| looking.centre[k].clamp(side / 2.0, 1.0 - side / 2.0);
@@ -191,7 +191,7 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
             }
             if shown.wish.culled_from.is_some() {
                 let frozen = ui.label(RichText::new("culling frozen").color(Color32::YELLOW));
-                frozen.on_hover_text("Nodes and patches are those of another view (key C)");
+                frozen.on_hover_text("The nodes and patches are those of the view for which culling was frozen (key C)");
             }
             if let Some(legend) = legend {
                 legend::show(ui, &name, words, legend);
@@ -217,7 +217,7 @@ fn loupe(model: &Model, ui: &Ui, response: &egui::Response, parts: &[Part]) {
     }
 }
 
-/// Handles Ctrl and a drag, which select the rectangle to measure. Returns whether one is being drawn.
+/// Handles a drag with Ctrl, which selects the rectangle to measure. Returns whether a rectangle is being drawn.
 fn measure_region(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part]) -> bool {
     if response.drag_started() {
         model.looking.measures = ui.input(|i| i.modifiers.command);
@@ -235,7 +235,7 @@ fn measure_region(model: &mut Model, ui: &Ui, response: &egui::Response, parts: 
     true
 }
 
-/// Paints with the brush, and shows its ring on the ground. `may_begin`: a drag or click that begins now paints.
+/// Paints with the brush, and shows its ring on the ground. `may_begin` = a drag or click that begins now may paint.
 fn paint(model: &mut Model, ui: &Ui, response: &egui::Response, parts: &[Part], may_begin: bool) {
     let Some(shown) = model.shown_here().cloned().filter(|_| model.brush.paints) else { return };
     let primary = egui::PointerButton::Primary;
@@ -307,7 +307,7 @@ fn navigate(model: &mut Model, ui: &Ui, response: &egui::Response, rect: Rect) {
     }
 }
 
-/// The orbited place, if any. Walking, or changing to another view, ends orbiting.
+/// Returns the orbited place, if there is one. If the camera walks, or the view was changed, ends orbiting.
 fn orbited(model: &mut Model, pose: &Pose) -> Option<DVec3> {
     let target = model.flight.target()?;
     if model.flight.walking || !flight::is_centred(pose, target) {
@@ -337,8 +337,8 @@ pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
     choose(ui, "Layer", &mut model.settings.layer, shown, all);
     ui.checkbox(&mut model.flight.walking, "Walk").on_hover_text("Keeps the camera 1.7 m above the ground (key F)");
     let mut orbits = model.flight.orbit != Orbit::Off;
-    let hint = "Orbits the inspected pixel, or else the middle of the picture (key O). A drag turns, the wheel moves closer or away, \
-                W A S D also move the orbited place.";
+    let hint = "Orbits the inspected pixel, or else the middle of the picture (key O). A drag turns the camera about it, the wheel moves \
+                closer or away, and W A S D move the camera and the orbited place.";
     if ui.checkbox(&mut orbits, "Orbit").on_hover_text(hint).changed() {
         model.orbit(orbits);
     }

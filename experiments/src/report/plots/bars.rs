@@ -17,7 +17,7 @@ const BAR_COLOURS: [Rgb; 6] = [(86, 180, 233), (0, 158, 115), (240, 228, 66), (2
 /// The passes of a frame, in order; other timed passes follow.
 const PASSES: [&str; 5] = ["geometry", "classification", "page requests", "shading", "lighting"];
 
-/// A figure of pass times in milliseconds for some rows, with its legend.
+/// Draws the pass times of some rows, in milliseconds, as a figure with a legend.
 ///
 /// # Errors
 /// The drawing backend fails.
@@ -30,14 +30,14 @@ pub(crate) fn passes(rows: &[(String, BTreeMap<String, f64>)], software: bool) -
     }
     let of = |times: &BTreeMap<String, f64>| names.iter().map(|p| times.get(*p).copied().unwrap_or(0.0)).collect();
     let rows: Vec<(String, Vec<f64>)> = rows.iter().map(|(name, times)| (name.clone(), of(times))).collect();
-    let unit = if software { "ms, software adapter: only ratios count" } else { "ms" };
+    let unit = if software { "ms, software adapter: only ratios are meaningful" } else { "ms" };
     let svg = bars(&rows, "GPU time of each pass", &format!("GPU time per frame ({unit})"))?;
     let legend: String = names.iter().enumerate().map(|(index, name)| html::key(BAR_COLOURS[index % BAR_COLOURS.len()], name)).collect();
     Ok(html::figure(svg, &legend))
 }
 
-/// Times of passes: one bar for each name, stacked in the order of the passes, with the colours of [`BAR_COLOURS`].
-/// `None` without any time.
+/// Draws times of passes: one bar for each name, in which the passes are stacked in order, with the colours of [`BAR_COLOURS`]. Returns `None` if
+/// there are no times.
 ///
 /// # Errors
 /// The drawing backend fails.

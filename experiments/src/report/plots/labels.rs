@@ -1,4 +1,4 @@
-//! Placement of the labels of a plot, so that no label hides another.
+//! Places the labels of a plot so that they do not hide each other.
 
 use anyhow::Result;
 use plotters::coord::Shift;
@@ -54,12 +54,12 @@ pub(super) struct Placed {
     words: String,
     ink: RGBColor,
     pub(super) area: Box2,
-    /// A line from the point to the text, if they are far apart.
+    /// A line from the point to the text; `None` if they are close together.
     leader: Option<[(i32, i32); 2]>,
 }
 
-/// Places each text in turn near its point. Among several places it takes the nearest one that hides the least: texts matter most, then points, then
-/// the line.
+/// Places each text in turn near its point. Among several places it takes the one with the smallest cost. Hiding other texts costs most, then hiding
+/// points, then hiding the line, then distance from the point.
 pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: Box2) -> Vec<Placed> {
     const HIDES_POINT: f64 = 40.0;
     let markers: Vec<Box2> = points.iter().map(|p| Box2::around(*p, 4.0)).collect();
@@ -78,7 +78,7 @@ pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)
         for gap in [4.0, 14.0, 26.0, 40.0, 56.0, 74.0].into_iter().filter(|g| !text.optional || *g < 30.0) {
             let r = text.radius + gap;
             let d = r * 0.7;
-            // The right side first, as in writing; the offsets are those of the text's top left corner.
+            // The place on the right of the point comes first. The offsets are those of the text's top left corner.
             let corners = [
                 (r, -height / 2.0),
                 (d, -d - height),
@@ -137,14 +137,14 @@ mod tests {
         let frame = Box2 { left: 0.0, right: 600.0, top: 0.0, bottom: 400.0 };
         let at = [(300, 200), (306, 203), (297, 209), (590, 10)];
         let texts: Vec<Wanted> = at.iter().map(|p| wanted("near-cliff+splat", *p)).collect();
-        // Without points: texts must still not overlap each other.
+        // Even if no points are given, texts must not overlap each other.
         let placed = place(&texts, &[], &[], frame);
         assert_eq!(placed.len(), texts.len());
         for (i, a) in placed.iter().enumerate() {
             assert!(a.area.inside(&frame), "{a:?}");
             assert!(placed[..i].iter().all(|b| !a.area.meets(&b.area)), "{placed:?}");
         }
-        // Where there is no room, an optional text is omitted; others are kept.
+        // If there is no room, an optional text is omitted. A text that is not optional is kept.
         let small = Box2 { left: 290.0, right: 420.0, top: 190.0, bottom: 214.0 };
         let kept = |optional: bool| {
             place(&[wanted("auto", at[0]), Wanted { optional, ..wanted("near-cliff+splat", at[1]) }], &at, &[], small).len()

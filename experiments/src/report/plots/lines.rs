@@ -41,15 +41,15 @@ pub(crate) struct Lines<'a> {
     pub(crate) x_logarithmic: bool,
     /// Whether the vertical axis is logarithmic; values that are not above 0 are then omitted.
     pub(crate) y_logarithmic: bool,
-    /// Names of x = 0, 1, 2, ..., if x is not a number.
+    /// Names of the positions x = 0, 1, 2, ..., if the quantity on the horizontal axis is not a number; empty = it is a number.
     pub(crate) x_names: Vec<String>,
-    /// Whether x are whole numbers, each with a tick.
+    /// Whether all x are whole numbers; each then has a tick.
     pub(crate) x_whole: bool,
     /// A value for comparison, drawn as a dashed line, and its name.
     pub(crate) baseline: Option<(f64, &'a str)>,
 }
 
-/// Draws curves; `None` where no point can be drawn.
+/// Draws curves. Returns `None` if no point can be drawn.
 ///
 /// # Errors
 /// The drawing backend fails.
@@ -64,7 +64,8 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
     let range = |values: &mut dyn Iterator<Item = f64>| values.fold((f64::MAX, f64::MIN), |(a, b), v| (v.min(a), v.max(b)));
     let (x_low, x_high) = range(&mut all().map(|p| p.x));
     let baseline = plot.baseline.map(|b| b.0).filter(|b| !plot.y_logarithmic || *b > 0.0);
-    // An interval may extend beyond the plot by at most the height of the curve: a point with a large error must not flatten the others.
+    // Intervals extend the axis beyond the values by at most the range of the values, or by half of the largest value if that is more. Otherwise a
+    // point with a large error would flatten the curves.
     let (y_low, y_high) = range(&mut all().map(|p| p.y).chain(baseline));
     let (reach_low, reach_high) = range(&mut all().flat_map(|p| [p.y - p.half, p.y + p.half]));
     let room = (y_high - y_low).max(0.5 * y_high.abs());
@@ -82,7 +83,8 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
     let y_scale = if plot.y_logarithmic {
         Scale::new(y_low / 1.3, y_high * 1.3, true)
     } else {
-        // The axis starts at 0, unless all values are far from 0; then differences would not be visible.
+        // The axis starts at 0. If there are negative values, or if all values are far from 0, it starts just below the values: otherwise their
+        // differences would not be visible.
         let low = reach_low.max(y_low - room);
         let high = reach_high.min(y_high + room).max(y_high);
         let from = if low < 0.0 || low > 0.7 * high { low - 0.08 * (high - low).max(0.02 * high.abs()) } else { 0.0 };

@@ -26,9 +26,9 @@ use super::numbers::number;
 
 /// Width of a plot that fills the page, in user units, which are CSS pixels at full page width.
 const WIDTH: u32 = 1080;
-/// Width of a plot that has another one next to it.
+/// Width of each of two plots that are side by side.
 const HALF_WIDTH: u32 = 528;
-/// plotters writes `font-size` = size / 1.24, its estimate of the line height of a font.
+/// plotters estimates that the line height of a font is 1.24 times its size. It writes `font-size` as the given size divided by this factor.
 const LINE_HEIGHT: f64 = 1.24;
 
 const INK: RGBColor = RGBColor(31, 41, 51);
@@ -39,11 +39,11 @@ const GRID: RGBColor = RGBColor(230, 234, 239);
 pub(super) type Rgb = (u8, u8, u8);
 
 /// Colours for values without an order, distinguishable for colour-blind readers (Tol 2021, *Colour Schemes*, "muted"; the palest colours are omitted
-/// or last).
+/// or come last).
 pub(super) const COLOURS: [Rgb; 8] =
     [(51, 34, 136), (204, 102, 119), (17, 119, 51), (230, 140, 30), (68, 170, 153), (170, 68, 153), (110, 170, 220), (153, 153, 51)];
 
-/// The colour of item `index` of `count`: from dark blue over green to yellow for ordered items, otherwise one of [`COLOURS`].
+/// The colour of item `index` of `count`: from dark purple through blue and green to yellow for ordered items, otherwise one of [`COLOURS`].
 pub(super) fn colour(index: usize, count: usize, ordered: bool) -> Rgb {
     if !ordered {
         return COLOURS[index % COLOURS.len()];
@@ -63,7 +63,7 @@ fn rgb((r, g, b): Rgb) -> RGBColor {
 /// The tooltip of a mark, and the location of its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Hint {
-    /// The row of the run and the values, text.
+    /// Text that names the row of the run and its values.
     pub(super) words: String,
     /// Anchor of the row in the page's table.
     pub(super) anchor: String,
@@ -78,7 +78,7 @@ struct Scale {
     from: f64,
     to: f64,
     ticks: Vec<f64>,
-    /// Names at 0, 1, 2, ...; empty = numbers.
+    /// Names of the positions 0, 1, 2, ...; empty = the labels are numbers.
     names: Vec<String>,
 }
 
@@ -87,7 +87,7 @@ impl Scale {
     fn new(from: f64, to: f64, logarithmic: bool) -> Scale {
         if logarithmic {
             let powers = ticks(from, to);
-            // A range of less than a decade may contain too few powers of ten to read values from.
+            // A range of less than a decade may contain too few of these ticks to read values.
             let values = if powers.len() < 3 { even_ticks(from, to, 5) } else { powers };
             let ticks = values.into_iter().map(f64::log10).collect();
             return Scale { logarithmic, from: from.log10(), to: to.log10(), ticks, names: Vec::new() };
@@ -107,8 +107,8 @@ impl Scale {
     }
 }
 
-/// plotters' view of a scale: linear in the drawn coordinate, with its ticks. (plotters' own combinator for ticks cannot be formatted on a plain
-/// axis.)
+/// Makes a scale usable as an axis of plotters: linear in the drawn coordinate, with the scale's ticks. (The combinator of plotters that sets ticks
+/// does not support formatted labels on a plain axis.)
 impl Ranged for Scale {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
@@ -128,7 +128,7 @@ impl Ranged for Scale {
 
 type Chart<'a, 'svg> = ChartContext<'a, SVGBackend<'svg>, Cartesian2d<Scale, Scale>>;
 
-/// Draws axes, grid and titles, and returns the mapping of points.
+/// Draws axes, grid and titles. Returns the chart, which maps points to pixels.
 fn axes<'a, 'svg>(root: &'a DrawingArea<SVGBackend<'svg>, Shift>, x: &Scale, y: &Scale, titles: [&str; 2]) -> Result<Chart<'a, 'svg>> {
     let mut chart = ChartBuilder::on(root)
         .margin_top(12)
@@ -179,11 +179,11 @@ fn even_ticks(from: f64, to: f64, count: u32) -> Vec<f64> {
     let power = 10f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * power).find(|s| *s >= rough * 0.999).unwrap_or(10.0 * power);
     let first = (from / step).ceil() as i64;
-    // Computed as multiples, so that 0 is exact and not the rounding error of a sum.
+    // Ticks are multiples of the step and not sums of steps, so that 0 is exact.
     (first..).map(|i| i as f64 * step).take_while(|t| *t <= to + step * 1e-6).collect()
 }
 
-/// Invisible circles over marks, with a tooltip and a link to their row. plotters cannot draw these.
+/// Returns invisible circles that lie over marks, each with a tooltip and a link to the row of its mark. plotters cannot draw tooltips and links.
 fn overlay(marks: impl Iterator<Item = ((i32, i32), i32, Hint)>) -> String {
     let mut svg = String::new();
     for ((x, y), radius, hint) in marks {

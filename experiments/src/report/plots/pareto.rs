@@ -1,4 +1,4 @@
-//! Cost against error, with a point per choice and the front of the points that are not dominated.
+//! Plots of cost against error, with a point for each choice and the front of the points that are not dominated.
 
 use anyhow::Result;
 use plotters::element::{Circle, PathElement};
@@ -16,9 +16,9 @@ pub(crate) const LEGEND: &str = "<span class=\"entry\"><span class=\"key auto\">
     <span class=\"entry\"><span class=\"key generic\"></span>generic</span> \
     <span class=\"entry\"><span class=\"key flavour\"></span>one flavour</span> \
     <span class=\"entry\"><span class=\"key combination\"></span>several flavours</span> \
-    <span class=\"entry\"><span class=\"key front\"></span>Pareto front: nothing is both cheaper and closer (more names in the table)</span>";
+    <span class=\"entry\"><span class=\"key front\"></span>Pareto front: no choice is both cheaper and better (more names in the table)</span>";
 
-/// With more points than this, only the front, single flavours and automatic choices are labelled, where there is room.
+/// With more points than this, the labels of the front are placed first and always shown. Other labels are shown only where there is room.
 const MANY: usize = 40;
 
 /// How a point is drawn.
@@ -70,13 +70,13 @@ pub(crate) struct Point {
     pub(crate) x: f64,
     /// Error.
     pub(crate) y: f64,
-    /// Half-widths of the confidence intervals of both; 0 = unknown.
+    /// Half-widths of the confidence intervals of cost and error; 0 = unknown.
     pub(crate) half: [f64; 2],
     /// How the point is drawn.
     pub(crate) marker: Marker,
-    /// Its own colour, if it has one.
+    /// The point's own colour; `None` = the colour of its marker.
     pub(crate) colour: Option<Rgb>,
-    /// Whether no other point is at least as good in both; such points are labelled and lie on the line.
+    /// Whether no other point dominates this one. Such points are labelled, and the line connects them.
     pub(crate) front: bool,
     /// Its tooltip and link.
     pub(crate) hint: Option<Hint>,
@@ -123,7 +123,8 @@ pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str
         let order = [Marker::Combination, Marker::Flavour, Marker::Auto, Marker::Generic];
         let in_order = || order.into_iter().flat_map(|marker| points.iter().zip(&at).filter(move |(p, _)| p.marker == marker));
         for (point, centre) in in_order() {
-            // In one place, the colour that is drawn last would look like the only one, so the shared points of a group get no colour.
+            // If points of a group with different colours share a place, only the colour that is drawn last would be visible. Such points get no
+            // colour of their own.
             let shared = points.iter().zip(&at).any(|(other, place)| {
                 let near = (place.0 - centre.0).abs() <= 1 && (place.1 - centre.1).abs() <= 1;
                 near && other.group == point.group && other.marker == point.marker && other.colour != point.colour
@@ -158,7 +159,7 @@ fn steps(front: &[(f64, f64)], right: f64, top: f64) -> impl Iterator<Item = (f6
     start.into_iter().chain(inner).chain(end)
 }
 
-/// The labels of points, the most important first; points in one place share one.
+/// Returns the labels of points, the most important first. Points in one place share a label.
 fn wanted(points: &[&Point], at: &[(i32, i32)]) -> Vec<Wanted> {
     let many = points.len() > MANY;
     let rank = |p: &Point| match p.marker {
@@ -170,7 +171,7 @@ fn wanted(points: &[&Point], at: &[(i32, i32)]) -> Vec<Wanted> {
     };
     let mut order: Vec<_> = points.iter().zip(at).filter_map(|(p, at)| Some((rank(p)?, *p, *at))).collect();
     order.sort_by_key(|(rank, _, _)| *rank);
-    // Points of one group are merged over a larger distance than others, and their shared name is shown once.
+    // Points of the same group share a label over a larger distance than points of different groups, and the label then names the group.
     let mut places: Vec<(Vec<&Point>, (i32, i32), u32)> = Vec::new();
     for (rank, point, at) in order {
         let near = |(others, place, _): &&mut (Vec<&Point>, (i32, i32), u32)| {

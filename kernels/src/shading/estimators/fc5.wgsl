@@ -1,4 +1,5 @@
-// Far Cry 5's estimator (Moore, GDC 2018, "Cliff Shading"): random choices on cliffs. Biplanar projection uses it too, and hex tiling on near cliff.
+// Far Cry 5's estimator (Moore, GDC 2018, "Cliff Shading"): random choices on cliffs. The estimators `biplanar` and, on near cliff, `hex` also call
+// these functions.
 
 // Alpha-blended projections, each with one random splat material: 12 fetches; 8 with two projections, 30 with hex tiling.
 fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {

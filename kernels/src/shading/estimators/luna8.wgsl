@@ -1,4 +1,4 @@
-// Eight layers, seen from above, all sampled at every pixel and blended one over the other (Luna, 2016).
+// Eight layers, projected from above. All layers are sampled at every pixel, and each is blended over the layers before it (Luna, 2016).
 
 fn shade_luna8_project(pixel: ptr<function, Pixel>) {
     (*pixel).planes.x = 2u;

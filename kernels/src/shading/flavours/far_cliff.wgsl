@@ -1,4 +1,4 @@
-// Far cliff, as the estimator computes it.
+// Far cliff: calls the function of the estimator.
 
 fn shade_far_cliff(pixel: Pixel) -> Surface {
     if ESTIMATOR == ESTIMATOR_STF {

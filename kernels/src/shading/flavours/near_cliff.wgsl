@@ -1,4 +1,4 @@
-// Near cliff, as the estimator computes it.
+// Near cliff: calls the function of the estimator.
 
 fn shade_near_cliff(pixel: Pixel) -> Surface {
     if ESTIMATOR == ESTIMATOR_STF {

@@ -1,6 +1,6 @@
-// Full splat, as the estimator computes it.
+// Full splat: calls the functions of the estimator.
 
-// Three projections of four materials, all blended: 48 fetches, or 96 with two tiling scales.
+// Blends all projections of all four materials. With three projections: 48 fetches, or 96 with two tiling scales.
 fn shade_splat(pixel: Pixel) -> Surface {
     var sum = surface_zero();
     if ESTIMATOR == ESTIMATOR_STF {

@@ -32,24 +32,24 @@ pub(super) struct Before {
     panels: Option<(PlacesDraft, MaterialsDraft, RulesDraft)>,
 }
 
-/// Reads a scene; an error is one line.
+/// Reads a scene. An error is one line.
 fn load(name: &str) -> Result<Scene, String> {
     scene::load(name).map_err(|error| error.to_string().replace('\n', " "))
 }
 
 impl Model {
-    /// Opens another scene; `given` is what [`scene::load`] takes. The state of the current scene is saved first. The drawing thread reads the files
-    /// that the scene names afterwards; if that fails, the window returns to the previous scene, and a note says why.
+    /// Opens another scene; `given` is the argument of [`scene::load`]. The state of the current scene is saved first. Afterwards, the drawing
+    /// thread reads the files that the scene names. If this fails, the window returns to the previous scene, and a note says why.
     ///
     /// # Errors
-    /// One line: the scene cannot be read (a note says so, too), or edits that are not saved in a file would be lost (the window asks about them).
+    /// One line: the scene cannot be read (a note says so, too), or edits that are not saved in a file would be lost (the window asks what to do).
     /// The current scene stays open.
     pub fn open(&mut self, given: &str) -> Result<(), String> {
         if !self.has_unsaved_edits() {
             return self.open_anyway(given);
         }
         self.scenes.waits = Some(Waiting::Open(kept::scene_name(given)));
-        Err(format!("`{}` has edits that are in no file: save it, or choose `Open without saving`", self.original.name))
+        Err(format!("`{}` has edits that are not saved in a file: save it, or choose `Open without saving`", self.original.name))
     }
 
     /// Like [`Model::open`], even if edits are lost.
@@ -68,7 +68,7 @@ impl Model {
         }
     }
 
-    /// If the window is about to close and edits would be lost, keeps it open and asks.
+    /// If the window is about to close and edits would be lost, keeps the window open and asks the user.
     pub(crate) fn watch_closing(&mut self, ctx: &egui::Context) {
         if ctx.input(|i| i.viewport().close_requested()) && !self.leaves && self.has_unsaved_edits() {
             ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
@@ -86,12 +86,12 @@ impl Model {
     /// Reads the file of the scene again and replaces the scene. Undo restores the scene as it was.
     ///
     /// # Errors
-    /// One line, which is also a note: the file does not exist any more, or cannot be read. The scene stays.
+    /// One line, which is also a note: the scene has no file, or its file does not exist any more or cannot be read. The scene is not changed.
     pub(crate) fn reload(&mut self, ctx: &egui::Context) -> Result<(), String> {
         let read = match &self.given {
             None => Err("the scene does not come from a file: save it with `Save scene as...` first".to_owned()),
             Some(name) if name != scene::DEFAULT && !Path::new(name).exists() => {
-                Err(format!("{name} is gone: the scene stays as it is; `Save scene as...` writes it to a file again"))
+                Err(format!("{name} is gone: the scene is not changed; `Save scene as...` writes it to a file again"))
             }
             Some(name) => load(name),
         };
@@ -119,10 +119,10 @@ impl Model {
         }
     }
 
-    /// Records that the scene was saved in a file, which is its file from now on.
+    /// Records that the scene was saved in a file. That file is the file of the scene from then on.
     pub(crate) fn saved_as(&mut self, file: &Path) {
         self.original = self.settings.scene.clone();
-        // A file name that is not valid UTF-8 can be neither opened by name nor saved in the state.
+        // A scene cannot be opened by a file name that is not valid UTF-8, and such a name cannot be saved in the state.
         let Some(name) = file.to_str().map(kept::scene_name).filter(|name| self.given.as_ref() != Some(name)) else { return };
         self.materials.opened(&name);
         self.scenes.opened(&name);
@@ -140,7 +140,7 @@ impl Model {
         &self.notes
     }
 
-    /// Whether the drawing thread has not finished loading the scene that was opened.
+    /// Whether the drawing thread is still loading the scene that was opened.
     pub fn is_opening(&self) -> bool {
         self.before.is_some()
     }
@@ -151,7 +151,7 @@ impl Model {
         now.materials != file.materials || now.rules != file.rules || now.strokes != file.strokes
     }
 
-    /// Applies the saved state of the current scene. Returns a line for each part that is no longer possible.
+    /// Applies the saved state of the current scene. Returns a line for each part that cannot be applied.
     pub(super) fn take_up(&mut self) -> Vec<String> {
         let Some((keeper, name)) = self.keeping.as_ref().zip(self.given.as_ref()) else { return Vec::new() };
         self.places.all = keeper.kept().places(name);
@@ -190,7 +190,7 @@ impl Model {
         self.opened = NEXT.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Sets the state of the current scene aside, unless that scene has not been loaded itself.
+    /// Sets the state of the current scene aside. If that scene is still being loaded, the state that was set aside before it stays.
     fn remember(&mut self) {
         if self.before.is_some() {
             return;
