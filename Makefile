@@ -20,7 +20,7 @@ export XDG_RUNTIME_DIR := $(shell dir="$${TMPDIR:-/tmp}/scree-runtime-$$(id -u)"
     if [ -O "$$dir" ]; then echo "$$dir"; else mktemp -d; fi)
 endif
 
-.PHONY: help setup demo app test bench fuzz audit clean
+.PHONY: help setup demo app test mutants bench fuzz audit clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -47,6 +47,11 @@ test: setup ## format, lints, documentation, every test, the notebook
 	$(CARGO) test --release --locked --workspace
 	@scripts/notebook.sh
 	@if [ -z "$${SCREE_DATA:-}" ]; then echo "Skipped, because SCREE_DATA is not set: the tests on real elevation and real materials."; fi
+
+mutants: setup ## plants faults in the shaders of STAGE (several: a,b), SAMPLE of them (100), and lists those that no test notices
+	$(CARGO) build --release --locked --workspace --all-targets
+	$(CARGO) test --release --locked --workspace --test mutants -- --stage "$(or $(STAGE),$(error give STAGE, such as STAGE=lighting))" \
+	    --sample "$(or $(SAMPLE),100)" --seed "$(or $(SEED),1)" $(if $(RECORD),--record "$(RECORD)" --date "$$(date +%F)")
 
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench

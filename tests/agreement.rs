@@ -8,7 +8,6 @@
 //! the reference in f32, which it must accept.
 
 use std::collections::BTreeSet;
-use std::sync::OnceLock;
 
 use bytemuck::{Zeroable, bytes_of};
 use kernels::base::wgsl::Piece;
@@ -21,15 +20,10 @@ use kernels::probe::{Draw, EPS, PROBES, Probe, Verdict};
 use kernels::shared::splat_blend;
 use kernels::view::FrameUniforms;
 
+use crate::fixtures::{gpu, open};
+
 /// Number of random rows of each probe.
 const ROWS: u32 = 4096;
-
-fn gpu() -> &'static Gpu {
-    static GPU: OnceLock<Result<Gpu, String>> = OnceLock::new();
-    GPU.get_or_init(|| Gpu::new().map_err(|e| e.to_string()))
-        .as_ref()
-        .unwrap_or_else(|e| panic!("these tests need a GPU or a software adapter, and none was found: {e}"))
-}
 
 // ---------------------------------------------------------------- the comparator
 
@@ -1166,7 +1160,7 @@ impl Scenery {
 /// Compares both paths of the pass with the reference. The subgroup path is used if the adapter has subgroup operations.
 #[test]
 fn classification_agrees_on_both_paths() {
-    let plain = Gpu::with(GpuOptions { plain: true }).unwrap_or_else(|e| panic!("these tests need a GPU or a software adapter: {e}"));
+    let plain = open(GpuOptions { plain: true });
     assert!(!plain.features.contains(wgpu::Features::SUBGROUP));
     for (path, gpu) in [("the adapter's best", gpu()), ("plain", &plain)] {
         let layout = gpu.layout("frame", wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);

@@ -7,7 +7,7 @@ use std::sync::MutexGuard;
 use kernels::base::wgsl::{self, Piece};
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{Renderer, VariantChoice};
-use kernels::gpu::{Gpu, GpuOptions};
+use kernels::gpu::GpuOptions;
 use kernels::materials::{LAYER_SHIFT, Palette};
 use kernels::shading::Estimator;
 use kernels::shared::real::dot;
@@ -17,7 +17,7 @@ use kernels::view::FrameUniforms;
 
 use crate::layouts::constants;
 
-use crate::fixtures::{gpu, largest_difference, p_of_zero_mean, renderer, request, second_renderer, sign, small_scene, terrain};
+use crate::fixtures::{gpu, largest_difference, open, p_of_zero_mean, renderer, request, second_renderer, sign, small_scene, terrain};
 
 /// The flavours for which estimators differ.
 const FLAVOURS: [Flavour; 3] = [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat];
@@ -258,7 +258,7 @@ fn estimators_agree_where_they_are_defined_alike() {
 
 #[test]
 fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
-    let plain = Gpu::with(GpuOptions { plain: true }).expect("an adapter");
+    let plain = open(GpuOptions { plain: true });
     assert!(!plain.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL));
     if !gpu().features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) {
         println!("left out: this adapter cannot clamp depth, so all tiles are two triangles");

@@ -5,12 +5,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::SystemTime;
 
+use kernels::base::wgsl::Wgsl;
 use kernels::frame::picture::{AovSet, Picture};
-use kernels::frame::{RenderRequest, Renderer};
-use kernels::gpu::Gpu;
+use kernels::frame::{RenderRequest, Renderer, shader_files};
+use kernels::gpu::{Gpu, GpuOptions, Sources};
 use kernels::scene;
 use kernels::view::camera::Pose;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -26,9 +27,31 @@ pub(crate) fn small_scene() -> scene::Scene {
     scene
 }
 
+/// A device for tests. If `make mutants` runs them, its shaders have the planted fault.
+pub(crate) fn open(options: GpuOptions) -> Gpu {
+    let gpu = Gpu::with(options).expect("these tests need an adapter; `make setup` installs a software one");
+    if let Some(folder) = std::env::var_os("SCREE_MUTANT") {
+        let folder = Path::new(&folder);
+        let planted: Vec<&Wgsl> = wgsl_files().into_iter().filter(|file| folder.join(file.path).is_file()).collect();
+        assert!(!planted.is_empty(), "{} holds no shader", folder.display());
+        gpu.override_shaders(Arc::new(Sources::read(folder, &planted).expect("a mutant")));
+    }
+    gpu
+}
+
+/// Every WGSL file, some of them twice.
+pub(crate) fn wgsl_files() -> Vec<&'static Wgsl> {
+    let mut files = shader_files();
+    for module in [&kernels::temporal::MODULE, &kernels::metrics::MODULE, &kernels::metrics::SEEDS_MODULE] {
+        files.extend(module.files());
+    }
+    files.extend(kernels::shared::WGSL);
+    files
+}
+
 pub(crate) fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
-    GPU.get_or_init(|| Gpu::new().expect("these tests need an adapter; `make setup` installs a software one"))
+    GPU.get_or_init(|| open(GpuOptions::default()))
 }
 
 fn shared(index: usize) -> MutexGuard<'static, Renderer<'static>> {

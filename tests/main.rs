@@ -35,11 +35,17 @@ mod inspector;
 #[cfg(test)]
 mod layouts;
 #[cfg(test)]
+mod lighting;
+#[cfg(test)]
 mod looking;
 #[cfg(test)]
 mod materials;
 #[cfg(test)]
 mod metrics;
+#[cfg(test)]
+mod mutation;
+#[cfg(test)]
+mod mutation_text;
 #[cfg(test)]
 mod noise;
 #[cfg(test)]

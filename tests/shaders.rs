@@ -3,7 +3,7 @@
 //! A device reports some errors only when a variant is first used, and some backends never report them. These tests report them for all variants.
 
 use kernels::base::wgsl::{self, Wgsl};
-use kernels::frame::{DECLARATIONS, FOLLOWING, shader_files};
+use kernels::frame::{DECLARATIONS, FOLLOWING};
 use kernels::gpu::ShaderModule;
 use kernels::shading::{Estimator, Kernel, PipelineKey, Settings};
 use kernels::shared::noise::NoiseKind;
@@ -13,6 +13,8 @@ use naga::ShaderStage;
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+
+use crate::fixtures::wgsl_files;
 
 /// A shader module with the text that the stages compile.
 pub(crate) struct Source {
@@ -113,12 +115,7 @@ fn alone(file: &'static Wgsl) -> Result<(), String> {
 
 #[test]
 fn every_file_declares_what_it_needs_and_no_more() {
-    let mut files = shader_files();
-    for module in [&temporal::MODULE, &metrics::MODULE, &metrics::SEEDS_MODULE] {
-        files.extend(module.files());
-    }
-    files.extend(kernels::shared::WGSL);
-    for file in files {
+    for file in wgsl_files() {
         alone(file).unwrap_or_else(|error| panic!("{error}"));
         // A file must use something of each need that it declares. Validation alone does not check this, because it also accepts needs that are not
         // used.

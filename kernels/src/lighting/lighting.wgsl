@@ -1,5 +1,7 @@
 // Lighting: linear HDR radiance under one sun (GGX + Lambert) and a sky that is linear in the sine of the elevation.
 
+// LIGHTING_F0: reflectance of the ground at normal incidence.
+
 @group(1) @binding(0) var g_albedo: texture_2d<f32>;
 @group(1) @binding(1) var g_normal: texture_2d<f32>;
 @group(1) @binding(2) var depth_target: texture_depth_2d;
@@ -37,9 +39,9 @@ fn lighting_fragment(@builtin(position) clip: vec4<f32>) -> @location(0) vec4<f3
     let alpha = brdf_alpha(roughness);
     let n_dot_v = max(dot(n, v), 1e-3);
     let n_dot_l = max(dot(n, l), 0.0);
-    let f0 = vec3<f32>(0.04);
+    let f0 = vec3<f32>(LIGHTING_F0);
     let fresnel = brdf_f_schlick(f0, max(dot(l, h), 0.0));
-    let specular = brdf_d_ggx(max(dot(n, h), 0.0), alpha) * brdf_v_smith_ggx_correlated(n_dot_v, max(n_dot_l, 1e-4), alpha) * fresnel * surface.a;
+    let specular = brdf_d_ggx(max(dot(n, h), 0.0), alpha) * brdf_v_smith_ggx_correlated(n_dot_v, n_dot_l, alpha) * fresnel * surface.a;
     let sun = (surface.rgb / BRDF_PI * (1.0 - fresnel) + specular) * frame.sun_irradiance * n_dot_l;
     let sky_diffuse = surface.rgb / BRDF_PI * lighting_sky_irradiance(n);
     let sky_specular = brdf_env_approx(f0, roughness, n_dot_v) * lighting_sky_radiance(reflect(ray, n)) * surface.a;

@@ -8,15 +8,17 @@
 //! no occlusion of the sky and no indirect light.
 
 use crate::base::error::Result;
-use crate::base::wgsl::Wgsl;
+use crate::base::wgsl::{Constant, Wgsl};
 use crate::geometry;
 use crate::gpu::bindings::{Binding, FLAT, aspect, view};
 use crate::gpu::uses::{PassUse, TargetUse};
-use crate::gpu::{Recording, ShaderModule};
+use crate::gpu::{Gpu, Recording, ShaderModule};
 use crate::shading;
 use crate::shared;
 use crate::stage::{Build, Canvas, Declaration, Stage};
 use crate::view;
+
+pub mod reference;
 
 /// Format of the picture.
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
@@ -31,7 +33,8 @@ static WGSL: Wgsl = Wgsl::new(
     "lighting/lighting.wgsl",
     include_str!("lighting.wgsl"),
     &[&view::WGSL, &view::FULL_SCREEN, &shared::BRDF, &shared::OCTAHEDRAL],
-);
+)
+.with(&[("LIGHTING_F0", Constant::real(reference::F0))]);
 
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("lighting", &[&WGSL]);
@@ -54,7 +57,16 @@ impl Stage for Lighting {
     }
 
     fn build(build: Build<'_>) -> Result<Lighting> {
-        let Build { gpu, frame: frame_layout, .. } = build;
+        Lighting::new(build.gpu, build.frame)
+    }
+}
+
+impl Lighting {
+    /// Compiles the pass.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu, frame_layout: &wgpu::BindGroupLayout) -> Result<Lighting> {
         let shader = MODULE.compile(gpu)?;
         let layout = gpu.layout(
             "lighting",
@@ -64,9 +76,7 @@ impl Stage for Lighting {
         let pipeline = gpu.full_screen("lighting", &shader, &[frame_layout, &layout], FORMAT);
         Ok(Lighting { pipeline, layout })
     }
-}
 
-impl Lighting {
     /// Records the pass.
     pub fn encode(&self, rec: &mut Recording<'_>, geometry: &geometry::Targets, shading: &shading::Targets, image: &wgpu::Texture) {
         let views = [view(&shading.albedo), view(&shading.normal), aspect(&geometry.depth_stencil, wgpu::TextureAspect::DepthOnly)];

@@ -1,0 +1,204 @@
+//! Lighting: the pass on arbitrary G-buffers and lights, compared with its reference.
+
+use bytemuck::{Zeroable, bytes_of};
+use half::f16;
+use kernels::gpu::bindings::Binding;
+use kernels::gpu::{Recording, read_texture};
+use kernels::lighting::reference::{Light, Surface, radiance, sky_radiance};
+use kernels::lighting::{FORMAT, Lighting};
+use kernels::shared::hash;
+use kernels::view::FrameUniforms;
+use kernels::{geometry, shading};
+
+use crate::fixtures::gpu;
+
+/// Size of the pictures, pixels. Each pixel has its own surface.
+const SIZE: [u32; 2] = [64, 48];
+
+/// A random number, 0..1, for a pixel.
+fn random(pixel: u32, table: u32, what: u32) -> f64 {
+    f64::from(hash::pcg4d([pixel, table, what, 77])[0]) / f64::from(u32::MAX)
+}
+
+fn unit(v: [f64; 3]) -> [f64; 3] {
+    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    v.map(|x| x / length)
+}
+
+/// A texture with these bytes, of a pass that reads it.
+fn texture(format: wgpu::TextureFormat, aspect: wgpu::TextureAspect, bytes: &[u8]) -> wgpu::Texture {
+    let size = wgpu::Extent3d { width: SIZE[0], height: SIZE[1], depth_or_array_layers: 1 };
+    let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::RENDER_ATTACHMENT;
+    let texture = gpu().device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("given"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    });
+    let row = u32::try_from(bytes.len()).expect("small") / SIZE[1];
+    gpu().queue.write_texture(
+        wgpu::TexelCopyTextureInfo { texture: &texture, mip_level: 0, origin: wgpu::Origin3d::ZERO, aspect },
+        bytes,
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+        size,
+    );
+    texture
+}
+
+/// A depth texture whose every pixel has the same depth.
+fn depth(value: f32) -> wgpu::Texture {
+    let texture = gpu().target("given depth", SIZE, geometry::DEPTH_FORMAT);
+    let mut encoder = gpu().encoder("given depth");
+    let view = kernels::gpu::bindings::view(&texture);
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("given depth"),
+        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+            view: &view,
+            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(value), store: wgpu::StoreOp::Store }),
+            stencil_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1), store: wgpu::StoreOp::Store }),
+        }),
+        ..Default::default()
+    });
+    gpu().queue.submit([encoder.finish()]);
+    texture
+}
+
+/// What a picture is lit from. Everything that the shader reads is f16 or f32, and the reference gets the same numbers.
+struct Given {
+    surfaces: Vec<Surface<f64>>,
+    light: Light<f64>,
+    uniforms: FrameUniforms,
+}
+
+impl Given {
+    /// Random surfaces under a random light. `tables` counts up to 5 kinds of light: among them a sun behind the surface, and a sky that is brighter
+    /// at the horizon.
+    fn random(table: u32) -> Given {
+        let f = |x: f64| f64::from(x as f32);
+        let h = |x: f64| f16::from_f64(x).to_f64();
+        let colour = |what: u32, most: f64| [0, 1, 2].map(|k| f(random(9000 + k, table, what) * most));
+        let elevation = [0.9, 0.2, 1.5, 0.05, -0.3][table as usize % 5];
+        let azimuth = 6.0 * random(1, table, 50);
+        let sun_direction = [azimuth.sin() * f64::cos(elevation), azimuth.cos() * f64::cos(elevation), f64::sin(elevation)].map(f);
+        let light = Light { sun_direction, sun_irradiance: colour(51, 5.0), zenith: colour(52, 0.6), horizon: colour(53, 0.6) };
+        let mut uniforms = FrameUniforms::zeroed();
+        uniforms.size = SIZE;
+        // Rays of 90 by 70 degrees around a direction that looks down a little.
+        (uniforms.ray_00, uniforms.ray_dx, uniforms.ray_dy) = ([-1.0, 0.9, 0.5], [2.0 / 64.0, 0.0, 0.0], [0.0, 0.003, -1.4 / 48.0]);
+        let to_f32 = |v: [f64; 3]| v.map(|x| x as f32);
+        uniforms.sun_direction = to_f32(light.sun_direction);
+        uniforms.sun_irradiance = to_f32(light.sun_irradiance);
+        uniforms.sky_zenith = to_f32(light.zenith);
+        uniforms.sky_horizon = to_f32(light.horizon);
+        let surfaces = (0..SIZE[0] * SIZE[1]).map(|pixel| {
+            let n = unit([0, 1, 2].map(|k| 2.0 * random(pixel, table, k) - 1.0 + if k == 2 { 0.6 } else { 0.0 }));
+            Surface {
+                albedo: [3, 4, 5].map(|k| h(random(pixel, table, k))),
+                normal: n.map(h),
+                smoothness: h(random(pixel, table, 6).powi(2)),
+                occlusion: h(random(pixel, table, 7)),
+            }
+        });
+        Given { surfaces: surfaces.collect(), light, uniforms }
+    }
+
+    /// Unit vector from the surface of a pixel to the eye.
+    fn to_eye(&self, pixel: usize) -> [f64; 3] {
+        let (x, y) = ((pixel % SIZE[0] as usize) as f64, (pixel / SIZE[0] as usize) as f64);
+        let ray =
+            |k: usize| f64::from(self.uniforms.ray_00[k]) + x * f64::from(self.uniforms.ray_dx[k]) + y * f64::from(self.uniforms.ray_dy[k]);
+        unit(std::array::from_fn(|k| -ray(k)))
+    }
+
+    /// The pass on these surfaces, at this depth; 0 = sky.
+    fn lit(&self, at: f32) -> Vec<[f32; 4]> {
+        let gpu = gpu();
+        let layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
+        let pass = Lighting::new(gpu, &layout).expect("compiles");
+        let buffer = gpu.buffer_with("frame", wgpu::BufferUsages::UNIFORM, bytes_of(&self.uniforms));
+        let frame = gpu.group("frame", &layout, &[buffer.as_entire_binding()]);
+        let texels = |texel: &dyn Fn(&Surface<f64>) -> [f64; 4]| -> Vec<u8> {
+            self.surfaces.iter().flat_map(|s| texel(s).map(f16::from_f64)).flat_map(f16::to_le_bytes).collect()
+        };
+        let all = wgpu::TextureAspect::All;
+        let albedo = texels(&|s| [s.albedo[0], s.albedo[1], s.albedo[2], s.occlusion]);
+        let normal = texels(&|s| [s.normal[0], s.normal[1], s.normal[2], s.smoothness]);
+        let surfaces = shading::Targets {
+            albedo: texture(shading::FORMAT, all, &albedo),
+            normal: texture(shading::FORMAT, all, &normal),
+            ..shading::Targets::new(gpu, SIZE)
+        };
+        let geometry = geometry::Targets { depth_stencil: depth(at), ..geometry::Targets::new(gpu, SIZE, Default::default()) };
+        let image = gpu.target("image", SIZE, FORMAT);
+        let groups = [&frame];
+        let mut rec = Recording::new(gpu, &groups);
+        pass.encode(&mut rec, &geometry, &surfaces, &image);
+        rec.submit().expect("the device works");
+        bytemuck::pod_collect_to_vec(&read_texture(gpu, &image, all, 16).expect("the device works"))
+    }
+}
+
+/// Rounding of everything but the highlight, relative to the radiance: some 40 operations of at most 2.5 ULP each (WGSL 14.6), and exp2 of an argument of
+/// at most 9.28 with 22 ULP. Their product is below 130 ULP.
+const ROUNDING: f64 = 130.0 * 6e-8;
+
+/// Relative error of the highlight. Its steepest factor is D(n.h): the bracket s = sin² + alpha² cos² changes by 2 for a change of n.h by 1, so D changes by
+/// 4 / s. n.h has an error of some 6 ULP: three products, the half vector's division and square root.
+fn highlight_error(surface: &Surface<f64>, light: &Light<f64>, to_eye: [f64; 3]) -> f64 {
+    let half = unit(std::array::from_fn(|k| light.sun_direction[k] + to_eye[k]));
+    let sum: f64 = (0..3).map(|k| (light.sun_direction[k] + to_eye[k]).powi(2)).sum::<f64>().sqrt();
+    let c: f64 = (0..3).map(|k| surface.normal[k] * half[k]).sum::<f64>().clamp(0.0, 1.0);
+    let alpha = (1.0 - surface.smoothness).powi(2).max(0.002);
+    let bracket = (1.0 - c) * (1.0 + c) + alpha * alpha * c * c;
+    // If sun and eye are nearly opposite, their sum loses digits.
+    4.0 / bracket * 6.0 * 6e-8 * (1.0 + 2.0 / sum) + ROUNDING
+}
+
+#[test]
+fn lit_surfaces_agree_with_the_reference() {
+    let mut highlights = 0;
+    for table in 0..5 {
+        let given = Given::random(table);
+        let lit = given.lit(0.01);
+        let mut worst = [0f64; 2];
+        for (pixel, (surface, texel)) in given.surfaces.iter().zip(&lit).enumerate() {
+            let to_eye = given.to_eye(pixel);
+            let (exact, highlight) = radiance(surface, &given.light, to_eye);
+            let error = highlight_error(surface, &given.light, to_eye);
+            for k in 0..3 {
+                // n.l has an absolute error of 3 ULP of 1, which counts near the terminator.
+                let terminator = 3.0 * 6e-8 * given.light.sun_irradiance[k] * (1.0 + highlight[k]);
+                let tolerance = ROUNDING * exact[k] + error * highlight[k] + terminator;
+                let off = (f64::from(texel[k]) - exact[k]).abs();
+                assert!(
+                    off <= tolerance,
+                    "light {table}, pixel {pixel}: {texel:?}, exact {exact:?}, of it highlight {highlight:?}: off by {off:e}, tolerance {tolerance:e}"
+                );
+                worst[0] = worst[0].max(off / tolerance);
+                worst[1] = worst[1].max(tolerance / exact[k].max(1e-3));
+            }
+            assert!((texel[3] - 1.0).abs() < 1e-9, "alpha marks terrain");
+            highlights += usize::from(highlight[1] > 0.2 * exact[1]);
+        }
+        println!("light {table}: {:.2} of the tolerance, which is at most {:.1e} of the radiance", worst[0], worst[1]);
+        assert!(worst[1] < 0.02, "a tolerance of {} could hide a wrong term", worst[1]);
+    }
+    assert!(highlights > 100, "only {highlights} highlights tell a wrong one");
+}
+
+#[test]
+fn the_sky_agrees_with_the_reference_and_ends_at_the_horizon() {
+    for table in 0..3 {
+        let given = Given::random(table);
+        for (pixel, texel) in given.lit(0.0).iter().enumerate() {
+            let [x, y, z] = given.to_eye(pixel).map(|x| -x);
+            let exact = sky_radiance(&given.light, [x, y, z.max(0.0)]);
+            let off = (0..3).map(|k| (f64::from(texel[k]) - exact[k]).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-6 && texel[3].abs() < 1e-9, "pixel {pixel}: {texel:?}, exact {exact:?}");
+        }
+    }
+}

@@ -1,0 +1,528 @@
+//! `make mutants`: plants faults in shaders, one at a time, and counts those that the tests notice.
+//!
+//! A mutant is a shader text with one fault ([`mutation`]). It replaces the embedded text in the devices of the test binary `scree` (environment
+//! variable `SCREE_MUTANT`), so nothing is compiled again but the shader. First the tests of its stage run, in the order of `strength.toml`; a mutant
+//! that passes them may then run all tests (`--all`). A mutant is killed by the first test that fails, by a crash, or by the time limit.
+//!
+//! Without arguments, as `cargo test` calls it, it checks a fixed list of mutants that must be killed: the negative controls of the suite.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError, mpsc};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, bail, ensure};
+use clap::Parser;
+use indicatif::ProgressBar;
+use kernels::base::wgsl::{self, Piece, Wgsl};
+use kernels::shared::hash;
+use mutation::{Mutant, mutants};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use serde::{Deserialize, Serialize};
+
+mod mutation;
+
+/// Tests of each stage, and mutants that change nothing.
+const STRENGTH: &str = include_str!("strength.toml");
+
+#[derive(Clone, Parser)]
+#[command(name = "mutants", about = "Plants faults in shaders and counts those that the tests notice")]
+struct Args {
+    /// Stages whose shaders are changed: folders of kernels/src that hold WGSL
+    #[arg(long = "stage", required = true, value_delimiter = ',')]
+    stages: Vec<String>,
+    /// Number of mutants per stage that compile
+    #[arg(long, default_value_t = 100)]
+    sample: usize,
+    /// Seed of the sample
+    #[arg(long, default_value_t = 1)]
+    seed: u32,
+    /// Mutants that run at the same time; 0: one per core
+    #[arg(long, default_value_t = 0)]
+    jobs: usize,
+    /// Let mutants that survive the tests of their stage run all tests
+    #[arg(long)]
+    all: bool,
+    /// Run survivors of earlier calls again, such as after a new test
+    #[arg(long)]
+    again: bool,
+    /// Folder of the results; rows that are already there are not done again
+    #[arg(long, default_value = "out/mutants")]
+    out: PathBuf,
+    /// Folder that receives the tables of the stages and a row each in `strength.csv`
+    #[arg(long)]
+    record: Option<PathBuf>,
+    /// Date in the recorded row
+    #[arg(long, default_value = "")]
+    date: String,
+}
+
+/// `strength.toml`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Strength {
+    stage: BTreeMap<String, StageTests>,
+    #[serde(default)]
+    equivalent: Vec<Equivalent>,
+    control: Vec<Control>,
+}
+
+/// The tests of a stage: groups of filters of the test binary, the cheapest first.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StageTests {
+    tests: Vec<Vec<String>>,
+    /// Tests that know a file best, by its path. They run first.
+    #[serde(default)]
+    first: BTreeMap<String, Vec<String>>,
+}
+
+/// A mutant that computes the same as the original for every input that counts.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Equivalent {
+    file: String,
+    /// The line of the original, without space around it.
+    line: String,
+    /// Its changes, as the results state them; `*` = every change of that line.
+    changes: Vec<String>,
+    /// Why no test can notice.
+    reason: String,
+}
+
+/// A mutant that the named test must notice.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Control {
+    file: String,
+    line: String,
+    change: String,
+    test: String,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Outcome {
+    Killed,
+    /// Killed by the time limit.
+    Hung,
+    Survived,
+    Equivalent,
+    NotCompiled,
+}
+
+/// A row of the results.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    file: String,
+    line: usize,
+    operator: String,
+    change: String,
+    outcome: Outcome,
+    /// The test that noticed it, or the reason.
+    by: String,
+    seconds: f64,
+    /// Hash of the mutated text, by which a later call recognises the mutant.
+    text: String,
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let result = if arguments.iter().any(|argument| argument.starts_with("--stage") || argument == "--help") {
+        run(&Args::parse())
+    } else if arguments.is_empty() || arguments.iter().all(|argument| argument == "mutants" || argument.starts_with("--test-threads")) {
+        controls()
+    } else {
+        // A filter that names other tests.
+        Ok(())
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("mutants: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn strength() -> Result<Strength> {
+    toml::from_str(STRENGTH).context("strength.toml")
+}
+
+/// Every WGSL file, each once.
+fn files() -> Vec<&'static Wgsl> {
+    let mut files = kernels::frame::shader_files();
+    for module in [&kernels::temporal::MODULE, &kernels::metrics::MODULE, &kernels::metrics::SEEDS_MODULE] {
+        files.extend(module.files());
+    }
+    files.extend(kernels::shared::WGSL);
+    files.sort_by_key(|file| file.path);
+    files.dedup_by_key(|file| file.path);
+    files
+}
+
+fn stage_of(file: &Wgsl) -> &'static str {
+    file.path.split('/').next().unwrap_or(file.path)
+}
+
+/// Whether a text compiles in place of its file. The stages' own entry points and overrides are checked when a test builds the pipeline.
+fn compiles(file: &'static Wgsl, text: &str) -> bool {
+    let mut pieces = wgsl::pieces(&[file]);
+    for piece in pieces.iter_mut().filter(|piece| piece.path == file.path) {
+        *piece = Piece::new(file.path, text);
+    }
+    let capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32 | Capabilities::SUBGROUP;
+    naga::front::wgsl::parse_str(&wgsl::joined(&pieces))
+        .is_ok_and(|module| Validator::new(ValidationFlags::all(), capabilities).validate(&module).is_ok())
+}
+
+/// The test binary `scree`, built beside this one.
+fn test_binary() -> Result<PathBuf> {
+    let folder = std::env::current_exe()?.parent().context("the program lies in a folder")?.to_owned();
+    let newest = fs::read_dir(&folder)?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("scree-")))
+        .filter(|path| path.extension().is_none_or(|extension| extension == "exe"))
+        .filter_map(|path| Some((fs::metadata(&path).and_then(|data| data.modified()).ok()?, path)))
+        .max();
+    let (_, path) = newest.with_context(|| format!("{} holds no test binary scree: run `make mutants`", folder.display()))?;
+    Ok(path)
+}
+
+/// A run of tests, with a mutant or without.
+struct Runner {
+    binary: PathBuf,
+    /// Folder of this run's texts.
+    scratch: PathBuf,
+}
+
+/// What a run of tests ended with.
+enum End {
+    Passed,
+    Failed(String),
+    Hung,
+}
+
+impl Runner {
+    fn new() -> Result<Runner> {
+        let scratch = std::env::temp_dir().join(format!("scree-mutants-{}", std::process::id()));
+        fs::create_dir_all(&scratch)?;
+        Ok(Runner { binary: test_binary()?, scratch })
+    }
+
+    /// Runs the tests that match the filters until one fails. `mutant`: a folder that holds the changed text under its path.
+    fn tests(&self, mutant: Option<&Path>, filters: &[String], threads: usize, limit: Duration) -> Result<(End, usize)> {
+        let mut command = Command::new(&self.binary);
+        command.args(filters).arg(format!("--test-threads={threads}")).current_dir(env!("CARGO_MANIFEST_DIR"));
+        command.env("LP_NUM_THREADS", threads.to_string()).env("RUST_BACKTRACE", "0");
+        match mutant {
+            Some(folder) => command.env("SCREE_MUTANT", folder),
+            None => command.env_remove("SCREE_MUTANT"),
+        };
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().context("the test binary cannot be started")?;
+        let lines = lines_of(&mut child);
+        let began = Instant::now();
+        let mut passed = 0;
+        let end = loop {
+            match lines.recv_timeout(limit.saturating_sub(began.elapsed())) {
+                Ok(line) if line.ends_with(" ... ok") => passed += 1,
+                Ok(line) if line.ends_with(" ... FAILED") => {
+                    break Some(End::Failed(line.trim_start_matches("test ").trim_end_matches(" ... FAILED").to_owned()));
+                }
+                Ok(_) => {}
+                Err(mpsc::RecvTimeoutError::Timeout) => break Some(End::Hung),
+                Err(mpsc::RecvTimeoutError::Disconnected) => break None,
+            }
+        };
+        if let Some(end) = end {
+            // The process may be stuck in the driver. It is gone afterwards, and its device with it.
+            let _ = child.kill();
+            child.wait()?;
+            return Ok((end, passed));
+        }
+        let status = child.wait()?;
+        Ok(if status.success() { (End::Passed, passed) } else { (End::Failed(format!("the tests ended with {status}")), passed) })
+    }
+
+    /// Writes the text of a mutant, and calls `then` with its folder.
+    fn planted<T>(&self, worker: usize, file: &Wgsl, text: &str, then: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
+        let folder = self.scratch.join(worker.to_string());
+        let place = folder.join(file.path);
+        fs::create_dir_all(place.parent().context("a file lies in a folder")?)?;
+        fs::write(&place, text)?;
+        let result = then(&folder);
+        fs::remove_dir_all(&folder)?;
+        result
+    }
+}
+
+impl Drop for Runner {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.scratch);
+    }
+}
+
+/// The lines that a process writes, as they come.
+fn lines_of(child: &mut Child) -> mpsc::Receiver<String> {
+    let (to, lines) = mpsc::channel();
+    if let Some(output) = child.stdout.take() {
+        std::thread::spawn(move || BufReader::new(output).lines().map_while(Result::ok).try_for_each(|line| to.send(line)));
+    }
+    lines
+}
+
+/// The fixed mutants of the suite: each must be noticed by its test.
+fn controls() -> Result<()> {
+    let controls = strength()?.control;
+    ensure!(!controls.is_empty(), "strength.toml has no [[control]]");
+    let runner = Runner::new()?;
+    let mut missed = Vec::new();
+    println!("\nrunning {} negative controls: mutants that a test must notice", controls.len());
+    for control in &controls {
+        let file = *files().iter().find(|file| file.path == control.file).with_context(|| format!("there is no {}", control.file))?;
+        let found = mutants(file.text)
+            .into_iter()
+            .find(|mutant| line_text(file, mutant) == control.line && mutant.change(file.text) == control.change);
+        let mutant = found.with_context(|| format!("{}: `{}` has no mutant {}", control.file, control.line, control.change))?;
+        let filter = [control.test.clone()];
+        let (end, _) =
+            runner.planted(0, file, &mutant.apply(file.text), |folder| runner.tests(Some(folder), &filter, 2, Duration::from_secs(120)))?;
+        let noticed = matches!(end, End::Failed(_));
+        println!("control {}:{} {} ... {}", control.file, mutant.line, control.change, if noticed { "noticed" } else { "MISSED" });
+        if !noticed {
+            missed.push(format!("{}:{} {} by {}", control.file, mutant.line, control.change, control.test));
+        }
+    }
+    ensure!(missed.is_empty(), "mutants that no test noticed: {}", missed.join("; "));
+    Ok(())
+}
+
+fn line_text<'t>(file: &'t Wgsl, mutant: &Mutant) -> &'t str {
+    file.text.lines().nth(mutant.line - 1).unwrap_or_default().trim()
+}
+
+fn run(args: &Args) -> Result<()> {
+    let strength = strength()?;
+    // Relative names begin at the root of the project, although cargo starts tests in the folder of their crate.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let args = &Args { out: root.join(&args.out), record: args.record.as_ref().map(|folder| root.join(folder)), ..args.clone() };
+    fs::create_dir_all(&args.out).with_context(|| format!("cannot make the folder {}", args.out.display()))?;
+    let known: Vec<&str> = strength.stage.keys().map(String::as_str).collect();
+    let all = files();
+    for stage in &args.stages {
+        ensure!(all.iter().any(|file| stage_of(file) == stage), "`{stage}` holds no WGSL: the stages are {}", known.join(", "));
+        ensure!(
+            strength.stage.get(stage).is_some_and(|tests| tests.tests.iter().any(|group| !group.is_empty())),
+            "stage `{stage}` has no tests: add [stage.{stage}] to tests/strength.toml"
+        );
+    }
+    ensure!(args.sample > 0, "--sample is 0: give at least 1");
+    let runner = Runner::new()?;
+    for stage in &args.stages {
+        let began = Instant::now();
+        let rows = one_stage(args, &strength, &runner, stage)?;
+        let seconds = began.elapsed().as_secs_f64();
+        print!("{}", summary(stage, &rows, seconds));
+        if let Some(folder) = &args.record {
+            record(folder, stage, args, &rows)?;
+        }
+    }
+    Ok(())
+}
+
+/// A number that orders the mutants of a stage at random.
+fn order(seed: u32, index: usize) -> u32 {
+    hash::pcg4d([seed, u32::try_from(index).unwrap_or(u32::MAX), 17, 29])[0]
+}
+
+fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> Result<Vec<Row>> {
+    let groups = &strength.stage[stage].tests;
+    let jobs = if args.jobs == 0 { std::thread::available_parallelism()?.get() } else { args.jobs };
+    let table = args.out.join(format!("{stage}-{}.csv", args.seed));
+    let mut known: BTreeMap<String, Row> = read(&table)?.into_iter().map(|row| (row.text.clone(), row)).collect();
+    if args.again {
+        known.retain(|_, row| row.outcome != Outcome::Survived);
+    }
+
+    // Without a mutant the tests must pass, and match something. Their time gives the time limit.
+    let first = &strength.stage[stage].first;
+    let mut limits: BTreeMap<&[String], Duration> = BTreeMap::new();
+    for group in first.values().chain(groups) {
+        let began = Instant::now();
+        let (end, passed) = runner.tests(None, group, jobs, Duration::from_secs(1200))?;
+        match end {
+            End::Passed if passed > 0 => {}
+            End::Passed => bail!("stage `{stage}`: no test matches {}", group.join(" ")),
+            End::Failed(test) => bail!("stage `{stage}`: {test} fails without a mutant"),
+            End::Hung => bail!("stage `{stage}`: {} take more than 20 minutes", group.join(" ")),
+        }
+        limits.insert(group, Duration::from_secs(60) + began.elapsed() * 8);
+    }
+
+    let mut candidates: Vec<(&'static Wgsl, Mutant)> = files()
+        .into_iter()
+        .filter(|file| stage_of(file) == stage)
+        .flat_map(|file| mutants(file.text).into_iter().map(move |mutant| (file, mutant)))
+        .collect();
+    let total = candidates.len();
+    let mut keyed: Vec<_> = candidates.drain(..).enumerate().map(|(index, candidate)| (order(args.seed, index), candidate)).collect();
+    keyed.sort_by_key(|(key, (file, mutant))| (*key, file.path, mutant.range.start));
+    let mut rows = Vec::new();
+    let mut jobs_left = Vec::new();
+    let mut compiled = 0;
+    for (_, (file, mutant)) in keyed {
+        if compiled == args.sample {
+            break;
+        }
+        let text = mutant.apply(file.text);
+        let row = |outcome, by: &str| Row {
+            file: file.path.to_owned(),
+            line: mutant.line,
+            operator: mutant.operator.to_owned(),
+            change: mutant.change(file.text),
+            outcome,
+            by: by.to_owned(),
+            seconds: 0.0,
+            text: format!("{:016x}", twox_hash::XxHash64::oneshot(0, text.as_bytes())),
+        };
+        if !compiles(file, &text) {
+            rows.push(row(Outcome::NotCompiled, ""));
+            continue;
+        }
+        compiled += 1;
+        let change = mutant.change(file.text);
+        let line = line_text(file, &mutant);
+        let is_equivalent = |known: &&Equivalent| {
+            known.file == file.path && known.line == line && known.changes.iter().any(|known| *known == change || known == "*")
+        };
+        let fresh = row(Outcome::Survived, "");
+        match (strength.equivalent.iter().find(is_equivalent), known.get(&fresh.text)) {
+            (Some(known), _) => rows.push(row(Outcome::Equivalent, &known.reason)),
+            (None, Some(done)) => rows.push(Row { line: mutant.line, ..done.clone() }),
+            (None, None) => jobs_left.push((file, text, fresh)),
+        }
+    }
+    eprintln!("{stage}: {total} mutants, {compiled} sampled, {} to run", jobs_left.len());
+
+    let bar = ProgressBar::new(jobs_left.len() as u64);
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(rows);
+    let writer = Mutex::new(csv::WriterBuilder::new().has_headers(!table.exists()).from_writer(
+        fs::OpenOptions::new().create(true).append(true).open(&table).with_context(|| format!("cannot write {}", table.display()))?,
+    ));
+    let work = |worker: usize| -> Result<()> {
+        while let Some((file, text, fresh)) = jobs_left.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let began = Instant::now();
+            let groups: Vec<&[String]> = first.get(file.path).into_iter().chain(groups).map(Vec::as_slice).collect();
+            let (outcome, by) = runner.planted(worker, file, text, |folder| verdict(runner, folder, &groups, &limits, args.all))?;
+            let row = Row { outcome, by, seconds: began.elapsed().as_secs_f64(), ..fresh.clone() };
+            if outcome == Outcome::Survived {
+                bar.suspend(|| println!("survived: {}:{} {} ({})", row.file, row.line, row.change, row.operator));
+            }
+            let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
+            writer.serialize(&row)?;
+            writer.flush()?;
+            done.lock().unwrap_or_else(PoisonError::into_inner).push(row);
+            bar.inc(1);
+        }
+        Ok(())
+    };
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..jobs).map(|worker| scope.spawn(move || work(worker))).collect();
+        workers.into_iter().try_for_each(|worker| worker.join().expect("no panic"))
+    })?;
+    bar.finish_and_clear();
+    let mut rows = done.into_inner().unwrap_or_else(PoisonError::into_inner);
+    rows.sort_by(|a, b| (&a.file, a.line, &a.change).cmp(&(&b.file, b.line, &b.change)));
+    Ok(rows)
+}
+
+/// Runs the groups of tests, the cheapest first, and then all tests if asked for.
+fn verdict(
+    runner: &Runner,
+    folder: &Path,
+    groups: &[&[String]],
+    limits: &BTreeMap<&[String], Duration>,
+    all: bool,
+) -> Result<(Outcome, String)> {
+    let everything: Option<&[String]> = all.then_some(&[]);
+    for group in groups.iter().copied().chain(everything) {
+        let limit = limits.get(group).copied().unwrap_or(Duration::from_secs(3600));
+        match runner.tests(Some(folder), group, 1, limit)?.0 {
+            End::Passed => {}
+            End::Failed(test) => return Ok((Outcome::Killed, test)),
+            End::Hung => return Ok((Outcome::Hung, format!("time limit of {} s", limit.as_secs()))),
+        }
+    }
+    Ok((Outcome::Survived, String::new()))
+}
+
+/// The rows of a table; none if there is no such file. The last row of a table may be torn by an interruption; it is done again.
+fn read(table: &Path) -> Result<Vec<Row>> {
+    if !table.exists() {
+        return Ok(Vec::new());
+    }
+    let mut text = fs::read_to_string(table).with_context(|| format!("cannot read {}", table.display()))?;
+    if let Some(end) = text.rfind('\n').filter(|&end| end + 1 < text.len()) {
+        text.truncate(end + 1);
+        fs::write(table, &text)?;
+    }
+    let rows: Result<Vec<Row>, _> = csv::Reader::from_reader(text.as_bytes()).deserialize().collect();
+    rows.with_context(|| format!("{} is damaged: remove it", table.display()))
+}
+
+fn count(rows: &[Row], outcome: Outcome) -> usize {
+    rows.iter().filter(|row| row.outcome == outcome).count()
+}
+
+/// Share of the mutants that are not equivalent and were killed, percent.
+fn rate(rows: &[Row]) -> f64 {
+    let killed = count(rows, Outcome::Killed) + count(rows, Outcome::Hung);
+    100.0 * killed as f64 / (killed + count(rows, Outcome::Survived)).max(1) as f64
+}
+
+fn summary(stage: &str, rows: &[Row], seconds: f64) -> String {
+    let [killed, hung, survived, equivalent, failed] =
+        [Outcome::Killed, Outcome::Hung, Outcome::Survived, Outcome::Equivalent, Outcome::NotCompiled].map(|outcome| count(rows, outcome));
+    let mut text = format!(
+        "{stage}: {:.1} % killed; {killed} by tests, {hung} by the time limit, {survived} survived, {equivalent} equivalent; {failed} did not compile; {seconds:.0} s\n",
+        rate(rows)
+    );
+    for row in rows.iter().filter(|row| row.outcome == Outcome::Survived) {
+        text += &format!("  {}:{} {} ({})\n", row.file, row.line, row.change, row.operator);
+    }
+    text
+}
+
+/// Writes the table of a stage, and its row in `strength.csv` in place of an earlier one.
+fn record(folder: &Path, stage: &str, args: &Args, rows: &[Row]) -> Result<()> {
+    fs::create_dir_all(folder)?;
+    let mut csv = csv::Writer::from_path(folder.join(format!("{stage}.csv")))?;
+    csv.write_record(["file", "line", "operator", "change", "outcome", "by"])?;
+    for row in rows {
+        let outcome = serde_json::to_value(row.outcome)?;
+        csv.write_record([&row.file, &row.line.to_string(), &row.operator, &row.change, outcome.as_str().unwrap_or_default(), &row.by])?;
+    }
+    csv.flush()?;
+    let file = folder.join("strength.csv");
+    let head = "stage,date,seed,mutants,killed,hung,survived,equivalent,not_compiled,rate_percent";
+    let old = fs::read_to_string(&file).unwrap_or_default();
+    let mut lines: Vec<String> = old.lines().skip(1).filter(|line| line.split(',').next() != Some(stage)).map(str::to_owned).collect();
+    let counts =
+        [Outcome::Killed, Outcome::Hung, Outcome::Survived, Outcome::Equivalent, Outcome::NotCompiled].map(|outcome| count(rows, outcome));
+    let sampled: usize = counts[..4].iter().sum();
+    let counts = counts.map(|count| count.to_string()).join(",");
+    lines.push(format!("{stage},{},{},{sampled},{counts},{:.1}", args.date, args.seed, rate(rows)));
+    lines.sort();
+    let text = std::iter::once(head.to_owned()).chain(lines).map(|line| line + "\n").collect::<String>();
+    kernels::base::files::write_whole(&file, |temporary| {
+        fs::File::create(temporary)
+            .and_then(|mut file| file.write_all(text.as_bytes()))
+            .map_err(|source| kernels::base::error::Error::File { file: temporary.to_owned(), source })
+    })?;
+    Ok(())
+}
