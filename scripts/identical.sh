@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Checks whether two builds of the command line give identical results: `scripts/identical.sh BEFORE AFTER`, where each is an `experiments` program.
-# It compares `metrics.csv` of a small run byte by byte, and the linear picture of every camera of the built-in scene pixel by pixel. To check a
-# restructuring, build the commit before it in a second checkout and pass both programs.
+# Checks whether two builds of the command line give identical results. BEFORE and AFTER are two `experiments` programs: `scripts/identical.sh BEFORE
+# AFTER`. Compares `metrics.csv` of a small run byte by byte, and a linear picture of every camera of the built-in scene pixel by pixel. To check a
+# change that must not affect results, build the commit before the change in a second checkout, and pass both programs.
 set -euo pipefail
 
 [ "$#" -eq 2 ] || { echo "usage: scripts/identical.sh BEFORE AFTER (two builds of target/release/experiments)" >&2; exit 2; }
@@ -23,7 +23,7 @@ done
 
 differ=0
 say() { echo "$1: $2"; [ "$2" = identical ] || differ=1; }
-# `cmp` cannot be used, because the chunks of an OpenEXR file are in the order in which threads finished them.
+# The files are not compared with `cmp`. An OpenEXR file contains its chunks in the order in which threads finished them, so its bytes can differ.
 for camera in cliff ground vista grazing; do
     if "$after" compare "$work/before/$camera.exr" "$work/after/$camera.exr" --metric mse | grep -q 'identical'; then
         say "$camera" identical

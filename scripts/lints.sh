@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Runs in place of rustc when cargo compiles this workspace's own crates (RUSTC_WORKSPACE_WRAPPER). Clippy lints the code while it compiles it, and
-# rustdoc checks the documentation of libraries. `cargo clippy` and `cargo doc` find the same problems, but they cannot reuse compiled dependencies:
-# they check every dependency again first, which takes minutes.
+# Replaces rustc when cargo compiles the crates of this workspace (RUSTC_WORKSPACE_WRAPPER). Clippy compiles and lints the code at the same time, and
+# rustdoc checks the documentation of libraries. `cargo clippy` and `cargo doc` find the same problems, but they cannot reuse compiled dependencies.
+# They check every dependency again, which takes minutes.
 set -euo pipefail
 
 rustc="$1"
 shift
 clippy-driver "$rustc" "$@" -D warnings
 
-# `told` collects the arguments of a library's compilation that rustdoc also needs.
+# When a library is compiled, `told` collects the arguments that rustdoc also needs.
 told=() out="" library=false
 arguments=("$@")
 for ((i = 0; i < ${#arguments[@]}; i++)); do

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Executes the notebook on the recorded run, in a Python environment of its own in target/notebook. The environment is created if it does not exist or
-# if the list of packages has changed.
+# Executes the notebook on the recorded run, in a separate Python environment in target/notebook. The environment is created if it does not exist, and
+# created again if the list of packages has changed.
 set -euo pipefail
 root="$(cd "$(dirname "$0")/.." && pwd)"
 venv="$root/target/notebook"
 list="$root/notebooks-data/requirements.txt"
 
 fail() { printf 'notebook: %s\n' "$*" >&2; exit 1; }
-# A new Debian or Ubuntu has no Python, or one without its venv module.
+# A newly installed Debian or Ubuntu may have no Python, or a Python without its venv module.
 if ! python3 -c 'import ensurepip, venv' 2>/dev/null && command -v apt-get >/dev/null; then
     as_root=()
     [ "$(id -u)" -eq 0 ] || as_root=(sudo)

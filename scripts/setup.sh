@@ -37,7 +37,7 @@ check_compilers() {
     fi
 }
 
-# Prints the manifests of Vulkan drivers, one per line. If an environment variable names drivers, the drivers of the system are ignored.
+# Prints the paths of the manifests of Vulkan drivers, one per line. If an environment variable names manifests, those of the system are ignored.
 driver_manifests() {
     local named="${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}"
     if [ -n "$named" ]; then
@@ -49,12 +49,13 @@ driver_manifests() {
 }
 has_driver() { [ -n "$(driver_manifests)" ]; }
 
-# Whether there is a Vulkan loader, which reads the manifests of drivers. If LD_LIBRARY_PATH is set, the loader may be in one of its folders.
+# Returns success if there is a Vulkan loader, which reads the manifests of drivers. If LD_LIBRARY_PATH is set, a loader is assumed to be in one of
+# its folders.
 has_loader() {
     local ldconfig
     ldconfig="$(command -v ldconfig || echo /sbin/ldconfig)"
     [ -x "$ldconfig" ] || return 0
-    # `grep -q` cannot be used: it would stop reading early, and pipefail would treat that as a failure.
+    # `grep -q` is not used, because it stops reading at the first match. ldconfig would then fail, and because of pipefail the pipeline, too.
     "$ldconfig" -p | grep 'libvulkan\.so\.1' >/dev/null || [ -n "${LD_LIBRARY_PATH:-}" ]
 }
 
@@ -72,7 +73,7 @@ is_debian_12() (
     [ "${ID:-}" = debian ] && [ "${VERSION_CODENAME:-}" = bookworm ]
 )
 
-# Whether a Debian version such as 22.3.6-1+deb12u2 is older than $good_mesa.
+# Returns success if a Debian version such as 22.3.6-1+deb12u2 is older than $good_mesa.
 is_old() {
     local upstream="${1#*:}"
     [ "${upstream%%.*}" -lt "$good_mesa" ]
@@ -89,8 +90,8 @@ mesa_is_old() {
     [ -n "$version" ] && is_old "$version"
 }
 
-# Whether a GPU is used: there is a driver that is not from Mesa, or a GPU for which an old Mesa has a Vulkan driver. Must only be called if Mesa is
-# installed.
+# Returns success if a GPU is used. This is the case if there is a driver that is not from Mesa, or a GPU for which an old Mesa has a Vulkan driver.
+# Must only be called if Mesa is installed.
 has_gpu_driver() {
     grep -sE '^DRIVER=(amdgpu|i915|msm|v3d)' "$root"/sys/class/drm/renderD*/device/uevent >/dev/null && return
     local manifests manifest mesa_files
@@ -102,7 +103,8 @@ has_gpu_driver() {
     return 1
 }
 
-# Prints what to do about Mesa on Debian 12: `backports` = install it from the backports, `tell` = tell the user about the backports, or `nothing`.
+# Prints what to do about Mesa on Debian 12: `backports` = install Mesa from the backports, `tell` = print a hint about the backports, `nothing` = do
+# nothing.
 plan_for_mesa() {
     if ! is_debian_12 || is_set SCREE_NO_BACKPORTS; then
         echo nothing
@@ -128,7 +130,7 @@ as_root() { if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi; }
 update_lists() { as_root apt-get update "$@" >&2; }
 install_packages() { as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$@" >&2; }
 
-# Whether a source of backports that apt knows offers a sufficiently new Mesa.
+# Returns success if apt knows a source of backports that offers a sufficiently new Mesa.
 newer_mesa_is_offered() {
     local version
     for version in $(apt-cache madison mesa-vulkan-drivers 2>/dev/null | awk -F ' *[|] *' '$3 ~ /-backports\// { print $2 }'); do
@@ -137,21 +139,22 @@ newer_mesa_is_offered() {
     return 1
 }
 
-# Prints the first file in apt's sources that already names the backports, if there is one.
+# Prints the first of apt's source files that contains the backports, if there is one.
 backports_source() {
     local files
     files="$(grep -lsE '^[^#]*(bookworm|stable)-backports' "$root/etc/apt/sources.list" "$sources"/*.list "$sources"/*.sources || true)"
     head -n 1 <<<"$files"
 }
 
-# Prints the mirror from which the machine gets Debian 12. A URI with a password is not used, because every user can read the new file.
+# Prints the URI of the mirror from which the machine gets Debian 12. A URI that contains a password is not used, because every user could read it in
+# the new file.
 debian_mirror() {
     # shellcheck disable=SC2016 # the fields are apt's
     apt-get indextargets --format '$(ORIGIN)|$(CODENAME)|$(COMPONENT)|$(REPO_URI)' 'Created-By: Packages' |
         awk -F '|' '$1 == "Debian" && $2 == "bookworm" && $3 == "main" && $4 !~ /^cdrom:|@/ && !found { sub(/\/$/, "", $4); print $4; found = 1 }'
 }
 
-# Adds the source of backports. The file is first written under a name that apt ignores and then renamed, so apt never sees an incomplete file.
+# Adds a source file for the backports. It is written under a name that apt ignores and then renamed, so apt never reads an incomplete file.
 write_own_source() {
     local text
     text="$(printf '%s\n' "# Added by Scree's scripts/setup.sh for mesa-vulkan-drivers." 'Types: deb' "URIs: $1" 'Suites: bookworm-backports' 'Components: main' \
@@ -161,7 +164,7 @@ write_own_source() {
         if printf "%s\n" "$3" >"$new" && mv -f "$new" "$2"; then exit 0; fi
         rm -f "$new"; exit 1' sh "$sources" "$own_source" "$text"
 }
-# Removes the source if this run added it and could not install from it. It also runs when the script ends.
+# Removes the source file if this run added it and could not install Mesa from it. This function is also called when the script ends.
 source_added=false
 drop_added_source() {
     $source_added || return 0
@@ -171,10 +174,10 @@ drop_added_source() {
 }
 trap drop_added_source EXIT
 
-# Makes sure that apt offers a newer Mesa; adds a package source if the machine has none.
+# Ensures that apt offers a newer Mesa. Adds a package source if the machine has none that offers it.
 offer_newer_mesa() {
     newer_mesa_is_offered && return
-    # A failure is ignored, because it may come from an unrelated source. The next line checks the result.
+    # An error is ignored, because it may be caused by an unrelated source. The next line checks whether the update had an effect.
     update_lists || true
     newer_mesa_is_offered && return
 
@@ -193,12 +196,12 @@ offer_newer_mesa() {
     source_added=true
     write_own_source "$mirror" || return
     say "added the package source bookworm-backports in $own_source; to remove it: delete that file as root and run 'apt-get update'"
-    # Only the lists of this source are updated, so a failure is not ignored.
+    # Only the lists of this source are updated, so an error is not ignored.
     update_lists -o Dir::Etc::sourcelist="$own_source" -o Dir::Etc::sourceparts=/dev/null -o APT::Get::List-Cleanup=0 -o APT::Update::Error-Mode=any &&
         newer_mesa_is_offered
 }
 
-# The option -t lets apt also take the driver's dependencies from the backports. Unrelated packages are not changed, and no package is removed.
+# With the option -t, apt also takes the driver's dependencies from the backports. Unrelated packages are not changed, and no package is removed.
 install_newer_mesa() {
     local wanted=(--no-remove -t bookworm-backports mesa-vulkan-drivers libvulkan1)
     if offer_newer_mesa && { install_packages "${wanted[@]}" || { update_lists && install_packages "${wanted[@]}"; }; }; then
@@ -211,7 +214,7 @@ install_newer_mesa() {
 
 # --- Steps ---
 
-# An interruption ends the script and is not treated as a failure of apt.
+# If the script is interrupted, it ends. The interruption is not reported as a failure of apt.
 trap 'exit 130' INT
 trap 'exit 143' TERM HUP
 
@@ -255,7 +258,7 @@ fi
 if [ -n "$missing" ]; then
     say "no Vulkan driver (or no Vulkan loader) was found; installing Mesa's software Vulkan with apt-get: $missing"
     read -ra packages <<<"$missing"
-    # The package lists of a new image may be empty or old, so they are fetched if the first attempt fails.
+    # In a new image, the package lists may be missing or old. They are therefore fetched if the first attempt fails.
     install_packages "${packages[@]}" || { update_lists && install_packages "${packages[@]}"; } ||
         fail "apt-get could not install $missing: its messages are above; install the packages by hand and call make again"
 fi

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Tests what scripts/setup.sh decides on a machine without Vulkan, on a machine with an old Mesa, and if the backports of Debian 12 are not available.
-# Nothing is installed: apt, dpkg and sudo are replaced by stand-ins that change only a temporary folder, and the script uses only the programs below.
+# Tests what scripts/setup.sh does on a machine without Vulkan, on a machine with an old Mesa, and if the backports of Debian 12 are not available.
+# Nothing is installed. apt, dpkg and sudo are replaced by stand-ins, which only change a temporary folder. The script can call only these stand-ins
+# and the programs below.
 set -euo pipefail
 
 if [ "$(uname -s)" != Linux ]; then
@@ -18,7 +19,7 @@ failures=0
 
 stand_in() { cat >"$bin/$1" && chmod +x "$bin/$1"; }
 
-# The script may use these programs of the system. Its PATH contains no others.
+# Programs of the system that the script may call. Its PATH contains only these and the stand-ins.
 mkdir "$bin"
 for program in awk bash cat dirname env grep head mkdir mv rm sed sh tr uname; do
     ln -s "$(type -P "$program")" "$bin/$program"
@@ -37,7 +38,8 @@ case "$1" in
     *) echo "installed $(cat "$TEST_ROOT/installed")" ;;
 esac
 END
-# The stand-in offers backports if a source names them and the lists have been fetched. TEST_BROKEN names the step that fails.
+# The stand-in offers a Mesa from the backports if a source names the backports and the lists have been fetched. TEST_BROKEN names the step that
+# fails.
 stand_in apt-cache <<'END'
 #!/bin/sh
 [ ! -e "$TEST_ROOT/lists" ] || echo " mesa-vulkan-drivers | $TEST_NEW | http://mirror.test/debian bookworm-backports/main amd64 Packages"
@@ -70,7 +72,7 @@ END
 with_sudo() { stand_in sudo <<<'#!/bin/sh
 exec "$@"'; }
 
-# machine DISTRIBUTION RELEASE [INSTALLED]: creates a new machine; INSTALLED = version of the installed Mesa.
+# machine DISTRIBUTION RELEASE [INSTALLED]: creates a new machine. INSTALLED is the version of the installed Mesa.
 machine() {
     rm -rf "$root"
     mkdir -p "$root/etc/apt/sources.list.d" "$root/usr/share/vulkan/icd.d"
@@ -80,7 +82,7 @@ machine() {
         : >"$root/usr/share/vulkan/icd.d/lvp_icd.json"
     fi
 }
-# setup [VARIABLE=VALUE]...: runs the script on the machine, as root unless TEST_USER says otherwise.
+# setup [VARIABLE=VALUE]...: runs the script on the machine, as root unless TEST_USER is the id of a different user.
 setup() {
     : >"$calls"
     status=0

@@ -1,11 +1,12 @@
-//! Compares the GPU with the references: the function of every probe, and both paths of the classification pass.
+//! Compares results of the GPU with the CPU references: for every probe, and for both paths of the classification pass (with subgroup operations and
+//! without).
 //!
-//! Each probe (`kernels::probe`) defines what is compared and which error is accepted. Only the culling probes are given NaN and infinity, because
-//! WGSL lets a shader assume that there are none.
+//! A probe (`kernels::probe`) evaluates shared functions for a table of inputs, and defines which error of a result is accepted. WGSL lets a shader
+//! assume that no number is NaN or infinite, so the inputs of most probes contain no such numbers. Only the culling probes receive them.
 //!
-//! Where a result is discontinuous (an index, a code, a cell), a row whose distance from the threshold is within the tolerance may fall on either
-//! side. Such rows are counted, and each case limits their number. Each comparison is also run on mutants of the shader, which it must reject, and on
-//! the reference in f32, which it must accept.
+//! Some results are discontinuous (an index, a code, a cell). If the inputs of a row lie within the tolerance of a threshold, the results of both
+//! sides of the threshold are accepted. Rows with the result of the other side are counted, and each case limits their number. Each comparison must
+//! accept the reference in f32, and must reject mutants of the shader, each of which has one deliberate fault.
 
 use std::collections::BTreeSet;
 
@@ -30,16 +31,17 @@ const ROWS: u32 = 4096;
 /// How a probe is compared.
 struct Case {
     probe: &'static str,
-    /// Rows with values at the ends of the ranges.
+    /// Returns special rows, which are compared in addition to the random rows: values at the ends of their ranges, on thresholds, or with
+    /// symmetries.
     extremes: fn() -> Vec<Vec<f64>>,
-    /// Largest number of rows that may lie on the other side of a threshold.
+    /// Limit of the number of rows whose result belongs to the other side of a threshold.
     other_side_at_most: usize,
-    /// Mutants: the shared file ("" for the probe's own text), the text to replace in it, and the replacement.
+    /// Mutants of the shader: name of the shared file to change ("" = the probe's own text), the text to replace in it, and the replacement.
     mutants: &'static [(&'static str, &'static str, &'static str)],
 }
 
-/// Returns copies of a row. In each copy, one of the columns is NaN, infinite, denormal, near 1e-15 or 1e15 (the limits of the culling tests), or far
-/// beyond these limits.
+/// Returns copies of a row. In each copy, one of the given columns is NaN, infinite, denormal, near 1e-15 or 1e15 (the limits of the culling tests),
+/// or far beyond these limits.
 fn with_ends(plain: &[f64], columns: impl Iterator<Item = usize>) -> Vec<Vec<f64>> {
     let ends = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e-45, -1e-45, 0.9e-15, 1e-15, 1.1e-15, 0.9e15, 1e15, 1.1e15, -1e16, 3e38];
     let row = |column: usize, end: f64| {
@@ -68,8 +70,8 @@ impl Case {
         rows
     }
 
-    /// Compares results with the truth. Returns the largest share of the tolerance that was used and the number of rows on the other side of a
-    /// threshold, or an error that describes the first difference.
+    /// Compares results with the truth. Returns the largest error, as a share of its tolerance, and the number of rows whose result belongs to the
+    /// other side of a threshold; or an error message that describes the first difference.
     fn compare(&self, rows: &[f64], got: &[f64]) -> Result<(f64, usize), String> {
         let probe = self.probe();
         let (columns, results) = (probe.inputs.len(), probe.outputs.len());
@@ -104,8 +106,8 @@ impl Case {
 
 // ---------------------------------------------------------------- the probes
 
-/// Directions that are special: without a usable length, very short or very long, along an axis, one step of f32 off an axis, and along a diagonal. A
-/// direction along an axis has exact codes in any precision; one step of f32 off the axis is the smallest deviation from it.
+/// Special directions: too short to have a direction, very short or very long, along an axis, one step of f32 off an axis, and along a diagonal. The
+/// octahedral code of a direction along an axis is exact in any precision. One step of f32 is the smallest deviation from an axis.
 fn directions() -> Vec<[f64; 3]> {
     let mut all = vec![[0.0; 3], [2e-30, 0.0, 0.0], [1e-31, -1e-31, 1e-31], [9e29, -5e29, 1e29], [3e-30, 4e-30, -5e-30]];
     for axis in 0..3 {
@@ -128,12 +130,14 @@ const CASES: &[Case] = &[
     Case {
         probe: "octahedral",
         extremes: || directions().into_iter().map(|n| n.to_vec()).collect(),
-        // Rows with two equally near codes. The error of 16 ULP (2^-19) is 2^-12 of the distance of two codes (2^-7), so 1 of the 4096 random rows is
-        // expected. The limit also admits 20 symmetric extremes, which lie between codes: the 8 diagonals, and the 6 directions one step off an axis.
+        // Limit for rows in which two octahedral codes are almost equally near to the direction. The error of a direction is 16 ULP (2^-19), which is
+        // 2^-12 of the distance between neighbouring codes (2^-7). So about 1 of the 4096 random rows is expected. The limit also leaves room for 20
+        // special rows, because several codes may be equally near to symmetric directions: the 8 diagonals, and the 6 directions one step of f32 off
+        // an axis.
         other_side_at_most: 4 + 20,
         mutants: &[
             ("octahedral", "(vec2<f32>(1.0) - abs(flat.yx)) * octahedral_sign(flat)", "vec2<f32>(1.0) - abs(flat.yx)"),
-            // The nearest code of each coordinate instead of the code of the nearest direction.
+            // This mutant rounds each coordinate to the nearest code. The shader chooses the code that decodes to the nearest direction.
             ("", "octahedral_encode8_precise(n)", "octahedral_quantise8(e)"),
             ("octahedral", "if error < best_error", "if i == 0u"),
             ("octahedral", "return v / sqrt(dot(v, v));", "return v;"),
@@ -142,13 +146,16 @@ const CASES: &[Case] = &[
     Case {
         probe: "octahedral-codes",
         extremes: || directions().into_iter().flat_map(|n| [2.0, 8.0, 12.0, 16.0].map(|bits| [&n[..], &[bits]].concat())).collect(),
-        // At 16 bits, the error of 16 ULP (2^-19) is 2^-4 of the distance of two codes (2^-15). A quarter of the random rows has 16 bits. For each of
-        // the two coordinates, an eighth of this quarter (128 rows) lies within the error of the middle between two codes, and twice 128 rows do so
-        // for the nearest direction. At 12 bits it is a sixteenth of these numbers.
+        // Limit for rows in which two octahedral codes are almost equally near. The error of a coordinate is 16 ULP (2^-19). At 16 bits, that is 1/16
+        // of the distance between neighbouring codes (2^-15). So with a probability of 1/8, a coordinate lies within the error of the middle between
+        // two codes. A quarter of the 4096 random rows has 16 bits, so 128 rows are expected for each of the two coordinates that are rounded
+        // separately. About 256 more are expected for the code of the nearest direction. At 12 bits, the distance is 16 times larger, so a sixteenth
+        // of these rows is expected in addition.
         other_side_at_most: 600,
         mutants: &[
-            // In this order: the lower code instead of the nearest; a wrong number of steps; the nearest code of each coordinate instead of the code
-            // of the nearest direction; the first of the four codes around instead of the best.
+            // In this order: coordinates are rounded down instead of to the nearest code; the number of steps is wrong; each coordinate is rounded to
+            // the nearest code instead of choosing the code of the nearest direction; the first of the four codes around the direction is chosen
+            // instead of the best.
             ("octahedral", "round(usable_2(e) * half)", "floor(usable_2(e) * half)"),
             ("", "- 1u)) - 1u)", "- 1u)) - 2u)"),
             ("", "octahedral_encode_precise(n, half, step)", "fast"),
@@ -168,14 +175,16 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Rows with two equally near points of the finer lattice. The error of 16 ULP (2^-19) is 2^-9 of the distance of two points (2^-10), so 8 of
-        // the 4096 random rows are expected. The limit also admits 300 extremes. The extremes between points are those whose plane's normal lies
-        // along one of the 8 diagonals or one step off an axis (6 normals). There are 15 rows for each normal.
+        // Limit for rows in which two points of the finer lattice are almost equally near to the plane's normal. The error of a direction is 16 ULP
+        // (2^-19), which is 2^-9 of the distance between neighbouring points (2^-10). So 8 of the 4096 random rows are expected. The limit also
+        // leaves room for 300 special rows. Several points may be equally near if the plane's normal lies along one of the 8 diagonals or one step of
+        // f32 off an axis (6 normals). Each of these 14 normals occurs in 15 rows.
         other_side_at_most: 24 + 300,
         mutants: &[
-            // In this order: a prediction that is rounded down; a decoder whose window of differences does not match the encoder's; points that share
-            // an index; a plain plane on the fine lattice; a plane seen from behind; a normal with z < 0; the first lattice point around instead of
-            // the nearest; a vector that is not normalised.
+            // In this order: the predicted code of the shading normal is rounded down; the decoder assumes a different range of differences from the
+            // prediction than the encoder; two lattice points share an index; a plane that belongs on the plain lattice is rounded to the fine one;
+            // the ray may see the stored plane from behind; the plane's normal may have z < 0; the first lattice point around the normal is chosen
+            // instead of the nearest; a vector is not normalised.
             ("normal_pair", "(p + NORMAL_PAIR_FINE + 4) >>", "(p + NORMAL_PAIR_FINE) >>"),
             ("normal_pair", "(low - predicted + 16)", "(low - predicted)"),
             ("normal_pair", "* (2 * half + 1) + (p.x", "* (2 * half) + (p.x"),
@@ -193,7 +202,8 @@ const CASES: &[Case] = &[
             for kind in [0.0, 1.0] {
                 for sector in [[0.0, 0.0], [16_777_216.0, -16_777_216.0]] {
                     for position in [[0.0, 0.0, 0.0], [31.999_998, 1e-3, 8848.0], [0.0, 0.0, -1e9], [1e20, -1e20, 9e29]] {
-                        // Footprints of zero, footprints below and above the range of scales, and powers of two, whose level is a whole number.
+                        // Footprints of a pixel, m: zero, below and above the range of noise scales, and powers of two, for which the level of the
+                        // noise (log2 of cells per metre) is a whole number.
                         for [x, y] in [[0.0, 0.0], [1e-9, 1e-9], [1e9, 1e12], [0.25, 0.125], [1.0, 1.0], [32.0, 4.0], [0.03, 3.0]] {
                             for seed in [0.0, 4_294_967_295.0] {
                                 let row = [&[kind][..], &sector, &position, &[32.0, x, 0.0, 0.0, 0.0, y, 0.0, 1.0, seed, seed]];
@@ -205,10 +215,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // In half of the rows each axis has its own level. About 0.1 of 4096 rows is expected to have a level within 1e-5 of a whole number.
+        // Limit for rows of anisotropic noise in which the level of an axis (log2 of cells per metre) is so close to a whole number that its error,
+        // which is below 1e-5, decides which cell is hashed. Half of the 4096 random rows are anisotropic, with three levels each, so about 0.1 such
+        // rows are expected.
         other_side_at_most: 4,
         mutants: &[
-            // In this order: a blend that is not made uniform; the coarse scale twice; a seed without the salt; one cell too few in a sector.
+            // In this order: the blend of two scales is not transformed back to a uniform distribution; the coarse scale is blended with itself; the
+            // seed is hashed without the salt; a sector has one cell too few.
             ("noise", "noise_correct(x.x, lerp_factor)", "x.x"),
             ("noise", "return noise_blend(coarse, fine, level - lower);", "return noise_blend(coarse, coarse, level - lower);"),
             ("noise", "hash_mix(seed, salt, level)", "hash_mix(seed, seed, level)"),
@@ -237,14 +250,16 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // Interleaved gradient noise, in this order: a high word without one of its parts; the same symmetry for two decisions; no rotation; a
-            // lattice that the frame does not move.
+            // Mutants of interleaved gradient noise, in this order: the high word of a product lacks one of its parts; of the four thresholds of a
+            // pixel, the first two use the same symmetries of the square as the last two; the thresholds have no random offset; the pattern does not
+            // move from frame to frame.
             ("noise", "+ (other >> 16u)", ""),
             ("noise", "select(shifted, shifted.yx, decision >= 2u)", "shifted"),
             ("noise", "noise_interleaved_gradient_value(turned, frame) + h.z", "noise_interleaved_gradient_value(turned, frame)"),
             ("noise", "+ frame * NOISE_IGN_FRAME", ""),
-            // Masks, in this order: slices that repeat after 15 frames; the blue mask as the first slice; rows and columns exchanged; the same shift
-            // for all decisions; no jitter; a jitter of the static mask that changes in every frame; ranks beyond the last one.
+            // Mutants of the blue-noise masks, in this order: the slices of the spatio-temporal mask repeat after 15 frames; the static mask is used
+            // as the first slice of the spatio-temporal one; rows and columns are exchanged; the four thresholds of a pixel use the same shift of the
+            // mask; no jitter is added to the rank; the jitter of the static mask changes in every frame; ranks are not clamped to the last one.
             ("noise", "frame % NOISE_MASK_SLICES", "frame % 15u"),
             ("noise", "1u + frame % NOISE_MASK_SLICES", "frame % NOISE_MASK_SLICES"),
             ("noise", "shifted.y * NOISE_MASK_EDGE + shifted.x", "shifted.x * NOISE_MASK_EDGE + shifted.y"),
@@ -252,7 +267,8 @@ const CASES: &[Case] = &[
             ("noise", "(jitter >> vec4<u32>(12u))", "vec4<u32>(0u)"),
             ("noise", "select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE)", "frame"),
             ("noise", "min(ranks, vec4<u32>(NOISE_MASK_RANKS - 1u))", "ranks"),
-            // White noise, in this order: the wrong cells; a level that is not clamped; noise that does not change with the frame.
+            // Mutants of white noise, in this order: the wrong cells are hashed; the level is not clamped; the noise does not change from frame to
+            // frame.
             ("noise", "vec3<i32>(k), seed, salt);\n}\n\n// The high", "vec3<i32>(k + 1), seed, salt);\n}\n\n// The high"),
             ("noise", "let k = clamp(level, i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX));", "let k = level;"),
             ("noise", "vec4<u32>(pixel, frame, hash_mix(seed, salt, 0u))", "vec4<u32>(pixel, 0u, hash_mix(seed, salt, 0u))"),
@@ -267,7 +283,7 @@ const CASES: &[Case] = &[
                     rows.push([&[0.3, 0.9, -0.2, 0.0009, 0.0, 0.0, t][..], &n].concat());
                     rows.push([&[0.0, 1.0, 0.0, 0.0, -0.0002, -0.0009, t][..], &n].concat());
                 }
-                // A step of zero, and a step as long as the ray.
+                // A step of zero, and a step about as long as the ray.
                 rows.push([&[0.3, 0.9, -0.2, 0.0, 0.0, 0.0, 10.0][..], &n].concat());
                 rows.push([&[0.3, 0.9, -0.2, 0.9, -0.3, 0.1, 10.0][..], &n].concat());
                 // Rays of very different lengths: the squares of the shortest are denormal in f32, and the squares of the longest do not fit f32.
@@ -278,11 +294,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Rows whose ray lies in the plane, within the error: 2^-19 of the random rows, and some of the extremes, which are made of axes.
+        // Limit for rows whose ray is so nearly parallel to the plane that rounding decides which side of the plane it sees. A share of about 2^-19
+        // of the random rows is expected, and some special rows, in which both the ray and the normal lie along axes.
         other_side_at_most: 16,
         mutants: &[
-            // In this order: one coordinate of the step twice; the point's own ray instead of the neighbour's; no limit at grazing angles; a normal
-            // that is not normalised, which changes only the effect of the limit; no limit of the length of the neighbour's ray.
+            // In this order: one coordinate of the step is used twice; the pixel's own ray is used instead of the neighbour's; the cosine has no
+            // lower limit at grazing angles; the normal is not normalised, which changes only the effect of that limit; the length of the neighbour's
+            // ray has no upper limit.
             ("", "vec3<f32>(row[3], row[4], row[5])", "vec3<f32>(row[3], row[3], row[5])"),
             ("derivatives", "ray_step - neighbour *", "ray_step - ray *"),
             ("derivatives", "max(side * dot(n, neighbour), limit)", "(side * dot(n, neighbour))"),
@@ -311,7 +329,8 @@ const CASES: &[Case] = &[
             ("splat_blend", "f.x * g.y, g.x * f.y,", "g.x * f.y, f.x * g.y,"),
             ("splat_blend", "exp2(exponent)", "exp(exponent)"),
             ("splat_blend", "usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS)", "usable_positive_1(sharpness, 64.0)"),
-            // The weights term by term: the sum so far is not multiplied by the factor of the new largest term; the first term counts as the largest.
+            // Mutants of the weights that are accumulated term by term, in this order: the sum so far is not scaled down when a new term is the
+            // largest; the first term always counts as the largest.
             ("splat_blend", "(run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0", "1.0, 1.0"),
             ("splat_blend", "if score > run.score {", "if run.weight <= 0.0 {"),
         ],
@@ -331,8 +350,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: weights that are not normalised; zero to the power of zero as 0; a gradient along the wrong axis; a normal that bends
-            // the wrong way; a normal bent by the whole gradient instead of its part along the surface.
+            // In this order: weights are not normalised; 0 to the power of 0 gives 0 instead of 1; a height gradient points along the wrong axis; the
+            // normal is bent in the opposite direction; the normal is bent by the whole gradient instead of the gradient's part along the surface.
             ("triplanar", "return w / (w.x + w.y + w.z);", "return w;"),
             ("triplanar", "select(0.0, 1.0, sharpness <= 0.0)", "0.0"),
             ("triplanar", "return vec3<f32>(g.x, 0.0, g.y);", "return vec3<f32>(g.x, g.y, 0.0);"),
@@ -355,12 +374,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // A random row lies on a threshold with a probability of 6 * 2^-23, so none of the 4096 is expected. Extremes lie on one if u is 3/4 and all
-        // four weights are equal, because the sum of three of them is rounded.
+        // Limit for rows in which u lies on a threshold between two indices, to within rounding. For a random row, the probability is about 6 *
+        // 2^-23, so none of the 4096 is expected. A special row lies on a threshold if u is 3/4 and all four weights are equal, because the sum of
+        // three of the weights is rounded.
         other_side_at_most: 8,
         mutants: &[
-            // In this order: index 0 although its weight is 0; the first threshold in place of the second; the last index although its weight is 0;
-            // negative weights that count.
+            // In this order: index 0 is chosen although its weight is 0; the first threshold is used in place of the second; the last index is chosen
+            // although its weight is 0; negative weights are not treated as 0.
             ("select", "if target_sum < below_1 {", "if target_sum <= below_1 {"),
             ("select", "if target_sum < below_2 {", "if target_sum < below_1 {"),
             ("select", "if w.w > 0.0 {", "if w.w >= 0.0 {"),
@@ -376,7 +396,7 @@ const CASES: &[Case] = &[
                     rows.push([&n[..], &[k]].concat());
                 }
             }
-            // Rows at which the second projection changes: two components are equal, and the third is below or above them.
+            // Rows around the normals at which the second projection changes: two components are equal, and the third is below or above them.
             for third in [0.0, 0.5, 1.0 - EPS, 1.0 + EPS, 2.0] {
                 rows.push(vec![1.0, 1.0, third, 8.0]);
                 rows.push(vec![third, -1.0, 1.0, 4.0]);
@@ -384,11 +404,12 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Extremes: 8 diagonals with 6 powers each, 6 rows one step of f32 off a diagonal, and some rows in which two components of weight 0 are
-        // equal.
+        // Limit for special rows: the 8 diagonals with 6 sharpnesses each, 6 rows one step of f32 off a diagonal, and some rows in which two
+        // components are equal and both have weight 0, so that either of their axes may be returned.
         other_side_at_most: 80,
         mutants: &[
-            // In this order: a third projection that is dropped with a seam; weights that are not normalised; a wrong power; the wrong axis left out.
+            // In this order: the third projection is dropped while its weight is above 0, which gives a seam; weights are not normalised; the
+            // exponent is wrong; the wrong axis is left out.
             ("biplanar", "max(kept - BIPLANAR_DIAGONAL, vec2<f32>(0.0))", "kept"),
             ("biplanar", "w / (w.x + w.y)", "w"),
             ("biplanar", "0.125 * usable_positive_1", "usable_positive_1"),
@@ -408,12 +429,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Some random rows, and the extremes at a corner of a cell or a step off it. They lie, within the error, on a cell's border, where one
-        // hexagon replaces another and both have weight 0, or halfway between two levels.
+        // Limit for rows that lie, to within the error, on a border between two cells of the lattice, or at which the number of hexagons per sector
+        // changes to the next power of two. At a border between cells, one hexagon replaces another, and both have weight 0. Expected are some random
+        // rows, and the special rows at a corner of a cell or one step off it.
         other_side_at_most: 32,
         mutants: &[
-            // In this order: weights that are not sharpened; a seam at sector borders; the same offset for all hexagons of a column; weights that are
-            // not normalised; the wrong weights in the upper triangle.
+            // In this order: weights are not sharpened; the lattice has a seam at sector borders; all hexagons of a column have the same texture
+            // offset; weights are not normalised; the weights in the upper triangle of a cell are wrong.
             ("hex_tiling", "return square * square * square * w;", "return w;"),
             ("hex_tiling", "(s.x << (HEX_TILING_SKEW_BITS + step)) - skewed_y", "(s.x << (HEX_TILING_SKEW_BITS + step))"),
             ("hex_tiling", "vec4<u32>(id, salt, 0u)", "vec4<u32>(id.xx, salt, 0u)"),
@@ -436,12 +458,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // u lies within the error of a threshold, which is 2^-23 times some hundred texels, in less than 1 of 4096 random rows. The limit also admits
-        // extremes with a size of 3 texels and a coordinate just below a whole repeat, whose product is rounded.
+        // Limit for rows in which the random number u lies within rounding of the threshold between two texels. The error of the threshold is 2^-23
+        // times some hundred texels, so fewer than 1 of the 4096 random rows is expected. The limit also leaves room for special rows with a size of
+        // 3 texels and a coordinate just below a whole repeat, because the product of size and coordinate is rounded.
         other_side_at_most: 24,
         mutants: &[
-            // In this order: always the level below; the nearest texel; a texel's corner in place of its centre; no repeat; the farther texel more
-            // often.
+            // In this order: the level of detail is always rounded down; the nearest texel is always chosen; texel corners are used in place of texel
+            // centres; the texture does not repeat; the farther of the two texels gets the larger probability.
             ("texel_choice", "select(0.0, 1.0, u < l - below)", "0.0"),
             ("texel_choice", "select(0.0, 1.0, u < x - below)", "select(0.0, 1.0, 0.5 < x - below)"),
             ("texel_choice", "* texels - 0.5", "* texels"),
@@ -462,7 +485,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: a share used as an opacity; a transparent layer 0; a share that includes the layers above; a texel that is left out.
+            // In this order: a layer's share of the four texels is used as its opacity; layer 0 is not opaque; the share of a layer includes the
+            // layers above it; one of the four texels is left out.
             ("layers", "m.x / max(m.x + m.y, 1e-30)", "m.x"),
             ("layers", "1.0, layer == 0u", "m.x, layer == 0u"),
             ("layers", "layers == vec4<u32>(layer)", "layers >= vec4<u32>(layer)"),
@@ -482,11 +506,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Directions without x and y, and directions whose z is at the threshold.
+        // Limit for special rows: vertical directions, whose x and y are 0, and directions whose z equals the given cosine, which is the threshold
+        // between gentle and steep slopes.
         other_side_at_most: 100,
         mutants: &[
-            // In this order: the two diagonals exchanged; sectors with the wrong sign; a rate without its low 8 bits; steep and gentle slopes
-            // exchanged; a border at 45 degrees instead of 22.5; a gradient with the wrong sign.
+            // In this order: the two diagonal planes are exchanged; the sector coordinate of a diagonal plane has the wrong sign; the number of
+            // repeats per sector loses its low 8 bits; steep and gentle slopes are exchanged; the border between two planes lies at 45 degrees
+            // instead of 22.5; a gradient has the wrong sign.
             ("snapped_projection", "(u.x > 0.0) == (u.y > 0.0)", "(u.x > 0.0) != (u.y > 0.0)"),
             ("snapped_projection", "place.y - place.x", "place.x - place.y"),
             ("snapped_projection", "(((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u)", "0"),
@@ -504,8 +530,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: OR instead of XOR in each of the two hashes; a constant that is off by one; a sum in place of chained hashes; a
-            // conversion of all 32 bits, which is rounded.
+            // In this order: OR replaces XOR, in each of the two hash functions; a constant is off by one; level, salt and seed are added instead of
+            // hashed in turn; all 32 bits are converted to f32 instead of the upper 24, so the result is rounded.
             ("hash", "h ^= h >>", "h |= h >>"),
             ("hash", "(word >> 22u) ^ word", "(word >> 22u) | word"),
             ("hash", "2891336453u", "2891336454u"),
@@ -545,21 +571,24 @@ const CASES: &[Case] = &[
                     }
                 }
             }
-            // Rows made from a box beyond the plane, and from one that is not beyond it.
+            // Copies of two rows in which one number is NaN, infinite or near a limit. In one row the box lies beyond the plane, in the other it does
+            // not.
             for w in [-5.0, 5.0] {
                 rows.extend(with_ends(&[0.6, 0.0, -0.8, w, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0], 0..10));
             }
             rows
         },
-        // In half of the random rows, the box is 2^-24 to 1 of its distance off the plane, with as many rows in each octave. The margin is 2^-21 to
-        // 2^-20 of the distance, so an eighth of these rows lies within it. Half of those lie on the visible side, where no difference is accepted.
+        // Limit for boxes that lie beyond the plane by less than the margin of the test, so that they may be culled or kept. In half of the random
+        // rows, the distance of the box from the plane is 2^-24 to 1 times its distance from the origin, with equally many rows in each of these
+        // octaves. The margin is 2^-21 to 2^-20 times the distance from the origin, so an eighth of these rows lies within the margin. Half of them
+        // lie on the visible side of the plane, where a box must always be kept.
         other_side_at_most: 400,
         mutants: &[
-            // In this order: the opposite corner; a plane through the origin; a margin to the wrong side.
+            // In this order: the opposite corner of the box is tested; the plane passes through the origin; the margin is applied to the wrong side.
             ("culling", "select(low, high,", "select(high, low,"),
             ("culling", "+ plane.w < -(", "< -("),
             ("culling", "-(CULLING_SLACK * size + CULLING_FLUSHED)", "CULLING_SLACK * size"),
-            // No check whether the numbers of box and plane are usable.
+            // This mutant does not check whether the numbers of box and plane are finite and below the limit of the test.
             ("culling", "return known && terms.x", "return terms.x"),
         ],
     },
@@ -574,24 +603,26 @@ const CASES: &[Case] = &[
                     }
                 }
             }
-            // Rows made from a patch that faces away, and from one that does not.
+            // Copies of two rows in which one number is NaN, infinite or near a limit. In one row the patch faces away, in the other it does not.
             for z in [-100.0, 100.0] {
                 rows.extend(with_ends(&[0.0, 0.0, -1.0, 0.5, 0.0, 0.0, z, 1.0], 0..8));
             }
             rows
         },
-        // As for the frustum, with octaves of an angle. More rows lie within the margin: it is a margin of the cosine, so it is a wide angle where
-        // the sine is small.
+        // Limit for patches that face away by less than the margin of the test, so that they may be culled or kept. In half of the random rows, the
+        // angle between the axis of the cone and the direction to the patch differs from the threshold by 2^-24 to 1 radians, with equally many rows
+        // in each of these octaves. The margin applies to the cosine of the angle. If the sine of the angle is small, a small change of the cosine
+        // corresponds to a large change of the angle, so many rows lie within the margin.
         other_side_at_most: 900,
         mutants: &[
-            // In this order: no sphere; no cone; the larger of the two angles instead of their sum; no limit at a right angle; a margin to the wrong
-            // side.
+            // In this order: the radius of the bounding sphere is ignored; the angle of the cone is ignored; the larger of the two angles is used
+            // instead of their sum; the sum of the angles may exceed a right angle; the margin is applied to the wrong side.
             ("culling", "radius / distance);", "0.0);"),
             ("culling", "vec2<f32>(sin_half_angle, radius", "vec2<f32>(0.0, radius"),
             ("culling", "sines.x * cosines.y + cosines.x * sines.y + CULLING_ROUNDING", "max(sines.x, sines.y)"),
             ("culling", "cosines.x * cosines.y - sines.x * sines.y <= CULLING_ROUNDING", "false"),
             ("culling", "cosines.x * sines.y + CULLING_ROUNDING", "cosines.x * sines.y - 0.01"),
-            // No check whether the distance of the patch is usable.
+            // This mutant does not check whether the vector to the patch is finite and below the limit of the test.
             ("culling", "usable_within_3(to_patch, CULLING_MOST)", "true"),
         ],
     },
@@ -599,8 +630,9 @@ const CASES: &[Case] = &[
         probe: "occlusion",
         extremes: || {
             let mut rows = Vec::new();
-            // In this order: a camera that looks along y; one that looks along -z, with a field of view of 1 degree across and of 175 degrees down;
-            // one so far from the origin that distances lose their digits; a matrix of zeros, which gives no distances.
+            // In this order: a camera that looks along y; a camera that looks along -z, with a field of view of 1 degree horizontally and 175 degrees
+            // vertically; a camera so far from the origin that distances have few correct digits in f32; a matrix of zeros, for which all distances
+            // are 0.
             let cameras = [
                 [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0]],
                 [[114.6, 0.0, 0.0, 0.0], [0.0, 0.0437, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]],
@@ -625,10 +657,10 @@ const CASES: &[Case] = &[
                     }
                 }
             }
-            // Rows made from a box that is in front of the camera and hidden.
+            // Copies of one row in which one number is NaN, infinite or near a limit. In that row, the box is in front of the camera and hidden.
             let plain = [&cameras[0].concat()[..], &[0.1], &[-1.0, 5.0, -1.0], &[1.0, 6.0, 1.0], &[16_384.0, 16_384.0], &[0.5; 4]].concat();
             rows.extend(with_ends(&plain, (0..19).chain(21..25)));
-            // A box far outside the picture, where screen positions lose their digits.
+            // A box far outside the picture, whose screen position has few correct digits in f32.
             rows.push(
                 [
                     &cameras[2].concat()[..8],
@@ -643,14 +675,17 @@ const CASES: &[Case] = &[
             );
             rows
         },
-        // A box's edge may lie anywhere between two pixels, so the margin can move it to the next pixel. The margin is some 2^-20 of 4096 pixels, for
-        // each of four edges. In addition, half of the depths are close to the stored depth, as for the frustum.
+        // Limit for two kinds of rows. In the first, an edge of the box lies so close to a border between two pixels that the margin of the test
+        // moves it to the next pixel. The margin of each of the four edges is about 2^-20 times the size of the picture, which is up to 4096 pixels.
+        // In the second, the box is only slightly nearer or farther than the stored depth. In half of the random rows, the relative difference of
+        // these depths is 2^-24 to 2^-1, with equally many rows in each octave, and a part of these differences is below the margin of the depth.
         other_side_at_most: 1500,
         mutants: &[
-            // In this order: one corner left out; some corners twice; the image upside down; no margin at the first pixels; a margin inwards at the
-            // last pixels; the depth of the farthest corner; a level that is too fine; hidden in one texel instead of all; boxes in front instead of
-            // behind; boxes that reach behind the near plane as known; no check whether the numbers of the box are usable; a depth that is rounded to
-            // the wrong side.
+            // In this order: one corner of the box is left out; some corners are used twice; the image is upside down; the first column and row have
+            // no margin; the margin of the last column and row points inwards; the depth of the farthest corner is used; the level of the depth
+            // pyramid is too fine; a box counts as hidden if it is hidden in one texel instead of all; boxes in front of the stored depth count as
+            // hidden instead of boxes behind it; a box that reaches behind the near plane is not treated as undecided; the numbers of the box are not
+            // checked; the depth is rounded to the wrong side.
             ("culling", "corner < 8u", "corner < 7u"),
             ("culling", "vec3<u32>(1u, 2u, 4u)", "vec3<u32>(1u, 2u, 2u)"),
             ("culling", "vec2<f32>(x.x, -y.x) / w.x", "vec2<f32>(x.x, y.x) / w.x"),
@@ -679,7 +714,7 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: red and blue exchanged; no transparency; 5 % darker, which is more than the accepted error.
+            // In this order: red and blue are exchanged; alpha is always 1; texels are 5 % darker, which is more than the accepted error.
             ("", "bits.x, bits.y, bits.z, bits.w", "bits.z, bits.y, bits.x, bits.w"),
             ("", "bits.z, bits.w", "bits.z, bitcast<u32>(1.0)"),
             ("", "bitcast<vec4<u32>>(texel)", "bitcast<vec4<u32>>(texel * 0.95)"),
@@ -748,7 +783,7 @@ const CASES: &[Case] = &[
         extremes: || {
             let mut rows = Vec::new();
             for width in [1.0, 8192.0] {
-                // Fields of view of 1, 55 and 175 degrees.
+                // Tangents of half the field of view, for fields of view of 1, 55 and 175 degrees.
                 for half in [0.008_727, 0.5206, 22.9] {
                     for distance in [1e-3, 1.0, 1e6] {
                         rows.push(vec![0.0, 0.0, 1e-3 / distance, 1e-3, half, width]);
@@ -762,7 +797,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: no step down; rows and columns exchanged; the depth instead of its reciprocal; infinity where nothing was drawn.
+            // In this order: the ray does not depend on the row of the pixel; rows and columns are exchanged; the distance is proportional to the
+            // depth instead of its reciprocal; the distance is infinite where nothing was drawn.
             ("view", "ray_00 + ray_dx * pixel.x + ray_dy * pixel.y", "ray_00 + ray_dx * pixel.x"),
             ("view", "ray_dx * pixel.x + ray_dy * pixel.y", "ray_dx * pixel.y + ray_dy * pixel.x"),
             ("view", "near_m / usable,", "near_m * usable,"),
@@ -779,8 +815,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: the upper of two equally near vertices; a western border that does not move; a southern border that uses the delta of
-            // the western neighbour.
+            // In this order: a vertex halfway between two vertices of the neighbour moves to the upper one; vertices on the western border do not
+            // move; vertices on the southern border use the LOD difference (delta) of the western neighbour.
             ("geometry/stitch.wgsl", "(step - 1u) / 2u", "step / 2u"),
             ("geometry/stitch.wgsl", "if index.x == 0u { kept.y = geometry_weld(index.y, deltas & 15u); }", ""),
             ("geometry/stitch.wgsl", "(deltas >> 4u) & 15u", "deltas & 15u"),
@@ -799,8 +835,8 @@ const CASES: &[Case] = &[
         },
         other_side_at_most: 0,
         mutants: &[
-            // In this order: sums without compensation; squares without the factor (n - 1) / n; a variance that is biased; the lower part of a sample
-            // left out.
+            // In this order: sums have no compensation of rounding errors; squares lack the factor (n - 1) / n; the variance is biased; the lower
+            // part of a two-part sample is left out.
             ("moments", "(a.x - rest) + (b - part)", "0.0"),
             ("moments", "delta * (delta * ((n - 1.0) / n))", "delta * delta"),
             ("moments", "max(count - 1.0, 1.0)", "max(count, 1.0)"),
@@ -821,11 +857,13 @@ const CASES: &[Case] = &[
             }
             rows
         },
-        // Rows at the smallest and the largest distance that reprojection accepts, and rows whose plane contains the earlier eye.
+        // Limit for rows at the smallest and the largest distance that reprojection accepts, and for rows whose plane contains the eye of the earlier
+        // frame.
         other_side_at_most: 64,
         mutants: &[
-            // In this order: the vector between the eyes with the wrong sign; a shift that is added; a distance from the wrong row; a plane that
-            // ignores the vector between the eyes; a ray with the wrong sign of x.
+            // In this order: the vector between the two eyes has the wrong sign; the shift of the pixel coordinates is added instead of subtracted;
+            // the distance is computed from the wrong row of the camera; the plane ignores the vector between the eyes; the x of the ray has the
+            // wrong sign.
             ("motion", "let q = point + past.offset;", "let q = point - past.offset;"),
             ("motion", "/ distance - vec2<f32>(past.x_shift, past.y_shift)", "/ distance + vec2<f32>(past.x_shift, past.y_shift)"),
             ("motion", "dot(q, past.forward)", "dot(q, past.x_row)"),
@@ -853,8 +891,9 @@ fn rename(text: &str, from: &str, to: &str) -> String {
     out + rest
 }
 
-/// Returns a probe's text with one replacement, in this text or in a shared file that it calls. A changed file is put before the text, and its
-/// declarations are renamed, so that they do not collide with the original ones.
+/// Returns the WGSL of a probe with one replacement. If `file` is empty, the replacement is made in `body`, the probe's own text; otherwise, it is
+/// made in a copy of this shared file. The copy is placed before the probe's text, and its declarations are renamed, so that they do not collide with
+/// the original ones.
 fn mutant(body: &str, file: &str, from: &str, to: &str) -> String {
     if file.is_empty() {
         assert_eq!(body.matches(from).count(), 1, "`{from}` must occur exactly once");
@@ -875,7 +914,7 @@ fn mutant(body: &str, file: &str, from: &str, to: &str) -> String {
     all
 }
 
-/// Returns a probe's text with results rounded to 11 bits, as by a shader of half precision.
+/// Returns the WGSL of a probe whose real results are rounded to f16 (11 significant bits), as a shader in half precision would return them.
 fn in_half_precision(probe: &Probe) -> String {
     let (columns, results) = (probe.inputs.len(), probe.outputs.len());
     let (cell, texel, [given, from, to]) = match probe.layout() {
@@ -903,13 +942,13 @@ fn check(name: &str) {
     let got = probe.on_gpu(gpu(), &rows).unwrap_or_else(|e| panic!("{e}"));
     let single = case.compare(&rows, &probe.on_f32(&rows)).unwrap_or_else(|e| panic!("the reference in f32: {e}"));
     let (share, other_side) = case.compare(&rows, &got).unwrap_or_else(|e| panic!("{e}"));
-    println!("{name}: {share:.4} of the tolerance used, {other_side} rows on the other side of a threshold; in f32 {single:?}");
+    println!("{name}: {share:.4} of the tolerance used, {other_side} rows beyond a threshold; f32 reference: {single:?}");
 
-    // Negative controls.
+    // Negative controls: each of these results must be rejected.
     for &(file, from, to) in case.mutants {
         assert!(case.compare(&rows, &run(&mutant(probe.wgsl, file, from, to))).is_err(), "{name}: `{to}` for `{from}` was not noticed");
     }
-    // Block decoders are left out: their accepted error is one code of 8 bits, which is larger than the error of half precision.
+    // Block decoders are left out: their accepted error is at least two steps of 8 bits, which is larger than the error of half precision.
     if probe.outputs.iter().any(|c| c.whole.is_none()) && !matches!(probe.layout(), Cells::Texel(_)) {
         assert!(case.compare(&rows, &run(&in_half_precision(probe))).is_err(), "{name}: half precision was not noticed");
     }
@@ -1057,7 +1096,7 @@ fn reprojection_agrees() {
 
 // ---------------------------------------------------------------- classification
 
-/// Masks and terrain of a picture, as the geometry pass would write them.
+/// For each pixel of a picture: the mask of the flavours that it needs, and whether it shows terrain, as the geometry pass would write them.
 struct Scenery {
     size: [u32; 2],
     mask: Vec<u8>,
@@ -1065,8 +1104,8 @@ struct Scenery {
 }
 
 impl Scenery {
-    /// Returns random terrain and masks. A tile's share of terrain is 0, 3, 50 or 100 %. Its pixels have the same random mask, one random flavour
-    /// each, or a random part of the tile's mask each.
+    /// Returns random terrain and masks. In each tile, 0, 3, 50 or 100 % of the pixels show terrain. A tile draws a random mask. Depending on the
+    /// tile, each of its pixels has this mask, one random flavour, or a random subset of this mask.
     fn random(size: [u32; 2], table: u32) -> Scenery {
         let columns = tiles(size)[0];
         let (mut mask, mut terrain) = (Vec::new(), Vec::new());
@@ -1134,7 +1173,8 @@ impl Scenery {
         lists.read(gpu).unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// Compares the 32 lists with the masks of the tiles. The order of tiles in a list does not matter.
+    /// Compares the 32 lists of tiles with the expected masks of the tiles. List 0 has all tiles with terrain, and list m has the tiles with mask m.
+    /// The order of the tiles in a list does not matter.
     fn compare(&self, lists: &[Vec<u32>], masks: &[u8]) -> Result<(), String> {
         let columns = tiles(self.size)[0];
         let mut expected = vec![Vec::new(); 32];
@@ -1157,7 +1197,8 @@ impl Scenery {
     }
 }
 
-/// Compares both paths of the pass with the reference. The subgroup path is used if the adapter has subgroup operations.
+/// Compares both paths of the pass with the reference: the path without subgroup operations, and the path with them, if the adapter has subgroup
+/// operations.
 #[test]
 fn classification_agrees_on_both_paths() {
     let plain = open(GpuOptions { plain: true });
@@ -1176,7 +1217,7 @@ fn classification_agrees_on_both_paths() {
     }
 }
 
-/// Runs the classification with other source files than the stage's own, and binds the layout of `Classification`.
+/// Runs the classification pass with the given source files instead of the stage's own. The bindings are those of `Classification`.
 fn classify_by(gpu: &Gpu, pieces: Vec<Piece>, scenery: &Scenery) -> Vec<Vec<u32>> {
     let shader = gpu::Shader::new(gpu, "mutant", pieces).unwrap_or_else(|e| panic!("{e}"));
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -1215,7 +1256,7 @@ fn classify_by(gpu: &Gpu, pieces: Vec<Piece>, scenery: &Scenery) -> Vec<Vec<u32>
     lists.read(gpu).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Negative controls: passes with one error each.
+/// Negative controls: the comparison must reject passes that have one error each.
 #[test]
 fn wrong_classification_is_noticed() {
     let scenery = Scenery::random([150, 91], 0);
@@ -1233,8 +1274,8 @@ fn wrong_classification_is_noticed() {
             scenery.compare(&classify_by(gpu(), pieces, &scenery), &masks)
         };
         run("fn classification_main", "fn classification_main").unwrap_or_else(|e| panic!("{e}"));
-        // In this order: the largest mask instead of the OR of all masks; sky counted as terrain; the wrong rows of a tile; no entries in the list of
-        // all tiles.
+        // In this order: a tile gets the largest mask of its pixels instead of the OR of their masks; sky counts as terrain; the wrong rows of a tile
+        // are read; the list of all tiles has no entries.
         let one = if subgroups { "subgroupOr(" } else { "atomicOr(" };
         let largest = if subgroups { "subgroupMax(" } else { "atomicMax(" };
         let mut mutants = vec![
@@ -1247,14 +1288,15 @@ fn wrong_classification_is_noticed() {
             mutants.push(("if lane == 0u {", "if thread == 0u {"));
         }
         for (from, to) in mutants {
-            // If a subgroup is as large as the workgroup, its first lane is the workgroup's first thread, so this mutant changes nothing.
+            // If a subgroup is as large as the workgroup, its first lane is the workgroup's first thread, so the mutant of `if lane == 0u` changes
+            // nothing.
             let whole = from.starts_with("if lane") && gpu().info.subgroup_max_size >= 64;
             assert!(whole || run(from, to).is_err(), "subgroups {subgroups}: `{to}` for `{from}` was not noticed");
         }
     }
 }
 
-/// Negative controls of the comparison above: lists that differ from the reference's in one respect.
+/// Negative controls of `Scenery::compare`: it must reject lists that differ from those of the reference in one respect.
 #[test]
 fn classification_comparison_notices_differences() {
     let scenery = Scenery::random([150, 91], 0);
@@ -1284,7 +1326,8 @@ fn classification_comparison_notices_differences() {
             *entry = (*entry & 0xff00_0000) | (*entry & 4095) << 12 | (*entry >> 12 & 4095);
         }
     });
-    // Wrong references, in this order: pixels without terrain count; only a tile's first pixel counts; the picture's last column is left out.
+    // Masks of wrong references must be rejected, too. In this order: pixels without terrain count; only the first pixel of a tile counts; the last
+    // column of the picture is left out.
     let everywhere = vec![true; scenery.terrain.len()];
     assert!(scenery.compare(&lists, &tile_masks(scenery.size, &scenery.mask, &everywhere, None)).is_err());
     let only_first: Vec<bool> = scenery.terrain.iter().enumerate().map(|(i, &t)| t && i % 150 % 8 == 0 && i / 150 % 8 == 0).collect();

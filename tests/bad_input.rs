@@ -1,6 +1,8 @@
-//! Wrong calls and wrong files on the command line: the exit status, and one line that says what is wrong, where it is wrong and how to fix it.
+//! Tests wrong calls and wrong files on the command line: the exit status must be right, and one line must say what is wrong, where it is wrong and
+//! how to fix it.
 //!
-//! Runs the built program (`cargo build -p experiments` in the same profile, as `make test` does first).
+//! The tests run the program `experiments`, which must have been built in the same profile (`cargo build -p experiments`). `make test` builds it
+//! first.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -111,7 +113,7 @@ fn explain_prints_both_lists_and_json() {
     let json: serde_json::Value = serde_json::from_str(&success(&["explain", "default", "--json"])).expect("JSON");
     assert_eq!(json["variants"].as_array().map(Vec::len), Some(31));
     assert!(json["texture_bytes"].as_u64().is_some_and(|bytes| bytes > 0));
-    // The settings, with value, default, range and unit.
+    // Each setting is printed with its value, default, range and unit.
     let line = printed.lines().find(|line| line.trim_start().starts_with("blend.hash_scale ")).expect("a setting");
     assert!(line.contains(" 1 px ") && line.contains("default 1") && line.contains("0.01 to 100"), "{line}");
     let setting = json["settings"].as_array().and_then(|all| all.iter().find(|row| row["key"] == "blend.hash_scale")).expect("a setting");
@@ -182,7 +184,7 @@ fn every_probe_is_listed_and_runs_on_both_references() {
     assert_eq!(json.as_array().map(Vec::len), Some(PROBES.len()));
     for probe in PROBES {
         assert!(listed.contains(probe.name), "{} is not listed", probe.name);
-        // 1, or the accepted number nearest to 1 in a column of whole numbers.
+        // Returns 1. If the column accepts only whole numbers of a range, returns the number of this range that is nearest to 1.
         let one = |column: &kernels::probe::Column| column.whole.map_or(1, |[low, high]| 1.clamp(low, high)).to_string();
         let ones = probe.inputs.iter().map(one).collect::<Vec<_>>().join(",");
         let input = folder.write("in.csv", &format!("{}\n{ones}\n", header(probe.name)));
@@ -203,7 +205,8 @@ fn every_probe_is_listed_and_runs_on_both_references() {
 
 #[test]
 fn the_checks_above_can_fail() {
-    // A wrong exit status, a missing text and a second line must each be caught.
+    // The check functions must notice each of these: exit status 1 instead of 2, 2 instead of 1, a missing text, and a failure of a call that should
+    // succeed.
     let caught = |check: fn()| std::panic::catch_unwind(check).is_err();
     assert!(caught(|| usage_error(&["explain", "nowhere"], &[])), "exit 1 passed for exit 2");
     assert!(caught(|| failure(&["render"], &[])), "exit 2 passed for exit 1");
@@ -218,8 +221,9 @@ fn no_adapter_is_said_in_one_line_with_the_remedy() {
     let folder = Folder::new("adapter");
     let out = folder.path("x.png");
     let arguments = ["render", "--camera", "cliff", "--size", "8x8", "--out", &out];
-    // The first case is a name that no adapter has. On Linux, where Vulkan is the only interface, the second case is a machine on which no driver is
-    // found.
+    // Each case has an environment variable, its value, and a text that the error must contain. In the first case, no adapter has the requested name.
+    // In the second case, no driver is found, as on a machine without drivers. It is tested only on Linux, where Vulkan is the only graphics
+    // interface.
     let mut cases = vec![("WGPU_ADAPTER_NAME", "no such adapter", "experiments adapters")];
     if cfg!(target_os = "linux") {
         cases.push(("VK_DRIVER_FILES", "/nowhere/driver.json", "mesa-vulkan-drivers"));
@@ -228,7 +232,7 @@ fn no_adapter_is_said_in_one_line_with_the_remedy() {
         let mut command = Command::new(program());
         command.args(arguments).env(variable, value);
         if variable == "VK_DRIVER_FILES" {
-            // VK_ICD_FILENAMES is the older name of the same setting and could name a driver.
+            // VK_ICD_FILENAMES is an older name of VK_DRIVER_FILES. If it were set, it could name a driver.
             command.env_remove("VK_ICD_FILENAMES");
         }
         let output = command.output().expect("the program can be started");

@@ -1,6 +1,6 @@
-//! `experiments compare`: wrong calls and wrong pictures, the printed results, and published values of FLIP.
+//! Tests of `experiments compare`: wrong calls, wrong pictures, the printed results, and agreement with published values of the metric FLIP.
 //!
-//! The metrics themselves are tested in `experiments/src/judge/`. Runs the built program, as `bad_input` does.
+//! The metrics themselves are tested in `experiments/src/judge/`. The tests run the program `experiments`, which must have been built first.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::fixtures::{Folder, failure, success, usage_error};
 
 const SIZE: [u32; 2] = [16, 12];
 
-/// Name of a channel, and its value at the texel with an index.
+/// Name of a channel, and a function that returns the channel's value from the index of a texel.
 type Channel = (&'static str, fn(usize) -> f32);
 
 /// Writes an 8-bit grey picture whose texels are a function of column and row. Returns its path.
@@ -122,7 +122,8 @@ fn a_difference_is_measured_printed_and_drawn() {
     for part in ["192 of 16x12", "flip ", "mse ", "mrse ", "psnr ", "dB", "ssim ", "67 pixels per degree", "#000004 black", "pale yellow"] {
         assert!(printed.contains(part), "`{part}` is not in: {printed}");
     }
-    // Closed forms: half of the pixels differ by 1 - r, where r is the code 100/255 after decoding (IEC 61966-2-1).
+    // The expected values are closed forms. Half of the pixels differ by 1 - r, where r is the linear value of the sRGB value 100/255 (IEC
+    // 61966-2-1).
     let r = ((100.0 / 255.0 + 0.055) / 1.055f64).powf(2.4);
     let found = json(&[&test, &reference, "--metric", "mse,mrse,psnr"]);
     // The tolerances allow for f32 texels, whose rounding error is about 1e-7 of the value.
@@ -130,7 +131,7 @@ fn a_difference_is_measured_printed_and_drawn() {
     close(&found["mrse"], (1.0 - r).powi(2) / (r * r + 0.01) / 2.0, 1e-4);
     close(&found["psnr_db"], -10.0 * ((155.0 / 255.0f64).powi(2) / 2.0).log10(), 1e-5);
     assert!(found.get("flip").is_none() && found["pixels"] == 192 && found["identical"] == false, "{found}");
-    // A and B cannot be exchanged: MRSE is relative to B.
+    // MRSE is relative to B, so the result changes if A and B are exchanged.
     close(&json(&[&reference, &test, "--metric", "mrse"])["mrse"], (1.0 - r).powi(2) / 1.01 / 2.0, 1e-6);
     let map = image::open(&map).expect("the map is there").into_rgb8();
     assert_eq!(map.dimensions(), (16, 12));
@@ -183,8 +184,8 @@ fn layers_and_terrain_are_told_apart() {
     close(&json(&[&test, &reference, "--layer", "albedo", "--metric", "mse"])["mse"], 0.0625 / 3.0, 1e-9);
 }
 
-/// Compares a published test picture with its reference. The expected values were published with the pictures: `compare.json`, in the same folder,
-/// names the source.
+/// Compares a published test picture with its published reference. The expected values were published together with the pictures. The file
+/// `compare.json`, in the same folder, names the source.
 #[test]
 fn flip_agrees_with_published_values() {
     let Some(data) = std::env::var_os("SCREE_DATA") else {
@@ -199,8 +200,8 @@ fn flip_agrees_with_published_values() {
     let map = Folder::new("compare-published");
     let drawn = map.path("map.png");
     let found = json(&[&path("tree-test.png"), &path("tree-ref.png"), "--map", &drawn]);
-    // The values have 6 digits. The f32 arithmetic of a different compiler changes them by about 1e-6. (The publisher allows 1e-4. The authors' later
-    // code, at 67.02 pixels per degree, gives values that are 1e-5 lower.)
+    // The published values have 6 digits. They were computed in f32, and a different compiler changes them by about 1e-6. So 5e-6 is accepted. (The
+    // publisher allows 1e-4. The authors' later code, at 67.02 pixels per degree, gives values that are 1e-5 lower.)
     let tolerance = 5e-6;
     let flip = &found["flip"];
     close(&flip["mean"], published["mean"].as_f64().expect("a number"), tolerance);
@@ -212,12 +213,13 @@ fn flip_agrees_with_published_values() {
     // Negative control: a different viewing distance gives a different value.
     let near = json(&[&path("tree-test.png"), &path("tree-ref.png"), "--metric", "flip", "--pixels-per-degree", "60"]);
     assert!((near["flip"]["mean"].as_f64().unwrap_or(0.0) - flip["mean"].as_f64().unwrap_or(0.0)).abs() > 100.0 * tolerance);
-    // PSNR of the 8-bit codes. The expected value was recomputed with a different program and printed with three digits, hence the tolerance.
+    // PSNR of the 8-bit values. The expected value was computed with a different program and rounded to three decimal places, so it is off by up to
+    // 5e-4.
     close(&found["psnr_db"], table["nv_flip_tree"]["recomputed_here"]["psnr_db"].as_f64().expect("a number"), 5.1e-4);
-    // The map must equal the published one. Rounding may select a neighbouring one of the 256 colours.
+    // The error map must equal the published error map, except that rounding may select a neighbouring colour among the 256 colours of the map.
     let open = |path: &Path| image::open(path).expect("a picture").into_rgb8();
     let (ours, theirs) = (open(Path::new(&drawn)), open(&folder.join("tree-comparison-cli.png")));
     assert_eq!(ours.dimensions(), theirs.dimensions());
     let largest = ours.as_raw().iter().zip(theirs.as_raw()).map(|(a, b)| a.abs_diff(*b)).max();
-    assert!(largest <= Some(8), "{largest:?} codes apart");
+    assert!(largest <= Some(8), "the error maps differ by up to {largest:?} of 255");
 }

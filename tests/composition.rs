@@ -1,4 +1,5 @@
-//! Compares pictures composed from flavours with the pictures of the variants' own shaders, and the motion of a rendered sequence with positions.
+//! Tests of composition and of motion links. Compares the pictures that are composed from pictures of single flavours with the pictures of the
+//! variants' own shaders, and checks that motion links lead to the same point of the surface.
 
 use kernels::composition::{Destination, Layers};
 use kernels::frame::picture::AovSet;
@@ -44,8 +45,8 @@ fn every_variant_composed_equals_its_own_shader() {
             for ((found, own), on) in composed.iter().zip(albedo).zip(terrain(&own)) {
                 assert_eq!(signal::is_terrain(*found), on, "{name}");
                 for (c, o) in signal::colour(*found).into_iter().zip(own) {
-                    // In ulp of f16, of which 4 are allowed: 2 because the composed value is rounded to f16 twice (in the layer and in the sum)
-                    // instead of once, and 2 for the difference between shaders.
+                    // The difference in ulp of f16. The tolerance is 4 ulp: 2 because the composed value is rounded to f16 twice (in the layer and in
+                    // the sum) instead of once, and 2 because different shaders may round differently.
                     worst = worst.max(f64::from((c - o).abs()) / (f64::from(o.abs()).max(1.0 / 1024.0) / 2048.0));
                 }
             }
@@ -75,7 +76,7 @@ fn links_lead_to_the_same_surface_point() {
     let mut positions = Vec::new();
     let mut footprints = Vec::new();
     let mut views = Vec::new();
-    // The camera stands still for two frames, then moves 7 cm to the right in each frame, which is some pixels close up.
+    // The camera stands still for two frames, then moves 7 cm to the right in each frame, which is a few pixels on the ground close to the camera.
     let steps = [0.0, 0.0, 0.07, 0.14, 0.21, 0.28];
     let flavour = Variant::new(2).expect("a variant");
     for (index, step) in steps.into_iter().enumerate() {
@@ -110,8 +111,9 @@ fn links_lead_to_the_same_surface_point() {
                 moved += usize::from(link as usize != at);
                 let (here, there) = (positions[index][at], positions[index - lag][link as usize]);
                 let apart = (0..3).map(|k| (here[k] - there[k]).powi(2)).sum::<f32>().sqrt();
-                // On a flat triangle, the nearest pixel's centre is at most half a step of ddx and half a step of ddy away. The rest of the tolerance
-                // allows for bends and for world positions of 10^3 m in f32.
+                // A link leads to the pixel whose centre is nearest to the point. On a flat triangle, this centre is at most half of ddx plus half of
+                // ddy away. The tolerance is 0.75 of the sum of their lengths, because the ground is not flat, plus 1 cm, because world positions of
+                // 10^3 m are stored in f32.
                 let reach = 0.75 * footprints[index - lag][link as usize].max(footprints[index][at]) + 0.01;
                 assert!(apart <= reach, "frame {index}, lag {lag}, pixel {at}: {apart} m apart, reach {reach}");
                 // The reference in f64 must give the same pixel, except for points within a thousandth of a pixel of a border.
@@ -146,7 +148,7 @@ fn reprojection_inverts_rays_also_a_thousand_kilometres_out() {
         let past = Past::between(&now, &before);
         let single = past.cast::<f32>();
         for (x, y, distance) in [(0.0, 0.0, 5.0), (200.0, 17.0, 900.0), (319.0, 179.0, 0.9)] {
-            // A point on the earlier ray of a pixel must be reprojected to this pixel.
+            // A point on the ray of a pixel of the earlier frame must be reprojected to this pixel.
             let point = before.ray(x, y) * distance + (before.pose.position - now.pose.position);
             let [px, py, d] = reproject(point.to_array(), &past);
             assert!((px - x).abs() + (py - y).abs() + (d - distance).abs() < 1e-8, "{px} {py} {d}");
@@ -155,8 +157,8 @@ fn reprojection_inverts_rays_also_a_thousand_kilometres_out() {
             let normal = [0.3, -0.2, 0.9];
             let expected = expected_distance(point.to_array(), &past, ray, normal);
             assert!((expected - distance).abs() < 1e-9 * distance);
-            // Positions in f32 relative to an eye are as precise 1000 km from the origin as at the origin. The tolerance allows for 8 operations with
-            // relative errors of 2^-24 on pixel coordinates up to 320, with a margin.
+            // Positions in f32 are relative to the eye, so they are as precise 1000 km from the origin as at the origin. About 8 operations, each
+            // with a relative error of 2^-24, change a pixel coordinate of up to 320 by 1.5e-4. The tolerance of 1e-3 leaves a margin.
             let [sx, sy, _] = reproject(point.as_vec3().to_array(), &single);
             assert!((f64::from(sx) - x).abs() + (f64::from(sy) - y).abs() < 1e-3, "{sx} {sy}");
         }
@@ -189,14 +191,16 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
             let pixel = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
             let offset = pattern.offset(pixel).map(|o| o as f32);
             let size: f32 = ddx[i].iter().chain(&ddy[i]).map(|v| v * v).sum::<f32>().sqrt();
-            // Only near ground is checked. On ground seen at grazing angles, the step to a neighbour changes by more than the tolerance.
+            // Only pixels with small derivatives are checked. On ground seen at grazing angles, the step from pixel to pixel changes by more than the
+            // tolerance.
             if size > 0.6 {
                 continue;
             }
             let off = (0..3).map(|k| (moved[i][k] - at[i][k] - ddx[i][k] * offset[0] - ddy[i][k] * offset[1]).powi(2)).sum::<f32>().sqrt();
             let turned =
                 (0..3).map(|k| (moved[i][k] - at[i][k] + ddx[i][k] * offset[0] + ddy[i][k] * offset[1]).powi(2)).sum::<f32>().sqrt();
-            // Perspective changes a step of half a pixel by a share of the step. World positions in f32 have an error of 1e-4 m.
+            // The tolerance has two parts. Because of perspective, a step of half a pixel differs from the derivative by a share of the step, for
+            // which 0.1 is accepted. World positions in f32 have an error of 1e-4 m, for which 1e-3 m is accepted.
             let close = 0.1 * size + 1e-3;
             checked += usize::from(off <= close);
             wrong += usize::from(turned <= close);
@@ -205,7 +209,7 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
         }
     }
     assert!(checked > 500, "only {checked} samples lie on the expected edge");
-    // Negative control: few samples may also fit the opposite edge.
+    // Negative control: only few samples may also fit the opposite edge of the pixel.
     assert!(wrong * 10 < checked, "{wrong} of {checked} also fit the opposite edge");
 }
 
@@ -214,7 +218,8 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     let scene = small_scene();
     let with = |options: RendererOptions| Renderer::with(gpu(), &scene, options, &|_| {}).expect("the small scene renders");
     let albedo = |renderer: &mut Renderer<'_>, variant: VariantChoice, noise: NoiseKind, normals: NormalEncoding| {
-        // Fetches are counted because the test of all variants counts them. Both tests share a renderer, so the shaders are compiled only once.
+        // This test does not use the fetches. It requests them because the test of all variants does: both tests share a renderer, so they then share
+        // the compiled shaders.
         let aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
         let request = request(renderer, "cliff").with(|r| {
             r.outputs.aovs = aovs;
@@ -228,8 +233,8 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     };
     let automatic =
         |renderer: &mut Renderer<'_>| albedo(renderer, VariantChoice::Auto, NoiseKind::HashedIsotropic, NormalEncoding::Octahedral);
-    // The encoding of normals changes the derivatives. White noise in screen space does not depend on derivatives, so only shading changes. The
-    // generic kernel is used, because one shader is enough here.
+    // The encoding of normals also changes the derivatives. White noise in screen space does not depend on derivatives, so the random choices are
+    // equal for all encodings, and only shading changes. The generic kernel is used, because then only one shader has to be compiled.
     let generic = |renderer: &mut Renderer<'_>, normals| albedo(renderer, VariantChoice::GenericAuto, NoiseKind::WhiteScreen, normals);
     let tiled = |tile: u32| automatic(&mut with(RendererOptions { tile, ..RendererOptions::default() }));
     let others = [4, 16].map(|tile| (tile, tiled(tile)));
@@ -240,12 +245,13 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     let exact = generic(&mut usual, NormalEncoding::Exact);
     drop(usual);
     for (tile, (other, counts, _)) in others {
-        // The same arithmetic in the pipeline of another variant: the tolerance is two ulp of f16, as in the test of the variants.
+        // With a different size of tiles, a pixel may be shaded by the pipeline of a different variant. That pipeline does the same arithmetic, but
+        // may round differently. The tolerance is 2 ulp of f16.
         let close =
             |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 2.0 * a.abs().max(b.abs()) / 2048.0 + 1e-6);
         let wrong = eight.iter().zip(&other).filter(|pair| !close((pair.0, pair.1))).count();
         assert_eq!(wrong, 0, "tiles of {tile} pixels shade {wrong} pixels differently");
-        // Larger tiles are fewer, and smaller tiles are more.
+        // A picture has more tiles of 4 pixels and fewer tiles of 16 pixels than tiles of 8 pixels.
         assert_eq!(counts[0] > tiles[0], tile < 8, "{} tiles of {tile}, {} of 8", counts[0], tiles[0]);
     }
     assert!(Renderer::with(gpu(), &scene, RendererOptions { tile: 5, ..RendererOptions::default() }, &|_| {}).is_err());
@@ -254,6 +260,6 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
         (all.iter().sum::<f64>() / all.len() as f64).sqrt()
     };
     let change = rms(&exact.0);
-    // 8-bit codes change normals by up to 0.6 degrees. The picture must change, but by less than its own contrast.
+    // The encoding with 8 bits per coordinate changes normals by up to 0.6 degrees. The picture must change, but by less than its contrast.
     assert!(change > 0.0 && change < 0.02, "exact normals change albedo by {change}");
 }

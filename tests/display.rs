@@ -1,4 +1,4 @@
-//! Display: tone mapping on the device agrees with its reference and does not change anything that is measured.
+//! Tests of the display stage: tone mapping on the device agrees with its reference, and does not change anything that is measured.
 
 use kernels::display::{Exposure, ToneCurve, reference};
 use kernels::frame::RenderRequest;
@@ -6,17 +6,18 @@ use kernels::frame::picture::Picture;
 
 use crate::fixtures::{renderer, request};
 
-/// Tolerance, in codes, between a displayed picture and the reference, in addition to rounding. WGSL gives `pow` the error of exp2(y log2(x)). log2
-/// has an absolute error of 2^-21 near 1 and of 3 ulp elsewhere, so the relative error stays below 1e-5, which is 0.003 of a code at 255.
+/// Largest accepted difference between a displayed 8-bit value and the reference, in addition to rounding to whole values. The difference comes from
+/// `pow`, for which WGSL allows the error of exp2(y log2(x)). log2 has an absolute error of 2^-21 near 1 and of 3 ulp elsewhere, so the relative
+/// error of `pow` stays below 1e-5. At the largest value, 255, this is a difference of 0.003.
 const CODE: f64 = 0.01;
 
-/// Asks for a displayed picture.
+/// Changes a request, so that the picture is also tone-mapped with this exposure and returned.
 fn displayed(request: &mut RenderRequest, exposure: Exposure) {
     request.outputs.displayed = true;
     request.stages.display = exposure;
 }
 
-/// The largest distance of a code from the reference's value, minus the half code that rounding may add.
+/// Returns the largest difference between a displayed 8-bit value and the unrounded value of the reference, minus 0.5, which rounding may add.
 fn worst(picture: &Picture, exposure: Exposure) -> f64 {
     let codes = picture.displayed.as_ref().expect("asked for");
     let pairs = picture.hdr.iter().zip(codes);

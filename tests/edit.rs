@@ -1,5 +1,5 @@
-//! A scene that is edited while it is drawn: the picture equals that of the edited scene when it is loaded, bit for bit, and only the nodes, pages
-//! and textures that an edit affects are made again.
+//! Tests of a scene that is edited while it is drawn. Bit for bit, the picture must equal the picture that is drawn after the edited scene is loaded
+//! from the start. Only the nodes, pages and textures that an edit affects may be made again.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -17,7 +17,8 @@ fn editable(scene: &Scene, sketch: Option<u32>) -> Renderer<'static> {
     Renderer::with(gpu(), scene, options, &|_| {}).expect("the small scene renders")
 }
 
-/// Returns a request for the ground: shaded from pages of the virtual texture nearby, and from the far atlas farther away.
+/// Returns a request for a picture of the ground. Near ground is shaded from pages of the virtual texture, and ground farther away from the far
+/// atlas.
 fn ground(renderer: &Renderer<'_>) -> RenderRequest {
     let both = Flavour::VirtualTexture.bit() | Flavour::FarAtlas.bit();
     RenderRequest::new(pose(renderer, "ground"), SIZE).with(|r| {
@@ -35,7 +36,7 @@ fn differing(a: &Picture, b: &Picture) -> usize {
     a.hdr.iter().zip(&b.hdr).filter(|(a, b)| a.map(f32::to_bits) != b.map(f32::to_bits)).count()
 }
 
-/// The position 12 m in front of the camera, on the map.
+/// Returns the map coordinates (x, y) of the point 12 m in front of the camera.
 fn before_the_camera(renderer: &Renderer<'_>) -> [f64; 2] {
     let pose = pose(renderer, "ground");
     let ahead = pose.position + pose.axes()[2] * 12.0;
@@ -99,7 +100,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
     let edited = picture.report.edited;
-    assert!((1..=8).contains(&edited.nodes) && edited.textures == 0, "{edited:?}: one node per LOD, or two across a border");
+    assert!((1..=8).contains(&edited.nodes) && edited.textures == 0, "{edited:?}: expected a node per LOD, or two at a border");
     assert!((1..wanted).contains(&picture.report.pages.rendered), "{:?} of {wanted}", picture.report.pages);
     assert!(differing(&picture, &before) > 0);
     before = picture;
@@ -117,7 +118,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     let picture = draw(&mut renderer);
     assert!(picture.report.edited.textures >= 1 && differing(&picture, &before) > 0, "{:?}", picture.report.edited);
 
-    // A rule with a different weight, and an additional material with its own rule.
+    // The weight of a rule changes, and a material with its own rule is added.
     scene.rules[0].weight = 3.0;
     let mut more = scene.materials[0].clone();
     (more.name, more.procedural, more.tint) = ("more".to_owned(), Some("sand".to_owned()), [0.5, 0.5, 1.0]);
@@ -192,10 +193,10 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     let far = Variant::only(Flavour::FarAtlas);
     let base = RenderRequest::new(pose(&renderer, "ground"), SIZE).with(|r| r.shading.variant = VariantChoice::Forced(far));
     let plain = renderer.render(&base).expect("renders");
-    // With a bias of one level, fewer nodes and patches are drawn.
+    // If the bias of the LOD is one level, fewer nodes and patches are drawn.
     let coarse = renderer.render(&base.with(|r| r.geometry.lod_bias = 1.0)).expect("renders");
     assert!(coarse.report.nodes < plain.report.nodes && coarse.report.patches < plain.report.patches, "{:?}", coarse.report);
-    // With every second vertex, the same nodes and patches give a different surface, without cracks.
+    // If only every second vertex is used, the nodes and patches are the same, but the surface is different. It must have no cracks, either.
     let sparse = renderer.render(&base.with(|r| r.geometry.vertex_stride = 2)).expect("renders");
     assert_eq!((&sparse.report.drawn, sparse.report.patches), (&plain.report.drawn, plain.report.patches));
     assert!(differing(&sparse, &plain) > 0);
@@ -204,8 +205,8 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
         let width = SIZE[0] as usize;
         (width..on.len()).filter(|&i| on[i - width] && !on[i]).count()
     };
-    // At the coarsest levels, a leaf may lie beside a root that is not split, and borders are welded over many patches. The camera is turned, so that
-    // in some pictures such patches end at the picture's edge.
+    // At the coarsest levels, a leaf may lie beside a root that is not split, and borders are welded over many patches. The camera is turned in
+    // steps, so that in some of the pictures such patches extend beyond the edge of the picture.
     for (vertex_stride, lod_bias) in [(1, 0.0), (2, 0.0), (4, 0.0), (1, 4.0), (2, 3.0), (4, 4.0)] {
         for camera in ["ground", "vista", "cliff"] {
             for turn in (0..12).step_by(if lod_bias > 0.0 { 1 } else { 4 }) {
@@ -244,7 +245,7 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
         }))
         .expect("renders");
     assert_eq!((&frozen.report.drawn, frozen.report.patches), (&plain.report.drawn, plain.report.patches));
-    // Seen from 400 m above, the ground that frozen culling keeps has the same positions as before.
+    // The patches that frozen culling keeps must still lie on the ground if they are seen from 400 m above.
     let mut above = base.view.pose;
     (above.position.z, above.pitch) = (above.position.z + 400.0, -0.6);
     let request = base.with(|r| {

@@ -1,4 +1,5 @@
-//! Materials, splat rules and the brush, edited in the window: how the controls change the scene and the picture, and how changes are undone.
+//! Tests of editing materials, splat rules and brush strokes in the window: how the controls change the scene and the picture, and how changes are
+//! undone.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -59,7 +60,7 @@ fn says(stage: &Stage, text: &str) -> bool {
     stage.names().iter().any(|name| name.contains(text))
 }
 
-/// Selects the material under the probe in the panel of materials. Returns the picture before that and the material's name.
+/// Selects the material of the inspected pixel in the panel of materials. Returns the picture that was shown before, and the material's name.
 fn select_lying(stage: &mut Stage) -> (Arc<Shown>, String) {
     let before = shown(stage);
     let name = pixel(&before).splat[0].material.clone();
@@ -72,7 +73,7 @@ fn a_drag_paints_the_ground_and_undo_takes_the_whole_drag_back() {
     let mut stage = stage();
     take(&mut stage, "click Brush; click Paint");
     let before = shown(&mut stage);
-    // The brush and the inspector find the same position on the ground.
+    // The brush and the pixel inspector must find the same position on the ground.
     let ground = Ground::of(&before).expect("the depth is asked for");
     assert_eq!(ground.at([0.5, 0.5]).expect("ground").to_array(), pixel(&before).position);
 
@@ -120,7 +121,7 @@ fn clicks_paint_dabs_that_are_listed_and_removed() {
     assert!(stage.has(&format!("Stroke 1: Splat, {name}, 1 point, 0.0 m")), "{:?}", stage.names());
     let dab = shown(&mut stage);
     assert!(differing(&before, &dab) > 0);
-    // A mask over the dab. It fades out at its edge, where the rules decide again.
+    // A mask is painted over the dab. It fades out towards its edge, where the splat rules determine the material again.
     take(&mut stage, "click Brush kind; click Mask; set Brush fade = 1; set Brush amount = 0.5; click Picture");
     let strokes = stage.model().settings.scene.strokes.clone();
     assert_eq!((strokes.len(), strokes[1].kind, strokes[1].fade_m, strokes[1].amount), (2, StrokeKind::Mask, 1.0, 0.5));
@@ -165,7 +166,7 @@ fn a_tint_changes_the_picture_and_reset_brings_it_back() {
     assert_eq!((material.tile_m, material.orientation_deg, material.normal_strength, material.tint[2]), (7.0, 45.0, 0.5, 3.0));
     take(&mut stage, "click Reset Texture tile; click Reset Texture turn; click Reset Normal strength; click Reset Tint");
     assert!(stage.model().settings.scene == original);
-    // A material that is in use cannot be removed, and an unused one can. A name that another material has is refused.
+    // A material that is in use cannot be removed; an unused material can. A name that a different material already has is refused.
     take(&mut stage, "click Remove material");
     assert!(says(&stage, &format!("`{name}` is used by")) && stage.model().settings.scene == original, "{:?}", stage.names());
     take(&mut stage, &format!("click Material {name}; click Add material; type Material name = {name}"));
@@ -237,7 +238,7 @@ fn a_folder_that_is_none_is_refused_in_one_line_and_the_picture_stays() {
         assert!(says(&stage, text), "{path}: {:?}", stage.names());
         assert!(stage.model().settings.scene == original && differing(&before, &shown(&mut stage)) == 0, "{path}");
     }
-    // The drawing thread detects files that are not images, and the picture stays.
+    // If the files are not images, the drawing thread reports an error, and the picture does not change.
     for map in ["albedo", "normal", "height", "roughness"] {
         folder.write(&format!("{map}.png"), "no image");
     }
@@ -292,12 +293,12 @@ fn what_was_edited_is_saved_and_drawn_from_the_file_as_it_was_on_screen() {
     take(&mut stage, &format!("type Scene file = {foreign}; click Save scene as..."));
     assert!(says(&stage, "not this scene's own file") && std::fs::read(&foreign).expect("there") == b"mine", "{:?}", stage.names());
 
-    // Saved as an experiment: a run reads the scene that is on screen and draws the same picture.
+    // The scene is saved as an experiment. A run of the experiment must read the scene that is on screen and draw the same picture.
     take(&mut stage, "set Texture tile = 2.5; click Experiments");
     take(&mut stage, &format!("type Folder = {}; type Experiment name = painted; click Save as experiment", folder.0.display()));
     let saved = definition::load(&folder.0.join("painted").join("painted.toml")).expect("it is saved");
     let mut read = saved.scene(&None, None).expect("its scene is there");
-    // The saved scene has one camera more: the view on screen.
+    // The saved scene has one additional camera: the view on screen.
     assert_eq!(read.cameras.len(), scene.cameras.len() + 1);
     read.cameras.truncate(scene.cameras.len());
     assert!(same(&read));

@@ -1,4 +1,5 @@
-//! The estimators: their numbers of fetches, their means, and properties of the functions that they use.
+//! Tests of the estimators (`kernels::shading::Estimator`, ways to compute the value of a flavour): their numbers of texture fetches, their means,
+//! and properties of the functions that they use.
 //!
 //! Pictures come from the shared renderers of `fixtures`. Statistical tests have fixed seeds and state their null hypothesis and level.
 
@@ -22,12 +23,12 @@ use crate::fixtures::{gpu, largest_difference, open, p_of_zero_mean, renderer, r
 /// The flavours for which estimators differ.
 const FLAVOURS: [Flavour; 3] = [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat];
 
-/// Uniform number from an index, [0, 1).
+/// Pseudo-random number for an index and a column, uniform in [0, 1).
 fn unit(index: u32, column: u32) -> f64 {
     hash::to_unit(hash::pcg4d([index, column, 24, 2022])[0])
 }
 
-/// A unit vector from an index.
+/// Pseudo-random unit vector for an index, uniform on the sphere.
 fn direction(index: u32) -> [f64; 3] {
     let z = 2.0 * unit(index, 90) - 1.0;
     let (sin, cos) = (unit(index, 91) * std::f64::consts::TAU).sin_cos();
@@ -100,18 +101,20 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
                 continue;
             }
             check_colours(&what, &generic);
-            // Only the generic kernel renders yardsticks.
+            // Yardsticks, which are estimators that only serve to measure others, are rendered only by the generic kernel.
             if !is_yardstick {
                 let special = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::Forced(variant))).expect("renders");
                 check_fetches(&what, &special, promised);
                 let difference = largest_difference(&special, &generic);
-                // A specialised shader does the same arithmetic; the tolerance is that of `frame`.
+                // A specialised shader does the same arithmetic, but the compiler may contract its operations differently. This changes a value by at
+                // most 2 ulp of f16.
                 assert!(difference <= 2.0, "{what} differs from the generic kernel by {difference} ulp");
             }
             let other = renderer.render(&of.with(|r| r.shading.seed = 1)).expect("renders");
             let differs = largest_difference(&other, &generic) > 2.0;
             assert_eq!(differs, estimator.is_stochastic(variant), "{what}: a different seed changes the picture: {differs}");
-            // Negative control: no two combinations of estimator and flavour give the same picture, except for those that are defined alike.
+            // Negative control: no two combinations of estimator and flavour give the same picture, except for combinations that are equal by
+            // definition.
             let alike = |a: &str| {
                 let same = |names: [&str; 2]| names.iter().any(|n| what.starts_with(n)) && names.iter().any(|n| a.starts_with(n));
                 // On splat, biplanar and hex do not draw random numbers, so each of them equals its own mean.
@@ -135,7 +138,8 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
             check_fetches(&format!("{estimator} on {variant}, generic"), &picture, promised);
         }
     }
-    // A second tiling of splat doubles the fetches of the estimators for which it is defined (biplanar), and does not change those of the others.
+    // A second tiling of splat doubles the fetches of the estimators for which it is defined (biplanar), and does not change the fetches of the other
+    // estimators.
     for (estimator, promised) in [(Estimator::Biplanar, 64), (Estimator::Stf, 4), (Estimator::Hex, 120), (Estimator::Snapped, 16)] {
         let variant = VariantChoice::GenericForced(Variant::only(Flavour::Splat));
         let picture = renderer
@@ -153,8 +157,9 @@ fn every_estimator_takes_the_fetches_promised_and_depends_on_the_seed_where_it_s
 
 #[test]
 fn random_estimators_have_their_means() {
-    // Null hypothesis: the mean picture over seeds is that of `Estimator::mean`. Each seed gives one number, a signed sum over pixels; these numbers
-    // are independent. 7 pictures x 4 patterns = 28 tests, family level 0.001, Sidak.
+    // Null hypothesis: the mean of an estimator's pictures over all seeds is the picture of `Estimator::mean`. For each seed, the differences of all
+    // pixels from that picture are summed with the signs of a fixed pattern, which gives one number. The numbers of different seeds are independent.
+    // There are 7 pictures x 4 patterns = 28 tests, with a family-wise level of 0.001 (Sidak correction).
     const SEEDS: u32 = 48;
     const PATTERNS: u32 = 4;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 28.0);
@@ -171,8 +176,8 @@ fn random_estimators_have_their_means() {
     };
     use Estimator::{Biplanar, Exact, Hex, Stf};
     use Flavour::{FarCliff, NearCliff, Splat};
-    // Columns: estimator and flavour; camera; flavour of the mean; an estimator and flavour whose picture must not pass for the mean. (On the ground,
-    // three projections hardly differ from one.)
+    // Columns: estimator; flavour; camera; flavour of the mean; a negative control, which is an estimator and a flavour whose picture must be
+    // rejected as the mean. (On the ground, the pictures of three projections and of one hardly differ.)
     for (estimator, flavour, camera, of, wrong) in [
         (Biplanar, NearCliff, "cliff", NearCliff, (Exact, Splat)),
         (Biplanar, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
@@ -180,7 +185,7 @@ fn random_estimators_have_their_means() {
         (Hex, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
         (Stf, NearCliff, "ground", NearCliff, (Exact, Splat)),
         (Stf, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
-        // A single tap does not know the heights of the other texels, so its weights are bilinear, like those of near cliff.
+        // `Stf` reads only one texel and does not know the heights of the other texels, so its weights are bilinear, like the weights of near cliff.
         (Stf, Splat, "ground", NearCliff, (Exact, Splat)),
     ] {
         let expected = albedo(&mut renderer, camera, estimator.mean(), of, 0);
@@ -227,9 +232,10 @@ fn estimators_agree_where_they_are_defined_alike() {
         let pairs = texel(a).into_iter().zip(texel(b));
         pairs.map(|(l, r)| f64::from((l - r).abs()) / (f64::from(l.max(r)).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
     };
-    // On ground that faces up, biplanar mapping uses one projection. There, the eight layers equal four materials with bilinear weights, and the
-    // plane of the snapped projection equals that projection. (The slope used here is that of the triangle, computed from the derivatives. The
-    // shading normal differs from it, hence a margin.)
+    // On ground that faces up, biplanar mapping uses only the projection from above. So the eight layers (`Luna8`) must equal four materials with
+    // bilinear weights (`BiplanarMean` of near cliff), and the snapped projection must equal `Biplanar`, both on splat. (Biplanar mapping uses one
+    // projection up to a slope of 35 degrees of the shading normal. The slope used here is that of the triangle, computed from the derivatives, and
+    // may differ. So only triangles of up to 18 degrees are used.)
     let (mut flat, mut uniform) = (Vec::new(), Vec::new());
     for (i, pixel) in pixels.iter().enumerate().filter(|(_, p)| p.slot != 0) {
         let [a, b] = [pixel.ddx, pixel.ddy].map(|v| v.map(f64::from));
@@ -244,12 +250,14 @@ fn estimators_agree_where_they_are_defined_alike() {
     assert!(flat.len() > 250 && uniform.len() > 500, "{} flat and {} uniform pixels", flat.len(), uniform.len());
     let within =
         |a: &Picture, b: &Picture, at: &[usize]| at.iter().filter(|&&i| difference(a, b, i) <= 2.0).count() as f64 / at.len() as f64;
-    // A shading normal that is about 30 degrees off may still mix two projections. A hundredth of the pixels may do so.
+    // If the shading normal differs much from the triangle's normal, two projections may still be mixed. This is accepted on a hundredth of the
+    // pixels.
     assert!(within(&layered, &mean, &flat) > 0.99, "layers: {}", within(&layered, &mean, &flat));
     assert!(within(&snapped, &two, &flat) > 0.99, "snapped: {}", within(&snapped, &two, &flat));
-    // Where all texels have one material, blending in bands gives this material.
+    // If all four texels have the same material, blending in bands (`Laplacian`) must give this material.
     assert!(within(&bands, &exact, &uniform) > 0.99, "bands: {}", within(&bands, &exact, &uniform));
-    // Negative controls: weights modified by height are not bilinear, three projections are not one, and bands differ where materials differ.
+    // Negative controls: layers differ from splat with weights that are modified by height, the snapped projection differs from three projections,
+    // and bands differ from the exact blend where materials differ.
     let all: Vec<usize> = (0..pixels.len()).filter(|i| pixels[*i].slot != 0 && !uniform.contains(i)).collect();
     assert!(within(&layered, &two, &flat) < 0.9 && within(&bands, &exact, &all) < 0.9 && within(&snapped, &exact, &all) < 0.9);
 }
@@ -268,9 +276,9 @@ fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
     let mut renderer = second_renderer();
     // One of the sizes is not a multiple of a tile. The pictures have sky at the top and terrain at all depths.
     for (camera, size) in [("cliff", [101, 67]), ("vista", [64, 48])] {
-        // The first request draws all tiles from one list, each pixel with the flavours that it needs. The second one draws all tiles from a later
-        // list. If a tile wrote beyond its borders, the pixels there would have the flavours of the wrong tile. More lists would mean more shaders to
-        // compile.
+        // The first request draws all tiles from the list of all tiles, each pixel with the flavours that it needs. The second request draws all
+        // tiles from the list of one variant. If a tile wrote beyond its borders, the pixels there would have the flavours of the wrong tile. More
+        // lists are not tested, because each of them needs a shader that must be compiled.
         let [auto, forced] = [VariantChoice::GenericAuto, VariantChoice::Forced(Variant::only(Flavour::FarAtlas))].map(|variant| {
             request(&renderer, camera).with(|r| {
                 r.view.size = size;
@@ -282,14 +290,16 @@ fn a_tile_is_shaded_alike_by_one_triangle_and_by_two() {
             let (one, two) = (renderer.render(wanted).expect("renders"), by_two.render(wanted).expect("renders"));
             assert_eq!(one.hdr, two.hdr, "{camera}");
         }
-        // Negative control: a jittered view.
+        // Negative control: a jittered view gives a different picture.
         let other = auto.with(|r| r.view.jitter = [0.5, 0.0]);
         assert_ne!(by_two.render(&other).expect("renders").hdr, renderer.render(&auto).expect("renders").hdr);
     }
 }
 
-/// Returns three levels of detail for each row of (ddx, ddy, rate): the level that the shader computes, the level that is found by sampling at that
-/// level, and the level that is found by sampling with gradients. Each level of the sampled texture contains its own number.
+/// Returns three levels of detail for each row of (ddx, ddy, rate): the level that the shader computes, the level that the device uses if the texture
+/// is sampled at that level, and the level that the device uses if the texture is sampled with gradients. The texels of each level contain the number
+/// of the level, so a sample shows which level was used. `change` = a text of the shader to replace, and its replacement; if both are empty, the
+/// shader is not changed.
 fn levels_of_detail(rows: &[[f32; 8]], change: (&str, &str)) -> Vec<[f32; 3]> {
     let gpu = gpu();
     let body = "
@@ -398,9 +408,9 @@ fn filtering_by_lod_is_filtering_by_gradients() {
             [row[0], row[1], row[2], row[3], row[4], row[5], cos as f32, sin as f32]
         })
         .collect();
-    // A device blends levels in at least 16 steps. It may take any number from the larger component of a gradient to the sum of both components as
-    // the gradient's length. This is within a factor of sqrt 2 of the length, which is half a level (Vulkan, "Scale Factor Operation, Level-of-Detail
-    // Operation").
+    // Between two levels, a device distinguishes at least 16 steps. As the length of a gradient, it may use any number from the larger component to
+    // the sum of both components. Such a number differs from the length by a factor of at most sqrt 2, which is half a level (Vulkan, "Scale Factor
+    // Operation, Level-of-Detail Operation").
     const STEP: f32 = 1.0 / 16.0;
     let worst = |found: &[[f32; 3]]| {
         found.iter().fold([0.0_f32; 2], |most, [lod, level, by_gradients]| {
@@ -409,9 +419,9 @@ fn filtering_by_lod_is_filtering_by_gradients() {
         })
     };
     let [level, by_gradients] = worst(&levels_of_detail(&rows, ("", "")));
-    println!("sampled levels are off by {level}, those by gradients by {by_gradients}");
+    println!("sampling at the computed level is off by {level} levels, sampling with gradients by {by_gradients}");
     assert!(level <= STEP && by_gradients <= 0.5 + STEP, "{level} {by_gradients}");
-    // Negative controls: the shorter gradient, one level for each factor of 4, and a texture size that is ignored.
+    // Negative controls: the shorter of the two gradients is used; a level stands for a factor of 4 instead of 2; the size of the texture is ignored.
     for change in [
         ("max(dot(ddx, ddx), dot(ddy, ddy))", "min(dot(ddx, ddx), dot(ddy, ddy))"),
         ("return 0.5 * log2(max(projection", "return 0.25 * log2(max(projection"),
@@ -442,11 +452,12 @@ fn biplanar_weights_let_the_third_axis_go() {
         let [a, b] = axes.map(|axis| w[axis as usize]);
         spread(axes, [a / (a + b), b / (a + b)])
     };
-    // Largest change of the weights where the two smallest components exchange their order, away from the diagonals, where the blend jumps.
+    // Returns the largest change of the weights at normals whose two smallest components exchange their order. Normals near the diagonals are left
+    // out, because the blend jumps there.
     let largest_jump = |weights: &Weights| {
         let mut most = 0.0_f64;
         for index in 0..2000 {
-            // The two smallest components differ by 2e-7, in either order.
+            // The two smallest components of each normal differ by 2e-7. In the two normals that are compared, they have the opposite order.
             let (t, s) = (0.9 * unit(index, 0), if index % 2 == 0 { 1.0 } else { -1.0 });
             let axis = (index % 3) as usize;
             let at = |e: f64| {
@@ -480,13 +491,13 @@ fn biplanar_weights_let_the_third_axis_go() {
 
 const SECTOR_M: f64 = 64.0;
 
-/// The hexagons around a point and their weights.
+/// Returns the ids of the hexagons around a point, and their weights.
 fn hexagons(sector: [i32; 2], position: [f64; 2]) -> Vec<([u32; 2], f64)> {
     let t = hex_tiling::at(sector, position, SECTOR_M, 6);
     t.ids.into_iter().zip(t.weights).collect()
 }
 
-/// Largest difference of a hexagon's weight; a hexagon that is absent has weight 0.
+/// Returns the largest difference between the weights of a hexagon in both lists. A hexagon that is absent from a list has weight 0 there.
 fn weight_difference(a: &[([u32; 2], f64)], b: &[([u32; 2], f64)]) -> f64 {
     let weight = |of: &[([u32; 2], f64)], id| of.iter().filter(|(other, _)| *other == id).map(|(_, w)| w).sum::<f64>();
     a.iter().chain(b).map(|&(id, _)| (weight(a, id) - weight(b, id)).abs()).fold(0.0, f64::max)
@@ -497,8 +508,8 @@ fn hexagons_fit_together() {
     type Tiling = dyn Fn([i32; 2], [f64; 2]) -> Vec<([u32; 2], f64)>;
     // Mutant: a lattice that starts again in each sector.
     let per_sector = |_: [i32; 2], position: [f64; 2]| hexagons([0; 2], position);
-    // Largest change of a weight between two neighbouring points of a line through a sector's border. Without a seam, it is at most the slope of a
-    // weight times the step, at any distance from the origin.
+    // Returns the largest change of a weight between two neighbouring points of lines that cross a sector's border. If there is no seam, the change
+    // is at most the slope of the weight times the distance of the points. This must hold at any distance from the origin.
     let largest_jump = |tiling: &Tiling, sector: i32| {
         let mut most = 0.0_f64;
         for line in 0..20 {
@@ -513,7 +524,8 @@ fn hexagons_fit_together() {
         }
         most
     };
-    // The step is 0.0004 spacings, and the slope of a weight is at most about 7 x 6 / 2 per spacing, so a weight changes by less than 0.01.
+    // Hexagon centres are 1 m apart here, and neighbouring points 0.0004 m. The slope of a weight is at most about 7 x 6 / 2 = 21 per metre, so a
+    // weight changes by less than 0.01 if there is no seam.
     for sector in [0, 156, 15_625, -1_000_000] {
         assert!(largest_jump(&hexagons, sector) < 0.02, "sector {sector}: {}", largest_jump(&hexagons, sector));
     }
@@ -526,17 +538,17 @@ fn hexagons_fit_together() {
         contrast += t.weights.iter().map(|w| w * w).sum::<f64>() / 20_000.0;
         lone = lone.max(t.weights.iter().fold(0.0, |m, &w| m.max(w)));
     }
-    // The mean of w1^2 + w2^2 + w3^2 is the share of a texture's variance that is left. Numerical integration gives 0.8835 (barycentric weights:
-    // 0.5). The mean computed here has a standard error of 0.0014, and the tolerance is five of these.
+    // The mean of w1^2 + w2^2 + w3^2 is the share of a texture's variance that remains after blending. By numerical integration, it is 0.8835 (with
+    // barycentric weights, it would be 0.5). The mean computed here has a standard error of 0.0014, and the tolerance is five standard errors.
     assert!((contrast - 0.8835).abs() < 0.007 && lone > 0.9999, "{contrast} {lone}");
-    // At its centre, a hexagon has all the weight. Centres are one spacing apart in six directions, except for a distortion of 0.13 %.
+    // At its centre, a hexagon has all the weight. In six directions, the next centre is 1 m away, except for a distortion of 0.13 %.
     let rows = SECTOR_M / 64.0 / (2.0 * 37.0 / 64.0);
     for step in [[1.0, 0.0], [0.5, rows], [-0.5, rows]] {
         let at = hexagons([0; 2], [10.0 + step[0], 20.0 * rows + step[1]]);
         assert!(at.iter().any(|(_, w)| *w > 0.999_999), "{step:?}: {at:?}");
         assert!((dot::<f64, 2>(step, step).sqrt() - 1.0).abs() < 0.0013);
     }
-    // Levels: there are about 2 sqrt 3 hexagons per repeat.
+    // The level gives about 2 sqrt 3 hexagons per repeat of the texture, because the number of hexagons along a sector is rounded to a power of two.
     for repeats in [1.0, 16.0, 21.3, 32.0, 1000.0] {
         let ratio = f64::from(hex_tiling::level(repeats)).exp2() / (repeats * 12.0_f64.sqrt());
         assert!((0.7..1.42).contains(&ratio), "{repeats}: {ratio}");
@@ -547,7 +559,8 @@ fn hexagons_fit_together() {
 
 #[test]
 fn chosen_texels_are_the_filter_in_the_mean() {
-    // Thresholds lie on a grid instead of being random. The shares are then the weights of the filter, to within the grid's step.
+    // An evenly spaced grid replaces the random numbers. The share of the grid that chooses a texel must equal the weight of this texel in the
+    // filter, to within the grid's step.
     const STEPS: u32 = 4096;
     let share = |chosen: &dyn Fn(f64) -> u32, of: u32| {
         (0..STEPS).filter(|&i| chosen((f64::from(i) + 0.5) / f64::from(STEPS)) == of).count() as f64 / f64::from(STEPS)
@@ -566,7 +579,7 @@ fn chosen_texels_are_the_filter_in_the_mean() {
             let x = (coordinate * 8.0 - 0.5 - f64::from(texel)).rem_euclid(8.0);
             let weight = (1.0 - x.min(8.0 - x)).max(0.0);
             assert!((share(&|u| texel_choice::texel(coordinate, 8, u), texel) - weight).abs() <= tolerance, "{coordinate}, texel {texel}");
-            // Negative control: always choosing the texel that contains the coordinate does not give the filter.
+            // Negative control: if the texel that contains the coordinate is always chosen, the shares are not the weights of the filter.
             let nearest = |_: f64| (coordinate * 8.0).floor().rem_euclid(8.0) as u32;
             assert!(weight <= tolerance || weight >= 1.0 - tolerance || (share(&nearest, texel) - weight).abs() > tolerance);
         }
@@ -616,7 +629,7 @@ fn materials_beyond_the_eighth_are_shown_by_the_nearest_layer() {
         assert!((0..layers::LAYERS).all(|l| distance(layer(m)) <= distance(l)), "material {m} is shown by {}", layer(m));
         assert!(m >= layers::LAYERS || layer(m) == m);
     }
-    // Negative control: the other materials do not all have layer 0, the default.
+    // Negative control: not all materials beyond the eighth are shown by layer 0, the default.
     assert!((layers::LAYERS..palette.entries.len()).any(|m| layer(m) != 0));
 }
 
@@ -624,7 +637,7 @@ fn materials_beyond_the_eighth_are_shown_by_the_nearest_layer() {
 
 #[test]
 fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
-    // Azimuth of the direction along which a plane looks, degrees, modulo 180.
+    // Azimuth of the direction along which the texture is projected onto a plane, degrees, modulo 180.
     let azimuth = |plane: u32| [0.0, 90.0, f64::NAN, 45.0, 135.0][plane as usize];
     let mut seen = [0; 5];
     for index in 0..5000 {
@@ -637,18 +650,19 @@ fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
         }
         let off = (n[1].atan2(n[0]).to_degrees() - azimuth(plane)).rem_euclid(180.0);
         assert!(off.min(180.0 - off) <= 22.5 + 1e-9, "{n:?} is {off} degrees off plane {plane}");
-        // A step of 1 m along the plane changes the coordinate by 1 m, and a step across the plane does not change it.
+        // A horizontal step of 1 m along the plane changes the first coordinate by 1 m, and a step across the plane does not change it.
         let (sin, cos) = azimuth(plane).to_radians().sin_cos();
         let [along, up] = snapped_projection::coordinates([-sin, cos, 0.0], plane);
         assert!((along.abs() - 1.0).abs() < 2e-4 && up.abs() < 1e-12, "plane {plane}: {along}");
         assert!(snapped_projection::coordinates([cos, sin, 0.0], plane)[0].abs() < 1e-12);
-        // Coordinates and gradients are consistent: a height that equals the coordinate u has a gradient along the direction in which u grows.
+        // Coordinates and gradients are consistent: a height that equals the first coordinate has a gradient in the direction in which this
+        // coordinate grows.
         let g = snapped_projection::from_gradient([along.signum(), 0.0], plane);
         assert!((dot(g, [-sin, cos, 0.0]) - 1.0).abs() < 1e-9, "plane {plane}: {g:?}");
     }
     assert!(seen.iter().all(|&count| count > 200), "{seen:?}");
-    // Texture coordinates continue across sector borders, near the origin and far from it. Only the repeats per sector (in 2^-24) and the diagonal's
-    // rate are rounded, so the tolerance is 4 of these steps.
+    // Texture coordinates are continuous across sector borders, near the origin and far from it. Only the number of repeats per sector is rounded,
+    // once as given and once more on diagonal planes. It is stored in units of 2^-24, and the tolerance is 4 units.
     let per_sector = tiling::per_sector_fixed(SECTOR_M, 3.7);
     let repeats = tiling::repeats(SECTOR_M, 3.7);
     let coordinate = |place: [i32; 3], inside: [f64; 3], plane: u32| {

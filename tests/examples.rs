@@ -1,4 +1,4 @@
-//! The examples of `kernels` work, and are as short as they promise.
+//! Tests that the examples of `kernels` work, and that they are as short as they promise.
 
 use crate::fixtures::{Folder, small_scene};
 
@@ -22,6 +22,6 @@ fn a_frame_is_drawn_to_png_in_under_forty_lines() {
 #[test]
 fn a_shared_function_runs_over_a_table() {
     let (name, error) = probe_table::largest_error().expect("runs");
-    // Results are unit vectors and codes up to 254 in f32, with errors of a few ulp of these numbers.
+    // The results are components of unit vectors, and codes of up to 254. In f32, their errors are a few ulp of these numbers.
     assert!(name == "octahedral" && error < 1e-4, "{name}: {error}");
 }

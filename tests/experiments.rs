@@ -1,5 +1,5 @@
-//! Experiments as data: definitions, parts, shards, runs that are stopped and resumed, tables. Nothing is rendered: a stand-in delivers the
-//! measurements.
+//! Tests of experiments as data: definitions, the parts of a run, shards (runs that do a share of the parts), runs that are stopped and resumed, and
+//! tables. Nothing is rendered: a stand-in for the renderer makes up the measurements.
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -130,7 +130,8 @@ fn choices_of_the_frame_are_set_and_varied() {
     assert!(of_normals("true").unwrap_err().contains("`frame.normals` is true, must be octahedral, plane-first or exact"));
 }
 
-/// The text to replace, the replacement, and what the error must contain. The error must also name the line of the change.
+/// Wrong definitions: a text of `TEXT` to replace, the replacement, and texts that the error must contain. The error must also name the line of the
+/// change.
 const WRONG: &[(&str, &str, &[&str])] = &[
     ("noises = ", "noise = ", &["unknown key `noise`", "did you mean `noises`"]),
     ("frames = 4", "frames = \"many\"", &["frames", "invalid type"]),
@@ -301,7 +302,7 @@ fn real_terrain_is_imported_once_and_kept() {
 #[test]
 fn the_plan_is_ordered_and_complete() {
     let units = plan(&trial());
-    // 2 settings x 3 views x (1 reference + 2 estimators x 2 noises x 2 resolves + 2 estimators x 2 noises timed).
+    // Number of parts: 2 settings x 3 views x (1 reference + 2 estimators x 2 noises x 2 resolves for metrics + 2 estimators x 2 noises for times).
     assert_eq!(units.len(), 2 * 3 * (1 + 8 + 4));
     assert_eq!(units, plan(&trial()));
     assert!(units.iter().enumerate().all(|(i, unit)| unit.index == i));
@@ -315,7 +316,8 @@ fn the_plan_is_ordered_and_complete() {
     assert!(units.iter().all(|unit| unit.id.chars().all(plain) && unit.id.len() < 200));
 }
 
-/// Returns the indices of the parts whose rows a shard keeps. Checks that each sweep of the shard comes after its reference.
+/// Returns the indices of the parts whose rows a shard keeps. Checks that each sweep of the shard, which is a part that measures against a reference,
+/// comes after its reference.
 fn kept(units: &[Unit], shard: Shard) -> Vec<usize> {
     let shares = share(units, Some(shard));
     for (i, part) in shares.iter().enumerate().filter(|(_, part)| matches!(part.unit.work, Work::Sweep { .. })) {
@@ -362,7 +364,7 @@ impl Fake {
     }
 }
 
-/// A number in 0..1 that uses all digits of an f64.
+/// Pseudo-random number in 0..1 for a text and a salt. It uses all digits of an f64.
 fn number(text: &str, salt: u64) -> f64 {
     let mixed = text.bytes().fold(0xcbf2_9ce4_8422_2325 ^ salt, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
     ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64
@@ -483,7 +485,8 @@ fn a_run_yields_what_was_measured_and_judges_it() {
         names(&folder.0.join("trial")).iter().filter(|name| !name.starts_with("reference-")).map(String::as_str).collect::<Vec<_>>(),
         ["lock", "manifest.json", "metrics.csv", "metrics.parquet", "times.csv", "times.parquet"]
     );
-    // 6 references, 48 sweeps of 2 variants with 4 frames of 2 metrics and 3 lags; 24 timings of 2 variants.
+    // The run has 1 row of metrics for each of 6 references. For each of 48 sweeps and 2 variants, it has 2 metrics in each of 4 frames, and 1 row
+    // for each of 3 lags. It has 1 row of times for each of 24 timings and 2 variants.
     assert_eq!((data.rows.len(), data.times.len()), (6 + 48 * 2 * (4 * 2 + 3), 24 * 2));
     assert!(data.rows.iter().all(|row| row.experiment == "trial" && row.parameter == "blend.hash_scale" && row.metric != "ssim"));
     assert!(data.rows.iter().any(|row| row.value.is_nan()) && data.times.iter().all(|row| row.unit == "ms"));
@@ -522,7 +525,7 @@ fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
         let go_on = || if left.replace(left.get() - 1) > 0 { Ok(()) } else { anyhow::bail!("stopped") };
         let outcome = run.carry_out(&mut Fake::of(&trial), &|_, _| {}, &go_on);
         assert_eq!(outcome.is_ok(), stop + 1 == count);
-        // Files that a process leaves behind when it is killed while writing.
+        // These are files that a process leaves behind if it is killed while it writes.
         fs::write(stopped.0.join("trial/parts/00001-x.parquet.7.tmp"), b"half").unwrap();
         fs::write(stopped.0.join("trial/metrics.csv.7.tmp"), b"half").unwrap();
         if stop + 1 < count {
@@ -542,7 +545,8 @@ fn stopped_after_any_part_and_resumed_a_run_gives_equal_bytes() {
     assert!(results(&whole.0) != results(&other.0));
 }
 
-/// Environment variable that names a folder. This test binary, started again with it, carries out a run in that folder until it is killed.
+/// Environment variable that names a folder. The test below starts its own binary with this variable. The started process carries out a run in that
+/// folder, and the test kills it.
 const CHILD: &str = "SCREE_TEST_RUN";
 
 #[test]
@@ -581,7 +585,8 @@ fn killed_at_any_moment_and_resumed_a_run_gives_equal_bytes() {
     eprintln!("killed {kills} times");
     assert!(kills >= 3, "the run finished before it was killed three times");
     if !finished {
-        // The machine is so slow that no process finished the run before it was killed. The files that are left must still be resumable.
+        // The machine is so slow that no process finished the run before it was killed. A run must still be able to resume from the files that are
+        // left.
         complete(&small, &Place { existing: Existing::Resume, ..place(&killed.0) });
     }
     assert!(results(&whole.0) == results(&killed.0), "bytes differ after {kills} kills");
@@ -615,15 +620,15 @@ fn a_run_that_is_replaced_makes_way_only_for_its_own_kind() {
     }
     folder.write("report.html", "old");
     folder.write("mine.txt", "kept");
-    // A run with a different number of seeds: the old run is deleted with all files that it wrote, and no other file is deleted.
+    // A run with a different number of seeds replaces the old run. All files that the old run wrote are deleted, and no other file.
     let more = Definition { seeds: trial.seeds + 2, ..trial.clone() };
     let run = Run::open(&more, &own, &machine()).unwrap();
     assert_eq!(run.progress().0, 0);
-    // The stand-in writes its references into the same folder as the tables.
+    // The references are not compared: the stand-in writes them into the same folder as the tables, not into `reference`.
     let left: Vec<String> = names(&folder.0).into_iter().filter(|name| !name.starts_with("reference-")).collect();
     assert_eq!(left, ["lock", "manifest.json", "mine.txt", "parts"]);
     drop(run);
-    // If the same run was stopped, it is continued. If the same run was finished, it is done again.
+    // With `Existing::Replace`, a run of the same definition is continued if it was stopped, and done again if it was finished.
     let mut run = Run::open(&more, &own, &machine()).unwrap();
     run.carry_out(&mut Fake::of(&more), &|_, _| {}, &uninterrupted).unwrap();
     drop(run);
@@ -723,7 +728,8 @@ fn damaged_parts_and_results_are_done_again() {
     assert_eq!(fake.calls.get(), 4);
     run.finish().unwrap();
     assert!(results(&whole.0) == results(&damaged.0));
-    // Damaged tables of a finished run are refused by name when they are read, and made again on request.
+    // If a table of a finished run is damaged, reading the run fails with an error that names the file. Opening the run with `Existing::Resume`
+    // starts it again.
     let file = damaged.0.join("trial/metrics.parquet");
     let bytes = fs::read(&file).unwrap();
     fs::write(&file, &bytes[..bytes.len() - 9]).unwrap();
@@ -736,7 +742,7 @@ fn damaged_parts_and_results_are_done_again() {
     assert!(results(&whole.0) == results(&damaged.0));
 }
 
-/// Measures like `fake`, but first calls `block`, so that the file of the third part cannot be written.
+/// Measures like `fake`, but calls `block` before the third part, so that the file of this part cannot be written.
 struct Full<'a> {
     fake: Fake,
     parts: PathBuf,
@@ -767,7 +773,7 @@ fn a_full_disk_is_said_and_the_run_goes_on_once_there_is_room() {
         assert_eq!(error.lines().count(), 1, "{error}");
         assert_eq!(run.progress().0, 2);
     };
-    // A folder with the file's name makes the last step, the renaming, fail.
+    // A folder that has the name of the part's file makes the last step of writing, the renaming, fail.
     stop(&|file| fs::create_dir_all(file.join("in the way")).unwrap(), "cannot write", Existing::Refuse);
     let blocked = full.0.join("trial/parts").join(names(&full.0.join("trial/parts")).into_iter().find(|n| n.starts_with("00002")).unwrap());
     fs::remove_dir_all(blocked).unwrap();
@@ -833,7 +839,8 @@ fn shards_together_are_the_whole() {
     assert!(same(&data.rows, &one.rows), "{} rows of shards and {} of the whole", data.rows.len(), one.rows.len());
     assert!(!same(&data.rows[1..], &one.rows), "the comparison does not notice a missing row");
     assert_eq!(data.times.len(), one.times.len());
-    // Shards that do not belong to the run: of a different split, of a different machine, and of a different definition.
+    // Shards that do not belong to the run are refused. They come from a split into a different number of shards, from a different adapter, or from a
+    // different definition.
     complete(&trial, &shard(1, 3));
     let error = format!("{:#}", read_run(&run).unwrap_err());
     assert!(error.contains("does not belong") && error.contains("shards"), "{error}");
@@ -903,7 +910,7 @@ fn tables_hold_every_number_exactly_and_the_same_bytes() {
     assert!(same(&table.rows, &rows), "rows changed");
     assert_eq!(table.rows[1].value.to_bits(), (-0.0f64).to_bits());
     assert_eq!(table.notes.into_iter().collect::<Vec<_>>(), [("a".to_owned(), "b".to_owned())]);
-    // A table with many rows in a group, and one without rows.
+    // A table with many rows in one group, and a table without rows.
     let many: Vec<Row> = rows.iter().cycle().take(150_000).cloned().collect();
     write(&two, &many, 150_000);
     assert!(same(&read_parquet(&two).unwrap().rows, &many));
@@ -964,7 +971,7 @@ fn damaged_tables_are_refused_in_one_line_and_never_believed() {
     assert!(refusals > sound.len() + 400, "only {refusals} refusals");
 }
 
-/// Writes a valid Parquet file that is not a table of this project.
+/// Writes a valid Parquet file that is not a table of this project. `notes` = whether it has the metadata that the tables of this project have.
 fn foreign_table(file: &Path, schema: &str, notes: bool) {
     let schema = Arc::new(parse_message_type(schema).unwrap());
     let mut writer = SerializedFileWriter::new(File::create(file).unwrap(), schema, Arc::new(WriterProperties::new())).unwrap();

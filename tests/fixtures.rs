@@ -18,8 +18,8 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 pub(crate) const SIZE: [u32; 2] = [96, 64];
 
-/// The built-in scene with small textures and without anisotropic filtering: stochastic texture filtering cannot do it, and is compared with the
-/// other estimators.
+/// The built-in scene with small textures and without anisotropic filtering. Tests compare stochastic texture filtering, which cannot filter
+/// anisotropically, with the other estimators.
 pub(crate) fn small_scene() -> scene::Scene {
     let mut scene = scene::parse(scene::DEFAULT_TEXT, "default", Path::new(".")).expect("the built-in scene is valid");
     scene.detail_size = 64;
@@ -27,7 +27,8 @@ pub(crate) fn small_scene() -> scene::Scene {
     scene
 }
 
-/// A device for tests. If `make mutants` runs them, its shaders have the planted fault.
+/// Opens a device for tests. `make mutants` runs the tests with shaders that have one deliberate fault. It sets SCREE_MUTANT to a folder with the
+/// changed shader files, which then replace the built-in ones.
 pub(crate) fn open(options: GpuOptions) -> Gpu {
     let gpu = Gpu::with(options).expect("these tests need an adapter; `make setup` installs a software one");
     if let Some(folder) = std::env::var_os("SCREE_MUTANT") {
@@ -39,7 +40,7 @@ pub(crate) fn open(options: GpuOptions) -> Gpu {
     gpu
 }
 
-/// Every WGSL file, some of them twice.
+/// Returns every WGSL file. Files that several modules use occur more than once.
 pub(crate) fn wgsl_files() -> Vec<&'static Wgsl> {
     let mut files = shader_files();
     for module in [&kernels::temporal::MODULE, &kernels::metrics::MODULE, &kernels::metrics::SEEDS_MODULE] {
@@ -65,7 +66,8 @@ pub(crate) fn renderer() -> MutexGuard<'static, Renderer<'static>> {
     shared(0)
 }
 
-/// A second renderer of the small scene, for tests that use other shaders than those of the 31 variants and need not wait until these are compiled.
+/// A second renderer of the small scene, for tests that do not use the shaders of the 31 variants. They need not wait until a test of the first
+/// renderer has compiled those shaders.
 pub(crate) fn second_renderer() -> MutexGuard<'static, Renderer<'static>> {
     shared(1)
 }
@@ -88,14 +90,14 @@ pub(crate) fn terrain(picture: &Picture) -> Vec<bool> {
     picture.hdr.iter().map(|t| t[3] > 0.0).collect()
 }
 
-/// Largest difference of two albedo layers over terrain, in units of the last place of f16 (the G-buffer's format).
+/// Largest difference between the albedo layers of two pictures, in units in the last place of f16 (the format of the G-buffer).
 pub(crate) fn largest_difference(a: &Picture, b: &Picture) -> f64 {
     let (left, right) = (a.vectors("albedo").expect("asked for"), b.vectors("albedo").expect("asked for"));
     let pairs = left.iter().flatten().zip(right.iter().flatten());
     pairs.map(|(&l, &r)| f64::from((l - r).abs()) / (f64::from(l.abs().max(r.abs())).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
 }
 
-/// Two-sided p-value of the hypothesis that independent samples have mean zero (Student's t).
+/// Two-sided p-value of the hypothesis that independent samples have mean zero (Student's t-test).
 pub(crate) fn p_of_zero_mean(samples: &[f64]) -> f64 {
     let n = samples.len() as f64;
     let mean = samples.iter().sum::<f64>() / n;
@@ -105,7 +107,7 @@ pub(crate) fn p_of_zero_mean(samples: &[f64]) -> f64 {
     2.0 * student.cdf(-t.abs())
 }
 
-/// Sign of a pixel in the `pattern`-th of a few fixed random patterns; pattern 0 is all +1.
+/// Sign (+1 or -1) of a pixel in the fixed random pattern with this number. In pattern 0, all signs are +1.
 pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
     let hash = kernels::shared::hash::pcg4d([u32::try_from(pixel).expect("small picture"), pattern, 11, 5])[0];
     if pattern == 0 || hash & 1 == 0 { 1.0 } else { -1.0 }
@@ -132,7 +134,7 @@ pub(crate) fn program() -> &'static Path {
     })
 }
 
-/// The source file that was changed last in a folder and its subfolders.
+/// The source file in a folder and its subfolders that was changed last, and the time of the change.
 fn newest_source(folder: &Path) -> Option<(SystemTime, PathBuf)> {
     let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok).map(|entry| entry.path());
     let newest = entries.filter_map(|path| match path.extension().and_then(|e| e.to_str()) {
@@ -151,7 +153,7 @@ pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the program writes UTF-8")
 }
 
-/// Checks that the call is refused as wrong: exit status 2, and stderr contains all of `says`.
+/// Checks that the call is refused because its arguments are wrong: exit status 2, and stderr contains all of `says`.
 pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
     let output = run(arguments);
     let stderr = text(&output.stderr);
@@ -165,7 +167,7 @@ pub(crate) fn usage_error(arguments: &[&str], says: &[&str]) {
     assert!(!stderr.contains("internal error"), "{arguments:?}: {stderr}");
 }
 
-/// Checks that the work fails: exit status 1, and one line on stderr that contains all of `says`.
+/// Checks that the program starts its work and fails: exit status 1, and one line on stderr that contains all of `says`.
 pub(crate) fn failure(arguments: &[&str], says: &[&str]) {
     let output = run(arguments);
     let stderr = text(&output.stderr);

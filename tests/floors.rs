@@ -1,4 +1,5 @@
-//! The floors of the crates: a module imports from itself and from lower floors, never from its own floor or from a higher one.
+//! Checks the layers of the crates, which are called floors. A module may import from itself and from modules on lower floors, but not from other
+//! modules on its own floor or from modules on higher floors.
 //!
 //! The sources are parsed, so comments and strings do not count. Code under `#[cfg(test)]` does not count either.
 
@@ -15,21 +16,22 @@ use crate::fixtures::Folder;
 /// The modules of a folder, floor by floor from the lowest. Modules of the same floor do not import each other.
 type Floors = [&'static [&'static str]];
 
-/// A run goes from its definition to its parts, its files and its report; the command line drives it.
+/// The modules of `experiments`: first the definition of an experiment, then the parts of a run, its files and its report, then the command line.
 const EXPERIMENTS: &Floors = &[
     &["process", "metrics", "row", "settings"], // used by everything else
     &["definition", "judge"],                   // the experiment, and the metrics of pictures
     &["unit", "expectations", "stability"],
     &["store"],            // the folder of a run
-    &["runner", "report"], // the runner writes into it; the report reads from it
+    &["runner", "report"], // the runner writes the folder; the report reads it
     &["cli"],
     &["commands"],
 ];
 
-/// The window shows the model and asks the engine for its pictures; panels know neither the window nor each other's state.
+/// The modules of `workbench`: the window shows the model and requests pictures from the engine. Panels use neither the window nor the state of other
+/// panels.
 const WORKBENCH: &Floors = &[&["model"], &["engine"], &["panels"], &["window"], &["script"]];
 
-/// The parts of the model. Each uses only the floors below it.
+/// The modules inside the model of `workbench`.
 const WORKBENCH_MODEL: &Floors = &[
     &["files", "display", "panes", "flight", "editing", "metrics"],
     &["settings", "places"],
@@ -39,8 +41,8 @@ const WORKBENCH_MODEL: &Floors = &[
     &["state"],
 ];
 
-/// The order of `kernels`: first the modules that do not depend on terrain, then the stages in the order of the frame, then the frame and the modules
-/// that inspect it.
+/// The modules of `kernels`: first the modules that do not depend on terrain, then the stages in the order of the frame, then the frame and the
+/// modules that inspect it.
 const KERNELS: &Floors = &[
     &["base"],                     // errors, names, files, colour: no terrain
     &["settings"],                 // how a setting is declared, checked and shown
@@ -52,7 +54,7 @@ const KERNELS: &Floors = &[
     &["world", "materials"],       // node payloads and textures, on the CPU
     &["import", "quadtree"],       // a heightmap becomes a scene; which nodes are drawn
     &["culling", "residency"],
-    &["terrain"], // what stages share of terrain on the device
+    &["terrain"], // terrain data on the device, which several stages use
     &["stage"],   // what a stage declares
     &["geometry"],
     &["virtual_texture", "classification", "motion"],
@@ -87,8 +89,8 @@ fn no_folder_has_a_cycle_between_its_modules() {
     }
 }
 
-/// Fails with a line for each import that goes up, and for each module that the list lacks or that does not exist. `folder` is relative to the
-/// workspace's root: the `src` of a crate, or a folder of a module inside it.
+/// Fails with a line for each import from the same floor or a higher one, for each module that the list lacks, and for each listed module that does
+/// not exist. `folder` is relative to the workspace's root: the `src` of a crate, or a folder of a module inside it.
 fn check(folder: &str, floors: &Floors) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder);
     let faults = faults(&root, floors);
@@ -115,7 +117,7 @@ fn faults(folder: &Path, floors: &Floors) -> Vec<String> {
     for Import { file, line, path, from, to } in &reading.imports {
         let place = format!("{}:{line}: `{path}`", file.strip_prefix(folder).unwrap_or(file).display());
         if !exists(to) {
-            faults.push(format!("{place}: `{from}` imports from the root, where only the root's own file may look"));
+            faults.push(format!("{place}: `{from}` imports from the root, which only the root's own file may do"));
         } else if let (Some(own), Some(other)) = (floor_of.get(from.as_str()), floor_of.get(to.as_str()))
             && own <= other
             && from != to
@@ -147,15 +149,15 @@ fn read(folder: &Path) -> (Vec<String>, Reading) {
     (modules.collect(), reading)
 }
 
-/// The imports that are part of a cycle, or lead from one cycle to another, between modules of one folder: a line each, for `folder` and the folders
-/// below it. Imports between a module and those inside it do not count.
+/// Returns a line for each import that is part of a cycle between modules of the same folder, or that leads from one such cycle to another. Searches
+/// `folder` and the folders below it. Imports between a module and its own submodules do not count.
 fn cycles(folder: &Path) -> Vec<String> {
     let mut found = Vec::new();
     if root_of(folder).is_some() {
         let (mut left, reading) = read(folder);
         found.extend(reading.faults);
         let mut imports: Vec<&Import> = reading.imports.iter().filter(|import| import.from != import.to).collect();
-        // A module is in no cycle if it imports none of the modules that are left, or if none of them imports it.
+        // A module is not part of a cycle if it imports none of the remaining modules, or if none of the remaining modules imports it.
         loop {
             imports.retain(|import| left.contains(&import.from) && left.contains(&import.to));
             let before = left.len();
@@ -189,7 +191,7 @@ struct Import {
 
 /// Reads the modules of a folder.
 struct Reading {
-    /// The folder's own module, from the crate's root.
+    /// Path of the folder's own module, from the crate's root.
     prefix: Vec<String>,
     imports: Vec<Import>,
     faults: Vec<String>,
@@ -228,7 +230,7 @@ impl Reading {
 
     fn import(&mut self, file: &Path, module: &[String], full: &[String], span: Span) {
         let depth = self.prefix.len();
-        // The list of the folder above checks the imports that lead out of this folder.
+        // Imports that lead out of this folder are checked with the list of the parent folder.
         if !full.starts_with(&self.prefix) {
             return;
         }

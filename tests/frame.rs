@@ -1,5 +1,5 @@
-//! The whole frame on the GPU: variants against the generic kernel, counted fetches, the statistics of random choices, cracks, and independence from
-//! earlier frames.
+//! Tests of the whole frame on the GPU: variants compared with the generic kernel, counted texture fetches, the statistics of random choices, cracks
+//! in the terrain, and independence from earlier frames.
 
 use kernels::frame::picture::{AovSet, Picture};
 use kernels::frame::{RenderRequest, Renderer, VariantChoice};
@@ -85,7 +85,7 @@ fn automatic_tiles_hold_what_their_pixels_need() {
         }
     }
     assert!(used.len() >= 4, "the view should need several variants, got {used:?}");
-    // Auto must be cheap: far below the 48 fetches that splat on every pixel would take.
+    // The automatic choice of variants must be cheap: far below the 48 fetches per pixel of splat.
     let counting = request(&renderer, "cliff").with(|r| r.outputs.count_fetches = true);
     let counted = renderer.render(&counting).expect("renders");
     assert!(counted.fetches_per_px.expect("counted") < 16.0);
@@ -93,9 +93,10 @@ fn automatic_tiles_hold_what_their_pixels_need() {
 
 #[test]
 fn random_choice_has_the_mean_and_variance_of_theory() {
-    // Null hypothesis: over seeds, the mean picture is the exact blend, and the variance is that of theory. Each seed gives one number, a signed sum
-    // over pixels; these numbers are independent, even if the noise correlates pixels. 2 flavours x 2 noises x (4 means + 1 variance) = 20 tests,
-    // family level 0.001, Sidak.
+    // Null hypothesis: the mean of the pictures over all seeds is the exact blend, and their variance is that of theory. Each seed gives one number.
+    // For a mean, it is the sum over pixels of the difference from the exact blend, with the signs of a fixed pattern. For a variance, it is the sum
+    // of the squared difference minus the variance of theory. The numbers of different seeds are independent, even if the noise correlates pixels.
+    // There are 2 flavours x 2 noises x (4 means + 1 variance) = 20 tests, with a family-wise level of 0.001 (Sidak correction).
     const SEEDS: u32 = 48;
     const PATTERNS: u32 = 4;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 20.0);
@@ -146,7 +147,8 @@ fn random_choice_has_the_mean_and_variance_of_theory() {
     }
 }
 
-/// Counts cracks. If an upright camera sees a heightfield, all pixels below a terrain pixel show terrain, so sky below terrain is a crack.
+/// Counts pixels in cracks, which show sky although the pixel above shows terrain. If an upright camera sees a heightfield without cracks, all pixels
+/// below a terrain pixel show terrain.
 fn cracks(on: &[bool], size: [u32; 2]) -> usize {
     let (width, height) = (size[0] as usize, size[1] as usize);
     (0..width).map(|x| (1..height).filter(|y| on[(y - 1) * width + x] && !on[y * width + x]).count()).sum()
@@ -192,8 +194,9 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
     for (i, p) in position.iter().enumerate() {
         let p = p.map(f64::from);
         let distance = ((p[0] - eye.x).powi(2) + (p[1] - eye.y).powi(2) + (p[2] - eye.z).powi(2)).sqrt();
-        // Within 30 m all terrain has LOD 0, and `ground_m` follows the triangles of LOD 0. Both use the same 16-bit heights. The tolerance allows
-        // for f32: the layer holds world coordinates of about 10^3 m, and slopes of up to 10 multiply their error.
+        // Within 30 m all terrain has LOD 0, and `ground_m` follows the triangles of LOD 0. The drawn terrain and `ground_m` use the same 16-bit
+        // heights. The layer stores world coordinates of about 10^3 m in f32. On slopes of up to 10, an error of x or y gives up to 10 times that
+        // error in the height, so the tolerance is 1 cm.
         if picture.hdr[i][3] > 0.0 && distance < 30.0 {
             let off = (p[2] - renderer.ground_m(p[0], p[1])).abs();
             assert!(off < 0.01, "pixel {i} lies {off} m off the ground at {distance} m");
@@ -211,8 +214,9 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
         }
     }
     assert!(checked > 500, "only {checked} pixels are near");
-    // 8-bit normals have errors of up to a degree, which are a few percent of the derivative on slopes seen at 70 degrees. Pixels on triangle edges
-    // are outliers, so medians are compared. Negative control: ddy in place of ddx.
+    // Normals with 8 bits per coordinate have errors of up to a degree. If the view direction is 70 degrees from the normal, such an error changes a
+    // derivative by a few percent. Pixels on triangle edges are outliers, so medians are compared. Negative control: ddy is compared with the step to
+    // the right, instead of ddx.
     let median = |values: &mut Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
@@ -227,7 +231,7 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
 fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
     let mut renderer = renderer();
     for camera in ["cliff", "ground", "vista", "grazing"] {
-        // With the variance estimator, the layer holds the stored normal.
+        // With the variance estimator, the layer `normal` shows the normal that the geometry pass stored.
         let base = request(&renderer, camera).with(|r| {
             r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
             r.shading.estimator = Estimator::Variance;
@@ -239,8 +243,8 @@ fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
             let [codes, pair] = [&octahedral, &plane_first].map(|picture| picture.layer(layer).expect("asked for"));
             assert!(codes == pair, "{camera}: {layer}");
         }
-        // Negative control: the layer shows the rounding of the codes.
-        assert!(octahedral.layer("normal") != exact.layer("normal"), "{camera}: codes of 8 + 8 bits do not change the normals");
+        // Negative control: the layer `normal` shows the rounding of the octahedral encoding.
+        assert!(octahedral.layer("normal") != exact.layer("normal"), "{camera}: the encoding with 8 + 8 bits does not change the normals");
         let on = terrain(&exact);
         // Relative errors of both derivatives of all pixels, sorted.
         let errors = |picture: &Picture| -> Vec<f64> {
@@ -259,12 +263,12 @@ fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
         for part in [0.5, 0.95] {
             let at = (part * (two.len() - 1) as f64) as usize;
             println!(
-                "{camera}: {} of derivatives within {:.3} % of two codes, {:.3} % of the pair",
+                "{camera}: quantile {} of the errors of derivatives: octahedral {:.3} %, plane-first {:.3} %",
                 part,
                 100.0 * two[at],
                 100.0 * one[at]
             );
-            assert!(one[at] > 0.0 && two[at] >= 3.0 * one[at], "{camera}, share {part}: {} of two codes, {} of the pair", two[at], one[at]);
+            assert!(one[at] > 0.0 && two[at] >= 3.0 * one[at], "{camera}, {part}: octahedral {}, plane-first {}", two[at], one[at]);
         }
     }
 }
@@ -281,7 +285,7 @@ fn a_picture_does_not_depend_on_what_was_looked_at_before() {
     let again = renderer.render(&request).expect("renders");
     assert_eq!(first.hdr, again.hdr);
     assert_ne!(first.hdr, other.hdr);
-    // Kept geometry gives the same picture as drawn geometry.
+    // If the geometry of the last frame is reused, the picture is the same as if the geometry is drawn again.
     let kept = renderer.render(&request.with(|r| r.outputs.keep_geometry = true)).expect("renders");
     assert_eq!(first.hdr, kept.hdr);
 }
@@ -300,7 +304,7 @@ fn the_kernel_refuses_what_it_cannot_draw() {
     let vt = request(&renderer, "cliff").with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::VirtualTexture)));
     let message = without.render(&vt).expect_err("there is no virtual texture").to_string();
     assert!(message.contains("far_atlas_m"), "{message}");
-    // The renderer draws the flavours that do not need the virtual texture.
+    // Flavours that do not need the virtual texture are drawn.
     let far = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
     assert!(without.render(&vt.with(|r| r.shading.variant = far)).is_ok());
 }
@@ -314,8 +318,8 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
     holes.push(hole);
     *colour_modulation = 0.4;
     let mut renderer = Renderer::new(gpu(), &scene, &|_| {}).expect("renders");
-    // The camera looks straight down from 40 m. The hole is a disc in the middle of the picture, whose radius is about an eighth of the picture's
-    // height.
+    // The camera looks straight down from 40 m. The hole appears as a disc in the middle of the picture. The radius of the disc is about an eighth of
+    // the picture's height.
     let above = Pose {
         position: glam::DVec3::new(x, y, renderer.ground_m(x + 20.0, y) + 40.0),
         yaw: 0.0,
@@ -335,8 +339,8 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
         let on = terrain(&picture);
         assert!(!on[SIZE[0] as usize * SIZE[1] as usize / 2 + SIZE[0] as usize / 2], "the middle of the hole is covered");
         assert!(on[0] && on[on.len() - 1], "the corners must be ground");
-        // There is no ground inside the hole, with a tolerance of 1 m, which is the resolution of holes. The hole's transparent black does not darken
-        // its rim.
+        // There is no ground inside the hole, with a tolerance of 1 m, which is the resolution of holes. Texels inside the hole are transparent
+        // black, which must not darken the ground at the hole's rim.
         let (position, albedo) = (picture.vectors("position").expect("asked for"), picture.vectors("albedo").expect("asked for"));
         for (p, a) in position.iter().zip(albedo).zip(&on).filter(|(_, on)| **on).map(|(pair, _)| pair) {
             let from_centre = (f64::from(p[0]) - x).hypot(f64::from(p[1]) - y);

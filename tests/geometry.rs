@@ -1,12 +1,14 @@
-//! Stitching: compares the welding of the vertex stage on the GPU with its reference, and checks that the reference gives vertices that the neighbour
-//! has.
+//! Tests of stitching, which moves (welds) the vertices on the border to a coarser node to vertices that this neighbour has. Compares the vertex
+//! stage on the GPU with its reference, and checks that the reference gives vertices that the neighbour has.
 
 use kernels::geometry::{STITCH_WGSL, reference};
 use kernels::probe::table;
 
 use crate::fixtures::gpu;
 
-/// Every border vertex of a node and some inner vertices, each with every delta on every side.
+/// Returns rows of a vertex's index and the deltas of the node. A delta is the number of levels by which the neighbour on one side is coarser; the
+/// deltas of the four sides are packed with 4 bits each. The rows have every border vertex and some inner vertices, and every delta from 0 to 5 on
+/// every side.
 fn rows() -> Vec<([u32; 2], u32)> {
     let mut rows = Vec::new();
     for deltas in (0..6u32).flat_map(|d| [d, d << 4, d << 8, d << 12, d | d << 4 | d << 8 | d << 12, d | (5 - d) << 4]) {
@@ -18,7 +20,7 @@ fn rows() -> Vec<([u32; 2], u32)> {
 }
 
 fn on_gpu(wgsl: &str) -> Vec<[u32; 2]> {
-    // Probes already contain the stage's own text, so the names in this copy are changed.
+    // Probes already contain the original text of the stage, so the functions in this copy are renamed.
     let wgsl = wgsl.replace("geometry_", "stitching_");
     let body = format!(
         "{wgsl}\nfn probe(row: array<f32, 3>) -> array<f32, 2> {{
@@ -38,7 +40,8 @@ fn differences(wgsl: &str) -> usize {
 #[test]
 fn stitching_equals_its_reference() {
     assert_eq!(differences(STITCH_WGSL.text), 0);
-    // Negative controls: ties to the upper vertex, and north taken for south.
+    // Negative controls: a vertex halfway between two vertices of the neighbour moves to the upper one; the northern border uses the delta of the
+    // southern neighbour.
     for (from, to) in [("(step - 1u) / 2u", "step / 2u"), ("(deltas >> 12u) & 15u", "(deltas >> 4u) & 15u")] {
         assert!(STITCH_WGSL.text.contains(from), "the mutant must change something");
         assert!(differences(&STITCH_WGSL.text.replace(from, to)) > 0, "{to} passes");

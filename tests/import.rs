@@ -1,4 +1,4 @@
-//! Heightmap files: every format, windows, imports, and every kind of bad file with its error.
+//! Tests of heightmap files: every format, windows (rectangular parts of a file), imports as scenes, and the error for every kind of bad file.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ impl Drop for Temp {
 const SIZE: [u32; 2] = [37, 29];
 const RANGE: [f64; 2] = [100.0, 900.0];
 
-/// Height of a slope to the east with bumps: no two rows or columns are equal.
+/// Sample of a slope with bumps that rises to the east. No two rows or columns are equal.
 fn value(x: u32, y: u32) -> u16 {
     (x * 1100 + y * 310 + (x * y) % 97 * 60) as u16
 }
@@ -243,7 +243,7 @@ fn bad_files_are_refused_with_what_where_and_how() {
 #[test]
 fn files_40_000_wide_are_refused_before_room_is_made() {
     let temp = Temp::new("wide");
-    // Headers only: nothing that could be decoded follows them.
+    // The files consist of headers only. No samples follow that could be decoded.
     write_tiff(&temp.path("wide.tif"), [40_000, 40_000], 40_000, 16, 1, &[]);
     expect_error(read(&temp.path("wide.tif"), &options()), &["40000 x 40000", "16385", "window"]);
     let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
@@ -254,7 +254,7 @@ fn files_40_000_wide_are_refused_before_room_is_made() {
     png.extend_from_slice(&[0, 0, 0, 9, b'I', b'D', b'A', b'T']);
     fs::write(temp.path("wide.png"), png).expect("written");
     expect_error(read(&temp.path("wide.png"), &options()), &["40000 x 40000", "16385", "window"]);
-    // A sparse file of 3.2 GB. A window of it can be read nevertheless.
+    // A sparse file of 3.2 GB, all zeros. The whole file is refused because of its size. A window of it is read, and refused only because it is flat.
     let file = fs::File::create(temp.path("wide.raw")).expect("created");
     if file.set_len(40_000 * 40_000 * 2).is_ok() {
         let path = temp.path("wide.raw");
@@ -349,7 +349,7 @@ fn an_import_takes_its_materials_along() {
     assert_eq!(loaded.materials.len(), 2);
     let world = World::new(&loaded).expect("valid");
     assert_eq!(world.layout().finest_lod, 0, "added relief needs the finest LOD");
-    // The added relief is not zero and stays within its bound.
+    // The added relief is not zero, and stays within the 2 m that the import requests.
     let map = read(&temp.path("v.png"), &read_options).expect("readable");
     let offsets = (0..400).map(|i| {
         let (x, y) = (f64::from(i % 20) * 21.7 - 210.0, f64::from(i / 20) * 20.3 - 200.0);
@@ -366,7 +366,8 @@ fn real_terrain_imports() {
         return;
     };
     let temp = Temp::new("real");
-    // File, spacing, lowest and highest elevation, samples per side, finest LOD, sector edge, published steepest slope (degrees).
+    // Columns: file, spacing (m), lowest and highest elevation (m), samples per side, finest LOD, sector edge (m), published steepest slope
+    // (degrees).
     let maps = [
         ("stubai_alps_lidar_321.png", 10.0, [1_399.145_019_531_25, 2_716.058_105_468_75], 321, 4, 64.0, 84.9),
         ("yosemite_valley_1025.png", 24.45, [1_175.487_381_552_286, 3_563.615_723_354_426], 1025, 3, 256.0, 86.3),
@@ -379,8 +380,8 @@ fn real_terrain_imports() {
         assert_eq!((world.layout().finest_lod, world.layout().sector_m), (finest_lod, sector_m));
         assert!((world.extent_m()[0] - f64::from(side - 1) * metres_per_texel).abs() < 1e-6);
         assert!((world.height_range_m().0 - range[0]).abs() < 0.1 && (world.height_range_m().1 - range[1]).abs() < 0.1);
-        // The published slope comes from central differences. Each of these is the mean of the gradients of four triangles, and at least one of the
-        // four is as steep as the mean.
+        // The published slope comes from central differences. A gradient from central differences is the mean of the gradients of four triangles, and
+        // at least one of these triangles is as steep as the mean. So the steepest triangle of the world is at least as steep as published.
         assert!((steepest - 0.1..89.0).contains(&world.max_slope_deg()), "{file}: {} degrees", world.max_slope_deg());
         assert_eq!(scene.cameras.len(), 4);
         for camera in &scene.cameras {

@@ -1,4 +1,5 @@
-//! Compares the pixel inspector with the layers of the same picture, and its references with the choices of the shaders.
+//! Compares the results of the pixel inspector with the layers of the same picture, and the random choices that its CPU references compute with the
+//! choices of the shaders.
 
 use std::collections::BTreeSet;
 
@@ -43,7 +44,7 @@ fn a_pixel_says_what_the_layers_say() {
         assert_eq!(f64::from(pixel.variant), f64::from(value("variant", i)), "{at:?}");
         assert_eq!(f64::from(pixel.choice), f64::from(value("choice", i)), "{at:?}");
         assert_eq!(pixel.steps.map(|step| step.shader), [vector("ddx", i), vector("ddy", i)], "{at:?}");
-        // The tolerance allows for the layer, which holds world metres in f32.
+        // The tolerance allows for the rounding of the layer, which stores world coordinates in f32.
         let off = (DVec3::from_array(pixel.position) - DVec3::from_array(vector("position", i))).length();
         assert!(off < 1e-3 + 1e-6 * pixel.distance_m, "{at:?}: {off} m");
         let sums =
@@ -60,7 +61,8 @@ fn a_pixel_says_what_the_layers_say() {
         found += 1;
         let towards = (DVec3::from_array(pixel.position) - request.view.pose.position) / pixel.distance_m;
         if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
-            // A code of 2 x 8 bits has an error of at most 1 degree. The slant of the plane multiplies it by up to three in the derivatives.
+            // The encoding with 2 x 8 bits changes a normal by at most 1 degree; 2 are accepted. The slant of the plane multiplies the effect on the
+            // derivatives. With the limit of 0.3 for the cosine, the factor is at most about 3.
             assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
@@ -71,7 +73,7 @@ fn a_pixel_says_what_the_layers_say() {
     errors.sort_by(f64::total_cmp);
     let (median, worst) = (errors[errors.len() / 2], errors[errors.len() - 1]);
     assert!(errors.len() > 20 && median < 0.03 && worst < 0.15, "median {median}, worst {worst} of {}", errors.len());
-    // The codes are not exact, so there must be an error.
+    // The encoding of normals is not exact, so derivatives must have an error.
     assert!(median > 1e-5, "{median}");
 }
 
@@ -89,7 +91,8 @@ fn normals_are_decoded_however_they_are_stored() {
     assert!(codes.len() > 10 && codes.len() == pair.len() && codes.len() == exact.len());
     assert!(codes.iter().zip(pair).all(|(codes, pair)| codes.shading_normal == pair.shading_normal));
     assert!(codes.iter().zip(exact).any(|(codes, exact)| codes.shading_normal != exact.shading_normal));
-    // A code of 8 + 8 bits has an error of a third of a degree, the finer plane has an eighth of that, and f32 has thousandths of a degree.
+    // The median error of the triangle's normal is about a third of a degree with 8 + 8 bits and an eighth of that with the finer lattice of the
+    // plane-first encoding. With f32 it is thousandths of a degree.
     let medians = [codes, pair, exact].map(|pixels| {
         let mut errors: Vec<f64> = pixels.iter().filter_map(Pixel::normal_error).collect();
         errors.sort_by(f64::total_cmp);
@@ -114,14 +117,15 @@ fn derivatives_before_the_eye_are_as_exact_high_up_as_at_the_sea() {
         let pixel = inspect(&mut renderer, &request, place(i, request.view.size)).expect("inspects").expect("terrain");
         let Some(triangle) = pixel.triangle else { continue };
         let towards = (DVec3::from_array(pixel.position) - pose.position) / pixel.distance_m;
-        // Within 60 degrees of the normal, the slant of the plane at most doubles the effect of the code's error on a step.
+        // If the view direction is within 60 degrees of the normal, the slant of the plane at most doubles the effect of the normal's error on a
+        // derivative.
         if pixel.distance_m < 8.0 && towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.5 {
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
     }
     errors.sort_by(f64::total_cmp);
-    // Codes of 2 x 8 bits give an error of half a percent. If the elevation itself were in f32, with steps of 0.1 mm at 1400 m, the error would be 2
-    // percent.
+    // The encoding of normals with 2 x 8 bits gives derivatives an error of half a percent. If elevations above the sea were stored in f32, which has
+    // steps of 0.1 mm at 1400 m, the error would be 2 percent.
     let median = errors[errors.len() / 2];
     assert!(errors.len() > 30 && median < 0.008, "median {median} of {}", errors.len());
 }
@@ -169,7 +173,8 @@ fn the_references_choose_what_the_shader_chose() {
         let draws = pixels.iter().filter(|pixel| pixel.draw.is_some_and(|draw| draw.flavour == flavour)).count();
         let agreeing = pixels.iter().filter(|pixel| pixel.agrees()).count();
         assert!(pixels.len() > 30 && draws == pixels.len(), "{estimator} {noise}: {draws} of {} draw", pixels.len());
-        // A threshold on the border between two choices, or a point on the border between two cells of noise, may fall either way.
+        // The shader and the reference may disagree at one pixel, because its threshold may lie on the border between two choices, or its point on
+        // the border between two cells of the noise.
         assert!(agreeing + 1 >= pixels.len(), "{estimator} {noise}: {agreeing} of {} agree", pixels.len());
     }
     // Negative control: with a different seed, the references give different choices.
@@ -201,7 +206,7 @@ fn the_pages_of_all_pixels_are_those_that_the_frame_asked_for() {
             pages.insert(page.id);
         }
     }
-    // Where a pixel lies on the border between two levels, to within a thousandth, the frame asks for the pages of both.
+    // If a pixel lies within a thousandth of the border between two levels of the virtual texture, the frame requests the pages of both levels.
     let said = pages.len();
     assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "the pixels name {said} pages, the frame asked for {wanted}");
     // Without the flavour of the virtual texture, a pixel has no page.

@@ -21,7 +21,7 @@ use naga::{ScalarKind, TypeInner};
 
 use crate::shaders::{sources, validate};
 
-/// The type of number in a field; `None` = a struct, which is compared separately.
+/// A field of a host struct. `KIND` = its type of number; `None` = a struct, which is compared separately.
 trait Field {
     const KIND: Option<ScalarKind>;
 }
@@ -52,7 +52,7 @@ struct Layout {
     size: usize,
 }
 
-/// Size and type of number of the field that a projection returns.
+/// Returns size and type of number of the field that a function `|s| &s.field` returns. Only the types of the function are used.
 fn shape<T, F: Field>(_: fn(&T) -> &F) -> (usize, Option<ScalarKind>) {
     (size_of::<F>(), F::KIND)
 }
@@ -95,7 +95,7 @@ fn shader(module: &naga::Module, name: &str) -> Option<Layout> {
 /// Host structs with the name of their WGSL counterpart.
 fn pairs() -> Vec<(&'static str, Layout)> {
     let mut patch = host!(Patch { node_origin, spacing, slot, patch, deltas, lod });
-    // `patch` is a reserved word of WGSL.
+    // `patch` is a reserved word of WGSL, so the field is called `patch_xy` there.
     for (name, ..) in &mut patch.fields {
         if name == "patch" {
             name.push_str("_xy");
@@ -251,7 +251,7 @@ fn layout_comparison_notices_drift() {
         ("a field missing", "cell: vec2<i32>, edge_m: f32, slot: u32, place: vec3<f32>"),
         ("a field too many", "cell: vec2<i32>, edge_m: f32, slot: u32, place: vec3<f32>, count: u32, more: u32"),
         ("another width", "cell: vec3<i32>, edge_m: f32, slot: u32, place: vec3<f32>, count: u32"),
-        // A vec3 starts at a multiple of 16 bytes; an array of three numbers need not.
+        // In WGSL, a vec3 starts at a multiple of 16 bytes. In the host struct, an array of three numbers may start elsewhere.
         ("alignment", "place: vec3<f32>, count: u32, cell: vec2<i32>, slot: u32, edge_m: f32"),
     ] {
         assert_ne!(ours, of(wrong), "{change}: not noticed");

@@ -1,4 +1,4 @@
-//! Lighting: the pass on arbitrary G-buffers and lights, compared with its reference.
+//! Compares the lighting pass with its reference, on random G-buffers and under random lights.
 
 use bytemuck::{Zeroable, bytes_of};
 use half::f16;
@@ -15,7 +15,7 @@ use crate::fixtures::gpu;
 /// Size of the pictures, pixels. Each pixel has its own surface.
 const SIZE: [u32; 2] = [64, 48];
 
-/// A random number, 0..1, for a pixel.
+/// Pseudo-random number in 0..1 for a pixel. `what` = number of the quantity that is drawn; different quantities have independent numbers.
 fn random(pixel: u32, table: u32, what: u32) -> f64 {
     f64::from(hash::pcg4d([pixel, table, what, 77])[0]) / f64::from(u32::MAX)
 }
@@ -25,7 +25,7 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
     v.map(|x| x / length)
 }
 
-/// A texture with these bytes, of a pass that reads it.
+/// Creates a texture with these texels, which a pass can read.
 fn texture(format: wgpu::TextureFormat, aspect: wgpu::TextureAspect, bytes: &[u8]) -> wgpu::Texture {
     let size = wgpu::Extent3d { width: SIZE[0], height: SIZE[1], depth_or_array_layers: 1 };
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::RENDER_ATTACHMENT;
@@ -67,7 +67,7 @@ fn depth(value: f32) -> wgpu::Texture {
     texture
 }
 
-/// What a picture is lit from. Everything that the shader reads is f16 or f32, and the reference gets the same numbers.
+/// The input of the lighting pass. The shader reads f16 and f32, so all numbers are rounded to these types, and the reference gets the same numbers.
 struct Given {
     surfaces: Vec<Surface<f64>>,
     light: Light<f64>,
@@ -75,8 +75,8 @@ struct Given {
 }
 
 impl Given {
-    /// Random surfaces under a random light. `tables` counts up to 5 kinds of light: among them a sun behind the surface, and a sky that is brighter
-    /// at the horizon.
+    /// Returns random surfaces under a random light. `table` = number of the random numbers. It also selects one of five elevations of the sun, from
+    /// 0.3 radians below the horizon to 1.5 above it.
     fn random(table: u32) -> Given {
         let f = |x: f64| f64::from(x as f32);
         let h = |x: f64| f16::from_f64(x).to_f64();
@@ -87,7 +87,7 @@ impl Given {
         let light = Light { sun_direction, sun_irradiance: colour(51, 5.0), zenith: colour(52, 0.6), horizon: colour(53, 0.6) };
         let mut uniforms = FrameUniforms::zeroed();
         uniforms.size = SIZE;
-        // Rays of 90 by 70 degrees around a direction that looks down a little.
+        // The rays span about 95 by 70 degrees around a direction slightly below the horizon.
         (uniforms.ray_00, uniforms.ray_dx, uniforms.ray_dy) = ([-1.0, 0.9, 0.5], [2.0 / 64.0, 0.0, 0.0], [0.0, 0.003, -1.4 / 48.0]);
         let to_f32 = |v: [f64; 3]| v.map(|x| x as f32);
         uniforms.sun_direction = to_f32(light.sun_direction);
@@ -114,7 +114,7 @@ impl Given {
         unit(std::array::from_fn(|k| -ray(k)))
     }
 
-    /// The pass on these surfaces, at this depth; 0 = sky.
+    /// Runs the pass on these surfaces and returns the lit picture. `at` = depth of all pixels; 0 = sky.
     fn lit(&self, at: f32) -> Vec<[f32; 4]> {
         let gpu = gpu();
         let layout = gpu.layout("frame", wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
@@ -142,19 +142,24 @@ impl Given {
     }
 }
 
-/// Rounding of everything but the highlight, relative to the radiance: some 40 operations of at most 2.5 ULP each (WGSL 14.6), and exp2 of an argument of
-/// at most 9.28 with 22 ULP. Their product is below 130 ULP.
+/// Bound of the rounding error of the radiance without the sun's highlight, relative to the radiance. The shader does some 40 operations with an
+/// error of at most 2.5 ULP each (WGSL 14.6), and an exp2 of an argument of at most 9.28, which has an error of 22 ULP. The sum is below 130 ULP. One
+/// ULP is 2^-24, or 6e-8.
 const ROUNDING: f64 = 130.0 * 6e-8;
 
-/// Relative error of the highlight. Its steepest factor is D(n.h): the bracket s = sin² + alpha² cos² changes by 2 for a change of n.h by 1, so D changes by
-/// 4 / s. n.h has an error of some 6 ULP: three products, the half vector's division and square root.
+/// Bound of the relative error of the sun's highlight. The factor of the highlight that depends most strongly on rounding is the normal distribution
+/// D. With c = n.h, the cosine between the normal and the half vector, D is proportional to 1 / s², where s = (1 - c²) + alpha² c². An error e of c
+/// changes s by at most 2 e, so it changes D by at most 4 e / s, as a share of D. The error of c is about 6 ULP: it comes from the three products of
+/// the dot product, and from the division and the square root that normalise the half vector. All other factors together have at most the error
+/// [`ROUNDING`].
 fn highlight_error(surface: &Surface<f64>, light: &Light<f64>, to_eye: [f64; 3]) -> f64 {
     let half = unit(std::array::from_fn(|k| light.sun_direction[k] + to_eye[k]));
     let sum: f64 = (0..3).map(|k| (light.sun_direction[k] + to_eye[k]).powi(2)).sum::<f64>().sqrt();
     let c: f64 = (0..3).map(|k| surface.normal[k] * half[k]).sum::<f64>().clamp(0.0, 1.0);
     let alpha = (1.0 - surface.smoothness).powi(2).max(0.002);
     let bracket = (1.0 - c) * (1.0 + c) + alpha * alpha * c * c;
-    // If sun and eye are nearly opposite, their sum loses digits.
+    // If the directions to the sun and to the eye are nearly opposite, their sum is short, so its relative error is large. The last factor of the
+    // product allows for this.
     4.0 / bracket * 6.0 * 6e-8 * (1.0 + 2.0 / sum) + ROUNDING
 }
 
@@ -170,13 +175,14 @@ fn lit_surfaces_agree_with_the_reference() {
             let (exact, highlight) = radiance(surface, &given.light, to_eye);
             let error = highlight_error(surface, &given.light, to_eye);
             for k in 0..3 {
-                // n.l has an absolute error of 3 ULP of 1, which counts near the terminator.
+                // n.l, the cosine between the normal and the direction to the sun, has an absolute error of 3 ULP of the number 1. Near the
+                // terminator, where n.l is small, this is a large share of the sunlight, so the tolerance has a term for it.
                 let terminator = 3.0 * 6e-8 * given.light.sun_irradiance[k] * (1.0 + highlight[k]);
                 let tolerance = ROUNDING * exact[k] + error * highlight[k] + terminator;
                 let off = (f64::from(texel[k]) - exact[k]).abs();
                 assert!(
                     off <= tolerance,
-                    "light {table}, pixel {pixel}: {texel:?}, exact {exact:?}, of it highlight {highlight:?}: off by {off:e}, tolerance {tolerance:e}"
+                    "light {table}, pixel {pixel}: {texel:?}, exact {exact:?}, highlight {highlight:?}: {off:e} off, limit {tolerance:e}"
                 );
                 worst[0] = worst[0].max(off / tolerance);
                 worst[1] = worst[1].max(tolerance / exact[k].max(1e-3));
@@ -184,10 +190,10 @@ fn lit_surfaces_agree_with_the_reference() {
             assert!((texel[3] - 1.0).abs() < 1e-9, "alpha marks terrain");
             highlights += usize::from(highlight[1] > 0.2 * exact[1]);
         }
-        println!("light {table}: {:.2} of the tolerance, which is at most {:.1e} of the radiance", worst[0], worst[1]);
+        println!("light {table}: errors of up to {:.2} of the tolerance, which is at most {:.1e} of the radiance", worst[0], worst[1]);
         assert!(worst[1] < 0.02, "a tolerance of {} could hide a wrong term", worst[1]);
     }
-    assert!(highlights > 100, "only {highlights} highlights tell a wrong one");
+    assert!(highlights > 100, "only {highlights} pixels have a highlight that could reveal an error");
 }
 
 #[test]

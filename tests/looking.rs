@@ -1,4 +1,4 @@
-//! Ways to look at a scene: orbiting, frozen culling, times by variant, legends, and opening other scenes in the window.
+//! Tests of ways to look at a scene in the window: orbiting, frozen culling, times by variant, legends, and opening other scenes.
 
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
@@ -62,7 +62,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     stage.settle().expect("a picture");
     let probed = shown(&mut stage).pixel.as_ref().expect("ground at the bottom").position;
 
-    // The probed place moves to the middle of the picture and stays there.
+    // The place of the inspected (probed) pixel moves to the middle of the picture and stays there.
     take(&mut stage, "key O");
     assert_eq!(stage.model().orbited().map(|place| place.to_array()), Some(probed));
     let at = pose(&mut stage);
@@ -70,7 +70,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     take(&mut stage, "key O");
     assert_eq!(stage.model().orbited(), None);
 
-    // If no pixel is probed, the camera orbits the place in the middle of the picture, which is found from its depth.
+    // If no pixel is inspected, the camera orbits the place in the middle of the picture, which is computed from the depth there.
     stage.model().probe = None;
     go(&mut stage, start);
     take(&mut stage, "click Orbit");
@@ -90,7 +90,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
         assert!(beside(&at, target) < 1e-9 && (at.position.distance(target) / distance_m - 1.0).abs() < 1e-9, "{at:?}");
     }
 
-    // The wheel moves the camera nearer, by two notches. The movement keys move the orbited place together with the camera.
+    // Two notches of the mouse wheel move the camera nearer. The movement keys move the orbited place together with the camera.
     stage.scroll(100.0).expect("a picture");
     let near = pose(&mut stage);
     let share = near.position.distance(target) / distance_m;
@@ -110,7 +110,7 @@ fn the_camera_orbits_the_middle_or_what_is_probed() {
     assert_eq!(stage.model().orbited(), None);
     assert!(says(&stage, "m/s"), "{:?}", stage.names());
 
-    // If the camera sees only sky, it orbits a place ahead.
+    // If the camera sees only sky, it orbits a place at some distance in front of it.
     take(&mut stage, "key F");
     let up = Pose { pitch: 1.2, ..start };
     go(&mut stage, up);
@@ -144,14 +144,14 @@ fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
     take(&mut stage, "click Machine");
     assert!(says(&stage, "yellow camera"), "{:?}", stage.names());
 
-    // B is drawn from the same nodes as A.
+    // In a comparison, picture B is drawn from the same frozen nodes as picture A.
     take(&mut stage, "click Compare; click Keep A as B");
     let both = shown(&mut stage);
     assert!(both.second.as_ref().expect("B").texels == both.texels, "B must equal A");
 
     // A run would not freeze culling and would draw a different picture, so saving as an experiment is refused with a message.
     take(&mut stage, &format!("click Experiments; type Folder = {}; click Save as experiment", folder.0.display()));
-    assert!(says(&stage, "let go of `Freeze culling`") && !folder.0.join("seen").exists(), "{:?}", stage.names());
+    assert!(says(&stage, "switch `Freeze culling` off") && !folder.0.join("seen").exists(), "{:?}", stage.names());
     take(&mut stage, "click Freeze culling");
     assert_eq!(stage.model().culled_from, None);
     assert!(drawn(&mut stage) == other && !says(&stage, "culling frozen"));
@@ -181,7 +181,7 @@ fn each_running_variant_has_a_time_of_its_own() {
     for name in running.iter().map(Variant::to_string).chain(["ns a tile".to_owned()]) {
         assert!(stage.has(&name), "{name} is not in the table: {:?}", stage.names());
     }
-    // In the list of passes, the variants are below their sum.
+    // The list of passes shows the sum of the variants' times, and below it the times of the variants.
     take(&mut stage, "click Frame");
     let names: Vec<String> = stage.names().iter().map(|name| name.trim().to_owned()).collect();
     assert!(names.contains(&"shading, variant by variant".to_owned()) && names.contains(&"lighting".to_owned()), "{names:?}");
@@ -254,7 +254,7 @@ fn stand(model: &mut Model) {
     model.settings.scale = 0.2;
 }
 
-/// A window with a drawing thread of its own, because that thread loads other scenes.
+/// Creates a window with its own drawing thread. The tests open other scenes, which the drawing thread loads.
 fn own_stage(prepare: impl FnOnce(&mut Workbench)) -> Stage {
     let mut stage = Stage::with_shaders(small_scene(), WINDOW, None, |app| {
         prepare(app);
@@ -410,7 +410,7 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
 
 #[test]
 fn the_window_is_not_painted_for_itself_while_a_scene_is_loaded() {
-    // The textures are larger than those of a first look, so that a first look is drawn.
+    // A first look is a draft with small textures. The textures of this scene are larger, so a first look is drawn before the final picture.
     let scene = Scene { detail_size: 128, ..small_scene() };
     let mut stage = Stage::prepared(scene.clone(), WINDOW, |app| {
         // The drawing thread does not wake the window, so only the window's own requests repaint it.
@@ -423,7 +423,7 @@ fn the_window_is_not_painted_for_itself_while_a_scene_is_loaded() {
         assert!(!stage.model().is_settled(), "the window was painted without a pause until the picture was there");
         rested += u32::from(stage.model().progress().is_some() && stage.rests_for() > Duration::from_millis(100));
     }
-    // As long as there is only a first look, the window shows progress.
+    // While only a first look is drawn, the window must show progress.
     let mut looks = 0;
     while !stage.model().is_settled() {
         stage.until("a drawing", |_| true).expect("no failure");

@@ -1,4 +1,4 @@
-//! The test binary: this list of modules is its table of contents. `memory.rs` is a binary of its own.
+//! The test binary `scree`; the list of modules below shows its contents. `memory.rs` and `mutants.rs` are separate binaries.
 
 #[cfg(test)]
 mod agreement;

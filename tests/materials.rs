@@ -1,4 +1,4 @@
-//! Detail textures: procedural maps, folders of images, block compression and the palette.
+//! Tests detail textures: procedural maps, folders of images, block compression, and the palette of a scene's materials.
 //!
 //! The tests are quick, because their textures have at most 256 texels per side. No test needs a GPU. Scanned materials are read only if the
 //! environment variable `SCREE_DATA` names a data folder.
@@ -101,7 +101,7 @@ fn every_procedural_material_fills_its_maps_within_range() {
 
 #[test]
 fn procedural_albedos_are_those_of_the_real_ground() {
-    // (name, least and greatest mean luminance, greatest channel)
+    // (name, lowest and highest allowed mean luminance, index of the brightest channel)
     let expected: [(&str, f64, f64, usize); 6] = [
         ("snow", 0.75, 0.85, 2),
         ("granite", 0.20, 0.30, 0),
@@ -114,7 +114,7 @@ fn procedural_albedos_are_those_of_the_real_ground() {
         let rgb = MaterialMeans::of(&make(name, 64), [1.0; 3]).albedo.map(f64::from);
         let y = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
         assert!((low..=high).contains(&y), "{name}: luminance {y:.3} is not in {low}..{high}");
-        assert!(rgb.iter().all(|&c| c <= rgb[greatest] + 0.002), "{name}: {rgb:.3?}, channel {greatest} should be the greatest");
+        assert!(rgb.iter().all(|&c| c <= rgb[greatest] + 0.002), "{name}: {rgb:.3?}, channel {greatest} must be the brightest");
     }
 }
 
@@ -125,7 +125,8 @@ fn a_procedural_material_depends_on_name_size_and_seed_alone() {
         let other = procedural::make(name, 64, 6).expect("a built-in name");
         assert!(make(name, 64).height != other.height, "{name}: the seed changes nothing");
     }
-    // The look does not depend on the size: mean albedo agrees. It would not agree if patterns had a size in texels.
+    // The appearance must not depend on the size of the maps, so their mean albedos must agree. They would not agree if the size of patterns were
+    // fixed in texels.
     for name in ["scree", "moss", "sand", "limestone"] {
         let [small, large] = [128, 256].map(|size| MaterialMeans::of(&make(name, size), [1.0; 3]));
         for c in 0..3 {
@@ -134,7 +135,9 @@ fn a_procedural_material_depends_on_name_size_and_seed_alone() {
     }
 }
 
-/// Mean difference across the wrapped edge, divided by the largest mean difference between neighbouring columns or rows inside.
+/// Compares the step of the heights across the wrapped edge with the steps inside the map. Returns the mean absolute difference between the last and
+/// the first column, divided by the largest mean absolute difference between neighbouring columns, or the same ratio for rows, if it is larger. Uses
+/// the first `n` rows and columns of a map with `stride` texels per row.
 fn seam(height: &[f32], stride: usize, n: usize) -> f64 {
     let step = |a: usize, b: usize, rows: bool| {
         let at = |i: usize, k: usize| f64::from(if rows { height[i * stride + k] } else { height[k * stride + i] });
@@ -151,7 +154,7 @@ fn seam(height: &[f32], stride: usize, n: usize) -> f64 {
 
 #[test]
 fn procedural_materials_tile_without_a_seam() {
-    const LIMIT: f64 = 1.2; // without a seam, the step across the edge is like the 127 steps inside
+    const LIMIT: f64 = 1.2; // without a seam, the step across the edge is about as large as the 127 steps inside
     for name in procedural::NAMES {
         let maps = make(name, 128);
         let ratio = seam(&maps.height, 128, 128);
@@ -160,7 +163,7 @@ fn procedural_materials_tile_without_a_seam() {
         let ratio = seam(&green, 128, 128);
         assert!(ratio < LIMIT, "{name}: albedo's step across the edge is {ratio:.2} times the greatest inside");
     }
-    // Negative control: a half of a tile has seams.
+    // Negative control: the first half of a tile does not continue at its own edge, so it has seams.
     for name in ["granite", "mud", "sand", "snow", "limestone"] {
         let ratio = seam(&make(name, 256).height, 256, 128);
         assert!(ratio > LIMIT, "{name}: this test finds no seam in a cropped tile ({ratio:.2})");
@@ -191,7 +194,8 @@ fn normals_are_the_gradient_of_height() {
             let scale =
                 normal[axis].iter().zip(&slope[axis]).map(|(n, s)| n * s).sum::<f64>() / slope[axis].iter().map(|s| s * s).sum::<f64>();
             assert!((scale / relief - 1.0).abs() < 0.01, "{name}: slope is {scale:.4} times the height's, expected {relief:.4}");
-            // Negative controls: the slope along the other axis, and the slope with the opposite sign.
+            // Negative controls: the slope along the other axis must not correlate with the normal, and a normal with the opposite sign must
+            // correlate negatively.
             assert!(correlation(&normal[axis], &slope[1 - axis]).abs() < 0.6, "{name}: this test cannot tell u from v");
             let flipped: Vec<f64> = normal[axis].iter().map(|x| -x).collect();
             assert!(correlation(&flipped, &slope[axis]) < 0.0, "{name}: this test cannot tell the sign");
@@ -244,7 +248,8 @@ fn channels_lie_where_shaders_expect_them() {
         for level in 0..chain.levels.len() {
             for texel in chain.decode(level) {
                 for c in 0..4 {
-                    // The tolerance is half a step of an end point with 5 bits, the coarsest.
+                    // The tolerance covers the rounding of the end points of a block. They have at least 5 bits per channel, so they are off by at
+                    // most half a step, which is 255 / 31 / 2 = 4.1.
                     assert!((f64::from(texel[c]) - expected[c]).abs() <= 4.2, "{what} level {level}: {texel:?}, expected {expected:.1?}");
                 }
             }
@@ -278,7 +283,7 @@ fn mips_average_linear_light() {
     }
 }
 
-/// Peak signal-to-noise ratio over red, green and blue codes, dB.
+/// Peak signal-to-noise ratio of the red, green and blue bytes of two images, dB.
 fn psnr(a: &[[u8; 4]], b: &[[u8; 4]]) -> f64 {
     let square = |x: u8, y: u8| (f64::from(x) - f64::from(y)).powi(2);
     let error = mean(a.iter().zip(b).map(|(a, b)| (0..3).map(|c| square(a[c], b[c])).sum::<f64>() / 3.0));
@@ -302,11 +307,12 @@ fn compressed_albedo_and_normals_stay_close_to_the_maps() {
         let db = psnr(&original, &decoded);
         println!("{name}: albedo {db:.1} dB");
         assert!(db > 30.0, "{name}: {db:.1} dB");
-        // Negative control: the same texture displaced by half a tile.
+        // Negative control: the same texture, displaced by half a tile, must have a much lower ratio.
         let mut shifted = decoded;
         shifted.rotate_left(128 * 256 + 128);
         assert!(psnr(&original, &shifted) < db - 6.0, "{name}: this test does not detect a shifted image");
-        // In a block, n.x has eight levels of its own (alpha). n.y has four levels, which it shares with smoothness and occlusion.
+        // In a block, the x of normals is the alpha channel, which has eight levels of its own. The y of normals is the green channel, which has four
+        // levels and shares them with the red and blue channels (smoothness and occlusion).
         let decoded = layers.normal.decode(0);
         let rms = |axis: usize, channel: usize| {
             mean(maps.normal.iter().zip(&decoded).map(|(n, t)| (f64::from(n[axis]) - (f64::from(t[channel]) / 127.5 - 1.0)).powi(2))).sqrt()
@@ -324,8 +330,8 @@ fn the_last_mip_is_the_mean() {
         let means = MaterialMeans::of(&maps, [1.0; 3]);
         let layers = arrays::compress(&maps);
         let close = |codes: [u8; 3], factor: f64| {
-            // The end points of a block with one colour have 5 bits per channel at worst, and the values between them are thirds of their difference.
-            // So the error is at most 4 codes.
+            // The end points of a block have at least 5 bits per channel, and the other two values divide the interval between them into thirds. So
+            // the error of a block of one colour is at most 4 of 255.
             (0..3).all(|c| (f64::from(codes[c]) - srgb_from_linear(factor * f64::from(means.albedo[c]))).abs() <= 4.0)
         };
         let [r, g, b, _] = layers.albedo.decode(6)[0];
@@ -360,8 +366,8 @@ fn materials_of_one_source_share_its_layers() {
     assert_ne!(a.albedo_layer, b.albedo_layer);
     assert_eq!((a.flags & FLAG_TINTED, c.flags & FLAG_TINTED), (0, FLAG_TINTED));
     assert!((c.normal_strength - 0.5).abs() < 1e-6);
-    // The colour mask of sand is 1 everywhere, so the tint is a plain factor. The entries are in the order of the scene, and each layer holds the
-    // texture of its source.
+    // The colour mask of sand is 1 everywhere, so the tint is a plain factor. Entries must be in the order of the scene, and each layer must contain
+    // the texture of its source.
     assert!((palette.means[2].albedo[0] / palette.means[0].albedo[0] - 0.5).abs() < 1e-5);
     assert!((palette.means[2].albedo[1] / palette.means[0].albedo[1] - 1.0).abs() < 1e-5);
     let mud = arrays::compress(&make("mud", 64));
@@ -416,7 +422,7 @@ fn repeats_per_sector_are_exact_in_fixed_point() {
         build(&scene(64, &["name = \"a\"\nprocedural = \"sand\"\ntile_m = 4.0\norientation_deg = 30.0".to_owned()])).expect("a good scene");
     let entry = palette.entries[0];
     let one = f64::from(1 << 24);
-    // 16 repeats per sector; cos 30° = sqrt 3 / 2, sin 30° = 1/2
+    // There are 16 repeats per sector. cos 30° = sqrt 3 / 2 = sqrt 0.75, and sin 30° = 1/2.
     assert_eq!(entry.per_sector_fixed, [(16.0 * 0.75_f64.sqrt() * one).round() as i32, 8 << 24]);
     assert!((f64::from(entry.per_metre[0]) - 0.75_f64.sqrt() / 4.0).abs() < 1e-7);
     assert!((f64::from(entry.per_metre[1]) - 0.125).abs() < 1e-7);
@@ -458,7 +464,8 @@ fn write(dir: &Path, file: &str, edge: u32, texel: impl Fn(u32, u32) -> [u8; 3])
     image::RgbImage::from_fn(edge, edge, |x, y| image::Rgb(texel(x, y))).save(dir.join(file)).expect("an image file can be written");
 }
 
-/// Writes a small complete material: black albedo with a white top row, normals that lean to +u, heights that grow downwards.
+/// Writes a small complete material: black albedo with a white top row, normals that lean to +u, and heights that increase from the top row to the
+/// bottom row.
 fn write_material(dir: &Path) {
     write(dir, "albedo.png", 64, |_, y| if y == 0 { [255; 3] } else { [0; 3] });
     write(dir, "normal.png", 64, |_, _| [204, 128, 230]);
@@ -471,7 +478,7 @@ fn a_folder_is_read_with_its_top_row_at_v_1() {
     let dir = folder_for("orientation");
     write_material(&dir);
     let maps = folder::load("m", &dir, 64).expect("a whole folder");
-    assert!(maps.albedo[63 * 64][0] > 0.99, "the top row of the image must be the last");
+    assert!(maps.albedo[63 * 64][0] > 0.99, "the top row of the image must be the last row of the map");
     assert!(maps.albedo[0][0] < 0.01);
     assert!((maps.height[0] - 252.0 / 255.0).abs() < 1e-5 && maps.height[63 * 64] < 1e-5);
     assert!((maps.smoothness[0] - 0.8).abs() < 1e-5);
@@ -488,9 +495,9 @@ fn a_folder_is_read_with_its_top_row_at_v_1() {
     // At a quarter of the size, the white row is one of four rows that are averaged in linear light.
     let small = folder::load("m", &dir, 16).expect("a whole folder");
     assert!((small.albedo[15 * 16 + 3][0] - 0.25).abs() < 1e-4, "{:?}", small.albedo[15 * 16 + 3]);
-    // The mean of the lowest four rows, whose height codes are 240, 244, 248 and 252.
+    // The first height is the mean of the lowest four rows of the image, whose height codes are 240, 244, 248 and 252.
     assert!((small.height[0] - 246.0 / 255.0).abs() < 1e-4, "{}", small.height[0]);
-    // If the new size does not divide the size of the image, the mean stays the same.
+    // The mean must not change if the new size does not divide the size of the image, or is larger.
     let odd = folder::load("m", &dir, 24).expect("a whole folder");
     assert!((mean(odd.height.iter().map(|&h| f64::from(h))) - 126.0 / 255.0).abs() < 1e-4);
     let large = folder::load("m", &dir, 128).expect("a whole folder");
@@ -553,7 +560,8 @@ fn scanned_materials_load_where_there_are_any() {
         let maps = folder::load("scanned", &dir, 64).unwrap_or_else(|error| panic!("{error}"));
         let upright = mean(maps.normal.iter().map(|n| f64::from(1.0 - n[0] * n[0] - n[1] * n[1]).max(0.0).sqrt()));
         assert!(upright > 0.5, "{}: normals lean by {upright:.2}", dir.display());
-        // If the green channel followed the convention of DirectX, slopes along v would have the opposite sign of those of the height.
+        // If the green channel followed the convention of DirectX, the y of the normals would have the opposite sign, and the correlation with the
+        // slopes of the height along v would be negative.
         let at = |x: usize, y: usize| f64::from(maps.height[(y % 64) * 64 + x % 64]);
         let (mut slopes, mut normals) = (Vec::new(), Vec::new());
         for (i, n) in maps.normal.iter().enumerate() {
@@ -576,7 +584,8 @@ fn contrast_moves_mean_colours_from_or_to_middle_grey() {
     let (none, made, more) = (of(0.0), of(1.0), of(1.4));
     for m in 0..2 {
         for c in 0..3 {
-            // Texels above 1 would be clamped, but no texel of these materials becomes that bright. The tolerances cover sums of 4096 numbers in f32.
+            // Texels above 1 would be clamped, but no texel of these materials becomes that bright. The tolerances cover the rounding errors of sums
+            // of 4096 numbers in f32.
             assert!((none[m][c] - 0.18).abs() < 1e-4, "{:?}", none[m]);
             let wanted = (0.18 + 1.4 * (made[m][c] - 0.18)).clamp(0.005, 0.95);
             assert!((more[m][c] - wanted).abs() < 2e-3, "{:?} from {:?}", more[m], made[m]);

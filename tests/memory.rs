@@ -13,14 +13,16 @@ use kernels::variant::Variant;
 use kernels::view::camera::Pose;
 
 const SIZE: [u32; 2] = [64, 48];
-/// Number of frames before the first measurement. By then, everything that is allocated only once exists: rings, pools of the driver, shaders of each
-/// kind.
+/// Number of frames before the first measurement. By then, everything that is allocated only once exists, such as ring buffers, memory pools of the
+/// driver, and compiled shaders.
 const FIRST: u32 = 30;
+/// Number of frames between the two measurements.
 const MORE: u32 = 60;
-/// Growth in KiB that fragmentation in the allocator may cause over [`MORE`] frames. The leak that led to this test left 40 MB.
+/// Limit of the growth of memory over [`MORE`] frames, KiB. Fragmentation in the allocator may cause a growth of this size. The leak for which this
+/// test was written caused a growth of 40 MB.
 const SLACK_KIB: u64 = 3 << 10;
 
-/// Memory of this process that is in use, in KiB; `None` if the system does not report it.
+/// Returns the resident memory of this process, KiB; `None` if the system does not report it.
 fn resident_kib() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;

@@ -1,4 +1,4 @@
-//! Metrics of sequences for which the result is known in closed form, comparisons of the device with the f64 reference, and extreme inputs.
+//! Tests of the metrics: sequences whose metrics are known in closed form, comparisons of the GPU with the f64 reference, and extreme inputs.
 
 use std::f64::consts::PI;
 
@@ -18,7 +18,7 @@ use crate::fixtures::gpu;
 const SIZE: [u32; 2] = [96, 64];
 const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
 
-/// A random number, uniform in (0, 1), for a pixel, a frame and a stream of random numbers.
+/// Returns a random number, uniform in (0, 1). Each `stream` gives other numbers for the same pixels and frames.
 fn uniform(pixel: usize, frame: u32, stream: u32) -> f64 {
     let h = hash::pcg4d([u32::try_from(pixel).expect("small"), frame, stream, 77])[0];
     (f64::from(h) + 0.5) / 4_294_967_296.0
@@ -32,7 +32,8 @@ fn grey(value: f64, choice: u32) -> [u32; 2] {
     signal::pack([value as f32; 3], 12, choice)
 }
 
-/// Links and positions without motion: every pixel is linked to itself.
+/// Returns the links and positions of a sequence without motion. The link of a pixel at a lag is the index of the pixel that showed the same surface
+/// point so many frames before; the position is that of this point one frame before. Here, every pixel is linked to itself.
 fn still() -> (Vec<u32>, Vec<[f32; 2]>) {
     let width = SIZE[0] as usize;
     let links: Vec<u32> = (0..PIXELS as u32).collect();
@@ -45,7 +46,7 @@ fn meter(gpu: &Gpu, resolves: &[Resolve]) -> Meter {
     Meter::new(gpu, &layout, SIZE, resolves).expect("the passes compile")
 }
 
-/// The sums of each frame, for a sequence of pictures without motion.
+/// Returns the sums of each frame of a sequence without motion.
 fn follow(frames: u32, picture: impl Fn(u32) -> Vec<[u32; 2]>) -> Vec<FrameSums> {
     let gpu = gpu();
     let mut meter = meter(gpu, &[Resolve::Off]);
@@ -83,9 +84,10 @@ fn a_still_picture_with_fixed_noise_neither_flickers_nor_flips() {
 #[test]
 fn fresh_white_noise_differs_by_two_sigma_over_root_pi() {
     // For two independent normal numbers X and Y of variance s², |X - Y| has mean 2 s / sqrt(pi) and variance 2 s² - 4 s² / pi. Its 95 % quantile is
-    // sqrt(2) s times the 97.5 % quantile of the standard normal distribution. The history is independent of the nine values in the box around a
-    // pixel, so it lies outside their range with probability 2/10. Two random choices among four differ with probability 3/4. Null hypothesis: the
-    // metrics have these values. 4 lags x 2 + 2 tests, family level 0.001, Sidak.
+    // sqrt(2) s times the 97.5 % quantile of the standard normal distribution. A pixel is rejected if its value in the previous frame lies outside
+    // the range of the nine values in the 3 x 3 box around it. That value is independent of the nine values, so it is the smallest or the largest of
+    // the ten with probability 2/10. Two random choices among four differ with probability 3/4. Null hypothesis: the metrics have these values. There
+    // are 4 lags x 2 + 2 = 10 tests, which share a significance level of 0.001 (Sidak).
     const S: f64 = 0.05;
     const FRAMES: u32 = 12;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 10.0);
@@ -114,17 +116,17 @@ fn fresh_white_noise_differs_by_two_sigma_over_root_pi() {
         tested += sums.tested as f64;
         rejected += sums.rejected as f64;
     }
-    // A pixel at an edge has a box of six values, a pixel in a corner a box of four. The probabilities are 2/7 and 2/5 instead of 2/10.
+    // At an edge of the picture, the box has six values, and in a corner four. There, the probabilities of rejection are 2/7 and 2/5 instead of 2/10.
     let [w, h] = SIZE.map(f64::from);
     let (edges, corners) = (2.0 * (w + h - 4.0), 4.0);
     let expected = (0.2 * (w * h - edges - corners) + 2.0 / 7.0 * edges + 0.4 * corners) / (w * h);
     let share = rejected / tested;
-    // The boxes of neighbouring pixels overlap, so rejections are correlated. Their variance is at most nine times that of independent rejections.
+    // The boxes of neighbouring pixels overlap, so rejections are correlated. The test assumes nine times the variance of independent rejections.
     let error = (9.0 * 0.2 * 0.8 / tested).sqrt();
     assert!(((share - expected) / error).abs() < bound, "{share} rejected, expected {expected} +- {error}");
     let expected = S * 2f64.sqrt() * Normal::new(0.0, 1.0).expect("a distribution").inverse_cdf(0.975);
     let p95 = quantile(&histogram, 0.95).expect("not empty");
-    // The tolerance of 1/16 octave is the width of a bin; the random error is included in it.
+    // The tolerance of 1/16 octave is the width of a bin of the histogram. It also covers the random error.
     assert!((p95 / expected).log2().abs() < 1.0 / 16.0, "95 % point {p95}, expected {expected}");
     assert!(quantile(&[0; BINS], 0.95).is_none());
 }
@@ -166,8 +168,8 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
             assert_eq!(found.linked, (0..PIXELS).filter(|at| followed(at) && !missing(at % width)).count() as u64);
             assert_eq!(found.terrain, expected.terrain);
             assert_eq!((found.linked, found.chosen, found.flipped), (expected.linked, expected.chosen, expected.flipped));
-            // Each tile sums 64 numbers below 1 in f32. The sum stays below 64, so an addition rounds by at most 2^-19. The tolerance is 64 x 64
-            // times that for each of the 96 tiles.
+            // Each of the 96 tiles adds 64 numbers below 1 in f32. The sum stays below 64, so the rounding error of each of the 64 additions is at
+            // most 2^-19. The tolerance is 64 times the sum of all these errors.
             assert!((found.difference - expected.difference).abs() <= 96.0 * 64.0 * 64.0 * 2f64.powi(-19), "{found:?} {expected:?}");
             assert_eq!(found.difference > 0.0, differs, "lag {}", lag + 1);
         }
@@ -178,8 +180,9 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
 
 #[test]
 fn block_noise_is_caught_by_clumping() {
-    // Null hypothesis: clumping is 1 for white noise, and 25 for noise that has one value per block. The clumping of n blocks of normal noise has a
-    // relative standard deviation of at most sqrt(2 / n). 2 tests, level 0.001.
+    // Clumping is the mean square of the mean errors of blocks of 5 x 5 pixels, relative to its value for white noise. Null hypothesis: clumping is 1
+    // for white noise, and 25 for noise that has one value per block. The clumping of n blocks of normal noise has a relative standard deviation of
+    // at most sqrt(2 / n). A bound of 3.5 standard deviations is a level of 0.0005 per test.
     let gpu = gpu();
     let seeds = Seeds::new(gpu, SIZE).expect("the passes compile");
     let streams = [seeds.stream(gpu), seeds.stream(gpu)];
@@ -204,7 +207,8 @@ fn block_noise_is_caught_by_clumping() {
         for (k, (sums, picture)) in seeds.read(gpu, &streams).expect("the device works").iter().zip(&pictures).enumerate() {
             let expected = reference::seed(SIZE, BLOCK, picture, &exact);
             assert_eq!((sums.terrain, sums.blocks), (expected.terrain, expected.blocks));
-            // Each tile sums about 200 numbers in f32, so the error is at most 200 half ulps of the largest partial sum.
+            // Each tile adds about 200 numbers in f32. Each addition has a rounding error of at most 2^-24 of the largest partial sum, so the
+            // tolerance is 200 x 2^-24 times `scale`, a bound of the partial sums.
             let close = |a: f64, b: f64, scale: f64| (a - b).abs() <= 200.0 * 2f64.powi(-24) * scale;
             assert!(close(sums.squared_error, expected.squared_error, expected.squared_error), "{sums:?} {expected:?}");
             assert!(close(sums.error, expected.error, 0.2 * 3.0 * PIXELS as f64), "{sums:?} {expected:?}");
@@ -226,8 +230,8 @@ fn block_noise_is_caught_by_clumping() {
     for sums in &finished {
         let n = sums.terrain * 3.0;
         assert_eq!(sums.terrain, PIXELS as f64);
-        // The three channels are equal, so each seed has PIXELS independent numbers. Block noise has 25 times fewer; the tolerances are for block
-        // noise.
+        // The three channels are equal, so a seed has PIXELS independent numbers for white noise, and PIXELS / 25 for block noise. The tolerances are
+        // those of block noise.
         let variance = sums.variance / n;
         let error = 0.0025 * (2.0 / (f64::from(SEEDS - 1) * PIXELS as f64 / 25.0)).sqrt();
         assert!((variance - 0.0025).abs() < 3.5 * error, "variance {variance}");
@@ -236,8 +240,9 @@ fn block_noise_is_caught_by_clumping() {
     }
 }
 
-/// Adds `n` samples to a state, from sample number `start` on. A row holds the state (4 numbers), mean, step, `start`, `n` and a zero. Each sample is
-/// mean + step * (h - 7.5), given as a high part and a low part. Here h is the 4 high bits of a hash that is the same on CPU and GPU.
+/// A shader function that adds `n` samples to the moments of a sequence, from sample number `start` on. A row contains the moments so far (4
+/// numbers), mean, step, `start`, `n` and a zero. Each sample is mean + step * (h - 7.5), given as the sum of two numbers. Here h, from 0 to 15, is
+/// the number in the 4 highest bits of a hash that is the same on CPU and GPU.
 const MOMENTS_BODY: &str = "fn probe(row: array<f32, 9>) -> array<f32, 4> {
     var state = vec4<f32>(row[0], row[1], row[2], row[3]);
     let start = u32(row[6]);
@@ -249,8 +254,8 @@ const MOMENTS_BODY: &str = "fn probe(row: array<f32, 9>) -> array<f32, 4> {
     return array<f32, 4>(state.x, state.y, state.z, state.w);
 }";
 
-/// Computes the moments of streams of (mean, step, count) on the device. Software Vulkan ends a loop of an invocation after 65 535 iterations, so
-/// each call adds at most 50 000 samples.
+/// Computes the moments of several sequences on the GPU. A row contains the mean, the step and the number of the samples of a sequence, as in
+/// [`MOMENTS_BODY`]. Software Vulkan ends a loop in a shader after 65 535 iterations, so each call adds at most 50 000 samples.
 fn moments_on_gpu(rows: &[[f32; 3]]) -> Vec<[f32; 4]> {
     let mut states = vec![[0.0f32; 4]; rows.len()];
     let mut start = 0.0f32;
@@ -272,7 +277,8 @@ fn moments_on_gpu(rows: &[[f32; 3]]) -> Vec<[f32; 4]> {
 
 #[test]
 fn moments_hold_at_the_extremes() {
-    // The hardest stream has mean 1e6, variance 1e-6 and 1e6 numbers. All streams are computed on the device, in f32 and in f64.
+    // The most difficult sequence has a mean of 1e6, a variance of about 1e-6, and 1e6 numbers. The moments of each sequence are computed on the GPU,
+    // and on the CPU in f32 and in f64.
     let rows = [
         [1e6f32, 2f32.powi(-12), 1e6],
         [0.0, 1.0, 1000.0],
@@ -298,9 +304,9 @@ fn moments_hold_at_the_extremes() {
         for (what, m, v) in
             [("gpu", found_mean, found), ("f32", single.mean(), single.variance()), ("f64", double.mean(), double.variance())]
         {
-            // Each step rounds delta / n and delta² with a relative error; the sums are compensated. The tolerance of the variance is 4 * 2^-24 of
-            // the variance. The tolerance of the mean is 4 * 2^-24 of the largest deviation of a sample from the mean, which bounds the sum of the
-            // errors of all steps; two further terms cover the rounding of the mean in f64.
+            // The sums are compensated, so the errors come from the rounding of delta / n and delta² in each step, which is relative to these terms.
+            // The tolerance of the variance is 4 * 2^-24 of the variance. The tolerance of the mean is 4 * 2^-24 of 7.5 steps, the largest deviation
+            // of a sample from the mean. The two terms that contain the mean cover its rounding in f64.
             assert!(
                 (m - exact_mean).abs() <= 4.0 * 2f64.powi(-24) * (7.5 * step + f64::EPSILON * mean.abs() * 16.0) + mean.abs() * 1e-14,
                 "{what}: mean {m}, not {exact_mean}"
@@ -326,7 +332,8 @@ fn resolves_agree_with_their_reference() {
     let mut meter = meter(gpu, &resolves);
     let (mut links, mut positions) = still();
     let width = SIZE[0] as usize;
-    // One point in 13 has no link, as if it had been hidden. All points were half a pixel to the left and a third of a pixel up, one frame before.
+    // One point in 13 has no link, as if it had been hidden in the previous frame. In the previous frame, all points were half a pixel farther to the
+    // left and a third of a pixel farther up.
     for i in (0..PIXELS).step_by(13) {
         links[i] = NO_LINK;
     }
@@ -364,7 +371,7 @@ fn resolves_agree_with_their_reference() {
                     "choice and fetches must be kept"
                 );
                 for (k, c) in signal::colour(*found).into_iter().enumerate() {
-                    // The tolerance covers one rounding to f16, and about a dozen operations in f32.
+                    // The tolerance covers one rounding to f16, and the rounding of about a dozen operations in f32.
                     let tolerance = expected[k].abs() * (2f64.powi(-11) + 16.0 * 2f64.powi(-24)) + 1e-7;
                     assert!(
                         (f64::from(c) - expected[k]).abs() <= tolerance,
@@ -377,7 +384,7 @@ fn resolves_agree_with_their_reference() {
         }
         before = now;
     }
-    // The purpose of resolves: each of them, except `off`, reduces the variation of white noise.
+    // The purpose of a resolve is to reduce noise. So each resolve except `off` must reduce the variation of white noise.
     let spread = |h: &[[f64; 4]]| h.iter().filter(|p| p[3] > 0.0).map(|p| (p[1] - 0.5).powi(2)).sum::<f64>();
     let spreads: Vec<f64> = histories.iter().map(|h| spread(h)).collect();
     assert!(spreads[1..].iter().all(|&s| s < 0.75 * spreads[0]), "{spreads:?}");
@@ -385,7 +392,8 @@ fn resolves_agree_with_their_reference() {
 
 #[test]
 fn flipquad_has_four_rows_and_four_columns_shared_with_the_neighbours() {
-    // The four samples of a pixel over two frames: its own two, the left one of the right neighbour, and the top one of the lower neighbour.
+    // FlipQuad averages four samples for each pixel, from two frames: the sample on the left edge of the pixel, that on the left edge of the right
+    // neighbour, that on the top edge of the pixel, and that on the top edge of the lower neighbour.
     let at = |pattern: SamplePattern, pixel: [u32; 2], origin: [u32; 2]| -> [f64; 2] {
         let offset = pattern.offset(pixel);
         std::array::from_fn(|k| f64::from(pixel[k]) - f64::from(origin[k]) + offset[k])

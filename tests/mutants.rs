@@ -1,10 +1,11 @@
 //! `make mutants`: plants faults in shaders, one at a time, and counts those that the tests notice.
 //!
-//! A mutant is a shader text with one fault ([`mutation`]). It replaces the embedded text in the devices of the test binary `scree` (environment
-//! variable `SCREE_MUTANT`), so nothing is compiled again but the shader. First the tests of its stage run, in the order of `strength.toml`; a mutant
-//! that passes them may then run all tests (`--all`). A mutant is killed by the first test that fails, by a crash, or by the time limit.
+//! A mutant is a shader text with one fault ([`mutation`]). The test binary `scree` uses it instead of the embedded text (environment variable
+//! `SCREE_MUTANT`), so only the shader is compiled again. First the tests of its stage run, in the order of `strength.toml`. With `--all`, a mutant
+//! that passes them is then tested by all tests. A mutant is killed by the first test that fails, by a crash, or by the time limit.
 //!
-//! Without arguments, as `cargo test` calls it, it checks a fixed list of mutants that must be killed: the negative controls of the suite.
+//! Without arguments, as `cargo test` calls it, this program checks a fixed list of mutants that must be killed: the negative controls of the test
+//! suite.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -26,34 +27,34 @@ use serde::{Deserialize, Serialize};
 
 mod mutation;
 
-/// Tests of each stage, and mutants that change nothing.
+/// The tests of each stage, the mutants that are equivalent to the original, and the negative controls.
 const STRENGTH: &str = include_str!("strength.toml");
 
 #[derive(Clone, Parser)]
 #[command(name = "mutants", about = "Plants faults in shaders and counts those that the tests notice")]
 struct Args {
-    /// Stages whose shaders are changed: folders of kernels/src that hold WGSL
+    /// Stages whose shaders are changed: folders of kernels/src that contain WGSL
     #[arg(long = "stage", required = true, value_delimiter = ',')]
     stages: Vec<String>,
-    /// Number of mutants per stage that compile
+    /// Number of mutants per stage; mutants that do not compile are not counted
     #[arg(long, default_value_t = 100)]
     sample: usize,
     /// Seed of the sample
     #[arg(long, default_value_t = 1)]
     seed: u32,
-    /// Mutants that run at the same time; 0: one per core
+    /// Number of mutants that are tested at the same time; 0 = one per core
     #[arg(long, default_value_t = 0)]
     jobs: usize,
-    /// Let mutants that survive the tests of their stage run all tests
+    /// Run all tests on mutants that survive the tests of their stage
     #[arg(long)]
     all: bool,
-    /// Run survivors of earlier calls again, such as after a new test
+    /// Test mutants again that survived in earlier calls, for example after a test was added
     #[arg(long)]
     again: bool,
-    /// Folder of the results; rows that are already there are not done again
+    /// Folder of the results; mutants that already have a row there are not tested again
     #[arg(long, default_value = "out/mutants")]
     out: PathBuf,
-    /// Folder that receives the tables of the stages and a row each in `strength.csv`
+    /// Folder to which the table of each stage is written, and a row for each stage in `strength.csv`
     #[arg(long)]
     record: Option<PathBuf>,
     /// Date in the recorded row
@@ -61,7 +62,7 @@ struct Args {
     date: String,
 }
 
-/// `strength.toml`.
+/// The contents of `strength.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Strength {
@@ -71,26 +72,26 @@ struct Strength {
     control: Vec<Control>,
 }
 
-/// The tests of a stage: groups of filters of the test binary, the cheapest first.
+/// The tests of a stage: groups of name filters for the test binary, in order of cost, the cheapest group first.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct StageTests {
     tests: Vec<Vec<String>>,
-    /// Tests that know a file best, by its path. They run first.
+    /// For the path of a shader file, name filters of the tests that check this file most directly. These tests run before the groups.
     #[serde(default)]
     first: BTreeMap<String, Vec<String>>,
 }
 
-/// A mutant that computes the same as the original for every input that counts.
+/// A mutant that computes the same results as the original for every input that can occur.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Equivalent {
     file: String,
-    /// The line of the original, without space around it.
+    /// The line of the original text, without leading and trailing spaces.
     line: String,
-    /// Its changes, as the results state them; `*` = every change of that line.
+    /// The changes of this line that are equivalent, written as in the column `change` of the results; `*` = every change of this line.
     changes: Vec<String>,
-    /// Why no test can notice.
+    /// Why no test can notice the change.
     reason: String,
 }
 
@@ -123,7 +124,7 @@ struct Row {
     operator: String,
     change: String,
     outcome: Outcome,
-    /// The test that noticed it, or the reason.
+    /// What decided the outcome: the test that failed, the time limit, or the reason why the mutant is equivalent.
     by: String,
     seconds: f64,
     /// Hash of the mutated text, by which a later call recognises the mutant.
@@ -137,7 +138,7 @@ fn main() -> ExitCode {
     } else if arguments.is_empty() || arguments.iter().all(|argument| argument == "mutants" || argument.starts_with("--test-threads")) {
         controls()
     } else {
-        // A filter that names other tests.
+        // The filter names tests of other test binaries, so there is nothing to run here.
         Ok(())
     };
     match result {
@@ -153,7 +154,7 @@ fn strength() -> Result<Strength> {
     toml::from_str(STRENGTH).context("strength.toml")
 }
 
-/// Every WGSL file, each once.
+/// Returns every WGSL file once, sorted by path.
 fn files() -> Vec<&'static Wgsl> {
     let mut files = kernels::frame::shader_files();
     for module in [&kernels::temporal::MODULE, &kernels::metrics::MODULE, &kernels::metrics::SEEDS_MODULE] {
@@ -169,7 +170,8 @@ fn stage_of(file: &Wgsl) -> &'static str {
     file.path.split('/').next().unwrap_or(file.path)
 }
 
-/// Whether a text compiles in place of its file. The stages' own entry points and overrides are checked when a test builds the pipeline.
+/// Whether `text` is valid in place of the text of `file`, together with the files that it needs. Whether it also fits the pipelines of its stage is
+/// checked only when a test builds them.
 fn compiles(file: &'static Wgsl, text: &str) -> bool {
     let mut pieces = wgsl::pieces(&[file]);
     for piece in pieces.iter_mut().filter(|piece| piece.path == file.path) {
@@ -180,7 +182,7 @@ fn compiles(file: &'static Wgsl, text: &str) -> bool {
         .is_ok_and(|module| Validator::new(ValidationFlags::all(), capabilities).validate(&module).is_ok())
 }
 
-/// The test binary `scree`, built beside this one.
+/// Returns the path of the test binary `scree`, the newest one in the folder of this program.
 fn test_binary() -> Result<PathBuf> {
     let folder = std::env::current_exe()?.parent().context("the program lies in a folder")?.to_owned();
     let newest = fs::read_dir(&folder)?
@@ -193,14 +195,14 @@ fn test_binary() -> Result<PathBuf> {
     Ok(path)
 }
 
-/// A run of tests, with a mutant or without.
+/// Runs tests, with or without a mutant.
 struct Runner {
     binary: PathBuf,
-    /// Folder of this run's texts.
+    /// Temporary folder for the shader texts of mutants.
     scratch: PathBuf,
 }
 
-/// What a run of tests ended with.
+/// How a run of tests ended.
 enum End {
     Passed,
     Failed(String),
@@ -214,7 +216,8 @@ impl Runner {
         Ok(Runner { binary: test_binary()?, scratch })
     }
 
-    /// Runs the tests that match the filters until one fails. `mutant`: a folder that holds the changed text under its path.
+    /// Runs the tests that match the filters until one fails. Returns how the run ended, and the number of tests that passed. `mutant`: a folder that
+    /// contains the changed text under the path of its file; `None` = no mutant.
     fn tests(&self, mutant: Option<&Path>, filters: &[String], threads: usize, limit: Duration) -> Result<(End, usize)> {
         let mut command = Command::new(&self.binary);
         command.args(filters).arg(format!("--test-threads={threads}")).current_dir(env!("CARGO_MANIFEST_DIR"));
@@ -239,7 +242,7 @@ impl Runner {
             }
         };
         if let Some(end) = end {
-            // The process may be stuck in the driver. It is gone afterwards, and its device with it.
+            // The process is killed, because it may be stuck in the GPU driver. This also releases its device.
             let _ = child.kill();
             child.wait()?;
             return Ok((end, passed));
@@ -248,7 +251,7 @@ impl Runner {
         Ok(if status.success() { (End::Passed, passed) } else { (End::Failed(format!("the tests ended with {status}")), passed) })
     }
 
-    /// Writes the text of a mutant, and calls `then` with its folder.
+    /// Writes the text of a mutant to a folder, calls `then` with this folder, and removes the folder.
     fn planted<T>(&self, worker: usize, file: &Wgsl, text: &str, then: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
         let folder = self.scratch.join(worker.to_string());
         let place = folder.join(file.path);
@@ -266,7 +269,7 @@ impl Drop for Runner {
     }
 }
 
-/// The lines that a process writes, as they come.
+/// Returns a channel that delivers the lines that a process writes to its standard output.
 fn lines_of(child: &mut Child) -> mpsc::Receiver<String> {
     let (to, lines) = mpsc::channel();
     if let Some(output) = child.stdout.take() {
@@ -275,7 +278,7 @@ fn lines_of(child: &mut Child) -> mpsc::Receiver<String> {
     lines
 }
 
-/// The fixed mutants of the suite: each must be noticed by its test.
+/// Tests the fixed mutants of `strength.toml`: each must be noticed by its test.
 fn controls() -> Result<()> {
     let controls = strength()?.control;
     ensure!(!controls.is_empty(), "strength.toml has no [[control]]");
@@ -307,7 +310,7 @@ fn line_text<'t>(file: &'t Wgsl, mutant: &Mutant) -> &'t str {
 
 fn run(args: &Args) -> Result<()> {
     let strength = strength()?;
-    // Relative names begin at the root of the project, although cargo starts tests in the folder of their crate.
+    // Relative paths are relative to the root of the project, although cargo starts tests in the folder of their crate.
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let args = &Args { out: root.join(&args.out), record: args.record.as_ref().map(|folder| root.join(folder)), ..args.clone() };
     fs::create_dir_all(&args.out).with_context(|| format!("cannot make the folder {}", args.out.display()))?;
@@ -334,7 +337,7 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// A number that orders the mutants of a stage at random.
+/// Returns the sort key of a mutant. It brings the mutants of a stage into a random order.
 fn order(seed: u32, index: usize) -> u32 {
     hash::pcg4d([seed, u32::try_from(index).unwrap_or(u32::MAX), 17, 29])[0]
 }
@@ -348,7 +351,8 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
         known.retain(|_, row| row.outcome != Outcome::Survived);
     }
 
-    // Without a mutant the tests must pass, and match something. Their time gives the time limit.
+    // Without a mutant, each group must match at least one test, and its tests must pass. The time that they take determines the time limit of the
+    // group.
     let first = &strength.stage[stage].first;
     let mut limits: BTreeMap<&[String], Duration> = BTreeMap::new();
     for group in first.values().chain(groups) {
@@ -441,7 +445,7 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
     Ok(rows)
 }
 
-/// Runs the groups of tests, the cheapest first, and then all tests if asked for.
+/// Tests a mutant with the groups in their order, and then with all tests if `all` is true. Stops at the first group that does not pass.
 fn verdict(
     runner: &Runner,
     folder: &Path,
@@ -461,7 +465,8 @@ fn verdict(
     Ok((Outcome::Survived, String::new()))
 }
 
-/// The rows of a table; none if there is no such file. The last row of a table may be torn by an interruption; it is done again.
+/// Reads the rows of a table; returns no rows if the file does not exist. If an interruption has left an incomplete last row, the row is removed, and
+/// its mutant is tested again.
 fn read(table: &Path) -> Result<Vec<Row>> {
     if !table.exists() {
         return Ok(Vec::new());
@@ -479,7 +484,7 @@ fn count(rows: &[Row], outcome: Outcome) -> usize {
     rows.iter().filter(|row| row.outcome == outcome).count()
 }
 
-/// Share of the mutants that are not equivalent and were killed, percent.
+/// Returns the killed mutants as a percentage of the killed and the surviving mutants.
 fn rate(rows: &[Row]) -> f64 {
     let killed = count(rows, Outcome::Killed) + count(rows, Outcome::Hung);
     100.0 * killed as f64 / (killed + count(rows, Outcome::Survived)).max(1) as f64
@@ -498,7 +503,7 @@ fn summary(stage: &str, rows: &[Row], seconds: f64) -> String {
     text
 }
 
-/// Writes the table of a stage, and its row in `strength.csv` in place of an earlier one.
+/// Writes the table of a stage. Adds its row to `strength.csv`, or replaces the earlier row of the stage.
 fn record(folder: &Path, stage: &str, args: &Args, rows: &[Row]) -> Result<()> {
     fs::create_dir_all(folder)?;
     let mut csv = csv::Writer::from_path(folder.join(format!("{stage}.csv")))?;

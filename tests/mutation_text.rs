@@ -1,4 +1,4 @@
-//! The mutants of small pieces of WGSL, one by one.
+//! Compares the mutants of small pieces of WGSL, one by one, with the expected ones.
 
 use crate::mutation::mutants;
 

@@ -1,8 +1,10 @@
-//! The seven kinds of noise: each must be arranged as its name says, and the renderer must choose by the requested kind.
+//! Tests the seven kinds of noise. Noise gives each pixel four thresholds in [0, 1), one for each of the four random choices (decisions) of the
+//! shader. The thresholds of each kind must be distributed over pixels and frames as the name of the kind says, and the renderer must use the
+//! requested kind.
 //!
-//! Statistical tests have fixed seeds. Each family of N tests has a level of 0.1 % in all (1 - 0.999^(1/N) for each test, Sidak), and a mutant that
-//! it must reject. `noise_stability` tests that the numbers are uniform and independent, `shared` how hashed cells depend on scale and place, and
-//! `agreement` that the shader computes the same bits.
+//! Statistical tests have fixed seeds. The N tests of a family share a significance level of 0.1 %, so each test has the level 1 - 0.999^(1/N)
+//! (Sidak). Each family also has a mutant that it must reject. `noise_stability` tests that the numbers are uniform and independent, `shared` tests
+//! how hashed cells depend on scale and position, and `agreement` tests that the shader computes the same bits.
 
 use experiments::stability::statistics::{Random, coverage_p, independent_p, sidak, uncorrelated_p};
 use kernels::base::wgsl;
@@ -17,11 +19,11 @@ use crate::layouts::constants;
 
 use crate::fixtures::{renderer, request};
 
-/// Number of samples of a statistic: the pixels in the areas of five masks.
+/// Number of samples of a statistic: the number of pixels of five blue-noise masks.
 const SAMPLES: u32 = 5 * RANKS;
 
-/// The ground that a pixel shows. The ground points of neighbouring pixels are 20 cm apart, but the footprint of a pixel is only 5 cm wide, so that
-/// cells of every kind hold one pixel at most.
+/// Returns the ground point that a pixel shows. The ground points of neighbouring pixels are 20 cm apart, but the footprint of a pixel is only 5 cm
+/// wide. So a cell of noise contains the ground point of at most one pixel.
 fn ground([x, y]: [u32; 2]) -> HashedPoint<f64> {
     HashedPoint {
         sector: [15_625, -3],
@@ -37,14 +39,14 @@ fn thresholds(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32
     noise::thresholds(kind, &ground(pixel), WORLD_LEVEL, pixel, frame, seed, salt)
 }
 
-/// The pixel and the frame of random sample `i`.
+/// Returns a random pixel and a random frame for sample number `i`.
 fn somewhere(i: u32) -> ([u32; 2], u32) {
     let mut random = Random(u64::from(i) << 20);
     let mut below = |n: f64| random.between(0.0, n) as u32;
     ([below(1920.0), below(1080.0)], below(1000.0))
 }
 
-/// The thresholds of all pixels in an area of the size of a mask.
+/// Returns the thresholds of all pixels in an area that is as large as a blue-noise mask.
 fn picture(kind: NoiseKind, frame: u32, seed: u32) -> Vec<[f64; 4]> {
     (0..RANKS).map(|i| thresholds(kind, [i % EDGE, i / EDGE], frame, seed, 3)).collect()
 }
@@ -57,15 +59,17 @@ fn pairs(samples: &[[f64; 4]], i: usize, j: usize) -> Vec<(f64, f64)> {
     samples.iter().map(|s| (s[i], s[j])).collect()
 }
 
-/// The kinds whose pixels are not independent random numbers.
+/// The kinds of noise whose thresholds depend on each other from pixel to pixel.
 const ARRANGED: [NoiseKind; 3] = [NoiseKind::InterleavedGradient, NoiseKind::Blue, NoiseKind::SpatioTemporalBlue];
 
 #[test]
 fn a_picture_covers_alpha_as_evenly_as_its_kind_promises() {
     let covered = |samples: &[[f64; 4]], alpha: f64| samples.iter().filter(|s| s[2] < alpha).count() as u64;
     for kind in NoiseKind::ALL {
-        // The coverage of independent pixels has a standard deviation of sqrt(alpha (1 - alpha) / pixels). 64 pictures measure it with a relative
-        // error of about 1/11. A mask holds each rank once, so only the jitter of one rank is random. A gradient lattice is nearly as even.
+        // Coverage is the share of pixels with a threshold below alpha. If pixels are independent, its standard deviation is sqrt(alpha (1 - alpha) /
+        // pixels); 64 pictures measure this deviation with a relative error of about 1/11. A blue-noise mask contains each rank once. So the random
+        // jitter decides only whether one pixel is covered: the pixel of the rank whose range of thresholds includes alpha. Interleaved gradient
+        // noise is nearly as even.
         let pictures: Vec<_> = (0..64).map(|i| picture(kind, i, i)).collect();
         for alpha in [0.1, 0.5, 0.9] {
             let errors: Vec<f64> = pictures.iter().map(|p| covered(p, alpha) as f64 / f64::from(RANKS) - alpha).collect();
@@ -85,7 +89,7 @@ fn a_picture_covers_alpha_as_evenly_as_its_kind_promises() {
 
 #[test]
 fn decisions_are_independent_within_pictures_that_are_arranged() {
-    // 3 kinds x 6 pairs x 2 tests. `noise_stability` tests the kinds whose pixels are independent.
+    // The family has 3 kinds x 6 pairs of decisions x 2 tests. `noise_stability` tests the kinds whose pixels are independent.
     let level = sidak(36);
     for kind in ARRANGED {
         let samples: Vec<[f64; 4]> = (0..SAMPLES / RANKS).flat_map(|i| picture(kind, 7 * i, 100 + i)).collect();
@@ -96,8 +100,8 @@ fn decisions_are_independent_within_pictures_that_are_arranged() {
             }
         }
     }
-    // Negative controls: all decisions use the rank of the first decision. Two decisions use the same gradient lattice at different shifts, without
-    // the reflections and the exchange of x and y that distinguish decisions in the kernel.
+    // There are two negative controls. In the first, all decisions use the rank of the first decision. In the second, two decisions use interleaved
+    // gradient noise at different shifts, but without the reflections and exchanges of x and y that make decisions independent in the kernel.
     let shared = |i: u32| -> [f64; 4] {
         let ([x, y], frame) = somewhere(i);
         let rank = blue_noise::ranks()[noise::rank_index(NoiseKind::SpatioTemporalBlue, [x, y], frame, i, 3, 0) as usize];
@@ -112,7 +116,7 @@ fn decisions_are_independent_within_pictures_that_are_arranged() {
 
 #[test]
 fn neighbours_differ_on_purpose_where_noise_is_arranged() {
-    // (3 kinds and a control) x 2 directions.
+    // The family has (3 kinds and a control) x 2 directions = 8 tests.
     let level = sidak(8);
     for kind in ARRANGED.into_iter().chain([NoiseKind::WhiteScreen]) {
         for [dx, dy] in [[1, 0], [0, 1]] {
@@ -139,11 +143,11 @@ fn only_kinds_per_frame_change_with_the_frame() {
             };
             (0..1000).filter(|&i| differs(i)).count()
         };
-        // The slices repeat after 16 frames. Then only the jitter within a rank differs.
+        // The slices of the spatio-temporal mask repeat after 16 frames. From frame 0 to frame 16, only the jitter within a rank changes.
         for frame in [1, 15, 16, 1_000_000, u32::MAX] {
             assert_eq!(changed(frame), if kind.is_per_frame() { 1000 } else { 0 }, "{kind}, frame {frame}");
         }
-        // Kinds that are bound to the ground do not depend on the pixel, and kinds of the screen do not depend on the ground.
+        // Kinds of noise that are bound to the ground do not depend on the pixel. The other kinds do not depend on the ground.
         let at = |pixel, point: [u32; 2]| noise::thresholds(kind, &ground(point), WORLD_LEVEL, pixel, 2, 8, 3);
         let bound = matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld);
         assert_eq!(at([5, 6], [9, 9]) == at([6, 6], [9, 9]), bound, "{kind}");
@@ -151,19 +155,21 @@ fn only_kinds_per_frame_change_with_the_frame() {
     }
 }
 
-/// A picture for each of as many frames as the mask has slices: the value of `of` at all pixels in the area of a mask.
+/// Evaluates `of` at all pixels of an area as large as a mask, in as many frames as the spatio-temporal mask has slices. Returns a list of values for
+/// each frame.
 fn sequence(of: &dyn Fn([u32; 2], u32) -> f64) -> Vec<Vec<f64>> {
     (0..SLICES).map(|frame| (0..RANKS).map(|i| of([i % EDGE, i / EDGE], frame)).collect()).collect()
 }
 
-/// Correlation of the value of a pixel with its value one frame later, over all pixels and frames. The last frame is followed by the first.
+/// Correlation of the value of a pixel with its value one frame later, computed from all pixels and frames. The first frame counts as the successor
+/// of the last one.
 fn lag_one(frames: &[Vec<f64>]) -> f64 {
     let next = frames.iter().cycle().skip(1);
     let products = frames.iter().zip(next).flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - 0.5) * (b - 0.5)));
     12.0 * products.sum::<f64>() / f64::from(SLICES * RANKS)
 }
 
-/// Variance of the mean of a pixel over `window` successive frames, relative to that of white noise.
+/// Variance of the mean of a pixel over `window` successive frames, divided by the variance that this mean has in white noise.
 fn windowed_variance(frames: &[Vec<f64>], window: usize) -> f64 {
     let n = frames.len();
     let mean = |pixel: usize, first: usize| (0..window).map(|i| frames[(first + i) % n][pixel]).sum::<f64>() / window as f64;
@@ -176,22 +182,24 @@ fn windowed_variance(frames: &[Vec<f64>], window: usize) -> f64 {
 fn frames_follow_each_other_as_each_kind_promises() {
     let of = |kind: NoiseKind| sequence(&move |pixel, frame| thresholds(kind, pixel, frame, 8, 3)[0]);
     let chance = 4.9 / f64::from(SLICES * RANKS).sqrt();
-    // White noise has no correlation. H0: frames are independent. Then the correlation at lag 1 is normal with a standard deviation of 1/sqrt(n), and
-    // a bound of 4.9 standard deviations is a level of 1e-6.
+    // White noise has no correlation. H0: frames are independent. Under H0, the correlation of n pairs of values one frame apart is normally
+    // distributed with a standard deviation of 1/sqrt(n). A bound of 4.9 standard deviations is a level of 1e-6.
     let white = of(NoiseKind::WhiteScreen);
     assert!(lag_one(&white).abs() < chance, "white: {}", lag_one(&white));
     assert!((windowed_variance(&white, 4) - 1.0).abs() < 0.1);
-    // Spatio-temporal blue noise: a pixel avoids the values of the frames just before, so the mean of a few frames is nearer to one half than that of
-    // independent frames.
+    // In spatio-temporal blue noise, a pixel avoids the values that it had in the frames just before. So the mean of a few frames is nearer to one
+    // half than the mean of independent frames.
     let blue = of(NoiseKind::SpatioTemporalBlue);
     println!("stbn: lag one {}, windows {:?}", lag_one(&blue), [2, 4, 8].map(|w| windowed_variance(&blue, w)));
     assert!(lag_one(&blue) < -0.2, "stbn: {}", lag_one(&blue));
     assert!(windowed_variance(&blue, 4) < 0.4 && windowed_variance(&blue, 8) < 0.15);
-    // Interleaved gradient noise: a value advances by about 0.6 per frame. So frames are not independent, and the mean converges faster.
+    // In interleaved gradient noise, a value increases by about 0.6 (modulo 1) per frame. So frames are not independent, and the mean over frames
+    // converges faster than for independent frames.
     let gradient = of(NoiseKind::InterleavedGradient);
     println!("ign: lag one {}, windows {:?}", lag_one(&gradient), [2, 4, 8].map(|w| windowed_variance(&gradient, w)));
     assert!(lag_one(&gradient) < -0.2 && windowed_variance(&gradient, 8) < 0.5);
-    // Negative controls: the same blue mask in every frame; a blue mask with a different shift in every frame; slices in a different order.
+    // Three negative controls: the same blue mask in every frame; a blue mask with a different shift in every frame; the slices of the
+    // spatio-temporal mask in a different order.
     let repeated = of(NoiseKind::Blue);
     assert!(lag_one(&repeated) > 0.99 && windowed_variance(&repeated, 4) > 3.9);
     let reseeded = sequence(&|pixel, frame| thresholds(NoiseKind::Blue, pixel, 0, frame, 3)[0]);
@@ -202,14 +210,14 @@ fn frames_follow_each_other_as_each_kind_promises() {
 
 // ---------------------------------------------------------------- space
 
-/// Mean power of a picture of the size of a mask, by distance from frequency zero; the first entry is for 1 cycle per edge. White noise of the same
-/// variance has a power of 1.
+/// Power spectrum of a picture as large as a mask, averaged over directions. Entry i is the mean power at i + 1 cycles per edge. The power is divided
+/// by the variance of the picture, so white noise has a power of 1.
 fn radial_power(values: &[f64]) -> Vec<f64> {
     let n = EDGE as usize;
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
     let turns: Vec<(f64, f64)> = (0..n).map(|k| (std::f64::consts::TAU * k as f64 / n as f64).sin_cos()).collect();
-    // Transforms the rows, then the columns. Each value is a sum of 64 terms.
+    // Computes the Fourier transform of the rows, then of the columns. Each value is a sum of 64 terms.
     let transform = |at: &dyn Fn(usize) -> (f64, f64), frequency: usize| {
         (0..n).fold((0.0, 0.0), |(re, im), i| {
             let ((a, b), (sin, cos)) = (at(i), turns[i * frequency % n]);
@@ -230,7 +238,7 @@ fn radial_power(values: &[f64]) -> Vec<f64> {
     power.iter().zip(&count).skip(1).map(|(p, c)| p / c).collect()
 }
 
-/// Mean of the power up to an eighth of a cycle per pixel.
+/// Mean power at frequencies up to an eighth of a cycle per pixel.
 fn low_power(values: &[f64]) -> f64 {
     radial_power(values)[..8].iter().sum::<f64>() / 8.0
 }
@@ -240,7 +248,8 @@ fn blue_noise_has_no_low_frequencies() {
     let first = |kind, frame, seed| column(&picture(kind, frame, seed), 0);
     let white = low_power(&first(NoiseKind::WhiteScreen, 0, 8));
     assert!((0.8..1.25).contains(&white), "white: {white}");
-    // Checks the thresholds, and the pixels that are chosen at an alpha. Seeds shift a mask, which does not change its spectrum.
+    // Checks the spectrum of the thresholds, and the spectrum of pictures that are 1 where the threshold is below alpha, and 0 elsewhere. A seed only
+    // shifts a mask, which does not change its spectrum.
     let chosen = |u: &[f64], alpha: f64| low_power(&u.iter().map(|&u| f64::from(u8::from(u < alpha))).collect::<Vec<_>>());
     let pictures = [(NoiseKind::Blue, 0, 8), (NoiseKind::Blue, 3, 77)].into_iter();
     let slices = (0..SLICES).map(|frame| (NoiseKind::SpatioTemporalBlue, frame, 8 + frame));
@@ -249,8 +258,9 @@ fn blue_noise_has_no_low_frequencies() {
         let power = low_power(&u);
         let at = [0.1, 0.5, 0.9].map(|alpha| chosen(&u, alpha));
         println!("{kind} {frame}: {power:.4} {at:.4?}; {:.3?}", radial_power(&u));
-        // The bounds are about four times the measured power. A slice is less blue in space than a mask, because it is also blue in time. A picture
-        // of chosen pixels has only two values, so its power is higher than that of the thresholds.
+        // The bounds are about four times the measured power. A slice of the spatio-temporal mask has a higher power at low frequencies than the blue
+        // mask, because it is also optimised over time. A picture of zeros and ones has a higher power than the thresholds, because it has only two
+        // values.
         let bound = if kind == NoiseKind::Blue { 0.001 } else { 0.005 };
         assert!(power < bound, "{kind}, frame {frame}: {power}");
         assert!(at.iter().all(|&p| p < 0.1), "{kind}, frame {frame}: {at:?}");
@@ -261,7 +271,7 @@ fn blue_noise_has_no_low_frequencies() {
     let shuffled: Vec<f64> = shuffled.into_iter().map(|s| s.1).collect();
     assert!(low_power(&shuffled) > 0.5 && chosen(&shuffled, 0.5) > 0.5, "shuffled: {}", low_power(&shuffled));
     let scattered: Vec<f64> = (0..RANKS).map(|i| thresholds(NoiseKind::Blue, [i % EDGE, i / EDGE], 0, 8 + i, 3)[0]).collect();
-    assert!(low_power(&scattered) > 0.5, "a seed a pixel: {}", low_power(&scattered));
+    assert!(low_power(&scattered) > 0.5, "a different seed for each pixel: {}", low_power(&scattered));
 }
 
 #[test]
@@ -278,9 +288,9 @@ fn masks_hold_every_rank_once() {
     for (i, slice) in ranks.chunks(RANKS as usize).enumerate() {
         assert!(ranks.chunks(RANKS as usize).take(i).all(|other| other != slice));
     }
-    // Negative control: a window that starts one row too late covers parts of two masks.
+    // Negative control: a window that starts one row too late covers parts of two masks, so it does not contain each rank once.
     assert!(!whole(&ranks[EDGE as usize..][..RANKS as usize]));
-    // The masks are the same on every machine and in every run. The checksum is the FNV-1a of the ranks.
+    // The masks must be the same on every machine and in every run. The checksum is computed as in FNV-1a, but from whole ranks instead of bytes.
     let checksum = ranks.iter().fold(0x811c_9dc5_u32, |sum, &rank| (sum ^ rank).wrapping_mul(0x0100_0193));
     assert_eq!(checksum, 978_342_109, "the masks have changed");
 }
@@ -311,7 +321,8 @@ fn masks_lie_in_the_buffer_where_the_shader_looks() {
     }
     assert_eq!(wgsl.get("NOISE_LEVEL_MIN"), Some(&f64::from(noise::LEVEL_MIN)));
     assert_eq!(wgsl.get("NOISE_LEVEL_MAX"), Some(&f64::from(noise::LEVEL_MAX)));
-    // Over the pixels of an area of the size of a mask, a decision reads each place of its slice exactly once, for every shift.
+    // Each decision shifts the mask or slice by a hashed offset. Whatever the offset, the pixels of an area as large as a mask must together read
+    // each entry of the mask or slice exactly once.
     for kind in NoiseKind::ALL {
         for (frame, decision) in [(0, 0), (5, 1), (16, 2), (u32::MAX, 3)] {
             let place = |i: u32| noise::rank_index(kind, [i % EDGE + 1900, i / EDGE + 1000], frame, 8, 3, decision);
@@ -332,8 +343,9 @@ fn masks_lie_in_the_buffer_where_the_shader_looks() {
 
 #[test]
 fn interleaved_gradient_noise_is_the_published_one() {
-    // Jimenez' formula in f64. In the integer version, each coefficient is rounded to within half of 2^-32. So the inner fraction has an error of at
-    // most (x + y + frame) / 2 times 2^-32, where the sum is below 4000. The outer factor multiplies the error by 53.
+    // `published` is the formula of Jimenez in f64. The kernel uses integers. It rounds the coefficients of x, y and the frame to multiples of 2^-32,
+    // so each of them is off by at most half of 2^-32. The inner fraction is then off by at most (x + y + frame) / 2 times 2^-32, where x + y + frame
+    // is below 4000. The outer factor multiplies this error by 53.
     let published = |x: f64, y: f64| (52.982_918_9 * (0.067_110_56 * x + 0.005_837_15 * y).fract()).fract();
     let around = |a: f64, b: f64| (a - b).abs().min(1.0 - (a - b).abs());
     let errors = |of: &dyn Fn([u32; 2], u32) -> f64| {
@@ -346,12 +358,13 @@ fn interleaved_gradient_noise_is_the_published_one() {
     };
     let far = |list: &[f64]| list.iter().filter(|&&e| e > 53.0 * 4000.0 * 0.5 / 4_294_967_296.0).count();
     let unit = |word: u32| f64::from(word) / 4_294_967_296.0;
-    // If the inner value is close to a whole number, rounding may put the two versions on different sides of the step of 0.98.
+    // The function has a step of 0.98 wherever the inner value passes a whole number. Rounding may put the two versions on different sides of this
+    // step, so two samples may differ.
     assert!(far(&errors(&|pixel, frame| unit(noise::interleaved_gradient_value(pixel, frame)))) <= 2);
     assert!(far(&errors(&|[x, y], frame| unit(noise::interleaved_gradient_value([y, x], frame)))) > 9000, "the mutant passed");
     assert!(far(&errors(&|pixel, frame| unit(noise::interleaved_gradient_value(pixel, frame + 1)))) > 9000, "the mutant passed");
-    // The purpose of this noise: the nine values of a 3 x 3 neighbourhood are spread evenly. If the nine values are sorted, the mean gap between
-    // neighbours is 1/9. In white noise, the smallest of the nine gaps is about 1/81.
+    // The purpose of this noise is that the nine values of a 3 x 3 neighbourhood are spread evenly over [0, 1). The nine gaps between the sorted
+    // values have a mean of 1/9. The test measures the smallest gap, which is about 1/81 on average in white noise.
     let least_gap = |of: &dyn Fn(u32, u32) -> f64| {
         let gap = |i: u32| {
             let mut nine: Vec<f64> = (0..9).map(|k| of(i % 100 + k % 3, i / 100 + k / 3)).collect();
@@ -366,8 +379,8 @@ fn interleaved_gradient_noise_is_the_published_one() {
         assert!(gap > 0.05, "decision {decision}: {gap}");
     }
     assert!(of(NoiseKind::WhiteScreen, 0) < 0.02);
-    // The published function is not uniform, but it is uniform after rotation by a hash. H0: the share of values above 0.983 is 0.017. One test, at
-    // 0.1 %.
+    // The published function is not uniform. It becomes uniform by adding a hashed offset modulo 1 (`rotated`). H0: the share of values above 0.983
+    // is 0.017. The level of this single test is 0.1 %.
     const DRAWS: u32 = 4_000_000;
     let above = |of: &dyn Fn(u32) -> f64| (0..DRAWS).filter(|&i| of(i) >= 0.983).count() as u64;
     let p = |n: u64| coverage_p(n, u64::from(DRAWS), 0.017);
@@ -388,7 +401,7 @@ fn world_cells_have_the_size_asked_for() {
         let cells = 1 + (1..64 * 256).filter(|&i| at(f64::from(i) / 256.0) != at(f64::from(i - 1) / 256.0)).count();
         assert_eq!(cells, 64 << level, "level {level}");
     }
-    // The level is clamped to the levels that the shader has, and the footprint does not change cells.
+    // The level is clamped to the range of levels, and cells do not depend on the footprint.
     assert_eq!(noise::white_world(&ground([3, 4]), i32::MAX, 8, 3), noise::white_world(&ground([3, 4]), noise::LEVEL_MAX, 8, 3));
     assert_eq!(noise::white_world(&ground([3, 4]), i32::MIN, 8, 3), noise::white_world(&ground([3, 4]), noise::LEVEL_MIN, 8, 3));
     let closer = HashedPoint { ddx: [1e-3; 3], hash_scale: 4.0, ..ground([3, 4]) };
@@ -408,7 +421,7 @@ fn the_frame_chooses_by_the_noise_asked_for() {
     });
     for kind in NoiseKind::ALL {
         let mut pictures = Vec::new();
-        // Kinds with a mask come after kinds without one: their ranks must be on the device when they are first requested.
+        // The first kinds need no mask. When a kind with a mask is requested for the first time, its ranks must be uploaded to the device.
         for (frame, seed) in [(0, 5), (17, 5), (17, 6)] {
             let request = base.with(|r| {
                 r.shading.noise = kind;
@@ -418,8 +431,8 @@ fn the_frame_chooses_by_the_noise_asked_for() {
             let picture = renderer.render(&request).expect("renders");
             let choice: Vec<u32> = picture.values("choice").expect("asked for").iter().map(|&c| c as u32).collect();
             if !matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld) {
-                // The expected texel of the first tiling, from the weights of the pixel and the second threshold of the reference. The salt of far
-                // cliff is 2.
+                // Computes the expected choice of a texel in the first tiling, from the bilinear weights of the pixel and the second threshold of the
+                // CPU reference. The flavour far cliff uses the salt 2.
                 let inspected = renderer.drawn_as(&request).and_then(|frame| frame.inspect()).expect("inspects");
                 let differing = |frame: u32, decision: usize| {
                     let (mut wrong, mut seen) = (0, 0);
@@ -431,10 +444,10 @@ fn the_frame_chooses_by_the_noise_asked_for() {
                     assert!(seen > 1000, "{seen} pixels chose");
                     f64::from(u32::try_from(wrong).expect("few")) / f64::from(seen)
                 };
-                // Rarely, rounding puts a sum of f32 weights on the other side of a threshold of 24 bits.
+                // In rare cases, rounding puts a sum of weights in f32 on the other side of the threshold.
                 let wrong = differing(frame, 1);
                 assert!(wrong < 1e-3, "{kind}, frame {frame}, seed {seed}: {wrong} of the choices differ");
-                // Negative controls: the threshold of a different decision, and that of the next frame.
+                // Negative controls: the threshold of a different decision, and the threshold of the next frame.
                 assert!(differing(frame, 0) > 0.1, "{kind}: the threshold of a different decision passed");
                 assert_eq!(differing(frame + 1, 1) > 0.1, kind.is_per_frame(), "{kind}: the threshold of the next frame");
             }

@@ -1,8 +1,9 @@
-//! The noise in the stability lab. Every kind must pass one family of statistical tests, and keep its budgets while a camera moves. The tests and
-//! budgets must reject mutants.
+//! Tests noise with the measurements of the stability lab (`experiments::stability`). Every kind of noise must pass the statistical tests, which form
+//! one family. While a camera moves, statistics such as the flip rate must stay within their budgets: ranges around recorded values. The tests and
+//! budgets must reject mutants of the noise.
 //!
-//! `notebooks-data/stability/noise.csv` holds the budgets. `experiments stability --out notebooks-data/stability` measures them again and rewrites
-//! the file; commit it if the change is intended.
+//! `notebooks-data/stability/noise.csv` contains the budgets. `experiments stability --out notebooks-data/stability` measures them again and rewrites
+//! the file. If the change is intended, commit the file.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -29,8 +30,8 @@ fn every_kind_passes_the_tests_of_one_family() {
     println!("{} rows, {} of them tests, in {:.1?}", rows.len(), rows.iter().filter(|row| row.is_test()).count(), start.elapsed());
     let wrong: Vec<&Row> = rows.iter().filter(|row| !row.holds()).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
-    // The avalanche effect is known to be incomplete: input bits from MIXED_BITS (in `stability/hashes.rs`) on rarely or never flip the low bits of
-    // the output.
+    // The avalanche effect of the hash is known to be incomplete: input bits with the number MIXED_BITS (in `stability/hashes.rs`) or higher rarely
+    // or never flip the low bits of the output. A row must show this.
     assert!(rows.iter().any(|row| row.statistic == "avalanche of the high byte" && row.value > 0.1));
 }
 
@@ -49,7 +50,7 @@ fn numbers_in_motion_are_within_their_budgets() {
             "{now:?}: measured {}; if the change is intended, rewrite the table with `experiments stability`",
             row.value
         );
-        // The width of a budget must follow from the rule, so that no budget is widened by hand.
+        // The range of a budget must be the one that `motion::budget` computes from the recorded value, so that no budget is widened by hand.
         let ruled = motion::budget(budget.kind.parse().expect("a kind"), &budget.statistic, budget.value);
         let close = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
         assert!(close(budget.low, ruled[0]) && close(budget.high, ruled[1]), "{budget:?} is not as wide as {ruled:?}");
@@ -67,16 +68,17 @@ enum Mutant {
     FractSin,
     /// Does not clamp the level that follows from the footprint.
     NotClamped,
-    /// Leaves out the correction by the distribution function of the blend, or a part of it.
+    /// Leaves out a part or all of the correction by the distribution function of the blend.
     Correction(Forgotten),
     /// Uses a different seed in each frame.
     Reseeded,
 }
 
+/// The part of the correction that a mutant leaves out. l is the blend factor, and a = min(l, 1 - l).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Forgotten {
     All,
-    /// Leaves out (x - a / 2) / (1 - a) in the middle case.
+    /// Uses x instead of (x - a / 2) / (1 - a) in the middle case.
     Middle,
     /// Leaves out the factor of one half in the outer cases.
     Half,
@@ -124,9 +126,9 @@ fn level(point: &HashedPoint<f64>) -> f64 {
     -(point.hash_scale * length(point.ddx).max(length(point.ddy))).log2()
 }
 
-/// The blend of two scales as in the kernel, of cells that are hashed by `hash`.
+/// Blends two scales as the kernel does, but hashes cells with `hash`.
 fn blend(point: &HashedPoint<f64>, level: f64, hash: impl Fn([u32; 3], i32) -> [f64; 4]) -> [f64; 4] {
-    // As in the kernel: at the finest level, the finest cells are the finer of the two scales.
+    // As in the kernel: at the finest level, there is no finer scale. So the two scales are the finest level and the level before it.
     let k = if level == f64::from(LEVEL_MAX) { LEVEL_MAX - 1 } else { level.floor() as i32 };
     let units = |k: i32| hash(cell(point, [k; 3]), k);
     TwoScales { coarse: units(k), fine: units(k + 1), lerp_factor: level - f64::from(k) }.thresholds()
@@ -147,7 +149,8 @@ fn fract_sin(cell: [u32; 3], k: i32, seed: u32, salt: u32) -> [f64; 4] {
 
 #[test]
 fn mutants_differ_by_their_line_only() {
-    // The mutants contain copies of parts of the kernel: scales, blend and hash. Without the mistake, they must agree with the kernel.
+    // The mutants contain copies of parts of the kernel: the choice of scales, the blend and the hash. If the mistake has no effect, they must agree
+    // with the kernel.
     for i in 0..10_000 {
         let ask = scattered(ORIGINS[2].1, i);
         let kernel = hashed_isotropic(&ask.point, ask.seed, ask.salt);
@@ -156,17 +159,18 @@ fn mutants_differ_by_their_line_only() {
         let clamped = level(&ask.point).clamp(f64::from(LEVEL_MIN), f64::from(LEVEL_MAX));
         assert_eq!(blend(&ask.point, clamped, |cell, k| pcg4d(cell, k, ask.seed, ask.salt)), kernel, "{ask:?}");
         assert_eq!(Mutant::Reseeded.thresholds(&Ask { frame: 0, ..ask }), kernel);
-        // At these points the derivative along x is the longer one, so this mistake makes no difference.
+        // At these points, the derivative along x is longer than the one along y, and the kernel uses only the longer one. So this mistake makes no
+        // difference.
         assert_eq!(Mutant::DpdxTwice.thresholds(&ask), kernel, "{ask:?}");
     }
 }
 
-/// Names of the statistics that reject a noise.
+/// Returns the names of the statistics whose values are outside their accepted range.
 fn rejecting(rows: &[Row]) -> BTreeSet<String> {
     rows.iter().filter(|row| !row.holds()).map(|row| row.statistic.clone()).collect()
 }
 
-/// The statistics of a noise that leave the budgets that are recorded for hashed noise on a ground.
+/// Returns the statistics of a noise on a ground that lie outside the budgets of hashed noise.
 fn out_of_budget(budgets: &[Row], ground: &str, motion: Motion, measured: Measured) -> Vec<Row> {
     let of = |(statistic, value): (&str, f64)| {
         let budget = budgets
@@ -181,17 +185,17 @@ const FLIPS: &str = "flip_rate, flat";
 const CLUMPING: &str = "clumping, flat";
 const POWER: &str = "power 0.0625-0.125 cycles/px, flat";
 
-/// A mutant, the statistics that must reject it, and those that must not. Every other statistic may do either.
+/// A mutant, the statistics that must reject it, and the statistics that must not reject it. All other statistics may reject it or not.
 type Verdict = (Mutant, &'static [&'static str], &'static [&'static str]);
 
-/// The statistics that are measured without a camera, except those of the ends of the range of scales.
+/// The statistics that are measured without a camera, except those for footprints beyond the coarsest and the finest scale.
 const DRAWS: [&str; 7] =
     ["uniform, chi-square p", "uniform, ks p", "independent p", "uncorrelated p", "coverage p", "coverage by footprint p", "collisions p"];
 
 const VERDICTS: [Verdict; 5] = [
     // Only statistics with a camera detect this mutant, and only on level ground: on a steep wall it makes little difference.
     (Mutant::DpdxTwice, &[FLIPS, CLUMPING, POWER], &["equal thresholds", "distinct thresholds", "flip_rate, 60 deg"]),
-    // Near the origin, flips do not detect this mutant.
+    // Near the origin, the flip rate does not detect this mutant.
     (Mutant::FractSin, &["collisions p", "independent p", "uncorrelated p", "distinct thresholds"], &[FLIPS, "equal thresholds"]),
     (Mutant::NotClamped, &["equal thresholds", "distinct thresholds"], &[FLIPS, CLUMPING, POWER]),
     (
@@ -246,14 +250,15 @@ fn no_mutant_passes() {
     // No statistic rejects all mutants, which is why several are necessary.
     let shared = all.iter().skip(1).fold(all[0].clone(), |shared, rejected| &shared & rejected);
     assert!(shared.is_empty(), "{shared:?} alone rejects all mutants");
-    // Flips detect a different seed per frame in every motion, and the wrong derivative in every motion of the camera.
+    // The flip rate must reject the mutant with a different seed per frame in every case, and the mutant with the wrong derivative in every case in
+    // which the camera moves.
     for (k, motions) in [(0, &Motion::ALL[1..]), (4, &Motion::ALL[..])] {
         let told = |motion: &Motion| moving[k].iter().any(|row| row.statistic == FLIPS && row.motion == motion.name());
         assert!(motions.iter().all(told), "{:?}: {:?}", VERDICTS[k].0, moving[k]);
     }
 
-    // At 1000 km from the origin, the argument of the sine has no digits left in f32. Many cells get the same value, so choices flip too rarely and
-    // clump.
+    // At 1000 km from the origin, the argument of the sine is so large that f32 cannot distinguish neighbouring cells. Many cells get the same value,
+    // so choices flip too rarely, and neighbouring pixels often make the same choice (clumping).
     let far = measure(GROUNDS[0], Motion::Sideways, ORIGINS[2].1, &[&kernel, &of[1]]);
     println!("1000 km: {far:.4?}");
     let [kernel, sine] = [far[0], far[1]].map(|measured| rejecting(&out_of_budget(&budgets, "flat", Motion::Sideways, measured)));

@@ -1,6 +1,6 @@
-//! Tests the readers of files with damaged input: mutants of small valid files, the same mutants in every run. A mutant must be accepted or refused
-//! with an error of one line, and what is accepted must be consistent. [`readers`] checks this; the fuzz targets run it, too. Files that once caused
-//! a crash lie in the same folders as the valid files, and are tried unchanged.
+//! Tests the functions that read files. Their input is damaged: mutants of small valid files. The mutants are the same in every run. A mutant must be
+//! accepted, or refused with an error of one line, and the data of an accepted mutant must be consistent. The module [`readers`], which the fuzz
+//! targets also use, checks this. Files that once caused a crash are in the same folders as the valid files. They are read unchanged, too.
 
 use std::fs;
 use std::panic::catch_unwind;
@@ -15,11 +15,11 @@ mod readers;
 
 /// Number of mutants of each kind of file. The environment variable `SCREE_MUTANTS` replaces it.
 const MUTANTS: u32 = 2000;
-/// Longest time for one mutant. It usually takes less than a millisecond; the limit is high because the machine may be busy.
+/// Limit of the time for one mutant. A mutant usually takes less than a millisecond. The limit is high, because the machine may be busy.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Size in bytes. A mutant that is larger is not changed further, because each duplicated part can double its size.
+/// Limit of the size of a mutant, bytes. A larger mutant is not changed further, because each change can double its size.
 const LARGE: usize = 1 << 16;
-/// Integers at the ends of the ranges that counts and sizes in files have.
+/// Integers at the ends of the ranges of counts and sizes in files.
 const INTEGERS: [u64; 14] = [0, 1, 2, 127, 128, 255, 256, 16_385, 65_535, 1 << 16, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, (1 << 63) | 1];
 /// Numbers as text, inside and outside valid ranges.
 const NUMBERS: [&str; 16] = [
@@ -70,7 +70,7 @@ struct Mutator<'a> {
 }
 
 impl Mutator<'_> {
-    /// A random part of `length` bytes, in most cases a short one.
+    /// Returns a random range within `length` bytes. In most cases, the range is short.
     fn part(&mut self, length: usize) -> std::ops::Range<usize> {
         let start = self.random.below(length + 1);
         let longest = if self.random.below(4) == 0 { length } else { 8 };
@@ -174,7 +174,8 @@ impl Mutator<'_> {
         *bytes = lines.concat().into_bytes();
     }
 
-    /// Replaces a random run of characters of a kind, or inserts text before it.
+    /// Selects a random run of characters for which `of_kind` is true. Replaces the run by a random text from `by`, or inserts the text before the
+    /// run.
     fn replace(&mut self, bytes: &mut Vec<u8>, text: &str, of_kind: impl Fn(char) -> bool, by: &[&str]) {
         let runs: Vec<(usize, &str)> = text
             .split(|c| !of_kind(c))
@@ -206,7 +207,8 @@ fn with_png_checksums(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Tries the files of a kind, and mutants of them. The files must be accepted, except those whose names begin with `refused`.
+/// Runs a reader on the corpus files of a kind, and on mutants of these files. The reader must accept the files, except those whose names begin with
+/// `refused`.
 fn try_all(kind: &str, reader: fn(&[u8]) -> bool) {
     let seeds = corpus(kind);
     for seed in &seeds {
@@ -255,7 +257,7 @@ fn what_is_kept_is_read_or_refused() {
     try_all("cache", readers::cache);
 }
 
-/// A file of the corpus with a false statement: the first occurrence of `what` is replaced by `instead`.
+/// Returns a file of the corpus that states something false: the first occurrence of the bytes `what` is replaced by `instead`.
 fn claiming(kind: &str, name: &str, what: &[u8], instead: &[u8]) -> Vec<u8> {
     let seed = corpus(kind).into_iter().find(|seed| seed.name == name);
     let mut bytes = seed.unwrap_or_else(|| panic!("{kind}/{name} is in the corpus")).bytes;
@@ -286,7 +288,8 @@ fn sizes_that_are_only_claimed_are_refused_at_once() {
         let frame = |w: u16, h: u16| [b"\xff\xc0\0\x11\x08".as_slice(), &h.to_be_bytes(), &w.to_be_bytes()].concat();
         claiming("texture", "rgb8.jpg", &frame(8, 8), &frame(new, new))
     };
-    // The largest edge that is accepted, one more, and the largest that a file can state.
+    // The edges are the largest one that is allowed, one more, and the largest one that a file can state. All are refused, because the files do not
+    // contain so much data.
     for edge in [16_385, 16_386, (1 << 31) - 1] {
         for (what, bytes) in [("png", png("heightmap", "grey16.png", [5, 4], edge)), ("exr", exr(edge.cast_signed())), ("tif", tiff(edge))]
         {
@@ -294,13 +297,13 @@ fn sizes_that_are_only_claimed_are_refused_at_once() {
             assert!(!readers::heightmap(&bytes) && began.elapsed() < PATIENCE, "{what} of {edge}: {:?}", began.elapsed());
         }
     }
-    // A JPEG that ends early is filled with grey, so a JPEG that claims an allowed size is accepted. Only larger sizes are tried.
+    // A JPEG that ends early is filled with grey, so a JPEG that states a false but allowed size is accepted. So only larger sizes are tested.
     let too_large = [8193, 65_535].map(|edge| ("jpg", jpeg(edge)));
     for (what, bytes) in [8192, 8193, 65_535].map(|edge| ("png", png("texture", "rgb8.png", [4, 4], edge))).into_iter().chain(too_large) {
         let began = Instant::now();
         assert!(!readers::texture(&bytes) && began.elapsed() < PATIENCE, "{what}: {:?}", began.elapsed());
     }
-    // Words that are as long as a file may be, and tables that are deeply nested.
+    // Tests very long words, and tables that are deeply nested.
     let long = [
         format!("{} = 1\n", "a".repeat(4 << 20)),
         format!("name = \"{}\"\n", "b".repeat(4 << 20)),

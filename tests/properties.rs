@@ -1,8 +1,8 @@
-//! Properties of every reference for arbitrary arguments: symmetries, orders, round trips, and changes that must have no effect. `shared.rs` and
-//! `noise.rs` compare the same functions with formulas and distributions.
+//! Tests properties of the CPU reference functions for arbitrary arguments: symmetries, monotonicity, round trips, and changes of the arguments that
+//! must not change the result. `shared.rs` and `noise.rs` compare reference functions with formulas and with probability distributions.
 //!
-//! The last part passes arguments of arbitrary bits to each function, including NaN and infinities. Results that are documented as finite must be
-//! finite. All arguments follow from fixed seeds; a case that fails is simplified and printed.
+//! The last part of this file calls the functions with arguments of arbitrary bit patterns, including NaN and infinities. Results that are documented
+//! as finite must be finite. All random arguments are drawn with fixed seeds. The library proptest simplifies a case that fails, and prints it.
 
 use glam::{DVec2, DVec3, DVec4};
 use kernels::base::names::nearest;
@@ -34,7 +34,7 @@ use proptest::test_runner::{Config, RngSeed};
 
 // ---------------------------------------------------------------- arguments
 
-/// A configuration with the same cases in every run, and without files of failed cases.
+/// A configuration of proptest that draws the same random cases in every run, and that writes no files about failed cases.
 fn cases(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(7), failure_persistence: None, ..Config::default() }
 }
@@ -56,7 +56,7 @@ fn vector(size: f64) -> impl Strategy<Value = [f64; 3]> {
     [-size..size, -size..size, -size..size]
 }
 
-/// A factor that causes no rounding.
+/// A random power of two. A multiplication by it causes no rounding.
 fn power_of_two() -> impl Strategy<Value = f64> {
     (-20..20).prop_map(|k: i32| f64::from(k).exp2())
 }
@@ -69,7 +69,7 @@ fn sum<const N: usize>(w: [f64; N]) -> f64 {
     w.iter().sum()
 }
 
-/// Rounds numbers to f32, so that f32 and f64 get equal arguments.
+/// Rounds numbers to f32. Returns the rounded numbers in f32 and in f64, so that a function can be called with equal arguments in both precisions.
 fn single<const N: usize>(a: [f64; N]) -> ([f32; N], [f64; N]) {
     let narrow = a.map(|x| x as f32);
     (narrow, narrow.map(f64::from))
@@ -103,7 +103,7 @@ proptest! {
 
     #[test]
     fn hashes_lose_nothing(a: [u32; 4], b: [u32; 4], bit in 0..128u32) {
-        // Every step of the hash can be inverted, so different words have different hashes, whether they differ in one bit or in all.
+        // Every step of the hash is invertible, so different inputs have different hashes. `near` differs from `a` in one bit; `b` is unrelated.
         let mut near = a;
         near[bit as usize / 32] ^= 1 << (bit % 32);
         prop_assert_ne!(hash::pcg4d(a), hash::pcg4d(near));
@@ -131,7 +131,7 @@ proptest! {
 // ---------------------------------------------------------------- noise
 
 fn hashed_point() -> impl Strategy<Value = HashedPoint<f64>> {
-    // Positions are multiples of 2^-16 m, so that whole sectors can be added without rounding.
+    // Positions are multiples of 2^-16 m, so adding the lengths of whole sectors to a position causes no rounding.
     let position = [0..4_194_304, 0..4_194_304, -196_608_000..196_608_000].prop_map(|p: [i32; 3]| p.map(|x| f64::from(x) / 65_536.0));
     ([-2_000_000..2_000_000, -2_000_000..2_000_000], position, 5..15, direction(), direction(), -17.0..6.0, unit(), 0.25..4.0).prop_map(
         |(sector, position, log2_sector, a, b, level, share, hash_scale): (_, _, i32, _, _, f64, _, _)| HashedPoint {
@@ -167,7 +167,8 @@ proptest! {
         moved.position[1] -= f64::from(north) * point.sector_m;
         for kind in [NoiseKind::HashedIsotropic, NoiseKind::HashedAnisotropic, NoiseKind::WhiteWorld] {
             let of = |point: &HashedPoint<f64>| noise::thresholds(kind, point, level, [0; 2], 0, seed, salt);
-            // Equal points have equal cells only if a sector holds at least one whole cell, and its cells can be counted in 31 bits.
+            // `moved` is the same point, described relative to a different sector. Its cells are the same only if, at the coarsest level (-5), a
+            // sector contains at least one whole cell, and if, at the finest level (16), the number of cells along 50 sectors fits into 31 bits.
             let cells = |k: f64| point.sector_m * k.exp2();
             if cells(-5.0) >= 1.0 && cells(16.0) * 50.0 < 2_147_483_520.0 {
                 prop_assert_eq!(of(&point), of(&moved), "{}", kind);
@@ -221,7 +222,8 @@ proptest! {
         let [threshold, ..] = noise::mask::<f64>(kind, pixel, frame, seed, salt, [rank; 4]);
         let low = f64::from(rank) / f64::from(blue_noise::RANKS);
         prop_assert!((low..low + 1.0 / f64::from(blue_noise::RANKS)).contains(&threshold));
-        // If a kind has a mask, the next pixel uses a different place of the mask.
+        // If a kind of noise has a mask, the pixel on the right reads a different entry of the mask. For a kind without a mask, the index is always
+        // 0.
         let next = at([pixel[0] + 1, pixel[1]], frame);
         prop_assert_eq!(kind.needs_mask(), next != index);
     }
@@ -230,7 +232,7 @@ proptest! {
     fn correction_grows_and_is_symmetric(x in unit(), y in unit(), l in unit()) {
         let f = |x: f64| noise::correct(x, l);
         prop_assert!(f(x.min(y)) <= f(x.max(y)) + 1e-15);
-        prop_assert!((f(1.0 - x) - (1.0 - f(x))).abs() < 1e-7, "1 - x must give 1 - f(x), except that results end at 1 - 2^-24");
+        prop_assert!((f(1.0 - x) - (1.0 - f(x))).abs() < 1e-7, "f(1 - x) must equal 1 - f(x), except that f is clamped to 1 - 2^-24");
         prop_assert!((f(x) - noise::correct(x, 1.0 - l)).abs() < 1e-12);
         prop_assert!((f(0.5) - 0.5).abs() < 1e-12);
     }
@@ -250,8 +252,8 @@ proptest! {
         let code = code.map(|c| c % (2 * h + 1));
         let square = octahedral::dequantise::<f64>(code, bits);
         prop_assert_eq!(octahedral::quantise(square, bits), code);
-        // The nearest code of a decoded direction decodes to the same direction. The code itself may differ, because two codes on the fold can be one
-        // direction.
+        // If a decoded direction is encoded again to its nearest code, that code decodes to the same direction. The code itself may be a different
+        // one, because two codes on the fold of the octahedral map can represent the same direction.
         let decoded = octahedral::decode(square);
         let again = octahedral::decode(octahedral::dequantise::<f64>(octahedral::encode_precise(decoded, bits), bits));
         prop_assert!(length(sub(decoded, again)) < 1e-12);
@@ -265,8 +267,10 @@ proptest! {
         };
         let (fast, precise) = (error(octahedral::quantise(octahedral::encode(n), bits)), error(octahedral::encode_precise(n, bits)));
         let h = f64::from(octahedral::half(bits));
-        // The largest errors on a face of the octahedron: half the diagonal of a square of codes if each coordinate is rounded, and the circumradius
-        // of a triangle of codes if the nearest direction is chosen. Both are seen from the centre (docs/stability-lab.md, section 1).
+        // The bounds are the largest possible angles between a direction and its code (docs/stability-lab.md, section 1). If each coordinate is
+        // rounded, the distance on a face of the octahedron is at most half the diagonal of a square of four codes. If the nearest direction is
+        // chosen, it is at most the circumradius of a triangle of three codes. Seen from the centre of the octahedron, these distances are the angles
+        // of the bounds.
         prop_assert!(precise <= fast + 1e-14);
         prop_assert!(fast <= 3.0 / (std::f64::consts::SQRT_2 * h) + 1e-12, "{}", fast);
         prop_assert!(precise <= std::f64::consts::SQRT_2 / h + 1e-12, "{}", precise);
@@ -308,7 +312,7 @@ proptest! {
         prop_assume!(cosine > 0.05);
         let d = derivatives::on_plane(ray, step, t, n);
         prop_assert!(dot(d, n).abs() <= 1e-13 * length(d) / cosine);
-        // The derivative leads to a point on the neighbour's ray: the part of that point across the ray is zero.
+        // The point plus its derivative lies on the neighbour's ray, so the component of the sum perpendicular to that ray is zero.
         let (hit, next) = (add(scale(ray, t), d), add(ray, step));
         let across = sub(hit, scale(next, dot(hit, next) / dot(next, next)));
         prop_assert!(length(across) <= 1e-12 * t, "{:?}", across);
@@ -347,12 +351,12 @@ proptest! {
     fn texels_change_places_with_their_weights(f in [unit(), unit()], h in [unit(), unit(), unit(), unit()], k in 0.0..40.0f64) {
         let w = splat_blend::weights(f, h, k);
         prop_assert!(is_partition(w));
-        // If the cell is mirrored in x or in the diagonal, the weights are mirrored, too.
+        // If the cell is mirrored in x, or if x and y are exchanged, the weights change places in the same way.
         let mirrored = splat_blend::weights([1.0 - f[0], f[1]], [h[1], h[0], h[3], h[2]], k);
         prop_assert!(close([w[1], w[0], w[3], w[2]], mirrored, 1e-12));
         let transposed = splat_blend::weights([f[1], f[0]], [h[0], h[2], h[1], h[3]], k);
         prop_assert!(close([w[0], w[2], w[1], w[3]], transposed, 1e-12));
-        // Doubling the heights has the same effect as doubling the sharpness.
+        // Doubled heights with half the sharpness give the same weights, because only the product of height and sharpness matters.
         prop_assert_eq!(splat_blend::weights(f, h.map(|h| 2.0 * h), k / 2.0), w);
     }
 
@@ -404,14 +408,14 @@ proptest! {
         prop_assert_eq!(triplanar::weights(scale(n, -s), k), w);
         let [x, y, z] = n;
         prop_assert!(close(triplanar::weights([y, z, x], k), [w[1], w[2], w[0]], 1e-12));
-        // A larger component of the normal never has a smaller weight.
+        // The axis with the larger component of the normal never has the smaller weight.
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
             prop_assert!(n[i].abs() < n[j].abs() || w[i] >= w[j]);
         }
         // A higher sharpness never lowers the largest weight.
         let sharper = triplanar::weights(n, k + 1.0);
         prop_assert!(w.iter().copied().fold(0.0, f64::max) <= sharper.iter().copied().fold(0.0, f64::max) + 1e-14);
-        // A gradient of zero does not change the normal. The part of a gradient along the normal has no effect.
+        // A gradient of zero does not change the normal. The component of a gradient along the normal has no effect.
         prop_assert!(close(triplanar::perturb(n, [0.0; 3]), n, 1e-14));
         prop_assert!(close(triplanar::perturb(n, add(g, scale(n, 2.0))), triplanar::perturb(n, g), 1e-12));
         prop_assert!((length(triplanar::perturb(n, g)) - 1.0).abs() < 1e-14 && dot(triplanar::perturb(n, g), n) > 0.0);
@@ -446,12 +450,14 @@ proptest! {
         prop_assert_eq!(snapped_projection::plane(scale(n, s), cosine), plane);
         prop_assert_eq!(snapped_projection::plane([n[0], n[1], -n[2]], cosine), plane);
         prop_assert_eq!(snapped_projection::plane([-n[0], -n[1], n[2]], cosine), plane, "both sides of a wall must have the same plane");
-        // The direction of the plane is within 22.5 degrees of the azimuth of a steep normal.
+        // The azimuth of a steep normal differs by at most 22.5 degrees from the horizontal direction along which its plane is projected (`facing`),
+        // or from the opposite direction.
         let facing = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0, 1.0], [1.0, -1.0]][plane as usize];
         let azimuth = (facing[0] * n[0] + facing[1] * n[1]).abs() / (facing[0].hypot(facing[1]) * n[0].hypot(n[1]));
         prop_assert!(plane == 2 || azimuth >= (std::f64::consts::PI / 8.0).cos() - 1e-12, "{}", azimuth);
-        // Along the coordinates of a plane, a height grows as its gradient says. The tolerance is 0.013 %, by which the rounded diagonal is too
-        // short.
+        // A height with the gradient `g` in the coordinates (u, v) of a plane is g[0] u + g[1] v. After `from_gradient` has converted the gradient to
+        // the volume, the product of gradient and position must be the same height. The tolerance covers the error of u on a diagonal plane:
+        // `coordinates` uses 181/256 instead of 1/√2, which is 0.011 % too small.
         for plane in 0..5 {
             let [u, v] = snapped_projection::coordinates(p, plane);
             let lifted = dot(snapped_projection::from_gradient(g, plane), p);
@@ -470,7 +476,7 @@ proptest! {
         let moved = whole(std::array::from_fn(|i| place[i] + more[i]));
         let (here, by) = (whole(place), whole(more));
         prop_assert_eq!(moved, [here[0] + by[0], here[1] + by[1]]);
-        // On diagonal planes the result is within 2^-24 repeats per sector, on the others it is exact.
+        // `fixed` returns repeats per sector in units of 2^-24. On diagonal planes its error is less than one unit; on the other planes it is exact.
         let exact = f64::from(rate) * if plane > 2 { 181.0 / 256.0 } else { 1.0 };
         prop_assert!((f64::from(snapped_projection::fixed(rate, plane)) - exact).abs() < 1.0);
     }
@@ -494,10 +500,11 @@ proptest! {
         prop_assert!(w[chosen] > 0.0 || sum(w) <= 0.0 && chosen == 0);
         prop_assert!((u <= v) || chosen >= select::of_4(w, v));
         prop_assert_eq!(select::of_4(w.map(|w| w * s), u), chosen, "weights need not sum to 1");
-        // An index of weight 0 can be removed without effect.
+        // Removing an index of weight 0 does not change which of the other indices is chosen.
         prop_assert_eq!(select::of_4([w[0], w[1], w[2], 0.0], u), select::of_3([w[0], w[1], w[2]], u));
         prop_assert_eq!(select::of_4([0.0, w[0], w[1], w[2]], u).saturating_sub(1), select::of_3([w[0], w[1], w[2]], u));
-        // Each index is chosen for an interval of the random number as long as its share of the weights.
+        // An index is chosen if the random number lies in the interval of the index. The length of the interval is the weight of the index divided by
+        // the sum of all weights.
         let below: f64 = w[..chosen].iter().sum();
         prop_assert!(u * sum(w) >= below - 1e-15 && u * sum(w) <= below + w[chosen] + 1e-15);
     }
@@ -517,11 +524,11 @@ proptest! {
         let texel = texel_choice::texel(c, size, u);
         let off = (c * f64::from(size) - (f64::from(texel) + 0.5)).rem_euclid(f64::from(size));
         prop_assert!(texel < size && (off <= 1.0 || f64::from(size) - off <= 1.0), "{}", off);
-        // Adding whole repeats changes nothing.
+        // Adding whole repeats to the coordinate does not change the texel.
         let place = (c * 1024.0).round() / 1024.0;
         prop_assume!((place + f64::from(repeats)).abs() <= 1e5);
         prop_assert_eq!(texel_choice::texel(place, size, u), texel_choice::texel(place + f64::from(repeats), size, u));
-        // A random number close to 1 selects the lower level, and 0 selects the upper level, if there is one.
+        // A random number close to 1 selects the level floor(lod). The random number 0 selects the next level, if lod is not a whole number.
         let (low, high) = (texel_choice::level(lod, levels, 0.999_999_999), texel_choice::level(lod, levels, 0.0));
         prop_assert!(low <= level && level <= high && high - low <= 1);
     }
@@ -551,7 +558,8 @@ proptest! {
 // ---------------------------------------------------------------- tiling
 
 fn same_hexagons(a: &HexTiling<f64>, b: &HexTiling<f64>, step: [u32; 2], tolerance: f64) -> bool {
-    // Compares the hexagons as sets, because a point on the border of two triangles may count to either.
+    // Compares the weights of corresponding hexagons (those whose ids differ by `step`), whatever their order. A point on the border of two triangles
+    // of the lattice may be assigned to either triangle; the hexagon that belongs to only one of the triangles then has the weight 0.
     a.ids.iter().zip(a.weights).all(|(id, w)| {
         let id = [0, 1].map(|i| (id[i] + step[i]) & 0xffff);
         let there: f64 = b.ids.iter().zip(b.weights).filter(|(other, _)| **other == id).map(|(_, v)| v).sum();
@@ -572,18 +580,20 @@ proptest! {
     ) {
         let here = hex_tiling::at(sector, p, 64.0, level);
         prop_assert!(is_partition(here.weights));
-        // 1024 sectors to the east and 65 536 sectors to the north are whole steps of the coarsest lattice, so the weights are the same to the bit.
+        // A shift by 1024 sectors to the east or by 65 536 sectors to the north is a whole number of steps even of the coarsest lattice, so all bits
+        // of the weights stay the same.
         let moved = hex_tiling::at([sector[0] + 1024 * east, sector[1] + 65_536 * north], p, 64.0, level);
         prop_assert_eq!(here.weights, moved.weights);
         let steps = |sectors: i64, factor: i64| ((sectors * factor) << (10 + level) >> 16 & 0xffff) as u32;
         let (x, y) = (i64::from(1024 * east), i64::from(65_536 * north));
         let step = [steps(x * 64 - y * 37, 1), steps(y, 74)];
         prop_assert_eq!(here.ids.map(|id| [0, 1].map(|i| (id[i] + step[i]) & 0xffff)), moved.ids);
-        // There is no seam at the edge of a sector: a position that is 64 m larger is the same as one sector more.
+        // There is no seam at the edge of a sector. A point beyond the edge can be given by a position outside 0 to 64 m, or relative to the
+        // neighbouring sector. Both must give the same hexagons.
         let over = hex_tiling::at(sector, [p[0] + 64.0, p[1] - 64.0], 64.0, level);
         let own = hex_tiling::at([sector[0] + 1, sector[1] - 1], p, 64.0, level);
         prop_assert!(same_hexagons(&over, &own, [0; 2], 1e-6), "{:?} {:?}", over, own);
-        // The length of a sector has no effect if positions are scaled with it.
+        // If the length of a sector and the positions are multiplied by the same factor, the result does not change.
         let double = hex_tiling::at(sector, p.map(|p| p * 2.0), 128.0, level);
         prop_assert_eq!(here, double);
     }
@@ -592,8 +602,9 @@ proptest! {
     fn hexagon_weights_have_no_seam(p in [0.0..64.0f64, 0.0..64.0f64], step in [-1e-6..1e-6f64, -1e-6..1e-6f64], level in -10..=8i32) {
         let at = |p| hex_tiling::at([3, -5], p, 64.0, level);
         let (here, there) = (at(p), at([p[0] + step[0], p[1] + step[1]]));
-        // The slope of a weight is at most 7 x 3 times the slope of a barycentric coordinate: 7 is the exponent, and the largest coordinate, by which
-        // weights are divided, is at least 1/3. The slope of a coordinate is at most 2 per spacing, and a spacing is 64 m / 2^level.
+        // Before normalisation, a weight is the 7th power of a barycentric coordinate divided by the largest coordinate, which is at least 1/3. So
+        // the slope of a weight is at most 7 x 3 times the slope of a barycentric coordinate. The slope of a coordinate is at most 2 per lattice
+        // spacing, and the lattice spacing is 64 m / 2^level. The tolerance is four times the product of this slope and the step of 1e-6 m.
         let slope = 7.0 * 3.0 * 2.0 * f64::from(level).exp2() / 64.0;
         prop_assert!(same_hexagons(&here, &there, [0; 2], 4.0 * slope * 1e-6 + 1e-12));
         for id in here.ids {
@@ -619,7 +630,8 @@ proptest! {
         prop_assert!((0.0..1.0).contains(&part) || part == 0.0);
         prop_assume!(near * s > 1e-6 && d * s < 1e9);
         prop_assert_eq!(tiling::scales(d * s, near * s, cliff), (scale, part));
-        // Hexagons become finer with more repeats: twice the repeats are one level more.
+        // Hexagons become smaller if the texture repeats more often: doubling the repeats increases the level by one, except at the ends of the
+        // range.
         let hex = hex_tiling::level(r);
         let [lowest, highest] = hex_tiling::LEVELS;
         let doubled = hex_tiling::level(r * 2.0);
@@ -630,7 +642,7 @@ proptest! {
     fn fixed_point_places_add_up(a in -1_000_000..1_000_000i32, b in -1_000_000..1_000_000i32, rate: i32, scale in 0..=8u32) {
         let at = |sector| tiling::fixed::<f64>(sector, rate, scale);
         let off = at(a) + at(b) - at(a + b);
-        // The sum is modulo 1, and each place is rounded down to 24 bits.
+        // Texture coordinates add up modulo 1. Each coordinate is rounded down to a multiple of 2^-24, so the sum may be off by 2^-24.
         prop_assert!((off - off.round()).abs() <= 1.0 / 16_777_216.0, "{}", off);
         prop_assert_eq!(at(0), 0.0);
     }
@@ -667,10 +679,10 @@ proptest! {
         let at = |d, z| flavour_weights::weights(d, z, &params);
         let (near, far) = (at(d.min(e), z), at(d.max(e), z));
         prop_assert!(is_partition(near));
-        // At a larger distance, near cliff and splat never have more weight, and far atlas never has less. Indices: virtual texture, far atlas, near
-        // cliff, far cliff, splat.
+        // With increasing distance, the weights of near cliff and splat never increase, and the weight of far atlas never decreases. The indices 0 to
+        // 4 are virtual texture, far atlas, near cliff, far cliff and splat.
         prop_assert!(far[2] <= near[2] + 1e-15 && far[4] <= near[4] + 1e-15 && far[1] >= near[1] - 1e-15, "{:?} {:?}", near, far);
-        // On a steeper slope, cliffs never have less weight, and the virtual texture never has more.
+        // With increasing slope, the weight of the cliffs never decreases, and the weight of the virtual texture never increases.
         let (flat, steep) = (at(d, z.max(y)), at(d, z.min(y)));
         prop_assert!(steep[2] + steep[3] >= flat[2] + flat[3] - 1e-15 && steep[0] <= flat[0] + 1e-15, "{:?} {:?}", flat, steep);
         prop_assert!(flavour_weights::steep(z.min(y), params.cliff_cos) >= flavour_weights::steep(z.max(y), params.cliff_cos));
@@ -688,7 +700,7 @@ proptest! {
         prop_assert!(close(flavour_weights::weights_for(own, mask, false), own, 1e-14));
         let set = flavour_weights::mask(w);
         prop_assert!((1..32).contains(&set));
-        // If weights are scaled down, the mask gains no flavour, except far atlas (bit 1), which replaces an empty mask.
+        // If all weights are multiplied by a factor below 1, no flavour is added to the mask, except far atlas (bit 1), which replaces an empty mask.
         prop_assert_eq!(flavour_weights::mask(w.map(|x| x * s)) & !set & !2, 0);
     }
 
@@ -724,7 +736,8 @@ proptest! {
     fn visibility_is_alike_both_ways(v in 0.001..1.0f64, l in 0.001..1.0f64, more in unit(), alpha in 0.002..1.0f64) {
         let g = brdf::v_smith_ggx_correlated(v, l, alpha);
         prop_assert!((brdf::v_smith_ggx_correlated(l, v, alpha) / g - 1.0).abs() < 1e-14);
-        // Masking is stronger at grazing angles: G = 4 v l V never decreases with v, and is at most 1.
+        // Masking is stronger at grazing angles. The masking term is G = 4 v l V, where v = n.v and l = n.l are the cosines of the view and the light
+        // direction, and V is the visibility. G never decreases when v increases, and it is at most 1.
         let masked = |v: f64| 4.0 * v * l * brdf::v_smith_ggx_correlated(v, l, alpha);
         prop_assert!(masked(v) <= masked((v + more).min(1.0)) * (1.0 + 1e-13) && masked(v) <= 1.0 + 1e-13);
         prop_assert!(masked(v) >= 4.0 * v * l * brdf::v_smith_ggx_correlated(v, l, 1.0) * (1.0 - 1e-13), "alpha 1 must mask most");
@@ -786,7 +799,7 @@ proptest! {
 
     #[test]
     fn moments_in_f32_keep_their_digits(samples in vec(-1.0..1.0f64, 2..200), around in -1e6..1e6f64) {
-        // Each sample has two parts, as in the shader.
+        // As in the shader, a sample is given as the sum of two numbers.
         let mut narrow = Moments::<f32>::new();
         let parts: Vec<[f32; 2]> = samples.iter().map(|s| [around as f32, *s as f32]).collect();
         parts.iter().for_each(|p| narrow.add(*p));
@@ -809,7 +822,7 @@ proptest! {
         prop_assert!(signal::is_terrain(packed) && !signal::is_terrain([packed[0], packed[1] & !signal::TERRAIN]));
         prop_assert_eq!((signal::fetches(packed), signal::choice(packed)), (u32::from(fetches).min(1023), choice.min(31)));
         let again = signal::colour(packed);
-        // The tolerance is half a unit in the last place of f16, or half of the smallest step of f16.
+        // The tolerance is the rounding error of f16: at most 2^-11 of the value, or, near zero, half of the smallest step of 2^-24.
         prop_assert!((0..3).all(|k| (again[k] - colour[k]).abs() <= (colour[k].abs() / 2048.0).max(3e-8)), "{:?}", again);
         prop_assert_eq!(signal::pack(again, fetches.into(), choice), packed, "a colour that was packed must be packed to the same words again");
         prop_assert!((signal::luminance([colour[0]; 3]) - f64::from(colour[0])).abs() <= 1e-12 * f64::from(colour[0]));
@@ -867,15 +880,15 @@ proptest! {
         size in vector(50.0),
         share in [unit(), unit(), unit()],
     ) {
-        // A box around a place that a pixel shows is seen.
+        // A box around a point that some pixel shows must count as visible.
         let pixel = DVec2::new(x * f64::from(view.size[0]) - 0.5, y * f64::from(view.size[1]) - 0.5);
         let place = view.camera + view.ray(pixel.x, pixel.y) * log2_depth.exp2();
         let (size, share) = (DVec3::from_array(size).abs() + 1e-6, DVec3::from_array(share));
         prop_assert!(view.sees(place - size * share, place + size * (1.0 - share)));
-        // If a box is seen, any larger box around it is seen, too.
+        // If a box is visible, any larger box that contains it must be visible, too.
         let elsewhere = view.camera + size * 40.0 * (share - 0.5);
         prop_assert!(!view.sees(elsewhere - size * share, elsewhere + size) || view.sees(elsewhere - size, elsewhere + size * 1.5));
-        // A box behind the camera is not seen.
+        // A box behind the camera must not count as visible.
         let behind = view.camera - view.pose.axes()[2] * (size.length() * 2.0 + 1.0);
         prop_assert!(!view.sees(behind - size, behind + size));
     }
@@ -925,20 +938,21 @@ proptest! {
     ) {
         let to_past = Past::between(&now, &past);
         let pixel = [pixel[0] * f64::from(past.size[0]), pixel[1] * f64::from(past.size[1])];
-        // The point that a pixel of the earlier picture shows, relative to the later eye.
+        // The point that a pixel of the earlier picture shows, relative to the eye of the later view.
         let ray = past.ray(pixel[0], pixel[1]);
         let point = (ray * t - (now.pose.position - past.pose.position)).to_array();
         let [x, y, distance] = motion::reproject(point, &to_past);
         let scale_px = 1.0 / past.ray_dx.length().min(past.ray_dy.length());
-        // The point is a sum of world coordinates, so its rounding error is 2^-52 of up to 17 km, or of t if that is larger. The tolerance in pixels
-        // is larger than the shift of the pixel that this error causes.
+        // `point` is computed from the difference of two eye positions, which is up to 17 km long, and from the distance `t`. Its rounding error is
+        // about 2^-52 times the larger of these two lengths. It shifts the pixel by about the error, divided by `t` and multiplied by `scale_px`, the
+        // number of pixels per unit of the ray. The tolerance is larger than this shift.
         let tolerance = 1e-11 * (1.0 + scale_px) * (1.0 + 1e4 / t) * (1.0 + ray.length());
         prop_assert!((x - pixel[0]).abs() < tolerance && (y - pixel[1]).abs() < tolerance, "{} {} {:?}", x, y, pixel);
         prop_assert!((distance / t - 1.0).abs() < 1e-9);
         let again = motion::past_ray(&to_past, [x, y]);
         prop_assert!(length(sub(again, ray.to_array())) < 1e-9 * (1.0 + ray.length()), "{:?} {}", again, ray);
         prop_assert!((dot(again, to_past.forward) - 1.0).abs() < 1e-9 * (1.0 + ray.length()));
-        // A plane through the point is met at the point, for both directions and any length of its normal.
+        // The ray must meet a plane through the point at the point itself, whatever the sign and the length of the plane's normal.
         let along = dot(n, again).abs() / length(again);
         prop_assume!(along > 1e-3);
         let met = motion::expected_distance(point, &to_past, again, n);
@@ -988,7 +1002,7 @@ proptest! {
         if (1..128).contains(&x) && (1..128).contains(&y) {
             prop_assert_eq!(stitched, [x, y], "vertices inside a node must not move");
         }
-        // Two nodes of one level that share an edge weld its vertices equally.
+        // Two neighbouring nodes of the same level must weld the vertices of their common edge in the same way.
         let (east, west) = (geometry::stitch([128, y], delta << 8), geometry::stitch([0, y], delta));
         prop_assert_eq!(east[1], west[1]);
     }
@@ -1010,7 +1024,8 @@ proptest! {
                 let (beyond_x, beyond_y) = ((x + edge).min(side - 1), (y + edge).min(side - 1));
                 let (before_x, before_y) = (x.saturating_sub(1), y.saturating_sub(1));
                 let (sx, sy) = [(x + k, beyond_y), (beyond_x, y + k), (x + k, before_y), (before_x, y + k)][i];
-                // At the border of the world, the clamped sector belongs to the node itself and keeps its LOD.
+                // At the border of the world there is no neighbour. The clamped index is then a sector of the node itself, whose LOD must not be
+                // replaced.
                 if !(x..x + edge).contains(&sx) || !(y..y + edge).contains(&sy) {
                     map[sy * side + sx] = lod;
                 }
@@ -1038,7 +1053,7 @@ proptest! {
         log2_depth in 0.0..10.0f64,
     ) {
         let layout = Layout::of(10_240.0, None);
-        // The node and the patch at the point that a pixel of the culling view shows.
+        // Finds the node and the patch at the point that a pixel of the culling view (`frozen`) shows.
         let pixel = [x * f64::from(frozen.size[0]) - 0.5, y * f64::from(frozen.size[1]) - 0.5];
         let offset = frozen.ray(pixel[0], pixel[1]) * log2_depth.exp2();
         let place = frozen.pose.position + offset;
@@ -1051,14 +1066,14 @@ proptest! {
         let patches = culling::cull(&[(node, 3, bounds)], &map, &layout, [&view, &frozen], 1);
         let within = (place.truncate() - node.origin_m(&layout)) / layout.node_m(lod) * f64::from(culling::PATCHES);
         let wanted = [within.x, within.y].map(|v| (v as u32).min(culling::PATCHES - 1));
-        // On the border of two patches, either of them may be the one that is kept.
+        // If the point lies on the border of two patches, rounding decides which of them contains it.
         let near_border = [within.x, within.y].iter().any(|v| (v - v.round()).abs() < 1e-6);
         prop_assert!(near_border || patches.iter().any(|p| p.patch == wanted), "{:?} of {} patches", wanted, patches.len());
         for patch in &patches {
             prop_assert_eq!((patch.slot, patch.lod), (3, u32::from(lod)));
             prop_assert!((f64::from(patch.spacing) - layout.spacing_m(lod)).abs() < 1e-9);
         }
-        // The place where a node is drawn depends on the drawing view, not on the culling view.
+        // The origin of a node must be relative to the view that draws it (`view`), not to the culling view.
         let origin = node.origin_m(&layout) - (view.pose.position - view.camera).truncate();
         prop_assert!(patches.iter().all(|p| (DVec2::new(p.node_origin[0].into(), p.node_origin[1].into()) - origin).length() < 1e-3));
     }
@@ -1072,7 +1087,8 @@ proptest! {
         share in [unit(), unit(), unit()],
         log2_size in -8.0..8.0f64,
     ) {
-        // A box around the point that a pixel shows, and the matrix, both rounded to f32. The loop below projects 27 points of the box to pixels.
+        // Rounds a box around the point that a pixel shows, and the matrix, to f32. The loop below projects 27 points of the box to pixels. Each
+        // pixel must lie in the rectangle of pixels that `cover` returns for the box.
         let size = view.size.map(f64::from);
         let middle = view.camera + view.ray(x * size[0] - 0.5, y * size[1] - 0.5) * log2_depth.exp2();
         let held = |x: f64| f64::from(x as f32);
@@ -1112,7 +1128,7 @@ proptest! {
         inside in unit(),
     ) {
         let sine = half_deg.to_radians().sin();
-        // A normal in the cone: on the rim, or closer to the axis.
+        // A normal inside the cone: its angle to the axis is at most the half angle of the cone.
         let angle = half_deg.to_radians() * log2_share.exp2();
         let across = octahedral::unit(sub(lean, scale(axis, dot(lean, axis))));
         let normal = add(scale(axis, angle.cos()), scale(across, angle.sin()));
@@ -1154,7 +1170,7 @@ proptest! {
 
     #[test]
     fn cones_hold_what_they_were_made_of(axis in direction(), tilts in vec(vec((direction(), unit()), 1..8), 64), spread in 0.0..2.0f64) {
-        // Directions in the upper half space, spread around one direction.
+        // For each patch, draws unit normals in the upper half space, scattered around `axis`.
         let normals: Vec<Vec<[f64; 3]>> = tilts
             .iter()
             .map(|patch| {
@@ -1187,7 +1203,8 @@ proptest! {
     fn blocks_of_any_bits_are_pictures(bits in vec(any::<u8>(), 16), colour: [u8; 3], width in 1..9usize, height in 1..9usize) {
         prop_assert_eq!(blocks::decode(BlockFormat::Bc3, &bits, 4, 4).len(), 64);
         prop_assert_eq!(blocks::decode(BlockFormat::Bc1, &bits[..8], 4, 4).len(), 64);
-        // A block of one colour is exact to about half a step of 5 or 6 bits.
+        // The end points of a block have 5 or 6 bits per channel. So a channel of a block of one colour has an error of at most about half a step of
+        // 5 bits, which is 4.1 of 255.
         let texels = [colour[0], colour[1], colour[2], 255].repeat(width * height);
         for format in [BlockFormat::Bc1, BlockFormat::Bc3] {
             let encoded = blocks::encode(format, &texels, width, height, [1.0; 3], Effort::Fast);
@@ -1218,7 +1235,7 @@ proptest! {
         let at = |i: u32| (f64::from(i % width) * spacing - extent[0] / 2.0, extent[1] / 2.0 - f64::from(i / width) * spacing);
         let samples = (0..width * height).map(|i| plane(at(i).0, at(i).1) as f32).collect();
         let map = Heightmap { width, height, metres_per_texel: spacing, samples };
-        // The place is at least one spacing away from the edge, so that four samples surround it.
+        // The point is at least one spacing away from the edge of the map, so that four samples surround it.
         let inside = |share: f64, extent: f64| (share - 0.5) * (extent - 2.0 * spacing);
         let (x, y) = (inside(u, extent[0]), inside(v, extent[1]));
         let (h, dx, dy) = map.sample(x, y);
@@ -1248,7 +1265,7 @@ proptest! {
 
 // ---------------------------------------------------------------- any bits
 
-/// A number of arbitrary bits: ordinary numbers, numbers at the ends of the range, random bit patterns, infinities and NaN.
+/// Generates ordinary numbers, extreme numbers (including infinities and NaN), and numbers of random bit patterns.
 fn any_number<T: Real>() -> impl Strategy<Value = T> {
     const EXTREMES: [f64; 22] = [
         0.0,
@@ -1290,7 +1307,7 @@ fn are_finite<T: Real, const N: usize>(x: [T; N]) -> bool {
     x.iter().all(|x| x.is_finite())
 }
 
-/// Whether the numbers and the sum of their squares are finite in f32, because callers compute lengths in f32.
+/// Whether the numbers, rounded to f32, have a finite sum of squares. Callers compute lengths in f32.
 fn have_length<T: Real, const N: usize>(x: [T; N]) -> bool {
     let narrow = x.map(|x| x.to_f64() as f32);
     dot(narrow, narrow).is_finite()
@@ -1301,7 +1318,7 @@ fn any_past<T: Real>() -> impl Strategy<Value = Past<T>> {
         .prop_map(|(offset, forward, x_row, y_row, x_shift, y_shift)| Past { offset, forward, x_row, y_row, x_shift, y_shift })
 }
 
-/// Defines tests of one property per function, in f32 and in f64. The name of a test states what the results of the function must be.
+/// Defines each test twice, with the number type T = f32 and with T = f64. The name of a test states the property that the results must have.
 macro_rules! of_any_bits {
     ($($name:ident($($argument:pat in $strategy:expr),+ $(,)?) $body:block)+) => {
         of_any_bits!(@in f32, in_f32, $($name($($argument in $strategy),+) $body)+);
@@ -1366,7 +1383,8 @@ of_any_bits! {
         sides in [1..=16_384u16, 1..=16_384u16],
     ) {
         let size = sides.map(|side| T::of(f64::from(side)));
-        // For arbitrary rows, the cover is usually unknown. For a camera that looks along y, it is known more often.
+        // For arbitrary rows of the matrix, `cover` usually returns `None`. It returns `None` less often for `plain`, the matrix of a camera that
+        // looks along y.
         let [zero, one] = [T::of(0.0), T::of(1.0)];
         let plain = [[one, zero, zero, rows[0][3]], [zero, zero, one, rows[1][3]], [zero, one, zero, T::of(8.0)]];
         for cover in [rows, plain].into_iter().filter_map(|rows| seen::cover(rows, near, low, high, size)) {
@@ -1523,7 +1541,7 @@ proptest! {
 
     #[test]
     fn boxes_with_nan_are_seen(view in view(), sides in any_numbers::<f64, 6>(), broken in 0..6usize) {
-        // A box with NaN may be in the picture, so it counts as seen.
+        // A box with NaN may be in the picture, so it must count as visible.
         let mut sides = sides;
         sides[broken] = f64::NAN;
         let [low, high] = [0, 3].map(|at| DVec3::new(sides[at], sides[at + 1], sides[at + 2]));
@@ -1532,8 +1550,8 @@ proptest! {
 
     #[test]
     fn infinite_boxes_are_seen(view in view(), is_level: bool, sides in vec(any::<bool>(), 6)) {
-        // In a level view to the north, some frustum planes contain a coordinate axis. The component of their normals along that axis is zero, so an
-        // infinite side along it must not count.
+        // In a level view to the north, some frustum planes are parallel to a coordinate axis, so their normals have the component 0 along that axis.
+        // The product of 0 and an infinite coordinate of the box is NaN, which must not hide the box.
         let pose = if is_level { Pose { yaw: 0.0, pitch: 0.0, ..view.pose } } else { view.pose };
         let view = View::new(pose, view.size, [0.0; 2], 64.0, 10_240.0);
         let side = |i: usize, end: f64, other: f64| if sides[i] { end } else { other };
@@ -1555,7 +1573,7 @@ proptest! {
         normals[patch].push(broken);
         let cones = cones::decode(&cones::encode(&normals));
         prop_assert!(cones.iter().all(|c| are_finite(c.axis) && c.contains(up)));
-        // An invalid normal may face in any direction, so its cone contains all directions.
+        // An invalid normal may face in any direction, so the cone of its patch must contain all directions.
         prop_assert!(are_finite(broken) || cones[patch].sin_half_angle >= 1.0, "{:?}", cones[patch]);
     }
 }

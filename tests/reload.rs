@@ -1,6 +1,6 @@
-//! Shaders that are edited while they are in use: what is rebuilt, what stays, and which error a mistake causes.
+//! Tests shaders that are edited while they are in use: which stages are rebuilt, what stays unchanged, and which error a mistake causes.
 //!
-//! Each test has a device of its own, because shader texts that replace the embedded ones are in effect for a whole device.
+//! Each test has a device of its own, because edited shader texts replace the embedded ones for all users of a device.
 
 use std::path::{Path, PathBuf};
 
@@ -38,7 +38,7 @@ impl Folder {
         Folder(path)
     }
 
-    /// Replaces text that occurs once in a file. Returns the number of its line, from 1.
+    /// Replaces text that occurs exactly once in a file. Returns the number of its line, counted from 1.
     fn edit(&self, name: &str, from: &str, to: &str) -> usize {
         let file = self.0.join(name);
         let text = std::fs::read_to_string(&file).expect("a shader");
@@ -68,7 +68,7 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // If this fails, the files stay in the folder for temporary files.
+        // An error is ignored: it only means that temporary files are not removed.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
@@ -91,7 +91,7 @@ fn draw(renderer: &mut Renderer<'_>, request: &RenderRequest) -> Picture {
     renderer.render(request).expect("renders")
 }
 
-/// Whether the terrain of `dim` has half the radiance of `bright`, and the sky all of it.
+/// Whether the radiance in `dim` is half of that in `bright` on terrain, and equal to it in the sky.
 fn is_half_of(dim: &Picture, bright: &Picture) -> bool {
     dim.hdr.iter().zip(&bright.hdr).zip(terrain(bright)).all(|((dim, bright), on)| {
         let share = if on { 0.5 } else { 1.0 };
@@ -184,7 +184,8 @@ fn a_change_of_the_display_alters_what_is_shown_and_nothing_that_is_measured() {
     assert!(codes(&black).iter().all(|code| code[..3] == [0; 3]) && codes(&first).iter().any(|code| code[..3] != [0; 3]));
     folder.edit(DISPLAY, "texel.rgb * display.exposure * 0.0", "texel.rgb * display.exposure");
 
-    // Radiance that is NaN is displayed as black, and infinite radiance as white with the curve `clip`; the other channels are left alone.
+    // With the tone curve `clip`, a channel whose radiance is NaN is displayed as 0, and a channel whose radiance is infinite as 255. The third
+    // channel must not be affected.
     folder.edit(LIGHTING, LIT, LIT_BY_NO_NUMBER);
     let report = folder.reload(&mut renderer).expect("compiles");
     assert_eq!(report.stages, ["lighting", "display"]);
@@ -248,7 +249,7 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
     let forced = |variant| request(&renderer, "ground").with(|r| r.shading.variant = VariantChoice::Forced(variant));
     let (atlas, full) = (forced(Variant::only(Flavour::FarAtlas)), forced(Variant::new(31).expect("all five")));
     let first = draw(&mut renderer, &atlas);
-    // The edit divides by 0 if the pipeline of all five flavours is specialised.
+    // The edit divides by 0 when a pipeline is specialised for the variant with all five flavours.
     let shading = "shading/shading.wgsl";
     folder.edit(
         "shading/pixel.wgsl",
@@ -267,7 +268,7 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
     assert!(matches!(&error, Error::Request(text) if text.contains(shading)), "{error}");
     gpu.check().expect("the device has nothing to complain about");
     assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
-    // If a variant has been drawn, a change that breaks it is refused as a whole.
+    // If an edit breaks a variant that has already been drawn, the whole edit is refused.
     folder.edit("shading/pixel.wgsl", "(VARIANT ^ 31u)", "(VARIANT ^ 2u)");
     let error = folder.refused(&mut renderer);
     assert!(error.contains(shading), "{error}");
@@ -317,14 +318,15 @@ fn the_workbench_starts_with_a_broken_shader_and_follows_the_folder() {
     let error = stage.model().shader_error().expect("just seen").to_owned();
     assert!(error.contains(&format!("{LIGHTING}:{line}: ")), "{error}");
     assert!(stage.names().iter().any(|name| name.contains(LIGHTING)), "{:?}", stage.names());
-    // Drawing goes on with the last shaders that compiled. The test draws a different frame first, so that the picture is drawn again.
+    // Pictures must still be drawn with the last shaders that compiled. The test requests a different frame and then the same frame again, so that
+    // the picture is really drawn again.
     let frame = stage.model().shown().expect("a picture").wish.frame;
     stage.model().clock.frame = frame + 1;
     stage.settle().expect("a picture");
     stage.model().clock.frame = frame;
     stage.settle().expect("a picture");
     assert_eq!(texels(stage.model()), dim);
-    assert!(stage.model().shader_error().is_some(), "the error must stay for as long as the mistake does");
+    assert!(stage.model().shader_error().is_some(), "the error must be shown until the mistake is corrected");
     folder.edit(LIGHTING, NO_SUCH_NAME, NORMAL);
     stage.until("the mended shader", |model| model.shader_error().is_none()).expect("no error");
     assert_eq!(texels(stage.model()), dim);

@@ -1,6 +1,7 @@
-//! Complete runs of the program, including pictures and reports: uninterrupted, killed and resumed, and in shards.
+//! Tests complete runs of the program `experiments`, including pictures and reports: uninterrupted runs, runs that are killed and resumed, and runs
+//! in shards.
 //!
-//! Most tests use one small definition on a small scene. Other tests check the measured values.
+//! Most tests use the same small definition and a small scene. They do not check whether the measured values are right; the tests of metrics do.
 
 use std::fs;
 use std::path::Path;
@@ -51,7 +52,7 @@ fn bytes(out: &str) -> [Vec<u8>; 2] {
     ["metrics.parquet", "metrics.csv"].map(|name| fs::read(Path::new(out).join("tiny").join(name)).expect("the run wrote its tables"))
 }
 
-/// Number of finished parts of a run that is not finished.
+/// Number of finished parts of an unfinished run.
 fn parts(out: &str) -> usize {
     let files = fs::read_dir(Path::new(out).join("tiny").join("parts")).into_iter().flatten().filter_map(Result::ok);
     files.filter(|file| file.path().extension().is_some_and(|e| e == "parquet")).count()
@@ -82,7 +83,7 @@ struct Whole {
     took: Duration,
 }
 
-/// The result of an uninterrupted run, which is made and checked once.
+/// Returns the result of an uninterrupted run. The run is made and checked on the first call.
 fn whole() -> &'static Whole {
     static WHOLE: OnceLock<Whole> = OnceLock::new();
     WHOLE.get_or_init(|| run_whole(&Folder::new("whole")))
@@ -100,7 +101,8 @@ fn run_whole(folder: &Folder) -> Whole {
     for name in ["report.html", "report.md", "manifest.json", "reference"] {
         assert!(Path::new(&whole).join("tiny").join(name).exists(), "{name}");
     }
-    // The frames are written as PNG sequences, with the commands of programs that judge them.
+    // The frames are written as PNG sequences. `judge.txt` contains the command lines of programs that compare a sequence with the reference
+    // sequence.
     let video = Path::new(&whole).join("tiny").join("video");
     for name in ["reference-cliff-sideways", "sweep-cliff-sideways-fc5-hashed-off-near-cliff"] {
         assert_eq!((0..3).filter(|frame| video.join(name).join(format!("{frame:04}.png")).exists()).count(), 3, "{name}");
@@ -133,8 +135,8 @@ fn a_run_is_the_same_killed_and_resumed() {
     success(&["run", &definition, "--out", &killed, "--resume"]);
     assert!(bytes(&killed) == *expected, "the tables differ after kills");
 
-    // If the table of a finished run is damaged, the run is done again. That run is killed, and its reference picture is damaged. The reference must
-    // then be made again, too, and the tables must be the same.
+    // If the table of a finished run is damaged, the run is done again. This second run is killed, and its reference picture is damaged. When it is
+    // resumed, it must also make the reference again, and the tables must be the same as before.
     let table = Path::new(&killed).join("tiny").join("metrics.parquet");
     fs::write(&table, &expected[0][..expected[0].len() / 2]).expect("writable");
     assert_eq!(done(), 0, "a finished run keeps no parts");
@@ -176,13 +178,15 @@ fn a_run_is_the_same_in_shards() {
     assert!(report.status.success() && String::from_utf8_lossy(&report.stderr).contains("missing: shard 1/2"), "{report:?}");
 }
 
-/// The picture has two pixels in one row. Beyond the first lag, only a quarter of the pixels is followed, a different quarter in each frame. The
-/// quarter contains either one of the two pixels or none. If it contains none, nothing is followed beyond the first lag in that frame.
+/// Uses a picture with two pixels in one row. The metrics follow every pixel to the previous frame (lag 1), but only a quarter of the pixels to
+/// earlier frames (lags above 1); the quarter is different in each frame. It contains one of the two pixels or none. If it contains none, that frame
+/// has no values for lags above 1.
 #[test]
 fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
     let folder = Folder::new("two-pixels");
     prepare(&folder);
-    // A picture of two pixels uses the coarsest nodes, whose surface may be above a camera that is near the ground. So this camera is high.
+    // A picture of two pixels uses the coarsest nodes of the terrain, whose surface may be above a camera that is near the ground. So the camera of
+    // this test is high.
     let scene = kernels::scene::DEFAULT_TEXT.replace("detail_size = 1024", "detail_size = 64")
         + "\n[[camera]]\nname = \"above\"\nposition = [0.0, 0.0, 400.0]\nabove_ground = true\nyaw_deg = 0.0\npitch_deg = -60.0\nfov_deg = 40.0\n";
     folder.write("scene.toml", &scene);

@@ -1,4 +1,5 @@
-//! Scene files: reading, validation, and the requirements that follow from a scene; and the 31 variants.
+//! Tests scene files (reading, validation, and the textures and variants that a scene requires), and the names of the 31 variants, the non-empty sets
+//! of the five shading flavours.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,7 +13,7 @@ use kernels::scene::{DEFAULT_TEXT, Scene};
 use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 
-/// A small scene file. Tests check the numbers of the lines that errors name, so lines must not move.
+/// A small scene file. Tests check the line numbers in errors, so no line may be inserted or removed.
 const SMALL: &str = "\
 name = \"small\"
 [world]
@@ -165,7 +166,7 @@ fn nearest_word() {
 
 #[test]
 fn wrong_scenes_are_refused_with_place_and_remedy() {
-    // (what is changed, into what, line, what the error must say)
+    // (replaced text, replacement, line that the error must name, texts that the error must contain)
     let cases: &[(&str, &str, usize, &[&str])] = &[
         ("seed = 1", "seed = -1", 4, &["seed", "-1"]),
         ("seed = 1", "seed = \"x\"", 4, &["`world.seed` is \"x\", must be a whole number from 0 to 4294967295"]),
@@ -336,7 +337,8 @@ fn required_textures_have_the_sizes_of_the_formats() {
         scene::World::Procedural { seed: 1, holes: vec![scene::Hole { centre: [0.0; 2], radius_m: 2.0 }], colour_modulation: 0.5 };
     let requirements = Requirements::of(&scene);
     assert!(requirements.holes && requirements.colour_modulation);
-    // The payload of a node has 72 419 bytes. 64 of them are patch cones, which only culling reads. Slot 0 means "not loaded".
+    // The payload of a node has 72 419 bytes. 64 of them are the normal cones of patches, which are not uploaded. The + 1 is for slot 0, which stands
+    // for nodes that are not loaded.
     let nodes: u64 = requirements.textures.iter().filter(|t| t.name.starts_with("node ") && t.required).map(|t| t.bytes).sum();
     assert_eq!(nodes, (72_419 - 64) * u64::from(residency::CAPACITY + 1));
 

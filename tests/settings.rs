@@ -1,4 +1,5 @@
-//! The tables of settings must be complete, agree with the files, give the same error for a mistake in every place, and agree with the documentation.
+//! Tests the tables of settings. They must be complete, and agree with scene files and with the documentation. A wrong value must cause the same
+//! error wherever a user can write it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +18,8 @@ fn default_scene() -> Scene {
     scene::load(scene::DEFAULT).expect("built in")
 }
 
-/// The default scene with a heightmap as its world, which has different settings. The file does not have to exist.
+/// The default scene, but with a heightmap as its world. A heightmap has settings that a procedural world does not have. The file of the heightmap
+/// does not have to exist.
 fn heightmap_scene() -> Scene {
     let world = World::Heightmap {
         file: PathBuf::from("none.png"),
@@ -31,13 +33,13 @@ fn heightmap_scene() -> Scene {
     Scene { world, ..default_scene() }
 }
 
-/// The value that the file of a scene holds under a key.
+/// Returns the value that a scene file has under a key, such as `sun.elevation_deg`.
 fn held(scene: &Scene, key: &str) -> Option<Value> {
     let document = Value::try_from(scene).expect("a scene is a document");
     key.split('.').try_fold(document, |at, step| at.get(step).cloned())
 }
 
-/// Keys of the single values in a table: numbers, texts, and lists of numbers.
+/// Returns the keys of the values in a table that are not tables or lists of tables: numbers, flags, texts, and lists of numbers.
 fn leaves(table: &Value, prefix: &str) -> Vec<String> {
     let is_leaf = |value: &Value| match value {
         Value::Table(_) => false,
@@ -67,7 +69,7 @@ fn every_single_value_of_a_scene_is_a_setting() {
     assert!(found > 40, "{found} values");
 }
 
-/// A different value that a setting accepts.
+/// Returns a value that a setting of this kind accepts and that differs from `value`.
 fn another(kind: Kind, value: &Value) -> Value {
     match (kind, value) {
         (Kind::Number(range), _) => Value::Float(range.most),
@@ -85,7 +87,7 @@ fn another(kind: Kind, value: &Value) -> Value {
     }
 }
 
-/// A value that a setting does not accept, but that is close to accepted values.
+/// Returns a value that a setting of this kind does not accept, but that is close to accepted values.
 fn wrong(kind: Kind) -> Value {
     match kind {
         Kind::Number(range) => Value::Float(range.most + 1.0),
@@ -150,7 +152,7 @@ fn defaults_are_what_an_empty_table_gives() {
     }
 }
 
-/// The error for a definition that sets `key` to `value`.
+/// Returns the error for an experiment definition that sets `key` to `value`.
 fn of_definition(folder: &Folder, key: &str, value: &Value) -> String {
     let text = format!(
         "name = \"wrong\"\nquestion = \"What is said?\"\nviews = [\"cliff\"]\nsize = [16, 16]\nframes = 1\nvariants = [\"auto\"]\n[set]\n\"{key}\" = {value}\n"
@@ -158,7 +160,7 @@ fn of_definition(folder: &Folder, key: &str, value: &Value) -> String {
     definition::parse(&text, "wrong.toml", &folder.0).expect_err("refused").to_string()
 }
 
-/// The error of the program for wrong arguments.
+/// Returns the error that the program prints for wrong arguments.
 fn of_call(arguments: &[String]) -> String {
     let mut all = vec!["render", "--camera", "cliff", "--out", "x.png"];
     all.extend(arguments.iter().map(String::as_str));
@@ -167,7 +169,7 @@ fn of_call(arguments: &[String]) -> String {
     text(&output.stderr)
 }
 
-/// The warnings about a wrong state file. Checks that the file changes no setting.
+/// Returns the warnings of the workbench about a state file with a wrong value. Checks that this file changes no setting.
 fn of_state(folder: &Folder, text: &str) -> Vec<String> {
     let file = folder.write("workbench.toml", &format!("version = 2\n{text}"));
     let (kept, line) = Kept::load(Path::new(&file));
@@ -181,7 +183,7 @@ fn of_state(folder: &Folder, text: &str) -> Vec<String> {
     said
 }
 
-/// The error of the setting itself for a wrong value.
+/// Returns the error of the setting itself for a wrong value.
 fn sentence<T>(setting: &Setting<T>, owner: &mut T) -> String {
     setting.set(owner, &wrong(setting.kind)).expect_err("not accepted")
 }
@@ -233,7 +235,7 @@ fn a_wrong_value_of_a_scene_is_said_in_one_sentence_everywhere() {
         assert!(found.contains(&format!(": {said} (")), "{said}: {found}");
         let found = of_definition(&folder, setting.key, &value);
         assert!(found.ends_with(&said), "{said}: {found}");
-        // The same mistake in a scene file that contains all settings.
+        // Makes the same mistake in a scene file that contains all settings.
         let (from, to) = (format!("\n{} = {usual}\n", setting.name()), format!("\n{} = {value}\n", setting.name()));
         let written = toml::to_string(&scene).expect("a scene can be written");
         let changed = written.replacen(&from, &to, 1);
@@ -279,14 +281,14 @@ fn settings_reference_is_current() {
     assert!(
         kept == now,
         "docs/settings.md differs from the tables of settings in line {line}: \
-         `SCREE_RECORD=1 cargo test --release --test scree settings_reference` writes it anew"
+         `SCREE_RECORD=1 cargo test --release --test scree settings_reference` rewrites it"
     );
 }
 
 #[test]
 fn the_built_in_scene_is_not_changed_by_its_settings() {
-    // The built-in scene contains its settings with their default values, so a default that differs from it fails here. Sun and sky are left out: the
-    // built-in scene has its own values for them.
+    // The built-in scene file gives its settings their default values, so the test fails if a default differs from the file. The settings of sun and
+    // sky are left out, because the file gives them values that differ from the defaults.
     let written = scene::parse(DEFAULT_TEXT, scene::DEFAULT, Path::new("")).expect("built in");
     let has_default = |key: &str| !key.starts_with("sun.") && !key.starts_with("sky.");
     for setting in scene::settings().filter(|setting| has_default(setting.key)) {

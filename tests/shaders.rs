@@ -1,4 +1,4 @@
-//! Every shader module, checked by naga without a device: it is parsed and validated, and its overrides are resolved.
+//! Checks every shader module with naga, without a device: the module is parsed and validated, and its overrides are resolved.
 //!
 //! A device reports some errors only when a variant is first used, and some backends never report them. These tests report them for all variants.
 
@@ -20,14 +20,14 @@ use crate::fixtures::wgsl_files;
 pub(crate) struct Source {
     pub(crate) name: &'static str,
     pub(crate) text: String,
-    /// Capabilities that it needs in addition to those that every adapter has.
+    /// The capabilities of naga that the module needs. By default, naga allows none of them.
     needs: Capabilities,
 }
 
 pub(crate) fn source(module: &ShaderModule) -> Source {
     let has = |path: &str| module.files().iter().any(|file| file.path == path);
     let mut needs = Capabilities::empty();
-    // This is `pack2x16float`, which packs f16 numbers into a word. Every adapter supports it.
+    // This capability allows `pack2x16float`, which packs two f16 numbers into a word. Every adapter supports it.
     needs.set(Capabilities::SHADER_FLOAT16_IN_FLOAT32, has("shared/signal.wgsl"));
     needs.set(Capabilities::SUBGROUP, has("classification/subgroup.wgsl"));
     Source { name: module.name, text: wgsl::joined(&module.pieces()), needs }
@@ -49,8 +49,8 @@ pub(crate) fn validate(text: &str, capabilities: Capabilities) -> Result<(naga::
     Ok((module, info))
 }
 
-/// The module of an entry point with its overrides resolved. It is an error if `overrides` contains a name that the module does not declare, or lacks
-/// an override without a default.
+/// Returns the module of an entry point with constants in place of its overrides. It is an error if `overrides` contains a name that the module does
+/// not declare, or if it contains no value for an override without a default.
 fn resolve(
     (module, info): &(naga::Module, ModuleInfo),
     entry: (ShaderStage, &str),
@@ -74,7 +74,8 @@ fn resolved_value(module: &naga::Module, name: &str) -> Option<f64> {
     }
 }
 
-/// Overrides that a key must give: those without default, and those whose default is a number. The defaults of all others follow from these.
+/// Returns the overrides for which a pipeline key must give a value: those without a default, and those whose default is a number. The defaults of
+/// all other overrides are computed from them.
 fn declared(module: &naga::Module) -> Vec<&str> {
     let is_own = |init: Option<naga::Handle<naga::Expression>>| {
         init.is_none_or(|init| matches!(module.global_expressions[init], naga::Expression::Literal(_)))
@@ -105,10 +106,10 @@ fn every_module_is_valid() {
     }
 }
 
-/// Validates a file together with the files that it declares as needs, and nothing else. An error names the file.
+/// Validates a file together with the files that it declares in `needs`, and without any other file. An error names the file.
 fn alone(file: &'static Wgsl) -> Result<(), String> {
     let text = wgsl::joined(&wgsl::pieces(&[file]));
-    // A file alone may be part of any module, so it may use the capabilities of any module.
+    // The file may belong to any module, so the capabilities of all modules are allowed.
     let capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32 | Capabilities::SUBGROUP;
     validate(&text, capabilities).map(drop).map_err(|error| format!("{}: {error}", file.path))
 }
@@ -117,8 +118,7 @@ fn alone(file: &'static Wgsl) -> Result<(), String> {
 fn every_file_declares_what_it_needs_and_no_more() {
     for file in wgsl_files() {
         alone(file).unwrap_or_else(|error| panic!("{error}"));
-        // A file must use something of each need that it declares. Validation alone does not check this, because it also accepts needs that are not
-        // used.
+        // A file must use a declaration of each file in its `needs`. Validation does not check this, because unused declarations are valid.
         let words = |text: &str| text.split(|c: char| !c.is_alphanumeric() && c != '_').map(str::to_owned).collect::<Vec<_>>();
         let used = words(file.text);
         for need in file.needs {
@@ -141,7 +141,7 @@ fn every_file_declares_what_it_needs_and_no_more() {
             assert!(names.iter().any(|name| used.contains(name)), "{} needs {}, but uses nothing of it", file.path, need.path);
         }
     }
-    // Negative control: a file that does not declare a need is refused, and the error names the file.
+    // Negative control: a file is refused if one of the files that it uses is not in its `needs`. The error names the refused file.
     static LACKING: Wgsl = Wgsl::new("lacking.wgsl", "fn f(v: u32) -> u32 { return hash_pcg(v); }", &[&kernels::shared::USABLE]);
     let error = alone(&LACKING).expect_err("hash.wgsl is not among its needs");
     assert!(error.starts_with("lacking.wgsl: ") && error.contains("hash_pcg"), "{error}");
@@ -155,7 +155,8 @@ fn every_variant_resolves() {
     for kernel in kernels() {
         for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS) {
             for diagnostics in [false, true] {
-                // The other fields of the key alternate instead of being combined, because a wrong value of such a field is wrong for all kernels.
+                // Not every value of `noise` and `two_tilings` is combined with every kernel: a wrong value of such a field would be wrong for all
+                // kernels. So the values take turns.
                 let (noise, two_tilings) = (NoiseKind::ALL[keys.len() % NoiseKind::ALL.len()], keys.len() % 2 == 1);
                 keys.push(PipelineKey { kernel, estimator, noise, two_tilings, diagnostics });
             }
@@ -176,13 +177,13 @@ fn every_variant_resolves() {
             let open = resolved.global_expressions.iter().any(|(_, e)| matches!(e, naga::Expression::Override(_)));
             assert!(!open, "{key:?}, {}: an override is left", entry.1);
             for (name, value) in overrides {
-                // The vertex stage uses only one of the overrides, and naga removes those that are not used.
+                // The vertex stage uses only one of the overrides, and naga removes the others from the result.
                 let found = resolved_value(&resolved, name);
                 assert!(found.is_none_or(|v| (v - value).abs() < 0.5), "{key:?}: {name} became {found:?}, not {value}");
             }
             assert!(resolved_value(&resolved, "VARIANT").is_some(), "{}: VARIANT is not used", entry.1);
         }
-        // The key gives every override that the module declares, so none keeps its default.
+        // The key must give a value to every override that the module declares, so that no override keeps its default.
         let mut names = overrides.map(|(name, _)| name);
         let mut open = declared(&shading.0);
         names.sort_unstable();
@@ -213,7 +214,7 @@ fn other_stages_overrides_exist() {
             let resolved = resolve(&module, entry, &[(name, value)]).unwrap_or_else(|e| panic!("{}: {e}", entry.1));
             assert_eq!(resolved_value(&resolved, name), Some(value), "{}", entry.1);
         }
-        // Negative control: an unknown name.
+        // Negative control: an unknown name is an error.
         assert!(resolve(&module, entry, &[(&name[1..], 1.0)]).is_err());
     }
 }

@@ -1,8 +1,9 @@
-//! `kernels::shared` on the CPU: the reference of every pair is compared with its formula, and its WGSL must be valid. `properties.rs` tests
-//! symmetries, orders and arguments of arbitrary bits; `noise.rs` and `noise_stability.rs` test the statistics of noise.
+//! Tests `kernels::shared` without a GPU. Its functions exist twice: as a Rust reference and in WGSL. The references are compared with their
+//! formulas, and the WGSL must be valid. `properties.rs` tests symmetries, monotonicity and arguments of arbitrary bit patterns; `noise.rs` and
+//! `noise_stability.rs` test the statistics of noise.
 //!
-//! Statistical tests have fixed seeds, and each states its null hypothesis. Each family of N tests has a level of 0.1 % in all (1 - 0.999^(1/N) for
-//! each test, Sidak). A test that compares with a formula also tries a mutant, which it must reject.
+//! Statistical tests have fixed seeds. The N tests of a family share a significance level of 0.1 %, so each test has the level 1 - 0.999^(1/N)
+//! (Sidak). Most tests that compare a function with a formula also try a wrong version of the function (a mutant), which they must reject.
 
 use experiments::stability::noise::{ORIGINS, SECTOR_M, scattered};
 use experiments::stability::statistics::{Random, goodness_p, independent_p, sidak, uniform_bins_p, uniform_ks_p};
@@ -27,7 +28,7 @@ fn largest_difference<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
 
 #[test]
 fn hashes_have_their_published_values() {
-    // The pcg4d of the paper (Jarzynski & Olano 2020), written independently from the published code.
+    // The function pcg4d of Jarzynski & Olano 2020. It is written from the published code, independently of the kernel.
     fn pcg4d(v: [u32; 4]) -> [u32; 4] {
         let [mut x, mut y, mut z, mut w] = v.map(|a| (u64::from(a) * 1_664_525 + 1_013_904_223) as u32);
         let mad = |a: u32, b: u32, c: u32| ((u64::from(b) * u64::from(c) + u64::from(a)) & 0xffff_ffff) as u32;
@@ -71,7 +72,7 @@ fn parameters_mix_without_cancelling() {
         words.dedup();
         words.len()
     };
-    // Among 64 000 random words of 32 bits, about half a pair is equal on average.
+    // Among 64 000 random words of 32 bits, the expected number of equal pairs is about 0.5.
     assert!(distinct(seen) >= 63_990);
     // Negative control: the hash of a plain sum of the parameters has many equal values.
     let sums = (0..64_000).map(|i: u32| hash::pcg(i % 40 + i / 40 % 40 + i / 1600)).collect();
@@ -126,7 +127,7 @@ fn cells_are_the_same_near_and_far() {
     };
     for footprint in [0.003, 0.1, 1.7, 40.0] {
         for scales in HASHED.map(|(_, scales)| scales) {
-            // The positions at which cells begin along 64 m. They must be equal at three distances from the origin.
+            // Returns the positions along 64 m at which a new cell begins. They must be equal at three distances from the origin.
             let borders = |sector: i32| -> Vec<u32> {
                 (1..4096u32)
                     .filter(|&i| {
@@ -137,8 +138,8 @@ fn cells_are_the_same_near_and_far() {
             };
             assert_eq!(borders(0), borders(156));
             assert_eq!(borders(0), borders(15_625));
-            // There is no seam between sectors: a point beyond the edge of its sector lies in the same cell as the equal point of the neighbouring
-            // sector.
+            // There is no seam between sectors. A point beyond the edge of a sector can be given relative to that sector or relative to the
+            // neighbouring sector. Both must lie in the same cell.
             for i in 0..200 {
                 let x = f64::from(i) * 0.07;
                 let (over, own) = (point(15_625, SECTOR_M + x, footprint), point(15_626, x, footprint));
@@ -161,8 +162,10 @@ fn cells_are_the_same_near_and_far() {
             hash_scale: 1.0,
         };
         let (a, b) = (noise::hashed_isotropic(&small, 1, 1), noise::hashed_isotropic(&exact, 1, 1));
-        // The blend factor l depends on log2 of the footprint, which has an error of up to 16 * 2^-24 in f32. The slope of the correction in x is at
-        // most 1/max(l, 1-l) <= 2, and its slope in l is at most 2, too. The tolerance is four times the error that follows.
+        // The blend factor l contains log2 of the footprint, whose error in f32 is at most 16 * 2^-24 = 8 EPSILON. This error changes the threshold
+        // in two ways. First, it changes the blend x by at most 8 EPSILON, and the correction multiplies this by its slope in x, which is at most
+        // 1/max(l, 1-l) <= 2. Second, it changes the correction itself, whose slope in l is at most 2. Together, these are 32 EPSILON. The tolerance
+        // is four times this sum.
         assert!(largest_difference(a.map(f64::from), b) < 8.0 * 16.0 * f64::from(f32::EPSILON), "{a:?} {b:?}");
     }
 }
@@ -190,15 +193,17 @@ fn thresholds_follow_the_scale_without_a_pop() {
         };
         noise::isotropic_scales(&point, 1, 1)
     };
-    // A step is 5e-4 levels, and the correction enlarges a change at most 4 times.
+    // A step changes the level, and so the blend factor l, by 5e-4. The threshold changes by at most 4 times that: 2 times through the blend x, and 2
+    // times because the correction also depends on l. So a step changes the threshold by at most 2e-3.
     assert!(largest_step(&|level| at(level).thresholds()) < 2.5e-3);
-    // Negative control: the value of the larger cell alone jumps at every power of two.
+    // Negative control: the value of the larger cell alone, without the blend, jumps whenever the footprint passes a power of two.
     assert!(largest_step(&|level| at(level).coarse) > 0.1);
 }
 
 #[test]
 fn correction_is_the_distribution_function_of_the_blend() {
-    // P((1-l) U1 + l U2 < x): the mean over U1 of the probability that U2 is small enough, by the midpoint rule.
+    // Computes P((1-l) U1 + l U2 < x) for independent uniform U1 and U2. This is the mean over U1 of P(U2 < (x - (1-l) U1) / l), which is integrated
+    // by the midpoint rule.
     let integral = |x: f64, l: f64| {
         let n = 4000;
         (0..n).map(|i| ((x - (1.0 - l) * (f64::from(i) + 0.5) / f64::from(n)) / l).clamp(0.0, 1.0)).sum::<f64>() / f64::from(n)
@@ -213,7 +218,8 @@ fn correction_is_the_distribution_function_of_the_blend() {
         }
         worst
     };
-    // The integrand has two kinks, and its slope is at most 1/l. So the error of the midpoint rule is a few times 1/(l n²) at most.
+    // The integrand is linear except at two kinks, and its slope is at most 1/l. So the error of the midpoint rule with n points is at most 1/(l n²),
+    // which is 6.3e-6 for the smallest l of 0.01.
     assert!(worst(&noise::correct) < 1e-5);
     assert!(worst(&|x, _| x) > 0.01, "the mutant without correction passed");
     assert!(worst(&|x, l| noise::correct(x, (1.0 - l) * 0.9)) > 0.01, "the mutant with a wrong factor passed");
@@ -222,7 +228,7 @@ fn correction_is_the_distribution_function_of_the_blend() {
             assert!((noise::correct(x, l) - x).abs() < 1e-12);
             assert!((noise::correct(x as f32, l as f32) - x as f32).abs() < 1e-6);
         }
-        // The correction is symmetric in l and 1-l.
+        // The correction has the same value for l and for 1 - l.
         assert!((noise::correct(x, 0.2) - noise::correct(x, 0.8)).abs() < 1e-12);
     }
     assert!(noise::correct(1.0_f32, 0.5) < 1.0);
@@ -244,7 +250,7 @@ fn noise_kinds_have_names_and_codes() {
 
 #[test]
 fn cells_are_about_a_pixel_wide() {
-    // The width of the larger cell is between 1 and 2 times hash_scale, in footprints.
+    // The larger of the two blended cells is between 1 and 2 times `hash_scale` footprints wide.
     for hash_scale in [1.0, 2.0] {
         for footprint in [0.011, 0.3, 1.3] {
             let at = |x: f64| HashedPoint {
@@ -292,7 +298,7 @@ fn axes_survive_exactly() {
         axes_survive::<f32>(bits);
         axes_survive::<f64>(bits);
     }
-    // Negative control: if all 256 codes are used, zero falls between two of them.
+    // Negative control: if all 256 codes of a byte are used, zero lies between two codes.
     let all_codes = |x: f64| ((x * 0.5 + 0.5) * 255.0).round() / 255.0 * 2.0 - 1.0;
     assert_ne!(octahedral::decode(octahedral::encode([0.0, 0.0, 1.0]).map(all_codes)), [0.0, 0.0, 1.0]);
 }
@@ -318,7 +324,7 @@ fn octahedral_errors_are_the_published_ones() {
     // Negative control: rounding each coordinate to its nearest code is the plain "oct" of the survey, with a mean of 0.337° and a maximum of 0.944°.
     let plain = errors(&|n| octahedral::dequantise(octahedral::quantise(octahedral::encode(n), 8), 8));
     assert!(!published(plain) && (0.33..0.345).contains(&plain.0) && (0.88..0.95).contains(&plain.1), "{plain:?}");
-    // Each bit halves the error.
+    // Each additional bit per coordinate halves the error.
     for (bits, factor) in [(12, 16.0), (16, 256.0)] {
         let (mean, max) = errors(&|n| octahedral::dequantise(octahedral::encode_precise(n, bits), bits));
         assert!((mean * factor / precise.0 - 1.0).abs() < 0.03 && max * factor < 0.65, "{bits} bits: {mean} {max}");
@@ -330,7 +336,7 @@ fn octahedral_errors_are_the_published_ones() {
 
 // ---------------------------------------------------------------- derivatives
 
-/// The definition of the derivative: the intersection of the neighbour's ray with the plane, minus the point.
+/// The derivative by its definition: the intersection of the neighbouring pixel's ray with the plane, minus the visible point `ray * t`.
 fn hit_minus_point(ray: [f64; 3], ray_step: [f64; 3], t: f64, n: [f64; 3]) -> [f64; 3] {
     let point = scale(ray, t);
     let neighbour = add(ray, ray_step);
@@ -345,7 +351,7 @@ fn derivatives_are_ray_plane_intersections() {
         let mut worst: f64 = 0.0;
         let mut tested = 0;
         while tested < 5000 {
-            // The steps between the rays of a camera are perpendicular to its axis.
+            // The steps to the two neighbouring rays are perpendicular to each other, as in a camera.
             let (right, up) = (normalize([0.8, 0.6, 0.0]), normalize([-0.3, 0.4, 0.9]));
             let ray = add(random.direction(), add(scale(right, 0.3), scale(up, 0.2)));
             let n = random.direction();
@@ -368,7 +374,7 @@ fn derivatives_are_ray_plane_intersections() {
         }
         worst
     };
-    // By cancellation, the plain form loses about 13 of its 53 bits here.
+    // The bound allows for the error of `hit_minus_point`: it subtracts two vectors that nearly cancel, and so loses about 13 of its 53 bits here.
     assert!(worst(derivatives::on_plane, false) < 1e-9);
     assert!(worst(derivatives::on_plane, true) > 0.1, "the mutant passed");
 }
@@ -379,9 +385,9 @@ fn derivatives_keep_their_digits_in_f32() {
     let t = 9000.0_f32;
     let truth = hit_minus_point(ray.map(f64::from), step.map(f64::from), f64::from(t), normalize(n.map(f64::from)));
     let error = |d: [f32; 3]| length(sub(d.map(f64::from), truth)) / length(truth);
-    // The error depends on the angle between ray and plane, but not on the distance.
+    // The relative error of `on_plane` depends on the angle between ray and plane, but not on the distance.
     assert!(error(derivatives::on_plane(ray, step, t, n)) < 2e-6);
-    // Negative control: a difference of positions is about a thousand times less precise.
+    // Negative control: the difference of two positions is less precise, because the positions are about 800 times longer than their difference.
     let unit = normalize(n);
     let next = add(ray, step);
     let plain = sub(scale(next, dot(unit, scale(ray, t)) / dot(unit, next)), scale(ray, t));
@@ -419,7 +425,7 @@ fn splat_weights_are_the_formula() {
         assert!(largest_difference(given, [0, 1, 2, 3].map(|i| bent[i] / total)) < 1e-13);
         assert!((sum(given) - 1.0).abs() < 1e-15 * 4.0);
         assert!(largest_difference(splat_blend::weights(fraction, heights, 0.0), splat_blend::bilinear(fraction)) < 1e-15);
-        // Only differences of height matter.
+        // Adding the same number to all heights does not change the weights.
         assert!(largest_difference(given, splat_blend::weights(fraction, heights.map(|h| h + 3.0), k)) < 1e-12);
     }
 }
@@ -428,7 +434,7 @@ fn splat_weights_are_the_formula() {
 fn splat_weights_are_stable_at_any_sharpness() {
     let mut random = Random(37);
     for _ in 0..20_000 {
-        // This includes cases in which the highest texel has almost no weight.
+        // This includes cases in which the highest texel has almost no bilinear weight.
         let fraction = [random.between(-150.0, 0.0).exp2() as f32, random.unit() as f32];
         let heights = [0.0_f32; 4].map(|_| random.unit() as f32);
         for k in [0.0_f32, 8.0, 1e3, 1e4, f32::MAX] {
@@ -442,8 +448,8 @@ fn splat_weights_are_stable_at_any_sharpness() {
     assert!(largest_difference(sharp, [0.0, 1.0, 0.0, 0.0]) < 1e-12);
 }
 
-/// Largest jump of the weight of any texel along a line through two adjacent cells, which have six texels in all. `weights` gives the weights in one
-/// cell.
+/// Returns the largest change of a texel's weight from one sample to the next, along a line through two adjacent cells, which have six texels in all.
+/// `weights` computes the weights in one cell.
 fn largest_jump(weights: &dyn Fn([f64; 2], [f64; 4]) -> [f64; 4], heights: [f64; 6]) -> f64 {
     let along = |x: f64| {
         // Texels (0,0) (1,0) (2,0) (0,1) (1,1) (2,1).
@@ -467,11 +473,11 @@ fn splat_weights_are_continuous_across_cells() {
     let heights = [0.1, 0.8, 0.95, 0.4, 0.2, 0.7];
     for k in [0.0, 1.0, 8.0] {
         let jump = largest_jump(&|f, h| splat_blend::weights(f, h, k), heights);
-        // A step is 1e-4. The slope of a weight is at most 2^(k dh) <= 2^(0.85 k), where dh is a difference of heights. The tolerance is twice the
-        // product.
+        // Samples are 1e-4 of a cell apart. The slope of a weight is at most 2^(k dh) <= 2^(0.85 k), where dh is the largest difference of heights.
+        // The tolerance is twice the product of this slope and 1e-4.
         assert!(jump < 1e-4 * (0.85 * k).exp2() * 2.0, "k = {k}: {jump}");
     }
-    // Negative control: if heights act without the bilinear weights, the weights jump where a texel enters.
+    // Negative control: if the weights depend on the heights alone, without the bilinear factor, they jump at the border of two cells.
     let popping = |f: [f64; 2], h: [f64; 4]| {
         let w = splat_blend::bilinear(f);
         let bent: [f64; 4] = std::array::from_fn(|i| if w[i] > 0.0 { (8.0 * h[i]).exp2() } else { 0.0 });
@@ -515,7 +521,8 @@ fn perturbed_normals_are_those_of_the_displaced_plane() {
             .map(|_| {
                 let n = random.direction();
                 let g = scale(random.direction(), random.between(0.0, 3.0));
-                // Two tangents of the plane, each lifted along n by the change of height along it.
+                // Displaces two tangents s and t of the plane along n, each by the change of height along the tangent. The true normal is the cross
+                // product of the displaced tangents.
                 let other = if n[0].abs() < 0.7 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
                 let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
                 let s = normalize(cross(n, other));
@@ -527,8 +534,8 @@ fn perturbed_normals_are_those_of_the_displaced_plane() {
             .fold(0.0, f64::max)
     };
     assert!(worst(triplanar::perturb) < 1e-12);
-    assert!(worst(|n, g| triplanar::perturb(n, scale(g, -1.0))) > 0.1, "the mutant with the gradient's sign turned passed");
-    assert!(worst(|n, g| normalize(sub(n, g))) > 0.1, "the mutant with the whole gradient passed");
+    assert!(worst(|n, g| triplanar::perturb(n, scale(g, -1.0))) > 0.1, "the mutant with the opposite sign of the gradient passed");
+    assert!(worst(|n, g| normalize(sub(n, g))) > 0.1, "the mutant that keeps the component of the gradient along the normal passed");
 }
 
 // ---------------------------------------------------------------- select
@@ -626,12 +633,12 @@ fn texture_coordinates_fit_across_sector_borders() {
         for sector in [-15_626, -1, 0, 77, 15_625, 1_000_000] {
             for scale in 0..=8 {
                 let fit = gap(64.0, tile_m, sector, scale, tiling::repeats(64.0, tile_m));
-                // Both coordinates are rounded down to 24 bits.
+                // Both coordinates are rounded down to a multiple of 2^-24, so they may differ by 2^-24.
                 assert!(fit <= 1.0 / 16_777_216.0, "tile {tile_m} m, sector {sector}, scale {scale}: {fit}");
             }
         }
     }
-    // Negative control: a slightly different number of repeats per sector does not fit.
+    // Negative control: a slightly different number of repeats per sector leaves a gap at the border.
     assert!(gap(64.0, 1.7, 15_625, 0, 64.0_f64 / 1.7 + 1e-4) > 1.0 / 16_777_216.0);
     assert!((tiling::repeats(64.0, 1.7) - 64.0 / 1.7).abs() < 1e-7);
 }
@@ -692,10 +699,10 @@ fn flavours_lie_where_the_rules_put_them() {
     only(100.0, 60.0, &params, FAR_CLIFF);
     only(2000.0, 60.0, &params, FAR_ATLAS);
     only(5.0, 41.0, &params, SPLAT);
-    // Where near cliffs have ended, the weight of the splat band goes to the flavours of the ground.
+    // Beyond the distance at which near cliff ends, the splat band is shaded as ground.
     only(100.0, 41.0, &params, VT);
     only(400.0, 41.0, &params, FAR_ATLAS);
-    // In the middle of a transition, two flavours have half of the weight each.
+    // In the middle of a transition between two flavours, both have a weight of one half.
     let w = flavour_weights::weights(f64::from(params.far_atlas_m), 1.0, &params);
     assert!((w[VT] - 0.5).abs() < 1e-6 && (w[FAR_ATLAS] - 0.5).abs() < 1e-6, "{w:?}");
     let w = flavour_weights::weights(30.0_f64, 0.0, &params);
@@ -732,11 +739,11 @@ fn flavour_weights_sum_to_one() {
             assert_eq!(mask >> i & 1 == 1, x > 1.0 / 512.0, "{w:?}");
         }
         for variant in [mask, 31, mask | (random.below(32) as u32)] {
-            // A pixel has the same weights in every variant that contains its mask.
+            // A pixel has the same weights in every variant (set of flavours) that contains the flavours of the pixel's mask.
             let own = flavour_weights::weights_for(w, variant, false);
             assert!((sum(own) - 1.0).abs() < 1e-14);
             assert!(largest_difference(own, flavour_weights::weights_for(w, mask, false)) < 1e-15);
-            // At most four flavours are left out, with weights of at most 1/512 each.
+            // A weight differs from the original one because up to four other flavours are left out, each with a weight of at most 1/512.
             assert!(largest_difference(own, w) < 4.0 / 512.0 * 1.01);
         }
         let forced = 1 + random.below(31) as u32;
@@ -763,8 +770,9 @@ fn flavour_weights_are_continuous() {
         (1..25_000).map(|i| largest_difference(at(i), at(i - 1))).fold(0.0, f64::max)
     };
     let params = FlavourParams::new(&FlavourRules::default());
-    // The slope of a ramp is at most 1.5 / width. The width is 0.3 of the distance, or 4 degrees. At most two ramps act on a weight at the same
-    // place.
+    // The derivative of a transition (smoothstep) is at most 1.5 / width, where the width is 0.3 times the distance of the transition, or 4 degrees.
+    // From one sample to the next, the distance changes by at most 1.2e-4 times the distance of the transition, or the angle by about 0.005 degrees.
+    // At most two transitions change a weight at the same point.
     for slope in [0.0, 38.0, 41.0, 44.0, 46.0, 60.0] {
         assert!(jump_with_distance(&params, slope) < 2.0 * 1.5 * 1.2e-4 / 0.3, "{slope} degrees");
     }
@@ -779,8 +787,8 @@ fn flavour_weights_are_continuous() {
 
 // ---------------------------------------------------------------- brdf
 
-/// Integral over the solid angle of the hemisphere of a function `f` of cos theta, which does not depend on the azimuth. It sums trapezoids in ln tan
-/// theta, because in this variable lobes of any width are smooth.
+/// Returns the integral over the hemisphere of `f`, a function of cos theta alone. It is computed by the trapezoidal rule in ln tan theta: as a
+/// function of this variable, even a narrow lobe is smooth.
 fn over_hemisphere(f: &dyn Fn(f64) -> f64) -> f64 {
     let step = 0.01;
     (-1600..1600)
@@ -796,11 +804,11 @@ fn ggx_is_normalised() {
     let normalised = |d: &dyn Fn(f64, f64) -> f64, alpha: f64| (over_hemisphere(&|c| d(c, alpha) * c) - 1.0).abs() < 1e-6;
     for alpha in [0.002, 0.01, 0.1, 0.3, 0.7, 1.0] {
         assert!(normalised(&brdf::d_ggx, alpha), "alpha {alpha}");
-        // Negative controls: the cosine of the projected area is multiplied twice; an additional factor alpha.
+        // Negative controls: in the first one, the cosine of the projected area is applied twice; the second one has an additional factor alpha.
         assert!(!normalised(&|c, a| brdf::d_ggx(c, a) * c, alpha.max(0.1)));
         assert!(!normalised(&|c, a| brdf::d_ggx(c, a) * a, alpha.min(0.7)));
     }
-    // In a highlight, the kernel keeps its digits in f32, and the textbook form has no correct digit left.
+    // Near the peak of a narrow highlight, the kernel is precise in f32. The textbook form is not, because two nearly equal numbers cancel.
     let c = 1.0_f32 - 5e-7;
     let truth = brdf::d_ggx(f64::from(c), f64::from(0.002_f32));
     let error = |d: f32| (f64::from(d) / truth - 1.0).abs();
@@ -812,7 +820,7 @@ fn ggx_is_normalised() {
 
 #[test]
 fn visibility_is_smiths_correlated_form() {
-    // The form of the paper, which uses Lambda and tangents.
+    // The function Lambda of Heitz 2014, written with the squared tangent as in the paper.
     let lambda = |c: f64, a: f64| 0.5 * ((1.0 + a * a * (1.0 - c * c) / (c * c)).sqrt() - 1.0);
     let worst = |g: &dyn Fn(f64, f64) -> f64| {
         let mut random = Random(61);
@@ -835,7 +843,7 @@ fn fresnel_and_environment_are_in_bounds() {
     assert!((brdf::f_schlick([0.0_f64; 3], 0.5)[0] - 1.0 / 32.0).abs() < 1e-15);
     assert!((brdf::alpha(0.5_f64) - 0.25).abs() < 1e-15 && (brdf::alpha(0.0_f64) - brdf::MIN_ALPHA).abs() < 1e-15);
 
-    // The integral that the fit approximates, by stratified sampling of half vectors.
+    // Computes the integral that `env_approx` fits, by stratified sampling of half vectors.
     let integral = |f0: f64, roughness: f64, n_dot_v: f64| {
         let alpha = brdf::alpha(roughness);
         let view = [(1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v];
@@ -868,16 +876,16 @@ fn fresnel_and_environment_are_in_bounds() {
         }
         worst
     };
-    // The bounds are the measured difference between the fit and this integral. They do not say how good a fit can be: the fit was made for a
-    // different visibility term.
+    // The bounds are the largest measured differences between the fit and this integral. The fit was made for a different visibility term, so a fit
+    // to this integral could be better.
     for (f0, bound) in [(0.04, 0.1), (1.0, 0.31)] {
         let off = worst(f0, &|r, v| brdf::env_approx([f0; 3], r, v)[0]);
         assert!(off < bound, "f0 {f0}: {off}");
         assert!(
             worst(f0, &|r, v| brdf::env_approx([f0; 3], 1.0 - r, v)[0]) > bound,
-            "the mutant that takes smoothness for roughness passed"
+            "the mutant that uses smoothness instead of roughness passed"
         );
-        assert!(worst(f0, &|r, v| brdf::env_approx([f0; 3], r, 1.0 - v)[0]) > bound || f0 > 0.5, "the mutant with the angle turned passed");
+        assert!(worst(f0, &|r, v| brdf::env_approx([f0; 3], r, 1.0 - v)[0]) > bound || f0 > 0.5, "the mutant with 1 - n.v passed");
     }
 }
 
@@ -899,7 +907,7 @@ fn validate(source: &str) -> Result<naga::Module, String> {
 fn shared_wgsl_is_valid_and_prefixed() {
     let module = validate(&joined()).unwrap_or_else(|e| panic!("{e}"));
     assert!(module.global_variables.is_empty() && module.overrides.is_empty() && module.entry_points.is_empty());
-    // Negative control: a vector of the wrong size.
+    // Negative control: WGSL with a vector of the wrong size is invalid.
     assert!(validate(&joined().replacen("vec4<f32>(weights, 0.0)", "vec4<f32>(weights)", 1)).is_err());
     for file in kernels::shared::WGSL {
         let name = file.path.trim_start_matches("shared/");

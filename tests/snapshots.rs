@@ -14,9 +14,9 @@ use crate::workbench::{cheap_stage, take};
 const PANES: [&str; 11] =
     ["Variants", "Materials", "Rules", "Brush", "Compare", "Places", "Help", "Parameters", "Metrics", "Inspector", "Experiments"];
 
-/// Number of pixels that may differ, because devices blend the edges of letters differently.
+/// Limit of the number of pixels that may differ. A few pixels differ, because GPUs blend the edges of letters differently.
 const MOST_PIXELS: usize = 12;
-/// A pixel differs if a channel differs by more than this many 8-bit codes.
+/// Limit of the difference in a channel, of 255. A pixel counts as different if one of its channels exceeds this limit.
 const CODES: u8 = 48;
 
 fn file(pane: &str) -> PathBuf {
@@ -24,7 +24,7 @@ fn file(pane: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("snapshots").join(format!("{}.png", name.trim_matches('-')))
 }
 
-/// Number of pixels that differ. If the sizes differ, the number of pixels of the larger picture.
+/// Returns the number of pixels that differ. If the pictures have different sizes, this is the number of pixels of the larger picture.
 fn differing(a: &RgbImage, b: &RgbImage) -> usize {
     if a.dimensions() != b.dimensions() {
         return a.as_raw().len().max(b.as_raw().len()) / 3;
@@ -40,7 +40,8 @@ fn panels_look_as_they_did() {
     for pane in PANES {
         take(&mut stage, &format!("click {pane}"));
         if pane == "Experiments" {
-            // The default folder depends on where the program was built, and some of its definitions need data that are not on every machine.
+            // The panel must show a fixed folder. The default folder depends on where the program was built, and some of its definitions need data
+            // that are not on every machine.
             take(&mut stage, "type Definitions = snapshots/definitions");
         }
         let ([width, height], texels) = stage.pane(pane).unwrap_or_else(|error| panic!("{pane}: {error:#}"));

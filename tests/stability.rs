@@ -1,5 +1,5 @@
-//! Kernels at their extremes: every result is finite and within the derived tolerance of the f64 reference, and no error is larger than the recorded
-//! table says.
+//! Tests kernels (functions that exist in WGSL and as a Rust reference) at extreme inputs. Every result must be finite, and must differ from the f64
+//! reference by at most the derived tolerance. No error may be larger than the one in the recorded table.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,7 +12,7 @@ use kernels::probe::{Draw, PROBES, Verdict};
 
 use crate::fixtures::{Folder, gpu, program};
 
-/// Share of the rows of each case that the test measures.
+/// For each case, the share of its rows (sets of inputs) that the test measures.
 const SHARE: f64 = 1.0 / 16.0;
 
 /// The table that `experiments stability --out notebooks-data/stability` wrote.
@@ -34,8 +34,9 @@ fn kernels_hold_at_their_extremes_as_recorded() {
         .collect();
     let mut compared = 0;
     for finding in &findings {
-        // The table has no findings of a device on which it was not recorded, because the last digits differ between devices. It must have every
-        // finding of the f32 reference. These are the same on every machine, except for the last digits of library functions.
+        // A finding (measured error) of a GPU may be missing in the table if the table was not recorded on this GPU; the last digits differ between
+        // GPUs. Findings of the f32 reference must all be in the table. They are the same on every machine, except for the last digits of library
+        // functions.
         let Some(before) = recorded.get(&key(finding)) else {
             assert!(
                 finding.on == "gpu" && !recorded_on(&recorded, &finding.adapter),
@@ -44,8 +45,8 @@ fn kernels_hold_at_their_extremes_as_recorded() {
             continue;
         };
         compared += 1;
-        // The rows of this test are the first of the recorded rows, so the largest error cannot be larger. The tolerance of 1 % is for the rounding
-        // of recorded numbers to three digits.
+        // The table was recorded with more rows, the first of which are measured here. So the largest error cannot exceed the recorded one. The
+        // tolerance of 1 % covers the rounding of recorded numbers to three digits.
         assert!(finding.worst <= before.worst * 1.01 + 1e-12, "the error is larger than the recorded one ({}): {finding:?}", before.worst);
     }
     assert!(compared * 2 >= findings.len(), "{compared} of {} are recorded", findings.len());
@@ -64,7 +65,7 @@ fn directions_are_as_published_and_derivatives_within_their_law() {
     assert_eq!(rows.len(), recorded.len(), "the rows differ from the table: rewrite it with `experiments stability`");
     for (row, before) in rows.iter().zip(&recorded) {
         let same = [&row.kind, &row.view, &row.motion, &row.statistic] == [&before.kind, &before.view, &before.motion, &before.statistic];
-        // The sines of mathematics libraries differ in the last digit.
+        // The tolerance is necessary because the sines of mathematics libraries differ in the last digit.
         assert!(same && (row.value - before.value).abs() <= 2e-3 * before.value.abs() + 1e-9, "{row:?}, recorded {before:?}");
     }
 }
@@ -75,7 +76,7 @@ fn every_kernel_is_asked_and_every_parameter_takes_its_value() {
     for probe in PROBES {
         assert!(
             extremes.bends.iter().any(|bend| bend.kernel == probe.name) || probe.name == "hash",
-            "{} has no entry in the list of bends",
+            "{} has no [[bend]] table in extremes.toml",
             probe.name
         );
         assert!(extremes.cases.iter().any(|case| case.kernel == probe.name), "{} has no case", probe.name);

@@ -54,7 +54,7 @@ pub(crate) fn take(stage: &mut Stage, text: &str) {
     }
 }
 
-/// The variants that some tile of the last picture runs.
+/// Returns the variants (sets of shading flavours) that at least one tile of the last picture uses.
 fn running(stage: &mut Stage) -> Vec<Variant> {
     let shown = stage.model().shown().expect("a picture").clone();
     Variant::all().filter(|v| shown.picture.report.tiles[usize::from(v.mask())] > 0).collect()
@@ -84,7 +84,8 @@ fn variants_are_forced_by_clicks_and_keys_and_undone() {
     for variant in Variant::all() {
         assert!(stage.has(&format!("Variant {variant}")), "{variant}");
     }
-    // Undo returns to the settings before the last pause of a second. There was no pause above, so all changes up to here are one step.
+    // Changes that follow each other without a pause of one second are undone together. There was no such pause above, so all changes up to here are
+    // one step of undo.
     take(&mut stage, "click Variant far-atlas");
     for _ in 0..30 {
         stage.settle().expect("a picture");
@@ -123,7 +124,7 @@ fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
         stage.settle().expect("a picture");
         let scale = stage.model().settings.scale;
         let [width, height] = stage.model().shown().expect("a picture").wish.size;
-        // There is nothing to undo.
+        // There is nothing to undo, so the click on Undo must not change the scale.
         take(&mut stage, "click Undo");
         assert_eq!(stage.model().settings.scale, scale);
         (scale, f64::from(width), f64::from(height))
@@ -138,7 +139,8 @@ fn a_processor_draws_half_of_the_pixels_a_side_unless_a_scale_was_chosen() {
 
 #[test]
 fn a_window_finds_nothing_of_the_one_before() {
-    // Draws and measures three frames. The frames of the second window follow those of the first, and the same thread probably draws both windows.
+    // Draws and measures three frames. The frame numbers of the second window follow those of the first, and the same thread probably draws both
+    // windows. So readings left over from the first window would be noticed.
     let seen = |frame: u32| {
         let mut stage = cheap_stage();
         stage.model().clock.frame = frame;
@@ -202,7 +204,7 @@ fn a_lost_device_is_made_anew_and_nothing_is_lost_with_it() {
 
 #[test]
 fn a_device_that_is_lost_again_and_again_is_given_up_until_another_picture_is_wanted() {
-    // The textures are larger than those of a first look, so that each device draws a first look.
+    // A first look is a preview with small textures. The textures of this scene are larger, so that each new device draws a first look.
     let scene = Scene { detail_size: 2 * sketch::TEXELS, ..small_scene() };
     let mut stage = Stage::with_shaders(scene, WINDOW, None, |app| {
         app.model.clock.paused = true;
@@ -212,13 +214,13 @@ fn a_device_that_is_lost_again_and_again_is_given_up_until_another_picture_is_wa
     });
     stage.settle().expect("a picture");
     let first = stage.model().shown().expect("a picture").clone();
-    // The first looks in between succeed, each on the next device.
+    // Each lost device is replaced by a new one, which draws a first look before it is lost, too.
     stage.app().engine().lose_devices(4);
     stage.model().clock.frame += 1;
     let error = stage.settle().expect_err("no device draws it").to_string();
     assert!(error.contains("lost several times") && error.contains("smaller picture") && !error.contains('\n'), "{error}");
     assert!(stage.model().notes().is_empty(), "{:?}", stage.model().notes());
-    // The next wish is drawn. The error of the last wish may still be shown until then.
+    // The next requested picture must be drawn. Until then, the error of the previous request may still be shown.
     stage.model().clock.frame -= 1;
     let began = Instant::now();
     while stage.settle().is_err() && began.elapsed() < Duration::from_secs(60) {}
@@ -272,7 +274,7 @@ fn the_camera_flies_turns_and_walks() {
     stage.hold("W".parse_key(), 4).expect("a picture");
     let moved = pose(&mut stage);
     let along = (moved.position - start.position).dot(start.axes()[2]);
-    assert!(along > 0.5 && (moved.position - start.position).length() < along * 1.001, "forward, and only that: {along} m");
+    assert!(along > 0.5 && (moved.position - start.position).length() < along * 1.001, "the camera must move forwards only: {along} m");
     stage.drag([0.0, -60.0]).expect("a picture");
     assert!(pose(&mut stage).pitch < moved.pitch, "a drag upwards makes the camera look down");
     take(&mut stage, "key F");
@@ -280,7 +282,7 @@ fn the_camera_flies_turns_and_walks() {
     stage.hold("A".parse_key(), 4).expect("a picture");
     let after = pose(&mut stage);
     assert!((after.position - walking.position).length() > 0.1);
-    // The eye must be at its height over the ground. Only the drawing thread knows the ground, so the test uses a renderer of the same scene.
+    // The eye must be EYE_M above the ground. Only the drawing thread knows the height of the ground, so the test uses a renderer of the same scene.
     {
         let renderer = crate::fixtures::renderer();
         for p in [walking.position, after.position] {
@@ -311,7 +313,7 @@ fn layers_panels_and_what_is_not_there() {
         take(&mut stage, &format!("click Layer; click {}", layer.name()));
         let shown = stage.model().shown().expect("a picture").clone();
         assert_eq!(shown.wish.settings.layer, layer);
-        // While time stands still, nothing flickers or flips, so the measured layers may look the same.
+        // While time stands still, nothing flickers or flips, so the layers that show measured values may look alike.
         assert!(layer.is_measured() || pictures.iter().all(|p| *p != shown.texels), "{} looks like another layer", layer.name());
         pictures.push(shown.texels.clone());
     }
@@ -346,7 +348,8 @@ fn wait(stage: &mut Stage, what: &str, done: impl Fn(&Stage) -> bool) {
     }
 }
 
-/// Share of the terrain pixels on screen that differ from a picture by more than rounding, which is one 8-bit code.
+/// Returns the share of terrain pixels whose colour on screen differs from a picture by more than rounding, which changes a channel by at most 1 of
+/// 255.
 fn differing(picture: &image::RgbImage, shown: &Shown) -> f64 {
     assert_eq!([picture.width(), picture.height()], shown.wish.size);
     let terrain = shown.picture.hdr.iter().map(|texel| texel[3] > 0.0);
@@ -358,7 +361,7 @@ fn differing(picture: &image::RgbImage, shown: &Shown) -> f64 {
 
 #[test]
 fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
-    // The panel starts the program from the folder of this executable, so the program must be there.
+    // The panel *Experiments* starts the program `experiments`. The call fails if the program is missing or older than its sources.
     program();
     let folder = Folder::new("workbench-experiment");
     let out = folder.path("out");
@@ -370,7 +373,7 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
     model.settings.frame.noise = NoiseKind::WhiteScreen;
     model.settings.scene.blend.mip_bias = 0.5;
     model.clock.frame = 2;
-    // A view that has no name in the scene: it is turned away from the camera and, after key F, on foot.
+    // The view is not one of the scene's cameras: it is turned to the side, and after key F the eye walks on the ground.
     model.viewpoint = Viewpoint::Free { pose: Pose { yaw: pose.yaw + 0.2, ..pose }, walking: false };
     take(&mut stage, "key F; click Variant near-cliff");
     take(&mut stage, &format!("click Experiments; type Folder = {}; type Definitions = ; type Results = {out}", folder.0.display()));
@@ -378,11 +381,11 @@ fn a_view_on_screen_is_saved_run_stopped_and_gone_on_with() {
 
     // A view that a run cannot draw is refused. The error names the control that must be changed back.
     take(&mut stage, "key C; click Save as experiment");
-    assert!(stage.names().iter().any(|name| name.contains("let go of `Freeze culling`")), "{:?}", stage.names());
+    assert!(stage.names().iter().any(|name| name.contains("switch `Freeze culling` off")), "{:?}", stage.names());
     assert!(!folder.0.join("seen").exists() && !stage.has("Run seen"));
     take(&mut stage, "key C; click Save as experiment");
     assert!(folder.0.join("seen").join("seen.toml").is_file() && stage.has("Run seen"), "{:?}", stage.names());
-    // If the same name is used again, nothing is overwritten.
+    // If the same name is used again, an error is shown and nothing is overwritten.
     take(&mut stage, "click Save as experiment");
     assert!(stage.names().iter().any(|name| name.contains("seen exists")), "{:?}", stage.names());
 
@@ -480,7 +483,7 @@ fn a_and_b_differ_in_what_was_changed_and_nothing_else() {
     take(&mut stage, "click Compare; click Keep A as B");
     let shown = stage.model().shown().expect("a picture").clone();
     let second = shown.second.as_ref().expect("B");
-    assert!(shown.texels == alone && second.texels == alone, "B is A");
+    assert!(shown.texels == alone && second.texels == alone, "B must equal A");
     assert_eq!((second.rmse, second.largest), (0.0, 0.0), "there must be no difference");
     // Changes a setting of the request, then a setting of the scene. B must be as it was, and A must change.
     for change in ["set Seed = 7", "set Sun above = 20"] {
@@ -532,7 +535,7 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     take(&mut stage, "key Period; key Period; key Period");
     let reseeded = last(&mut stage).sides[0].expect("terrain");
     assert!(reseeded.frames <= 4.0 && reseeded.flip_rate.expect("choices") > 0.3 && reseeded.flicker > 1e-3, "{reseeded:?}");
-    // Frozen numbers stay the same. After *Begin anew*, they are those of one frame.
+    // While the metrics are frozen, their values stay the same. After *Begin anew*, they are computed from one frame.
     take(&mut stage, "click Freeze; key Period");
     assert_eq!(last(&mut stage).sides[0], Some(reseeded));
     take(&mut stage, "click Freeze; click Begin anew");
@@ -543,7 +546,7 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     let (a, b) = (against[0].expect("A"), against[1].expect("B"));
     assert!(a.clumping.is_some_and(|c| c > 0.2) && b.flip_rate.is_none() && b.flicker == 0.0, "{a:?} {b:?}");
     assert!(a.bias.is_some_and(|bias| bias.abs() < 0.01) && b.bias.is_none(), "{a:?} {b:?}");
-    // A region has fewer pixels than the picture. A measured layer can be displayed.
+    // A region must contain fewer pixels than the picture. A layer that shows measured values can be displayed.
     stage.model().metrics.region = Some([0.25, 0.5, 0.5, 0.75]);
     take(&mut stage, "key Period");
     assert!(last(&mut stage).sides[0].expect("terrain").terrain < a.terrain / 4);
@@ -551,7 +554,7 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     assert_eq!(stage.model().settings.layer, Layer::Flips);
 }
 
-/// The legend of the map: each level, and the number of its nodes that are drawn.
+/// Returns the legend of the map of nodes: the levels, and for each level the number of drawn nodes.
 fn legend(stage: &Stage) -> Vec<(u8, usize)> {
     fn of(name: &str) -> Option<(u8, usize)> {
         let (level, rest) = name.strip_prefix("Level ")?.split_once(": ")?;

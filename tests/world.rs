@@ -1,4 +1,5 @@
-//! The `world` stage: layout, payload formats, shared edges, holes, cones, the drawn surface, rules.
+//! Tests the `world` stage, which computes the terrain data (payloads) of quadtree nodes: layout, payload formats, shared edges of nodes, holes,
+//! normal cones, the drawn surface, and the rules that assign materials.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -59,7 +60,7 @@ fn bake(world: &World, lod: u8, x: u16, y: u16) -> NodePayload {
     world.bake(NodeId { lod, x, y }, &palette())
 }
 
-/// The node of a LOD at the steepest of 1600 places. In the world of seed 7 this is a cliff.
+/// Returns the node of a LOD that contains the steepest of 1600 points. In the world of seed 7, this point is on a cliff.
 fn steep_node(world: &World, lod: u8) -> NodeId {
     let half = 5120.0;
     let steepest = (0..40 * 40)
@@ -98,7 +99,8 @@ fn sectors_scale_by_powers_of_two_and_lods_are_as_deep_as_the_data() {
     assert_eq!(layout(10_240.0, None), Layout { sector_m: 64.0, finest_lod: 0 });
     assert_eq!(layout(10_240.1, None).sector_m, 128.0);
     assert_eq!(layout(25_036.8, Some(24.45)), Layout { sector_m: 256.0, finest_lod: 3 });
-    // The data have a spacing of 10 m. A spacing of 4 m between heights would be finer than half of that; a spacing of 8 m is not.
+    // The finest LOD must not have a spacing of less than half the spacing of the data, which is 10 m here. LOD 3 with 4 m would be too fine, and LOD
+    // 4 has 8 m.
     assert_eq!(layout(3200.0, Some(10.0)), Layout { sector_m: 64.0, finest_lod: 4 });
     assert_eq!(layout(3200.0, Some(0.5)).finest_lod, 0);
     assert_eq!(layout(9000.0, Some(90.0)).finest_lod, LODS - 1);
@@ -184,7 +186,7 @@ fn coarse_nodes_are_smoother_than_samples_of_their_ground() {
         for j in 3..HEIGHT_SIDE - 3 {
             let row = 3..HEIGHT_SIDE - 3;
             let heights: Vec<f64> = row.clone().map(|i| world.elevation_m(payload.height[j * HEIGHT_SIDE + i])).collect();
-            // The height of a single vertex equals its height in the node.
+            // `vertex_elevation_m` must return the height that the payload of the node contains.
             for (i, height) in row.clone().zip(&heights).step_by(17) {
                 assert_eq!(world.vertex_elevation_m(payload.id, [i, j].map(|n| u32::try_from(n).expect("small"))), *height);
             }
@@ -205,7 +207,7 @@ fn coarse_nodes_are_smoother_than_samples_of_their_ground() {
 
 #[test]
 fn coarse_nodes_lay_what_lies_at_each_place() {
-    // The rules of [`MATERIALS`] depend on slope alone; the added rule depends on curvature.
+    // The rules of [`MATERIALS`] depend on slope and noise; the added rule depends on curvature.
     let text = format!(
         "name = \"test\"\n[world]\nkind = \"procedural\"\nseed = 8\n{MATERIALS}[[rule]]\nmaterial = \"grass\"\nweight = 9.0\ncurvature = [0.02, 9.0]\n"
     );
@@ -250,8 +252,8 @@ fn payloads_do_not_depend_on_the_number_of_threads() {
         baked.into_iter().map(|node| node.payload).collect::<Vec<_>>()
     };
     let (one, four) = (with(1), with(4));
-    assert!(one == four, "the same bits from 1 and 4 threads");
-    assert!(one.iter().map(|p| p.id).eq(nodes.iter().copied()), "in the order asked for");
+    assert!(one == four, "1 and 4 threads must give the same bits");
+    assert!(one.iter().map(|p| p.id).eq(nodes.iter().copied()), "the payloads must be in the order of the nodes");
 }
 
 #[test]
@@ -283,7 +285,7 @@ fn albedo_alpha_is_zero_exactly_at_vertices_in_holes() {
     assert!(world.is_hole(5121.0, 0.0) && !world.is_hole(5120.0, 0.0), "there is ground on the rim of the world, but not outside");
 }
 
-/// Unit normals of the drawn triangles, for each patch, from cross products.
+/// Returns the unit normals of the drawn triangles of each patch, computed as cross products of edges.
 fn triangle_normals(world: &World, payload: &NodePayload) -> Vec<Vec<[f64; 3]>> {
     let spacing = world.layout().spacing_m(payload.id.lod);
     let mut patches = vec![Vec::new(); 64];
@@ -314,7 +316,7 @@ fn cones_hold_every_triangle_after_decoding() {
             assert!(normals.iter().all(|&n| cone.contains(n)), "LOD {lod}: {cone:?}");
             widest = widest.max(cone.sin_half_angle);
             narrow += usize::from(cone.sin_half_angle < 0.8);
-            // Mutant: the half angle is computed for the axis before block compression changed it.
+            // The mutant computes the half angle for the axis before block compression, which differs from the decoded axis.
             let mean = normals.iter().fold(glam::DVec3::ZERO, |s, &n| s + glam::DVec3::from_array(n)).normalize();
             let cosine = normals.iter().map(|&n| mean.dot(glam::DVec3::from_array(n))).fold(1.0, f64::min);
             let mutant = cones::Cone { axis: cone.axis, sin_half_angle: if cosine > 0.0 { (1.0 - cosine * cosine).sqrt() } else { 1.0 } };
@@ -322,7 +324,7 @@ fn cones_hold_every_triangle_after_decoding() {
         }
     }
     assert!(escaped_from_mutant > 0, "negative control: cones that ignore the decoded axis lose triangles");
-    assert!(widest > 0.5 && narrow > 60, "cones are neither all open nor all closed: widest {widest}, {narrow} below 53 degrees");
+    assert!(widest > 0.5 && narrow > 60, "cones must be neither all wide nor all narrow: widest {widest}, {narrow} below 53 degrees");
 }
 
 #[test]
@@ -362,12 +364,13 @@ fn surface_height_follows_the_drawn_triangles() {
     let (origin, spacing) = (id.origin_m(world.layout()), world.layout().spacing_m(0));
     let mut other_diagonal = 0.0f64;
     for k in 0..4000u32 {
-        // Low-discrepancy places (Roberts 2018), which cover the node evenly.
+        // A low-discrepancy sequence of points (Roberts 2018), which covers the node evenly.
         let (a, b) = ((f64::from(k) * 0.754_877_666_246_69).fract(), (f64::from(k) * 0.569_840_290_998_05).fract());
         let (s, t) = (a * 128.0, b * 128.0);
         let (i, j) = (s as usize, t as usize);
         let corner = |di: usize, dj: usize| world.elevation_m(payload.height[(j + dj) * HEIGHT_SIDE + i + di]);
-        // The height from barycentric coordinates in the triangle that contains the point.
+        // Interpolates the height with barycentric coordinates in the triangle that contains the point. `rises` selects the diagonal that splits the
+        // quad.
         let inside = |rises: bool| {
             let (u, v) = (s - i as f64, t - j as f64);
             let split = if rises {
@@ -406,7 +409,7 @@ fn normals_decode_near_the_surface_and_flat_ground_near_zero() {
     let (mut sum, mut swapped) = (0.0, 0.0);
     for k in 0..400 {
         let (i, j) = (2 + k * 37 % 128, 2 + k * 91 % 128);
-        // Texel (i, j) lies between vertices i - 2 and i - 1.
+        // Along x, texel (i, j) lies between vertices i - 2 and i - 1; along y, it lies between vertices j - 2 and j - 1.
         let h = |di: usize, dj: usize| world.elevation_m(payload.height[(j + dj - 2) * HEIGHT_SIDE + i + di - 2]);
         let [sw, se, nw, ne] = [h(0, 0), h(1, 0), h(0, 1), h(1, 1)];
         let normal = glam::DVec3::new(-(se - sw + ne - nw), -(nw - sw + ne - se), 2.0 * spacing).normalize();
@@ -434,7 +437,8 @@ fn the_generator_makes_mountains_with_cliffs_and_valley_floors() {
         let (x, y) = (at(k % SIDE), at(k / SIDE));
         let h = world.height_m(x, y);
         let slope = ((world.height_m(x + 0.5, y) - h) / 0.5).hypot((world.height_m(x, y + 0.5) - h) / 0.5).atan().to_degrees();
-        // The slope over 12 m, so that the side of a boulder does not count as a cliff. A slope above 2 is a face that is about 25 m tall or more.
+        // The slope for cliffs is measured over 12 m, so that the side of a boulder does not count as a cliff. A slope above 2 means a face with a
+        // height of about 25 m or more.
         let broad = ((world.height_m(x + 6.0, y) - world.height_m(x - 6.0, y)) / 12.0)
             .hypot((world.height_m(x, y + 6.0) - world.height_m(x, y - 6.0)) / 12.0);
         steep += usize::from(broad > 2.0);
@@ -443,7 +447,7 @@ fn the_generator_makes_mountains_with_cliffs_and_valley_floors() {
     }
     heights.sort_by(f64::total_cmp);
     let share = |n: usize| n as f64 / (SIDE * SIDE) as f64;
-    assert!(heights[0] > low && heights[SIDE * SIDE - 1] < high, "strictly inside the bound");
+    assert!(heights[0] > low && heights[SIDE * SIDE - 1] < high, "all heights must be strictly inside the bounds");
     assert!(heights[0] < 350.0 && heights[SIDE * SIDE - 1] > 1700.0, "{} to {}", heights[0], heights[SIDE * SIDE - 1]);
     assert!((0.02..0.2).contains(&share(steep)), "cliffs: {}", share(steep));
     assert!((0.05..0.5).contains(&share(flat)), "valley floors: {}", share(flat));
@@ -452,8 +456,8 @@ fn the_generator_makes_mountains_with_cliffs_and_valley_floors() {
     assert!((other.height_m(100.0, 200.0) - world.height_m(100.0, 200.0)).abs() > 1e-3, "a different seed must give a different world");
 }
 
-/// Number of teeth of combs in a row of heights: places at which the slope changes back and forth at three successive vertices. A grid of vertices
-/// draws a comb if a crest or an edge is thinner than the spacing of the grid.
+/// Returns the number of teeth in a row of heights. A tooth is a place at which the slope changes back and forth at three successive vertices. A row
+/// of teeth (a comb) is an artefact: a grid of vertices draws it if a crest or an edge is thinner than the spacing of the grid.
 fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
     // Smallest visible change of slope, as a difference of tangents.
     const VISIBLE: f64 = 0.6;
@@ -462,7 +466,8 @@ fn teeth_in(heights: &[f64], spacing_m: f64) -> usize {
     bends.windows(3).filter(|b| b.windows(2).all(|pair| opposed(pair[0], pair[1]))).count()
 }
 
-/// Teeth per 10 000 vertices of a LOD, counted along the rows and columns of 65 x 65 vertices at 144 places.
+/// Returns the number of teeth per 10 000 vertices of a LOD. They are counted along the rows and columns of 144 grids of 65 x 65 vertices, which are
+/// distributed over the world.
 fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
     const PLACES: u32 = 12;
     const SIDE: usize = 65;
@@ -485,7 +490,8 @@ fn teeth(height_m: impl Fn(f64, f64) -> f64, lod: u8) -> f64 {
 #[test]
 fn no_lod_draws_crests_and_edges_as_combs() {
     let world = alps();
-    // The bounds are 1.5 times the measured numbers: 7.4, 8.5, 6.3 and 21.8. LOD 5 is drawn from 4 km on, where its teeth have one or two pixels.
+    // The bounds are 1.5 times the measured numbers: 7.4, 8.5, 6.3 and 21.8. LOD 5 is drawn beyond a distance of 4 km, where a tooth is only one or
+    // two pixels large.
     for (lod, most) in [(2, 11.0), (3, 13.0), (4, 9.5), (5, 33.0)] {
         let found = teeth(|x, y| world.height_m(x, y), lod);
         assert!(found < most, "LOD {lod}: {found} teeth in 10 000 vertices");
@@ -517,7 +523,7 @@ fn rules_pick_the_heaviest_and_noise_covers_its_share() {
     assert!((rules.weights_at(0.0, 35.0, 0.0, 1.0, 1.0)[2] - 4.5).abs() < 1e-12);
     assert_ne!(rules.material_at(0.0, 29.9, 0.0, 1.0, 1.0), 2);
     assert_eq!(rules.material_at(0.0, 0.0, 0.15, 1.0, 1.0), 0, "convex");
-    assert_eq!(rules.material_at(0.0, 0.0, 0.25, 1.0, 1.0), 1, "ties go to the later rule");
+    assert_eq!(rules.material_at(0.0, 0.0, 0.25, 1.0, 1.0), 1, "if two rules have the same weight, the later rule must apply");
     let places = 40_000;
     let covered = (0..places).filter(|k| rules.material_at(0.0, 5.0, 0.0, f64::from(k % 200) * 7.3, f64::from(k / 200) * 7.3) == 1).count();
     let share = covered as f64 / f64::from(places);

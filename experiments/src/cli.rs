@@ -1,6 +1,6 @@
-//! The command line. Scripts rely on it, so its options and output are stable.
+//! The command line. Scripts depend on it, so its options and output must remain stable.
 //!
-//! Mistakes that can be found without opening a file are refused here, as usage errors (exit status 2).
+//! Mistakes that can be found without opening a file are reported here as usage errors (exit status 2).
 
 use std::path::PathBuf;
 
@@ -34,19 +34,19 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Run a small experiment on the built-in world: frames, metrics, plots, report
     Demo(DemoArgs),
-    /// Run experiments from definition files and measure everything that they ask for
+    /// Run experiments from definition files and measure everything that they request
     Run(RunArgs),
     /// Run the small version of experiments; fail if a result is outside its expected range
     Check(CheckArgs),
-    /// Measure the ratios that the design promises in one run
+    /// Measure the ratios of times for which the design has targets, in one run
     Bench(BenchArgs),
     /// Render pictures of a scene
     Render(Box<RenderArgs>),
     /// Turn a heightmap into a scene folder
     Import(ImportArgs),
-    /// Apply one shared function to the rows of a table, on the GPU or with its references
+    /// Evaluate one shared function for each row of a table, on the GPU or with its reference on the CPU
     Probe(ProbeArgs),
-    /// Compare shared functions at extreme values with f64, and codes, derivatives, hashes and noise with known results; write tables and a report
+    /// Compare shared functions at extreme values with f64; test stored directions, derivatives, hashes and noise; write tables and a report
     Stability(StabilityArgs),
     /// Compare a picture with a reference: FLIP, MSE, MRSE, PSNR, SSIM
     Compare(CompareArgs),
@@ -194,7 +194,7 @@ pub(crate) struct RenderArgs {
     /// Vertical field of view, degrees, 1 to 175 [default: the camera's; 55 with --pose]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = fov)]
     pub(crate) fov: Option<f64>,
-    /// Size of the picture, pixels: at most 16384 a side and 2^26 in all
+    /// Size of the picture, pixels: at most 16384 on each side and 2^26 in total
     #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = size)]
     pub(crate) size: [u32; 2],
     #[command(flatten)]
@@ -234,7 +234,7 @@ pub(crate) struct ImportArgs {
     /// Elevations of the smallest and largest sample value, metres
     #[arg(long, value_name = "LO,HI", allow_hyphen_values = true, value_parser = height_range)]
     pub(crate) height_range: Option<[f64; 2]>,
-    /// Folder with a folder of images per material (albedo, normal, height, roughness); without this option, procedural materials are used
+    /// Folder with one folder of images (albedo, normal, height, roughness) for each material; without this option, materials are procedural
     #[arg(long, value_name = "DIR")]
     pub(crate) materials: Option<PathBuf>,
     /// Width and height of a .raw file; without this option, the file must be square
@@ -305,12 +305,12 @@ pub(crate) struct StabilityArgs {
     pub(crate) out: PathBuf,
 }
 
-/// A part of the stability lab.
+/// A part of the stability lab, which can be measured separately.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Part {
-    /// Kernels at their extremes, against f64
+    /// Kernels at extreme values, compared with f64
     Kernels,
-    /// Octahedral codes and derivatives
+    /// Octahedral encodings of directions, and derivatives from stored planes
     Directions,
     /// Hashes and noise, at rest and in motion
     Noise,
@@ -408,7 +408,7 @@ pub(crate) enum On {
 }
 
 impl Cli {
-    /// Parses the command line; on a wrong command line it prints one line and ends the process with exit status 2.
+    /// Parses the command line. If it is wrong, prints one line and ends the process with exit status 2.
     pub(crate) fn read() -> Cli {
         let cli = Cli::try_parse().unwrap_or_else(|error| refuse(&error));
         if let Err((command, what)) = cli.check() {
@@ -419,7 +419,7 @@ impl Cli {
         cli
     }
 
-    /// Makes the checks that clap's attributes cannot express.
+    /// Checks combinations of options that clap's attributes cannot describe.
     fn check(&self) -> Result<(), (&'static str, String)> {
         match &self.command {
             Command::Render(args) if !args.aov.is_empty() && extension(&args.out) == "png" => {
@@ -435,19 +435,19 @@ impl Cli {
     }
 }
 
-/// Ends the process: help and version are printed unchanged; an error is printed as one line, with exit status 2.
+/// Ends the process. Help and version are printed unchanged. An error is printed on one line, with exit status 2.
 fn refuse(error: &clap::Error) -> ! {
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         error.exit();
     }
     let text = error.to_string();
-    // Everything after the first of these marks is general usage advice; `--help` explains it better.
+    // The text after the first of these marks is general usage advice, which `--help` gives in more detail.
     let end = ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| text.find(mark)).min().unwrap_or(text.len());
     eprintln!("{} (`--help` explains)", one_line(&text[..end]));
     std::process::exit(2)
 }
 
-/// A file's extension in lower case.
+/// Returns the extension of a file in lower case.
 pub(crate) fn extension(path: &std::path::Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase()
 }

@@ -1,4 +1,4 @@
-//! Compares what a definition expects with what was measured.
+//! Compares the measured values with the expectations of a definition.
 
 use std::collections::BTreeMap;
 
@@ -9,20 +9,20 @@ use crate::definition::{Definition, Expectation, setting_text};
 use crate::metrics;
 use crate::row::{Field, Row};
 
-/// The result of an expectation.
+/// The result of comparing a measured value with an expectation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
-    /// What was claimed.
+    /// The claim of the expectation.
     pub claim: String,
-    /// The metric that the claim is about.
+    /// The metric to which the claim applies.
     pub metric: String,
-    /// The measured value; NaN if there is none.
+    /// The measured value; NaN if it does not exist.
     pub value: f64,
-    /// Smallest and largest value expected.
+    /// The smallest and the largest expected value.
     pub range: [f64; 2],
-    /// Whether the value lies in the range; false if there is no value or it is NaN.
+    /// Whether the value lies in the range. It is false if the value does not exist or is NaN.
     pub met: bool,
-    /// How the value was computed, or why there is none.
+    /// How the value was computed, or why it does not exist.
     pub why: String,
 }
 
@@ -34,7 +34,7 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// A number with six digits.
+/// Formats a number with six decimals or, if it is very small or very large, with six significant digits and an exponent.
 fn short(value: f64) -> String {
     match value.abs() {
         size if size == 0.0 || (1.0e-3..1.0e6).contains(&size) => {
@@ -45,11 +45,11 @@ fn short(value: f64) -> String {
     }
 }
 
-/// One verdict for each expectation, in order.
+/// Returns a verdict for each expectation, in order.
 ///
-/// The value is the mean over the rows of the metric that match `where`. With `over`, it is divided by the mean over the rows that match `where` as
-/// changed by `over`. If no `frame` is named and the metric has rows over all frames, only these rows are used. A selection without rows, a mean that
-/// is not finite, and a ratio to 0 are failures.
+/// The value is the mean over the rows of the metric that match `where`. If `over` is given, this mean is divided by a second mean. Its rows match
+/// `where` after the columns in `over` have replaced those in `where`. If no `frame` is given and the metric has rows over all frames, only these
+/// rows are used. An expectation is not met if a selection has no rows, a mean is not finite, or the divisor is 0.
 pub fn evaluate(definition: &Definition, rows: &[Row], times: &[Row]) -> Vec<Verdict> {
     definition.expectations.iter().map(|expectation| judge(expectation, rows, times)).collect()
 }
@@ -108,7 +108,7 @@ fn agrees(row: &Row, column: &str, value: &Value) -> bool {
         Some(Field::Count(get, _)) => get(row).map(i64::from) == value.as_integer(),
         Some(Field::Number(get, _)) => {
             let wanted = value.as_float().or_else(|| value.as_integer().map(|number| number as f64));
-            // Definitions give the centre of a frequency band with only a few digits, so the numbers need not be exactly equal.
+            // Definitions give the centre of a frequency band with few digits, so a small difference is accepted.
             get(row).zip(wanted).is_some_and(|(found, wanted)| (found - wanted).abs() <= 1e-6 * wanted.abs().max(1.0))
         }
         Some(Field::Value(..)) | None => false,
@@ -151,7 +151,7 @@ mod tests {
         let mean = of("rmse", "variant = 'auto'", None, [2.0, 2.0]);
         assert!(mean.met && mean.value == 2.0, "{mean}");
         assert!(!of("rmse", "variant = 'auto'", None, [2.1, 9.0]).met);
-        // Only rows over all frames are used, unless a frame is named.
+        // If no frame is given, only rows over all frames are used.
         assert_eq!(of("rmse", "variant = 'splat'", None, [0.0, 9.0]).value, 8.0);
         assert_eq!(of("rmse", "variant = 'splat'\nframe = 0", None, [0.0, 9.0]).value, 100.0);
         assert_eq!(of("flicker", "variant = 'auto'\nlag = 2", None, [0.0, 1.0]).value, 0.25);

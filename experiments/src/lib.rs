@@ -1,7 +1,7 @@
-//! Experiments on the terrain stack: their definitions ([`definition`]), the numbers that they measure ([`row`]), the folders that hold those
-//! numbers, and the command line.
+//! Experiments on the terrain renderer. The library contains their definitions ([`definition`]), the numbers that they measure ([`row`]), the folders
+//! in which these numbers are stored ([`store`]), and the command line.
 //!
-//! The program is [`main`]; everything else is a library, so that other applications can run the same experiments.
+//! The program is [`main`]. Everything else is a library that other applications can use to run the same experiments.
 
 pub mod definition;
 pub mod expectations;
@@ -24,7 +24,7 @@ use std::process::ExitCode;
 
 use crate::cli::Cli;
 
-/// The program: reads the command line and runs the command; on failure it prints one line that says what failed.
+/// The program. It reads the command line and runs the command. If the command fails, it prints one line that says what failed.
 pub fn main() -> ExitCode {
     process::report_panics();
     let outcome = panic::catch_unwind(|| {

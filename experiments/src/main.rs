@@ -1,4 +1,4 @@
-//! The command line of Scree; see the library `experiments`.
+//! The command line of Scree. The library `experiments` contains its implementation.
 
 use std::process::ExitCode;
 

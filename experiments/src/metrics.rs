@@ -1,59 +1,59 @@
-//! All metrics in one table: names, units, and what each needs. METHODOLOGY has the formulas.
+//! The table of all metrics: their names, their units, and what a run needs to measure them. METHODOLOGY has the formulas.
 
 use kernels::base::names::suggestion;
 
-/// What is needed to measure a metric.
+/// What a definition must contain, so that a metric can be measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Needs {
-    /// A picture.
+    /// At least one picture, which every run has.
     Picture,
     /// At least two seeds.
     Seeds,
     /// At least two frames.
     Frames,
-    /// A clock: the number is different each time.
+    /// Device times. They are different each time they are measured.
     Clock,
 }
 
-/// The additional column that distinguishes the rows of a metric.
+/// The column that distinguishes the rows of a metric, in addition to the columns that identify the choice and the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// None.
+    /// No additional column.
     None,
-    /// `lag`, 1 to [`LAGS`].
+    /// The column `lag`, with values from 1 to [`LAGS`].
     Lag,
-    /// `frequency`.
+    /// The column `frequency`.
     Frequency,
 }
 
 /// Smallest side of the square from which spectra are computed, pixels.
 pub const SMALLEST_SIDE: u32 = 64;
-/// Largest lag, the number of frames between two compared frames. Lags are 1 to this number.
+/// Largest lag. A lag is the number of frames between the two compared frames, and it is at least 1.
 pub const LAGS: u32 = 4;
 
 /// A metric.
 #[derive(Clone, Copy, Debug)]
 pub struct Metric {
-    /// Name in tables and definitions. For device times it is the part before the colon of `gpu_ms:shading`.
+    /// Name in tables and definitions. For device times such as `gpu_ms:shading`, it is the part before the colon.
     pub name: &'static str,
-    /// Unit of its value; `1` = a pure number.
+    /// Unit of the value; `1` = the value is a pure number.
     pub unit: &'static str,
-    /// What it needs.
+    /// What a definition must contain, so that the metric can be measured.
     pub needs: Needs,
-    /// The additional column that distinguishes its rows.
+    /// The additional column that distinguishes the rows of the metric.
     pub axis: Axis,
-    /// Its meaning, one sentence.
+    /// Meaning of the metric, as one sentence.
     pub meaning: &'static str,
 }
 
 impl Metric {
-    /// Whether the value is the same whenever it is measured again on the same adapter.
+    /// Whether repeated measurements on the same adapter give the same value.
     pub fn is_deterministic(&self) -> bool {
         self.needs != Needs::Clock
     }
 }
 
-/// Defines the table of metrics. For each metric it defines a constant with the metric's name, and an entry of [`METRICS`].
+/// Defines the metrics. For each metric, it defines a constant that contains the metric's name, and an entry of [`METRICS`].
 macro_rules! metrics {
     ($($constant:ident = $name:literal, $unit:literal, $needs:ident, $axis:ident, $meaning:literal;)*) => {
         $(
@@ -72,7 +72,7 @@ metrics! {
     FETCHES_PER_PX = "fetches_per_px", "fetches/px", Picture, None,
         "Texture fetches counted in the shader, mean over terrain pixels.";
     TILE_FETCHES_PER_PX = "tile_fetches_per_px", "fetches/px", Picture, None,
-        "Promised fetches of the variant that shades a pixel's tile, mean over terrain pixels: the cost if all lanes of a tile run in lockstep.";
+        "Promised fetches of the variant that shades a pixel's tile, mean over terrain pixels: the cost if a tile is shaded in lockstep.";
     BIAS = "bias", "linear albedo", Seeds, None,
         "Mean over seeds minus the exact blend of the same flavours, mean over pixels.";
     VARIANCE = "variance", "linear albedo^2", Seeds, None,
@@ -121,18 +121,18 @@ metrics! {
         "Device time of a pass; on a software adapter only ratios are meaningful.";
 }
 
-/// Metrics that compare with the converged reference.
+/// The metrics that compare a picture with the converged reference.
 pub const ERRORS: [&str; 6] = [MSE, RMSE, MRSE, PSNR, SSIM, FLIP];
 
-/// Name of the shading pass's device time.
+/// Name of the metric that is the device time of the shading pass.
 pub const SHADING_TIME: &str = "gpu_ms:shading";
 
-/// Name of a pass's device time: `gpu_ms:PASS`.
+/// Returns the name of the metric that is the device time of a pass: `gpu_ms:PASS`.
 pub fn time_of(pass: &str) -> String {
     format!("{TIME}:{pass}")
 }
 
-/// The pass whose device time has this name; `None` = the metric is not a device time.
+/// Returns the pass whose device time the metric `name` is; `None` = the metric is not a device time.
 pub fn timed_pass(name: &str) -> Option<&str> {
     match name.split_once(':') {
         Some((TIME, pass)) if !pass.is_empty() => Some(pass),
@@ -140,7 +140,7 @@ pub fn timed_pass(name: &str) -> Option<&str> {
     }
 }
 
-/// The metric of this name; `gpu_ms:PASS` is accepted for every pass.
+/// Returns the metric with this name. The name `gpu_ms:PASS` is accepted for every pass.
 pub fn find(name: &str) -> Option<&'static Metric> {
     let stem = match timed_pass(name) {
         Some(_) => TIME,
@@ -150,10 +150,10 @@ pub fn find(name: &str) -> Option<&'static Metric> {
     METRICS.iter().find(|metric| metric.name == stem)
 }
 
-/// The metric of this name, or a message if there is none.
+/// Returns the metric with this name, or a message if there is none.
 ///
 /// # Errors
-/// One line that names the nearest known metric.
+/// The message is one line and names the most similar known metric.
 pub fn known(name: &str) -> Result<&'static Metric, String> {
     find(name).ok_or_else(|| {
         if name == TIME {

@@ -1,4 +1,4 @@
-//! State of the whole process: requests to stop, and how panics and errors are reported.
+//! State of the whole process: requests to stop, and the reporting of panics and errors.
 
 use std::cell::Cell;
 use std::panic;
@@ -11,7 +11,7 @@ thread_local! {
     static QUIET: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs work that may panic on a damaged file, without printing the panic; `None` if it panicked.
+/// Runs work that may panic because of a damaged file. The panic is not printed. Returns `None` if the work panicked.
 pub(crate) fn quietly<T>(work: impl FnOnce() -> T) -> Option<T> {
     QUIET.set(true);
     let outcome = panic::catch_unwind(panic::AssertUnwindSafe(work));
@@ -19,7 +19,8 @@ pub(crate) fn quietly<T>(work: impl FnOnce() -> T) -> Option<T> {
     outcome.ok()
 }
 
-/// Reports panics in one line, as bugs of this program: they must not look like the user's mistake or fill the terminal with a stack trace.
+/// Reports panics on one line as internal errors of this program. Without this, a panic would look like a mistake of the user, and a stack trace
+/// would fill the terminal.
 pub(crate) fn report_panics() {
     panic::set_hook(Box::new(|info| {
         if QUIET.get() {
@@ -32,7 +33,7 @@ pub(crate) fn report_panics() {
     }));
 }
 
-/// The whole chain of an error on one line.
+/// Returns the whole chain of an error on one line.
 pub(crate) fn error_line(error: &anyhow::Error) -> String {
     let chain: Vec<String> = error.chain().map(ToString::to_string).collect();
     one_line(&chain.join(": "))
@@ -40,11 +41,11 @@ pub(crate) fn error_line(error: &anyhow::Error) -> String {
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// After this call, Ctrl-C requests a clean stop ([`check_interrupted`]); a second Ctrl-C ends the process at once.
+/// Makes Ctrl-C request a clean stop, which [`check_interrupted`] reports. A second Ctrl-C ends the process immediately.
 pub(crate) fn watch_interrupts() -> Result<()> {
     ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            // 128 + SIGINT, the exit status that shells expect after Ctrl-C.
+            // The exit status 128 + SIGINT, which shells expect after Ctrl-C.
             std::process::exit(130);
         }
         eprintln!("stopping; unfinished work is discarded; press Ctrl-C again to stop at once");
@@ -52,7 +53,7 @@ pub(crate) fn watch_interrupts() -> Result<()> {
     .context("cannot watch for Ctrl-C")
 }
 
-/// Fails once Ctrl-C was pressed.
+/// Returns an error if Ctrl-C was pressed.
 pub(crate) fn check_interrupted() -> Result<()> {
     if INTERRUPTED.load(Ordering::SeqCst) {
         bail!("stopped by Ctrl-C; finished parts are complete");

@@ -1,12 +1,12 @@
-//! One measured number with everything that identifies it: the row of `metrics.parquet` and `metrics.csv`.
+//! A row of `metrics.parquet` and `metrics.csv`: one measured number, with the columns that identify it.
 
 use std::cmp::Ordering;
 
 use serde::{Deserialize, Serialize};
 
-/// A number of a run. Tables are tidy: one value per row. A column that does not apply is empty (text) or absent (number).
+/// A measured number of a run. Each row contains one value. A column that does not apply to the row is empty (text) or absent (number).
 ///
-/// The order of the fields is the order of the columns ([`COLUMNS`]); [`Row::order`] sorts by the columns in this order.
+/// The fields have the order of the columns ([`COLUMNS`]). [`Row::order`] compares rows by the columns in this order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Name of the definition.
@@ -27,7 +27,7 @@ pub struct Row {
     pub parameter: String,
     /// Value of the varied parameter, as text; empty = none.
     pub setting: String,
-    /// Frame index; absent = the value is over all frames.
+    /// Frame index, from 0; absent = the value applies to all frames together.
     pub frame: Option<u32>,
     /// Number of frames between the two compared frames, k = 1..4; absent = the metric does not compare frames.
     pub lag: Option<u32>,
@@ -37,20 +37,20 @@ pub struct Row {
     pub metric: String,
     /// Unit of the value.
     pub unit: String,
-    /// The number.
+    /// The measured number.
     pub value: f64,
-    /// Standard error of the value, in its unit; absent = unknown or none.
+    /// Standard error of the value, in the unit of the value; absent = it is unknown or does not exist.
     pub standard_error: Option<f64>,
 }
 
-/// The type of a column, and the functions that read and write it.
+/// The type of a column, with the functions that read and write it.
 #[derive(Clone, Copy, Debug)]
 pub enum Field {
-    /// A text; empty = the column does not apply.
+    /// A text; empty = the column does not apply to the row.
     Text(fn(&Row) -> &str, fn(&mut Row) -> &mut String),
-    /// A whole number, or none.
+    /// A whole number; absent = the column does not apply to the row.
     Count(fn(&Row) -> Option<u32>, fn(&mut Row) -> &mut Option<u32>),
-    /// A number, or none.
+    /// A number; absent = the column does not apply to the row, or the number is not known.
     Number(fn(&Row) -> Option<f64>, fn(&mut Row) -> &mut Option<f64>),
     /// A number; NaN if the metric has no value.
     Value(fn(&Row) -> f64, fn(&mut Row) -> &mut f64),
@@ -59,11 +59,11 @@ pub enum Field {
 /// A column of the tables.
 #[derive(Clone, Copy, Debug)]
 pub struct Column {
-    /// Its name.
+    /// Name of the column.
     pub name: &'static str,
-    /// Its meaning and unit.
+    /// Meaning and unit of the column.
     pub meaning: &'static str,
-    /// Its type and accessors.
+    /// Type of the column, with its accessors.
     pub field: Field,
 }
 
@@ -100,12 +100,13 @@ pub const COLUMNS: [Column; 16] = [
 ];
 
 impl Row {
-    /// The column of this name.
+    /// Returns the column with this name.
     pub fn column(name: &str) -> Option<&'static Column> {
         COLUMNS.iter().find(|column| column.name == name)
     }
 
-    /// Compares two rows column by column, from left to right. Absent numbers come before present ones. The order is total, also for NaN.
+    /// Compares two rows column by column, from left to right. Absent numbers come before numbers that are present. The order is total, even if
+    /// numbers are NaN.
     pub fn order(&self, other: &Row) -> Ordering {
         let number = |a: Option<f64>, b: Option<f64>| match (a, b) {
             (Some(a), Some(b)) => a.total_cmp(&b),
@@ -135,7 +136,8 @@ mod tests {
         let text = String::from_utf8(writer.into_inner().unwrap()).unwrap();
         let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
         assert_eq!(header, COLUMNS.map(|column| column.name));
-        // Each accessor must reach the field of its own name: a value set through one column appears in that column of the file and in no other.
+        // Each accessor must access the field with the name of its column: a value that is set through one column must appear in this column of the
+        // file and in no other.
         for (i, column) in COLUMNS.iter().enumerate() {
             let mut row = Row::default();
             match column.field {

@@ -10,7 +10,7 @@ use kernels::scene::{self, Scene};
 use kernels::settings::{Home, Kind, Setting, shown};
 use toml::Value;
 
-/// A value that the option `--variant` accepts in addition to those of the setting: automatic variants, shaded by the generic pipeline.
+/// An additional value of the option `--variant`. It means that variants are chosen automatically and shaded by the generic pipeline.
 const GENERIC: &str = "generic";
 
 /// The settings of a frame, read from options.
@@ -68,7 +68,7 @@ impl FromArgMatches for FrameArgs {
         for setting in options() {
             let option = setting.option();
             if let Kind::Flag = setting.kind {
-                // A flag that is not given keeps the value that `--variant generic` set.
+                // If a flag is not given, it keeps its value, which `--variant generic` may have set.
                 if matches.get_flag(&option) {
                     self.set(setting, &Value::Boolean(true))?;
                 }
@@ -90,7 +90,7 @@ impl FrameArgs {
     }
 }
 
-/// Settings of the scene that replace those of its file.
+/// Settings that replace those of the scene file.
 #[derive(Args, Clone, Debug, Default)]
 pub(crate) struct SceneArgs {
     /// Replace a setting of the scene file, such as `blend.hash_scale=2`; may be given several times. docs/settings.md lists the settings
@@ -99,12 +99,12 @@ pub(crate) struct SceneArgs {
 }
 
 impl SceneArgs {
-    /// The settings that are replaced, with their values.
+    /// Returns the settings that are replaced, with their new values.
     pub(crate) fn replaced(&self) -> impl Iterator<Item = (&'static str, &Value)> {
         self.settings.iter().map(|(key, value)| (*key, value))
     }
 
-    /// The scene named `name`, with these settings applied.
+    /// Returns the scene named `name` with these settings applied.
     ///
     /// # Errors
     /// The scene cannot be read, does not have such a setting, or is invalid with these settings.
@@ -193,7 +193,7 @@ mod tests {
         }
         let wrong = frame(&["--estimator", "snaped"]).expect_err("there is no such estimator");
         assert!(wrong.contains("did you mean `snapped`?") && wrong.contains("laplacian"), "{wrong}");
-        // Internal estimators, such as the one that computes the theoretical variance, cannot be chosen.
+        // Internal estimators, such as the one that computes the theoretical variance, are not accepted.
         assert!(frame(&["--estimator", "variance"]).is_err() && frame(&["--estimator", ""]).is_err());
     }
 

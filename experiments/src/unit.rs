@@ -1,4 +1,5 @@
-//! The parts of a run. Each part is done completely or not at all, so that a run can be stopped anywhere, resumed, and split over machines.
+//! The parts of a run. Each part is carried out completely or not at all. A run can therefore be stopped at any time, resumed, and split over
+//! machines.
 
 use std::fmt;
 use std::path::Path;
@@ -9,7 +10,7 @@ use anyhow::Result;
 use crate::definition::{Definition, Setting, Times, setting_text};
 use crate::row::Row;
 
-/// What a part of a run does.
+/// The work that a part of a run consists of.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
     /// Renders the converged reference of a view and measures how the reference sequence changes from frame to frame. The reference is written to the
@@ -38,38 +39,38 @@ pub enum Work {
 pub struct Unit {
     /// Index of the part in the run, from 0. Rows are stored in the order of the parts.
     pub index: usize,
-    /// Name for files and progress: letters, digits, `-`, `_`, `+` and `.`.
+    /// Name of the part in file names and progress messages. It consists of letters, digits, `-`, `_`, `+` and `.`.
     pub id: String,
     /// Name of the view.
     pub view: String,
-    /// Value of the varied parameter.
+    /// Value of the varied parameter; `None` if no parameter is varied.
     pub setting: Setting,
-    /// What the part does.
+    /// The work of the part.
     pub work: Work,
 }
 
 /// The result of a part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// Metrics. They are identical if the part is done again on the same adapter.
+    /// Rows of metrics. They are identical if the part is carried out again on the same adapter.
     pub rows: Vec<Row>,
-    /// Device times. They differ each time the part is done.
+    /// Rows of device times. They differ each time the part is carried out.
     pub times: Vec<Row>,
 }
 
-/// Carries out the parts.
+/// An object that carries out parts.
 pub trait Measure {
-    /// Does one part. Files (pictures) go into `folder`; each is written completely. `step(done, total)` reports progress within the part.
-    /// Implementations check for an interrupt between steps.
+    /// Carries out one part. Files (pictures) are written to `folder`, each completely. `step(done, total)` is called to report the progress within
+    /// the part. Implementations check for an interrupt between steps.
     ///
     /// # Errors
-    /// The part cannot be rendered, or its files cannot be written. It then counts as not done.
+    /// The part cannot be rendered, or its files cannot be written. The part is then not finished.
     fn measure(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome>;
 }
 
-/// The parts of a valid definition, in the order in which they are done: for each value of the varied parameter and each view, first the reference,
-/// then the measurements against it, then times. Redundant combinations are not omitted: a table without gaps is easier to read than one whose gaps
-/// need an explanation.
+/// Returns the parts of a valid definition, in the order in which they are carried out. For each value of the varied parameter and each view, the
+/// reference comes first, then the measurements that use it, then the times. Combinations that give the same result are not omitted: a table without
+/// gaps is easier to read than a table whose gaps need an explanation.
 pub fn plan(definition: &Definition) -> Vec<Unit> {
     let settings: Vec<Setting> = match &definition.vary {
         None => vec![None],
@@ -112,23 +113,23 @@ pub fn plan(definition: &Definition) -> Vec<Unit> {
     units
 }
 
-/// Converts a text to a part of a file name. Characters that are neither ASCII letters or digits nor `-`, `_`, `+` or `.` become `_`. The text is cut
-/// after 30 characters, so that six such texts fit into a file name.
+/// Converts a text to a component of a file name. Characters other than ASCII letters, digits, `-`, `_`, `+` and `.` are replaced by `_`. The text is
+/// cut after 30 characters, so that six components fit into a file name.
 fn file_word(text: &str) -> String {
     text.chars().take(30).map(|c| if c.is_ascii_alphanumeric() || "-_+.".contains(c) { c } else { '_' }).collect()
 }
 
-/// One of several pieces that a run is split into, for several machines.
+/// One of several pieces into which a run is split. Each piece can run on a different machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Shard {
-    /// Its number, 1 to `count`.
+    /// Number of the piece, from 1 to `count`.
     pub number: u32,
-    /// The number of pieces, 1 to [`Shard::MAX`].
+    /// Number of all pieces, from 1 to [`Shard::MAX`].
     pub count: u32,
 }
 
 impl Shard {
-    /// The largest number of pieces.
+    /// Limit of the number of pieces.
     pub const MAX: u32 = 1000;
 }
 
@@ -150,17 +151,17 @@ impl FromStr for Shard {
     }
 }
 
-/// A part that a run or shard does.
+/// A part that belongs to a run or shard.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Share {
     /// The part.
     pub unit: Unit,
-    /// Whether this run stores the part's rows. Several shards may render the same reference, but only one shard stores its rows.
+    /// Whether this run or shard stores the rows of the part. Several shards may render the same reference, but only one of them stores its rows.
     pub kept: bool,
 }
 
-/// The parts that a shard does, or all parts if there is no shard. Sweeps and timings are assigned to the shards in turn. The rows of references are
-/// assigned in turn as well, counted separately. All shards together store the rows of each part exactly once.
+/// Returns the parts that a shard carries out, or all parts if `shard` is `None`. Sweeps and timings are assigned to the shards in turn. The rows of
+/// references are assigned in turn as well, independently of sweeps and timings. All shards together store the rows of each part exactly once.
 pub fn share(units: &[Unit], shard: Option<Shard>) -> Vec<Share> {
     let Some(shard) = shard else { return units.iter().cloned().map(|unit| Share { unit, kept: true }).collect() };
     let (count, own) = (shard.count as usize, shard.number as usize - 1);

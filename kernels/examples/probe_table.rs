@@ -1,13 +1,13 @@
-//! Runs one shared function over a table, on the device and by its reference in f64, and prints the largest difference:
+//! Computes a shared function for each row of a table, on the device and by its f64 reference in Rust, and prints the largest difference:
 //! `cargo run --release -p kernels --example probe_table`.
 
 use kernels::probe::Probe;
 use kernels::{Gpu, Result};
 
-/// Rows of view directions, as unit vectors.
+/// The rows of the table: directions as unit vectors.
 const DIRECTIONS: [[f64; 3]; 3] = [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.48, 0.64, 0.6]];
 
-/// The largest difference between the device and f64 over the table, and the name of the probe.
+/// Returns the name of the probe, and the largest difference between the results of the device and of the f64 reference.
 pub(crate) fn largest_error() -> Result<(&'static str, f64)> {
     let probe = Probe::find("octahedral")?;
     let gpu = Gpu::new()?;

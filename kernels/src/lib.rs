@@ -10,8 +10,8 @@
 //! - [`frame`] calls the stages in order, so it shows the course of a frame on one page.
 //! - A stage is a folder with a host module, WGSL and, if the stage has mathematics of its own, a `reference` in Rust. [`stage`] defines what every
 //!   stage declares about itself.
-//! - [`shared`] holds the functions that several stages use, each as WGSL and as Rust, generic over f32 and f64. [`probe`] evaluates them for tables
-//!   of inputs.
+//! - [`shared`] holds the functions that several stages use. Each is written in WGSL and in Rust; the Rust version is generic over f32 and f64.
+//!   [`probe`] evaluates these functions for tables of inputs.
 //! - [`gpu`] handles adapters, devices, shaders, timers and read-back.
 //!
 //! Modules are arranged in layers, called floors: a module imports only from lower floors. The list `KERNELS` in `tests/floors.rs` gives the order,

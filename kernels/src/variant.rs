@@ -14,7 +14,7 @@ use crate::base::names::nearest;
 pub enum Flavour {
     /// Cached top-down shading from virtual-texture pages.
     VirtualTexture = 1,
-    /// Baked albedo and normal of the quadtree payload.
+    /// Albedo and normal that were baked into the data of a quadtree node.
     FarAtlas = 2,
     /// Three alpha-blended projections, each with one random splat material.
     NearCliff = 4,
@@ -81,7 +81,7 @@ impl Variant {
     /// Number of variants.
     pub const COUNT: usize = 31;
 
-    /// The variant with this mask; `None` unless 1 <= mask <= 31.
+    /// The variant with this mask; `None` if the mask is not in 1..=31.
     pub const fn new(mask: u8) -> Option<Variant> {
         if mask >= 1 && mask <= 31 { Some(Variant(mask)) } else { None }
     }

@@ -1,6 +1,6 @@
 //! Mutants of WGSL: the text of a shader with one small fault.
 //!
-//! Mutants measure the strength of tests: a mutant that passes all tests shows a line that may be wrong without any test turning red. The operators
+//! Mutants measure the strength of tests: a mutant that passes all tests shows that its line could be wrong without any test failing. The operators
 //! are those of mutation testing (Jia and Harman 2011, *An Analysis and Survey of the Development of Mutation Testing*, table 3), adapted to WGSL:
 //! constants, operators, comparisons, components, terms, built-in functions, indices, branches and statements.
 
@@ -13,23 +13,23 @@ use tokens::{Kind, Token, tokens};
 /// A mutant of a text: one range of bytes is replaced.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Mutant {
-    /// Line of the range, from 1.
+    /// Number of the line in which the range begins, counted from 1.
     pub(crate) line: usize,
-    /// The operator that made it, such as `constant: half`.
+    /// Name of the mutation operator, such as `constant: half`.
     pub(crate) operator: &'static str,
-    /// The bytes that are replaced.
+    /// The range of bytes that is replaced.
     pub(crate) range: Range<usize>,
-    /// What replaces them.
+    /// The text that replaces them.
     pub(crate) with: String,
 }
 
 impl Mutant {
-    /// The text with the fault.
+    /// Returns the text with the fault.
     pub(crate) fn apply(&self, text: &str) -> String {
         format!("{}{}{}", &text[..self.range.start], self.with, &text[self.range.end..])
     }
 
-    /// What was changed, in one line: `a * b` -> `a / b`.
+    /// Describes the change in one line, such as `a * b` -> `a / b`.
     pub(crate) fn change(&self, text: &str) -> String {
         let short = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let with = short(&self.with);
@@ -37,7 +37,7 @@ impl Mutant {
     }
 }
 
-/// Replacements of signs between two operands.
+/// Each binary operator with its replacements and the name of the mutation operator.
 const SIGNS: [(&str, &[&str], &str); 22] = [
     ("+", &["-"], "operator"),
     ("-", &["+"], "operator"),
@@ -63,7 +63,7 @@ const SIGNS: [(&str, &[&str], &str); 22] = [
     ("||", &["&&"], "comparison"),
 ];
 
-/// Replacements of built-in functions; an empty name leaves the argument alone.
+/// Replacements of built-in functions. If the replacement is empty, the call becomes its argument in brackets.
 const CALLS: [(&str, &str); 14] = [
     ("min", "max"),
     ("max", "min"),
@@ -81,11 +81,12 @@ const CALLS: [(&str, &str); 14] = [
     ("sin", "cos"),
 ];
 
-/// Constants beyond these magnitudes guard against division by zero and overflow. Any other tiny or huge value serves as well, so scaling them makes
-/// no mutant.
+/// Range of the constants that are scaled. Smaller and larger constants guard against division by zero and overflow. They are not scaled, because
+/// another tiny or huge value would serve the same purpose.
 const GUARDS: Range<f64> = 1e-5..1e9;
 
-/// All mutants of a text, in the order of their places. Only function bodies are changed: declarations are checked by reflection.
+/// Returns all mutants of a text, in the order of their positions. Only function bodies are changed; tests by reflection (`layouts.rs`) check
+/// declarations.
 pub(crate) fn mutants(text: &str) -> Vec<Mutant> {
     let tokens = tokens(text);
     let mut all = Vec::new();
@@ -103,7 +104,7 @@ pub(crate) fn mutants(text: &str) -> Vec<Mutant> {
     all
 }
 
-/// The tokens of each function body, without its braces.
+/// Returns the indices of the tokens of each function body, without its braces.
 fn bodies(text: &str, tokens: &[Token]) -> Vec<Range<usize>> {
     let mut bodies = Vec::new();
     let mut at = 0;
@@ -120,7 +121,7 @@ fn bodies(text: &str, tokens: &[Token]) -> Vec<Range<usize>> {
     bodies
 }
 
-/// The bracket that closes the one at `open`.
+/// Returns the index of the token that closes the bracket at index `open`.
 fn closing(text: &str, tokens: &[Token], open: usize) -> Option<usize> {
     let mut depth = 0usize;
     for (at, token) in tokens.iter().enumerate().skip(open) {
@@ -138,7 +139,7 @@ fn closing(text: &str, tokens: &[Token], open: usize) -> Option<usize> {
     None
 }
 
-/// Whether a token ends an operand, so that a sign after it stands between two operands.
+/// Whether a token can be the end of an operand. An operator after such a token is binary.
 fn ends_operand(text: &str, token: &Token) -> bool {
     match token.kind {
         Kind::Number => true,
@@ -243,7 +244,7 @@ fn starts_statement(text: &str, before: Option<&Token>) -> bool {
     before.is_none_or(|token| matches!(token.text(text), ";" | "{" | "}"))
 }
 
-/// The first token after the term that begins at `from`: a product, or a single operand.
+/// Returns the index of the first token after the term that begins at `from`. A term is a product or a single operand.
 fn term_end(text: &str, tokens: &[Token], from: usize, end: usize) -> usize {
     let mut at = from;
     while at < end {
@@ -262,7 +263,8 @@ fn term_end(text: &str, tokens: &[Token], from: usize, end: usize) -> usize {
     at.min(end)
 }
 
-/// The first two arguments of a call whose opening bracket is `open`.
+/// Returns the byte ranges of the first two arguments of a call, whose opening bracket has the index `open`; `None` if the call has fewer than three
+/// arguments.
 fn first_arguments(text: &str, tokens: &[Token], open: usize) -> Option<[Range<usize>; 2]> {
     let close = closing(text, tokens, open)?;
     let mut commas = Vec::new();
@@ -279,7 +281,7 @@ fn first_arguments(text: &str, tokens: &[Token], open: usize) -> Option<[Range<u
     Some([tokens[open + 1].range.start..tokens[first - 1].range.end, tokens[first + 1].range.start..tokens[second - 1].range.end])
 }
 
-/// The mutants of a number: a step, a half, a sign.
+/// Returns the mutants of a number, each with its operator: changed by a step, halved, or with the opposite sign.
 fn constants(word: &str) -> Vec<(&'static str, String)> {
     let (digits, suffix) = match word.char_indices().last() {
         Some((last, 'u' | 'i' | 'f')) if !word.starts_with("0x") || word.ends_with('u') => word.split_at(last),
@@ -305,7 +307,8 @@ fn constants(word: &str) -> Vec<(&'static str, String)> {
     found
 }
 
-/// Components in another order: `x` -> `y`, `xyz` -> `yxz`. `None` if the word names no components.
+/// Returns different components, or the components in a different order: `x` -> `y`, `xyz` -> `yxz`; `None` if the word does not name components, or
+/// if all its components are equal.
 fn swizzled(word: &str) -> Option<String> {
     let set = ["xyzw", "rgba"].into_iter().find(|set| word.chars().all(|c| set.contains(c)))?;
     let mut letters: Vec<char> = word.chars().collect();

@@ -1,4 +1,5 @@
-//! The tokens of a WGSL text (WGSL, section 3.2). Comments and attributes are left out; the brackets of templates are marked.
+//! Splits a WGSL text into tokens (WGSL specification, section 3.2). Comments and attributes are left out. The tokens of template lists have a kind
+//! of their own.
 
 use std::ops::Range;
 
@@ -8,7 +9,7 @@ pub(super) enum Kind {
     Word,
     Number,
     Sign,
-    /// Everything between `<` and `>` of a type such as `vec3<f32>`, brackets included.
+    /// A token of a template list, including its brackets: `<`, `f32` and `>` in `vec3<f32>`.
     Template,
 }
 
@@ -24,11 +25,11 @@ impl Token {
     }
 }
 
-/// Signs of two and three characters, the longer first.
+/// Operators of two and three characters, the longer ones first.
 const LONG: [&str; 22] =
     ["<<=", ">>=", "->", "&&", "||", "==", "!=", "<=", ">=", "+=", "-=", "*=", "/=", "%=", "&=", "|=", "^=", "<<", ">>", "++", "--", "::"];
 
-/// Words after which `<` opens a template.
+/// Whether `<` after this word opens a template list.
 fn has_template(word: &str) -> bool {
     ["vec2", "vec3", "vec4", "array", "ptr", "atomic", "bitcast", "var"].contains(&word)
         || word.starts_with("mat")
@@ -39,7 +40,7 @@ pub(super) fn tokens(text: &str) -> Vec<Token> {
     let bytes = text.as_bytes();
     let mut tokens: Vec<Token> = Vec::new();
     let mut at = 0;
-    // Depth of open templates.
+    // Number of template lists that are open.
     let mut template = 0usize;
     while at < bytes.len() {
         let rest = &text[at..];
@@ -77,7 +78,7 @@ pub(super) fn tokens(text: &str) -> Vec<Token> {
         if template > 0 && first == '>' {
             template -= 1;
         }
-        // A nested type, as in array<vec2<f32>>, must be recognised as a word.
+        // The name of a nested type, such as `vec2` in array<vec2<f32>>, must be a word, so that the `<` after it opens a template list.
         let kind = if kind == Kind::Template && has_template(&rest[..length]) { Kind::Word } else { kind };
         tokens.push(Token { kind, range: at..at + length });
         at += length;
@@ -85,13 +86,13 @@ pub(super) fn tokens(text: &str) -> Vec<Token> {
     tokens
 }
 
-/// Length of an attribute: `@` and its name, with its arguments.
+/// Returns the length of an attribute in bytes: `@`, its name, and its arguments in brackets.
 fn attribute(rest: &str) -> usize {
     let name = 1 + rest[1..].find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len() - 1);
     if rest[name..].starts_with('(') { name + rest[name..].find(')').map_or(0, |end| end + 1) } else { name }
 }
 
-/// Length of a number: digits, a point, an exponent with its sign, a suffix.
+/// Returns the length of a number in bytes: digits, a point, an exponent with its sign, and a suffix.
 fn number(rest: &str) -> usize {
     let hex = rest.starts_with("0x");
     let mut length = 0;

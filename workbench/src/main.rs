@@ -11,7 +11,7 @@ use workbench::model::kept::{self, Keeper};
 use workbench::script;
 use workbench::window::{Workbench, still};
 
-/// Shades terrain interactively: choose among 31 variants, estimators and noises with a click, and see what each costs.
+/// Shades terrain interactively: choose a variant (one of 31), an estimator and a noise with a click, and see what each costs.
 #[derive(Parser)]
 #[command(
     version,
@@ -51,7 +51,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     parse().filter(|size| size.iter().all(|n| (SIDES[0]..=SIDES[1]).contains(n))).ok_or_else(wrong)
 }
 
-/// Opens the file of the saved state, unless `fresh` is set. Returns the keeper of the file, and notes for the user.
+/// Opens the file of the saved state, unless `fresh` is set. Returns the [`Keeper`], which reads and writes the file, and notes for the user.
 fn open(fresh: bool) -> (Option<Keeper>, Vec<String>) {
     let Some(path) = kept::place().filter(|_| !fresh) else {
         let nowhere = "nothing is saved between starts, because no folder for the saved state is known: set SCREE_STATE to a file";
@@ -114,7 +114,7 @@ fn run(args: &Args) -> Result<()> {
 
 /// The error message for a window that cannot be opened: the reason, and the programs that work without a window.
 fn no_window(error: &eframe::Error) -> anyhow::Error {
-    // The error message of the library names a source file of the library. If there is no display, which is the common cause, state that instead.
+    // The error message of the window library names a source file of that library. If there is no display, which is the common cause, say so instead.
     let unset = |name: &str| std::env::var_os(name).is_none_or(|value| value.is_empty());
     let headless = cfg!(target_os = "linux") && unset("DISPLAY") && unset("WAYLAND_DISPLAY");
     let why = if headless { "neither DISPLAY nor WAYLAND_DISPLAY is set".to_owned() } else { error.to_string() };

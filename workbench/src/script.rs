@@ -32,7 +32,7 @@ pub enum Step {
     Click(String),
     /// Presses a key.
     Key(Key),
-    /// Sets the number with this name.
+    /// Sets the control with this name to a number.
     Set(String, f64),
     /// Enters a text into the field with this name.
     Type(String, String),
@@ -84,7 +84,7 @@ pub fn steps(text: &str) -> Result<Vec<Step>> {
     text.split([';', '\n']).map(str::trim).filter(|step| !step.is_empty()).map(str::parse).collect()
 }
 
-/// Longest side of a texture, pixels. Windows of eframe have the same limit.
+/// Limit of the side of a texture, pixels. Windows of eframe have the same limit.
 const MOST_SIDE: usize = 8192;
 
 /// The application without a window.
@@ -93,7 +93,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// An invisible window of this size in points. Its pictures may come from a drawing thread that an earlier window left, see [`Engine::shared`].
+    /// Creates an invisible window of this size in points. It may use a drawing thread that served an earlier window, see [`Engine::shared`].
     pub fn new(scene: Scene, size: [u32; 2]) -> Stage {
         Stage::prepared(scene, size, |_| {})
     }
@@ -128,7 +128,7 @@ impl Stage {
             .allow_missing_glyphs()
             .wgpu()
             .build_eframe(|cc| {
-                // Without animations, a control is still at the position in the last drawing when a click on it arrives.
+                // Without animations, a control does not move between the drawing in which its position was found and the click on that position.
                 still(&cc.egui_ctx);
                 app(&cc.egui_ctx)
             });
@@ -189,7 +189,7 @@ impl Stage {
     /// # Errors
     /// See [`Stage::until`].
     pub fn settle(&mut self) -> Result<()> {
-        // A change that was just made is requested only when the window is drawn next.
+        // The window requests a picture only when it is drawn. Draw it once, so that a change that was just made is requested.
         self.harness.step();
         ensure!(self.harness.state().model.has_room(), "the window is too small for a picture: make it larger with --size");
         self.until("the picture", Model::is_settled)
@@ -288,7 +288,7 @@ impl Stage {
         self.settle()
     }
 
-    /// Turns the wheel over the picture by this many points; positive is upwards.
+    /// Turns the mouse wheel by this many points, with the pointer over the picture. Positive is upwards.
     ///
     /// # Errors
     /// See [`Stage::until`].
@@ -304,7 +304,7 @@ impl Stage {
             source: egui::MouseWheelSource::Unknown,
             modifiers: egui::Modifiers::NONE,
         });
-        // The turn is spread over several drawings.
+        // egui spreads the turn over several drawings of the window.
         self.harness.run_steps(SPREAD);
         self.settle()
     }
@@ -332,7 +332,7 @@ impl Stage {
             }
             Step::Open(given) => self.open(given)?,
             Step::Frames(_) if self.harness.state().model.clock.paused => {
-                bail!("time stands still, so no further frame is drawn: start it with `key Space`")
+                bail!("time stands still, so no further frame is drawn: let it run with `key Space`")
             }
             Step::Frames(count) => {
                 let until = self.harness.state().model.clock.frame.wrapping_add(*count);
@@ -362,7 +362,7 @@ impl Stage {
         Ok(([image.width(), image.height()], image.pixels().map(|p| [p[0], p[1], p[2]]).collect()))
     }
 
-    /// Draws the part of the window that a panel occupies, as [`Stage::screenshot`] does. Returns its size in pixels, and its texels.
+    /// Draws the window like [`Stage::screenshot`], and cuts out the panel with this name. Returns the size of the panel in pixels, and its texels.
     ///
     /// # Errors
     /// No panel has this name, another panel is in front of it, or the window cannot be drawn.
@@ -370,7 +370,7 @@ impl Stage {
         let pane = Pane::ALL.into_iter().find(|pane| pane.name() == name).with_context(|| format!("no panel is called `{name}`"))?;
         let place = self.model().place_of(pane).with_context(|| format!("`{name}` is behind another panel: click its tab first"))?;
         let ([width, height], texels) = self.window()?;
-        // In this window, a pixel is a point.
+        // In this window, one point is one pixel.
         let [left, top] = [place.left(), place.top()].map(|x| x.round().max(0.0) as u32);
         let [right, bottom] = [(place.right(), width), (place.bottom(), height)].map(|(x, most)| (x.round().max(0.0) as u32).min(most));
         let row = |y: u32| &texels[(y * width + left) as usize..(y * width + right) as usize];

@@ -1,5 +1,5 @@
-//! The window: panels around a picture. It requests the picture that the model describes from the drawing thread, and passes the thread's news to the
-//! model.
+//! The window: panels around a picture. It asks the drawing thread for the picture that the model describes, and copies the latest state of the
+//! thread into the model.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -30,14 +30,14 @@ pub struct Workbench {
 }
 
 impl Workbench {
-    /// Creates the application for a scene. Each picture appears when it has been drawn. `shaders` is a folder of WGSL files to draw with and to
-    /// watch for changes, see [`Engine::start`].
+    /// Creates the application for a scene. A thread draws the pictures; the window shows each when it is ready. `shaders` is a folder of WGSL files
+    /// to draw with and to watch for changes, see [`Engine::start`].
     pub fn new(ctx: &egui::Context, scene: Scene, shaders: Option<PathBuf>) -> Workbench {
         let window = ctx.clone();
         Workbench::drawn_by(Engine::start(shaders, move |within| window.request_repaint_after(within)), scene)
     }
 
-    /// Like [`Workbench::new`], with a drawing thread that has been started and can wake the window.
+    /// Like [`Workbench::new`], with a drawing thread that already runs and that can wake the window.
     pub fn drawn_by(engine: Engine, scene: Scene) -> Workbench {
         let titled = scene.name.clone();
         Workbench { engine, model: Model::new(scene), panels: Panels::default(), asked: None, last_shown: None, titled }
@@ -53,7 +53,7 @@ impl Workbench {
         self.engine.warm();
     }
 
-    /// Copies the news of the engine into the model, and new pictures into textures.
+    /// Copies the latest state of the drawing thread into the model, and a new picture into textures.
     fn listen(&mut self, ctx: &egui::Context) {
         self.model.most_side = ctx.input(|i| u32::try_from(i.max_texture_side).unwrap_or(u32::MAX));
         let before = self.model.news.shown.take();
@@ -147,7 +147,7 @@ impl Workbench {
         }
     }
 
-    /// Handles files dropped on the window: a scene is opened; any other folder becomes the texture folder of the selected material.
+    /// Handles files and folders dropped on the window: a scene is opened; anything else becomes the texture folder of the selected material.
     fn dropped(&mut self, ctx: &egui::Context) {
         let paths: Vec<PathBuf> = ctx.input(|i| i.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
         for path in paths {
@@ -219,7 +219,7 @@ impl Workbench {
     }
 }
 
-/// Switches animations off, because they would repaint the window repeatedly and distort the times of pictures.
+/// Switches animations off. An animation repaints the window again and again, which would distort the measured times of pictures.
 pub fn still(ctx: &egui::Context) {
     ctx.all_styles_mut(|style| {
         style.animation_time = 0.0;

@@ -35,7 +35,7 @@ impl<'a> From<&'a AdapterReport> for Row<'a> {
     }
 }
 
-/// Prints the list of adapters, and then fails if no adapter is usable.
+/// Prints the list of adapters. Fails after printing if no adapter is usable.
 pub(crate) fn run(args: &AdaptersArgs) -> Result<()> {
     let reports = gpu::adapters();
     if args.json {

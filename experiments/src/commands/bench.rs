@@ -1,4 +1,4 @@
-//! `bench`: measures the ratios of times that the design promises, in one run on the built-in world.
+//! `bench`: measures the ratios of times for which the design has targets. One run on the built-in world measures all of them.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,16 +23,16 @@ use crate::cli::BenchArgs;
 use crate::metrics;
 use crate::process::{check_interrupted, watch_interrupts};
 
-/// Median milliseconds; the key is (camera, choice of variants, pass).
+/// The median times in milliseconds. The key is camera, choice of variants, and pass.
 type Times = BTreeMap<(String, String, String), f64>;
 
-// Times of the wall clock are listed as passes with these names. They do not come from timestamps of the device, because the timestamps of a software
-// adapter include waiting.
-/// Rendering a frame, from the request to the end of the device's work.
+// The following names of passes are used for times of the wall clock. These times do not come from timestamps of the device, because the timestamps
+// of a software adapter include waiting.
+/// The time of rendering a frame, from the request to the end of the device's work.
 const FRAME: &str = "frame (wall clock)";
-/// Reading a frame back like the workbench does: the linear picture, the displayed picture, and the layers of live metrics.
+/// The time of reading a frame back as the workbench does: the linear picture, the displayed picture, and the layers of live metrics.
 const READING: &str = "reading back (wall clock)";
-/// Measuring a frame with the metrics of sequences.
+/// The time of measuring a frame with the metrics that compare the frames of a sequence.
 const MEASURING: &str = "measuring (wall clock)";
 
 fn is_wall_clock(pass: &str) -> bool {
@@ -59,7 +59,8 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     let mut times = Times::new();
     for camera in scene.cameras.iter().filter(|c| VIEWS.contains(&c.name.as_str())) {
         let pose = Pose::of(camera, |x, y| renderer.ground_m(x, y));
-        // The first round warms up pipelines, nodes and pages. Choices take turns, so that a drift of the machine affects all of them equally.
+        // The first round warms up pipelines, nodes and pages. In each round, all choices take turns, so that a drift of the machine's speed affects
+        // them equally.
         let mut samples: BTreeMap<(String, String), Vec<f64>> = BTreeMap::new();
         for round in 0..=args.repeats {
             for (name, choice) in &choices {
@@ -86,8 +87,8 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     print(&text(&gpu, args, &times))
 }
 
-/// Returns, for each frame, the milliseconds of rendering it by automatic choice, of reading it back, and of measuring it against the four frames
-/// before it. The time that measuring takes to compose the picture is subtracted.
+/// Measures three times for each frame, in milliseconds: rendering the frame with automatically chosen variants, reading it back, and comparing it
+/// with the four frames before it. The time of composing the picture, which a measurement includes, is subtracted.
 fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs) -> Result<[(&'static str, Vec<f64>); 3]> {
     let layers = Layers::new(renderer.gpu(), args.size);
     let mut meter = renderer.meter(args.size, &[Resolve::Off])?;
@@ -129,7 +130,7 @@ fn shading(times: &Times, camera: &str, choice: &str) -> f64 {
     times.get(&(camera.to_owned(), choice.to_owned(), "shading".to_owned())).copied().unwrap_or(f64::NAN)
 }
 
-/// Returns the classification pass's share of the device time of a frame that is shaded by automatic choice.
+/// Returns the time of the classification pass as a share of the device time of a frame with automatically chosen variants.
 fn classification_share(times: &Times, camera: &str) -> f64 {
     let of_frame: Vec<_> = times.iter().filter(|((c, name, pass), _)| c == camera && name == AUTO && !is_wall_clock(pass)).collect();
     let all: f64 = of_frame.iter().map(|(_, ms)| **ms).sum();

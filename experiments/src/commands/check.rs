@@ -1,4 +1,5 @@
-//! `check`: runs the small version of experiments and compares the results with their expectations. It is meant for continuous integration.
+//! `check`: runs the small version of experiments and compares the results with the expectations of their definitions. It is meant for continuous
+//! integration.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +13,7 @@ use crate::definition::Definition;
 use crate::expectations::{self, Verdict};
 use crate::store::{Existing, Place};
 
-/// A folder for results that are not kept.
+/// A folder for results that are deleted at the end.
 struct Temporary(PathBuf);
 
 impl Temporary {
@@ -25,12 +26,12 @@ impl Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        // The error is ignored, because nothing else can be done if a temporary folder cannot be removed.
+        // If a temporary folder cannot be removed, nothing else can be done, so the error is ignored.
         drop(fs::remove_dir_all(&self.0));
     }
 }
 
-/// Runs the small version of each definition and fails if a result is outside the expected range.
+/// Runs the small version of each definition. Fails if an expectation is not met.
 pub(crate) fn run(args: &CheckArgs) -> Result<()> {
     let temporary = args.out.is_none().then(Temporary::new).transpose()?;
     let out = args.out.as_deref().or(temporary.as_ref().map(|folder| folder.0.as_path())).unwrap_or(Path::new("."));
@@ -46,7 +47,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<()> {
     })
 }
 
-/// Refuses a definition that has no expectations, because its check could not fail.
+/// Refuses a definition without expectations, because its check could never fail.
 ///
 /// # Errors
 /// The definition has no expectations.
@@ -57,10 +58,10 @@ fn has_expectations(definition: &Definition) -> Result<()> {
     Ok(())
 }
 
-/// Fails if an expectation does not hold.
+/// Fails if an expectation is not met.
 ///
 /// # Errors
-/// A value is outside its range; the message names all expectations that do not hold.
+/// A value is outside its range. The message names all expectations that are not met.
 fn judge(name: &str, verdicts: &[Verdict]) -> Result<()> {
     let failed: Vec<&str> = verdicts.iter().filter(|verdict| !verdict.met).map(|verdict| verdict.claim.trim()).collect();
     if failed.is_empty() {

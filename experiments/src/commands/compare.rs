@@ -28,10 +28,10 @@ struct Answer<'a> {
     mse: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mrse: Option<f64>,
-    /// null = infinite, which JSON cannot express.
+    /// PSNR, dB. null = the PSNR is infinite, which JSON cannot represent.
     #[serde(skip_serializing_if = "Option::is_none")]
     psnr_db: Option<Option<f64>>,
-    /// null = the picture has no window of 11 x 11 pixels.
+    /// SSIM. null = no window of 11 x 11 pixels fits into the picture around a compared pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     ssim: Option<Option<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<()> {
     if args.json { print_json(&answer) } else { print(&table(&answer, &metrics)) }
 }
 
-/// Returns the requested metrics without duplicates; if none was requested, all metrics that apply to the content.
+/// Returns the requested metrics without duplicates. If none was requested, returns all metrics that are meaningful for the content.
 fn metrics(args: &CompareArgs, content: Content) -> Result<Vec<Metric>> {
     let colour = content == Content::Colour;
     if !colour {
@@ -166,7 +166,7 @@ fn table(answer: &Answer<'_>, metrics: &[Metric]) -> String {
     text
 }
 
-/// Formats a number with six decimals; very small and very large numbers get six significant digits and an exponent.
+/// Formats a number with six decimals. Very small and very large numbers are written with six significant digits and an exponent.
 fn number(value: f64) -> String {
     if value == 0.0 || (1e-3..1e6).contains(&value.abs()) { format!("{value:.6}") } else { format!("{value:.5e}") }
 }

@@ -1,4 +1,4 @@
-//! `demo`: runs a small built-in definition like `run` does. Options replace some of the definition's keys.
+//! `demo`: runs a small built-in definition in the same way as `run`. The options replace some keys of the definition.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::store::{Existing, Place};
 
 const TEXT: &str = include_str!("../../definitions/demo.toml");
 
-/// Runs the demo and writes its report. Existing results are replaced, because users rerun the demo after changes.
+/// Runs the demo and writes its report. Existing results are replaced, because users repeat the demo after they have changed something.
 pub(crate) fn run(args: &DemoArgs) -> Result<()> {
     let mut definition = definition::parse(TEXT, "demo.toml (built in)", Path::new("."))?;
     let scene = scene::load(scene::DEFAULT)?;

@@ -1,4 +1,4 @@
-//! `explain`: prints what a scene requires, what it does not require, and its settings.
+//! `explain`: prints what a scene requires and what it does not require, and lists its settings.
 
 use anyhow::Result;
 use kernels::frame::requirements::Requirements;

@@ -1,4 +1,4 @@
-//! `import`: makes a scene folder from a heightmap.
+//! `import`: creates a scene folder from a heightmap.
 
 use anyhow::{Result, bail};
 use kernels::decode::heightmap::ReadOptions;

@@ -1,4 +1,4 @@
-//! The commands, one module for each, and the functions for output and progress that they share.
+//! The commands, one module for each, and shared functions for output and progress.
 
 mod adapters;
 mod bench;
@@ -43,7 +43,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     }
 }
 
-/// Writes to stdout. It is not an error if the reader closes the pipe early (`| head`).
+/// Writes to stdout. If the reader closes the pipe early (`| head`), this is not an error.
 pub(crate) fn print(text: &str) -> Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -58,9 +58,9 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<()> {
     print(&format!("{text}\n"))
 }
 
-/// Refuses an output file that cannot be written. Commands call this before the work starts, so that no work is lost.
+/// Refuses an output file that cannot be written. Commands call this function before the work starts, so that no work is lost.
 ///
-/// The check does not open the file. Output files are written under a temporary name and then renamed, so only their folder has to be writable.
+/// The check does not open the file. Output files are written under a temporary name and then renamed, so it is enough that their folder is writable.
 pub(crate) fn check_output_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         bail!("{} is a folder: give the name of a file", path.display());
@@ -83,7 +83,7 @@ pub(crate) fn check_writable(folder: &Path) -> Result<()> {
     if !folder.is_dir() {
         bail!("{} is not a folder: correct the path", folder.display());
     }
-    // Permission bits are not reliable (read-only mounts, access control lists), so this tries to write.
+    // Permission bits are not reliable (read-only mounts, access control lists). The function therefore tries to create a file.
     let trial = folder.join(format!(".scree-{}.tmp", std::process::id()));
     OpenOptions::new()
         .write(true)
@@ -94,7 +94,7 @@ pub(crate) fn check_writable(folder: &Path) -> Result<()> {
         .with_context(|| format!("cannot write into {}: change its permissions, or choose another folder", folder.display()))
 }
 
-/// Shows the progress of long work on stderr: as a bar if stderr is a terminal, otherwise as a plain line after each quarter of the work.
+/// Shows the progress of long work on stderr. If stderr is a terminal, it shows a bar. Otherwise it prints a line after each quarter of the work.
 pub(crate) struct Reporter {
     terminal: bool,
     state: Mutex<State>,
@@ -113,9 +113,9 @@ impl Reporter {
         Reporter { terminal: io::stderr().is_terminal(), state: Mutex::default() }
     }
 
-    /// Shows that `done` of `total` parts of `stage` are finished; `total` = 0 if the number is unknown. A new `stage` ends the one before it.
+    /// Shows that `done` of `total` steps of `stage` are finished; `total` = 0 if the number is unknown. A new `stage` ends the previous stage.
     pub(crate) fn report(&self, stage: &str, done: u64, total: u64) {
-        // A poisoned lock means that another thread panicked. That thread reports its panic.
+        // A poisoned lock means that another thread has panicked. That thread reports the panic.
         let Ok(mut state) = self.state.lock() else { return };
         let entered = state.stage != stage;
         if entered {
@@ -142,7 +142,7 @@ impl Reporter {
         }
     }
 
-    /// Removes the bar.
+    /// Removes the progress bar.
     pub(crate) fn finish(&self) {
         if let Some(bar) = self.state.lock().ok().and_then(|mut state| state.bar.take()) {
             bar.finish_and_clear();

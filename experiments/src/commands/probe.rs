@@ -1,4 +1,4 @@
-//! `probe`: evaluates one shared function for the rows of a CSV table.
+//! `probe`: evaluates a shared function for each row of a CSV table. Shared functions exist in WGSL and in Rust.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -21,15 +21,15 @@ struct Listed {
     outputs: &'static [Column],
 }
 
-/// A table read from CSV: its text, and the values of the required columns.
+/// A table that was read from CSV: its text, and the values of the columns that the probe needs.
 struct Table {
     header: csv::StringRecord,
     rows: Vec<csv::StringRecord>,
-    /// The values of the probe's input columns, row by row, in the order in which the probe lists the columns.
+    /// The values of the probe's input columns, row by row. Their order is that of the probe's list of columns.
     values: Vec<f64>,
 }
 
-/// Lists the probes, or runs one.
+/// Lists the probes, or evaluates one.
 pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
     if args.list {
         return list(args.json);
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<()> {
         bail!("--output {} is the input, which would be lost: give a different file", output.display());
     }
     let table = read(input, probe)?;
-    // Results are written as the shortest decimal that reads back as the same number in the precision of the evaluation.
+    // Each result is written with as few digits as possible, so that it is read back as the same number in the precision of the evaluation.
     #[allow(clippy::cast_possible_truncation, reason = "these are numbers of f32")]
     let single = |(x, column): (&f64, &Column)| if column.is_word() { x.to_string() } else { (*x as f32).to_string() };
     let in_single = |results: &[f64]| results.iter().zip(probe.outputs.iter().cycle()).map(single).collect();
@@ -134,7 +134,7 @@ fn explain(error: &csv::Error) -> String {
     }
 }
 
-/// Writes the table with its results, completely or not at all.
+/// Writes the table with its results. The file is written completely or not at all.
 fn write(path: &Path, probe: &Probe, table: &Table, results: &[String]) -> Result<()> {
     write_whole(path, |temporary| -> Result<()> {
         let mut writer = csv::Writer::from_path(temporary)?;

@@ -1,4 +1,4 @@
-//! `render`: renders pictures of a scene by any variant, estimator and noise, or the converged reference.
+//! `render`: renders pictures of a scene with any variant, estimator and noise, or renders the converged reference.
 
 use std::path::{Path, PathBuf};
 
@@ -30,7 +30,7 @@ struct Summary {
     estimator: String,
     noise: String,
     seed: u32,
-    /// Every setting of the frame and its stages, by its key.
+    /// The values of all settings of the frame, by their keys.
     settings: serde_json::Map<String, serde_json::Value>,
     /// Settings of the scene that `--set` replaced, by their keys.
     set: serde_json::Map<String, serde_json::Value>,
@@ -38,7 +38,7 @@ struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<u32>,
     adapter: String,
-    /// Whether the adapter is a software adapter. Its times are only meaningful as ratios.
+    /// Whether the adapter renders on the CPU. Only ratios of its times are then meaningful.
     software: bool,
     frames: Vec<FrameSummary>,
 }
@@ -47,28 +47,28 @@ struct Summary {
 struct FrameSummary {
     frame: u32,
     file: PathBuf,
-    /// GPU time of each pass, milliseconds; for a reference, the sum over its samples. With the layers `fetches`, `choice` or `variant`, the shading
-    /// time is that of the counting pipelines, which are slower.
+    /// GPU time of each pass, milliseconds. For a reference, it is the sum over all samples. If one of the layers `fetches`, `choice` or `variant` is
+    /// requested, pixels are shaded by pipelines that count, which are slower.
     gpu_ms: serde_json::Map<String, serde_json::Value>,
     /// Mean number of fetches over terrain pixels; absent if the layer `fetches` was not requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     fetches_per_px: Option<f64>,
-    /// Number of screen tiles shaded by each variant; variants without tiles are absent.
+    /// Number of screen tiles that each variant shades. Variants that shade no tile are absent.
     tiles: serde_json::Map<String, serde_json::Value>,
 }
 
-/// A value of a setting as JSON.
+/// Returns the value of a setting as JSON.
 fn json(value: &toml::Value) -> serde_json::Value {
     serde_json::to_value(value).unwrap_or_default()
 }
 
-/// The camera of the pictures: a fixed pose (a camera of the scene, or given on the command line) or a path.
+/// The camera of the pictures: a fixed pose, which comes from the scene or the command line, or a camera path.
 enum Shot<'a> {
     Still(CameraPose),
     Along(&'a CameraPath),
 }
 
-/// Renders and writes all frames, each completely or not at all.
+/// Renders and writes all frames. Each file is written completely or not at all.
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     check_output_file(&args.out)?;
     let scene = args.scene_settings.scene(&args.scene)?;
@@ -118,7 +118,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         pose.fov = args.fov.map_or(pose.fov, f64::to_radians);
         let request = frame_settings.request(pose, args.size, frame).with(|r| {
             r.outputs.aovs = aovs;
-            // Pictures that are averaged are converted for display after averaging.
+            // If a picture is the mean of several samples, it is converted for display after the mean is computed.
             r.outputs.displayed = is_png && args.reference.is_none();
         });
         let picture = match args.reference {
@@ -140,7 +140,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             export::write_exr(&file, &picture)?;
         }
         let gpu_ms = picture.passes.iter().map(|(name, ms)| (name.clone(), (*ms).into())).collect();
-        // Entry 0 counts all tiles; entry i counts the tiles of variant i.
+        // `tiles[0]` counts all tiles, and `tiles[i]` counts the tiles of variant i.
         let tiles = Variant::all().zip(picture.report.tiles.iter().skip(1)).filter(|(_, count)| **count > 0);
         let tiles = tiles.map(|(variant, &count)| (variant.to_string(), count.into())).collect();
         summary.frames.push(FrameSummary { frame, file, gpu_ms, fetches_per_px: picture.fetches_per_px, tiles });
@@ -169,7 +169,7 @@ fn shot<'a>(args: &RenderArgs, scene: &'a Scene) -> Result<Shot<'a>> {
     Ok(Shot::Still(camera))
 }
 
-/// `scene alps has no camera `vsita`: did you mean `vista`?`
+/// Returns a message such as: scene `alps` has no camera `vsita`: did you mean `vista`?
 pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.collect();
     let hint = match nearest(name, &known) {
@@ -180,16 +180,16 @@ pub(crate) fn no_such<'a>(kind: &str, name: &str, scene: &Scene, known: impl Ite
     format!("scene `{}` has no {kind} `{name}`: {hint}", scene.name)
 }
 
-/// Renders the converged reference: the blend of three projections of four materials in two tilings (96 fetches), averaged over `samples` points of
-/// each pixel's square. Only colours are averaged. Layers for which an average is meaningless (ids, directions, distances) hold the values at the
-/// pixel's centre.
+/// Renders the converged reference. It is the blend of four materials in three projections and two tilings (96 fetches), averaged over `samples`
+/// points in the square of each pixel. Only colours are averaged. For layers whose average is meaningless (ids, directions, distances), the values at
+/// the centre of the pixel are returned.
 pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, samples: u32, reporter: &Reporter) -> Result<Picture> {
     let truth = request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
         r.shading.estimator = Estimator::Exact;
         r.shading.two_tilings = true;
     });
-    // The first sample is the pixel's centre.
+    // The first sample is at the centre of the pixel.
     let centre = renderer.render(&truth.with(|r| r.view.jitter = sample_point(0)))?;
     let mut sums = Sums::of(&centre);
     for sample in 1..samples {
@@ -200,15 +200,15 @@ pub(crate) fn reference(renderer: &mut Renderer<'_>, request: &RenderRequest, sa
     sums.mean(centre, samples)
 }
 
-/// Returns point `i` of the R2 sequence, relative to the pixel's centre, in -0.5..0.5. Point 0 is the centre.
+/// Returns point `i` of the R2 sequence, relative to the centre of the pixel, in -0.5..0.5. Point 0 is the centre.
 ///
-/// Source: Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*, 2018. The steps are 1/g and 1/g² with g³ = g + 1.
+/// Source: Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*, 2018. The steps along x and y are 1/g and 1/g² with g³ = g + 1.
 fn sample_point(i: u32) -> [f64; 2] {
     const G: f64 = 1.324_717_957_244_746;
     [1.0 / G, 1.0 / (G * G)].map(|step| (0.5 + f64::from(i) * step).fract() - 0.5)
 }
 
-/// Sums of the layers that are averaged. They are f64, so that sums of thousands of samples lose no precision.
+/// Sums of the samples of layers that are averaged. They are in f64, so that sums of thousands of samples stay accurate.
 struct Sums {
     hdr: Vec<[f64; 4]>,
     colours: Vec<(String, Vec<[f64; 3]>)>,
@@ -297,7 +297,8 @@ mod tests {
             let cell = |v: f64| (0..4).rev().find(|&k| v >= f64::from(k) * 0.25 - 0.5).unwrap_or(0) as usize;
             counts[cell(x) + 4 * cell(y)] += 1;
         }
-        // Each of the 16 cells should hold 64 of the 1024 points. For independent random points, the standard deviation of this count would be 8.
+        // Each of the 16 cells contains 64 of the 1024 points on average. The limits allow a deviation of 4. With independent random points, the
+        // count would have a standard deviation of 8.
         assert!(counts.iter().all(|&count| (60..=68).contains(&count)), "{counts:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! `report`: writes the report of a run again, from the stored rows.
+//! `report`: writes the report of a run again from its stored rows.
 
 use anyhow::Result;
 
@@ -6,7 +6,7 @@ use super::print;
 use crate::cli::ReportArgs;
 use crate::report;
 
-/// Writes the report in both formats, and prints its verdict and the file name of the HTML report.
+/// Writes the report as HTML and Markdown. Prints its verdict and the name of the HTML file.
 pub(crate) fn run(args: &ReportArgs) -> Result<()> {
     let run = report::read_run(&args.run)?;
     super::check_writable(&args.run)?;

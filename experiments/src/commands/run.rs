@@ -1,4 +1,4 @@
-//! `run`: runs experiments from definition files, one after another; `check` uses the same code.
+//! `run`: runs the experiments of definition files, one after another. `check` uses the same functions.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ use crate::runner::Runner;
 use crate::store::{Existing, Place, Provenance, Run, RunData};
 use crate::unit::Measure;
 
-/// Returns an object that measures the parts of a run on a device. `imported` = folder of the imported scene, if the definition imports one.
+/// Returns an object that measures the parts of a run on a device. `imported` is the folder of the imported scene, if the definition imports one.
 pub(crate) fn measurer<'a>(gpu: &'a Gpu, definition: &'a Definition, imported: Option<&'a Path>) -> Result<Box<dyn Measure + 'a>> {
     Ok(Box::new(Runner::new(gpu, definition, imported)?))
 }
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<()> {
     each(&args.definitions, |definition, session| session.answer(&definition, &place))
 }
 
-/// The device and the progress reporter of one command.
+/// The device and the progress reporter that a command uses.
 pub(crate) struct Session {
     gpu: Gpu,
     reporter: Reporter,
@@ -55,7 +55,7 @@ impl Session {
         print(&format!("{text}  {}\n  report: {}\n", written.verdict, written.page.display()))
     }
 
-    /// Carries out one run, from its first part to its joined tables.
+    /// Carries out a run: measures its parts and joins their tables.
     pub(crate) fn carry_out(&self, definition: &Definition, place: &Place<'_>) -> Result<RunData> {
         let info = &self.gpu.info;
         let provenance = Provenance {
@@ -73,7 +73,7 @@ impl Session {
         if done < all {
             let imported = run.imported();
             let mut measure = measurer(&self.gpu, definition, imported.as_deref())?;
-            // The bar shows per cent of the work instead of finished parts, because a run has few parts and each takes long.
+            // A run has few parts that each take long. The bar therefore shows a percentage of the work and not a number of parts.
             let show = |done: u64, total: u64| self.reporter.report(&format!("{} (%)", definition.name), done * 100 / total.max(1), 100);
             let outcome = run.carry_out(measure.as_mut(), &show, &check_interrupted);
             self.reporter.finish();
@@ -83,8 +83,8 @@ impl Session {
     }
 }
 
-/// Loads all definitions, then calls `act` for each. The error of a single definition is returned. For several definitions, each error is printed,
-/// and the returned error gives the number of failures.
+/// Loads all definitions, and then calls `act` for each of them. If there is only one definition, its error is returned. If there are several, each
+/// error is printed, and the returned error gives the number of failures.
 pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) -> Result<()>) -> Result<()> {
     let loaded: Vec<(&PathBuf, Result<Definition>)> = files.iter().map(|file| (file, definition::load(file))).collect();
     let names: Vec<(&PathBuf, &str)> = loaded.iter().filter_map(|(file, d)| Some((*file, d.as_ref().ok()?.name.as_str()))).collect();
@@ -106,7 +106,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
             act(definition, session)
         });
         if let Err(error) = outcome {
-            // Ctrl-C stops all definitions.
+            // Ctrl-C also stops the remaining definitions.
             if files.len() == 1 || check_interrupted().is_err() {
                 return Err(error);
             }
@@ -117,7 +117,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
     if failed.is_empty() { Ok(()) } else { Err(anyhow!("{} of {} experiments failed: {}", failed.len(), files.len(), failed.join(", "))) }
 }
 
-/// Returns the command line, quoted so that a shell can run it again.
+/// Returns the command line, quoted so that it can be run again in a shell.
 fn exact_command() -> String {
     let quoted = |text: String| {
         let plain = |c: char| c.is_alphanumeric() || "-_./+=,:@%\\".contains(c);

@@ -1,4 +1,5 @@
-//! `stability`: compares every kernel at its extremes with the reference in f64, and tests codes, derivatives and noise against derived values.
+//! `stability`: compares every kernel at extreme values with its reference in f64, and tests stored directions, derivatives and noise against derived
+//! values.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -29,7 +30,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     };
     let parts: &[Part] = match (&args.only[..], &args.extremes) {
         ([], None) => &Part::ALL,
-        // A table of extremes that the user gives applies to kernels only.
+        // A table of extremes only affects kernels, so only kernels are tested if the user gives a table.
         ([], Some(_)) => &[Part::Kernels],
         (only, _) => only,
     };
@@ -50,7 +51,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
             check_interrupted()
         };
         findings = kernel_lab::measure(&extremes, &gpus.iter().collect::<Vec<_>>(), 1.0, progress)?;
-        // The findings repeat a row for each measure of its kernel and for each device. Here each row is counted once.
+        // The findings contain each row once for each measure and each device. Here each row is counted only once.
         let rows: BTreeMap<_, usize> =
             findings.iter().map(|finding| ((&finding.kernel, &finding.parameter, finding.value.to_bits()), finding.rows)).collect();
         facts.push(("Rows", rows.values().sum::<usize>().to_string()));
@@ -72,7 +73,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let bends = if parts.contains(&Part::Kernels) { &extremes.bends[..] } else { &[] };
     let lab = Lab { findings: &findings, bends, directions: &directions, noise: &noise, motion: &motion };
     let text = report::text(&lab, &facts);
-    // All files are composed before the first one is written.
+    // The contents of all files are computed before the first file is written.
     let files = [
         ("results.csv", csv(findings.iter().map(shortened))?),
         ("directions.csv", csv(directions.iter().map(Row::shortened))?),
@@ -101,7 +102,8 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     Ok(())
 }
 
-/// Rounds the errors to three significant digits, so that differences between two recorded tables come from the kernels and not from the last digits.
+/// Returns the finding with its errors rounded to three significant digits. Two recorded tables then differ only if the kernels differ, and not in
+/// the last digits.
 fn shortened(finding: &Finding) -> Finding {
     let rounded = |x: f64| format!("{x:.2e}").parse::<f64>().unwrap_or(x);
     Finding {

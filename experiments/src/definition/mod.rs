@@ -1,6 +1,6 @@
-//! An experiment as data: the question, what is rendered and measured, the expected results, and the analysis of the results.
+//! The definition of an experiment as data: the question, what is rendered and measured, the expected results, and the analysis of the results.
 //!
-//! The types below are the schema of a definition file (TOML). Unknown keys are refused; the message names the nearest known key.
+//! The types below are the schema of a definition file (TOML). An unknown key is an error; the message names the most similar known key.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -22,21 +22,21 @@ pub use parse::{load, parse, stored};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Definition {
-    /// Short name, used for the run's folder and the column `experiment`. Letters, digits, `-` and `_`.
+    /// Short name, used for the run's folder and in the column `experiment`. It consists of letters, digits, `-` and `_`.
     pub name: String,
     /// The question that the run answers, as one sentence.
     pub question: String,
-    /// What the result shows and what it does not show, as Markdown paragraphs. It is written after a run, when the results are known.
+    /// Markdown paragraphs that say what the results show and what they do not show. They are written after a run, when the results are known.
     #[serde(default)]
     pub analysis: String,
-    /// `default`, a scene file, or a folder with scene.toml, relative to the definition; a leading `$SCREE_DATA` is replaced by the value of that
-    /// variable. At most one of `scene` and `import` is given; without both, the scene is `default`.
+    /// The scene: `default`, a scene file, or a folder that contains a scene.toml. File names are relative to the definition. A leading `$SCREE_DATA`
+    /// is replaced by the value of the environment variable. `scene` and `import` exclude each other. If neither is given, the scene is `default`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
     /// A heightmap from which the scene is made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub import: Option<Import>,
-    /// The views: names of cameras (which stand still) and of paths of the scene.
+    /// The views: names of the scene's cameras, which do not move, and of the scene's paths.
     #[serde(default)]
     pub views: Vec<String>,
     /// Additional views: cameras that move.
@@ -49,12 +49,13 @@ pub struct Definition {
     /// Number of seeds for bias and variance; 0 = neither is measured, otherwise at least 2.
     #[serde(default)]
     pub seeds: u32,
-    /// Names of variants or their numbers as text, `auto`, `generic`, or `all` for all 31 variants.
+    /// The variants: their names, their numbers as text, `auto`, `generic`, or `all` for all 31 variants. A variant is a set of flavours, which are
+    /// the ways of shading terrain.
     pub variants: Vec<String>,
-    /// Estimators of the stochastic flavours.
+    /// Estimators of the stochastic flavours. An estimator is a method that computes or approximates the blend of materials.
     #[serde(default = "default_estimators")]
     pub estimators: Vec<String>,
-    /// Kinds of noise by which stochastic flavours choose.
+    /// Kinds of noise that drive the random choices of stochastic flavours.
     #[serde(default = "default_noises")]
     pub noises: Vec<String>,
     /// Temporal resolves: `off`, `exponential`, `flipquad`, `flipquad+exponential`.
@@ -63,29 +64,29 @@ pub struct Definition {
     /// A parameter that is varied, and its values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vary: Option<Vary>,
-    /// Settings of the scene for the whole run, such as `"flavours.cliff_near_m" = 20.0`.
+    /// Scene settings that apply to the whole run, such as `"flavours.cliff_near_m" = 20.0`.
     #[serde(default, rename = "set", skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, toml::Value>,
-    /// Names of metrics; empty = all.
+    /// Names of the metrics that are measured; empty = all metrics.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
-    /// Whether to keep PNG sequences of the frames of single flavours, of `auto` and `generic`, and of the reference sequence, with command lines for
-    /// tools that judge video.
+    /// Whether to keep the frames as PNG sequences, with command lines for tools that measure video quality. Sequences are kept for single flavours,
+    /// for `auto` and `generic`, and for the reference.
     #[serde(default)]
     pub video: bool,
-    /// How accurately the reference must be known.
+    /// The number of samples that make the reference accurate enough.
     #[serde(default)]
     pub reference: Reference,
-    /// Which rows are timed.
+    /// Which combinations are timed.
     #[serde(default)]
     pub times: Times,
-    /// Changes that `check` makes so that it is quick.
+    /// Changes of the definition with which `check` runs quickly.
     #[serde(default)]
     pub small: Small,
-    /// The results that are expected.
+    /// The expected results.
     #[serde(default, rename = "expect", skip_serializing_if = "Vec::is_empty")]
     pub expectations: Vec<Expectation>,
-    /// Folder to which relative file names refer: the folder that contains the definition file. It is not a key of the file.
+    /// The folder that contains the definition file. Relative file names refer to it. It is not a key of the file.
     #[serde(skip)]
     pub folder: PathBuf,
 }
@@ -106,18 +107,18 @@ fn default_temporal() -> Vec<String> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Import {
-    /// The file; a leading `$SCREE_DATA` is replaced by the value of that variable.
+    /// The heightmap file; a leading `$SCREE_DATA` is replaced by the value of the environment variable.
     pub heightmap: String,
     /// Sample spacing, metres.
     pub metres_per_texel: f64,
-    /// Elevations of the smallest and largest sample value, metres; not needed for formats with float samples.
+    /// Elevations of the smallest and the largest sample value, metres. They are not needed if the format stores floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_range_m: Option<[f64; 2]>,
-    /// Folder that holds a folder of images per material; a leading `$SCREE_DATA` is replaced as in `heightmap`. Absent = the materials are
-    /// procedural.
+    /// Folder that contains one folder of images for each material; a leading `$SCREE_DATA` is replaced as in `heightmap`. If absent, the materials
+    /// are procedural.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub materials: Option<String>,
-    /// Largest offset of the procedural relief that is added below the data's resolution, metres.
+    /// Largest offset of the procedural relief, metres. The relief adds details that are smaller than the sample spacing of the heightmap.
     #[serde(default)]
     pub detail_m: f64,
 }
@@ -128,12 +129,12 @@ pub struct Import {
 pub struct MovingView {
     /// Unique name, used in the column `view`.
     pub name: String,
-    /// Name of the scene's camera whose pose frame 0 has.
+    /// Name of a camera of the scene. Frame 0 has the pose of this camera.
     pub camera: String,
     /// How the camera moves.
     pub motion: Motion,
-    /// Step per frame: metres for `sideways` (to the right) and `forwards` (along the horizontal view direction), degrees for `turn` (to the right),
-    /// and for `zoom` the degrees by which the field of view decreases.
+    /// Change per frame. For `sideways` (to the right) and `forwards` (along the horizontal view direction) it is a distance in metres. For `turn`
+    /// (to the right) it is an angle in degrees. For `zoom` it is the decrease of the field of view in degrees.
     pub step: f64,
 }
 
@@ -155,22 +156,22 @@ pub enum Motion {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vary {
-    /// A number of the scene file, such as `blend.hash_scale`, or a choice of the frame: `frame.normals` (`octahedral`,
-    /// `plane-first`, `exact`), `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride`
-    /// (1, 2, 4), `frame.seed`, `frame.reseeds`, `frame.two_tilings`.
+    /// A number of the scene file, such as `blend.hash_scale`, or a setting of the frame: `frame.normals` (`octahedral`, `plane-first`, `exact`),
+    /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride` (1, 2, 4), `frame.seed`,
+    /// `frame.reseeds`, `frame.two_tilings`.
     pub parameter: String,
     /// The values of the parameter, in the order in which they are measured.
     pub values: Vec<toml::Value>,
 }
 
-/// The converged 96-fetch reference for errors.
+/// Settings of the reference, which is the 96-fetch blend, averaged over many samples per pixel. Errors are measured against it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Reference {
-    /// Initial number of samples per pixel: a multiple of 8, which is the size of a batch, and at least 4 batches.
+    /// Initial number of samples per pixel. It must be a multiple of 8, which is the size of a batch, and at least 4 batches.
     pub spp: u32,
-    /// Largest number of samples per pixel. The number of samples is doubled until the reference's own standard error is at most a tenth of the error
-    /// of the 96-fetch blend with one sample, or until this limit is reached.
+    /// Limit of the number of samples per pixel. The number is doubled until the standard error of the reference is at most a tenth of the error of a
+    /// 96-fetch blend with one sample per pixel, or until this limit is reached.
     pub max_spp: u32,
 }
 
@@ -180,7 +181,7 @@ impl Default for Reference {
     }
 }
 
-/// The combinations that are timed. Times are stored separately from metrics, because a repeated run never gives exactly the same times.
+/// Which combinations are timed. Times are stored separately from other metrics, because a repeated run gives different times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Times {
@@ -193,7 +194,7 @@ pub enum Times {
     All,
 }
 
-/// Changes that `check` makes so that it is quick; absent keys stay unchanged.
+/// Changes of the definition with which `check` runs quickly. If a key is absent, the value of the definition is kept.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Small {
@@ -203,15 +204,15 @@ pub struct Small {
     pub frames: Option<u32>,
     /// Number of seeds.
     pub seeds: Option<u32>,
-    /// Names of the views that are kept, out of `views` and `[[view]]`.
+    /// Names of the views to keep, from `views` and `[[view]]`.
     pub views: Option<Vec<String>>,
-    /// The list of variants.
+    /// The variants, which replace the definition's list.
     pub variants: Option<Vec<String>>,
-    /// Values of the varied parameter.
+    /// The values of the varied parameter, which replace the definition's list.
     pub values: Option<Vec<toml::Value>>,
 }
 
-/// An expected result: the mean of the selected rows, or its ratio to the mean of other rows, lies in a range.
+/// An expected result: the range in which the mean of the selected rows, or its ratio to the mean of other rows, must lie.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Expectation {
@@ -219,26 +220,27 @@ pub struct Expectation {
     pub claim: String,
     /// Name of the metric.
     pub metric: String,
-    /// Selection of rows: column = value (`lag = 1`, `noise = "hashed"`); all matching rows of the metric are averaged.
+    /// The rows that are averaged: all rows of the metric that have these values in these columns, such as `lag = 1` or `noise = "hashed"`.
     #[serde(default, rename = "where")]
     pub selection: BTreeMap<String, toml::Value>,
-    /// If given, the mean is divided by the mean of the rows that this selects. Columns that are not named here have the values of `where`.
+    /// Selects the rows whose mean is the divisor of a ratio; absent = no ratio is computed. Columns that are not given here have the values of
+    /// `where`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over: Option<BTreeMap<String, toml::Value>>,
-    /// Smallest and largest value expected.
+    /// The smallest and the largest expected value.
     pub range: [f64; 2],
 }
 
 /// The name that stands for all 31 variants in a definition's list of variants.
 pub const ALL_VARIANTS: &str = "all";
 
-/// Prefix of the name of a variant if the generic kernel shades it.
+/// Prefix of the name of a variant that is shaded by the generic kernel. This kernel can shade all variants.
 const GENERIC: &str = "generic-";
 
-/// Parses a choice of variants: `auto`, `generic`, a variant's name or number, or `generic-` followed by a variant's name or number.
+/// Parses how the variant is chosen: `auto`, `generic`, a variant's name or number, or `generic-` followed by a variant's name or number.
 ///
 /// # Errors
-/// The text is not such a choice.
+/// The text has none of these forms.
 pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
     match text {
         "auto" => Ok(VariantChoice::Auto),
@@ -250,7 +252,7 @@ pub fn variant_choice(text: &str) -> Result<VariantChoice, NotAVariant> {
     }
 }
 
-/// Returns the name of a choice in tables; [`variant_choice`] parses it.
+/// Returns the name of a choice as it appears in tables. [`variant_choice`] parses this name.
 pub fn variant_name(choice: VariantChoice) -> String {
     match choice {
         VariantChoice::Auto => "auto".to_owned(),
@@ -263,7 +265,8 @@ pub fn variant_name(choice: VariantChoice) -> String {
 /// A value of the varied parameter; `None` if the definition varies no parameter.
 pub type Setting = Option<toml::Value>;
 
-/// Returns a value as it is written in the column `setting`: a text unchanged, a float with as few digits as possible, and other values as TOML.
+/// Returns a value in the form of the column `setting`. A text is unchanged, a float is written with as few digits as possible, and other values are
+/// written as TOML.
 pub fn setting_text(value: &toml::Value) -> String {
     match value {
         toml::Value::String(text) => text.clone(),
@@ -273,12 +276,12 @@ pub fn setting_text(value: &toml::Value) -> String {
 }
 
 impl Definition {
-    /// Names of all views, still and moving, in order.
+    /// Returns the names of all views: first the cameras and paths of the scene, then the moving views.
     pub fn view_names(&self) -> impl Iterator<Item = &str> {
         self.views.iter().chain(self.moving_views.iter().map(|view| &view.name)).map(String::as_str)
     }
 
-    /// Returns the requested variants with the names that tables use; `all` is expanded.
+    /// Returns the requested variants, each with its name in tables. `all` is replaced by the 31 variants.
     ///
     /// # Errors
     /// An entry of `variants` does not name a variant.
@@ -294,9 +297,10 @@ impl Definition {
         Ok(choices.into_iter().map(|choice| (variant_name(choice), choice)).collect())
     }
 
-    /// Whether a run measures this metric. It does if the metric is requested and the definition has the seeds, frames or times that it needs.
+    /// Whether a run measures this metric. The metric must be requested, and the definition must have the seeds, frames or times that the metric
+    /// needs.
     pub fn measures(&self, metric: &str) -> bool {
-        // The accuracy of the reference is reported with every error metric.
+        // The accuracy of the reference is reported if any error metric is measured.
         let of_an_error =
             || [metrics::REFERENCE_SE, metrics::REFERENCE_SPP].contains(&metric) && metrics::ERRORS.iter().any(|m| self.why_not(m).is_ok());
         self.why_not(metric).is_ok() || of_an_error()
@@ -316,7 +320,7 @@ impl Definition {
             }
             _ => {}
         }
-        // The key `times` requests device times, so `metrics` does not list them.
+        // `metrics` does not list device times, because they are requested by the key `times`.
         if needs == Needs::Clock || self.metrics.is_empty() || self.metrics.iter().any(|name| name == metric) {
             return Ok(());
         }
@@ -342,7 +346,7 @@ impl Definition {
         small
     }
 
-    /// Returns the definition without the parts that do not affect the measured numbers, such as prose and expectations.
+    /// Returns the definition without everything that does not affect the measured numbers, such as prose and expectations.
     pub(crate) fn measured(&self) -> Definition {
         Definition {
             question: String::new(),
@@ -354,10 +358,10 @@ impl Definition {
         }
     }
 
-    /// Returns the definition as TOML; [`stored`] reads it again.
+    /// Returns the definition as TOML text, which [`stored`] can read.
     ///
     /// # Errors
-    /// The definition contains a value that TOML cannot express. This does not occur if the definition was read from a file.
+    /// The definition contains a value that TOML cannot represent. This is impossible if the definition was read from a file.
     pub fn to_toml(&self) -> anyhow::Result<String> {
         Ok(toml::to_string(self)?)
     }

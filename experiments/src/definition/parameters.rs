@@ -16,10 +16,10 @@ use twox_hash::XxHash64;
 
 use super::{Definition, Import, Setting};
 
-/// Applies a parameter to the settings of the frame; parameters of the scene are ignored.
+/// Sets a parameter in the settings of the frame. Parameters of the scene are ignored.
 pub(super) fn apply(settings: &mut FrameSettings, parameter: &str, value: &Value) -> Result<(), String> {
     match value {
-        // TOML parses `frame.tile = 4` without quotes as a table.
+        // If a definition contains the key `frame.tile` without quotes, TOML parses it as a table.
         Value::Table(table) if is_of_frame(parameter, value) => {
             table.iter().try_for_each(|(key, value)| set_of_frame(settings, &format!("{FRAME}{key}"), value))
         }
@@ -45,12 +45,12 @@ pub(super) fn frame_parameters() -> Vec<&'static str> {
     frame::settings().filter(|setting| setting.has_home(Home::Definition)).map(|setting| setting.key).collect()
 }
 
-/// Largest number of steps in the path of a scene parameter; `material.grass.tint.2` has four. Without a limit, a path of thousands of steps would
-/// produce as many nested tables and overflow the stack.
+/// Limit of the number of steps in the path of a scene parameter. The path `material.grass.tint.2` has four steps. Without the limit, a path of
+/// thousands of steps would create nested tables of this depth and overflow the stack.
 const MOST_STEPS: usize = 8;
 
-/// Sets the value at `path` in a document. A table is merged into the existing table. In a list of tables, a step of the path is the `name` of a
-/// table or its number, counted from 1.
+/// Sets the value at `path` in a document. If the old and the new value are tables, they are merged. In a list of tables, a step of the path selects
+/// a table by its `name` or by its number, counted from 1.
 fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
     let Some((step, rest)) = path.split_first() else {
         match (at, value) {
@@ -83,7 +83,7 @@ fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
     }
 }
 
-/// Resolves a file name of a definition: a leading `$SCREE_DATA` is replaced, and relative names refer to the definition's folder.
+/// Resolves a file name of a definition. A leading `$SCREE_DATA` is replaced, and relative names refer to `folder`.
 pub(super) fn resolve(text: &str, folder: &Path) -> Result<PathBuf, String> {
     resolve_with(text, folder, std::env::var_os("SCREE_DATA"))
 }
@@ -100,13 +100,13 @@ fn resolve_with(text: &str, folder: &Path, data: Option<OsString>) -> Result<Pat
     }
 }
 
-/// A heightmap to import, with its files resolved.
+/// A heightmap to import, with absolute or resolved file names.
 pub(crate) struct ImportJob {
     /// The heightmap.
     pub(crate) heightmap: PathBuf,
     /// Options for reading the heightmap.
     pub(crate) options: ReadOptions,
-    /// Folder that holds a folder of images per material.
+    /// Folder that contains one folder of images for each material.
     pub(crate) materials: Option<PathBuf>,
     /// Largest offset of the procedural relief, metres.
     pub(crate) detail_m: f64,
@@ -127,15 +127,16 @@ impl Import {
     }
 }
 
-/// The reason for which a changed scene is refused.
+/// The reason why the scene with changed settings is refused.
 pub(super) struct Refused {
-    /// True if a key is unknown, false if a value is wrong.
+    /// Whether the cause is an unknown key. Otherwise it is a wrong value.
     pub(super) unknown_key: bool,
     pub(super) what: String,
 }
 
 impl Definition {
-    /// Returns the text of the scene without the settings of the definition. `imported` is the folder of the imported scene, if there is one.
+    /// Returns the text of the scene as it is before the settings of the definition are applied. `imported` is the folder of the imported scene, if
+    /// there is one.
     pub(super) fn scene_text(&self, imported: Option<&Path>) -> Result<SceneText, String> {
         let path = match (&self.scene, &self.import, imported) {
             (_, Some(_), Some(folder)) => folder.to_owned(),
@@ -147,9 +148,9 @@ impl Definition {
         scene::text(&path.to_string_lossy()).map_err(|error| error.to_string())
     }
 
-    /// Returns the scene of `text` with the settings of the definition and one value of the varied parameter.
+    /// Returns the scene of `text` after applying the settings of the definition and one value of the varied parameter.
     pub(super) fn altered(&self, text: &SceneText, setting: &Setting) -> Result<Scene, Refused> {
-        // Line numbers are only right for the unchanged file, so it is parsed first.
+        // The unchanged text is parsed first, because line numbers in its error messages refer to the file.
         let plain = scene::parse(&text.text, &text.name, &text.folder);
         let plain = plain.map_err(|error| Refused { unknown_key: false, what: error.to_string() })?;
         let varied = self.vary.as_ref().map(|vary| vary.parameter.as_str()).zip(setting.as_ref());
@@ -172,7 +173,7 @@ impl Definition {
         }
         let altered = toml::to_string(&document).map_err(|error| Refused { unknown_key: false, what: error.to_string() })?;
         scene::parse(&altered, &text.name, &text.folder).map_err(|error| {
-            // The line number would refer to a text that the user has never seen.
+            // The line number is omitted, because it refers to the changed text, which the user cannot see.
             let what = match error {
                 kernels::base::error::Error::Scene { what, .. } => what,
                 other => other.to_string(),
@@ -181,8 +182,8 @@ impl Definition {
         })
     }
 
-    /// Returns the scene of a run with the settings of the definition and the value `setting` of the varied parameter. `imported` is the folder of
-    /// the imported scene; it is needed if the definition imports a scene.
+    /// Returns the scene of a run: the settings of the definition and the value `setting` of the varied parameter are applied. `imported` is the
+    /// folder of the imported scene, which must be given if the definition imports a scene.
     ///
     /// # Errors
     /// The scene cannot be read, is invalid, or has not been imported yet.
@@ -191,7 +192,7 @@ impl Definition {
         self.altered(&text, setting).map_err(|refused| anyhow!("experiment `{}`: scene: {}", self.name, refused.what))
     }
 
-    /// Returns the settings of the frame with the value `setting` of the varied parameter.
+    /// Returns the settings of the frame: the settings of the definition and the value `setting` of the varied parameter are applied.
     ///
     /// # Errors
     /// A setting is unknown or does not accept its value.
@@ -206,7 +207,7 @@ impl Definition {
         Ok(settings)
     }
 
-    /// Returns a hash of the scene's source, which is its text or the bytes of the imported heightmap: 16 hexadecimal digits of xxHash64.
+    /// Returns a hash of the source of the scene: the xxHash64 of its text, or of the bytes of the imported heightmap, as 16 hexadecimal digits.
     ///
     /// # Errors
     /// The source cannot be read.
@@ -274,7 +275,7 @@ mod tests {
 
     #[test]
     fn hashes_are_those_of_xxhsum() {
-        // The published hash of the empty input.
+        // The published xxHash64 of the empty input.
         assert_eq!(hash(b""), "ef46db3751d8e999");
         assert_ne!(hash(b"a"), hash(b"b"));
     }

@@ -7,7 +7,7 @@ use kernels::base::document;
 
 use super::Definition;
 
-/// Reads a definition file, and checks it and its scene.
+/// Reads a definition file, and checks the definition and its scene.
 ///
 /// # Errors
 /// The file cannot be read, or [`parse`] refuses it.
@@ -27,12 +27,13 @@ pub fn load(file: &Path) -> Result<Definition> {
     parse(&text, &file.display().to_string(), folder)
 }
 
-/// Reads a definition from `text`, and checks it and its scene. Error messages call the text `name`. Relative file names refer to `folder`.
+/// Reads a definition from `text`, and checks the definition and its scene. `name` is the name of the text in error messages. Relative file names
+/// refer to `folder`.
 ///
 /// # Errors
-/// The message is one line with `name:line`, the key and the remedy. The causes are invalid TOML, an unknown key (the message gives the nearest known
-/// key), a wrong type or value, a request that measures nothing, an expectation that selects no rows, and a scene that is invalid or lacks something
-/// that the definition needs.
+/// The message is one line that contains `name:line`, the key and the remedy. Possible causes are: invalid TOML, an unknown key (the message names
+/// the most similar known key), a wrong type or value, settings that measure nothing, an expectation that selects no rows, and a scene that is
+/// invalid or lacks something that the definition needs.
 pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
     let refuse = |wrong: document::Wrong| anyhow!("experiment {}: {}", wrong.place(name), wrong.what);
     let mut definition: Definition = document::read(text, remedy_of_missing).map_err(refuse)?;
@@ -41,7 +42,7 @@ pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Definition> {
     Ok(definition)
 }
 
-/// Reads a definition that a run has stored. The scene may not exist any more, so only its keys and their types are checked.
+/// Reads the definition that is stored with a run. Its scene is not checked, because the files of the scene may have been removed.
 ///
 /// # Errors
 /// The text is not a definition.

@@ -1,4 +1,4 @@
-//! Checks of a definition beyond its types. They find errors before a run starts, instead of after hours of measuring.
+//! Checks of a definition beyond the types of its values. They report errors before a run starts, and not after hours of measuring.
 
 use std::path::Path;
 
@@ -20,22 +20,22 @@ use super::{ALL_VARIANTS, Definition, Expectation, Import, Motion, Small, Times,
 use crate::metrics::{self, Axis, LAGS, Needs};
 use crate::row::{Field, Row};
 
-// Limits of a definition. Larger values are treated as typing errors.
+// Limits of the values in a definition. Larger values are considered typing errors.
 const MAX_FRAMES: u32 = 100_000;
 const MAX_SEEDS: u32 = 4096;
 const MAX_SPP: u32 = 65_536;
 const MAX_LIST: usize = 1000;
 const MAX_UNITS: usize = 100_000;
 
-/// The reference is sampled in batches of this many samples, and its standard error is computed from at least [`BATCHES`] batches.
+/// Number of samples in a batch of the reference. The standard error of the reference is computed from at least [`BATCHES`] batches.
 const BATCH: u32 = 8;
 const BATCHES: u32 = 4;
 
-/// The cameras, paths and settings that a scene offers.
+/// The cameras, paths and passes of a scene, with which a definition is compared.
 struct Facts {
-    /// Names of cameras, with the field of view in degrees if it is known.
+    /// Names of cameras, each with its field of view in degrees if it is known.
     cameras: Vec<(String, Option<f64>)>,
-    /// Names of paths, with their number of frames.
+    /// Names of paths, each with its number of frames.
     paths: Vec<(String, u64)>,
     passes: Vec<&'static str>,
     /// The text of the scene; `None` = the scene has not been imported yet.
@@ -52,8 +52,8 @@ impl Facts {
         }
     }
 
-    /// Returns what is known about a scene before its import: it will have four cameras, no path, and default values for all settings that the import
-    /// does not write.
+    /// Returns what is known about a scene before it is imported. An imported scene has four cameras and no path. Settings that the import does not
+    /// write have their defaults.
     fn before_import() -> Result<Facts, String> {
         let like = scene::load(scene::DEFAULT).map_err(|error| error.to_string())?;
         Ok(Facts {
@@ -66,7 +66,7 @@ impl Facts {
 }
 
 impl Definition {
-    /// Checks the definition and its scene, and then both with the changes of `small`.
+    /// Checks the definition and its scene. Then repeats the checks for the definition with the changes of `small`.
     pub(super) fn check(&self) -> Checked {
         shape(self)?;
         let scene = At::top().key("scene");
@@ -80,7 +80,7 @@ impl Definition {
         self.check_with(&facts)
     }
 
-    /// Checks what could not be checked before the scene was imported into `folder`.
+    /// Checks everything that depends on the imported scene in `folder`.
     ///
     /// # Errors
     /// The imported scene lacks something that the definition needs, or a parameter is invalid for it.
@@ -102,13 +102,13 @@ impl Definition {
     }
 }
 
-/// Returns the problem `what` of the key `at` as an error of any result type.
+/// Returns an error that reports the problem `what` of the key `at`.
 fn refuse<T>(at: &At, what: impl Into<String>) -> Result<T, Problem> {
     Err(at.problem(what))
 }
 
-/// Returns a problem of the changed definition ([`Definition::small`]) with the place of the key in `small` that causes it. If no key of `small`
-/// causes it directly, the place is unchanged and the message mentions `small`.
+/// Assigns a problem of the definition that [`Definition::small`] returns to the key that causes it. If a key of `small` causes it, the problem gets
+/// the place of this key. Otherwise the place is unchanged, and the message mentions `small`.
 fn in_small(definition: &Definition, mut problem: Problem) -> Problem {
     let small = &definition.small;
     let changed = |key: &str| match key {
@@ -146,7 +146,7 @@ fn small_lists(definition: &Definition) -> Checked {
     Ok(())
 }
 
-/// Checks that a list is neither empty nor too long, that `parse` accepts each entry, and that no two entries are parsed to the same name.
+/// Checks that a list is neither empty nor too long, that `parse` accepts each entry, and that `parse` returns a different name for each entry.
 fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String>) -> Checked {
     if texts.is_empty() {
         return at.fail("is empty: name at least one");
@@ -165,7 +165,7 @@ fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String
     Ok(())
 }
 
-/// Checks everything that can be checked without the scene.
+/// Checks everything that does not depend on the scene.
 fn shape(definition: &Definition) -> Checked {
     let top = At::top();
     let name = top.key("name");
@@ -219,7 +219,7 @@ fn shape(definition: &Definition) -> Checked {
     Ok(())
 }
 
-/// Returns an upper bound of the number of parts without planning them.
+/// Returns an upper bound of the number of parts of the run, without creating their plan.
 fn plan_size(definition: &Definition) -> u64 {
     let count = |length: usize| length.max(1) as u64;
     let settings = count(definition.vary.as_ref().map_or(1, |vary| vary.values.len()));
@@ -277,7 +277,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
             Motion::Zoom => 170.0,
         };
         step.within(view.step, -limit, limit)?;
-        // The camera is only at rest if the step is exactly zero.
+        // Only a step of exactly 0 leaves the camera at rest.
         if view.step.abs() < f64::MIN_POSITIVE {
             step.fail(format!("is 0: nothing moves; name the camera `{}` in `views` instead", view.camera))?;
         }
@@ -328,7 +328,7 @@ fn one_of(what: &str, text: &str, known: &[&str]) -> Result<String, String> {
     }
 }
 
-/// Checks the form of `vary` and `set`. [`scenes`] does the checks that need a scene.
+/// Checks the parameters of `vary` and `set` as far as this is possible without a scene. [`scenes`] does the other checks.
 fn parameters(top: &At, definition: &Definition) -> Checked {
     let at = top.key("set");
     for (parameter, value) in &definition.settings {
@@ -364,7 +364,7 @@ fn finite(at: &At, value: &Value) -> Checked {
     }
 }
 
-/// Checks the definition against what the scene offers.
+/// Checks that the cameras, paths and passes that the definition names exist in the scene.
 fn against(definition: &Definition, facts: &Facts) -> Checked {
     let top = At::top();
     let cameras: Vec<&str> = facts.cameras.iter().map(|(name, _)| name.as_str()).collect();
@@ -406,13 +406,13 @@ fn against(definition: &Definition, facts: &Facts) -> Checked {
     Ok(())
 }
 
-/// Checks the scene with all values that are set and varied, as far as they are known.
+/// Checks that the scene is valid with the settings in `set`, and with each value of the varied parameter.
 fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
     let like;
     let text = match &facts.text {
         Some(text) => text,
         None => {
-            // Before the import, only settings that the import leaves at their defaults can be checked.
+            // Before the import, settings that the import writes cannot be checked. If the definition changes one of them, the check is omitted.
             let data = |parameter: &str| {
                 ["world", "material", "rule", "stroke", "camera", "path", "name", "description", "detail_size"]
                     .contains(&parameter.split('.').next().unwrap_or_default())
@@ -443,7 +443,7 @@ fn scenes(top: &At, definition: &Definition, facts: &Facts) -> Checked {
     Ok(())
 }
 
-/// Refuses variants that need the virtual texture if the scene has none.
+/// Refuses variants that use the virtual texture if the scene has no virtual texture.
 fn forced(top: &At, definition: &Definition, scene: &Scene) -> Checked {
     if Requirements::of(scene).has(Flavour::VirtualTexture) {
         return Ok(());
@@ -507,7 +507,7 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
     Ok(())
 }
 
-/// Checks that some row can have this value in this column.
+/// Checks that at least one row of the run can have this value in this column.
 fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, definition: &Definition) -> Checked {
     let columns = ["scene", "view", "variant", "estimator", "noise", "temporal", "parameter", "setting", "frame", "lag", "frequency"];
     if !columns.contains(&column) {
@@ -536,7 +536,7 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
         _ => Vec::new(),
     };
     match known.field {
-        // The name of the scene is not checked, because it is not known before the scene is loaded.
+        // Any name is accepted for the scene, because its name is not known before the scene is loaded.
         Field::Text(..) if column == "scene" => Ok(()),
         Field::Text(..) => among(column, &names.iter().map(String::as_str).collect::<Vec<_>>()),
         Field::Count(..) => {

@@ -1,24 +1,26 @@
-//! FLIP: the difference that a viewer sees when flipping between two pictures. Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild
-//! 2020, *FLIP: A Difference Evaluator for Alternating Images*. This is the version for low dynamic range. It calls the authors' own code (crate
-//! `nv-flip`), which takes 8-bit sRGB codes.
+//! FLIP: the difference that a viewer sees when two pictures are shown alternately. Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and
+//! Fairchild 2020, *FLIP: A Difference Evaluator for Alternating Images*. This is the version for low dynamic range. The code of the authors (crate
+//! `nv-flip`) is called; it takes sRGB values of 8 bits.
 
 use kernels::base::error::{Error, Result};
 use nv_flip::FlipImageRgb8;
 
 use super::area;
 
-/// Default number of pixels per degree of the viewer's field of view: a display with 3840 pixels on a width of 0.7 m, seen from 0.7 m.
+/// Default number of pixels per degree of the viewer's field of view. It applies to a display that is 3840 pixels and 0.7 m wide and seen from a
+/// distance of 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
-/// The accepted range of pixels per degree. Below it, the feature filters are narrower than a pixel. Above it, a filter window is wider than any
-/// display.
+/// The accepted range of the number of pixels per degree. Below this range, the feature filters are narrower than a pixel. Above it, the windows of
+/// filters are wider than any display.
 pub const PIXELS_PER_DEGREE_RANGE: [f32; 2] = [4.0, 400.0];
 
-/// A map of errors summarised in a few numbers, each 0..=1.
+/// The errors of all pixels, summarised in a few numbers. Each number lies in 0..=1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
-    /// The mean error: the authors recommend it if a single number is needed.
+    /// The mean error. The authors recommend it if a single number is needed.
     pub mean: f64,
-    /// The weighted quartiles: the pixels with smaller errors hold a quarter, a half and three quarters of the sum of all errors.
+    /// The weighted quartiles. If the pixels are sorted by their errors, these are the errors at which the running sum first exceeds a quarter, a
+    /// half and three quarters of the sum of all errors.
     pub weighted_quartiles: [f64; 3],
     /// The largest error.
     pub max: f64,
@@ -29,11 +31,11 @@ pub struct Flip {
 pub struct Map {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// One error per pixel, 0..=1.
+    /// The error of each pixel, in 0..=1.
     pub errors: Vec<f32>,
 }
 
-/// FLIP errors of two pictures of `size` (width, height) with sRGB-encoded values in 0..=1; the values are rounded to 8 bits.
+/// Computes the FLIP errors of two pictures of `size` (width, height). Their values are encoded as sRGB, lie in 0..=1, and are rounded to 8 bits.
 ///
 /// # Errors
 /// The lengths do not match, or `pixels_per_degree` lies outside [`PIXELS_PER_DEGREE_RANGE`].
@@ -59,7 +61,7 @@ pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per
 impl Map {
     /// Summarises the pixels that the mask selects, or all pixels without a mask. If there is no pixel, all numbers are 0.
     ///
-    /// The crate's own pooling is not used, because it sums in f32 and starts its maximum above 0.
+    /// The function of the crate that does this is not used, because it sums in f32, and its maximum does not start at 0.
     pub fn pool(&self, mask: Option<&[bool]>) -> Flip {
         let counts = |index: usize| mask.is_none_or(|mask| mask.get(index).copied().unwrap_or(false));
         let mut errors: Vec<f32> = self.errors.iter().enumerate().filter(|(i, _)| counts(*i)).map(|(_, e)| *e).collect();
@@ -80,7 +82,7 @@ impl Map {
         }
     }
 
-    /// The map in the colours of [`magma`]: 0 is black, 1 is pale yellow.
+    /// Returns the map in the colours of [`magma`]: 0 is black, 1 is pale yellow.
     pub fn coloured(&self) -> Vec<[u8; 3]> {
         let colours = magma();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "errors lie in 0..=1")]
@@ -89,7 +91,8 @@ impl Map {
     }
 }
 
-/// The 256 colours of matplotlib's perceptually uniform `magma` (van der Walt and Smith 2015), sRGB codes, 0 first.
+/// Returns the 256 colours of matplotlib's perceptually uniform `magma` (van der Walt and Smith 2015) as sRGB values of 8 bits. The colour for 0
+/// comes first.
 pub fn magma() -> Vec<[u8; 3]> {
     nv_flip::magma_lut().to_vec().as_chunks().0.to_vec()
 }
@@ -104,10 +107,10 @@ mod tests {
         vec![colour; area(SIZE)]
     }
 
-    /// Returns CIELAB of linear sRGB. For the Hunt effect, a and b are multiplied by 0.01 L, as in the paper.
+    /// Converts linear sRGB to CIELAB. To model the Hunt effect, a and b are multiplied by 0.01 L, as in the paper.
     fn hunt_lab([r, g, b]: [f64; 3]) -> [f64; 3] {
         let xyz = |r: f64, g: f64, b: f64| {
-            // The matrix of IEC 61966-2-1, computed from the primaries as in the paper's code.
+            // The matrix of IEC 61966-2-1. It is computed from the primaries, as in the code of the paper's authors.
             let x = 10_135_552.0 / 24_577_794.0 * r + 8_788_810.0 / 24_577_794.0 * g + 4_435_075.0 / 24_577_794.0 * b;
             let y = 2_613_072.0 / 12_288_897.0 * r + 8_788_810.0 / 12_288_897.0 * g + 887_015.0 / 12_288_897.0 * b;
             let z = 1_425_312.0 / 73_733_382.0 * r + 8_788_810.0 / 73_733_382.0 * g + 70_074_185.0 / 73_733_382.0 * b;
@@ -120,9 +123,9 @@ mod tests {
         [lightness, 500.0 * (x - y) * 0.01 * lightness, 200.0 * (y - z) * 0.01 * lightness]
     }
 
-    /// Returns the paper's error of two uniform pictures. They have no features, so only their colour difference counts: the HyAB distance to the
-    /// power 0.7. It is mapped to 0..=1. Distances up to 40 % of the largest one, which is that between green and blue, map to 0..=0.95; larger
-    /// distances map to the rest.
+    /// Returns the error of two uniform pictures by the formula of the paper. Uniform pictures have no features, so only the difference in colour
+    /// counts. It is the HyAB distance to the power 0.7, mapped to 0..=1. The largest distance is that between green and blue. Distances up to 40 %
+    /// of it are mapped to 0..=0.95, and larger distances to the rest of the range.
     fn uniform_error(a: [f64; 3], b: [f64; 3]) -> f64 {
         let distance = |a: [f64; 3], b: [f64; 3]| {
             let (a, b) = (hunt_lab(a), hunt_lab(b));
@@ -148,13 +151,13 @@ mod tests {
             let (a, b) = (code(a), code(b));
             let pooled = map(SIZE, &uniform(a), &uniform(b), PIXELS_PER_DEGREE).unwrap().pool(None);
             let expected = uniform_error(linear(a), linear(b));
-            // The tested code computes Lab values of up to 100 in f32. Their error is about 1e-5 of 100, which is 1e-3. The power and the division by
-            // the largest distance make it smaller, so the error of the result is below 1e-3.
+            // The tested code computes in f32. Lab values are at most 100, and their error is about 1e-5 of this, which is 1e-3. The power and the
+            // division by the largest distance reduce the error, so the error of the result is below 1e-3.
             for found in [pooled.mean, pooled.max, pooled.weighted_quartiles[1]] {
                 assert!((found - expected).abs() < 1e-3, "{a:?} {b:?}: {found} is not {expected}");
             }
-            // Negative control: if the encoded values are not decoded, the formula gives a different error. The exception is a colour whose channels
-            // are all 0 or 1, because decoding does not change it.
+            // Negative control: if the formula is applied to the encoded values without decoding them, it gives a different error. Colours whose
+            // channels are all 0 or 1 are excepted, because decoding does not change them.
             let wrong = uniform_error(a.map(f64::from), b.map(f64::from));
             assert!(a.map(f64::from) == linear(a) || (wrong - expected).abs() > 0.01);
         }
@@ -163,7 +166,8 @@ mod tests {
     #[test]
     fn pooling_follows_its_definition() {
         let map = Map { size: [6, 1], errors: vec![0.5, 0.0, 0.125, 0.25, 0.375, 1.0] };
-        // Running sums of the sorted errors: 0, 0.125, 0.375, 0.75, 1.25, 2.25; quarters of the total are 0.5625, 1.125, 1.6875.
+        // The running sums of the sorted errors are 0, 0.125, 0.375, 0.75, 1.25 and 2.25. A quarter, a half and three quarters of the total are
+        // 0.5625, 1.125 and 1.6875.
         assert_eq!(map.pool(None), Flip { mean: 0.375, weighted_quartiles: [0.375, 0.5, 1.0], max: 1.0 });
         let masked = map.pool(Some(&[true, true, false, true, true, false]));
         assert_eq!(masked, Flip { mean: 1.125 / 4.0, weighted_quartiles: [0.375, 0.375, 0.5], max: 0.5 });

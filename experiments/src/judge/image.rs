@@ -1,4 +1,4 @@
-//! Reads pictures for comparison: OpenEXR with layers, PNG, JPEG.
+//! Reads pictures that are compared: OpenEXR with layers, PNG and JPEG.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read as _, Seek};
@@ -24,24 +24,24 @@ pub enum Content {
     Value,
 }
 
-/// A picture or one of its layers, linear, row by row from the top.
+/// A picture, or one layer of it. Its values are linear, and its rows are ordered from top to bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// The texels; all their values are finite.
+    /// The texels. All their values are finite.
     pub texels: Vec<[f32; 3]>,
-    /// Alpha (channel A) of the whole picture, even if only a layer was read.
+    /// Alpha of the whole picture (channel A). It is read even if `texels` contains a layer.
     pub alpha: Option<Vec<f32>>,
     /// The meaning of a texel's three numbers.
     pub content: Content,
 }
 
-/// A channel of an OpenEXR file, with its layer.
+/// A channel of an OpenEXR file, with the layer to which it belongs.
 struct Channel<'a> {
-    /// Empty for channels without a layer.
+    /// Name of the layer; empty if the channel belongs to no layer.
     layer: String,
-    /// R, G, B, A, X, Y, Z, V, ...
+    /// Name of the channel: R, G, B, A, X, Y, Z, V, ...
     name: String,
     part: usize,
     size: [u32; 2],
@@ -49,13 +49,14 @@ struct Channel<'a> {
 }
 
 impl Image {
-    /// Reads a picture. Its first bytes determine the format. PNG and JPEG are decoded from sRGB. From an OpenEXR file the named layer is read
-    /// (`albedo` has the channels `albedo.R`, `albedo.G`, `albedo.B`). Without a name, the channels R, G, B that belong to no layer are read or, if
-    /// there are none, those of the first part. A layer must have the channels R G B, the channels X Y Z, or a single channel.
+    /// Reads a picture. The first bytes of the file determine its format. PNG and JPEG are decoded from sRGB. `layer` selects the layer of an OpenEXR
+    /// file: the layer `albedo` has the channels `albedo.R`, `albedo.G`, `albedo.B`. If `layer` is `None`, the channels R, G, B that belong to no
+    /// layer are read. If there are none, those of the first part are read. A layer must have the channels R G B, the channels X Y Z, or a single
+    /// channel.
     ///
     /// # Errors
-    /// The file is missing or not a picture, has no such layer (the error names the existing ones), has more than 2^26 pixels, or has values that are
-    /// NaN or infinite (the error says how many, and where the first is).
+    /// The file does not exist or is not a picture, has no such layer (the message names the layers that exist), has more than 2^26 pixels, or
+    /// contains values that are NaN or infinite (the message says how many, and where the first one is).
     pub fn read(path: &Path, layer: Option<&str>) -> Result<Image> {
         let wrong = |what: &str| Error::Image { file: path.to_owned(), what: what.to_owned() };
         if path.is_dir() {
@@ -68,7 +69,7 @@ impl Image {
         Image::decode(BufReader::new(File::open(path).map_err(open)?), path, layer)
     }
 
-    /// Reads a picture from the contents of a file, which `path` names in errors; otherwise like [`Image::read`].
+    /// Like [`Image::read`], but reads the contents of a file from `input`. `path` is the name of the file in error messages.
     ///
     /// # Errors
     /// See [`Image::read`].
@@ -86,13 +87,14 @@ impl Image {
         }
     }
 
-    /// The pixels that show only terrain: those with alpha 1 (the sky has 0). `None` for a picture without alpha.
+    /// Returns for each pixel whether it shows only terrain, which means that its alpha is 1 (the sky has alpha 0). `None` if the picture has no
+    /// alpha.
     pub fn terrain(&self) -> Option<Vec<bool>> {
         self.alpha.as_ref().map(|alpha| alpha.iter().map(|a| *a >= 1.0).collect())
     }
 }
 
-/// Refuses a size before the pixels are allocated.
+/// Refuses a size that is not supported. It is called before memory for the pixels is allocated.
 fn check_size(width: u64, height: u64) -> std::result::Result<[u32; 2], String> {
     let pixels = width.checked_mul(height).filter(|n| (1..=MAX_PIXELS).contains(n));
     match (pixels, u32::try_from(width), u32::try_from(height)) {
@@ -141,7 +143,7 @@ fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Resu
         for channel in &content.channel_data.list {
             let full = channel.name.to_string();
             let (prefix, name) = full.rsplit_once('.').unwrap_or(("", &full));
-            // The name of the part is put before the name in the channel, unless the channel's name already begins with it.
+            // The name of the part is added before the name of the layer, unless the name of the layer already begins with it.
             let layer = match (of_part.as_str(), prefix) {
                 (part, "") => part.to_owned(),
                 ("", prefix) => prefix.to_owned(),
@@ -178,14 +180,14 @@ fn exr(mut input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Resu
     let [x, y, z] = found.map(values);
     let (x, y, z) = (x?, y?, z?);
     let alpha = channels.iter().find(|c| c.part == found[0].part && c.name == "A" && c.layer == unnamed).or_else(|| {
-        // A layer may be in a part of its own, while the picture's alpha is in the first part.
+        // The layer may have its own part, while the alpha of the picture is in the first part.
         channels.iter().find(|c| c.name == "A" && c.layer == unnamed && c.size == size)
     });
     let texels = x.iter().zip(&y).zip(&z).map(|((x, y), z)| [*x, *y, *z]).collect();
     Ok(Image { size, texels, alpha: alpha.map(values).transpose()?, content })
 }
 
-/// The samples of a channel as f32, one per pixel.
+/// Returns the samples of a channel as f32, one for each pixel.
 fn values(channel: &Channel<'_>) -> std::result::Result<Vec<f32>, String> {
     let values: Vec<f32> = channel.samples.values_as_f32().collect();
     if values.len() == area(channel.size) {
@@ -201,7 +203,7 @@ mod tests {
 
     use super::*;
 
-    /// A unique file, removed at the end.
+    /// A unique file, which is removed when this value is dropped.
     struct Temp(std::path::PathBuf);
 
     impl Temp {
@@ -279,8 +281,8 @@ mod tests {
         let codes = [0, 10, 55, 188, 255, 128].map(|v| image::Rgba([v, v, v, if v == 10 { 0 } else { 255 }]));
         image::RgbaImage::from_fn(3, 2, |x, y| codes[(y * 3 + x) as usize]).save(&file.0).unwrap();
         let read = Image::read(&file.0, None).unwrap();
-        // Expected values computed by hand from IEC 61966-2-1. Code 10 is linear: 10 / 255 / 12.92. Code 188 is about half of the largest linear
-        // value.
+        // The expected values were computed by hand from IEC 61966-2-1. The encoding is linear up to about 10, so 10 is decoded to 10 / 255 / 12.92.
+        // The value 188 is decoded to about half of the largest linear value.
         for (index, expected) in [(0, 0.0), (1, 0.003_035_27), (3, 0.502_886), (4, 1.0)] {
             assert!((read.texels[index][1] - expected).abs() < 1e-6, "{index}: {:?}", read.texels[index]);
         }

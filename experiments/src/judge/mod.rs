@@ -1,7 +1,7 @@
-//! Judges a picture against a reference: MSE, MRSE, PSNR, SSIM, FLIP; also spectra of errors, and command lines of video metrics.
+//! Compares a picture with a reference: MSE, MRSE, PSNR, SSIM, FLIP. Also computes spectra of errors, and writes command lines of video metrics.
 //!
-//! Notation: t is the test and r the reference in linear colour, P the set of compared pixels, k the channel (red, green, blue), and s(x) the sRGB
-//! encoding of x clamped to 0..=1.
+//! Notation: t is the test picture and r the reference, both in linear colour. P is the set of compared pixels, k the channel (red, green, blue), and
+//! s(x) is the sRGB encoding of x after clamping to 0..=1.
 //!
 //! - MSE = mean over P and k of (t - r)²; as in tev and in pbrt's imgtool.
 //! - MRSE = mean over P and k of (t - r)² / (r² + 0.01), as in tev. imgtool's denominator is (r + 0.01)²: it is 100 times smaller at black, where a
@@ -13,8 +13,8 @@
 //! - SSIM of s(t) and s(r): [`ssim`].
 //! - FLIP of s(t) and s(r) in 8 bits: [`flip`].
 //!
-//! tev and imgtool skip differences that are infinite. This module refuses a picture with a value that is NaN or infinite, because such a value is a
-//! defect of the picture. All sums are in f64.
+//! tev and imgtool skip infinite differences. This module refuses pictures with NaN or infinite values, because such values are defects. All sums are
+//! computed in f64.
 
 pub mod flip;
 mod image;
@@ -34,11 +34,11 @@ use crate::metrics;
 
 pub use image::{Content, Image};
 
-/// The term that is added to the denominator of MRSE, linear colour squared (tev; Rousselle et al. 2011). It limits relative errors where the
-/// reference is dark.
+/// The number that is added to the denominator of MRSE, linear colour squared (tev; Rousselle et al. 2011). It limits relative errors of pixels at
+/// which the reference is dark.
 pub const MRSE_EPSILON: f64 = 0.01;
 
-/// The metrics of a pair of pictures.
+/// The metrics that compare two pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Metric {
     /// Visible difference, 0..=1.
@@ -57,7 +57,7 @@ impl Metric {
     /// All metrics, in the order in which they are printed.
     pub const ALL: [Metric; 5] = [Metric::Flip, Metric::Mse, Metric::Mrse, Metric::Psnr, Metric::Ssim];
 
-    /// The name on the command line.
+    /// Returns the name of the metric on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Metric::Flip => metrics::FLIP,
@@ -68,7 +68,7 @@ impl Metric {
         }
     }
 
-    /// Unit and definition in one line.
+    /// Returns the range or unit of the metric and its definition, in one line.
     pub fn definition(self) -> &'static str {
         match self {
             Metric::Flip => "0..1, 0 = equal; mean of LDR-FLIP over pixels, sRGB-encoded, 8 bits",
@@ -79,7 +79,7 @@ impl Metric {
         }
     }
 
-    /// Whether the metric is meaningful for colour only, because it takes values as a display shows them.
+    /// Whether the metric is only meaningful for colours. Such metrics use the values that a display shows.
     pub fn needs_colour(self) -> bool {
         matches!(self, Metric::Flip | Metric::Psnr | Metric::Ssim)
     }
@@ -95,7 +95,7 @@ impl FromStr for Metric {
     type Err = Error;
 
     /// # Errors
-    /// The name is unknown; the message names the nearest known one.
+    /// The name is unknown. The message names the most similar known metric.
     fn from_str(text: &str) -> Result<Metric> {
         let names = Metric::ALL.map(Metric::name);
         Metric::ALL.into_iter().find(|metric| metric.name() == text).ok_or_else(|| {
@@ -105,7 +105,7 @@ impl FromStr for Metric {
     }
 }
 
-/// All metrics of a pair of pictures; [`Pair`] computes each of them separately.
+/// The values of all metrics for two pictures. [`Pair`] computes each metric separately.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
     /// Number of compared pixels.
@@ -114,21 +114,21 @@ pub struct Errors {
     pub mse: f64,
     /// Mean relative squared error, a ratio.
     pub mrse: f64,
-    /// Peak signal-to-noise ratio, dB; infinite if nothing differs.
+    /// Peak signal-to-noise ratio, dB; infinite if the pictures are equal.
     pub psnr: f64,
-    /// Structural similarity, -1..=1; `None` if no window fits into the picture around a compared pixel.
+    /// Structural similarity, -1..=1; `None` if there is no compared pixel around which a window fits into the picture.
     pub ssim: Option<f64>,
-    /// FLIP error, 0..=1, at [`flip::PIXELS_PER_DEGREE`].
+    /// FLIP error, 0..=1, for the number of pixels per degree [`flip::PIXELS_PER_DEGREE`].
     pub flip: flip::Flip,
 }
 
-/// All metrics of a test against a reference, both in linear colour, row by row.
+/// Compares a test picture with a reference by all metrics. Both are in linear colour, row by row.
 ///
-/// MSE, MRSE and PSNR are means over the pixels whose `mask` is true. FLIP and SSIM use neighbourhoods: the masked-out pixels of the test are first
-/// set to the reference's, then excluded from the mean. Masked-out content therefore has no influence. Next to the mask's border, errors are slightly
-/// smaller than far from it, because a part of the neighbourhood equals the reference.
+/// MSE, MRSE and PSNR are means over the pixels for which `mask` is true. FLIP and SSIM also use the neighbourhood of a pixel. Therefore all pixels
+/// outside the mask are first copied from the reference to the test, and are then excluded from the mean. Their original content has no influence.
+/// Next to the border of the mask, errors are slightly smaller than elsewhere, because a part of the neighbourhood equals the reference.
 ///
-/// FLIP takes most of the time; callers that do not need it use [`Pair`].
+/// FLIP takes most of the time. Callers that do not need FLIP should use [`Pair`].
 ///
 /// # Errors
 /// See [`Pair::new`].
@@ -138,13 +138,13 @@ pub fn errors(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: &
     Ok(Errors { pixels: pair.pixels(), mse: pair.mse(), mrse: pair.mrse(), psnr: pair.psnr(), ssim: pair.ssim(), flip })
 }
 
-/// PSNR in dB from the mean squared error of values whose peak is 1; infinite for 0.
+/// Returns the PSNR in dB for the mean squared error of values whose peak is 1; infinite for an error of 0.
 pub fn psnr_db(mean_squared_error: f64) -> f64 {
-    // The reciprocal avoids a negated logarithm, which would be -0 for an error of 1.
+    // The logarithm of the reciprocal is used instead of a negated logarithm, which would give -0 for an error of 1.
     10.0 * mean_squared_error.recip().log10()
 }
 
-/// A test and its reference, validated.
+/// A test picture and its reference, with valid sizes and values.
 #[derive(Debug)]
 pub struct Pair<'a> {
     size: [u32; 2],
@@ -156,10 +156,10 @@ pub struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
-    /// Two pictures of `size` (width, height) in linear colour, row by row; without `mask` every pixel is compared.
+    /// Returns a pair of two pictures of `size` (width, height) in linear colour, row by row. If `mask` is `None`, every pixel is compared.
     ///
     /// # Errors
-    /// The lengths do not match the size, no pixel is compared, or a value is NaN or infinite (also in masked-out pixels).
+    /// The lengths do not match the size, no pixel is compared, or a value is NaN or infinite (even if it is outside the mask).
     pub fn new(size: [u32; 2], test: &'a [[f32; 3]], reference: &'a [[f32; 3]], mask: Option<&'a [bool]>) -> Result<Pair<'a>> {
         let area = area(size);
         let lengths = [test.len(), reference.len(), mask.map_or(area, <[bool]>::len)];
@@ -182,12 +182,12 @@ impl<'a> Pair<'a> {
         Ok(Pair { size, test, reference, mask, pixels, encoded: OnceLock::new() })
     }
 
-    /// Width and height.
+    /// Returns width and height.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// Number of compared pixels.
+    /// Returns the number of compared pixels.
     pub fn pixels(&self) -> usize {
         self.pixels
     }
@@ -197,29 +197,29 @@ impl<'a> Pair<'a> {
         self.counted(self.test, self.reference).all(|(t, r)| t == r)
     }
 
-    /// Mean squared error, linear colour squared.
+    /// Returns the mean squared error, linear colour squared.
     pub fn mse(&self) -> f64 {
         self.mean(self.test, self.reference, |t, r| (t - r) * (t - r))
     }
 
-    /// Mean relative squared error.
+    /// Returns the mean relative squared error.
     pub fn mrse(&self) -> f64 {
         self.mean(self.test, self.reference, |t, r| (t - r) * (t - r) / (r * r + MRSE_EPSILON))
     }
 
-    /// PSNR of the sRGB encodings, dB; infinite if they are equal.
+    /// Returns the PSNR of the sRGB encodings, dB; infinite if they are equal.
     pub fn psnr(&self) -> f64 {
         let [test, reference] = self.encoded();
         psnr_db(self.mean(test, reference, |t, r| (t - r) * (t - r)))
     }
 
-    /// Mean SSIM of the sRGB encodings, -1..=1; `None` if no window fits into the picture around a compared pixel.
+    /// Returns the mean SSIM of the sRGB encodings, -1..=1; `None` if there is no compared pixel around which a window fits into the picture.
     pub fn ssim(&self) -> Option<f64> {
         let [test, reference] = self.encoded();
         ssim::ssim(self.size, test, reference, self.mask)
     }
 
-    /// The map of FLIP errors of the sRGB encodings.
+    /// Returns the map of FLIP errors of the sRGB encodings.
     ///
     /// # Errors
     /// See [`flip::map`].
@@ -228,7 +228,7 @@ impl<'a> Pair<'a> {
         flip::map(self.size, test, reference, pixels_per_degree)
     }
 
-    /// sRGB encodings of test and reference; masked-out pixels of the test are replaced by the reference's.
+    /// Returns the sRGB encodings of test and reference. Pixels of the test outside the mask are replaced by those of the reference.
     fn encoded(&self) -> &[Vec<[f32; 3]>; 2] {
         self.encoded.get_or_init(|| {
             let encode = |texels: &[[f32; 3]]| texels.iter().map(|t| t.map(srgb_from_linear)).collect::<Vec<_>>();
@@ -253,12 +253,12 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// Number of pixels of a picture.
+/// Returns the number of pixels of a picture.
 fn area(size: [u32; 2]) -> usize {
     size[0] as usize * size[1] as usize
 }
 
-/// Describes how many values are NaN or infinite and where the first is; `None` if all are finite.
+/// Describes how many values are NaN or infinite, and where the first of them is; `None` if all values are finite.
 fn not_finite(size: [u32; 2], texels: &[[f32; 3]]) -> Option<String> {
     let first = texels.iter().position(|t| t.iter().any(|v| !v.is_finite()))?;
     let all = || texels.as_flattened().iter();
@@ -290,27 +290,27 @@ mod tests {
 
     #[test]
     fn a_constant_offset_has_closed_forms() {
-        // Both values are exact in f32, so only the sums are rounded.
+        // Both values are exact in f32, so only the sums have rounding errors.
         let (t, r) = (0.75, 0.5);
         let (test, reference) = (constant(t), constant(r));
         let found = errors(SIZE, &test, &reference, &vec![true; area(SIZE)]).unwrap();
         assert_eq!(found.pixels, area(SIZE));
         close(found.mse, 0.0625, 1e-12);
         close(found.mrse, 0.0625 / 0.26, 1e-12);
-        // The order matters: MRSE divides by the reference.
+        // If test and reference are exchanged, MRSE changes, because it divides by the reference.
         close(Pair::new(SIZE, &reference, &test, None).unwrap().mrse(), 0.0625 / 0.5725, 1e-12);
-        // For a black reference, MRSE is MSE / epsilon. imgtool's formula would give a value 100 times as large.
+        // For a black reference, MRSE is the MSE divided by the epsilon. The formula of imgtool would give a value that is 100 times larger.
         close(Pair::new(SIZE, &test, &constant(0.0), None).unwrap().mrse(), 0.5625 / 0.01, 1e-12);
         let [et, er] = [t, r].map(|v| f64::from(srgb_from_linear(v)));
         close(found.psnr, -20.0 * (et - er).log10(), 1e-9);
-        // Without variance, SSIM equals its luminance term.
+        // Uniform pictures have no variance, so SSIM equals its luminance term.
         let c1 = 1e-4;
         close(found.ssim.unwrap(), (2.0 * et * er + c1) / (et * et + er * er + c1), 1e-9);
     }
 
     #[test]
     fn noise_of_known_variance_gives_it() {
-        // A hash decides whether d is added or subtracted. The mean square is d² for any hash.
+        // A hash determines whether d is added or subtracted. The mean squared error is d² for any hash.
         let d = 0.125;
         let reference: Vec<[f32; 3]> = (0..area(SIZE)).map(|i| [0.5 + (i % 7) as f32 / 64.0; 3]).collect();
         let sign = |i: usize, k: usize| if unit2(i as i32, k as i32, 7, 0) < 0.5 { -d } else { d };
@@ -339,8 +339,8 @@ mod tests {
         let (test, reference) = (constant(2.0), constant(1.0));
         let pair = Pair::new(SIZE, &test, &reference, None).unwrap();
         assert_eq!((pair.mse(), pair.psnr(), pair.identical()), (1.0, f64::INFINITY, false));
-        // If both pictures are decoded from 8-bit codes, their PSNR is that of the codes. For a difference of 5 codes it is 20 log10(255 / 5) = 34.15
-        // dB.
+        // If both pictures were decoded from 8-bit values, their PSNR is that of the 8-bit values. For a difference of 5, it is 20 log10(255 / 5) =
+        // 34.15 dB.
         let (test, reference) = (constant(linear_from_srgb(105.0 / 255.0)), constant(linear_from_srgb(100.0 / 255.0)));
         close(Pair::new(SIZE, &test, &reference, None).unwrap().psnr(), 20.0 * 51f64.log10(), 1e-6);
     }
@@ -359,7 +359,7 @@ mod tests {
         close(found.mse, 0.0625, 1e-6);
         let none = errors(SIZE, &clean, &reference, &mask).unwrap();
         assert_eq!((none.mse, none.psnr, none.ssim, none.flip.max), (0.0, f64::INFINITY, Some(1.0), 0.0));
-        // Negative control: without the mask, the hidden pixels have an influence.
+        // Negative control: without the mask, the pixels outside it have an influence.
         let all = errors(SIZE, &wild, &reference, &vec![true; area(SIZE)]).unwrap();
         assert!(all.mse > 2.0 * found.mse && all.flip.mean > found.flip.mean);
     }

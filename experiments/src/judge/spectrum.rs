@@ -1,7 +1,8 @@
-//! Power spectrum of a field: describes, by frequency, how the values of the field are arranged. White noise has power 1 at every frequency.
+//! Computes the power spectrum of a field. It describes how much the values of the field vary at each frequency. White noise has a power of 1 at
+//! every frequency.
 //!
-//! If noise is stable over frames but blotchy, it clumps and has much power at low frequencies. Blue noise has little power there and hardly clumps
-//! (Ulichney 1987, *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
+//! Noise that forms blotches has a high power at low frequencies. Blue noise has little power there and hardly forms blotches (Ulichney 1987,
+//! *Digital Halftoning*, chapter 3: the radially averaged power spectrum).
 
 use kernels::base::error::{Error, Result};
 use rustfft::FftPlanner;
@@ -9,36 +10,38 @@ use rustfft::num_complex::Complex;
 
 use super::area;
 
-/// Power of a band of frequencies.
+/// The power of a band of frequencies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Band {
     /// Mean frequency of the band, cycles per pixel, 0..0.5.
     pub frequency_cycles_per_px: f64,
-    /// Power relative to white noise with the variance of the field.
+    /// Power relative to white noise that has the same variance as the field.
     pub power: f64,
-    /// Standard error of the power, if the field is one of many random fields with the same statistics: see [`radial_power`].
+    /// Standard error of the power, if the field is a sample of random fields with equal statistics, see [`radial_power`].
     pub standard_error: f64,
-    /// Number of frequencies in the mean. A frequency and its negative have equal power and count as two.
+    /// Number of frequencies over which the power is averaged. A frequency and its negative have equal power, and both are counted.
     pub frequencies: usize,
 }
 
-/// Radially averaged power spectrum of a field of `size` (width, height), row by row, in `bands` of equal width from 0 to 0.5 cycles per pixel. With
-/// f the field, m its mean, w the Hann window of both axes (periodic), and F the discrete Fourier transform of w (f - m):
+/// Computes the radially averaged power spectrum of a field of `size` (width, height), given row by row. The number of bands is `bands`. They have
+/// equal width and together cover 0 to 0.5 cycles per pixel. Let f be the field, m its mean, w the product of the periodic Hann windows of both axes,
+/// and F the discrete Fourier transform of w (f - m):
 ///
 /// > P(k) = |F(k)|² / Σ w² (f - m)²
 ///
-/// and the power of a band is the mean of P over its frequencies. By Parseval's theorem the mean of P over all frequencies is 1 for every field, and
-/// white noise has 1 in every band. The nine frequencies within one step of 0 on both axes are excluded, because subtracting the mean removes power
-/// from these (and, because of the window, from no others). The frequencies beyond 0.5 in the corners of the spectrum are excluded, too. A constant
-/// field has power 0.
+/// The power of a band is the mean of P over its frequencies. By Parseval's theorem, the mean of P over all frequencies is 1 for every field, so
+/// white noise has an expected power of 1 in every band. Two groups of frequencies are excluded. The nine frequencies that are at most one step from
+/// 0 on both axes are excluded, because subtracting the mean removes power from them. (The window spreads this effect to all nine, but not to other
+/// frequencies.) The frequencies above 0.5 in the corners of the spectrum are excluded, too. A constant field has a power of 0.
 ///
-/// Standard error, for a Gaussian field or many pixels: P(k) is exponentially distributed, so its standard deviation is its mean. Half of the
-/// frequencies are independent of each other, apart from neighbours, which the window correlates. Along an axis, the correlation of P(k) and P(k + d)
-/// is (2/3)² for d = 1 and (1/6)² for d = 2. For both axes together this multiplies the variance of the mean by (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)².
+/// The standard error assumes a Gaussian field or many pixels. P(k) is then exponentially distributed, so its standard deviation equals its mean. A
+/// frequency and its negative have equal P, so only half of the frequencies count. Neighbouring frequencies are correlated by the window: along an
+/// axis, the correlation of P(k) and P(k + d) is (2/3)² for d = 1 and (1/6)² for d = 2. For both axes together, this multiplies the variance of the
+/// mean by (1 + 2 · 4/9 + 2 · 1/36)² = (35/18)².
 ///
 /// # Errors
-/// The lengths do not match, a value is NaN or infinite, there is no band, or a band would be less than 4 frequencies wide: there are at most
-/// (smaller side / 8) bands.
+/// The lengths do not match, a value is NaN or infinite, `bands` is 0, or a band would be less than 4 frequencies wide. There can be at most (smaller
+/// side / 8) bands.
 pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<Band>> {
     check(field, size)?;
     let [width, height] = size.map(|side| side as usize);
@@ -59,7 +62,7 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
     let mut columns: Vec<Complex<f64>> = (0..rows.len()).map(|i| rows[i % height * width + i / height]).collect();
     planner.plan_fft_forward(height).process(&mut columns);
 
-    /// Number, sum of frequencies, sum of powers, sum of squared powers.
+    /// The sums of a band: number of frequencies, sum of frequencies, sum of powers, sum of squared powers.
     type Sums = (usize, f64, f64, f64);
     let mut sums: Vec<Sums> = vec![(0, 0.0, 0.0, 0.0); bands];
     let steps = |k: usize, n: usize| k.min(n - k);
@@ -75,7 +78,8 @@ pub fn radial_power(field: &[f32], size: [u32; 2], bands: usize) -> Result<Vec<B
         *band = (band.0 + 1, band.1 + frequency, band.2 + power, band.3 + power * power);
     }
     let band = |(frequencies, frequency, power, squared): Sums| {
-        // The divisor is not 0: the first band has the fewest frequencies, and it contains at least those between 1 and 4 steps from 0.
+        // The divisor is not 0. The first band has the fewest frequencies, and it contains at least the frequencies that are between 1 and 4 steps
+        // from 0.
         let n = frequencies as f64;
         Band {
             frequency_cycles_per_px: frequency / n,
@@ -106,16 +110,16 @@ mod tests {
     const SIDE: usize = 256;
     const SIZE: [u32; 2] = [SIDE as u32; 2];
     const BANDS: usize = 16;
-    /// Largest deviation in standard errors that 16 two-sided tests accept. They share a level of 0.1 %, so each has the level 1 - 0.999^(1/16) =
-    /// 6.25e-5 (Sidak).
+    /// Limit of the deviation from the expected value, in standard errors. 16 two-sided tests together have a level of 0.1 %, so each has a level of
+    /// 1 - 0.999^(1/16) = 6.25e-5 (Šidák).
     const Z: f64 = 4.003;
 
-    /// Uniform white noise.
+    /// Returns uniform white noise.
     fn white(seed: u32) -> Vec<f32> {
         (0..SIDE * SIDE).map(|i| unit2((i % SIDE) as i32, (i / SIDE) as i32, seed, 9) as f32).collect()
     }
 
-    /// White noise in cells of 4 x 4 pixels.
+    /// Returns white noise whose cells have 4 x 4 pixels.
     fn blocks(seed: u32) -> Vec<f32> {
         (0..SIDE * SIDE).map(|i| unit2((i % SIDE / 4) as i32, (i / SIDE / 4) as i32, seed, 9) as f32).collect()
     }
@@ -124,7 +128,7 @@ mod tests {
         radial_power(field, SIZE, BANDS).unwrap()
     }
 
-    /// Tests the null hypothesis that the power is 1 in every band. The level is 0.1 % for the 16 bands together.
+    /// Tests the null hypothesis that the power is 1 in every band. The 16 bands together have a level of 0.1 %.
     fn is_white(bands: &[Band]) -> bool {
         bands.iter().all(|b| (b.power - 1.0).abs() <= Z * b.standard_error)
     }
@@ -134,13 +138,13 @@ mod tests {
         for seed in 0..4 {
             assert!(is_white(&spectrum(&white(seed))), "seed {seed}");
         }
-        // Offset and scale have no influence.
+        // An offset and a factor have no influence on the spectrum.
         let moved: Vec<f32> = white(1).iter().map(|v| 1000.0 + 64.0 * v).collect();
         for (a, b) in spectrum(&white(1)).iter().zip(spectrum(&moved)) {
             assert!((a.power - b.power).abs() < 1e-3);
         }
         assert!(!is_white(&spectrum(&blocks(1))));
-        // Noise in cells of 2 x 1 pixels is only slightly coloured.
+        // Noise in cells of 2 x 1 pixels differs only slightly from white noise, but the test must find the difference.
         let weak: Vec<f32> = (0..SIDE * SIDE).map(|i| unit2((i % SIDE / 2) as i32, (i / SIDE) as i32, 1, 9) as f32).collect();
         assert!(!is_white(&spectrum(&weak)));
     }
@@ -154,19 +158,19 @@ mod tests {
             let mean = powers.iter().sum::<f64>() / SEEDS as f64;
             let spread = (powers.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (SEEDS - 1) as f64).sqrt();
             let stated = all.iter().map(|bands| bands[band].standard_error).sum::<f64>() / SEEDS as f64;
-            // The standard deviation of 64 normal values has a relative standard error of 1 / sqrt(2 · 63) = 9 %. The level of 0.1 % for 16 bands
-            // together allows a deviation of 4.0 times this value. If the correlation by the window were ignored, the stated error would be half of
-            // the real one.
+            // The standard deviation of 64 normal values has a relative standard error of 1 / sqrt(2 · 63) = 9 %. The 16 bands together have a level
+            // of 0.1 %, so a deviation of 4.0 times this value is accepted. If the correlation that the window causes were ignored, the computed
+            // standard error would be only half of the real one.
             assert!((spread / stated - 1.0).abs() < Z / (2.0 * (SEEDS - 1) as f64).sqrt(), "band {band}: {spread} against {stated}");
-            // The standard error of the mean over 64 seeds is 8 times smaller than that of one field, so the mean shows smaller biases.
+            // The mean over 64 seeds has a standard error that is 8 times smaller than that of a single field, so smaller biases are found.
             assert!((mean - 1.0).abs() < Z * stated / (SEEDS as f64).sqrt(), "band {band}: {mean}");
         }
     }
 
     #[test]
     fn a_cosine_is_in_its_band_alone() {
-        // 100 and 36 cycles in 256 pixels are 0.4152 cycles per pixel, which lies in band 13. The window spreads the power by one step, which stays
-        // within the band.
+        // The cosine has 100 and 36 cycles in 256 pixels. Its frequency is 0.4152 cycles per pixel, which lies in band 13. The window spreads the
+        // power by one step, which is still inside the band.
         let phase = |i: usize| std::f64::consts::TAU * (100 * (i % SIDE) + 36 * (i / SIDE)) as f64 / SIDE as f64;
         let field: Vec<f32> = (0..SIDE * SIDE).map(|i| phase(i).cos() as f32 + 3.0).collect();
         let bands = spectrum(&field);
@@ -174,17 +178,17 @@ mod tests {
         assert!((bands[13].power / expected - 1.0).abs() < 1e-6, "{:?}", bands[13]);
         for (index, band) in bands.iter().enumerate() {
             assert!((band.frequency_cycles_per_px - (index as f64 + 0.5) / 32.0).abs() < 1e-2);
-            // f32 rounds each value by at most 6e-8 of itself. The power of these rounding errors, relative to that of the cosine, is far below
-            // 1e-10.
+            // f32 rounds each value with a relative error of at most 6e-8. The power of these rounding errors is far below 1e-10 of the power of the
+            // cosine.
             assert!(index == 13 || band.power < 1e-10, "band {index}: {}", band.power);
         }
-        // 193 points of the grid are less than 8 steps from 0; the nine points around 0 are excluded.
+        // 193 frequencies are less than 8 steps from 0. The nine frequencies around 0 are excluded.
         assert_eq!(bands[0].frequencies, 193 - 9);
-        // The sides may differ in length: 44 cycles in 128 pixels are 0.34375 cycles per pixel, which lies in band 5.
+        // The field need not be square. 44 cycles in 128 pixels are 0.34375 cycles per pixel, which lies in band 5.
         let field: Vec<f32> = (0..128 * 64).map(|i| (std::f64::consts::TAU * (44 * (i % 128)) as f64 / 128.0).cos() as f32).collect();
         let flat = radial_power(&field, [128, 64], 8).unwrap();
         assert!((flat[5].power * flat[5].frequencies as f64 / (128.0 * 64.0) - 1.0).abs() < 1e-6, "{flat:?}");
-        // If the frequency is not on the grid, power leaks into other bands. The window keeps it below a thousandth of the total.
+        // If the number of cycles is not an integer, power leaks into other bands. The window keeps this power below a thousandth of the total.
         let phase = |i: usize| std::f64::consts::TAU * (100.5 * (i % SIDE) as f64 + 36.5 * (i / SIDE) as f64) / SIDE as f64;
         let bands = spectrum(&(0..SIDE * SIDE).map(|i| phase(i).cos() as f32).collect::<Vec<_>>());
         let elsewhere: f64 = bands.iter().enumerate().filter(|(i, _)| *i != 13).map(|(_, b)| b.power * b.frequencies as f64).sum();
@@ -193,8 +197,8 @@ mod tests {
 
     #[test]
     fn block_noise_has_the_spectrum_of_its_cell() {
-        // On each axis, noise in cells of b pixels has the power sin²(pi b f) / (b sin²(pi f)): the squared transform of a box of b pixels, divided
-        // by b.
+        // Along each axis, noise in cells of b pixels has the power sin²(pi b f) / (b sin²(pi f)). This is the squared transform of a box of b
+        // pixels, divided by b.
         let axis = |k: usize| {
             let f = std::f64::consts::PI * k as f64 / SIDE as f64;
             if k == 0 { 4.0 } else { (4.0 * f).sin().powi(2) / (4.0 * f.sin().powi(2)) }
@@ -213,8 +217,8 @@ mod tests {
         for (index, (sum, count)) in expected.iter().enumerate() {
             let expected = sum / count;
             let mean = all.iter().map(|bands| bands[index].power).sum::<f64>() / f64::from(SEEDS);
-            // Each block of 16 pixels holds one number, so only 1/16 of the numbers are independent: the standard error is sqrt(16) = 4
-            // times larger.
+            // All 16 pixels of a cell have the same value, so only 1/16 of the values are independent. The standard error is therefore sqrt(16) = 4
+            // times larger than computed.
             let error = 4.0 * all.iter().map(|bands| bands[index].standard_error).sum::<f64>() / f64::from(SEEDS).powf(1.5);
             assert!((mean - expected).abs() < Z * error, "band {index}: {mean} is not {expected} +- {error}");
         }
@@ -224,8 +228,8 @@ mod tests {
 
     #[test]
     fn high_passed_noise_lacks_low_bands() {
-        // The filter subtracts from each value the mean of the 3 x 3 values around it, with wrap-around. Its response is 1 - D(kx) D(ky), where D(k)
-        // = (1 + 2 cos k) / 3.
+        // The filter subtracts from each value the mean of the 3 x 3 values around it, with wrap-around at the borders. Its frequency response is 1 -
+        // D(kx) D(ky), where D(k) = (1 + 2 cos k) / 3.
         let noise = white(5);
         let at = |x: usize, y: usize| noise[y % SIDE * SIDE + x % SIDE];
         let around = |x: usize, y: usize| (0..9).map(|n| at(x + SIDE - 1 + n % 3, y + SIDE - 1 + n / 3)).sum::<f32>() / 9.0;
@@ -254,7 +258,7 @@ mod tests {
         broken[17] = f32::NAN;
         let refused = radial_power(&broken, size, 4).unwrap_err().to_string();
         assert!(refused.contains("value 17") && refused.contains("NaN"), "{refused}");
-        // The smallest input: one band of a field of 8 x 8.
+        // The smallest possible input: a field of 8 x 8 values and one band.
         let least: Vec<f32> = (0..64).map(|i| unit2(i, 0, 1, 9) as f32).collect();
         assert!(radial_power(&least, [8, 8], 1).unwrap()[0].power.is_finite());
     }

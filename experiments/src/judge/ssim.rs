@@ -1,11 +1,12 @@
-//! Structural similarity: Wang, Bovik, Sheikh and Simoncelli 2004, *Image Quality Assessment: From Error Visibility to Structural
-//! Similarity*, equation 13, with the paper's parameters.
+//! Structural similarity (SSIM): Wang, Bovik, Sheikh and Simoncelli 2004, *Image Quality Assessment: From Error Visibility to Structural Similarity*,
+//! equation 13, with the parameters of the paper.
 //!
 //! > SSIM(x, y) = (2 mx my + C1) (2 sxy + C2) / ((mx² + my² + C1) (sx² + sy² + C2)), C1 = (K1 L)², C2 = (K2 L)²
 //!
-//! Means, variances and covariance are weighted by a Gaussian window of 11 x 11 pixels with sigma 1.5. The sum of its weights is 1. K1 = 0.01, K2 =
-//! 0.03, and L = 1, because values are encoded to 0..=1. Windows that extend beyond the picture are excluded, as in the paper. The paper judges grey
-//! pictures; here each colour channel is judged separately and the results are averaged, as in scikit-image.
+//! mx and my are means, sx² and sy² variances, and sxy is the covariance. They are weighted by a Gaussian window of 11 x 11 pixels with sigma 1.5,
+//! whose weights have a sum of 1. K1 = 0.01, K2 = 0.03, and L = 1, because the encoded values lie in 0..=1. Windows that extend beyond the picture
+//! are excluded, as in the paper. The paper compares grey pictures. Here each colour channel is compared separately, and the results are averaged, as
+//! in scikit-image.
 
 use super::area;
 
@@ -18,9 +19,9 @@ pub const K1: f64 = 0.01;
 /// Constant of the contrast and structure term, relative to the peak.
 pub const K2: f64 = 0.03;
 
-/// Mean SSIM of two pictures of `size` (width, height) with display values in 0..=1, over the windows whose central pixel is compared. `None` if
-/// there is no such window: a side of the picture is shorter than 11 pixels, the mask selects only pixels near the edges, or the lengths do not match
-/// the size.
+/// Returns the mean SSIM of two pictures of `size` (width, height) with display values in 0..=1. The mean is over the windows whose central pixel is
+/// compared. `None` if there is no such window: a side of the picture is shorter than 11 pixels, the mask selects only pixels near the edges, or the
+/// lengths do not match the size.
 pub fn ssim(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], mask: Option<&[bool]>) -> Option<f64> {
     let [width, height] = size.map(|side| side as usize);
     let (inner_width, inner_height) = (width.checked_sub(WINDOW - 1)?, height.checked_sub(WINDOW - 1)?);
@@ -61,7 +62,7 @@ fn window() -> [f64; WINDOW] {
     weights.map(|w| w / sum)
 }
 
-/// Returns the weighted mean of every window that fits into the picture: (width - 10) x (height - 10) values, row by row.
+/// Returns the weighted mean of each window that fits into the picture: (width - 10) x (height - 10) values, row by row.
 fn filter(values: &[f64], [width, height]: [usize; 2], weights: &[f64; WINDOW]) -> Vec<f64> {
     let (inner_width, inner_height) = (width - (WINDOW - 1), height - (WINDOW - 1));
     let mut result = vec![0.0; inner_width * inner_height];
@@ -85,7 +86,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [43, 30];
 
-    /// Returns the test and the reference of the script below: pictures with 8-bit codes.
+    /// Returns the test and the reference that the script below creates. Their values have 8 bits.
     fn pictures() -> [Vec<[f32; 3]>; 2] {
         let code = |v: i32| v as f32 / 255.0;
         let (mut test, mut reference) = (Vec::new(), Vec::new());
@@ -99,7 +100,7 @@ mod tests {
         [test, reference]
     }
 
-    /// The expected values come from scikit-image 0.26.0:
+    /// The expected values were computed with this script and scikit-image 0.26.0:
     /// ```python
     /// import numpy as np
     /// from skimage.metrics import structural_similarity
@@ -115,8 +116,8 @@ mod tests {
     fn agrees_with_scikit_image() {
         let [test, reference] = pictures();
         let found = ssim(SIZE, &test, &reference, None).unwrap();
-        // Both implementations sum in f64. Cancellation leaves an error of about 1e-16 in the variances. The formula divides them by at least C2 =
-        // 9e-4, so the error of SSIM is about 1e-13.
+        // Both implementations compute in f64. The variances are differences of larger numbers, so their error is about 1e-16. The formula divides
+        // the variances by at least C2 = 9e-4, so the error of SSIM is about 1e-13.
         assert!((found - 0.967_286_106_029_085_7).abs() < 1e-12, "{found}");
         let left: Vec<bool> = (0..test.len()).map(|i| i % SIZE[0] as usize <= 19).collect();
         let found = ssim(SIZE, &test, &reference, Some(&left)).unwrap();

@@ -1,19 +1,20 @@
-//! Video metrics by other authors: how to call them on the frames of a run.
+//! Writes the commands that apply video metrics of other authors to the frames of a run.
 //!
-//! The option names are those of gfxdisp/ColorVideoVDP 0.5.4 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`; frames are
-//! given by a `%0Nd` pattern and counted from 0 to the first missing one). IntelLabs/cgvqm (commit 9872ccb) has no command line, so its function
-//! `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called. It reads videos through PyAV. The commands
-//! convert the frames to videos without loss, because FFV1 restores the RGB bytes exactly.
+//! The option names are those of gfxdisp/ColorVideoVDP 0.5.4 (`pycvvdp/run_cvvdp.py`: `--test`, `--ref`, `--fps`, `--display`, `--result`). It reads
+//! the frames that a `%0Nd` pattern gives, from 0 to the frame before the first missing one. IntelLabs/cgvqm (commit 9872ccb) has no command line, so
+//! its function `run_cgvqm(test_vid_path, ref_vid_path, cgvqm_type, device, patch_pool, patch_scale)` is called. It reads videos through PyAV. The
+//! commands therefore convert the frames to videos with the lossless codec FFV1, which preserves the RGB bytes exactly.
 
-/// Shell commands that judge the PNG frames `test_pattern` against `reference_pattern`. They are meant to be read before they are run: comments in
-/// them say what must be installed.
+/// Returns shell commands that compare the PNG frames `test_pattern` with the frames `reference_pattern`. Users should read the commands before they
+/// run them. Comments in the commands say what must be installed.
 ///
-/// Patterns are those of printf, such as `frames/step-%04d.png`, numbered from 0; `size` is width and height in pixels. ColorVideoVDP prints a
-/// quality in JOD: 10 = no difference; of two pictures that differ by 1 JOD, 3 of 4 people prefer the better one. CGVQM prints a quality of 0..=100.
+/// The patterns are those of printf, such as `frames/step-%04d.png`, with frames numbered from 0. `size` is width and height in pixels. ColorVideoVDP
+/// prints a quality in JOD; 10 = no difference. If two pictures differ by 1 JOD, 3 of 4 people prefer the better one. CGVQM prints a quality of
+/// 0..=100.
 pub fn commands(test_pattern: &str, reference_pattern: &str, fps: f64, size: [u32; 2]) -> String {
     let (test, reference) = (quoted(test_pattern), quoted(reference_pattern));
     let display = if size[0] <= 1920 && size[1] <= 1080 { "standard_fhd" } else { "standard_4k" };
-    // Patches of equal size need a scale that divides both sides; the tool's default is 4.
+    // CGVQM divides the picture into patches. All patches have equal size only if the scale divides both sides. The tool's default is 4.
     let patch_scale = [4, 3, 2].into_iter().find(|scale| size.iter().all(|side| side % scale == 0)).unwrap_or(1);
     format!(
         "\
@@ -36,7 +37,7 @@ device='cuda' if torch.cuda.is_available() else 'cpu', patch_pool='mean', patch_
     )
 }
 
-/// The text, quoted as one word of a POSIX shell.
+/// Returns the text quoted as one word of a POSIX shell.
 fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }
@@ -53,7 +54,7 @@ mod tests {
         assert_eq!(line("cvvdp "), [format!("cvvdp {test}")]);
         assert_eq!(line("ffmpeg ").len(), 2);
         assert!(line("ffmpeg ")[0].contains("-i 'a b/test-%04d.png'") && line("ffmpeg ")[1].contains("'it'\\''s/ref-%04d.png'"));
-        // 480 and 270 are both divisible by 3, not by 4.
+        // 480 and 270 are divisible by 3, but not both by 4.
         assert!(text.contains("patch_scale=3"));
         assert!(commands("a", "b", 60.0, [3840, 2160]).contains("standard_4k"));
         assert!(commands("a", "b", 23.976, [481, 270]).contains("--fps 23.976"));

@@ -1,29 +1,30 @@
-//! The checks of a run: whether the counted fetches are the promised ones, and whether bias and variance are as predicted.
+//! The checks of a run: whether the counted fetches are those that the flavours promise, and whether bias and variance agree with the theory.
 
 use kernels::variant::Flavour;
 use serde::Serialize;
 
 use super::numbers::sidak_limit;
 
-/// Promised and counted fetches of a flavour.
+/// The promised and the counted number of fetches of a flavour. The promise is the number of texture samples that the estimator states for the
+/// flavour.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct GoldenRow {
-    /// The flavour's name, and the view in which it was counted.
+    /// The name of the flavour. If the run has several views, the name of the view follows.
     pub(crate) flavour: String,
-    /// The promise, a number or a range.
+    /// The promise: a number, a sum or a range.
     pub(crate) promised: String,
-    /// Mean over terrain pixels as counted in the shader.
+    /// Mean number of fetches per terrain pixel, counted in the shader.
     pub(crate) counted: f64,
     /// Whether the count agrees with the promise.
     pub(crate) agrees: bool,
 }
 
-/// Largest accepted deviation of a mean count from the promised number of fetches.
+/// Largest accepted difference between the mean count and the promised number of fetches.
 const COUNT_TOLERANCE: f64 = 0.01;
 
 impl GoldenRow {
-    /// Compares a count with the promise of a flavour. If `modulated` is true, the scene has colour modulation, for which all flavours except the
-    /// virtual texture take one additional sample. The far atlas promises 2 to 3 fetches, with or without modulation.
+    /// Compares the counted fetches of a flavour with its promise. `modulated` = whether the scene has colour modulation. With colour modulation, all
+    /// flavours except the virtual texture take one additional sample. For the far atlas, 2 to 3 fetches are accepted in both cases.
     pub(crate) fn of(name: String, flavour: Flavour, promise: u32, counted: f64, modulated: bool) -> GoldenRow {
         let more = u32::from(modulated && flavour != Flavour::VirtualTexture);
         let (promised, low, high) = match flavour {
@@ -36,15 +37,15 @@ impl GoldenRow {
     }
 }
 
-/// Checks whether all flavours take the promised fetches. Returns the result and its description; `None` if there are no rows.
+/// Checks whether all flavours take the promised number of fetches. Returns the result and its description; `None` if there are no rows.
 pub(super) fn promises(rows: &[GoldenRow]) -> Option<(bool, String)> {
     let kept = rows.iter().filter(|g| g.agrees).count();
     let all = rows.len();
     (all > 0).then(|| (kept == all, format!("{kept} of {all} flavours take the fetches they promise")))
 }
 
-/// Checks the largest of several biases. Each row gives a bias, its standard error and its name. Each standard error was computed from `seeds`
-/// values, see [`sidak_limit`].
+/// Checks whether the largest of several biases can be explained by chance. Each row contains a bias, its standard error and its name. `seeds` is the
+/// number of seeds from which each standard error was computed. It determines the limit, see [`sidak_limit`].
 pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seeds: u32) -> Option<(bool, String)> {
     let scores: Vec<(f64, &str)> =
         rows.into_iter().map(|(bias, error, name)| (bias.abs() / error, name)).filter(|(z, _)| z.is_finite()).collect();
@@ -58,8 +59,9 @@ pub(super) fn bias<'a>(rows: impl IntoIterator<Item = (f64, f64, &'a str)>, seed
     ))
 }
 
-/// Checks whether the ratios of measured to predicted variance lie between 0.8 and 1.25. Each row gives the measured variance, the predicted
-/// variance, and the standard error of the measured one, if known. A ratio outside this range is accepted if the small number of seeds explains it.
+/// Checks whether each measured variance is 0.8 to 1.25 times the predicted variance. Each row contains the measured variance, the predicted
+/// variance, and the standard error of the measured variance, if known. A ratio outside this range is accepted if the deviation from the prediction
+/// can be chance, given the standard error and the number of seeds.
 pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, seeds: u32) -> Option<(bool, String)> {
     let rows: Vec<(f64, f64)> = rows
         .into_iter()
@@ -91,7 +93,7 @@ mod tests {
 
     use super::*;
 
-    /// With so many seeds, the standard errors are practically exact.
+    /// With this many seeds, the uncertainty of the standard errors themselves is negligible.
     const MANY: u32 = 1_000_000;
 
     #[test]
@@ -116,17 +118,17 @@ mod tests {
         assert_eq!(bias([(3e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).map(|c| c.0), Some(true));
         let (good, text) = bias([(-4e-4, 1e-4, "a"), (0.0, 0.0, "b")], MANY).expect("one row with a standard error above 0");
         assert!(!good && text.contains("4.0 standard errors (a)"), "{text}");
-        // If 600 rows are checked together, one bias of this size can be chance.
+        // The same bias is accepted as chance if it is the largest of 600.
         let many = (0..600).map(|i| (if i == 7 { 4e-4 } else { 0.0 }, 1e-4, "a"));
         assert_eq!(bias(many, MANY).map(|c| c.0), Some(true));
-        // Ten standard errors are within chance if they come from 4 seeds, but not if they come from 16.
+        // A bias of ten standard errors is accepted if the standard error comes from 4 seeds, and refused if it comes from 16 seeds.
         assert_eq!([4, 16].map(|seeds| bias([(1e-3, 1e-4, "a")], seeds).map(|c| c.0)), [Some(true), Some(false)]);
         assert_eq!(bias([(0.0, 0.0, "b")], MANY), None);
         let known = |ratios: &[f64], error: Option<f64>| variance(ratios.iter().map(|r| (*r, 1.0, error)), MANY);
         assert_eq!(known(&[0.97, 1.03, f64::NAN], None).map(|c| c.0), Some(true));
         assert_eq!([known(&[0.5, 1.0], None), known(&[1.0, 1.5], None)].map(|c| c.map(|c| c.0)), [Some(false); 2]);
-        // A variance of half the predicted value is accepted if its standard error is large, as with few seeds. It is refused if the standard error
-        // is small, as with many seeds.
+        // The measured variance is half of the predicted variance. It is accepted with a large standard error, which is typical of few seeds, and
+        // refused with a small standard error.
         assert_eq!([0.2, 0.1].map(|e| known(&[0.5, 1.0], Some(e)).map(|c| c.0)), [Some(true), Some(false)]);
         assert_eq!(known(&[], None), None);
     }

@@ -16,16 +16,16 @@ use super::summary::{
 use crate::definition::{Times, Vary, setting_text, variant_choice};
 use crate::report::Verdict;
 
-/// The source of a column's numbers.
+/// Where the numbers of a column come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
-    /// The value of a row.
+    /// The value of a metric.
     Row(Metric),
-    /// The value of a row, with its standard error.
+    /// The value of a metric, shown with its standard error.
     WithError(Metric),
-    /// The sum of the promised fetches of a forced variant's flavours.
+    /// The promised fetches of a forced variant: the sum over its flavours.
     Promised,
-    /// The time of the row relative to that of the first timed row of the view.
+    /// The shading time, divided by that of the first timed row of the view.
     ShadingRatio,
 }
 
@@ -56,26 +56,26 @@ const COLUMNS: [Column; 16] = [
     Column { heading: "Rejected", unit: "of history", source: Source::Row(REJECTIONS) },
 ];
 
-/// A number of a table.
+/// The content of a table cell.
 pub(super) enum Cell {
-    /// The unrounded value, the text that is shown, and additional text for its tooltip.
+    /// The unrounded value, the text that the cell shows, and additional text for its tooltip.
     Value { value: f64, shown: String, hint: String },
-    /// No number, and the reason.
+    /// There is no number. The text gives the reason.
     Missing(String),
 }
 
-/// The columns for which at least one row has a number, and the headings of the other columns.
+/// Returns the columns for which at least one row has a number, and the headings of the omitted columns.
 pub(super) fn columns(run: &RunData, table: &Table) -> (Vec<Column>, Vec<&'static str>) {
     let (kept, dropped): (Vec<Column>, Vec<Column>) = COLUMNS
         .into_iter()
         .partition(|column| (0..table.summaries.len()).any(|index| matches!(cell(run, table, index, column.source), Cell::Value { .. })));
-    // Promised fetches are shown only next to counted ones.
+    // The column of promised fetches is only useful next to the column of counted fetches.
     let measured = kept.iter().any(|c| c.source == Source::Row(FETCHES));
     let kept = kept.into_iter().filter(|c| c.source != Source::Promised || measured).collect();
     (kept, dropped.into_iter().filter(|c| c.source != Source::Promised).map(|c| c.heading).collect())
 }
 
-/// The number of a row for a column.
+/// Returns the number of a row for a column, or the reason why it is missing.
 pub(super) fn cell(run: &RunData, table: &Table, index: usize, source: Source) -> Cell {
     let summary = &table.summaries[index];
     let plain = |value: f64| Cell::Value { value, shown: significant(value), hint: String::new() };
@@ -128,12 +128,13 @@ fn unit(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
-/// Returns the index of the first timed row of a view. Shading times are shown relative to the time of this row.
+/// Returns the index of the first timed row of a view. The shading times of the view are divided by the time of this row.
 pub(super) fn shading_base(table: &Table, view: &str) -> Option<usize> {
     table.of_view(view).into_iter().find(|&i| table.summaries[i].value(SHADING) > 0.0)
 }
 
-/// Returns the promised fetches of a flavour in this row, with the estimator fc5. With two tilings, splat takes twice as many.
+/// Returns the number of fetches that the flavour promises for the settings of this row, with the estimator fc5. If the settings enable two tilings,
+/// splat takes twice as many.
 fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
     let definition = &run.definition;
     let value = |vary: &Vary| vary.values.iter().find(|value| setting_text(value) == summary.key.setting).cloned();
@@ -142,12 +143,12 @@ fn promise(run: &RunData, summary: &Summary, flavour: Flavour) -> u32 {
     Estimator::Fc5.promised_fetches(flavour) * if twice { 2 } else { 1 }
 }
 
-/// Whether the promised fetches apply to the estimator of this row: fc5, or no estimator.
+/// Whether the promises, which hold for the estimator fc5, apply to this row. An empty estimator counts as fc5.
 fn is_fc5(summary: &Summary) -> bool {
     summary.key.estimator.is_empty() || summary.key.estimator == "fc5"
 }
 
-/// The reason for a missing number.
+/// Returns the reason why a row has no number of this metric.
 fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
     let definition = &run.definition;
     if let Some(found) = summary.number(metric) {
@@ -171,7 +172,7 @@ fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
     }
 }
 
-/// Names and values of the columns that distinguish choices.
+/// Returns the columns that distinguish choices: the heading, and a function that reads the value.
 pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
     let all: [(&'static str, bool, KeyOf); 6] = [
         ("View", table.views.len() > 1, |s| &s.key.view),
@@ -184,7 +185,7 @@ pub(super) fn key_columns(table: &Table) -> Vec<(&'static str, KeyOf)> {
     all.into_iter().filter(|(_, shown, _)| *shown).map(|(name, _, of)| (name, of)).collect()
 }
 
-/// Whether a row lies on each of the two fronts of its view.
+/// The Pareto fronts of its view on which a row lies: cost against error, and cost against flicker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fronts {
     pub(super) error: bool,
@@ -192,7 +193,7 @@ pub(super) struct Fronts {
 }
 
 impl Fronts {
-    /// Returns the name of the fronts, in one word; empty = on no front.
+    /// Returns one word for the fronts on which the row lies; empty = none.
     pub(super) fn name(self) -> &'static str {
         match (self.error, self.flicker) {
             (true, true) => "both",
@@ -203,7 +204,7 @@ impl Fronts {
     }
 }
 
-/// The fronts of cost against error, and of cost against flicker, in each view.
+/// Computes the Pareto fronts of each view, and returns the result for each row of the table.
 pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
     let mut fronts = vec![Fronts::default(); table.summaries.len()];
     for view in &table.views {
@@ -218,8 +219,8 @@ pub(super) fn fronts(table: &Table) -> Vec<Fronts> {
     fronts
 }
 
-/// Compares counted fetches of single flavours with their promises. Returns one row for each view and flavour: that of the choice with the largest
-/// deviation.
+/// Compares the counted fetches of single flavours with their promises. Returns one row for each pair of view and flavour. If several choices have
+/// this pair, the choice with the largest deviation is returned.
 pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     let counted = |s: &Summary| s.value(FETCHES);
     let flavours: Vec<(&Summary, Flavour, u32)> = table
@@ -229,8 +230,8 @@ pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
         .filter_map(|s| Some((s, s.key.variant.parse::<Variant>().ok()?.flavours().next()?)))
         .map(|(s, flavour)| (s, flavour, promise(run, s, flavour)))
         .collect();
-    // If any flavour except the virtual texture takes one fetch more than promised, the scene is assumed to have colour modulation. All flavours must
-    // then take the additional fetch.
+    // If any flavour takes exactly one fetch more than promised, the scene is assumed to have colour modulation. Then all flavours are expected to
+    // take one additional fetch. The virtual texture is excepted from both rules.
     let is_one_more = |(s, flavour, promise): &&(&Summary, Flavour, u32)| {
         *flavour != Flavour::VirtualTexture && (counted(s) - f64::from(*promise) - 1.0).abs() < 0.01
     };
@@ -249,14 +250,14 @@ pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     rows
 }
 
-/// The checks of a run.
+/// Returns the checks of a run: whether each passes, and its description.
 pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<(bool, String)> {
     let stochastic = || table.summaries.iter().filter(|s| s.is_stochastic());
     let place = |view: &str| if table.views.len() > 1 { format!(", {view}") } else { String::new() };
     let names: Vec<String> = stochastic().map(|s| table.label(&s.key) + &place(&s.key.view)).collect();
     let biases = stochastic().zip(&names).map(|(s, name)| (s.value(BIAS), s.error(BIAS).unwrap_or(f64::NAN), name.as_str()));
     let variances = stochastic().map(|s| (s.value(VARIANCE), s.value(THEORY), s.error(VARIANCE)));
-    // Each standard error is computed from one number per seed.
+    // The number of values from which each standard error is computed.
     let seeds = run.definition.seeds;
     let expected = expectations(run, verdicts);
     let met = expected.iter().filter(|v| v.met).count();
@@ -274,7 +275,7 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
         .collect()
 }
 
-/// Names and values of facts about the set-up; a dash if a fact was not recorded.
+/// Returns the names and values of facts about the set-up. If a fact was not recorded, its value is a dash.
 pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)> {
     let definition = &run.definition;
     let recorded = |key: &str| run.recorded(key).unwrap_or_else(|| "\u{2013} (not recorded in manifest.json)".to_owned());
@@ -328,7 +329,7 @@ pub(super) fn facts(run: &RunData, table: &Table) -> Vec<(&'static str, String)>
     facts
 }
 
-/// The expectations with their verdicts; expectations that were not judged count as not met.
+/// Returns the expectations with their verdicts. Expectations without a verdict are treated as not met.
 pub(super) fn expectations(run: &RunData, verdicts: &[Verdict]) -> Vec<Verdict> {
     let judged = |claim: &str, metric: &str| verdicts.iter().any(|v| v.claim == claim && v.metric == metric);
     let open = run.definition.expectations.iter().filter(|e| !judged(&e.claim, &e.metric)).map(|e| Verdict {

@@ -1,4 +1,4 @@
-//! Invented runs for tests, in all shapes that reports can have. Their numbers come from formulas with known answers.
+//! Invented runs for tests, one for each form that reports can have. Their numbers come from formulas, so the right answers are known.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::definition::{Definition, Expectation};
 use crate::row::Row;
 use crate::store::RunPicture;
 
-/// A unique folder, removed when dropped unless `SCREE_REPORTS` names a folder in which to keep it.
+/// A unique folder. It is removed when this value is dropped, unless the variable `SCREE_REPORTS` names a folder in which to keep it.
 pub(super) struct Folder {
     path: PathBuf,
     keep: bool,
@@ -25,7 +25,7 @@ impl Folder {
         let kept = std::env::var_os("SCREE_REPORTS");
         let unique = format!("scree-report-{}-{}-{name}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
         let path = kept.as_ref().map_or_else(|| std::env::temp_dir().join(unique), |folder| Path::new(folder).join(name));
-        // Files of an earlier run must not be read by this one.
+        // The folder may contain files of an earlier test run.
         let _ = fs::remove_dir_all(&path);
         fs::create_dir_all(&path).expect("a temporary folder can be made");
         Folder { path, keep: kept.is_some() }
@@ -39,13 +39,13 @@ impl Folder {
 impl Drop for Folder {
     fn drop(&mut self) {
         if !self.keep {
-            // If the folder cannot be removed, the system's clean-up of temporary folders has to do it.
+            // An error is ignored, because the operating system removes temporary folders later.
             let _ = fs::remove_dir_all(&self.path);
         }
     }
 }
 
-/// A definition with the given keys in addition to the required ones.
+/// Returns a definition with the required keys and the keys in `text`.
 pub(super) fn definition(text: &str) -> Definition {
     toml::from_str(&format!("name = \"fake\"\nquestion = \"Which <blend> is cheapest & good?\"\nsize = [480, 270]\n{text}"))
         .expect("a definition")
@@ -53,12 +53,12 @@ pub(super) fn definition(text: &str) -> Definition {
 
 pub(super) const NOISES: [&str; 6] = ["hashed", "hashed-anisotropic", "white", "interleaved-gradient", "blue", "spatio-temporal-blue"];
 
-/// Size of the cells of a noise; flips, clumping and flicker follow from it by formulas.
+/// Returns the cell size of a noise. The formulas for flips, clumping and flicker depend on it.
 fn cell(noise: &str) -> f64 {
     [1.6, 1.3, 0.2, 0.35, 0.3, 0.5][NOISES.iter().position(|n| *n == noise).unwrap_or(0)]
 }
 
-/// Builds rows of one choice.
+/// Collects the invented rows of a run.
 pub(super) struct Rows {
     pub(super) rows: Vec<Row>,
     pub(super) times: Vec<Row>,
@@ -74,8 +74,8 @@ impl Rows {
         if metric.starts_with("gpu_ms:") { self.times.push(row) } else { self.rows.push(row) }
     }
 
-    /// Adds all metrics of a choice. `scale` is the size of the cells of its noise. `resolve` is the factor by which a temporal resolve changes the
-    /// random parts of its flicker and of its squared error.
+    /// Adds all metrics of a choice. `scale` is the cell size of its noise. A temporal resolve reduces the random part of the flicker and of the
+    /// squared error by the factor `resolve`.
     pub(super) fn choice(&mut self, base: &Row, scale: f64, resolve: f64) {
         let variant: Option<Variant> = base.variant.parse().ok();
         let chance = variant.is_none_or(|v| v.has(Flavour::NearCliff) || v.has(Flavour::FarCliff));
@@ -111,7 +111,7 @@ impl Rows {
             self.put(&at, "difference", "luminance", flicker + 0.002, None);
         }
         if chance {
-            // As in a real run, these metrics have a row only for the last frame.
+            // In a real run, these metrics have a row for the last frame only.
             self.put(&Row { frame: Some(15), ..base.clone() }, "clumping", "white = 1", 0.4 + 1.9 * scale, Some(0.05));
             for band in 1..=16 {
                 let frequency = f64::from(band) / 32.0;
@@ -126,7 +126,7 @@ impl Rows {
             put(self, "taa_rejections", "share", 0.11 + 0.02 * jitter(6), None);
             put(self, "disoccluded", "share", 0.013, None);
         }
-        // The mean of these rows of single frames differs from the row over all frames, which reports must use.
+        // The mean of these rows of single frames differs from the row over all frames. A report that uses the wrong rows shows a wrong number.
         for frame in 0..3 {
             let at = Row { frame: Some(frame), ..base.clone() };
             self.put(&at, "rmse", "linear albedo", rmse * 3.0, None);
@@ -140,7 +140,7 @@ impl Rows {
         }
     }
 
-    /// Adds the rows about the reference of a view.
+    /// Adds the rows that describe the reference of a view.
     pub(super) fn reference(&mut self, base: &Row, standard_error: f64) {
         let base = Row {
             variant: "reference".to_owned(),
@@ -155,7 +155,7 @@ impl Rows {
     }
 }
 
-/// The columns that have the same values in all rows of a run.
+/// Returns a row with the columns that are equal in all rows of a run.
 pub(super) fn base(view: &str) -> Row {
     Row {
         experiment: "fake".to_owned(),
@@ -169,7 +169,7 @@ pub(super) fn base(view: &str) -> Row {
     }
 }
 
-/// A run with these rows.
+/// Returns a run with these rows.
 pub(super) fn run(definition: Definition, rows: Rows, folder: &Path) -> RunData {
     let manifest = serde_json::json!({
         "command": "experiments run 'a<b>.toml' --out out/fake",
@@ -201,7 +201,7 @@ fn shading_ms(variant: &str) -> f64 {
     3.0 + 1.1 * fetches * if variant == "generic" { 1.2 } else { 1.0 }
 }
 
-/// Variants x noises in some views, timed with the first noise.
+/// Returns a run that combines all variants with several noises in some views. Times exist for the first noise only.
 pub(super) fn variants(folder: &Path, views: &[&str], noises: &[&str]) -> RunData {
     let mut rows = Rows::new();
     for (index, view) in views.iter().enumerate() {
@@ -227,7 +227,7 @@ pub(super) fn variants(folder: &Path, views: &[&str], noises: &[&str]) -> RunDat
 
 pub(super) const SCALES: [&str; 8] = ["0.05", "0.1", "0.25", "0.5", "1.0", "1.5", "2.0", "4.0"];
 
-/// A run that varies the hash scale.
+/// Returns a run that varies the hash scale.
 pub(super) fn hash_scale(folder: &Path) -> RunData {
     let mut rows = Rows::new();
     rows.reference(&base("cliff"), 0.0004);
@@ -256,7 +256,7 @@ fn expectation(claim: &str) -> Expectation {
     Expectation { claim: claim.to_owned(), metric: "clumping".to_owned(), selection: [].into(), over: None, range: [2.0, 9.0] }
 }
 
-/// Verdicts of three expectations: met, not met, and without a value.
+/// Returns verdicts of three expectations: one is met, one is not met, and one has no value.
 pub(super) fn verdicts() -> Vec<Verdict> {
     let verdict = |claim: &str, value: f64, met: bool, why: &str| Verdict {
         claim: claim.to_owned(),
@@ -273,7 +273,7 @@ pub(super) fn verdicts() -> Vec<Verdict> {
     ]
 }
 
-/// Temporal resolves, on and off, with several noises.
+/// Returns a run that compares temporal resolves with no resolve, for several noises.
 pub(super) fn temporal(folder: &Path, noises: &[&str]) -> RunData {
     let mut rows = Rows::new();
     rows.reference(&base("sideways"), 0.0004);
@@ -289,7 +289,7 @@ pub(super) fn temporal(folder: &Path, noises: &[&str]) -> RunData {
     run(definition, rows, folder)
 }
 
-/// Estimators side by side, with their fetches and the size of their noise.
+/// Returns a run that compares estimators, which differ in fetches and in the size of their noise.
 pub(super) fn estimators(folder: &Path) -> RunData {
     let mut rows = Rows::new();
     let row = Row { variant: "near-cliff".to_owned(), ..base("cliff") };
@@ -318,7 +318,7 @@ pub(super) fn estimators(folder: &Path) -> RunData {
     run(definition, rows, folder)
 }
 
-/// A single choice.
+/// Returns a run with a single choice.
 pub(super) fn one(folder: &Path) -> RunData {
     let mut rows = Rows::new();
     rows.put(&base("cliff"), "fetches_per_px", "samples", 10.25, None);
@@ -326,7 +326,7 @@ pub(super) fn one(folder: &Path) -> RunData {
     run(definition("frames = 1\nvariants = [\"auto\"]\nviews = [\"cliff\"]"), rows, folder)
 }
 
-/// Writes pictures of a run: grey ramps with noise.
+/// Writes the pictures of a run, which are grey ramps with noise.
 pub(super) fn pictures(folder: &Path, size: [u32; 2], kinds: &[(&str, u32)]) {
     let into = folder.join("pictures");
     fs::create_dir_all(&into).expect("writable");

@@ -1,4 +1,5 @@
-//! Building blocks of the HTML of every report.
+//! Functions that write the HTML of reports. An argument that "is text" is escaped by the function, and an argument that "is HTML" is inserted
+//! unchanged.
 
 use std::fmt::Write as _;
 
@@ -20,7 +21,7 @@ pub(crate) fn escape(text: &str) -> String {
     escaped
 }
 
-/// A complete page with its style and script, which needs no other file. `body` is HTML, `title` is text.
+/// Returns a complete page, which contains its style and script and needs no other file. `body` is HTML, `title` is text.
 pub(super) fn page(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
@@ -31,12 +32,13 @@ pub(super) fn page(title: &str, body: &str) -> String {
     )
 }
 
-/// The top of the page: a line of context and the heading, both text.
+/// Returns the top of the page. `kicker` is the small line above the heading. Both arguments are text.
 pub(super) fn header(kicker: &str, heading: &str) -> String {
     format!("<header><p class=\"kicker\">{}</p>\n<h1>{}</h1></header>\n", escape(kicker), escape(heading))
 }
 
-/// The answer (text), and the checks of the run: whether each passes, and its text.
+/// Returns the section with the answer to the run's question and the checks of the run. Each check consists of its result and its description. The
+/// answer and the descriptions are text.
 pub(super) fn verdict(answer: &str, checks: &[(bool, String)]) -> String {
     let mut html = format!("<section class=\"verdict\"><p>{}</p>\n<ul>", escape(answer));
     for (good, text) in checks {
@@ -45,12 +47,12 @@ pub(super) fn verdict(answer: &str, checks: &[(bool, String)]) -> String {
     html + "</ul></section>\n"
 }
 
-/// CSS class for a passed or failed check.
+/// Returns the CSS class of a passed or failed check.
 pub(super) fn mark(good: bool) -> &'static str {
     if good { "good" } else { "bad" }
 }
 
-/// Names (fixed words) and values (text; values named `Command` are shown as code).
+/// Returns a list of facts with their names. Values are text; the value named `Command` is shown as code. Names are inserted unchanged.
 pub(super) fn facts(facts: &[(&str, String)]) -> String {
     let mut html = "<dl class=\"facts\">".to_owned();
     for (name, value) in facts {
@@ -60,7 +62,7 @@ pub(super) fn facts(facts: &[(&str, String)]) -> String {
     html + "</dl>"
 }
 
-/// Terms and their meanings, both text.
+/// Returns a list of terms with their meanings. Both are text.
 pub(super) fn terms(terms: &[(&str, &str)]) -> String {
     let mut html = "<dl class=\"terms\">".to_owned();
     for (term, meaning) in terms {
@@ -75,7 +77,7 @@ pub(super) const FETCHES_TERM: (&str, &str) =
 /// Name and explanation of the bias.
 pub(super) const BIAS_TERM: (&str, &str) = (
     "Bias",
-    "mean over seeds, pixels and channels of linear albedo, minus that of the exact blend of the same flavours; \u{b1} its standard error.",
+    "mean of linear albedo over seeds, pixels and channels, minus the mean of the exact blend of the same flavours; \u{b1} = standard error.",
 );
 /// Name and explanation of the variance.
 pub(super) const VARIANCE_TERM: (&str, &str) = (
@@ -89,21 +91,22 @@ pub(super) const CHOICE_TERM: (&str, &str) = (
 );
 
 /// The note about times of a software adapter.
-pub(super) const SOFTWARE_NOTE: &str = "<p class=\"note\"><b>This is a software adapter.</b> Its times say nothing about a GPU: \
-     compare them with one another, as ratios.</p>\n";
+pub(super) const SOFTWARE_NOTE: &str = "<p class=\"note\"><b>This is a software adapter.</b> Its times are not those of a GPU: \
+     only ratios between them are meaningful.</p>\n";
 
-/// A plot with its caption (HTML), or a note if there is no plot.
+/// Returns a plot (SVG) with its caption, which is HTML. If there is no plot, a note is shown instead.
 pub(super) fn figure(svg: Option<String>, caption: &str) -> String {
     let svg = svg.unwrap_or_else(|| "<p class=\"note\">Nothing to plot: these numbers are missing.</p>".to_owned());
     format!("<figure class=\"plot\">{svg}<figcaption>{caption}</figcaption></figure>\n")
 }
 
-/// Entry of a legend: a dot of this colour, and text.
+/// Returns an entry of a legend: a dot in the given colour, and `words`, which is text.
 pub(super) fn key((r, g, b): (u8, u8, u8), words: &str) -> String {
     format!("<span class=\"entry\"><span class=\"key\" style=\"background:rgb({r},{g},{b})\"></span>{}</span> ", escape(words))
 }
 
-/// Head of a sortable table: heading, unit, whether the cells are numbers, and additional attributes (HTML).
+/// Returns the head of a sortable table. Each column has a heading (text), a unit (text), a flag that says whether its cells are numbers, and
+/// additional attributes (HTML).
 pub(super) fn head<'a>(columns: impl IntoIterator<Item = (&'a str, &'a str, bool, String)>) -> String {
     let mut html = "<thead><tr>".to_owned();
     for (heading, unit, is_number, attributes) in columns {
@@ -113,19 +116,19 @@ pub(super) fn head<'a>(columns: impl IntoIterator<Item = (&'a str, &'a str, bool
     html + "</tr></thead>\n"
 }
 
-/// A table cell: the displayed number, its value for the sorting script, and a tooltip (text). Without a number it shows a dash, and `hint` gives the
-/// reason.
+/// Returns a table cell. It contains the displayed number, the unrounded value for the sorting script, and the tooltip `hint`, which is text. If the
+/// value is NaN, the cell shows a dash, and `hint` should give the reason.
 pub(super) fn cell(value: f64, shown: &str, hint: &str) -> String {
     let hint = if hint.is_empty() { String::new() } else { format!(" title=\"{}\"", escape(hint)) };
     match value {
         v if v.is_nan() => format!("<td class=\"n\"{hint}>\u{2013}</td>"),
-        // JavaScript reads infinity only in this form.
+        // The sorting script can only read infinity in this form.
         v if v.is_infinite() => format!("<td class=\"n\" data-v=\"{}Infinity\"{hint}>{shown}</td>", if v < 0.0 { "-" } else { "" }),
         v => format!("<td class=\"n\" data-v=\"{v:e}\"{hint}>{shown}</td>"),
     }
 }
 
-/// The table of promised and counted fetches, with its heading.
+/// Returns the section with the table of promised and counted fetches.
 pub(super) fn promises<'a>(rows: impl IntoIterator<Item = &'a GoldenRow>) -> String {
     let mut html = "<section id=\"promises\"><h2>Fetches promised and counted</h2>\n<table class=\"narrow\"><thead><tr><th>Flavour</th>\
          <th class=\"n\">Promised</th><th class=\"n\">Counted</th><th></th></tr></thead><tbody>\n"
@@ -143,7 +146,7 @@ pub(super) fn promises<'a>(rows: impl IntoIterator<Item = &'a GoldenRow>) -> Str
     html + "</tbody></table></section>\n"
 }
 
-/// A picture embedded in the page. `title`, `caption` and `hint` (a tooltip) are text; `source` is a data URL.
+/// Returns a picture that is embedded in the page. `title`, `caption` and `hint` (a tooltip) are text. `source` is a data URL.
 pub(super) fn picture(title: &str, caption: &str, hint: &str, [width, height]: [u32; 2], source: &str) -> String {
     let title = escape(title);
     let hint = if hint.is_empty() { String::new() } else { format!(" title=\"{}\"", escape(hint)) };
@@ -154,8 +157,8 @@ pub(super) fn picture(title: &str, caption: &str, hint: &str, [width, height]: [
     )
 }
 
-/// Prose as HTML: paragraphs separated by empty lines, lists of lines that begin with `- `, headings of lines that begin with `#`, `code` between
-/// backquotes, **strong** between pairs of asterisks. Everything else is text; markup in it is escaped.
+/// Converts prose to HTML. Empty lines separate paragraphs, lines that begin with `- ` are items of a list, and a line that begins with `#` is a
+/// heading. Text between backquotes is code, and text between pairs of asterisks is strong. Everything else is escaped.
 pub(super) fn prose(text: &str) -> String {
     let mut html = String::new();
     for block in text.replace('\r', "").split("\n\n").map(str::trim).filter(|b| !b.is_empty()) {
@@ -179,7 +182,7 @@ pub(super) fn prose(text: &str) -> String {
     html
 }
 
-/// Converts the code and the strong text of a paragraph to HTML. A mark without its partner is kept as text.
+/// Converts code and strong text within a paragraph to HTML. A delimiter without its partner is kept as text.
 fn inline(text: &str) -> String {
     let mut html = String::new();
     for (index, part) in paired(text, "`").into_iter().enumerate() {
@@ -195,7 +198,7 @@ fn inline(text: &str) -> String {
     html
 }
 
-/// Splits the text at a mark. Every second part lies between two marks. A last mark without a partner does not split the text.
+/// Splits a text at the delimiter `mark`. Every second part lies between two delimiters. A last delimiter without a partner does not split the text.
 fn paired<'a>(text: &'a str, mark: &str) -> Vec<&'a str> {
     let mut parts = Vec::new();
     let mut rest = text;
@@ -234,7 +237,7 @@ mod tests {
         );
         assert_eq!(prose("See:\n- one\n  more\n- **two**"), "<p>See:</p>\n<ul><li>one\n  more</li><li><b>two</b></li></ul>\n");
         assert_eq!(prose("## Why\n\nso"), "<h3>Why</h3>\n<p>so</p>\n");
-        // Marks inside code are kept as text, and so is a single mark.
+        // Delimiters inside code are kept as text, and so is a single backquote.
         assert_eq!(prose("`**` 2 ** 3 ` 4"), "<p><code>**</code> 2 ** 3 ` 4</p>\n");
         assert_eq!(prose(" \n\n"), "");
     }

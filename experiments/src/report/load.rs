@@ -1,4 +1,4 @@
-//! Reads the folder of a run, or its shards combined, for a report.
+//! Reads the data of a report from the folder of a run, or from the folders of its shards.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ pub(crate) fn read_run(folder: &Path) -> Result<RunData> {
     of(store::read_run(folder)?)
 }
 
-/// Converts a run that was already read to the data of a report.
+/// Converts a run that was already read into the data that a report needs.
 ///
 /// # Errors
 /// The manifest cannot be written as JSON.
@@ -31,7 +31,7 @@ pub(crate) fn of(run: store::RunData) -> Result<RunData> {
     })
 }
 
-/// The verdicts of the run's expectations.
+/// Compares the measured values with the expectations of the run's definition.
 pub(crate) fn judge(run: &RunData) -> Vec<Verdict> {
     expectations::evaluate(&run.definition, &run.rows, &run.times)
 }

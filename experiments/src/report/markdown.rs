@@ -1,4 +1,4 @@
-//! The short version of the report, for a pull request: Markdown without pictures.
+//! Writes the short version of the report as Markdown without pictures, for a pull request.
 
 use super::columns::{self, Cell};
 use super::numbers::number;
@@ -6,7 +6,7 @@ use super::summary::Table;
 use super::{RunData, Verdict};
 use crate::store::{REPORT_PAGE, REPORT_TEXT};
 
-/// Tables of up to this many rows are not shortened.
+/// Tables with at most this many rows are not shortened.
 const WHOLE: usize = 16;
 
 /// Returns the text of the file.
@@ -62,7 +62,8 @@ fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
     text
 }
 
-/// Returns the table of choices and its number of rows. A long table is reduced to the fronts, single flavours and automatic choices.
+/// Returns the table of choices as text, and the number of its rows. A long table is reduced to three kinds of choices: those on a Pareto front,
+/// forced variants of a single flavour, and automatic choices.
 fn choices(run: &RunData, table: &Table) -> (String, usize) {
     let keys = columns::key_columns(table);
     let (shown, dropped) = columns::columns(run, table);
@@ -116,7 +117,7 @@ fn escape(text: &str) -> String {
     escaped
 }
 
-/// Formats text as inline code. The marks around it are longer than any series of backquotes in the text.
+/// Formats text as inline code. The delimiters have one backquote more than the longest series of backquotes in the text.
 fn code(text: &str) -> String {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let longest = text.split(|c| c != '`').map(str::len).max().unwrap_or(0);

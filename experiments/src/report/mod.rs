@@ -1,7 +1,9 @@
 //! Reports of experiment runs. All their numbers come from the rows of the run.
 //!
-//! Suggested reading order: [`summary`] (rows to one summary per choice), [`verdict`] (the answer, depending on what varies), [`columns`] (the
-//! contents of tables), [`run`] (the page), [`markdown`] (the version for a pull request).
+//! In the reports, a *choice* is one combination of view, variant, estimator, noise, temporal resolve and value of the varied parameter.
+//!
+//! Suggested reading order: [`summary`] (converts the rows of a run to one summary for each choice), [`verdict`] (the sentence that answers the
+//! question of the run), [`columns`] (the columns of the tables), [`run`] (the HTML page), [`markdown`] (the short text for a pull request).
 
 mod checks;
 mod columns;
@@ -38,20 +40,20 @@ pub(crate) struct RunData {
     pub(crate) definition: Definition,
     /// Entries of the run's manifest: `command`, `version`, `commit`, `adapter`, `driver`, `software` (true or false), `definition_hash`, `shard`.
     pub(crate) manifest: serde_json::Value,
-    /// The metrics.
+    /// The rows of all metrics except device times.
     pub(crate) rows: Vec<Row>,
-    /// The device times: metrics `gpu_ms:PASS`.
+    /// The rows of device times. Their metrics have names of the form `gpu_ms:PASS`.
     pub(crate) times: Vec<Row>,
     /// The run's folder, which holds the pictures and receives the report.
     pub(crate) folder: PathBuf,
-    /// Descriptions of what is missing, one per line.
+    /// Descriptions of the parts and files that the run still lacks, one per line.
     pub(crate) missing: Vec<String>,
-    /// Folders with the files of the parts: the run's folder, or those of its shards.
+    /// The folders that contain the files of the run: the folder of the run, or the folders of its shards.
     pub(crate) folders: Vec<PathBuf>,
 }
 
 impl RunData {
-    /// An entry of the manifest; `None` if it was not recorded.
+    /// Returns an entry of the manifest as text; `None` if it was not recorded.
     fn recorded(&self, key: &str) -> Option<String> {
         match self.manifest.get(key)? {
             serde_json::Value::Null => None,
@@ -66,12 +68,12 @@ impl RunData {
     }
 }
 
-/// A report that was written.
+/// The result of writing a report.
 #[derive(Clone, Debug)]
 pub(crate) struct Written {
-    /// The page.
+    /// File name of the HTML page.
     pub(crate) page: PathBuf,
-    /// The answer to the run's question.
+    /// The sentence that answers the run's question.
     pub(crate) verdict: String,
 }
 

@@ -1,4 +1,4 @@
-//! The pictures of a run as contact sheets that are small enough to be mailed inside the page.
+//! Puts the pictures of a run into contact sheets that are small enough to be mailed inside the page.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -12,13 +12,13 @@ use image::{DynamicImage, ImageFormat};
 use super::html::{self, escape};
 use crate::store::{PICTURES, RunPicture};
 
-/// Pictures are scaled down to this width, pixels.
+/// Width to which larger pictures are scaled down, pixels.
 const WIDTH: u32 = 480;
-/// Pictures whose PNG is larger than this are stored as JPEG with this quality.
+/// Pictures with a PNG larger than this number of bytes are stored as JPEG instead, with the quality below.
 const PNG_BYTES: usize = 96 << 10;
 const JPEG_QUALITY: u8 = 88;
 
-/// The kinds of pictures in display order, with their headings.
+/// The kinds of pictures in the order in which they are shown, with their headings.
 const KINDS: [(&str, &str); 5] = [
     ("reference", "References"),
     ("frame", "Frames"),
@@ -27,7 +27,8 @@ const KINDS: [(&str, &str); 5] = [
     ("error-map", "Error maps"),
 ];
 
-/// Returns the contact sheets of a run, with their heading and at most `room` characters of pictures. A note names pictures that cannot be shown.
+/// Returns the contact sheets of a run with their heading. The data of the pictures have at most `room` characters. Notes report how many pictures
+/// had no room, and which pictures could not be read.
 pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     let mut html = "<section id=\"pictures\"><h2>Pictures</h2>\n".to_owned();
     let lists = run_folders.iter().map(|folder| read_lists(&folder.join(PICTURES))).collect::<Result<Vec<_>>>();
@@ -42,7 +43,8 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
             kinds.push((&picture.kind, if picture.kind.is_empty() { "Others" } else { &picture.kind }));
         }
     }
-    // Takes one picture of each kind in turn, so that a full page lacks the last pictures of each kind instead of a whole kind.
+    // Pictures are added in turns, one of each kind per turn. If there is no room for all, the last pictures of each kind are missing, and not a
+    // whole kind.
     let of_kind = |kind: &str| pictures.iter().filter(|p| p.kind == kind).collect::<Vec<_>>();
     let queues: Vec<Vec<&RunPicture>> = kinds.iter().map(|(kind, _)| of_kind(kind)).collect();
     let longest = queues.iter().map(Vec::len).max().unwrap_or(0);
@@ -51,7 +53,7 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     for turn in 0..longest {
         for (queue, shown) in queues.iter().zip(&mut shown) {
             let Some(picture) = queue.get(turn) else { continue };
-            // Decoding pictures for which there is no room would take minutes for a large run.
+            // If there is no room, the picture is not even decoded, because decoding all pictures of a large run would take minutes.
             if spent >= room {
                 left_out += 1;
                 continue;
@@ -70,7 +72,7 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     html += &format!("<p>At most {WIDTH} pixels wide; the originals lie in <code>{PICTURES}/</code>. Click one to enlarge it.</p>\n");
     if left_out > 0 {
         html += &format!(
-            "<p class=\"note\">{left_out} of {} pictures are left out here, to keep the page small: see <code>{PICTURES}/</code>.</p>\n",
+            "<p class=\"note\">{left_out} of {} pictures are left out to limit the size of the page; they are in <code>{PICTURES}/</code>.</p>\n",
             pictures.len()
         );
     }
@@ -83,7 +85,7 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
     html + "</section>\n"
 }
 
-/// The choice that a picture shows, for its tooltip.
+/// Returns a text for the tooltip of a picture: the columns of its choice, and its file.
 fn words(picture: &RunPicture) -> String {
     let RunPicture { view, variant, estimator, noise, temporal, setting, file, .. } = picture;
     let columns =
@@ -92,7 +94,7 @@ fn words(picture: &RunPicture) -> String {
     known.collect::<String>() + &format!("file = {PICTURES}/{file}")
 }
 
-/// All entries of the lists in a folder of pictures, ordered by the name of the list; empty if there is no folder.
+/// Returns the entries of all lists in a folder of pictures, ordered by the file names of the lists; empty if the folder does not exist.
 fn read_lists(folder: &Path) -> Result<Vec<RunPicture>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
@@ -112,10 +114,10 @@ fn read_lists(folder: &Path) -> Result<Vec<RunPicture>> {
     Ok(all)
 }
 
-/// Size and data URL of a picture, scaled down.
+/// Returns the size and the data URL of a picture, scaled down to [`WIDTH`].
 fn thumbnail(picture: &RunPicture) -> Result<([u32; 2], String)> {
     let name = Path::new(&picture.file);
-    // A list from another machine must not be able to include other files in a page that is then mailed.
+    // The list may come from an untrusted source. It must not be able to put arbitrary files of this machine into a page, which is then mailed.
     anyhow::ensure!(
         name.file_name().is_some_and(|n| n == name.as_os_str()),
         "`{}` in a list of {PICTURES}/ is not a plain file name: its picture is omitted",

@@ -1,5 +1,5 @@
 "use strict";
-// Sorting, filtering and enlarging are optional: without this script, the page still shows everything.
+// Sorting, filtering and enlarging are optional. Without this script, the page still shows all content.
 for (const table of document.querySelectorAll("table.all")) {
   table.classList.add("sortable");
   const body = table.tBodies[0];
@@ -24,7 +24,7 @@ for (const table of document.querySelectorAll("table.all")) {
     head.addEventListener("keydown", (event) => { if (event.key === "Enter") sort(); });
   }
 }
-// Shows only the rows that contain every typed word.
+// Adds a filter that shows only the rows that contain every typed word.
 for (const input of document.querySelectorAll("input.filter")) {
   const section = input.closest("section");
   const rows = [...section.querySelectorAll("table.all tbody tr")];

@@ -1,4 +1,4 @@
-//! The page of a run, made from its rows: answer, facts, plots, tables, pictures, and the location of each number.
+//! Builds the HTML page of a run from its rows: answer, facts, plots, tables, pictures, and a section that says in which file each number is.
 
 use std::collections::BTreeMap;
 
@@ -11,13 +11,13 @@ use super::plots::{self, COLOURS, Curve, CurvePoint, Hint, Lines, Marker, Point,
 use super::summary::{CLUMPING, FLICKER, FLIP, FLIPS, Key, KeyOf, Metric, RMSE, SHADING, Summary, Table};
 use super::{RunData, Verdict, pictures};
 
-/// Largest size of a page in bytes. Pictures fill the space that the other sections leave. Mail servers refuse attachments that are a few times
-/// larger.
+/// Limit of the size of a page, bytes. It determines how much space is left for pictures after all other sections. A page should be small enough to
+/// be mailed: mail servers refuse attachments that are a few times larger than this limit.
 const PAGE_BYTES: usize = 8 << 20;
-/// Largest number of curves in one plot, because more cannot be distinguished.
+/// Limit of the number of curves in one plot. A reader could not distinguish more curves.
 const CURVES: usize = COLOURS.len();
 
-/// The complete page.
+/// Returns the complete page.
 ///
 /// # Errors
 /// A plot cannot be drawn.
@@ -48,7 +48,7 @@ pub(super) fn page(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
     Ok(html::page(&format!("Scree: {name}"), &body))
 }
 
-/// A note about what is missing, if the run is not finished.
+/// Returns a note that lists what the run still lacks; empty if the run is finished.
 fn missing(run: &RunData) -> String {
     if run.missing.is_empty() {
         return String::new();
@@ -57,7 +57,7 @@ fn missing(run: &RunData) -> String {
     format!("<div class=\"note\"><b>This run is not complete.</b> Missing:<ul>{lines}</ul></div>\n")
 }
 
-/// Links to the existing sections.
+/// Returns links to all sections that are not empty.
 fn contents(sections: &[String]) -> String {
     let between = |text: &'_ str, from: &str, to: &str| -> Option<String> {
         let start = text.find(from)? + from.len();
@@ -104,13 +104,13 @@ fn facts(run: &RunData, table: &Table) -> String {
         ("RMSE, FLIP, PSNR, SSIM", "errors of the last frame, seed 0, against the converged 96-fetch reference, over terrain pixels."),
         BIAS_TERM,
         VARIANCE_TERM,
-        ("Flip rate", "share of surface points whose random choice differs from that k frames earlier, by exact reprojection."),
+        ("Flip rate", "share of surface points whose random choice has changed since k frames earlier, by exact reprojection."),
         (
             "Flicker",
             "mean absolute difference in luminance from k frames earlier, by exact reprojection, minus that of the reference sequence; if it is \
              below 0, the picture changes less than the reference.",
         ),
-        ("Clumping", "variance of block means over that of white noise: 1 = white noise, above 1 = blotches, below 1 = blue noise."),
+        ("Clumping", "variance of block means, divided by that of white noise: 1 = white noise, above 1 = blotches, below 1 = blue noise."),
         ("\u{b1}, bars and bands", "95 % confidence intervals (1.96 standard errors); without an interval, the error is unknown."),
         CHOICE_TERM,
     ];
@@ -122,8 +122,8 @@ fn facts(run: &RunData, table: &Table) -> String {
     )
 }
 
-/// A section with one part for each view. The first part is open, the others are collapsed. Empty parts are omitted, and so is a section without
-/// parts.
+/// Returns a section with one part for each view. The first part is open, and the others are collapsed. A view for which `part` returns `None` is
+/// omitted. If all views are omitted, there is no section, and the result is empty.
 fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&str) -> Result<Option<String>>) -> Result<String> {
     let mut parts = Vec::new();
     for view in &table.views {
@@ -144,8 +144,8 @@ fn per_view(table: &Table, id: &str, heading: &str, after: &str, part: impl Fn(&
     Ok(html + after + "</section>\n")
 }
 
-/// Returns Python code that reads the numbers of a section from the files. In this code, `whole` contains the numbers of each choice that the report
-/// uses.
+/// Returns Python code that reads the numbers of a section from the files of the run. In this code, the variable `whole` is a table with the numbers
+/// that the report uses: one row for each choice, metric, lag and frequency.
 fn query(lines: &[&str]) -> String {
     const WHOLE: [&str; 7] = [
         "import pandas as pd",
@@ -160,7 +160,8 @@ fn query(lines: &[&str]) -> String {
     format!("<details class=\"query\"><summary>These numbers in the files</summary><pre><code>{}</code></pre></details>\n", escape(&code))
 }
 
-/// The colours of points and curves. They show the values of one column: the column with the most values, apart from the variant.
+/// Assigns colours to points and curves. The colour stands for the value of one column of the choice. This is the column with the most different
+/// values, among setting, estimator, noise and temporal resolve.
 struct Palette<'a> {
     values: &'a [String],
     of: KeyOf,
@@ -185,7 +186,7 @@ impl<'a> Palette<'a> {
         colour(index, self.values.len(), self.ordered)
     }
 
-    /// The legend of the values that occur in some summaries.
+    /// Returns the legend of the values that occur in the given summaries.
     fn legend<'s>(&self, shown: impl Iterator<Item = &'s Summary>) -> String {
         let shown: Vec<&str> = shown.map(self.of).collect();
         self.values
@@ -202,22 +203,22 @@ fn numbers_of(values: &[String]) -> Option<Vec<f64>> {
     values.iter().map(|v| v.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
 }
 
-/// Half-width of the 95 % interval of a value; 0 = unknown.
+/// Returns the half-width of the 95 % confidence interval of a value; 0 = unknown.
 fn half(summary: &Summary, metric: Metric) -> f64 {
     summary.error(metric).map_or(0.0, |e| CONFIDENCE_95 * e)
 }
 
-/// The tooltip of a mark: the choice, and the values with the names of their columns.
+/// Returns the tooltip of a point in a plot: the columns of the choice, and `words`, which gives the plotted values with the names of their metrics.
 fn hint(table: &Table, index: usize, values: [f64; 2], words: &str) -> Option<Hint> {
     Some(Hint { words: format!("{}: {words}", table.summaries[index].key.words()), anchor: anchor(index), values })
 }
 
-/// Anchor of a choice's row in the table.
+/// Returns the HTML anchor of a choice's row in the table of all choices.
 fn anchor(index: usize) -> String {
     format!("r{index}")
 }
 
-/// `metric = value`, with the lag if there is one.
+/// Formats a value as `metric = value`. If the metric has a lag, the lag is included.
 fn named(metric: &str, lag: Option<u32>, value: f64) -> String {
     lag.map_or_else(|| format!("{metric} = {value}"), |k| format!("{metric} (k = {k}) = {value}"))
 }
@@ -299,7 +300,8 @@ fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error
         .map(|svg| html::figure(Some(svg), &format!("{legend} Point at a mark to see its row; click it to go to the row."))))
 }
 
-/// Groups of summaries that differ only in the quantity on the axis, in table order; each group is one curve.
+/// Groups summaries that differ only in the quantity on the horizontal axis, as decided by `same`. Each group becomes one curve. Summaries keep the
+/// order of the table.
 fn curves_of(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) -> Vec<Vec<usize>> {
     let mut curves: Vec<Vec<usize>> = Vec::new();
     for &index in rows {
@@ -311,8 +313,8 @@ fn curves_of(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool
     curves
 }
 
-/// Returns at most [`CURVES`] curves, and the total number of curves. Stochastic choices are kept first, then deterministic ones; among these,
-/// automatic choices come before single flavours, and single flavours before combinations.
+/// Reduces the curves to at most [`CURVES`], and also returns their original number. Curves of stochastic choices are preferred to curves of
+/// deterministic choices. Within both kinds, automatic choices are preferred to single flavours, and single flavours to combinations of flavours.
 fn kept(table: &Table, mut curves: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, usize) {
     let all = curves.len();
     if all > CURVES {
@@ -327,7 +329,7 @@ fn kept(table: &Table, mut curves: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, usize) 
     (curves, all)
 }
 
-/// A note if curves were omitted.
+/// Returns a note that says how many curves are shown; empty if all are shown.
 fn left_out(kept: usize, all: usize) -> String {
     if all > kept { format!("{kept} of {all} choices; the others are in the table. ") } else { String::new() }
 }
@@ -397,7 +399,7 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
         if html.is_empty() {
             return Ok(None);
         }
-        // The name of a curve lists the columns that vary, apart from the parameter.
+        // The name of a curve contains the values of the columns that vary, except the varied parameter, which is on the horizontal axis.
         let name = |curve: &Vec<usize>| curve_name(table, curve[0], |key| key.setting.clear());
         let keys: String = curves.iter().enumerate().map(|(i, c)| html::key(colour(i, curves.len(), false), &name(c))).collect();
         let software = if run.is_software() && table.has(SHADING) { " Software adapter: only ratios of times are meaningful." } else { "" };
@@ -408,7 +410,8 @@ fn parameter(run: &RunData, table: &Table) -> Result<String> {
     })
 }
 
-/// Returns the name of a curve: its values of the columns that vary. `known` clears the columns that the plot already names.
+/// Returns the name of a curve: the values of those columns that vary within the run. `known` clears the columns that are already visible in the
+/// plot.
 fn curve_name(table: &Table, index: usize, known: impl Fn(&mut Key)) -> String {
     let mut key = table.summaries[index].key.clone();
     known(&mut key);
@@ -416,15 +419,15 @@ fn curve_name(table: &Table, index: usize, known: impl Fn(&mut Key)) -> String {
     if name.is_empty() { table.summaries[index].key.variant.clone() } else { name }
 }
 
-/// A variant whose noise is shown in detail.
+/// A variant whose noise is plotted in detail, and the choices that these plots show.
 struct CloseUp {
-    /// Heading.
+    /// Heading of the plots.
     name: String,
-    /// The choices that are shown, at most [`CURVES`], and their colours.
+    /// Row numbers of the choices that are shown (at most [`CURVES`]), each with its colour.
     choices: Vec<(usize, Rgb)>,
-    /// The total number of its choices.
+    /// Number of choices before the limit [`CURVES`] was applied.
     all: usize,
-    /// Whether the close-up is limited to one temporal resolve, which the heading then names.
+    /// Whether all choices have the same temporal resolve. The heading then contains the name of the resolve.
     resolved: bool,
 }
 
@@ -440,15 +443,15 @@ impl CloseUp {
     }
 }
 
-/// Returns at most four close-ups, of variants that use random numbers: automatic choices and single flavours or, if there are none, the variants
-/// with the fewest flavours. A variant with too many choices for one plot is split by temporal resolve.
+/// Returns at most four close-ups of variants that use random numbers. These are automatic choices and single flavours. If the view has neither, the
+/// variants with the fewest flavours are taken. If a variant has more choices than one plot can show, it gets one close-up for each temporal resolve.
 fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     let mut variants: Vec<(usize, &str)> = Vec::new();
     let rows = table.of_view(view);
     for summary in rows.iter().map(|&i| &table.summaries[i]) {
         if summary.is_stochastic() && !variants.iter().any(|(_, v)| *v == summary.key.variant) {
             let rank = summary.key.flavours().unwrap_or_default();
-            // `generic` gives the same picture as `auto`.
+            // `generic` gives the same picture as `auto`, so it is shown only if no other variant uses random numbers.
             variants.push((if summary.key.variant == "generic" { 9 } else { rank }, &summary.key.variant));
         }
     }
@@ -471,11 +474,11 @@ fn close_ups(table: &Table, view: &str) -> Vec<CloseUp> {
     all
 }
 
-/// Selects the rows that are drawn as choices, and gives them colours.
+/// Selects at most [`CURVES`] of the rows and gives each a colour.
 fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> CloseUp {
     let all = rows.len();
     let palette = Palette::of(table);
-    // If there are too many rows, one is kept for each value of the column with the most values.
+    // If there are too many rows, only one row is kept for each value of the palette's column.
     let rows: Vec<usize> = match &palette {
         Some(palette) if all > CURVES => {
             let mut seen: Vec<&str> = Vec::new();
@@ -491,7 +494,7 @@ fn close_up(table: &Table, name: String, rows: Vec<usize>, resolved: bool) -> Cl
         }
         _ => rows.into_iter().take(CURVES).collect(),
     };
-    // A colour of the palette identifies a curve only if no other curve has it.
+    // The colours of the palette are used only if each row has a different one.
     let alone =
         |p: &Palette<'_>, i: usize| rows.iter().filter(|&&j| (p.of)(&table.summaries[i]) == (p.of)(&table.summaries[j])).count() == 1;
     let named = palette.as_ref().filter(|p| rows.iter().all(|&i| alone(p, i)));
@@ -527,7 +530,7 @@ fn lags(table: &Table) -> Result<String> {
                     .collect();
                 let plot = Lines {
                     title: &format!("{words} over k, {variant}"),
-                    x_title: "k, frames between the two compared",
+                    x_title: "k, number of frames between the two compared frames",
                     y_title: words,
                     x_whole: true,
                     ..Lines::default()
@@ -621,7 +624,7 @@ fn promises(run: &RunData, table: &Table) -> String {
     if golden.is_empty() { String::new() } else { html::promises(&golden) }
 }
 
-/// The table of all choices.
+/// Returns the section with the table of all choices.
 fn choices(run: &RunData, table: &Table) -> String {
     let keys = columns::key_columns(table);
     let (shown, dropped) = columns::columns(run, table);
@@ -636,7 +639,7 @@ fn choices(run: &RunData, table: &Table) -> String {
             )
         }
         Source::Promised => " title=\"sum over the variant's flavours\"".to_owned(),
-        Source::ShadingRatio => " title=\"gpu_ms:shading over that of the view's first timed row\"".to_owned(),
+        Source::ShadingRatio => " title=\"gpu_ms:shading, divided by that of the view's first timed row\"".to_owned(),
     };
     let mut html =
         "<section id=\"choices\"><h2>All choices</h2>\n<p>Click a heading to sort. A mark on the left, and the column Front, say on which \
@@ -711,7 +714,7 @@ fn references(table: &Table) -> String {
             _ if facts.standard_error.is_nan() => ("bad", "its standard error is not known"),
             _ if facts.smallest_rmse.is_nan() => ("", "no RMSE is measured against it"),
             true => ("good", "suffices"),
-            false => ("bad", "not known well enough"),
+            false => ("bad", "not accurate enough"),
         };
         let setting = if with_setting { format!("<td>{}</td>", escape(&facts.setting)) } else { String::new() };
         let value = |value: f64, why: &str| html::cell(value, &number(value), if value.is_nan() { why } else { "" });

@@ -1,5 +1,5 @@
-//! Report of the stability lab: where each kernel is exact, where it deviates from its formula and at what price, and the measured numbers of
-//! directions and noise.
+//! The report of the stability lab: for which arguments each kernel is exact, where it deviates from its formula and at what cost, and the measured
+//! errors of stored directions and properties of noise.
 
 use std::fmt::Write as _;
 
@@ -16,22 +16,22 @@ use crate::stability::kernels::Finding;
 /// The results of the lab.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Lab<'a> {
-    /// Results of kernels at their extremes.
+    /// Results of kernels at extreme values of their arguments.
     pub(crate) findings: &'a [Finding],
-    /// The places where kernels deviate from their formulas.
+    /// The arguments for which kernels deviate from their formulas.
     pub(crate) bends: &'a [Bend],
-    /// Codes and derivatives.
+    /// Errors of the encodings that store directions, and errors of derivatives that are computed from stored planes.
     pub(crate) directions: &'a [Row],
-    /// Tests of hashes and noise, which share a family level.
+    /// Tests of hashes and noise. All their p-values together have one significance level.
     pub(crate) noise: &'a [Row],
-    /// Noise during camera motion.
+    /// Properties of noise while the camera moves.
     pub(crate) motion: &'a [Row],
 }
 
-/// The implementation that computed a result: `gpu` and the name of the device, or `f32` and an empty text for the reference in f32.
+/// The implementation that computed a result: `gpu` and the name of the device, or, for the f32 reference, `f32` and an empty text.
 type Side<'a> = (&'a str, &'a str);
 
-/// The implementations in the findings, devices first.
+/// Returns the implementations that occur in the findings. Devices come first.
 fn sides<'a>(findings: &[&'a Finding]) -> Vec<Side<'a>> {
     let mut sides: Vec<Side<'a>> = Vec::new();
     for finding in findings {
@@ -48,13 +48,13 @@ fn side_name((on, adapter): Side<'_>) -> &str {
     if on == "gpu" { adapter } else { "reference in f32" }
 }
 
-/// The findings of one parameter and one measure, which form a plot.
+/// The findings of one kernel, parameter and measure. They are drawn in one plot.
 struct Group<'a> {
     first: &'a Finding,
     findings: Vec<&'a Finding>,
 }
 
-/// Collects the findings into groups, in the order of the findings.
+/// Collects the findings into groups. Groups are in the order in which they first occur.
 fn groups(findings: &[Finding]) -> Vec<Group<'_>> {
     let mut groups: Vec<Group<'_>> = Vec::new();
     for finding in findings {
@@ -76,7 +76,7 @@ impl<'a> Group<'a> {
         self.findings.iter().copied().filter(|finding| finding.on == "gpu")
     }
 
-    /// The device finding with the largest error.
+    /// Returns the finding on a device with the largest error.
     fn worst(&self) -> &'a Finding {
         self.on_gpu().max_by(|a, b| a.worst.total_cmp(&b.worst)).unwrap_or(self.first)
     }
@@ -85,7 +85,7 @@ impl<'a> Group<'a> {
         self.findings.iter().all(|finding| finding.pass)
     }
 
-    /// The result in words: exact, or the largest error and where it occurs.
+    /// Returns the result in words: that it is exact, or its largest error and the value of the parameter at which this error occurs.
     fn words(&self) -> String {
         let worst = self.worst();
         if self.on_gpu().all(|finding| finding.compared == 0) {
@@ -97,7 +97,7 @@ impl<'a> Group<'a> {
         format!("{} {} at {}", number(worst.worst), worst.unit, place(worst.value))
     }
 
-    /// Largest share of the derived tolerance that an error on a device uses, percent.
+    /// Returns the largest error on a device as a percentage of the derived tolerance.
     fn of_tolerance(&self) -> f64 {
         100.0 * self.on_gpu().map(|finding| finding.of_tolerance).fold(0.0, f64::max)
     }
@@ -107,7 +107,7 @@ impl<'a> Group<'a> {
             .iter()
             .zip(COLOURS)
             .flat_map(|(&side, colour)| {
-                // The typical (median) error is drawn as well, in a paler colour.
+                // Each implementation has two curves: the largest error, and in a paler colour the median error.
                 let pale = (colour.0 / 2 + 127, colour.1 / 2 + 127, colour.2 / 2 + 127);
                 [(true, pale), (false, colour)].map(|(is_typical, colour)| {
                     let point =
@@ -126,7 +126,8 @@ impl<'a> Group<'a> {
             title: &title,
             x_title: &self.first.parameter,
             y_title: &y_title,
-            // Values that span decades use a logarithmic axis, which omits values that are not above 0.
+            // The horizontal axis is logarithmic if the values span more than two decades. A logarithmic axis cannot show values of 0 or less, so
+            // they are omitted.
             x_logarithmic: high > 100.0 * low,
             y_logarithmic: true,
             ..Lines::default()
@@ -191,7 +192,8 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
     let row = |group: &Group<'_>| {
         let Finding { kernel, parameter, measure, .. } = group.first;
         let ulp = group.on_gpu().map(|finding| finding.worst_ulp).fold(0.0, f64::max);
-        // These two columns combine all measures of a row. They are therefore shown only with the first measure, and only if results were compared.
+        // These two columns combine all measures of a kernel and parameter. To avoid repetition, they are filled only in the row of the first
+        // measure. They are empty if no results were compared with the reference.
         let is_first = groups
             .iter()
             .find(|of| of.first.kernel == *kernel && of.first.parameter == *parameter)
@@ -231,7 +233,7 @@ fn of_bends(bends: &[Bend], breaks: bool) -> Table {
     }
 }
 
-/// The differences between devices.
+/// Returns the table of measures whose results differ between devices.
 fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
     let mut rows = Vec::new();
     let mut alike = 0;
@@ -268,7 +270,7 @@ fn of_rows(title: &'static str, note: String, rows: &[Row]) -> Table {
     Table { title, note, columns: columns(&["what", "statistic", "value", "allowed range", ""]), rows: rows.iter().map(row).collect() }
 }
 
-/// Returns the table of all failures and of the tests with the smallest p-values.
+/// Returns the table of tests of hashes and noise. It contains all failures, and the tests with the smallest p-values.
 fn of_noise(rows: &[Row]) -> Table {
     let tests = rows.iter().filter(|row| row.is_test()).count();
     let level = rows.iter().find(|row| row.is_test()).map_or(0.0, |row| row.low);
@@ -285,7 +287,7 @@ fn of_noise(rows: &[Row]) -> Table {
     of_rows("Hashes and noise", note, &shown)
 }
 
-/// Returns the table of flips and clumping on level ground, with one line for each kind of noise.
+/// Returns the table of flip rates and clumping on level ground, with one line for each kind of noise.
 fn of_motion(rows: &[Row]) -> Table {
     let mut kinds: Vec<&str> = Vec::new();
     let mut motions: Vec<&str> = Vec::new();
@@ -323,7 +325,7 @@ fn of_motion(rows: &[Row]) -> Table {
 }
 
 impl Lab<'_> {
-    /// Returns the measured parts, each with the number of its results and the number of results that pass.
+    /// Returns a list of what was measured, each entry with the number of results and the number of results that pass.
     fn summary(&self) -> Vec<(&'static str, usize, usize)> {
         let groups = groups(self.findings);
         let of = |rows: &[Row]| (rows.len(), rows.iter().filter(|row| row.holds()).count());
@@ -355,7 +357,7 @@ impl Lab<'_> {
         }
         if !self.directions.is_empty() {
             let note =
-                "Octahedral codes compared with the published survey, and the errors of derivatives from stored planes for random cameras."
+                "Errors of octahedral encodings, compared with a published survey, and errors of derivatives from stored planes for random cameras."
                     .to_owned();
             tables.push(of_rows("Directions and derivatives", note, self.directions));
         }
@@ -369,7 +371,7 @@ impl Lab<'_> {
     }
 }
 
-/// The report as Markdown.
+/// Returns the report as Markdown.
 pub(crate) fn text(lab: &Lab<'_>, facts: &[(&str, String)]) -> String {
     let mut text = "# Stability lab\n\n".to_owned();
     for (what, count, passed) in lab.summary() {
@@ -381,12 +383,12 @@ pub(crate) fn text(lab: &Lab<'_>, facts: &[(&str, String)]) -> String {
     lab.tables().iter().fold(text, |text, table| text + &table.markdown())
 }
 
-/// The report as an HTML page, with a plot for each measure that is not exact.
+/// Returns the report as an HTML page, with a plot for each measure that is not exact.
 ///
 /// # Errors
 /// A plot cannot be drawn.
 pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
-    let answer = "How accurate the arithmetic is: kernels against references in f64; codes, derivatives and noise against derived values";
+    let answer = "How accurate the arithmetic is: kernels against references in f64; stored directions, derivatives and noise against derived values";
     let checks: Vec<(bool, String)> =
         lab.summary().into_iter().map(|(what, count, passed)| (passed == count, format!("{passed} of {count} {what} hold"))).collect();
     let mut body = html::header("stability lab", answer) + &html::verdict("", &checks) + &html::facts(facts);
@@ -412,8 +414,8 @@ pub(crate) fn page(lab: &Lab<'_>, facts: &[(&str, String)]) -> Result<String> {
     Ok(html::page("Stability lab", &body))
 }
 
-/// Formats the parameter value of the largest error. Whole numbers are shown in full, because 32-bit words, and neighbours of powers of two, differ
-/// only in their last digits.
+/// Formats the value of the parameter at which the largest error occurs. Whole numbers are written with all digits, because some tested values differ
+/// only in their last digits: 32-bit words, and the neighbours of powers of two.
 fn place(value: f64) -> String {
     let short = number(value);
     let is_cut = value.fract() == 0.0 && value.abs() < 1e10 && short.parse() != Ok(value);

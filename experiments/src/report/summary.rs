@@ -1,4 +1,4 @@
-//! Converts rows to one summary per choice, which is the data of a table row and of a plot point.
+//! Converts rows to one summary for each choice. A summary contains the data of one row of a table and of one point of a plot.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::numbers::pareto_front;
 use crate::metrics::{self, timed_pass};
 use crate::row::Row;
 
-/// The columns that identify the choice that a number belongs to.
+/// The columns that identify a choice.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Key {
     pub(super) experiment: String,
@@ -24,7 +24,7 @@ pub(super) struct Key {
 }
 
 impl Key {
-    /// The key of a row.
+    /// Returns the key of a row.
     pub(super) fn of(row: &Row) -> Key {
         Key {
             experiment: row.experiment.clone(),
@@ -39,7 +39,7 @@ impl Key {
         }
     }
 
-    /// Names and values of the columns, in file order.
+    /// Returns the names and values of the columns, in the order of the file.
     pub(super) fn columns(&self) -> [(&'static str, &str); 9] {
         [
             ("experiment", &self.experiment),
@@ -54,41 +54,41 @@ impl Key {
         ]
     }
 
-    /// Text for tooltips: the columns that are not empty.
+    /// Returns the text of tooltips: the columns that are not empty.
     pub(super) fn words(&self) -> String {
         let parts: Vec<String> =
             self.columns().iter().filter(|(_, v)| !v.is_empty()).map(|(name, value)| format!("{name} = {value}")).collect();
         parts.join(", ")
     }
 
-    /// Whether a single flavour was forced.
+    /// Whether the choice forces a variant that consists of a single flavour.
     pub(super) fn is_flavour(&self) -> bool {
         self.flavours() == Some(1)
     }
 
-    /// Number of forced flavours; `None` for automatic choices.
+    /// Returns the number of flavours of a forced variant; `None` for automatic choices.
     pub(super) fn flavours(&self) -> Option<usize> {
         self.variant.parse::<Variant>().ok().map(|v| v.flavours().count())
     }
 }
 
-/// A metric of a summary: its name, and its lag if it compares frames.
+/// A metric whose value a summary contains. If the metric compares frames, its lag is part of its identity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Metric {
     /// The value of the column `metric`.
     pub(super) name: &'static str,
     /// The value of the column `lag`.
     pub(super) lag: Option<u32>,
-    /// The name in sentences.
+    /// The name of the metric in sentences.
     pub(super) words: &'static str,
 }
 
-/// A metric of single frames.
+/// Returns a metric that has no lag.
 const fn still(name: &'static str, words: &'static str) -> Metric {
     Metric { name, lag: None, words }
 }
 
-/// A metric that compares a frame with the previous one.
+/// Returns a metric that compares each frame with the previous one.
 const fn moving(name: &'static str, words: &'static str) -> Metric {
     Metric { name, lag: Some(1), words }
 }
@@ -109,29 +109,29 @@ pub(super) const FLICKER_P95: Metric = moving(metrics::FLICKER_P95, "flicker p95
 pub(super) const CLUMPING: Metric = still(metrics::CLUMPING, metrics::CLUMPING);
 pub(super) const REJECTIONS: Metric = still(metrics::TAA_REJECTIONS, "history rejected");
 
-/// The frames that a number is about.
+/// The frames to which a number applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Frames {
-    /// All frames: there is a row over all frames.
+    /// All frames. The run contains a row over all frames.
     All,
-    /// This frame, the only one with a row.
+    /// This single frame. It is the only frame for which the run contains a row.
     One(u32),
-    /// All frames with rows: the report computed the mean of the finite values.
+    /// All frames that have a row. The report computed the mean of their finite values.
     Mean {
-        /// Number of frames with finite values.
+        /// Number of frames whose value is finite.
         finite: usize,
-        /// Number of rows.
+        /// Number of frames that have a row.
         rows: usize,
     },
 }
 
-/// A number of a choice.
+/// A number of a choice, with the frames to which it applies.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Number {
     pub(super) value: f64,
     pub(super) standard_error: Option<f64>,
     pub(super) unit: String,
-    /// The frames that the number is about.
+    /// The frames to which the number applies.
     pub(super) frames: Frames,
 }
 
@@ -140,85 +140,86 @@ pub(super) struct Number {
 pub(super) struct Summary {
     pub(super) key: Key,
     numbers: BTreeMap<(String, Option<u32>), Number>,
-    /// Frequencies (cycles per pixel) with their power.
+    /// The power spectrum: frequencies (cycles per pixel), each with its power.
     pub(super) spectrum: Vec<(f64, Number)>,
 }
 
 impl Summary {
-    /// A number, if it has a row; it may be NaN.
+    /// Returns the number of a metric; `None` if it has no row. The value may be NaN.
     pub(super) fn number(&self, metric: Metric) -> Option<&Number> {
         self.named(metric.name, metric.lag)
     }
 
-    /// A number, by the values of the columns `metric` and `lag`.
+    /// Returns the number with these values in the columns `metric` and `lag`.
     pub(super) fn named(&self, metric: &str, lag: Option<u32>) -> Option<&Number> {
         self.numbers.get(&(metric.to_owned(), lag))
     }
 
-    /// A value; NaN if there is none.
+    /// Returns the value of a metric; NaN if it has no row.
     pub(super) fn value(&self, metric: Metric) -> f64 {
         self.number(metric).map_or(f64::NAN, |n| n.value)
     }
 
-    /// The standard error of a value.
+    /// Returns the standard error of a metric's value, if it is known.
     pub(super) fn error(&self, metric: Metric) -> Option<f64> {
         self.number(metric).and_then(|n| n.standard_error).filter(|e| e.is_finite() && *e >= 0.0)
     }
 
-    /// Whether the choice is stochastic; deterministic choices have no bias and no variance to report.
+    /// Whether the choice is stochastic. Deterministic choices have neither bias nor variance to report.
     pub(super) fn is_stochastic(&self) -> bool {
         [VARIANCE, THEORY, FLIPS].iter().any(|m| self.value(*m) > 0.0)
     }
 
-    /// The lags of a metric in ascending order, with its numbers.
+    /// Returns the lags for which a metric has numbers, in ascending order, each with its number.
     pub(super) fn over_lags<'a>(&'a self, metric: &'a str) -> impl Iterator<Item = (u32, &'a Number)> {
         self.numbers.iter().filter(move |((name, _), _)| name == metric).filter_map(|((_, lag), n)| Some(((*lag)?, n)))
     }
 
-    /// Device times of passes, by name.
+    /// Returns the names of timed passes, each with its device time.
     pub(super) fn times(&self) -> impl Iterator<Item = (&str, &Number)> {
         self.numbers.iter().filter_map(|((name, _), n)| Some((timed_pass(name)?, n)))
     }
 
-    /// Names of all metrics.
+    /// Returns the names of all metrics.
     fn names(&self) -> impl Iterator<Item = &str> {
         self.numbers.keys().map(|(name, _)| name.as_str())
     }
 }
 
-/// Reads a column of a summary's key.
+/// A function that reads one column of a summary's key.
 pub(super) type KeyOf = fn(&Summary) -> &str;
 
-/// Facts about the reference of a view.
+/// Facts about the reference with which the pictures of a view are compared.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReferenceFacts {
     pub(super) view: String,
-    /// Value of the varied parameter; empty = all values.
+    /// Value of the varied parameter; empty = the reference applies to all values.
     pub(super) setting: String,
     /// Samples per pixel.
     pub(super) spp: f64,
     /// Standard error of the reference, in linear albedo.
     pub(super) standard_error: f64,
-    /// The smallest RMSE that was measured against the reference; NaN = none.
+    /// The smallest RMSE of the choices that are compared with the reference; NaN = none was measured.
     pub(super) smallest_rmse: f64,
-    /// Mean difference of the reference sequence at lag 1, which is subtracted from a choice's difference to obtain its flicker; NaN = not measured.
+    /// Mean difference in luminance between consecutive frames of the reference sequence. The flicker of a choice is the same difference in its own
+    /// sequence, minus this value. NaN = not measured.
     pub(super) difference: f64,
 }
 
 impl ReferenceFacts {
-    /// Whether the standard error of the reference is at most a tenth of the smallest RMSE that was measured against it. If no RMSE was measured, it
-    /// is enough that the standard error is known.
+    /// Whether the reference is accurate enough. Its standard error must be at most a tenth of the smallest RMSE of the choices that are compared
+    /// with it. If no such RMSE was measured, it is enough that the standard error is known.
     pub(super) fn suffices(&self) -> bool {
         self.standard_error <= 0.1 * self.smallest_rmse || (self.smallest_rmse.is_nan() && self.standard_error.is_finite())
     }
 }
 
-/// The numbers of a run, in the order of its definition.
+/// All numbers of a run, in the order of the definition.
 #[derive(Clone, Debug)]
 pub(super) struct Table {
     pub(super) summaries: Vec<Summary>,
     pub(super) references: Vec<ReferenceFacts>,
-    /// Values that occur in each column.
+    /// The values that occur in each column.
     pub(super) views: Vec<String>,
     pub(super) variants: Vec<String>,
     pub(super) estimators: Vec<String>,
@@ -227,30 +228,31 @@ pub(super) struct Table {
     pub(super) settings: Vec<String>,
     /// The varied parameter; empty = none.
     pub(super) parameter: String,
-    /// Number of rows that repeat a number of another row; the first row counts.
+    /// Number of rows that repeat the number of an earlier row. They are ignored.
     pub(super) doubles: usize,
-    /// Number of values that the report averaged over frames.
+    /// Number of values that are means over frames, computed by the report.
     pub(super) averaged: usize,
-    /// The metric that serves as cost.
+    /// The metric that is used as the cost of a choice.
     pub(super) cost: Metric,
-    /// The metric that serves as error.
+    /// The metric that is used as the error of a choice.
     pub(super) error: Metric,
 }
 
-/// The collected rows of one metric.
+/// The rows of one metric, lag and frequency, accumulated for their mean.
 #[derive(Default)]
 struct Slot {
     whole: Option<Number>,
     sum: f64,
     finite: usize,
     frames: usize,
-    /// The row of a single frame.
+    /// The first row of a single frame, with the number of the frame.
     single: Option<(u32, Number)>,
 }
 
 impl Slot {
-    /// Returns the number over all frames: the value of the row over all frames, otherwise that of the only frame, otherwise the mean of the finite
-    /// values of all frames. Infinite values are excluded, because the PSNR of one frame that equals its reference would make the mean infinite.
+    /// Returns the number that represents all frames. This is the row over all frames, if there is one. Otherwise, it is the row of the only frame or
+    /// the mean of the finite values of several frames. Infinite values are omitted from the mean: a frame that equals its reference has an infinite
+    /// PSNR, which would make the mean infinite.
     fn number(self) -> Option<Number> {
         let Slot { whole, sum, finite, frames, single } = self;
         if whole.is_some() {
@@ -261,14 +263,14 @@ impl Slot {
             return Some(single);
         }
         let value = if finite > 0 { sum / finite as f64 } else { f64::NAN };
-        // Frames of a sequence are not independent, so their scatter gives no standard error of the mean.
+        // Consecutive frames are correlated, so the standard error of the mean cannot be computed from the scatter of their values.
         Some(Number { value, standard_error: None, frames: Frames::Mean { finite, rows: frames }, ..single })
     }
 }
 
 type Slots = BTreeMap<(String, Option<u32>, Option<u64>), Slot>;
 
-/// Whether a row is about the reference itself.
+/// Whether a row describes the reference and not a choice.
 fn is_of_reference(row: &Row) -> bool {
     row.metric.starts_with("reference_") || row.variant.is_empty() || row.variant == "reference"
 }
@@ -285,12 +287,12 @@ impl Table {
             } else {
                 slots.entry(Key::of(row)).or_default()
             };
-            // Frequencies are not negative, so the order of their bits is that of their values.
+            // Frequencies are not negative, so their bits have the same order as their values.
             let slot = slots.entry((row.metric.clone(), row.lag, row.frequency.map(f64::to_bits))).or_default();
             let number = |frames| Number { value: row.value, standard_error: row.standard_error, unit: row.unit.clone(), frames };
             match row.frame {
                 Some(frame) => {
-                    // A second row for the same frame is a duplicate. Different frames may each have a row.
+                    // If the frame of the first row occurs again, the row is a duplicate. Repeated rows of later frames are not detected.
                     if slot.single.as_ref().is_some_and(|(known, _)| *known == frame) {
                         doubles += 1;
                         continue;
@@ -336,7 +338,8 @@ impl Table {
         };
         let parameter = summaries.iter().map(|s| &s.key.parameter).find(|p| !p.is_empty()).cloned().unwrap_or_default();
         let measured = |metric: Metric| summaries.iter().any(|s| s.value(metric).is_finite());
-        // If the run varies the tiles, the cost of whole tiles is compared; otherwise the cost of single pixels is more informative.
+        // If the run varies how the screen is divided into tiles, the fetches of whole tiles are the cost. Otherwise the fetches of single pixels are
+        // the cost, because they give more information.
         let by_tile = parameter == "frame.tile" || parameter == "frame.classification" || !measured(FETCHES);
         let mut table = Table {
             references: Vec::new(),
@@ -354,7 +357,7 @@ impl Table {
             summaries,
         };
         table.references = about_reference.into_iter().map(|(place, slots)| table.facts(place, slots)).collect();
-        // A view without reference rows is included as well.
+        // A view without rows about its reference is listed, too, if a choice has an RMSE in this view.
         for view in table.views.clone() {
             if !table.references.iter().any(|r| r.view == view) {
                 let facts = table.facts((view, String::new()), Slots::new());
@@ -383,7 +386,7 @@ impl Table {
         }
     }
 
-    /// Label of a choice: the values of the columns that vary, which distinguish the choices of a view.
+    /// Returns the label of a choice: the values of those columns that vary. They distinguish the choices of a view.
     pub(super) fn label(&self, key: &Key) -> String {
         let parts = [
             (&self.variants, &key.variant),
@@ -397,13 +400,13 @@ impl Table {
         if varying.is_empty() { key.variant.clone() } else { varying.join(" \u{b7} ") }
     }
 
-    /// Indices of a view's summaries.
+    /// Returns the indices of the summaries of a view.
     pub(super) fn of_view(&self, view: &str) -> Vec<usize> {
         (0..self.summaries.len()).filter(|&i| self.summaries[i].key.view == view).collect()
     }
 
-    /// Indices of the summaries in `rows` that are not dominated by others in `rows`, by increasing first metric. A cost of 0 means that the cost was
-    /// not measured.
+    /// Returns the indices of the Pareto front among `rows`, by increasing cost. A summary is on the front if no other summary of `rows` dominates
+    /// it. A cost of 0 is treated as not measured.
     pub(super) fn front(&self, rows: &[usize], cost: Metric, error: Metric) -> Vec<usize> {
         let place = |&i: &usize| {
             let cost = self.summaries[i].value(cost);
@@ -418,7 +421,7 @@ impl Table {
         self.summaries.iter().any(|s| !s.value(metric).is_nan())
     }
 
-    /// Names of all metrics of the run, without times.
+    /// Returns the names of all metrics of the run, except device times.
     pub(super) fn metric_names(&self) -> Vec<String> {
         let mut names: Vec<String> =
             self.summaries.iter().flat_map(Summary::names).filter(|n| timed_pass(n).is_none()).map(str::to_owned).collect();
@@ -428,20 +431,20 @@ impl Table {
     }
 }
 
-/// Returns the text of a value of the varied parameter as the rows contain it, that is without quotes.
+/// Returns a value of the varied parameter as text in the form that rows contain, which has no quotes.
 fn setting_text(value: &toml::Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// Sorts by view, variant, estimator, noise, temporal resolve and setting, each in the order of the definition. Values that the definition does not
-/// name come last.
+/// Sorts the summaries by view, variant, estimator, noise, temporal resolve and setting. Each column has the order of the definition. Values that the
+/// definition does not contain come last.
 fn sort(summaries: &mut [Summary], run: &RunData) {
     let definition = &run.definition;
     let views: Vec<&String> = definition.views.iter().chain(definition.moving_views.iter().map(|v| &v.name)).collect();
     let settings: Vec<String> = definition.vary.iter().flat_map(|v| v.values.iter().map(setting_text)).collect();
     let listed = |all: &[String], value: &str| all.iter().position(|v| v == value).unwrap_or(all.len());
     let variant = |name: &str| {
-        // `all` stands for the 31 variants in their order; a variant's number is accepted as its name.
+        // The entry `all` stands for the 31 variants, sorted by their numbers. An entry can also be the number of a variant instead of its name.
         let mask = name.parse::<Variant>().ok();
         let named = |entry: &String| entry == name || (mask.is_some() && (entry == "all" || entry.parse::<Variant>().ok() == mask));
         let place = definition.variants.iter().position(named).unwrap_or(definition.variants.len());
@@ -450,7 +453,7 @@ fn sort(summaries: &mut [Summary], run: &RunData) {
     let number = |text: &str| text.parse::<f64>().unwrap_or(f64::INFINITY);
     summaries.sort_by_cached_key(|s| {
         let key = &s.key;
-        // Texts of a float depend on the writer (1 or 1.0), so numbers of a list are matched by value.
+        // The same float can be written in different ways (1 or 1.0), so numbers are compared by value.
         let setting = settings
             .iter()
             .position(|v| *v == key.setting || (number(v).is_finite() && number(v).to_bits() == number(&key.setting).to_bits()));

@@ -1,4 +1,4 @@
-//! Tests of whole reports: reports of all shapes of runs are consistent, and each displayed number comes from the rows.
+//! Tests of whole reports. Reports of all kinds of runs must be consistent, and each displayed number must be in the rows.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,7 +11,7 @@ use super::{RunData, Verdict, markdown, read_run, run, verdict, write_run};
 use crate::row::Row;
 use kernels::shading::Estimator;
 
-/// Returns a run of every shape, with its folder and its verdicts.
+/// Returns a run for each form of report, with its folder and its verdicts.
 fn shapes() -> Vec<(Folder, RunData, Vec<Verdict>)> {
     type Make = fn(&Path) -> RunData;
     let all: [(&str, Make, Vec<Verdict>); 8] = [
@@ -43,7 +43,7 @@ fn text(run: &RunData, verdicts: &[Verdict]) -> String {
     markdown::text(run, &table, verdicts, &verdict::verdict(&table))
 }
 
-/// Returns the attributes and the contents of all elements with this name.
+/// Returns the attributes and the content of each element with this name.
 fn elements<'a>(html: &'a str, name: &str) -> Vec<(&'a str, &'a str)> {
     let (open, close) = (format!("<{name} "), format!("</{name}>"));
     let parts = html.split(&open[..]).skip(1);
@@ -55,11 +55,11 @@ fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
     Some(rest.split_once('"')?.0)
 }
 
-/// Rows over all frames by key, metric and lag; spectra also by frequency.
+/// The values of rows over all frames, by key, metric, lag and frequency. Only rows of spectra have a frequency.
 type Known = BTreeMap<(Key, String, Option<u32>, Option<u64>), f64>;
 
 fn known(run: &RunData) -> Known {
-    // If there is no row over all frames, the row of a single frame is used. In these runs there is only one such row.
+    // If a number has no row over all frames, the row of a single frame is used. In these runs there is at most one such row.
     let all = || run.rows.iter().chain(&run.times);
     all()
         .filter(|r| r.frame.is_some())
@@ -68,7 +68,7 @@ fn known(run: &RunData) -> Known {
         .collect()
 }
 
-/// Returns the cells and marks of the page whose values are in no row.
+/// Returns the table cells, and the marks of plots, whose values are not in the rows.
 fn untraceable(html: &str, run: &RunData) -> Vec<String> {
     let known = known(run);
     let mut lost = Vec::new();
@@ -95,7 +95,8 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             setting: column("setting"),
         };
         keys.insert(attribute(attributes, "id").expect("an anchor").to_owned(), key.clone());
-        // Only cells and headings of numbers have attributes, so only these are found. Both are in the order of the columns.
+        // Only cells and headings of numeric columns have attributes, so `elements` finds no others. The cells of a row have the same order as the
+        // headings.
         let numbers = elements(cells, "td");
         assert_eq!(numbers.len(), heads.len(), "{attributes}");
         for ((attributes, _), (metric, lag)) in numbers.iter().zip(&heads) {
@@ -103,7 +104,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             let found = match metric {
                 Some(metric) => known.get(&(key.clone(), metric.clone(), *lag, None)).copied(),
                 None => {
-                    // The column shows promised fetches, or the ratio of two shading times.
+                    // A column without a metric shows the promised fetches, or the ratio of two shading times.
                     let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None)).copied();
                     let promise =
                         key.variant.parse::<kernels::variant::Variant>().map(|v| f64::from(Estimator::Fc5.promised_fetches_of(v))).ok();
@@ -117,7 +118,8 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
             }
         }
     }
-    // The y of a mark must be the value of a row of its choice. Its x must be such a value, too, or a setting, a lag or a frequency of the choice.
+    // The y of a mark must be the value of a row of its choice. The x must be the value of such a row, or the setting, a lag or a frequency of the
+    // choice.
     let mut of_choices: BTreeMap<&Key, Vec<_>> = BTreeMap::new();
     for ((key, _, lag, frequency), &value) in &known {
         of_choices.entry(key).or_default().push((*lag, *frequency, value));
@@ -139,7 +141,7 @@ fn untraceable(html: &str, run: &RunData) -> Vec<String> {
     lost
 }
 
-/// Returns the ratio of the choice's shading time to the first one of its view, if the choice was timed.
+/// Returns the ratio of the choice's shading time to the first shading time of its view; empty if the choice was not timed.
 fn of_choice_ms(known: &Known, key: &Key, first_ms: &BTreeMap<String, f64>) -> Vec<f64> {
     let ms = known.get(&(key.clone(), "gpu_ms:shading".to_owned(), None, None));
     ms.zip(first_ms.get(&key.view)).map(|(ms, first)| ms / first).into_iter().collect()
@@ -152,7 +154,8 @@ fn every_number_shown_is_in_the_rows() {
         let marks = html.matches("class=\"hit\"").count();
         assert!(html.matches("data-v=").count() > 1 && marks > 0, "{}: {marks}", folder.path().display());
         assert_eq!(untraceable(&html, &run), [""; 0], "{}", folder.path().display());
-        // Negative control: one row is changed after the page was made, and both the table and the plots must reveal it.
+        // Negative control: the value of one row is changed after the page was made. Both the table and the plots must then contain values without a
+        // row.
         let changed = run.rows.iter_mut().find(|r| r.metric == "rmse" && r.frame.is_none()).expect("a row");
         changed.value *= 1.0 + 1e-9;
         let lost = untraceable(&html, &run);
@@ -172,7 +175,7 @@ fn every_shape_makes_a_whole_page_and_a_text() {
             html.contains("Which &lt;blend&gt; is cheapest &amp; good?") && !html.contains("<blend>") && !html.contains("a<b"),
             "{name}"
         );
-        // The page loads nothing: it has only links within the page and data URLs.
+        // The page loads no other file: all references are links within the page or data URLs.
         let outside = |mark: &str| html.split(mark).skip(1).filter(|rest| !rest.starts_with('#') && !rest.starts_with("data:")).count();
         assert_eq!([outside("href=\""), outside("src=\"")], [0, 0], "{name}");
         for tag in ["section", "table", "figure", "details", "svg", "tr", "td"] {
@@ -190,11 +193,11 @@ fn every_shape_makes_a_whole_page_and_a_text() {
         ];
         let places: Vec<usize> = order.iter().map(|mark| html.find(mark).unwrap_or_else(|| panic!("{name} has no {mark}"))).collect();
         assert!(places.is_sorted(), "{name}: {places:?}");
-        // Encoded pictures can contain the letters of these words, so each word is searched with the character before it.
+        // Encoded pictures can contain these letters by chance. Each word is therefore searched together with the character before it.
         assert!([">NaN", " NaN", "\"NaN", ">inf", " inf "].iter().all(|word| !html.contains(word)), "{name}");
         let text = fs::read_to_string(folder.path().join("report.md")).expect("a text");
         assert!(text.contains("\\<blend\\>") && text.contains("## Set-up") && !text.contains("NaN"), "{text}");
-        // Tables of the Markdown text are complete: each line has the same number of cells.
+        // In each table of the Markdown text, all lines have the same number of cells.
         let mut widths: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         let mut block = 0;
         for line in text.lines() {
@@ -213,7 +216,8 @@ fn the_text_is_cut_to_fronts_and_single_variants() {
     let (variants, plain) = (Folder::new("cut"), Folder::new("cut-plain"));
     let all = text(&fake::variants(variants.path(), &["cliff"], &NOISES), &[]);
     let choices = all.split("## Choices").nth(1).expect("a table").lines().filter(|l| l.starts_with('|')).count() - 2;
-    // The table contains two automatic choices and five flavours, each with six noises: 42 rows. It also contains other choices that are on a front.
+    // There are 42 rows that must be in the table: two automatic choices and five flavours, each with six noises. Choices on a front are in the
+    // table, too.
     assert!((42..90).contains(&choices), "{choices}");
     assert!(all.contains(&format!("The table shows {choices} of 198 choices")), "{all}");
     assert!(!all.contains("| vt+near-cliff+far-cliff+splat |"));
@@ -254,18 +258,18 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     let value = |run: &RunData| Table::of(run).summaries[0].value(RMSE);
     assert_eq!(value(&frames(&[1.0, 3.0], None)), 2.0);
     assert_eq!(value(&frames(&[1.0, 3.0], Some(7.0))), 7.0);
-    // If only one frame has a row, its value is not a mean and keeps its standard error.
+    // If only one frame has a row, the value is not a mean, so the standard error is kept.
     let mut last = frames(&[4.0], None);
     last.rows[0].standard_error = Some(0.5);
     assert_eq!((value(&last), Table::of(&last).summaries[0].error(RMSE), Table::of(&last).averaged), (4.0, Some(0.5), 0));
     assert!(html(&last, &[]).contains("standard error 0.5, frame 0"));
-    // Values that are not finite are excluded from a mean, and the page says so.
+    // NaN values are omitted from a mean, and the page gives the number of values that were used.
     let run = frames(&[1.0, f64::NAN, 3.0], None);
     assert_eq!(value(&run), 2.0);
     assert!(html(&run, &[]).contains("mean over 2 of 3 frames") && html(&run, &[]).contains("means over the frames, made by this report"));
     let run = frames(&[f64::NAN, f64::NAN], None);
     assert!(value(&run).is_nan());
-    // If a number has two rows, the first one is used, and a check fails.
+    // If a number has two rows, the first is used, and a check of the report fails.
     let mut run = frames(&[], Some(7.0));
     run.rows.push(Row { value: 8.0, ..run.rows[0].clone() });
     assert_eq!((value(&run), Table::of(&run).doubles), (7.0, 1));
@@ -285,7 +289,7 @@ fn missing_numbers_are_dashes_with_their_reason() {
         Cell::Missing(reason) => reason,
         Cell::Value { shown, .. } => panic!("{shown}"),
     };
-    // A row with NaN is shown neither as zero nor as a missing row.
+    // A value of NaN gets a reason that differs from the reason for a missing row.
     let mut lost = run.clone();
     lost.rows.iter_mut().filter(|r| r.metric == "rmse" && r.frame.is_none()).for_each(|r| r.value = f64::NAN);
     assert_eq!(reason(&lost, 0, Source::Row(RMSE)), "the value in its row is NaN");
@@ -302,13 +306,13 @@ fn missing_numbers_are_dashes_with_their_reason() {
     lost.definition.times = crate::definition::Times::None;
     lost.times.clear();
     assert_eq!(reason(&lost, 0, Source::ShadingRatio), "not timed: times = \"none\"");
-    // A column without any number is named, but not shown.
+    // A column without any number is not shown, but its heading is named below the table.
     assert!(html(&lost, &[]).contains("Columns without any number: Shading, RMSE, Bias \u{b1} s.e., Flicker."));
-    // Equal pictures have an infinite PSNR, which is shown as a number.
+    // A picture that equals the reference has an infinite PSNR, which must be shown as a number.
     let mut same = run.clone();
     same.rows.iter_mut().filter(|r| r.metric == "psnr").for_each(|r| r.value = f64::INFINITY);
     assert!(html(&same, &[]).contains("data-v=\"Infinity\""));
-    // Missing entries of the manifest are reported.
+    // Entries that the manifest lacks are reported as not recorded.
     let mut bare = run.clone();
     bare.manifest = serde_json::json!({});
     assert!(html(&bare, &[]).contains("not recorded in manifest.json") && !html(&bare, &[]).contains("software adapter"));
@@ -331,7 +335,7 @@ fn every_mark_can_be_red() {
         }
         checks.iter().map(|c| c.0).collect::<Vec<_>>()
     };
-    // The four checks are about references, promised fetches, bias and variance.
+    // The four checks: accuracy of the references, promised fetches, bias, variance.
     assert_eq!(marks(&good, &[]), [true; 4]);
     let with = |change: &dyn Fn(&mut RunData)| {
         let mut run = good.clone();
@@ -345,7 +349,7 @@ fn every_mark_can_be_red() {
     assert_eq!(with(&|run| scale(run, "fetches_per_px", "near-cliff", 1.1)), [true, false, true, true]);
     assert_eq!(with(&|run| scale(run, "bias", "auto", 200.0)), [true, true, false, true]);
     assert_eq!(with(&|run| scale(run, "variance", "auto", 2.0)), [true, true, true, false]);
-    // The check also fails if the accuracy of the reference is unknown.
+    // The check of the references also fails if their accuracy is unknown.
     let lost = with(&|run| run.rows.retain(|r| !r.metric.starts_with("reference_")));
     assert_eq!(lost, [false, true, true, true]);
     let mut without = good.clone();
@@ -354,13 +358,13 @@ fn every_mark_can_be_red() {
     let mut poor = good.clone();
     scale(&mut poor, "reference_se", "reference", 10.0);
     assert!(
-        html(&poor, &[]).contains("<td class=\"bad\">not known well enough</td>")
+        html(&poor, &[]).contains("<td class=\"bad\">not accurate enough</td>")
             && html(&good, &[]).contains("<td class=\"good\">suffices</td>")
     );
     let mut broken = good.clone();
     scale(&mut broken, "fetches_per_px", "near-cliff", 1.1);
     assert!(html(&broken, &[]).contains("<td class=\"bad\">differs</td>") && !html(&good, &[]).contains("<td class=\"bad\">"));
-    // Expectations: all met, one not met, and one that was not judged.
+    // The check of expectations has three cases: all are met, one is not met, one has no verdict.
     let met: Vec<Verdict> = fake::verdicts().into_iter().take(1).collect();
     assert!(marks(&good, &met)[0]);
     assert!(!marks(&good, &fake::verdicts())[0]);
@@ -379,7 +383,7 @@ fn several_views_are_kept_apart() {
     let folder = Folder::new("apart");
     let run = fake::variants(folder.path(), &["cliff", "ground"], &["hashed"]);
     let table = Table::of(&run);
-    // The reference of the second view is too inaccurate, that of the first is not; each view has its own front.
+    // The reference of the second view is not accurate enough, and that of the first is. Each view has its own Pareto front.
     assert_eq!(table.references.iter().map(|r| (r.view.as_str(), r.suffices())).collect::<Vec<_>>(), [("cliff", true), ("ground", false)]);
     let fronts = columns::fronts(&table);
     assert!(table.views.iter().all(|view| table.of_view(view).iter().any(|&i| fronts[i].error)));
@@ -402,7 +406,7 @@ fn a_run_without_rows_is_refused() {
     let folder = Folder::new("empty");
     let run = fake::hash_scale(folder.path());
     assert!(read_run(&folder.path().join("none")).is_err());
-    // Without rows, nothing is written.
+    // A report without rows is refused, and no file is written.
     let empty = RunData { rows: Vec::new(), ..run };
     assert!(write_run(&empty, &[]).is_err_and(|e| e.to_string().contains("no metrics yet")));
     assert!(!folder.path().join("report.html").exists() || std::env::var_os("SCREE_REPORTS").is_some());

@@ -1,17 +1,17 @@
-//! The answer to the question of a run, from its numbers. The form of the sentence depends on what varies.
+//! Builds the sentence that answers the question of a run from its numbers. The form of the sentence depends on which column varies.
 
 use super::numbers::{CONFIDENCE_95, number, speed, with_interval};
 use super::summary::{CLUMPING, FETCHES, FLICKER, FLIPS, Metric, REJECTIONS, SHADING, Summary, TILE_FETCHES, Table};
 
-/// Largest number of items in a list, for one view and for several views.
+/// Limits of the number of items in a list: for a run with one view, and for a run with several views.
 const LISTED: usize = 5;
 const LISTED_OF_VIEWS: usize = 3;
-/// Relative changes below this are not mentioned.
+/// Relative changes that are smaller than this are not mentioned.
 const SMALL: f64 = 0.02;
-/// Largest number of views in a sentence.
+/// Limit of the number of views that the sentence describes.
 const VIEWS: usize = 3;
 
-/// What varies, and therefore what is compared.
+/// The form of the sentence. It is named after the column whose values the sentence compares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shape {
     Parameter,
@@ -23,14 +23,15 @@ enum Shape {
 }
 
 impl Shape {
-    /// A varied parameter comes first, because its effect is the question. Then come resolves, estimators, variants and noises.
+    /// Selects the form of the sentence. If several columns vary, a varied parameter has priority, because its effect is the question of the run.
+    /// Temporal resolves, estimators, variants and noises follow in this order.
     fn of(table: &Table) -> Shape {
         let costs = table.noises.len() <= 1 || table.summaries.iter().any(|s| s.value(table.cost).is_finite());
         match table {
             t if t.settings.len() > 1 => Shape::Parameter,
             t if t.temporal.len() > 1 => Shape::Temporal,
             t if t.estimators.len() > 1 => Shape::Estimators,
-            // Variants are compared by their cost; if costs were not measured, noises are compared by their effects.
+            // Variants are compared by their cost. If costs were not measured and noises vary as well, the noises are compared instead.
             t if t.variants.len() > 1 && t.variants.len() >= t.noises.len() && costs => Shape::Variants,
             t if t.noises.len() > 1 => Shape::Noises,
             _ => Shape::One,
@@ -38,7 +39,7 @@ impl Shape {
     }
 }
 
-/// Returns the answer as one sentence. If there are several views, each has its own part.
+/// Returns the answer as one sentence. If there are several views, the sentence has a part for each view.
 pub(super) fn verdict(table: &Table) -> String {
     let shape = Shape::of(table);
     let said: Vec<(&String, String)> = table.views.iter().filter_map(|view| Some((view, of_view(table, shape, view)?))).collect();
@@ -53,10 +54,11 @@ pub(super) fn verdict(table: &Table) -> String {
     if said.len() > VIEWS {
         parts.push(format!("{} more views are in the table", said.len() - VIEWS));
     }
-    // One line for each view.
+    // Each view has its own line.
     let sentence = parts.join(";\n");
     let mut letters = sentence.chars();
-    // Names keep their lower-case initial, because users type them.
+    // If the sentence begins with the name of a variant or resolve, the first letter stays in lower case, because users type these names in lower
+    // case.
     let first_word = sentence.split([' ', ',', '\n']).next().unwrap_or_default();
     let named = table.variants.iter().chain(&table.temporal).any(|v| v == first_word);
     match letters.next() {
@@ -77,7 +79,7 @@ fn of_view(table: &Table, shape: Shape, view: &str) -> Option<String> {
     }
 }
 
-/// A value with the name of its metric.
+/// Formats a value with the name of its metric.
 fn say(metric: Metric, value: f64) -> String {
     if metric == FETCHES || metric == TILE_FETCHES {
         format!("{value:.1} {}", metric.words)
@@ -86,7 +88,7 @@ fn say(metric: Metric, value: f64) -> String {
     }
 }
 
-/// Returns cost, error and flicker of a choice, if they are known.
+/// Returns the cost, error and flicker of a choice as text. Values that are not known are omitted.
 fn price(table: &Table, summary: &Summary) -> String {
     let parts = [table.cost, table.error, FLICKER].into_iter().filter(|m| !summary.value(*m).is_nan());
     parts
@@ -95,7 +97,7 @@ fn price(table: &Table, summary: &Summary) -> String {
         .join(", ")
 }
 
-/// Flips and clumping are a trade-off, so a sentence never mentions one without the other.
+/// Returns the flip rate and the clumping of a choice as text. Fewer flips often cause more clumping, so a sentence always gives both.
 fn flips_and_clumping(summary: &Summary) -> String {
     let said = |metric: Metric| {
         let value = summary.value(metric);
@@ -104,13 +106,13 @@ fn flips_and_clumping(summary: &Summary) -> String {
     format!("{}, {}", said(FLIPS), said(CLUMPING))
 }
 
-/// Largest number of items in a list.
+/// Returns the limit of the number of items in a list, which depends on the number of views.
 fn listed(table: &Table) -> usize {
     if table.views.len() > 1 { LISTED_OF_VIEWS } else { LISTED }
 }
 
-/// Returns the rows that are the `same` as the subject, which includes the subject itself. The subject is the automatic choice. If there is none, it
-/// is the first stochastic choice, otherwise the first choice.
+/// Selects a subject, and returns all rows for which `same` holds in comparison with the subject, including the subject. The subject is the first row
+/// of the variant `auto`. If there is none, it is the first stochastic choice. If there is no stochastic choice either, it is the first row.
 fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) -> Vec<usize> {
     let of = |i: usize| &table.summaries[i];
     let chosen = rows.iter().copied().find(|&i| of(i).key.variant == "auto");
@@ -119,7 +121,8 @@ fn subject(table: &Table, rows: &[usize], same: fn(&Summary, &Summary) -> bool) 
     rows.iter().copied().filter(|&i| same(of(first), of(i))).collect()
 }
 
-/// Joins the items to a list. If there are more than `most` (at least 2), some in the middle are omitted.
+/// Joins the items to a list. If there are more than `most` items (at least 2), only `most` items are written, which always include the first and the
+/// last one.
 fn list(items: &[String], most: usize) -> String {
     let count = items.len();
     if count <= most {
@@ -133,10 +136,10 @@ fn list(items: &[String], most: usize) -> String {
     format!("{} ({} more between them)", kept.join(", "), count - most)
 }
 
-/// The rows with the smallest and the largest value of a metric; `None` if no row has a value.
+/// Returns the rows with the smallest and the largest value of a metric; `None` if no row has a finite value.
 fn extremes(table: &Table, rows: &[usize], metric: Metric) -> Option<(usize, usize)> {
     let mut known: Vec<usize> = rows.iter().copied().filter(|&i| table.summaries[i].value(metric).is_finite()).collect();
-    // The sort is stable: among equal values the first of the definition is named.
+    // If several rows have equal values, the row that comes first in the definition is returned, because the sort is stable.
     known.sort_by(|&a, &b| table.summaries[a].value(metric).total_cmp(&table.summaries[b].value(metric)));
     let low = *known.first()?;
     let top = table.summaries[*known.last()?].value(metric);
@@ -144,14 +147,14 @@ fn extremes(table: &Table, rows: &[usize], metric: Metric) -> Option<(usize, usi
     Some((low, high))
 }
 
-/// The relative spread of a metric, as a share of the largest value.
+/// Returns the difference between the values of two rows, divided by the larger of their absolute values; 0 if both values are 0.
 fn spread(table: &Table, (low, high): (usize, usize), metric: Metric) -> f64 {
     let (low, high) = (table.summaries[low].value(metric), table.summaries[high].value(metric));
     if high.abs().max(low.abs()) > 0.0 { (high - low) / high.abs().max(low.abs()) } else { 0.0 }
 }
 
-/// Returns the names of a front's choices, each with cost, error and flicker. Choices with the same variant, cost and error, which differ for example
-/// in noise, form one item.
+/// Returns a text for each choice on a front: its name with cost, error and flicker. Choices with equal variant, cost and error, which can differ in
+/// noise for example, are combined into one text.
 fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String) -> Vec<String> {
     let mut items: Vec<Vec<&Summary>> = Vec::new();
     for summary in front.iter().map(|&i| &table.summaries[i]) {
@@ -173,8 +176,8 @@ fn front_items(table: &Table, front: &[usize], name: impl Fn(&Summary) -> String
         let flicker = |pick: fn(f64, f64) -> f64| item.iter().map(|s| s.value(FLICKER)).reduce(pick).unwrap_or(f64::NAN);
         let (low, high) = (flicker(f64::min), flicker(f64::max));
         let more = if high - low > SMALL * high.abs().max(low.abs()) { format!(" to {}", number(high)) } else { String::new() };
-        // The text of `price` ends with the flicker of its choice. It is taken from the choice with the smallest flicker, so that it begins the
-        // range.
+        // `price` writes the flicker at the end of its text. It is called for the choice with the smallest flicker, so that the appended upper end
+        // makes this number a range.
         let least = item.iter().copied().find(|s| s.value(FLICKER) <= low).unwrap_or(item[0]);
         format!("{name} ({}{more})", price(table, least))
     };
@@ -280,8 +283,8 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
         if table.variants.len() > 1 || table.noises.len() > 1 { format!(" (with {}, {})", key.variant, key.noise) } else { String::new() };
     let head = format!("of {} values of {}{with}", rows.len(), table.parameter);
     let still_words = || still.iter().map(|(m, _)| m.words).collect::<Vec<_>>().join(", ");
-    // The metric that changes the most is taken as the purpose of the parameter. Clumping is chosen only if no other metric changes, because it is
-    // the price of fewer flips.
+    // The sentence treats the metric that changes the most as the purpose of the parameter. Clumping is treated as a side effect of fewer flips, so
+    // it is selected only if no other metric changes.
     let lead =
         moved.iter().copied().filter(|(m, _)| *m != CLUMPING).max_by(|a, b| spread(table, a.1, a.0).total_cmp(&spread(table, b.1, b.0)));
     let Some((metric, (best, worst))) = lead.or_else(|| moved.first().copied()) else {
@@ -344,7 +347,7 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
     };
     let mut parts = Vec::new();
     for resolve in table.temporal.iter().filter(|t| *t != base) {
-        // Deterministic choices have no noise to resolve and would only widen the range.
+        // Deterministic choices are omitted. A resolve has no noise to remove from them, so they would only widen the range of ratios.
         let pairs: Vec<(usize, usize)> = rows
             .iter()
             .copied()
@@ -379,15 +382,16 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
     (!parts.is_empty()).then(|| format!("against {base}, {}", parts.join("; ")))
 }
 
-/// The change of a metric.
+/// The result of comparing a metric before and after a temporal resolve.
 enum Change {
-    /// The metric changes; the text says how.
+    /// The metric changes; the text gives the values or their ratios.
     Moved(String),
     /// The metric changes by less than [`SMALL`].
     Still,
 }
 
-/// Describes the change of a metric from the first to the second row of each pair: by its values for one pair, by ratios for several pairs.
+/// Describes how a metric changes from the first to the second row of each pair. For a single pair the text gives both values, for several pairs it
+/// gives the range of ratios.
 fn change(table: &Table, pairs: &[(usize, usize)], metric: Metric) -> Option<Change> {
     let ratio = |&(a, b): &(usize, usize)| table.summaries[b].value(metric) / table.summaries[a].value(metric);
     let mut known: Vec<&(usize, usize)> = pairs.iter().filter(|p| ratio(p).is_finite() && ratio(p) > 0.0).collect();
@@ -455,7 +459,8 @@ fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
     Some(text)
 }
 
-/// Names the choices with the smallest and the largest error, for views without a measured cost. If no error was measured either, flicker is used.
+/// Names the choices with the smallest and the largest error. This is the sentence for views in which no cost was measured. If no error was measured
+/// either, flicker is used instead.
 fn without_cost(table: &Table, rows: &[usize]) -> Option<String> {
     let (metric, (low, high)) = [table.error, FLICKER].into_iter().find_map(|m| Some((m, extremes(table, rows, m)?)))?;
     let item = |i: usize| format!("{} ({})", table.label(&table.summaries[i].key), price(table, &table.summaries[i]));
@@ -494,8 +499,8 @@ mod tests {
     use crate::report::fake::{self, Rows, base, definition};
     use crate::row::Row;
 
-    /// Returns the verdict on choices. Each choice is given by a row with its columns, and by fetches, RMSE, flicker, flips and clumping (NaN = no
-    /// row).
+    /// Returns the verdict on a run with the given choices. Each choice consists of a row with its columns, and of five numbers: fetches, RMSE,
+    /// flicker, flip rate and clumping (NaN = the number has no row).
     fn said(choices: &[(Row, [f64; 5])]) -> String {
         let mut rows = Rows::new();
         for (row, values) in choices {
@@ -531,7 +536,7 @@ mod tests {
             "Of 3 variants, 2 are Pareto-optimal in fetches per pixel and RMSE: vt (4.0 fetches, RMSE 0.05, flicker 0.001) and splat (48.0 fetches, \
              RMSE 0.01, flicker 0)."
         );
-        // A choice that was dominated is on the front if it costs less.
+        // With fewer fetches, the third choice is no longer dominated, so it joins the front.
         all[2].1[0] = 12.0;
         assert!(said(&all).starts_with("Of 3 variants, 3 are Pareto-optimal"), "{}", said(&all));
         assert!(said(&all).contains("near-cliff (12.0 fetches, RMSE 0.02, flicker 0.01)"));
@@ -557,9 +562,9 @@ mod tests {
             text.contains("its shading is 2.53 times as fast as full splat everywhere and 1.17 times as fast as the generic kernel"),
             "{text}"
         );
-        // Items of the front beyond the list's limit are counted.
+        // A list is shortened if the front has more choices than its limit. The number of omitted choices is given.
         assert!(text.contains("more between them"), "{text}");
-        // Choices that have the same numbers with all noises are named once.
+        // A variant whose choices have equal numbers with all noises is named once.
         let text = verdict(&Table::of(&fake::variants(folder, &["cliff"], &fake::NOISES)));
         assert!(text.contains(": far-atlas (2.0 fetches, RMSE 0.102, flicker 0.000659), vt (4.0 fetches"), "{text}");
         // If the noise changes only the flicker, the range of the flicker is shown.
@@ -581,11 +586,11 @@ mod tests {
              clumping 0.5), and the most choices flip under white (flip rate 0.5, clumping 1), flicker ranges from 0.002 (hashed) to 0.005 (white), \
              RMSE is 0.05 under all."
         );
-        // One noise is best in both.
+        // If one noise has both the fewest flips and the least clumping, it is named once.
         let mut both = all.clone();
         both[0].1[4] = 0.4;
         assert!(said(&both).contains("hashed both flips and clumps least (flip rate 0.1, clumping 0.4)"), "{}", said(&both));
-        // If there are as many variants as noises, but no costs, noises are compared.
+        // There are as many variants as noises. The noises are compared, because no cost was measured.
         let mut more: Vec<_> = all
             .iter()
             .cloned()
@@ -593,7 +598,7 @@ mod tests {
             .collect();
         more.iter_mut().for_each(|l| l.1[0] = NONE);
         assert!(said(&more).starts_with("With auto, of 3 noises"), "{}", said(&more));
-        // Flips are always mentioned together with clumping, or with a note that clumping was not measured.
+        // Flips are always mentioned together with clumping, even if clumping was not measured.
         let mut lost = all.clone();
         lost.iter_mut().for_each(|l| l.1[4] = NONE);
         assert!(said(&lost).contains("hashed (flip rate 0.1, clumping not measured)"), "{}", said(&lost));
@@ -617,7 +622,7 @@ mod tests {
             "Of 3 values of blend.hash_scale, 4.0 has the smallest flip rate (0.06, against 0.6 at 0.5); clumping is 8 there and smallest at 0.5 (1), \
              flicker is smallest there, too (0.001); it changes RMSE, fetches per pixel by less than 2 %."
         );
-        // The metric that changes the most comes first.
+        // The sentence begins with the metric that changes the most.
         all[0].1[0] = 1000.0;
         assert!(said(&all).contains("1.0 has the smallest fetches per pixel (10, against 1000 at 0.5)"), "{}", said(&all));
         // No metric changes.
@@ -652,13 +657,13 @@ mod tests {
         let more = [(row("white", "off"), [10.0, 0.05, 0.004, 0.3, 1.0]), (row("white", "exponential"), [10.0, 0.05, 0.002, 0.3, 1.0])];
         let text = said(&[&one[..], &more[..]].concat());
         assert!(text.contains("takes flicker to 0.25 (hashed: 0.004 to 0.001) ... 0.5 (white: 0.004 to 0.002) times, RMSE to 0.6 (hashed: 0.05 to 0.03) ... 1 (white: 0.05 to 0.05) times"), "{text}");
-        // Ratios that are nearly equal are merged.
+        // Ratios that are nearly equal are given as one number.
         let text = said(
             &[&one[..], &more.clone().map(|(row, [a, b, c, d, e])| (row, [a, b * if c < 0.003 { 0.6 } else { 1.0 }, c / 2.0, d, e]))]
                 .concat(),
         );
         assert!(text.contains("RMSE to 0.6 times and"), "{text}");
-        // Without a pair there is nothing to compare with.
+        // If no choice was measured both with and without the resolve, nothing can be compared.
         assert!(said(&[one[0].clone(), more[1].clone()]).starts_with("No row"), "no pair");
     }
 
@@ -686,7 +691,7 @@ mod tests {
         );
         let many: Vec<_> = ["a", "b", "c", "d", "e"].map(|v| view(v, 4.0)).into();
         assert!(said(&many).ends_with(";\n2 more views are in the table."), "{}", said(&many));
-        // Without any useful number.
+        // No number of the run can be used.
         assert!(said(&[(base("a"), [NONE; 5])]).starts_with("No row of this run"));
     }
 }

@@ -1,4 +1,5 @@
-//! Costs if the lanes of a tile or patch run in lockstep: each pixel costs the fetches of all flavours that its tile or patch needs.
+//! Computes costs under the assumption that all pixels of a tile or patch are shaded in lockstep. Each pixel then costs the fetches of all flavours
+//! that occur in its tile or patch.
 
 use std::collections::HashMap;
 
@@ -8,7 +9,7 @@ use kernels::shading::Estimator;
 use kernels::variant::{Flavour, Variant};
 use kernels::world::NodeId;
 
-/// The settings that determine how many fetches a flavour takes.
+/// The settings that determine the number of fetches of each flavour.
 #[derive(Clone, Copy)]
 pub(super) struct Prices {
     pub(super) estimator: Estimator,
@@ -16,25 +17,25 @@ pub(super) struct Prices {
 }
 
 impl Prices {
-    /// Returns the number of fetches of a pixel that needs all flavours of a variant, in scenes without colour modulation.
+    /// Returns the number of fetches of a pixel that is shaded with all flavours of a variant. The scene must not have colour modulation.
     pub(super) fn of(self, variant: Variant) -> u32 {
         let twice = |flavour| self.two_tilings && flavour == Flavour::Splat && self.estimator.has_two_tilings();
         variant.flavours().map(|flavour| self.estimator.promised_fetches(flavour) * if twice(flavour) { 2 } else { 1 }).sum()
     }
 }
 
-/// Returns the index of the tile of pixel `at`; `tile` is the side of tiles in pixels.
+/// Returns the index of the tile that contains pixel `at`. `tile` is the side of a tile in pixels.
 fn tile_of(at: usize, size: [u32; 2], tile: u32) -> usize {
     let (x, y) = (at as u32 % size[0], at as u32 / size[0]);
     (y / tile * size[0].div_ceil(tile) + x / tile) as usize
 }
 
-/// Returns the mean cost of terrain pixels, where each pixel costs the flavours of its tile; `None` if no pixel shows terrain.
+/// Returns the mean cost of terrain pixels. The cost of a pixel is that of all flavours in its tile. `None` if no pixel shows terrain.
 pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, prices: Prices) -> Option<f64> {
     grouped(masks, prices, |at| tile_of(at, size, tile))
 }
 
-/// Returns, for each pixel, the flavours of its tile; 0 if the pixel shows no terrain.
+/// Returns the set of flavours in the tile of each pixel; 0 if the pixel shows no terrain.
 pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
     let mut sets = vec![0; (size[0].div_ceil(tile) * size[1].div_ceil(tile)) as usize];
     for (at, mask) in masks.iter().enumerate() {
@@ -43,8 +44,8 @@ pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
     masks.iter().enumerate().map(|(at, &mask)| if mask == 0 { 0 } else { sets[tile_of(at, size, tile)] }).collect()
 }
 
-/// Returns the mean cost of terrain pixels, where each pixel costs the flavours of its patch of 16 x 16 quads; `None` if no pixel shows terrain. The
-/// flavours of a patch are those of its visible pixels.
+/// Returns the mean cost of terrain pixels. The cost of a pixel is that of all flavours in its patch of 16 x 16 quads; only the visible pixels of the
+/// patch count. `None` if no pixel shows terrain.
 pub(super) fn per_patch(masks: &[u8], positions: &[[f32; 3]], renderer: &Renderer<'_>, drawn: &[NodeId], prices: Prices) -> Option<f64> {
     let layout = renderer.world().layout();
     let lods = quadtree::lod_map(drawn);
@@ -52,7 +53,7 @@ pub(super) fn per_patch(masks: &[u8], positions: &[[f32; 3]], renderer: &Rendere
         let [x, y, _] = positions[at].map(f64::from);
         let place = [x, y].map(|v| (v + layout.world_m() / 2.0) / layout.sector_m);
         let lod = quadtree::lod_at(&lods, place).unwrap_or(0);
-        // A node has 8 x 8 patches, and its side is 2^lod sectors.
+        // A node of the quadtree has 8 x 8 patches, and its side is 2^lod sectors.
         let patch = |v: f64| (v * 8.0 / f64::from(1u32 << lod)).floor() as i64;
         (lod, patch(place[0]), patch(place[1]))
     })
@@ -66,7 +67,7 @@ fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], prices: Prices, group: impl Fn
         entry.1 += 1;
     }
     let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| prices.of(variant));
-    // The sums are whole numbers, so the order in which the hash map yields the groups does not affect the result.
+    // The order in which the hash map yields the groups does not affect the sums, because they consist of integers.
     let (sum, pixels) = groups.values().fold((0, 0), |(sum, pixels), &(mask, n)| (sum + u64::from(cost(mask)) * n, pixels + n));
     (pixels > 0).then(|| sum as f64 / pixels as f64)
 }
@@ -79,13 +80,13 @@ mod tests {
 
     #[test]
     fn a_tile_pays_for_what_any_of_its_pixels_needs() {
-        // 8 x 4 pixels: the left half needs the far atlas (2 fetches) and the right half the virtual texture (4 fetches). In the left half, one pixel
-        // needs the near cliff (12 fetches) instead. In the right half, one pixel shows sky.
+        // The picture has 8 x 4 pixels. The left half needs the far atlas (2 fetches), except one pixel that needs the near cliff (12 fetches). The
+        // right half needs the virtual texture (4 fetches), except one pixel that shows sky.
         let mut masks: Vec<u8> = (0..32).map(|i| if i % 8 < 4 { 2 } else { 1 }).collect();
         masks[3] = 4;
         masks[31] = 0;
         let of = |tile| per_tile(&masks, [8, 4], tile, FC5);
-        // In tiles of 4 x 4 pixels, 16 pixels on the left cost 2 + 12 = 14 each, and 15 pixels on the right cost 4 each.
+        // In tiles of 4 x 4 pixels, each of the 16 pixels on the left costs 2 + 12 = 14, and each of the 15 terrain pixels on the right costs 4.
         assert_eq!(of(4), Some((14.0 * 16.0 + 4.0 * 15.0) / 31.0));
         assert_eq!(of(8), Some(18.0));
         // In tiles of one pixel, each pixel costs only its own flavour.

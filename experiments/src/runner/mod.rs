@@ -1,8 +1,8 @@
-//! Carries out the parts of a run on a device: references, sweeps and times.
+//! Carries out the parts of a run on a device. A part renders a reference, measures a sweep, or measures times.
 //!
-//! A *sweep* measures one view with one estimator, noise and resolve. In each frame, the geometry is drawn once and each flavour is shaded once on
-//! every pixel. The pictures of all variants are composed from the layers of the flavours (`kernels::composition`). *Times* are measured with the
-//! variants' own pipelines.
+//! A *sweep* measures one view with one estimator, noise and temporal resolve. In each frame, the geometry is drawn once. Each flavour is then shaded
+//! once on every pixel and stored as a layer. The pictures of all variants are composed from these layers (`kernels::composition`). *Times* are
+//! measured differently: each variant is shaded by its own pipeline.
 
 mod costs;
 mod pictures;
@@ -31,7 +31,7 @@ use crate::metrics;
 use crate::row::Row;
 use crate::unit::{Measure, Outcome, Unit, Work, plan};
 
-/// A callback that ignores the renderer's progress, because progress is reported by the steps of a part.
+/// A callback that ignores the progress of the renderer. The progress of a part is reported by its own steps instead.
 const QUIET: &(dyn Fn(Progress) + Sync) = &|_| {};
 
 /// Carries out the parts of one definition.
@@ -43,33 +43,34 @@ pub struct Runner<'a> {
     stage: Option<Stage<'a>>,
 }
 
-/// The state that is kept between parts that have the same value of the varied parameter.
+/// The state that is kept while successive parts have the same value of the varied parameter.
 struct Stage<'a> {
     setting: Setting,
     choices: FrameSettings,
     renderer: Renderer<'a>,
     layers: Layers,
-    /// Layers of the exact blend, with the pose and frame for which they were drawn.
+    /// Layers of the blend without random choices, with the pose and frame for which they were drawn.
     exact: Option<(Pose, u32, Layers)>,
     fixed: Fixed,
 }
 
-/// Results that do not depend on the noise, so that all parts of one view and estimator share them.
+/// Results that do not depend on the noise. All parts with the same view and estimator share them.
 #[derive(Default)]
 struct Fixed {
     view: String,
     estimator: Option<Estimator>,
-    /// Layers of flavours that draw no random numbers, for each frame.
+    /// For each frame and sample pattern: layers of the flavours that draw no random numbers.
     frames: HashMap<(u32, SamplePattern), Layers>,
-    /// Rows of the variants that draw no random numbers. Parts with a different noise copy these rows and write that noise into them.
+    /// For each resolve: rows of the variants that draw no random numbers. Parts with a different noise copy these rows and only change the column
+    /// `noise`.
     rows: HashMap<Resolve, Vec<Row>>,
 }
 
-/// Largest total size of the layers in [`Fixed::frames`], bytes. Layers that do not fit are shaded again for each noise.
+/// Limit of the total size of the layers in [`Fixed::frames`], bytes. Layers beyond the limit are not kept, so they are shaded again for each noise.
 const FIXED_BYTES: u64 = 1 << 30;
 
 impl Fixed {
-    /// Clears the results if they belong to a different view or estimator.
+    /// Prepares the results for this view and estimator. Results of a different view or estimator are discarded.
     fn of(&mut self, view: &str, estimator: Estimator) {
         if self.view != view || self.estimator != Some(estimator) {
             *self = Fixed { view: view.to_owned(), estimator: Some(estimator), ..Fixed::default() };
@@ -87,7 +88,7 @@ impl<'a> Runner<'a> {
         Ok(Runner { gpu, definition, imported: imported.map(Path::to_owned), variants, stage: None })
     }
 
-    /// Creates the renderer for a setting if it does not exist yet. It is kept until a different setting is needed.
+    /// Ensures that the renderer for a setting exists. The renderer is kept until a different setting is needed.
     fn prepare(&mut self, setting: &Setting) -> Result<()> {
         if self.stage.as_ref().is_some_and(|stage| &stage.setting == setting) {
             return Ok(());
@@ -95,8 +96,8 @@ impl<'a> Runner<'a> {
         let scene = self.definition.scene(setting, self.imported.as_deref())?;
         let choices = self.definition.frame_settings(setting).map_err(|what| anyhow!("experiment `{}`: {what}", self.definition.name))?;
         if let Some(stage) = self.stage.as_mut().filter(|stage| stage.choices == choices) {
-            // This succeeds if the scenes differ only in settings such as the blend, the distances of flavours or the light. Then the world and the
-            // textures are reused.
+            // `retune` succeeds if the scenes differ only in settings such as the blend, the distances of flavours or the light. In this case, the
+            // world and the textures are kept.
             if stage.renderer.retune(&scene)? {
                 stage.setting.clone_from(setting);
                 stage.exact = None;
@@ -104,7 +105,7 @@ impl<'a> Runner<'a> {
                 return Ok(());
             }
         }
-        // The old renderer is dropped first, to free its memory.
+        // The old renderer is dropped before the new one is created, so that its memory is free.
         self.stage = None;
         let options = RendererOptions { tile: choices.tile, ..RendererOptions::default() };
         let renderer = Renderer::with(self.gpu, &scene, options, QUIET)?;
@@ -141,7 +142,7 @@ where
     Ok(text.parse::<T>()?)
 }
 
-/// The columns that are the same in all rows of a part.
+/// The columns that have the same value in all rows of a part.
 struct Labels<'a> {
     definition: &'a Definition,
     scene: &'a str,
@@ -151,7 +152,7 @@ struct Labels<'a> {
     temporal: &'a str,
 }
 
-/// The columns that distinguish a row within a part.
+/// The columns whose values differ between the rows of a part.
 #[derive(Clone, Copy, Default)]
 struct Mark {
     frame: Option<u32>,
@@ -164,7 +165,7 @@ impl Mark {
         Mark { frame: Some(frame), ..Mark::default() }
     }
 
-    /// Returns this mark with a lag. Lags are counted from 1.
+    /// Returns a copy with the given lag. Lags are counted from 1.
     fn lag(self, lag: usize) -> Mark {
         Mark { lag: u32::try_from(lag).ok(), ..self }
     }
@@ -208,7 +209,7 @@ impl Labels<'_> {
     }
 }
 
-/// Returns the flavours that the variants of a list may need in the renderer's scene.
+/// Returns the flavours that any of the variants may need, as far as the renderer's scene supports them.
 fn flavours_of(renderer: &Renderer<'_>, variants: &[(String, VariantChoice)]) -> Option<Variant> {
     let available = |flavour: Flavour| flavour != Flavour::VirtualTexture || renderer.demands().has(flavour);
     let wanted = |flavour: &Flavour| available(*flavour) && variants.iter().any(|(_, choice)| choice.may_use(*flavour));
@@ -223,8 +224,8 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
 }
 
 impl Stage<'_> {
-    /// Shades the flavours of `needed` on every pixel of one view. Flavours that draw random numbers are shaded again in each call. The remaining
-    /// flavours are shaded once for all noises, if their layers fit into [`FIXED_BYTES`].
+    /// Shades each flavour of `needed` on every pixel of a view. Flavours that draw random numbers are shaded in each call. The layers of other
+    /// flavours are kept for all noises, if they fit into [`FIXED_BYTES`].
     fn draw(&mut self, request: &RenderRequest, needed: Variant) -> Result<Layers> {
         let [drawing, fixed] = split(needed, request.shading.estimator);
         let key = (request.shading.frame, request.shading.sample_pattern);
@@ -239,13 +240,13 @@ impl Stage<'_> {
             self.renderer.draw_flavours(request, fixed, &layers)?;
             self.fixed.frames.insert(key, layers);
         }
-        // This is drawn in every call and last, because the measurements read the geometry of the frame that was drawn last.
+        // These flavours are drawn last, and in every call, because the measurements read the geometry of the frame that was drawn last.
         self.renderer.draw_flavours(request, drawing, &self.layers)?;
         Ok(self.layers.with(&self.fixed.frames[&key], fixed))
     }
 }
 
-/// Returns the variant with which a choice is composed; `None` = each pixel is composed from the flavours that it needs.
+/// Returns the variant whose flavours are composed at every pixel. `None` = each pixel is composed from the flavours that it needs.
 fn composed(choice: VariantChoice) -> Option<Variant> {
     match choice {
         VariantChoice::Auto | VariantChoice::GenericAuto => None,
@@ -253,7 +254,7 @@ fn composed(choice: VariantChoice) -> Option<Variant> {
     }
 }
 
-/// Returns the request with the settings of the reference blend, which takes 96 fetches.
+/// Returns a copy of the request that renders the reference blend, which takes 96 fetches.
 fn truth(request: &RenderRequest) -> RenderRequest {
     request.with(|r| {
         r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::Splat));
@@ -263,7 +264,7 @@ fn truth(request: &RenderRequest) -> RenderRequest {
     })
 }
 
-/// Whether variants are chosen by terrain patch instead of by screen tile.
+/// Whether the variant is chosen for each patch of terrain. Otherwise it is chosen for each tile of the screen.
 fn by_patch(choices: &FrameSettings) -> bool {
     choices.classification == ClassifyBy::Patch
 }

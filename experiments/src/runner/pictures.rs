@@ -1,4 +1,4 @@
-//! Pictures that a run stores with its numbers, and a list of what they show.
+//! Pictures that a run stores, and the list that describes them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,9 +19,9 @@ use crate::judge::video::commands;
 use crate::store::{PICTURES, RunPicture, VIDEO, write_with};
 use crate::unit::Unit;
 
-/// Remedy if a picture cannot be written.
+/// The remedy in error messages about pictures that cannot be written.
 const ROOM: &str = "make room if the disk is full";
-/// Difference in luminance that a flicker map shows as white.
+/// Smallest difference in luminance for which a flicker map has the last colour of its scale, which is almost white.
 const MAP_WHITE: f64 = 0.25;
 
 /// The kind of a picture.
@@ -29,11 +29,11 @@ const MAP_WHITE: f64 = 0.25;
 pub(super) enum Kind {
     /// Albedo of a frame.
     Frame,
-    /// The change of each pixel since the previous frame.
+    /// Difference in luminance between each pixel and the same terrain point in the previous frame.
     FlickerMap,
     /// The converged reference.
     Reference,
-    /// The flavours of each tile.
+    /// The flavours that are shaded in each tile.
     TileMap,
 }
 
@@ -49,7 +49,7 @@ impl Kind {
     }
 }
 
-/// The pictures of one part.
+/// The pictures of one part of a run.
 pub(super) struct Sheet {
     folder: PathBuf,
     part: String,
@@ -65,7 +65,7 @@ impl Sheet {
         Sheet { folder: run.join(PICTURES), part: unit.id.clone(), blank, entries: Vec::new() }
     }
 
-    /// Sets the variant, estimator, noise and resolve of the pictures that are added next.
+    /// Sets the variant, estimator, noise and resolve of all pictures that are added after this call.
     pub(super) fn of(&mut self, labels: &Labels<'_>, variant: &str) -> &mut Sheet {
         let text = |s: &str| s.to_owned();
         self.blank.variant = text(variant);
@@ -75,7 +75,7 @@ impl Sheet {
         self
     }
 
-    /// Writes a picture and adds it to the list; `name` distinguishes it from the other pictures of the part.
+    /// Writes a picture and adds it to the list. `name` must be unique among the pictures of the part.
     pub(super) fn keep(&mut self, kind: Kind, name: &str, title: &str, caption: &str, size: [u32; 2], texels: &[[u8; 3]]) -> Result<()> {
         fs::create_dir_all(&self.folder).with_context(|| format!("cannot make the folder {}", self.folder.display()))?;
         let file = format!("{}-{name}.png", self.part);
@@ -101,22 +101,22 @@ impl Sheet {
     }
 }
 
-/// Frame rate in the command lines of video metrics, frames per second. It is a common target of games.
+/// Frame rate in the command lines of tools for video quality, frames per second. It is a common target of games.
 const FRAMES_PER_SECOND: f64 = 60.0;
 
-/// Returns the folder of the PNG sequence of one variant of a part, or of its reference if `variant` is empty.
+/// Returns the folder of the PNG sequence of one variant of a part. If `variant` is empty, returns the folder of the reference sequence.
 pub(super) fn sequence(run: &Path, reference_part: &str, part: &str, variant: &str) -> PathBuf {
     let folder = run.join(VIDEO);
     if variant.is_empty() { folder.join(reference_part) } else { folder.join(format!("{part}-{variant}")) }
 }
 
-/// Writes a frame of a sequence.
+/// Writes one frame of a sequence as PNG.
 pub(super) fn write_frame(folder: &Path, frame: u32, size: [u32; 2], texels: &[[f32; 3]]) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     write_png_texels(&folder.join(format!("{frame:04}.png")), size, &display(texels)).context(ROOM)
 }
 
-/// Writes `judge.txt` next to the frames of a sequence. It holds the command lines that compare the sequence with that of the reference.
+/// Writes `judge.txt` into the folder of a sequence. The file contains the command lines that compare the sequence with the reference sequence.
 pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Result<()> {
     let pattern = |folder: &Path| format!("../{}/%04d.png", folder.file_name().unwrap_or_default().to_string_lossy());
     let text = commands(&pattern(test), &pattern(reference), FRAMES_PER_SECOND, size);
@@ -124,13 +124,14 @@ pub(super) fn write_judges(test: &Path, reference: &Path, size: [u32; 2]) -> Res
     write_with(&file, |output| output.write_all(text.as_bytes()))
 }
 
-/// Encodes linear albedo for display: as sRGB without tone mapping, because the pictures show albedo and not light.
+/// Encodes linear albedo as sRGB for display. There is no tone mapping, because the pictures show albedo and not light.
 pub(super) fn display(texels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     texels.iter().map(|t| t.map(srgb_code)).collect()
 }
 
-/// Returns a map, in the colours of magma, of the difference in luminance between each pixel of a stream's last picture and the same terrain point in
-/// the frame before. Pixels whose point was not visible in the frame before are black.
+/// Returns a map of flicker in the colours of magma. It shows the difference in luminance between each pixel of the last picture of `stream` and the
+/// same terrain point in the frame before. `stream` is the index of a variant in `meter`. Pixels whose terrain point was not visible in the frame
+/// before are black.
 pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let (now, before) = (meter.picture(gpu, stream, 0)?, meter.picture(gpu, stream, 1)?);
@@ -147,12 +148,12 @@ pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2
     Ok(now.iter().zip(&links).map(colour).collect())
 }
 
-/// Legend for the colours of a tile map.
+/// Legend of the colours of a tile map.
 pub(super) const TILE_MAP_LEGEND: &str =
     "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixed colours: several flavours.";
 
-/// Returns a picture in which the colour of each pixel's flavours is mixed half and half with the pixel of `picture`. `sets` holds the flavours of
-/// each pixel; 0 = none.
+/// Mixes each pixel of `picture` with the colour of the pixel's flavours, half and half. `sets` contains the flavours of each pixel; 0 = none, and
+/// the pixel is unchanged.
 pub(super) fn tile_map(sets: &[u8], picture: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let colour = |(&set, &seen): (&u8, &[u8; 3])| {
         let Some(variant) = Variant::new(set) else { return seen };

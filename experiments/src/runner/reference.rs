@@ -1,10 +1,10 @@
-//! The converged reference of a view, and the differences between the frames of the reference sequence.
+//! Renders the converged reference of a view, and measures the differences between the frames of the reference sequence.
 //!
-//! The reference is the 96-fetch blend, averaged over each pixel's square. Samples are taken in batches of 8 points of the R2 sequence, and each
-//! batch is shifted by its own random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and batches are independent, so
-//! the standard error of the mean over batches follows from the scatter of the batches. The number of batches is doubled until this error is at most
-//! a tenth of the error of the 96-fetch blend with one sample per pixel. Without a resolve, no shading is expected to have a smaller error than that
-//! blend.
+//! The reference is the 96-fetch blend, averaged over the square of each pixel. Samples are taken in batches. A batch consists of 8 points of the R2
+//! sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different batches are
+//! independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the standard
+//! error is at most a tenth of the error of the 96-fetch blend with one sample per pixel. No shading without a temporal resolve is expected to have a
+//! smaller error than that blend.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -31,41 +31,41 @@ use crate::unit::{Outcome, Unit};
 
 /// Samples per batch.
 const BATCH: u32 = 8;
-/// Smallest number of batches. Fewer batches would not give a usable estimate of the standard error.
+/// Smallest number of batches. The standard error cannot be estimated well from fewer batches.
 const MIN_BATCHES: u32 = 4;
-/// Largest accepted ratio of the reference's standard error to the errors that are measured against the reference.
+/// Largest accepted ratio of the reference's standard error to the smallest error that is measured against the reference.
 pub(super) const SHARE: f64 = 0.1;
 
-/// The facts about a reference, apart from its picture.
+/// Facts about a reference, which are stored next to its picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Record {
     /// Samples per pixel.
     pub(super) spp: u32,
-    /// Root mean square of the picture's standard error over terrain pixels and channels.
+    /// Root mean square, over terrain pixels and channels, of the standard error.
     pub(super) standard_error: f64,
-    /// For each frame, the mean absolute difference in luminance from the frames 1 to 4 before it; `None` if there is no such frame, or if no terrain
-    /// point is visible in both frames.
+    /// For each frame, the mean absolute difference in luminance from the frame that is 1, 2, 3 and 4 frames earlier. `None` if that frame does not
+    /// exist, or if no terrain point is visible in both frames.
     pub(super) differences: Vec<[Option<f64>; LAGS]>,
-    /// 95th percentile of the difference at lag 1, over all frames.
+    /// 95th percentile of the difference in luminance from the previous frame, over all frames.
     pub(super) difference_p95: Option<f64>,
 }
 
-/// A reference: its picture, the pixels that are compared with it, and its record.
+/// A reference: its picture, the pixels that may be compared with it, and facts about it.
 pub(super) struct Reference {
     /// Linear albedo.
     pub(super) albedo: Vec<[f32; 3]>,
-    /// Pixels that are terrain in every sample.
+    /// Whether a pixel is compared. All samples of a compared pixel show terrain.
     pub(super) mask: Vec<bool>,
     /// The facts about the reference.
     pub(super) record: Record,
 }
 
 impl Reference {
-    /// Reads the reference that an earlier part wrote.
+    /// Reads a reference from the files that an earlier part wrote.
     pub(super) fn read(folder: &Path, part: &Unit) -> Result<Reference> {
         let file = &picture_file(folder, part);
         let image = Image::read(file, None).with_context(|| format!("the reference {} cannot be used", file.display()))?;
-        let mask = image.terrain().with_context(|| format!("{} does not say where terrain is", file.display()))?;
+        let mask = image.terrain().with_context(|| format!("{} has no alpha that marks terrain", file.display()))?;
         let record = file.with_extension("json");
         let bytes = fs::read(&record).with_context(|| format!("cannot read {}", record.display()))?;
         let record = serde_json::from_slice(&bytes).with_context(|| format!("{} is corrupt", record.display()))?;
@@ -73,12 +73,12 @@ impl Reference {
     }
 }
 
-/// Returns the file name of a reference's picture in a run's folder. The record is stored next to the picture.
+/// Returns the file of a reference's picture in the folder of a run. The facts about the reference are stored next to it.
 fn picture_file(folder: &Path, part: &Unit) -> PathBuf {
     folder.join(REFERENCE).join(format!("{}.exr", part.id))
 }
 
-/// Sums of the samples of each pixel.
+/// Moments of the batches of samples at each pixel.
 struct Accumulated {
     batches: Vec<[Moments<f64>; 3]>,
     terrain: Vec<bool>,
@@ -90,7 +90,7 @@ impl Accumulated {
         Accumulated { batches: vec![[Moments::new(); 3]; pixels], terrain: vec![true; pixels], count: 0 }
     }
 
-    /// Renders a batch of samples and adds it.
+    /// Renders a batch of samples and adds its mean.
     fn add(&mut self, renderer: &mut Renderer<'_>, request: &RenderRequest) -> Result<()> {
         let mut sums = vec![[0.0f64; 3]; self.batches.len()];
         for i in 0..BATCH {
@@ -114,7 +114,7 @@ impl Accumulated {
         self.batches.iter().map(|m| std::array::from_fn(|k| m[k].mean() as f32)).collect()
     }
 
-    /// Returns the root mean square of the standard error over terrain pixels and channels.
+    /// Returns the root mean square, over terrain pixels and channels, of the standard error.
     fn standard_error(&self) -> f64 {
         let squares = self.batches.iter().zip(&self.terrain).filter(|(_, on)| **on);
         let all = squares.flat_map(|(m, _)| m.iter().map(|m| m.standard_error().unwrap_or(0.0).powi(2)));
@@ -122,7 +122,7 @@ impl Accumulated {
         if n > 0.0 { (sum / n).sqrt() } else { 0.0 }
     }
 
-    /// Returns the root mean square difference between a picture and the mean, over terrain pixels and channels.
+    /// Returns the root mean square, over terrain pixels and channels, of the difference between a picture and the mean of all samples.
     fn distance(&self, texels: &[[f32; 3]]) -> f64 {
         let pairs = self.batches.iter().zip(texels).zip(&self.terrain).filter(|(_, on)| **on);
         let all = pairs.flat_map(|((m, t), _)| (0..3).map(move |k| (m[k].mean() - f64::from(t[k])).powi(2)));
@@ -131,7 +131,8 @@ impl Accumulated {
     }
 }
 
-/// Returns point `i` of batch `batch`, relative to the pixel's centre: a point of the R2 sequence (Roberts 2018), shifted by a hash of the batch.
+/// Returns point `i` of batch `batch`, relative to the centre of the pixel. It is a point of the R2 sequence (Roberts 2018), shifted by a hash of the
+/// batch.
 fn sample_point(batch: u32, i: u32) -> [f64; 2] {
     const G: f64 = 1.324_717_957_244_746;
     let shift = hash::pcg4d([batch, 0, 0, 0x5c1ee]);
@@ -142,8 +143,8 @@ fn sample_point(batch: u32, i: u32) -> [f64; 2] {
 }
 
 impl Runner<'_> {
-    /// Renders the reference of a view. The picture is that of the last frame. The differences between frames come from the sequence of 96-fetch
-    /// pictures with one sample per pixel.
+    /// Renders the reference of a view at its last frame. The differences between frames are measured in a sequence of 96-fetch pictures with one
+    /// sample per pixel.
     pub(super) fn reference(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let (gpu, definition) = (self.gpu, self.definition);
         let stage = self.stage.as_mut().context("prepared")?;
@@ -155,7 +156,7 @@ impl Runner<'_> {
         let most = (settings.max_spp / BATCH).max(batches);
         let total = u64::from(definition.frames + most);
 
-        // The reference uses the frame settings of the sweeps, so that errors come from shading only.
+        // The reference and the sweeps have the same frame settings, so their pictures differ only because of the shading.
         let choices = stage.choices;
         let mut meter = renderer.meter(size, &[Resolve::Off])?;
         let mut differences = Vec::new();
@@ -282,7 +283,8 @@ mod tests {
                 counts[cell(x) + 4 * cell(y)] += 1;
             }
         }
-        // Each of the 16 cells should hold 64 of the 1024 points. For independent random points, the standard deviation of this count would be 8.
+        // Each of the 16 cells contains 64 of the 1024 points on average. The limits allow a deviation of 20. With independent random points, the
+        // count would have a standard deviation of 8.
         assert!(counts.iter().all(|&count| (44..=84).contains(&count)), "{counts:?}");
         assert_ne!(sample_point(0, 0), sample_point(1, 0));
     }
@@ -295,8 +297,8 @@ mod tests {
             all.batches[0].iter_mut().for_each(|m| m.add([value, 0.0]));
             all.batches[1].iter_mut().for_each(|m| m.add([100.0 * value, 0.0]));
         }
-        // The means 1, 2 and 3 of the three batches have a variance of 1, so the standard error of their mean is sqrt(1 / 3). The second pixel is
-        // ignored, because it is not terrain.
+        // At the first pixel, the means of the three batches are 1, 2 and 3. Their variance is 1, so the standard error of the overall mean is sqrt(1
+        // / 3). The second pixel is ignored, because it is not terrain.
         assert!((all.standard_error() - (1.0f64 / 3.0).sqrt()).abs() < 1e-12);
         assert!((all.distance(&[[2.5; 3], [0.0; 3]]) - 0.5).abs() < 1e-12);
         assert_eq!(all.mean()[0], [2.0; 3]);

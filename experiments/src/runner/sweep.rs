@@ -1,4 +1,4 @@
-//! Measures one view with one estimator, noise and resolve: all variants over all frames and seeds.
+//! Measures a sweep: one view with one estimator, noise and temporal resolve, for all variants, frames and seeds.
 
 use std::path::Path;
 
@@ -24,11 +24,11 @@ use crate::process::{check_interrupted, error_line};
 use crate::row::Row;
 use crate::unit::{Outcome, Unit};
 
-/// Largest number of bands of a spectrum.
+/// Limit of the number of bands of a spectrum.
 const BANDS: u32 = 24;
-/// Number of pixels of the square's side per band, so that a band contains enough frequencies.
+/// The side of the square has at least this number of pixels for each band, so that each band contains enough frequencies.
 const PIXELS_PER_BAND: u32 = 8;
-/// Largest side of the square from which a spectrum is computed, pixels.
+/// Limit of the side of the square from which a spectrum is computed, pixels.
 const SPECTRUM_SIDE: u32 = 256;
 
 /// The estimator, noise and resolve of a sweep.
@@ -39,13 +39,13 @@ pub(super) struct How {
 }
 
 impl How {
-    /// Whether a choice may draw random numbers. If it does not, every noise gives the same result.
+    /// Whether a choice of variants may draw random numbers. If it draws none, the result does not depend on the noise.
     fn draws(&self, choice: VariantChoice) -> bool {
         Flavour::ALL.into_iter().any(|f| choice.may_use(f) && self.estimator.is_stochastic(Variant::only(f)))
     }
 }
 
-/// Sums from which the means over the frames of one variant are computed.
+/// Sums over the frames of one variant, from which means over frames are computed.
 struct Followed {
     fetches: Moments<f64>,
     rejections: Moments<f64>,
@@ -67,20 +67,20 @@ impl Default for Followed {
     }
 }
 
-/// Adds `value` to the moments over frames, and returns `value`.
+/// Adds the value of one frame to `moments`, and returns the value.
 fn add(moments: &mut Moments<f64>, value: f64) -> f64 {
     moments.add([value, 0.0]);
     value
 }
 
 impl Runner<'_> {
-    /// Measures a sweep: first all frames, then errors at the last frame, then seeds at the last frame.
+    /// Measures a sweep: first all frames, then the errors of the last frame, then several seeds for the last frame.
     pub(super) fn sweep(&mut self, unit: &Unit, how: &How, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let reference_part = self.reference_of(unit)?;
         let reference = match Reference::read(folder, &reference_part) {
             Ok(reference) => reference,
-            // The reference may have been removed or damaged after its part was done. Rendering it again gives the same result.
+            // The reference may have been removed or damaged since it was rendered. Rendering it again gives the same result.
             Err(error) => {
                 eprintln!("note: {}; the reference is rendered again", error_line(&error));
                 self.reference(&reference_part, folder, step)?;
@@ -95,7 +95,7 @@ impl Runner<'_> {
 
         let stage = self.stage.as_mut().context("prepared")?;
         stage.fixed.of(&unit.view, how.estimator);
-        // If a sweep with a different noise has already measured the choices that draw no random numbers, their rows are reused.
+        // Choices that draw no random numbers may have been measured by a sweep with a different noise. In this case, their rows are reused.
         let known = stage.fixed.rows.get(&how.resolve).cloned();
         let choices: Vec<(String, VariantChoice)> =
             self.variants.iter().filter(|(_, choice)| known.is_none() || how.draws(*choice)).cloned().collect();
@@ -112,7 +112,7 @@ impl Runner<'_> {
             })
         };
 
-        // The meter compares each frame with up to 4 frames before it.
+        // The meter compares each frame with each of the up to 4 frames before it.
         let mut meter = stage.renderer.meter(size, &vec![how.resolve; variants.len()])?;
         let mut followed: Vec<Followed> = variants.iter().map(|_| Followed::default()).collect();
         for frame in 0..frames {
@@ -139,7 +139,7 @@ impl Runner<'_> {
             over_frames(&labels, &mut rows, name, followed, &reference, how.resolve)?;
         }
 
-        // Measures errors and stores pictures at the last frame.
+        // Measures the errors of the last frame and stores pictures of it.
         step(u64::from(frames), total);
         let last = frames - 1;
         let pose = views::pose(definition, &stage.renderer, &unit.view, last)?;
@@ -149,7 +149,8 @@ impl Runner<'_> {
         self.costs(&choices, &labels, &judged, &meter, &mut sheet, &mut rows)?;
         sheet.finish()?;
 
-        // If there is no resolve, seeds at the last frame give bias, variance, clumping and spectrum.
+        // Bias, variance, clumping and spectrum are measured in pictures of the last frame with different seeds. They are measured only without a
+        // temporal resolve.
         if how.resolve == Resolve::Off && definition.seeds >= 2 {
             let done = |seed: u32| step(u64::from(frames + 1 + seed), total);
             self.seeds(needed, how, &choices, &labels, &judged, &variants, &mut rows, &done)?;
@@ -166,7 +167,7 @@ impl Runner<'_> {
         Ok(Outcome { rows, times: Vec::new() })
     }
 
-    /// Measures the errors of the last picture of each variant, and stores pictures.
+    /// Measures the errors of each variant in the last frame, and stores pictures.
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn errors(
         &self,
@@ -182,7 +183,7 @@ impl Runner<'_> {
         let mark = Mark::frame(definition.frames - 1);
         let read = |stream: usize| meter.picture(self.gpu, stream, 0);
         let pictures: Vec<Vec<[u32; 2]>> = (0..choices.len()).map(read).collect::<kernels::base::error::Result<_>>()?;
-        // FLIP takes longer than rendering, so the pictures are judged in parallel on all CPU cores.
+        // The errors are computed in parallel on all CPU cores, because FLIP takes longer than rendering.
         let judged: Vec<(Vec<[f32; 3]>, judge::Errors)> = pictures
             .par_iter()
             .map(|picture| {
@@ -220,7 +221,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Computes each choice's cost if the lanes of a tile or patch run in lockstep, and stores a map of the tiles.
+    /// Computes the cost of each choice if the pixels of a tile or patch are shaded in lockstep, and stores a map of the tiles.
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn costs(
         &mut self,
@@ -240,7 +241,7 @@ impl Runner<'_> {
                 Some(variant) => Some(f64::from(prices.of(variant))),
                 None => {
                     let aovs = AovSet::from_names(if by_patch(&stage.choices) { &["mask", "position"][..] } else { &["mask"][..] })?;
-                    // The cheapest shading is used, because only the masks are needed.
+                    // Only the masks are needed, so the cheapest shading is used.
                     let cheap = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
                     let request = judged.with(|r| {
                         r.outputs.aovs = aovs;
@@ -253,7 +254,7 @@ impl Runner<'_> {
                     match picture.vectors("position") {
                         Some(positions) => costs::per_patch(&masks, positions, &stage.renderer, &picture.report.drawn, prices),
                         None => {
-                            // One map is enough, because `generic` has the same tiles as `auto`.
+                            // One map is stored, because `auto` and `generic` choose the same variant for each tile.
                             if !mapped {
                                 let albedo: Vec<[f32; 3]> =
                                     meter.picture(self.gpu, stream, 0)?.iter().map(|s| signal::colour(*s)).collect();
@@ -275,7 +276,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Measures bias, variance, clumping and spectrum of each variant over seeds.
+    /// Measures bias, variance and clumping of each variant over seeds, and the spectrum for the first seed.
     #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
     fn seeds(
         &mut self,
@@ -295,7 +296,7 @@ impl Runner<'_> {
         let pixels = size[0] * size[1];
         let [drawing, fixed] = split(needed, how.estimator);
 
-        // The exact blend is drawn once per view and frame, because noise does not change it.
+        // The blend without random choices does not depend on the noise, so it is drawn only once for each view and frame.
         let same = stage.exact.as_ref().is_some_and(|(pose, frame, _)| *pose == judged.view.pose && *frame == judged.shading.frame);
         if !same {
             let layers = Layers::new(gpu, size);
@@ -349,7 +350,7 @@ impl Runner<'_> {
                     spectrum(labels, rows, name, size, &now?, &exact?)?;
                 }
             }
-            // If no flavour draws random numbers, every seed gives the same result, so one seed is enough.
+            // If no flavour draws random numbers, all seeds give the same result, so the first seed is enough.
             if drawing.is_none() {
                 break;
             }
@@ -362,15 +363,15 @@ impl Runner<'_> {
         for (i, (name, _)) in choices.iter().enumerate() {
             let numbers = (finished[i].terrain * 3.0).max(1.0);
             labels.put(rows, name, metrics::BIAS, mark, bias[i].mean(), bias[i].standard_error())?;
-            // If there is no bias, the squared error of each seed is an estimate of the variance. The scatter of these estimates gives the standard
-            // error of the variance.
+            // If there is no bias, the squared error of each seed is an estimate of the variance. The standard error of the variance is computed from
+            // the scatter of these estimates over the seeds.
             labels.put(rows, name, metrics::VARIANCE, mark, finished[i].variance / numbers, squared[i].standard_error())?;
             if clumping[i].count > 0 {
                 labels.put(rows, name, metrics::CLUMPING, mark, clumping[i].mean(), clumping[i].standard_error())?;
             }
         }
 
-        // Computes the variance that theory predicts. It is only known for the estimator of Far Cry 5.
+        // Computes the variance that theory predicts. The prediction exists only for the estimator of Far Cry 5.
         let cliffs = Variant::new(needed.mask() & (Flavour::NearCliff.bit() | Flavour::FarCliff.bit()));
         if let (Estimator::Fc5, Some(cliffs)) = (how.estimator, cliffs) {
             let theory = Layers::new(gpu, size);
@@ -393,13 +394,13 @@ impl Runner<'_> {
     }
 }
 
-/// Whether pictures of a choice are stored. This is the case for single flavours and for automatic choices. If the choice draws no random numbers,
-/// its pictures are stored only for the first noise.
+/// Whether pictures of a choice are stored. They are stored for single flavours and for automatic choices. If the choice draws no random numbers, one
+/// noise is enough, so its pictures are stored only for the first noise.
 fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
     composed(choice).is_none_or(|variant| variant.flavours().count() == 1) && (how.draws(choice) || labels.is_first_noise())
 }
 
-/// Adds the rows of one frame of one variant.
+/// Adds the rows of one variant for one frame.
 #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
 fn follow(
     labels: &Labels<'_>,
@@ -421,7 +422,7 @@ fn follow(
     for (lag, (sums, followed)) in sums.lags.iter().zip(&mut followed.lags).enumerate().take(frame as usize) {
         let mark = mark.lag(lag + 1);
         if sums.terrain == 0 {
-            // For lags above 1, only a quarter of the pixels is followed. These pixels may show no terrain although the picture does.
+            // For lags above 1, the meter follows only a quarter of the pixels. It is possible that none of these pixels shows terrain.
             continue;
         }
         let linked = sums.linked as f64;
@@ -443,7 +444,7 @@ fn follow(
     Ok(())
 }
 
-/// Adds the rows over all frames of one variant.
+/// Adds the rows of one variant over all frames.
 fn over_frames(
     labels: &Labels<'_>,
     rows: &mut Vec<Row>,
@@ -476,8 +477,8 @@ fn over_frames(
     Ok(())
 }
 
-/// Adds the rows of the spectrum of a picture's luminance error, over the largest square of terrain at the middle of the lower edge. Adds no rows if
-/// there is no sufficiently large square, or if the error is 0 everywhere.
+/// Adds the rows of the spectrum of a picture's error in luminance. It is computed from the largest square that contains only terrain and lies at the
+/// middle of the lower edge. If this square is too small, or if the error is 0 everywhere, no rows are added.
 fn spectrum(labels: &Labels<'_>, rows: &mut Vec<Row>, name: &str, size: [u32; 2], now: &[[u32; 2]], exact: &[[u32; 2]]) -> Result<()> {
     let mut side = SPECTRUM_SIDE.min(size[0]).min(size[1]) / 16 * 16;
     let inside = |side: u32| {

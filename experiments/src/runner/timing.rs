@@ -1,4 +1,4 @@
-//! Measures the device times of variants. Each variant is shaded by its own pipeline without counters.
+//! Measures the device times of variants. Each variant is shaded by its own pipeline, which counts no fetches.
 
 use std::collections::BTreeMap;
 
@@ -13,12 +13,12 @@ use crate::metrics;
 use crate::process::check_interrupted;
 use crate::unit::{Outcome, Unit};
 
-/// Number of timed pictures of each variant. One picture before them, which is not timed, warms up pipelines, pages and caches.
+/// Number of timed pictures of each variant. An additional picture before them is not timed. It warms up pipelines, pages and caches.
 const ROUNDS: u32 = 3;
 
 impl Runner<'_> {
-    /// Measures the times of all passes of each variant at the first frame: the median of three pictures. Variants take turns, so that a drift of the
-    /// machine affects all of them equally.
+    /// Measures the times of all passes of each variant in the first frame. The result is the median of three pictures. The variants take turns, so
+    /// that a drift of the machine's speed affects all variants equally.
     pub(super) fn time(&mut self, unit: &Unit, estimator: Estimator, noise: NoiseKind, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
         let stage = self.stage.as_mut().context("prepared")?;
@@ -33,7 +33,7 @@ impl Runner<'_> {
                 step(done, total);
                 check_interrupted()?;
                 done += 1;
-                // The geometry is the same for all variants, so in each round only the first picture draws it.
+                // All variants have the same geometry, so it is drawn only by the first picture of each round.
                 let request = choices.request(pose, definition.size, 0).with(|r| {
                     r.shading.variant = *choice;
                     r.shading.estimator = estimator;

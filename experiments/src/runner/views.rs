@@ -8,7 +8,7 @@ use kernels::view::camera::Pose;
 
 use crate::definition::{Definition, Motion, MovingView};
 
-/// Returns the pose of a frame of the view `name`, which is a moving view, a camera of the scene or a path of the scene.
+/// Returns the camera pose in a frame of the view `name`. The view is a moving view, a camera of the scene or a path of the scene.
 pub(super) fn pose(definition: &Definition, renderer: &Renderer<'_>, name: &str, frame: u32) -> Result<Pose> {
     let scene = renderer.scene();
     let ground = |x: f64, y: f64| renderer.ground_m(x, y);
@@ -25,7 +25,7 @@ pub(super) fn pose(definition: &Definition, renderer: &Renderer<'_>, name: &str,
     Ok(camera::along(path, frame, ground))
 }
 
-/// Returns the pose after `frame` steps. A camera whose height is relative to the ground keeps its height above the ground.
+/// Returns the pose after `frame` steps of a moving view. If the camera has a height relative to the ground, it keeps this height above the ground.
 fn moved(start: Pose, view: &MovingView, frame: u32, ground: Option<&dyn Fn(f64, f64) -> f64>) -> Pose {
     let way = view.step * f64::from(frame);
     let level = |direction: DVec3| direction.with_z(0.0).normalize_or_zero();
@@ -56,7 +56,7 @@ mod tests {
         let start = Pose { position: DVec3::new(10.0, 20.0, 5.0), yaw: 0.0, pitch: -0.3, fov: 1.0 };
         let slope = |x: f64, y: f64| 0.5 * x + 0.25 * y;
         let sideways = moved(start, &view(Motion::Sideways, 0.1), 4, Some(&slope));
-        // The camera looks north, so it moves east by 4 steps of 0.1 m. The ground rises eastwards by half of the distance.
+        // The camera looks north, so it moves east by 4 steps of 0.1 m. The ground rises eastwards with a slope of one half.
         assert!((sideways.position - DVec3::new(10.4, 20.0, 5.2)).length() < 1e-12);
         let forwards = moved(start, &view(Motion::Forwards, 0.5), 2, None);
         assert!((forwards.position - DVec3::new(10.0, 21.0, 5.0)).length() < 1e-12);

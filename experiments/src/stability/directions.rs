@@ -1,5 +1,6 @@
-//! Measures how accurately codes store directions, and how this affects derivatives: means and suprema of the errors of octahedral codes, and the
-//! error of a derivative from a stored plane, compared with its bound.
+//! Measures how accurately directions are stored, and how the errors affect derivatives. An octahedral encoding projects a direction to an octahedron
+//! and stores two coordinates as integers, which are its *code*. The rows contain means and largest errors of the stored directions, and errors of
+//! derivatives that are computed from a stored plane, compared with an upper bound.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 
@@ -12,38 +13,41 @@ use rayon::prelude::*;
 
 use super::Row;
 
-/// Number of directions for means.
+/// Number of directions over which errors are averaged.
 const DIRECTIONS: u32 = 1_000_000;
-/// Numbers of bits of each of a code's two coordinates.
+/// The tested numbers of bits for each of the two coordinates.
 const BITS: [u32; 4] = [8, 10, 12, 16];
-/// Mean errors that Cigolle et al. published (JCGT 3(2), 2014) for the nearest code of each coordinate, as pairs of bits and degrees. The list
-/// contains only the published values that were available as quotations.
+/// Mean errors that Cigolle et al. published (JCGT 3(2), 2014) for codes whose coordinates are rounded separately, as pairs of bits and degrees. The
+/// list contains only the published values that were available as quotations.
 const SURVEY: [(u32, f64); 3] = [(8, 0.337_09), (10, 0.083_80), (12, 0.020_91)];
-/// Limits of the mean error for fine codes, multiplied by half the number of steps, degrees. The first is for the nearest code of each coordinate,
-/// the second for the nearest direction (docs/stability-lab.md, section 1).
+/// With many bits, the mean error approaches a constant divided by `octahedral::half(bits)`. The two constants, in degrees, apply to the nearest code
+/// of each coordinate and to the nearest direction (docs/stability-lab.md, section 1).
 const MEAN: [f64; 2] = [42.79, 39.98];
-/// Largest accepted relative deviation of a mean error from the published mean or, if none was published, from the limit.
+/// Largest accepted relative deviation of a mean error from the published value. If no value was published, the deviation is measured from the value
+/// that [`MEAN`] gives.
 const OF_MEAN: f64 = 0.005;
-/// Largest accepted relative distance between the error attained at a code and the upper bound. The supremum lies between the two.
+/// Largest accepted relative difference between the error that is found at tested directions and the upper bound. The supremum of the error lies
+/// between these two numbers.
 const OF_SUPREMUM: f64 = 1e-4;
-/// Number of pixels at which derivatives are taken.
+/// Number of pixels at which derivatives are computed.
 const PIXELS: u32 = 200_000;
 
 fn row(kind: &str, view: String, motion: &str, statistic: &str, value: f64, [low, high]: [f64; 2]) -> Row {
     Row { kind: kind.to_owned(), view, motion: motion.to_owned(), statistic: statistic.to_owned(), value, low, high }
 }
 
-/// Returns the angle between unit vectors, radians. It is computed from their distance, because the arc cosine loses digits if the angle is small.
+/// Returns the angle between unit vectors, radians. It is computed from the distance of the vectors. The arc cosine of their scalar product would be
+/// inaccurate for small angles.
 fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
     2.0 * (0.5 * length(sub(a, b))).min(1.0).asin()
 }
 
-/// The method by which a code is chosen.
+/// The method by which the code of a direction is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rounding {
-    /// The nearest code of each coordinate.
+    /// Each coordinate is rounded to its nearest value.
     Fast,
-    /// The nearest direction among the four surrounding codes.
+    /// The nearest direction among the four codes around the exact coordinates is chosen.
     Exact,
 }
 
@@ -64,15 +68,16 @@ impl Rounding {
         }
     }
 
-    /// Returns the error of a direction after coding, radians.
+    /// Returns the angle between a direction and its stored version, radians.
     fn error(self, n: [f64; 3], bits: u32) -> f64 {
         angle(octahedral::decode(octahedral::dequantise(self.code(n, bits), bits)), n)
     }
 
-    /// Returns the upper bound of the error, radians, where h is half the number of steps. On a face of the octahedron, the farthest point from the
-    /// nearest code is at half the diagonal of a square of codes, sqrt(6) / 2h. The farthest point from the best of four codes is at the covering
-    /// radius of the two equilateral triangles of a square, sqrt(2/3) / h. The distance of a face from the centre is 1 / sqrt(3), so the angles are
-    /// these distances times sqrt(3) (docs/stability-lab.md, section 1).
+    /// Returns the upper bound of the error, radians. Codes have a distance of 1 / h along each coordinate. On a face of the octahedron, the diagonal
+    /// of a square of four codes is sqrt(6) / h long. With fast rounding, a point is at most half this diagonal away from its code. With exact
+    /// rounding, a point is at most sqrt(2/3) / h away, which is the circumradius of the two equilateral triangles in the square. At the middle of a
+    /// face, the distance to the centre of the octahedron is 1 / sqrt(3), so an angle is the distance on the face times sqrt(3)
+    /// (docs/stability-lab.md, section 1).
     fn supremum(self, bits: u32) -> f64 {
         let h = f64::from(octahedral::half(bits));
         match self {
@@ -82,7 +87,7 @@ impl Rounding {
     }
 }
 
-/// Returns point `i` of an almost even lattice of `n` points on the sphere (González, "Measurement of Areas on a Sphere Using Fibonacci and
+/// Returns point `i` of a lattice of `n` points that covers the sphere almost evenly (González, "Measurement of Areas on a Sphere Using Fibonacci and
 /// Latitude-Longitude Lattices", Mathematical Geosciences 42, 2010).
 fn fibonacci(i: u32, n: u32) -> [f64; 3] {
     let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
@@ -91,13 +96,13 @@ fn fibonacci(i: u32, n: u32) -> [f64; 3] {
     [r * turn.cos(), r * turn.sin(), z]
 }
 
-/// Returns the largest error near the middle of a face, radians. Directions are tested at the corners of the squares around codes (fast rounding), or
-/// at the centres of the two triangles of a square (exact rounding).
+/// Returns the largest error at tested directions near the middle of a face, radians. For fast rounding, the corners of the squares around codes are
+/// tested. For exact rounding, the centres of the two triangles in the square between four codes are tested.
 fn attained(rounding: Rounding, bits: u32) -> f64 {
     let h = f64::from(octahedral::half(bits));
     let middle = (h / 3.0).floor() as i32;
     let offsets = match rounding {
-        // The points are slightly inside the square, so that the code at its centre is the nearest.
+        // The points lie slightly inside the square, so that the code at the centre of the square is the nearest one.
         Rounding::Fast => vec![[0.499_999, 0.499_999], [0.499_999, -0.499_999], [-0.499_999, -0.499_999], [-0.499_999, 0.499_999]],
         Rounding::Exact => vec![[1.0 / 3.0, 1.0 / 3.0], [2.0 / 3.0, 2.0 / 3.0]],
     };
@@ -108,13 +113,13 @@ fn attained(rounding: Rounding, bits: u32) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Compares mean errors over evenly spread directions with the survey, and attained errors with the upper bound.
+/// Compares the mean errors over evenly spread directions with published values, and the largest errors with the upper bound.
 pub fn octahedral_rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for bits in BITS {
         for rounding in Rounding::ALL {
             let view = format!("{bits} + {bits} bits");
-            // The sum is computed in pieces of a fixed size, so that it does not depend on the number of threads.
+            // The sum is computed in pieces of fixed size, so that rounding errors do not depend on the number of threads.
             let pieces: Vec<[f64; 2]> = (0..DIRECTIONS.div_ceil(1000))
                 .into_par_iter()
                 .map(|piece| {
@@ -154,16 +159,16 @@ pub fn octahedral_rows() -> Vec<Row> {
     rows
 }
 
-/// The code in which the plane of a pixel is stored.
+/// The encoding that stores the plane of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stored {
-    /// An octahedral code of 8 + 8 bits with exact rounding; the shading normal has the same number of bits.
+    /// An octahedral encoding with 8 + 8 bits and exact rounding. The shading normal has the same number of bits.
     Octahedral,
-    /// The code of [`normal_pair`], which stores the plane with more bits than the shading normal. Both together have 32 bits.
+    /// The encoding of [`normal_pair`], which uses more bits for the plane than for the shading normal. Together they have 32 bits.
     PlaneFirst,
 }
 
-/// A pixel that sees a plane.
+/// A pixel that shows a plane.
 struct Pixel {
     ray: [f64; 3],
     steps: [[f64; 3]; 2],
@@ -172,10 +177,10 @@ struct Pixel {
     incidence_deg: f64,
 }
 
-/// Returns a pixel of a random camera, which has a field of view of 20 to 100 degrees, any place in the world and any direction. The angle between
-/// ray and normal is uniform within the given range. The angle between the plane's normal and the shading normal is a quarter of a degree to 8
-/// degrees, uniform by octave. Rendered frames have a similar distribution, except that this angle exceeds 8 degrees in 4 of 100 pixels
-/// (docs/stability-lab.md, section 3).
+/// Returns a pixel of a random camera. The field of view is 20 to 100 degrees, and position and direction are random. The angle between ray and
+/// normal is uniform within the given range. The angle between the normal of the plane and the shading normal is a quarter of a degree to 8 degrees,
+/// and its logarithm is uniform. Angles in rendered frames have a similar distribution, but in 4 of 100 pixels, the angle between the two normals
+/// exceeds 8 degrees (docs/stability-lab.md, section 3).
 fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     let mut draw = Draw { row: index, column: 0, table: 77 };
     let size = [1920, 1080];
@@ -189,7 +194,7 @@ fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     let ray = view.ray(draw.whole(size[0]), draw.whole(size[1])).to_array();
     let incidence_deg = draw.between(low, high);
     let normal = draw.leaning(octahedral::unit(ray).map(|x| -x), incidence_deg.to_radians());
-    // Terrain has no overhangs, so if the normal points down, the scene is mirrored vertically.
+    // Terrain has no overhangs. If the normal points downwards, ray and normal are therefore mirrored vertically.
     let upright = |v: [f64; 3]| if normal[2] < 0.0 { [v[0], v[1], -v[2]] } else { v };
     let (ray, normal) = (upright(ray), upright(normal));
     let steps = [view.ray_dx, view.ray_dy].map(|step| upright(step.to_array()));
@@ -198,15 +203,16 @@ fn pixel(index: u32, [low, high]: [f64; 2]) -> Pixel {
     Pixel { ray, steps, normal, shading, incidence_deg }
 }
 
-/// The errors at a pixel.
+/// The errors at one pixel.
 struct Error {
     incidence_deg: f64,
     /// Relative error of each of the two derivatives.
     relative: [f64; 2],
-    /// Error of the mip level that follows from the longer derivative, levels.
+    /// Error of the mip level that is computed from the longer derivative, levels.
     mip: f64,
-    /// The larger of the two relative errors as a share of its bound: |d' - d| / |d| <= sin(e) / |cos'|. Here e is the angle between the true and the
-    /// stored plane, and cos' is the cosine between the stored normal and the neighbour's ray. `None` if a cosine was clamped.
+    /// The larger of the two relative errors, divided by its upper bound. The bound of a derivative d with the stored value d' is |d' - d| / |d| <=
+    /// sin(e) / |cos'|. Here e is the angle between the true and the stored plane, and cos' is the cosine of the angle between the stored normal and
+    /// the ray of the neighbouring pixel. `None` if a cosine was clamped, because the bound does not apply then.
     of_law: Option<f64>,
 }
 
@@ -244,7 +250,7 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values[((values.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Measures derivatives from planes in both codes over random cameras. The angle between ray and normal is uniform in 0..85 degrees.
+/// Measures the derivatives of random pixels for both encodings of the plane. The angle between ray and normal is uniform in 0..85 degrees.
 pub fn derivative_rows() -> Vec<Row> {
     let pixels: Vec<Pixel> = (0..PIXELS).into_par_iter().map(|i| pixel(i, [0.0, 85.0])).collect();
     let of = |stored| pixels.par_iter().map(|pixel| error(pixel, stored)).collect::<Vec<Error>>();
@@ -266,7 +272,7 @@ pub fn derivative_rows() -> Vec<Row> {
         push("below 85 deg", "p95 error of a derivative, %", 100.0 * relative(errors, 85.0, 0.95), 20.0);
         push("below 85 deg", "p99 error of the mip, levels", mip(errors, 0.0), 0.15);
         push("82.5 to 85 deg", "p99 error of the mip, levels", mip(errors, 82.5), 0.15);
-        // The margin of 1e-6 covers the rounding of differences of nearly equal vectors in f64.
+        // The share is computed in f64 from differences of nearly equal vectors. The limit includes a margin of 1e-6 for their rounding errors.
         push("below 85 deg", "largest share of the law's bound", law(errors), 1.0 + 1e-6);
     }
     for (statistic, share, least) in [("gain in the median", 0.5, 3.0), ("gain in p95", 0.95, 3.0)] {
@@ -276,13 +282,14 @@ pub fn derivative_rows() -> Vec<Row> {
     rows
 }
 
-/// Angles between ray and normal at which the cost of the bound on anisotropy is reported, degrees.
+/// Angles between ray and normal at which the effect of the smallest cosine is reported, degrees.
 const STEEP_DEG: [f64; 6] = [88.0, 89.0, 89.43, 89.5, 89.9, 89.99];
 
-/// Measures the cost of [`derivatives::MIN_COSINE`]: the number of levels by which a mip is finer than the plane requires, log2(bound / cosine).
+/// Measures the effect of clamping cosines at [`derivatives::MIN_COSINE`], which limits the anisotropy. A mip is then finer than the plane requires,
+/// by log2(`MIN_COSINE` / cosine) levels.
 pub fn bound_rows() -> Vec<Row> {
     let price = |degrees: f64| {
-        // The step to the neighbour is so short that the neighbour's ray and the ray itself have the same cosine.
+        // The step to the neighbouring pixel is very short, so that both rays have practically the same cosine.
         let cosine = degrees.to_radians().cos();
         let (ray, normal) = ([0.0, 1.0, 0.0], [0.0, -cosine, (1.0 - cosine * cosine).sqrt()]);
         let got = length(derivatives::on_plane(ray, [0.0, 0.0, 1e-9], 1.0, normal));
@@ -304,7 +311,7 @@ pub fn bound_rows() -> Vec<Row> {
         .into()
 }
 
-/// Returns all rows. This takes some seconds on two cores.
+/// Returns all rows. Their computation takes some seconds on two cores.
 pub fn rows() -> Vec<Row> {
     [octahedral_rows(), derivative_rows(), bound_rows()].concat()
 }

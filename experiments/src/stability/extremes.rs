@@ -1,4 +1,4 @@
-//! The table of extreme values at which the lab tests kernels. It is read from a TOML file.
+//! The table of extreme values with which the lab tests kernels. It is read from a TOML file.
 
 use anyhow::{Result, anyhow, bail, ensure};
 use kernels::base::document;
@@ -11,9 +11,10 @@ pub const DEFAULT_TEXT: &str = include_str!("extremes.toml");
 
 /// Default number of rows for each value.
 const ROWS: u32 = 1024;
-/// Largest number of rows for each value.
+/// Limit of the number of rows for each value.
 const MOST_ROWS: u32 = 1 << 20;
-/// Largest number of rows for all values of a case. For the kernel with the most columns, these rows take some gigabytes of memory.
+/// Limit of the number of rows of a case, summed over its values. For the kernel with the most columns, this number of rows takes some gigabytes of
+/// memory.
 const MOST_OF_CASE: u64 = 1 << 24;
 
 /// The whole table of extremes.
@@ -23,25 +24,25 @@ pub struct Extremes {
     /// Named lists of values.
     #[serde(default, rename = "axis")]
     pub axes: Vec<Axis>,
-    /// The tests.
+    /// The tests of kernels.
     #[serde(rename = "case")]
     pub cases: Vec<Case>,
-    /// The arguments for which kernels deviate from their formulas, and the cost of each deviation.
+    /// The descriptions of arguments for which kernels deviate from their formulas, each with the cost of the deviation.
     #[serde(default, rename = "bend")]
     pub bends: Vec<Bend>,
 }
 
-/// A deviation of a kernel from its formula: a clamp or a fallback.
+/// The description of a deviation of a kernel from its formula, which is a clamp or a fallback.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bend {
-    /// Name of a probe.
+    /// Name of the kernel's probe.
     pub kernel: String,
     /// The arguments for which the kernel deviates.
     pub when: String,
     /// The result for these arguments.
     pub then: String,
-    /// The cost of the deviation, in a unit that matters to users.
+    /// The cost of the deviation in a unit that is relevant to users.
     pub price: String,
 }
 
@@ -49,7 +50,7 @@ pub struct Bend {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// The name that cases use.
+    /// The name by which cases refer to the axis.
     pub name: String,
     /// First and last value, both above 0. The values between them are evenly spaced on a logarithmic scale.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -60,18 +61,18 @@ pub struct Axis {
     /// First and last exponent of powers of two. Each power is tested together with its two neighbours in f32.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub powers_of_two: Option<[i32; 2]>,
-    /// Additional values.
+    /// Additional values of the axis.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub also: Vec<f64>,
 }
 
-/// A test of a kernel.
+/// A test of a kernel with extreme values of one parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// Name of a probe.
+    /// Name of the kernel's probe.
     pub kernel: String,
-    /// Name of one of the probe's parameters or columns.
+    /// Values of the parameter, in addition to those of `axis`.
     pub parameter: String,
     /// Values of the parameter. They are tested in addition to the values of `axis`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -82,13 +83,15 @@ pub struct Case {
     /// Number of rows for each value. The other inputs of a row are random.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<u32>,
-    /// Largest accepted error, in the unit of the kernel's first measure; absent = only the derived tolerance applies.
+    /// Largest accepted error, in the unit of the kernel's first measure. It applies in addition to the derived tolerance. Absent = only the derived
+    /// tolerance applies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allow: Option<f64>,
-    /// Whether results need only be finite and are not compared. This is for values beyond the kernel's intended range.
+    /// Whether results must only be finite. They are then not compared with the reference. This is intended for values outside the range for which
+    /// the kernel is made.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub only_finite: bool,
-    /// The reason for these values.
+    /// Explanation of the choice of values.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub why: String,
 }
@@ -116,7 +119,7 @@ impl Case {
 }
 
 impl Axis {
-    /// Returns the values of the axis in ascending order, with NaN last.
+    /// Returns the values of the axis in ascending order. NaN comes last.
     pub fn values(&self) -> Vec<f64> {
         let mut values = self.also.clone();
         if let Some([low, high]) = self.log {
@@ -137,11 +140,11 @@ impl Axis {
 }
 
 impl Extremes {
-    /// Reads a table. Error messages call it `name`.
+    /// Reads a table from `text`. `name` is the name of the text in error messages.
     ///
     /// # Errors
-    /// The message is one line with the place and the remedy. The causes are invalid TOML, an unknown key, kernel, parameter or axis, and an invalid
-    /// number.
+    /// The message is one line that contains the place and the remedy. Possible causes are: invalid TOML, an unknown key, kernel, parameter or axis,
+    /// and an invalid number.
     pub fn parse(text: &str, name: &str) -> Result<Extremes> {
         let read: Extremes = document::read(text, |_| "").map_err(|wrong| anyhow!("{}: {}", wrong.place(name), wrong.what))?;
         for axis in &read.axes {

@@ -1,4 +1,4 @@
-//! Tests each bit of the hashes' output words: how often it is set (balance), and how often it flips if one bit of the input flips (avalanche).
+//! Tests the output bits of the hashes: how often each bit is 1 (balance), and how often it changes if one bit of the input changes (avalanche).
 
 use kernels::shared::hash;
 use rayon::prelude::*;
@@ -8,37 +8,37 @@ use super::statistics::{Random, coverage_p, normal_bound, sidak};
 
 /// Number of samples of each test.
 pub const SAMPLES: u32 = 1_000_000;
-/// Lowest bit that thresholds use (`hash::to_unit`).
+/// Index of the lowest bit of a hash that affects a threshold (`hash::to_unit`).
 pub const FIRST_BIT: usize = 8;
-/// Number of low bits of each word of [`hash::pcg4d`]'s input that flip every bit of a threshold with a probability of one half. The carries of
-/// products only move upwards, so higher input bits rarely flip the lowest bits of the output, and input bits 25 and above never flip them. The
-/// output bits that are not reached change a threshold by at most 2^-18.
+/// A change of one of this many low bits in an input word of [`hash::pcg4d`] changes every bit of a threshold with a probability of one half. Carries
+/// of products only affect higher bits. Higher input bits therefore rarely change the lowest output bits, and input bits 25 and above never change
+/// them. The output bits that are not reached change a threshold by at most 2^-18.
 pub const MIXED_BITS: usize = 21;
-/// Largest accepted deviation from one half of the probability that a bit in the highest byte of a threshold flips. It applies to the input bits
-/// above [`MIXED_BITS`].
+/// For input bits above [`MIXED_BITS`]: largest accepted deviation from one half, of the probability that a bit in the highest byte of a threshold
+/// changes.
 pub const COARSE_DEVIATION: f64 = 0.2;
-/// Largest accepted deviation of a bit's flip probability from one half after a single [`hash::pcg`]. Input bit 21 causes the largest deviation. The
-/// level in [`hash::mix`] goes through a single `pcg`, and then through [`hash::pcg4d`].
+/// Largest accepted deviation from one half, of the probability that an output bit changes after a single [`hash::pcg`]. Input bit 21 causes the
+/// largest deviation. In [`hash::mix`], the level passes through one `pcg` only, before it passes through [`hash::pcg4d`].
 pub const SINGLE_DEVIATION: f64 = 0.1;
 
-/// A hash as a function from four words to four words. Input words that the hash does not take are ignored, and output words that it does not have
-/// are 0.
+/// A hash as a function from four words to four words. A hash with fewer input words ignores the other words. A hash with fewer output words returns
+/// 0 for the other words.
 type Hash = fn([u32; 4]) -> [u32; 4];
 
-/// Name, number of input words, number of output words, and function of each hash.
+/// For each hash: name, number of input words, number of output words, and function.
 const HASHES: [(&str, usize, usize, Hash); 3] = [
     ("pcg", 1, 1, |[a, ..]| [hash::pcg(a), 0, 0, 0]),
     ("mix", 3, 1, |[a, b, c, _]| [hash::mix(a, b, c), 0, 0, 0]),
     ("pcg4d", 4, 4, hash::pcg4d),
 ];
 
-/// Counters of how often each bit of four words was set.
+/// Counts for each bit of four words how often it is 1.
 struct Counts {
-    /// Counters of one byte, sixteen in each number: byte l of number s counts the bit with the index 8 l + s.
+    /// Counters of 8 bits each, sixteen in a number. Byte l of number s counts the bit with the index 8 l + s.
     narrow: [u128; 8],
-    /// Number of additions after which the counters in `narrow` must be moved to `wide`, because they could overflow.
+    /// Number of further additions after which the counters in `narrow` are added to `wide`, because they could overflow.
     left: u32,
-    /// Counters of all 128 bits, without the counts in `narrow`.
+    /// Counters of all 128 bits. They do not include the counts in `narrow`.
     wide: [u32; 128],
 }
 
@@ -76,19 +76,20 @@ impl Counts {
     }
 }
 
-/// Returns cell `i` of a lattice of cells like those that the renderer hashes.
+/// Returns the input words for cell `i` of a lattice, similar to the words that the renderer hashes.
 fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Measures the balance of each bit over a lattice, and the avalanche over random words. For each input bit, the avalanche is the largest deviation
-/// from one half of the probability that an output bit flips. If an input bit should flip every output bit with a probability of one half, the bound
-/// follows from a separate family of tests at 0.1 %. Otherwise the bound is one of this module's constants.
+/// Measures balance over the cells of a lattice, and avalanche over random inputs. The avalanche of an input bit is the largest deviation from one
+/// half of the probability that an output bit changes, over the output bits that affect a threshold. Some input bits should change every output bit
+/// with a probability of one half. The limits of these bits follow from one family of tests with a level of 0.1 %. The limits of the other input bits
+/// are constants of this module.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {
         let mut counts = Counts::new();
-        // The hash of a single word is tested with consecutive numbers.
+        // Hashes of a single word are tested with consecutive numbers.
         (0..SAMPLES).for_each(|i| counts.add(hash(if name == "pcg" { [i, 0, 0, 0] } else { lattice(i) })));
         let set = counts.finish();
         let of_bit = |bit: usize| row(name, bit, "balance p", coverage_p(u64::from(set[bit]), u64::from(SAMPLES), 0.5), 1.0);
@@ -98,7 +99,7 @@ pub fn rows() -> Vec<Row> {
     let turned: Vec<[u32; 128]> = inputs.par_iter().map(|&(&(_, _, _, hash), bit)| turned_over(hash, bit)).collect();
     let complete = |name: &str, bit: usize| match name {
         "pcg4d" => bit % 32 < MIXED_BITS,
-        // Words 0 and 1 are the seed and the salt, which pass through pcg more than once.
+        // Words 0 and 1 are the seed and the salt, which pass through `pcg` more than once.
         "mix" => bit < 64,
         _ => false,
     };
@@ -125,7 +126,7 @@ fn row(hash: &str, bit: usize, statistic: &str, value: f64, high: f64) -> Row {
     Row { kind: hash.to_owned(), view, motion, statistic: statistic.to_owned(), value, low: 0.0, high }
 }
 
-/// Returns how often each bit of the output flips if bit `bit` of a random input flips.
+/// Returns, for each bit of the output, how often it changes if bit `bit` of a random input changes.
 fn turned_over(hash: Hash, bit: usize) -> [u32; 128] {
     let mut counts = Counts::new();
     let mut random = Random(bit as u64 + 1);

@@ -1,4 +1,4 @@
-//! Measures kernels at extreme values: the errors of the GPU and of the reference in f32, compared with the reference in f64.
+//! Measures the errors of kernels at extreme values. The results of the GPU and of the reference in f32 are compared with the reference in f64.
 
 use anyhow::Result;
 use kernels::gpu::Gpu;
@@ -9,32 +9,32 @@ use serde::{Deserialize, Serialize};
 
 use super::extremes::{Case, Extremes};
 
-/// The result of a kernel at one value of a parameter, by one measure, on one device or for the reference in f32.
+/// The result for one kernel, one value of one parameter, one measure, and one device or the reference in f32.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Name of the probe.
     pub kernel: String,
     /// The varied parameter.
     pub parameter: String,
-    /// Its value.
+    /// The value of the parameter.
     pub value: f64,
     /// Where the kernel was evaluated: `gpu`, or `f32` for the reference in single precision.
     pub on: String,
-    /// Name of the device; empty for the reference. If there are several devices, the renderer would choose the first.
+    /// Name of the device; empty for the reference. Devices with equal names are numbered.
     pub adapter: String,
-    /// Number of rows.
+    /// Number of tested rows.
     pub rows: usize,
     /// Number of rows with a result that is NaN or infinite.
     pub not_finite: usize,
-    /// Number of rows that differ from the truth by more than the derived tolerance.
+    /// Number of rows whose result differs from the reference in f64 by more than the derived tolerance.
     pub differ: usize,
-    /// Number of rows with measured errors. Rows that need only be finite, and rows that count as `other_side`, have no measured error.
+    /// Number of rows for which errors are measured. They are not measured if results must only be finite, or if the row counts as `other_side`.
     pub compared: usize,
-    /// Number of rows whose result and truth lie on different sides of a threshold, if the threshold lies within the tolerance.
+    /// Number of rows for which result and reference lie on different sides of a threshold, and the threshold lies within the tolerance.
     pub other_side: usize,
-    /// Largest error as a share of the derived tolerance.
+    /// Largest error, divided by the derived tolerance.
     pub of_tolerance: f64,
-    /// Largest error, in units in the last place (ULP) of the row's largest result.
+    /// Largest error in units in the last place (ULP) of the largest result of its row.
     pub worst_ulp: f64,
     /// Median error over the rows, in the same unit as `worst_ulp`.
     pub typical_ulp: f64,
@@ -50,7 +50,7 @@ pub struct Finding {
     pub pass: bool,
 }
 
-/// The comparison of a row's results with the truth.
+/// The comparison of the results of a row with the reference in f64.
 struct Compared {
     finite: bool,
     verdict: Verdict,
@@ -58,8 +58,8 @@ struct Compared {
     errors: Vec<f64>,
 }
 
-/// Measures every kernel at every extreme value on every device. `share` = the share of each case's rows that is measured, above 0 to 1. `progress`
-/// is called for each kernel with the kernel's name, the number of finished kernels, and the number of all kernels.
+/// Measures every kernel at every extreme value on every device. `share` is the share of the rows of each case that is measured, above 0 and at most
+/// 1. For each kernel, `progress` is called with its name, the number of finished kernels, and the number of all kernels.
 ///
 /// # Errors
 /// A device fails, or `progress` returns an error.
@@ -94,7 +94,7 @@ fn names(gpus: &[&Gpu]) -> Vec<String> {
     (0..gpus.len()).map(name).collect()
 }
 
-/// The rows of a case at one value, as a range of indices into the rows of all cases of the kernel.
+/// The rows of a case at one value. `rows` is a range of indices into the rows of all cases of the kernel.
 struct Block<'a> {
     case: &'a Case,
     value: f64,
@@ -104,19 +104,19 @@ struct Block<'a> {
 fn of_kernel(extremes: &Extremes, gpus: &[&Gpu], share: f64, probe: &'static Probe) -> Result<Vec<Finding>> {
     let (mut blocks, mut inputs) = (Vec::new(), Vec::new());
     for case in extremes.cases.iter().filter(|case| case.kernel == probe.name) {
-        // The random numbers depend only on the parameter's name and the row's number, so that adding a case does not change the rows of the existing
-        // cases.
+        // The random numbers depend only on the name of the parameter and the number of the row. A new case therefore does not change the rows of
+        // other cases.
         let table = case.parameter.bytes().fold(0, |hash, byte| pcg(hash ^ u32::from(byte)));
         let count = ((f64::from(case.rows()) * share).ceil() as u32).max(1);
         for value in extremes.values(case)? {
             let begin = inputs.len() / probe.inputs.len();
-            // Every value is tested with the same random rows.
+            // The same random rows are used for every value.
             let rows = (0..count).filter_map(|row| probe.row(&case.parameter, value, &mut Draw { row, column: 0, table }));
             inputs.extend(rows.flatten());
             blocks.push(Block { case, value, rows: begin..inputs.len() / probe.inputs.len() });
         }
     }
-    // All rows of a kernel are evaluated in one dispatch, so that the kernel is compiled only once.
+    // All rows of a kernel are evaluated in one dispatch, because each dispatch would compile the kernel again.
     let mut results = Vec::new();
     for (gpu, name) in gpus.iter().zip(names(gpus)) {
         results.push(("gpu", name, probe.on_gpu(gpu, &inputs)?));
@@ -178,7 +178,8 @@ fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]
     let verdict = (probe.judge)(input, got, want);
     let scale = want.iter().fold(f64::from(f32::MIN_POSITIVE), |most, x| most.max(x.abs()));
     let farthest = got.iter().zip(want).map(|(got, want)| (got - want).abs()).fold(0.0, f64::max);
-    // If the result and the truth lie on different sides of a threshold, their difference is the jump at the threshold and not a numerical error.
+    // If result and reference lie on different sides of a threshold, their difference is the jump at the threshold. It is not a numerical error, so
+    // it is not counted.
     let (ulp, errors) = if verdict == Verdict::OtherSide {
         (0.0, Vec::new())
     } else {
@@ -187,7 +188,7 @@ fn compared(probe: &Probe, case: &Case, input: &[f64], got: &[f64], want: &[f64]
     Compared { finite, verdict, ulp, errors }
 }
 
-/// Returns the largest value and the median; both are 0 if there are no values.
+/// Returns the largest value and the median. Both are 0 if there are no values.
 fn worst_and_median(mut values: Vec<f64>) -> [f64; 2] {
     values.sort_by(f64::total_cmp);
     let median = values.get(values.len() / 2).copied().unwrap_or(0.0);

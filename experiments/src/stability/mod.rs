@@ -1,5 +1,5 @@
-//! The stability lab: compares every kernel with its reference in f64 at extreme values ([`kernels`], with the values of [`extremes`]), and tests
-//! codes, derivatives, hashes and noise without a device. `docs/stability-lab.md` gives the reasons.
+//! The stability lab. It compares every kernel with its reference in f64 at extreme values ([`kernels`], with the values of [`extremes`]). Without a
+//! device, it tests the encodings of directions, derivatives, hashes and noise. `docs/stability-lab.md` gives the reasons for these tests.
 
 pub mod directions;
 pub mod extremes;
@@ -16,16 +16,17 @@ use serde::{Deserialize, Serialize};
 /// A measured number and the range in which it must lie.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What was measured: the name of a kind of noise, a hash, or a code.
+    /// What was measured: the name of a kind of noise, of a hash, or of an encoding.
     pub kind: String,
-    /// Under which conditions it was measured: a view, a distance from the origin, a footprint and slope, or a number of bits.
+    /// The conditions of the measurement: a view, a distance from the origin, a footprint and slope, or a number of bits.
     pub view: String,
-    /// What differs between the two compared samples: the camera (a motion), the place (an axis), the seed, the rounding or the code; empty if no
-    /// samples are compared.
+    /// The difference between the two samples that are compared: a motion of the camera, an axis along which the place changes, a seed, a rounding or
+    /// an encoding. Empty if no samples are compared.
     pub motion: String,
-    /// Name of the statistic. Names that end in ` p` are p-values, which are tested at the level [`statistics::sidak`] of their family.
+    /// Name of the statistic. A name that ends with ` p` belongs to a p-value. All p-values of a family are tested at the level that
+    /// [`statistics::sidak`] returns for their number.
     pub statistic: String,
-    /// The number.
+    /// The measured value.
     pub value: f64,
     /// The smallest value that passes.
     pub low: f64,
@@ -44,24 +45,24 @@ impl fmt::Display for Row {
 }
 
 impl Row {
-    /// Returns the row with numbers of four significant digits, so that differences between two recorded tables do not come from rounding.
+    /// Returns the row with its numbers rounded to four significant digits. Two recorded tables then do not differ because of rounding errors.
     pub fn shortened(&self) -> Row {
         let short = |x: f64| format!("{x:.3e}").parse().unwrap_or(x);
         Row { value: short(self.value), low: short(self.low), high: short(self.high), ..self.clone() }
     }
 
-    /// Whether the value lies in its range; NaN lies in no range.
+    /// Whether the value lies in the accepted range. NaN does not lie in any range.
     pub fn holds(&self) -> bool {
         (self.low..=self.high).contains(&self.value)
     }
 
-    /// Whether the row is a p-value, and so one of the tests that share the level of a family.
+    /// Whether the value is a p-value. All p-values of a family share one significance level.
     pub fn is_test(&self) -> bool {
         self.statistic.ends_with(" p")
     }
 }
 
-/// Sets the accepted range of the p-values among the rows, so that all tests together have a level of 0.1 %.
+/// Sets the accepted range of all p-values in `rows`, so that all tests together have a significance level of 0.1 %.
 pub fn hold_as_family(rows: &mut [Row]) {
     let level = statistics::sidak(rows.iter().filter(|row| row.is_test()).count());
     rows.iter_mut().filter(|row| row.is_test()).for_each(|row| (row.low, row.high) = (level, 1.0));

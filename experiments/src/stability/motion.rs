@@ -1,7 +1,8 @@
-//! Measures noise that chooses among four equal texels while a camera moves over a plane: flips, clumping and low frequencies.
+//! Measures flips, clumping and low frequencies of noise while a camera moves over a plane. At each pixel, the noise chooses among four texels of
+//! equal weight.
 //!
-//! The measurements use the same functions as the sequences of the renderer (METHODOLOGY, Flips, Clumping and spectrum), but the geometry is exact:
-//! rays are intersected with a plane, derivatives are those of the plane, and points are followed by reprojection.
+//! The measurements use the same functions as the sequences of the renderer (METHODOLOGY, Flips, Clumping and spectrum). Only the geometry differs,
+//! because it is exact: rays are intersected with a plane, derivatives are computed on this plane, and points are followed by reprojection.
 
 use std::fmt;
 
@@ -23,28 +24,30 @@ use crate::metrics;
 pub const SIZE: [u32; 2] = [384, 216];
 /// Number of frames of a sequence.
 pub const FRAMES: u32 = 8;
-/// Side of the square from which the spectrum is computed, pixels. The square is at the middle of the lower edge.
+/// Side of the square from which the spectrum is computed, pixels. The square lies at the middle of the lower edge of the picture.
 const SIDE: u32 = 128;
-/// Number of bands of the spectrum, which ends at half a cycle per pixel.
+/// Number of bands of the spectrum. The bands together extend to half a cycle per pixel.
 const BANDS: usize = 8;
-/// Index of the band that is used: 0.0625 to 0.125 cycles per pixel.
+/// Index of the band that is measured: 0.0625 to 0.125 cycles per pixel.
 const BAND: usize = 1;
 /// Vertical field of view.
 const FOV_DEG: f64 = 55.0;
-/// Pitch of the view direction. With this pitch, the horizon of flat ground is in the upper half of the picture.
+/// Angle of the view direction above the horizontal plane; negative = downwards. The horizon of level ground is then in the upper half of the
+/// picture.
 const PITCH_DEG: f64 = -15.0;
-/// Compass bearing of the view and of the ascent of walls. It is not parallel to an axis of the noise's cells.
+/// Compass bearing of the view direction and of the direction in which walls rise. It is not parallel to the axes of the noise's cells.
 const YAW_DEG: f64 = 30.0;
-/// Height of the eye above the foot of a wall, and above level ground, metres.
+/// Height of the eye above level ground, or above the foot of a wall, metres.
 const EYE_M: f64 = 2.0;
-/// Horizontal distance from the eye to the foot of a wall, metres. It is larger than the distance that the camera moves forwards in a sequence.
+/// Horizontal distance from the eye to the foot of a wall, metres. The camera must not reach the wall, so this is larger than the distance that it
+/// moves forwards in a sequence.
 const FOOT_M: f64 = 3.0;
 /// Elevation of the level ground, metres.
 const GROUND_M: f64 = 1234.5;
-/// Largest distance of visible ground along the view direction, metres.
+/// Limit of the distance along the view direction up to which ground is visible, metres.
 const FAR_M: f64 = 4096.0;
-/// Relative tolerance of a budget, to either side. Results are deterministic. They differ between machines only because the last digit of a sine may
-/// differ.
+/// The accepted range of a recorded value extends by this share of the value to either side. Results are deterministic, but they can differ slightly
+/// between machines, because the last digit of a sine can differ.
 const SLACK: f64 = 0.1;
 const SEED: u32 = 8;
 const SALT: u32 = 3;
@@ -58,7 +61,7 @@ pub struct Ground {
     pub slope_deg: f64,
 }
 
-/// The kinds of ground that have budgets.
+/// The kinds of ground for which results are recorded.
 pub const GROUNDS: [Ground; 3] =
     [Ground { name: "flat", slope_deg: 0.0 }, Ground { name: "30 deg", slope_deg: 30.0 }, Ground { name: "60 deg", slope_deg: 60.0 }];
 
@@ -104,7 +107,7 @@ impl Motion {
             pitch: PITCH_DEG.to_radians(),
             fov: 2.0 * ((FOV_DEG / 2.0).to_radians().tan() * 1.01_f64.powf(-step(Motion::Zoom, 1.0))).atan(),
         };
-        // The world has an extent of 0, so its corner is at the origin.
+        // The world has an extent of 0, so its corner lies at the origin.
         View::new(pose, SIZE, [0.0; 2], SECTOR_M, 0.0)
     }
 }
@@ -115,11 +118,11 @@ impl fmt::Display for Motion {
     }
 }
 
-/// The pixels of a frame, row by row.
+/// What the pixels of a frame show, row by row.
 struct Seen {
-    /// The input of the noise at the visible point; `None` = the pixel shows no ground.
+    /// For each pixel, the input of the noise at the visible point; `None` = the pixel shows no ground.
     asks: Vec<Option<Ask>>,
-    /// The pixel of the previous frame that showed the same point.
+    /// For each pixel, the index of the pixel that showed the same point in the previous frame, or `NO_LINK`.
     links: Vec<u32>,
 }
 
@@ -157,7 +160,8 @@ fn see(ground: Ground, now: &View, past: &View, frame: u32, foot: DVec3) -> Seen
     Seen { asks, links }
 }
 
-/// Returns a picture of the choices that the first threshold makes among four texels of equal weight, whose values are 0, 1/3, 2/3 and 1.
+/// Returns a picture of random choices. At each pixel, the first threshold chooses among four texels of equal weight, whose values are 0, 1/3, 2/3
+/// and 1.
 fn picture(seen: &Seen, noise: Noise<'_>) -> Vec<[u32; 2]> {
     let pixel = |ask: &Option<Ask>| {
         ask.as_ref().map_or([0, 0], |ask| {
@@ -168,14 +172,14 @@ fn picture(seen: &Seen, noise: Noise<'_>) -> Vec<[u32; 2]> {
     seen.asks.iter().map(pixel).collect()
 }
 
-/// The results of a sequence.
+/// The measured properties of a sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// Share of the followed points whose choice differs from that of the previous frame.
+    /// Share of the followed points whose choice differs from their choice in the previous frame.
     pub flip_rate: f64,
-    /// Clumping of the error in blocks of 5 x 5 pixels; white noise has 1.
+    /// Clumping of the error, measured in blocks of 5 x 5 pixels. White noise has a clumping of 1.
     pub clumping: f64,
-    /// Power of the error between 0.0625 and 0.125 cycles per pixel, mean over frames; white noise has 1.
+    /// Power of the error between 0.0625 and 0.125 cycles per pixel, averaged over frames. White noise has a power of 1.
     pub power: f64,
 }
 
@@ -186,7 +190,7 @@ impl Measured {
     }
 }
 
-/// Measures a sequence of [`FRAMES`] frames, which starts in sector (`sector`, -`sector`), with each of `noises`.
+/// Measures a sequence of [`FRAMES`] frames with each of `noises`. The camera starts in sector (`sector`, -`sector`).
 pub fn measure(ground: Ground, motion: Motion, sector: i32, noises: &[Noise<'_>]) -> Vec<Measured> {
     let (east, north) = YAW_DEG.to_radians().sin_cos();
     let foot = motion.view(0, sector).pose.position + dvec3(FOOT_M * east, FOOT_M * north, -EYE_M);
@@ -217,7 +221,7 @@ pub fn measure(ground: Ground, motion: Motion, sector: i32, noises: &[Noise<'_>]
     sums.into_iter().map(mean).collect()
 }
 
-/// Returns the power of the error in [`BAND`], computed from the square at the middle of the lower edge.
+/// Returns the power of the error in the band [`BAND`], computed from the square at the middle of the lower edge.
 fn low_power(picture: &[[u32; 2]]) -> f64 {
     let (left, top) = ((SIZE[0] - SIDE) / 2, SIZE[1] - SIDE);
     #[allow(clippy::cast_possible_truncation, reason = "the transform is in f32")]
@@ -226,9 +230,9 @@ fn low_power(picture: &[[u32; 2]]) -> f64 {
     radial_power(&field, [SIDE; 2], BANDS).expect("a square of finite numbers, 16 a side for each band")[BAND].power
 }
 
-/// Returns the range that a statistic must keep if its recorded value is `value`: 10 % to either side. For two statistics of white noise of the
-/// screen, the range follows from theory instead. The flip rate is near 3/4, because each frame draws a new choice among four texels. Clumping is
-/// near 1, because pixels are independent.
+/// Returns the accepted range of a statistic whose recorded value is `value`: 10 % to either side. The ranges of two statistics of white noise of the
+/// screen follow from theory instead. The flip rate is near 3/4, because each frame draws a new choice among four texels. Clumping is near 1, because
+/// pixels are independent.
 pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     match (kind, statistic) {
         (NoiseKind::WhiteScreen, metrics::FLIP_RATE) => [0.747, 0.753],
@@ -237,10 +241,11 @@ pub fn budget(kind: NoiseKind, statistic: &str, value: f64) -> [f64; 2] {
     }
 }
 
-/// The recorded numbers of sequences with a moving camera, and their budgets.
+/// The recorded values of sequences with a moving camera, with their accepted ranges.
 const RECORDED: &str = include_str!("../../../notebooks-data/stability/noise.csv");
 
-/// Sets the ranges of measured values to the recorded budgets. A value that is not recorded yet keeps the budget that follows from itself.
+/// Sets the accepted ranges of measured rows to the recorded ranges. If a row has no recorded counterpart, it keeps the range that was computed from
+/// its own value.
 fn hold_to_recorded(rows: &mut [Row]) {
     let budgets: Result<Vec<Row>, csv::Error> = csv::Reader::from_reader(RECORDED.as_bytes()).deserialize().collect();
     let budgets = budgets.expect("the recorded table's columns are a row's fields");
@@ -252,7 +257,7 @@ fn hold_to_recorded(rows: &mut [Row]) {
     }
 }
 
-/// Measures every kind of noise on every ground with every motion, 10 km from the origin. The ranges are the recorded budgets.
+/// Measures every kind of noise for every combination of ground and motion, 10 km from the origin. The accepted ranges are the recorded ones.
 pub fn rows() -> Vec<Row> {
     let noises = NoiseKind::ALL.map(of_kind);
     let stages: Vec<(Ground, Motion)> = GROUNDS.into_iter().flat_map(|ground| Motion::ALL.map(|motion| (ground, motion))).collect();
@@ -272,7 +277,7 @@ pub fn rows() -> Vec<Row> {
     rows
 }
 
-/// Returns a row in the form in which it is recorded: its rounded value, and the budget that follows from this value.
+/// Returns a row in the form in which it is recorded: the value is rounded, and the accepted range is computed from the rounded value.
 pub fn recorded(row: &Row) -> Row {
     let value = row.shortened().value;
     let kind = row.kind.parse().unwrap_or(NoiseKind::HashedIsotropic);

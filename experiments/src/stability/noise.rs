@@ -1,13 +1,15 @@
-//! Tests of every kind of noise as random numbers: thresholds must be uniform and independent of their neighbours, and for each alpha the share of
-//! thresholds below alpha must be alpha (coverage).
+//! Tests whether the thresholds of every kind of noise behave as random numbers. Thresholds must be uniform and independent of neighbouring
+//! thresholds. For each alpha, the share of thresholds below alpha must be alpha (coverage).
 //!
-//! All kinds are tested over seeds: thresholds must be uniform, and the four thresholds of a call, two seeds and two salts must be independent. Kinds
-//! bound to the ground ([`is_of_ground`]) are also tested over places, at three distances from the origin. White noise of the screen is also tested
-//! over pixels and frames. Interleaved gradient noise and the masks are not tested over places, because they arrange the thresholds of neighbouring
-//! pixels and frames: over places, their thresholds are dependent and far more evenly distributed than random numbers.
+//! All kinds are tested with samples over seeds: thresholds must be uniform, and the four thresholds of a call, thresholds of two seeds, and
+//! thresholds of two salts must be independent. Kinds bound to the ground ([`is_of_ground`]) are also tested with samples over places, at three
+//! distances from the origin. White noise of the screen is also tested with samples over pixels and frames. Interleaved gradient noise and the masks
+//! are not tested over places. They arrange the thresholds of neighbouring pixels and frames on purpose, so these thresholds are dependent and far
+//! more evenly distributed than random numbers.
 //!
-//! The number of collisions (equal thresholds) shows whether all 24 bits are random. This test applies to kinds that draw a new number at each place,
-//! and to the masks, whose jitter is drawn at each pixel. It does not apply to interleaved gradient noise, whose lattice contains each value once.
+//! The number of collisions (equal thresholds) shows whether all 24 bits of a threshold are random. Collisions are tested for kinds that draw a new
+//! number at each place, and for the masks, which add a random jitter at each pixel. They are not tested for interleaved gradient noise, whose
+//! lattice contains each value once.
 
 use kernels::shared::noise::{self, HashedPoint, LEVEL_MAX, NoiseKind, WORLD_LEVEL};
 use kernels::shared::real::scale;
@@ -18,32 +20,32 @@ use super::{Row, hashes, hold_as_family};
 
 /// Number of samples of each test.
 pub const SAMPLES: u32 = 1_000_000;
-/// Side of the sectors, metres.
+/// Side of a sector, metres.
 pub const SECTOR_M: f64 = 64.0;
 /// A distance from the origin as text, and the index of a sector at this distance.
 pub type Origin = (&'static str, i32);
-/// The origins at which kinds bound to the ground are tested.
+/// The distances from the origin at which kinds bound to the ground are tested.
 pub const ORIGINS: [Origin; 3] = [("0 km", 0), ("10 km", 156), ("1000 km", 15_625)];
 /// The values of alpha for which coverage is tested.
 pub const ALPHAS: [f64; 9] = [0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99];
 /// Slopes of the ground on which coverage is tested, degrees.
 pub const SLOPES_DEG: [f64; 4] = [0.0, 30.0, 60.0, 85.0];
-/// Octaves of the footprint in which coverage is tested, log2 of metres. They extend beyond the smallest and the largest scale of the noise.
+/// The footprints for which coverage is tested: whole octaves, log2 of metres. They extend beyond the smallest and the largest scale of the noise.
 pub const OCTAVES: std::ops::Range<i32> = -17..6;
-/// Number of samples for each pair of an octave and a slope. The standard error of the coverage is at most 0.1 % for one pair, and at most 0.01 % for
-/// the mean over all 92 pairs.
+/// Number of samples for each pair of an octave and a slope. The standard error of the coverage is at most 0.1 % for a single pair, and at most 0.01
+/// % for the mean over all 92 pairs.
 pub const PER_CELL: u32 = 250_000;
-/// Side of the cells for tests of neighbours, metres. White noise of the world has cells of this size.
+/// Side of the cells in tests of neighbouring places, metres. White noise of the world has cells of this size.
 const CELL_M: f64 = 1.0 / 16.0;
 const SEED: u32 = 11;
 const SALT: u32 = 5;
 
-/// The input of a threshold: a point of the ground, in a pixel, in a frame.
+/// The arguments for which a noise returns its thresholds: a point of the ground, a pixel, a frame, a seed and a salt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ask {
     /// The point of the ground.
     pub point: HashedPoint<f64>,
-    /// The pixel that shows it.
+    /// The pixel that shows the point.
     pub pixel: [u32; 2],
     /// The frame.
     pub frame: u32,
@@ -53,20 +55,20 @@ pub struct Ask {
     pub salt: u32,
 }
 
-/// The noise under test: a function that returns four thresholds, each in [0, 1).
+/// The noise under test: a function that returns four thresholds in [0, 1).
 pub type Noise<'a> = &'a (dyn Fn(&Ask) -> [f64; 4] + Sync);
 
-/// Returns the renderer's noise of a kind.
+/// Returns the noise of the renderer for a kind.
 pub fn of_kind(kind: NoiseKind) -> impl Fn(&Ask) -> [f64; 4] + Sync {
     move |ask| noise::thresholds(kind, &ask.point, WORLD_LEVEL, ask.pixel, ask.frame, ask.seed, ask.salt)
 }
 
-/// Whether a kind is bound to the ground. The thresholds of such a kind do not depend on the frame and the pixel.
+/// Whether a kind of noise is bound to the ground. Its thresholds then do not depend on the frame and the pixel.
 pub fn is_of_ground(kind: NoiseKind) -> bool {
     matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld)
 }
 
-/// Whether a kind hashes cells whose size follows the footprint.
+/// Whether a kind of noise hashes cells whose size follows the footprint.
 pub fn is_hashed(kind: NoiseKind) -> bool {
     matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic)
 }
@@ -76,21 +78,20 @@ fn row(kind: NoiseKind, view: &str, motion: &str, statistic: &str, value: f64) -
     Row { kind: kind.name().to_owned(), view, motion, statistic, value, low: 0.0, high: 1.0 }
 }
 
-/// Returns a random place within some 260 km of a sector, with a footprint in any octave, in any pixel and frame. The places are so far apart that
-/// even the largest cells rarely contain two of them.
+/// Returns a random place at most some 260 km from a sector, with a random footprint, pixel and frame. The places are so far apart that a cell rarely
+/// contains two of them, even if it has the largest size.
 pub fn scattered(sector: i32, i: u32) -> Ask {
     let mut random = Random(u64::from(i) << 20 ^ u64::from(sector.cast_unsigned()) << 40);
     let footprint = random.between(f64::from(OCTAVES.start), f64::from(OCTAVES.end)).exp2();
     somewhere(&mut random, sector, footprint, 0.0)
 }
 
-/// Returns a random place near a sector, on ground with a slope. The longer derivative has a length of `footprint` metres.
+/// Returns a random place near a sector, on ground with the given slope. The longer derivative has a length of `footprint` metres.
 fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -> Ask {
     #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "small")]
     let mut place = |around: i32| around + random.below(8192) as i32 - 4096;
     let sector = [place(sector), place(-sector)];
-    // The two derivatives are random directions in the plane, at any angle to each other. The steepest ascent of the plane has a random compass
-    // bearing.
+    // The two derivatives have random directions in the plane of the ground. The plane rises in a random compass direction.
     let (sin, cos) = slope_deg.to_radians().sin_cos();
     let (to_sin, to_cos) = random.between(0.0, std::f64::consts::TAU).sin_cos();
     let mut along = |length: f64| {
@@ -108,11 +109,11 @@ fn somewhere(random: &mut Random, sector: i32, footprint: f64, slope_deg: f64) -
     Ask { point, pixel, frame, seed: SEED, salt: SALT }
 }
 
-/// Returns a place at the corner of cell `i` of a lattice with `sides` cells along x and y. The footprint is that of a scale with exactly these
-/// cells. The pixel is the cell's column and row, and the frame follows from its layer.
+/// Returns the place of cell `i` in a lattice with `sides` cells along x and y. The footprint is chosen so that noise which follows the footprint has
+/// exactly these cells. The pixel has the column and row of the cell, and the frame follows from the layer of the cell.
 fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
     let [x, y, z] = [i % sides[0], i / sides[0] % sides[1], i / sides[0] / sides[1]];
-    // The place is a twentieth of a cell inside the cell, so that rounding does not move it into a neighbour.
+    // The place is a twentieth of a cell away from the corner of the cell, so that rounding does not move it into a neighbouring cell.
     let at = |n: u32| (f64::from(n) + 0.05) * CELL_M;
     let point = HashedPoint {
         sector: [sector, -sector],
@@ -120,19 +121,19 @@ fn corner(kind: NoiseKind, sector: i32, sides: [u32; 2], i: u32) -> Ask {
         sector_m: SECTOR_M,
         ddx: [CELL_M; 3],
         ddy: [0.0; 3],
-        // Makes the level a whole number for the two kinds that follow the footprint. The isotropic kind uses the length of `ddx`, which is sqrt(3)
-        // cells. The anisotropic kind multiplies the extent along each axis by sqrt(2).
+        // This value makes the level a whole number for the two kinds that follow the footprint. The isotropic kind uses the length of `ddx`, which
+        // is sqrt(3) cells. The anisotropic kind multiplies the extent along each axis by sqrt(2).
         hash_scale: if kind == NoiseKind::HashedAnisotropic { 0.5_f64.sqrt() } else { 3_f64.sqrt().recip() },
     };
     Ask { point, pixel: [x, y], frame: 5 + z, seed: SEED, salt: SALT }
 }
 
-/// Returns a place on a plane of 1000 x 1000 cells; each cell has its own pixel.
+/// Returns the place of cell `i` on a plane of 1000 x 1000 cells. Each cell has a different pixel.
 fn on_plane(kind: NoiseKind, sector: i32, i: u32) -> Ask {
     corner(kind, sector, [1000, 1000], i)
 }
 
-/// Returns the place whose cell has the same number at the next finer scale.
+/// Returns the place whose cell has the same number at the next finer scale. Independent scales must hash this number differently.
 fn next_scale(ask: &Ask) -> Ask {
     let mut finer = *ask;
     for axis in 0..2 {
@@ -149,8 +150,8 @@ fn sample(noise: Noise<'_>, asks: impl Fn(u32) -> Ask + Sync) -> Vec<[f64; 4]> {
     (0..SAMPLES).into_par_iter().map(|i| noise(&asks(i))).collect()
 }
 
-/// Tests samples that must be independent random numbers: the four thresholds must be uniform and independent of each other, and the coverage of each
-/// alpha must be alpha.
+/// Tests samples that must be independent random numbers. The four thresholds must be uniform and independent of each other, and for each alpha, the
+/// share of thresholds below alpha must be alpha.
 fn of_samples(kind: NoiseKind, view: &str, samples: &[[f64; 4]]) -> Vec<Row> {
     let column = |k: usize| samples.iter().map(|s| s[k]).collect::<Vec<f64>>();
     let uniform = (0..4_usize).into_par_iter().flat_map_iter(|k| {
@@ -175,8 +176,9 @@ fn of_pairs(kind: NoiseKind, view: &str, motion: &str, pairs: &[(f64, f64)]) -> 
         .map(|(statistic, p)| row(kind, view, motion, statistic, p))
 }
 
-/// Returns the origins at which the thresholds of different places are independent random numbers: the given origins for kinds bound to the ground,
-/// one screen for white noise of the screen, and none for interleaved gradient noise and masks.
+/// Returns the distances from the origin at which thresholds of different places are independent random numbers. For kinds bound to the ground, these
+/// are the given distances. White noise of the screen does not depend on the distance, so there is one entry. Interleaved gradient noise and masks
+/// have none.
 fn places(kind: NoiseKind, origins: &[Origin]) -> &[Origin] {
     match kind {
         _ if is_of_ground(kind) => origins,
@@ -185,8 +187,8 @@ fn places(kind: NoiseKind, origins: &[Origin]) -> &[Origin] {
     }
 }
 
-/// Tests uniformity, independence of the four thresholds, and coverage. The samples are taken over seeds and, if the thresholds of different places
-/// are independent random numbers, also over places.
+/// Tests uniformity, the independence of the four thresholds, and coverage. The samples are taken over seeds. If the thresholds of different places
+/// are independent random numbers, samples are also taken over places.
 pub fn scattered_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     for &(name, sector) in places(kind, origins) {
@@ -196,7 +198,7 @@ pub fn scattered_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     rows
 }
 
-/// The name of a change of the input, and the change.
+/// A change of the noise's input: its name, and the function that makes it.
 type Change = (&'static str, fn(&Ask) -> Ask);
 
 const OF_SEEDS: [Change; 3] = [
@@ -207,7 +209,7 @@ const OF_SEEDS: [Change; 3] = [
 const OF_PLACES: [Change; 3] = [("x", |ask| beside(ask, 0)), ("y", |ask| beside(ask, 1)), ("z", |ask| beside(ask, 2))];
 const OF_SCALES: [Change; 1] = [("scale", next_scale)];
 
-/// Moves to the next cell along an axis and, for noise of the screen, to the next pixel (axes 0 and 1) or frame (axis 2).
+/// Moves to the next cell along an axis. Also moves to the next pixel (axes 0 and 1) or frame (axis 2), which affects noise of the screen.
 fn beside(ask: &Ask, axis: usize) -> Ask {
     let mut next = *ask;
     next.point.position[axis] += CELL_M;
@@ -218,8 +220,9 @@ fn beside(ask: &Ask, axis: usize) -> Ask {
     next
 }
 
-/// Tests the independence of neighbouring places (on the screen: pixels and, as `z`, frames), scales, seeds and salts. The samples come from a
-/// lattice of cells or pixels. For interleaved gradient noise and masks, they come from seeds, and only seeds and salts are tested.
+/// Tests whether thresholds change independently if one input changes: the place (for noise of the screen, the pixel or, as `z`, the frame), the
+/// scale, the seed or the salt. The samples are taken over a lattice of cells or pixels. For interleaved gradient noise and masks, they are taken
+/// over seeds, and only changes of seed and salt are tested.
 pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut pair = |view: &str, changes: &[Change], asks: &(dyn Fn(u32) -> Ask + Sync)| {
@@ -242,7 +245,8 @@ pub fn neighbour_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
     rows
 }
 
-/// Compares the number of distinct first thresholds in a plane of a million cells or pixels with that of independent random numbers of 24 bits.
+/// Counts the distinct first thresholds in a plane of a million cells or pixels, and compares the count with that of independent random numbers of 24
+/// bits.
 pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let places = if kind.needs_mask() { &[("screen", 0)] } else { places(kind, origins) };
     let of_place = |&(name, sector): &Origin| {
@@ -253,8 +257,8 @@ pub fn collision_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> 
 }
 
 /// Tests the size of cells at both ends of the range of scales. If the footprint is longer than a sector, two places that are 37 sectors apart must
-/// not share a cell. If the footprint is very small, cells must be 2^-16 m wide at an elevation of 2000 m. Only kinds that follow the footprint are
-/// tested.
+/// lie in different cells. If the footprint is very small, cells at an elevation of 2000 m must be 2^-16 m wide. Only kinds that follow the footprint
+/// are tested.
 pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -270,11 +274,12 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
             here == noise(&ask)
         };
         let share = (0..SAMPLES / 10).into_par_iter().filter(equal).count() as f64 / f64::from(SAMPLES / 10);
-        // The four thresholds have 96 bits together, so thresholds of two different cells are never all equal.
+        // The four thresholds of a cell have 96 random bits together. The thresholds of two different cells are therefore practically never all
+        // equal.
         rows.push(Row { high: 0.0, ..row(kind, name, "37 sectors", "equal thresholds", share) });
     }
-    // One metre contains 65 536 of the finest cells. Among as many random numbers of 24 bits, 128 are repetitions on average, with a standard
-    // deviation of 11, so up to 200 repetitions are accepted.
+    // One metre contains 65 536 of the finest cells. Among 65 536 random numbers of 24 bits, 128 on average repeat an earlier one, with a standard
+    // deviation of 11. Up to 200 repetitions are accepted.
     let cells = f64::from(1 << LEVEL_MAX);
     let close = |i: u32| {
         let mut ask = scattered(ORIGINS[1].1, 1);
@@ -287,8 +292,8 @@ pub fn range_rows(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<
     rows
 }
 
-/// Tests the coverage of each alpha on ground of each slope in each octave of the footprint, 1000 km from the origin. Each test uses [`PER_CELL`]
-/// thresholds, four per call. Only kinds that follow the footprint are tested.
+/// Tests coverage for each alpha, each slope of the ground and each octave of the footprint, 1000 km from the origin. Each test uses [`PER_CELL`]
+/// thresholds, four per call of the noise. Only kinds that follow the footprint are tested.
 pub fn coverage_rows(kind: NoiseKind, noise: Noise<'_>) -> Vec<Row> {
     if !is_hashed(kind) {
         return Vec::new();
@@ -313,7 +318,7 @@ pub fn coverage_rows(kind: NoiseKind, noise: Noise<'_>) -> Vec<Row> {
     cells.into_par_iter().flat_map_iter(of_cell).collect()
 }
 
-/// Runs all tests that need no camera on `noise`, which is tested like the renderer's noise of the given kind.
+/// Runs all tests that need no camera on `noise`. The tests are those for noise of the given kind.
 pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Row> {
     let mut rows = coverage_rows(kind, noise);
     for judge in [scattered_rows, neighbour_rows, collision_rows, range_rows] {
@@ -322,8 +327,8 @@ pub fn of_noise(kind: NoiseKind, noise: Noise<'_>, origins: &[Origin]) -> Vec<Ro
     rows
 }
 
-/// Tests the words of the hashes, and every kind of noise at all origins. All p-values share the level of one family. This takes half a minute on two
-/// cores.
+/// Tests the bits of the hashes, and every kind of noise at all distances from the origin. All p-values together have one significance level. The
+/// tests take half a minute on two cores.
 pub fn rows() -> Vec<Row> {
     let mut rows = hashes::rows();
     for kind in NoiseKind::ALL {

@@ -1,8 +1,8 @@
-//! Tests of samples against a null hypothesis (H0), and a random number generator that is independent of the noise under test.
+//! Statistical tests of a null hypothesis (H0), and a random number generator that is independent of the noise under test.
 
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Normal};
 
-/// SplitMix64 (Steele et al. 2014); any state is valid.
+/// The random number generator SplitMix64 (Steele et al. 2014). Any state is valid.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
@@ -40,9 +40,9 @@ impl Random {
     }
 }
 
-/// Returns the level for each of `tests` tests at which the level of the whole family is 0.1 % (Šidák).
+/// Returns the level of each of `tests` tests, for which all of them together have a level of 0.1 % (Šidák).
 pub fn sidak(tests: usize) -> f64 {
-    // This is 1 - 0.999^(1/n), written so that no digits are lost if n is large.
+    // This is 1 - 0.999^(1/n). The expression below loses no digits if n is large.
     -(0.999_f64.ln() / tests as f64).exp_m1()
 }
 
@@ -60,19 +60,20 @@ pub fn normal_bound(p: f64) -> f64 {
     -Normal::standard().inverse_cdf(p / 2.0)
 }
 
-/// H0: the counts have the expected means. Returns the p-value of the chi-square test; `fixed` linear constraints reduce the degrees of freedom.
+/// Returns the p-value of the chi-square test. H0: the counts have the expected means. The degrees of freedom are reduced by `fixed`, the number of
+/// linear constraints on the counts.
 pub fn goodness_p(counts: &[f64], expected: &[f64], fixed: usize) -> f64 {
     let statistic = counts.iter().zip(expected).map(|(c, e)| (c - e) * (c - e) / e).sum();
     chi_square_p(statistic, counts.len() - fixed)
 }
 
-/// Returns the index of the bin that contains `x`, if [0, 1) is divided into `bins` equal bins.
+/// Returns the index of the bin that contains `x`. The range [0, 1) is divided into `bins` equal bins.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= x < 1")]
 fn bin(x: f64, bins: usize) -> usize {
     ((x * bins as f64) as usize).min(bins - 1)
 }
 
-/// H0: the samples are uniform in [0, 1). Chi-square over 256 bins.
+/// Returns the p-value of a chi-square test with 256 bins. H0: the samples are uniform in [0, 1).
 pub fn uniform_bins_p(samples: &[f64]) -> f64 {
     let mut counts = [0.0; 256];
     for &x in samples {
@@ -81,7 +82,7 @@ pub fn uniform_bins_p(samples: &[f64]) -> f64 {
     goodness_p(&counts, &[samples.len() as f64 / 256.0; 256], 1)
 }
 
-/// H0: the samples are uniform in [0, 1). Kolmogorov-Smirnov, asymptotic with Stephens' correction.
+/// Returns the asymptotic p-value of the Kolmogorov-Smirnov test with Stephens' correction. H0: the samples are uniform in [0, 1).
 pub fn uniform_ks_p(samples: &[f64]) -> f64 {
     let mut sorted = samples.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -92,30 +93,31 @@ pub fn uniform_ks_p(samples: &[f64]) -> f64 {
     if lambda < 0.2 { 1.0 } else { (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0) }
 }
 
-/// H0: the two numbers of a pair are independent, and each is uniform in [0, 1). Chi-square over a 16 x 16 table of equal cells.
+/// Returns the p-value of a chi-square test with 16 x 16 equal cells. H0: the two numbers of a pair are independent, and each is uniform in [0, 1).
 pub fn independent_p(pairs: &[(f64, f64)]) -> f64 {
     let mut counts = [0.0; 256];
     for &(a, b) in pairs {
         counts[bin(a, 16) * 16 + bin(b, 16)] += 1.0;
     }
-    // The null hypothesis includes uniform margins, so the only constraint is the total.
+    // H0 includes that each number of a pair is uniform, so the total is the only constraint.
     goodness_p(&counts, &[pairs.len() as f64 / 256.0; 256], 1)
 }
 
-/// H0: the two numbers of a pair, each uniform in [0, 1), are not correlated. Two-sided normal test.
+/// Returns the p-value of a two-sided normal test. H0: the two numbers of a pair, each uniform in [0, 1), are not correlated.
 pub fn uncorrelated_p(pairs: &[(f64, f64)]) -> f64 {
     let sum: f64 = pairs.iter().map(|(a, b)| (a - 0.5) * (b - 0.5)).sum();
     normal_p(sum * 12.0 / (pairs.len() as f64).sqrt())
 }
 
-/// H0: each of `of` events has the probability `alpha`, in 0..=1. Two-sided exact binomial test; `covered` = number of events that occurred.
+/// Returns the p-value of a two-sided exact binomial test. H0: each of `of` events has the probability `alpha`, in 0..=1. `covered` is the number of
+/// events that occurred.
 pub fn coverage_p(covered: u64, of: u64, alpha: f64) -> f64 {
     let binomial = Binomial::new(alpha, of).expect("a probability");
     let above = if covered == 0 { 1.0 } else { binomial.sf(covered - 1) };
     (2.0 * binomial.cdf(covered).min(above)).min(1.0)
 }
 
-/// Returns the number of distinct thresholds, each rounded to 24 bits. The rounding changes no threshold that is not a blend of two scales.
+/// Returns the number of distinct thresholds after rounding to 24 bits. Thresholds have 24 bits before rounding, unless they blend two scales.
 pub fn distinct(thresholds: &[f64]) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= threshold < 1")]
     let mut words: Vec<u32> = thresholds.iter().map(|u| (u * 16_777_216.0).round() as u32).collect();
@@ -124,10 +126,11 @@ pub fn distinct(thresholds: &[f64]) -> usize {
     words.len()
 }
 
-/// H0: the `distinct` values are those of `n` independent random numbers of 24 bits. Normal approximation with the exact mean and variance.
+/// Returns the p-value of the number of distinct values. H0: the values are `n` independent random numbers of 24 bits. The normal approximation uses
+/// the exact mean and variance.
 pub fn distinct_p(distinct: usize, n: usize) -> f64 {
     const WORDS: f64 = 16_777_216.0;
-    // `one` = probability that a given value does not occur; `two` = probability that neither of two given values occurs.
+    // `one` is the probability that a given value does not occur. `two` is the probability that neither of two given values occurs.
     let [one, two] = [1.0, 2.0].map(|k: f64| (n as f64 * (-k / WORDS).ln_1p()).exp());
     let variance = WORDS * (one - two) + WORDS * WORDS * (two - one * one);
     normal_p((distinct as f64 - WORDS * (1.0 - one)) / variance.sqrt())
@@ -139,8 +142,8 @@ mod tests {
 
     #[test]
     fn collisions_are_as_many_as_draws_have() {
-        // Simulates 32 samples of a million numbers each. Under H0 the deviates are standard normal, so the mean of their 32 squares is 1, with a
-        // standard deviation of sqrt(2 / 32) = 0.25.
+        // Simulates 32 samples of a million numbers each. Under H0 the deviates are standard normal. The mean of their 32 squares then has the
+        // expected value 1 and a standard deviation of sqrt(2 / 32) = 0.25.
         let deviates: Vec<f64> = (0..32)
             .map(|seed| {
                 let mut random = Random(seed << 32);
@@ -150,7 +153,7 @@ mod tests {
             .collect();
         let square = deviates.iter().map(|z| z * z).sum::<f64>() / 32.0;
         assert!((0.3..2.0).contains(&square), "{square}: {deviates:?}");
-        // Numbers with 23 random bits instead of 24 have fewer distinct values.
+        // If numbers have 23 random bits instead of 24, fewer values are distinct, and the test must reject H0.
         let mut random = Random(1);
         let coarse: Vec<f64> = (0..1_000_000).map(|_| (random.word() >> 41) as f64 / 8_388_608.0).collect();
         assert!(distinct_p(distinct(&coarse), coarse.len()) < 1e-12);
@@ -161,18 +164,18 @@ mod tests {
         const N: usize = 20_000;
         let mut random = Random(3);
         let uniform: Vec<f64> = (0..N).map(|_| random.unit()).collect();
-        // The samples `short` do not reach the last thirtieth of the range.
+        // The samples in `short` do not cover the last thirtieth of the range.
         let short: Vec<f64> = uniform.iter().map(|u| u * (29.0 / 30.0)).collect();
         assert!(uniform_bins_p(&uniform) > 1e-3 && uniform_bins_p(&short) < 1e-6);
         assert!(uniform_ks_p(&uniform) > 1e-3 && uniform_ks_p(&short) < 1e-6);
-        // There are three kinds of dependent pairs: `same` is a number with itself, `leaning` is a number with a mixture that contains a tenth of it,
-        // and `folded` is a number with a function of it that is not correlated with it.
+        // The pairs in `same`, `leaning` and `folded` are dependent. In `same`, the second number equals the first. In `leaning`, it is a sum that
+        // contains a tenth of the first. In `folded`, it is a function of the first, but not correlated with it.
         let pairs = |of: &dyn Fn(f64, f64) -> f64| uniform.windows(2).map(|w| (w[0], of(w[0], w[1]))).collect::<Vec<_>>();
         let [other, same, leaning] = [pairs(&|_, b| b), pairs(&|a, _| a), pairs(&|a, b| 0.9 * b + 0.1 * a)];
         let folded = pairs(&|a, _| (2.0 * a - 1.0).abs());
         assert!(independent_p(&other) > 1e-3 && independent_p(&same) < 1e-6 && independent_p(&folded) < 1e-6);
         assert!(uncorrelated_p(&other) > 1e-3 && uncorrelated_p(&leaning) < 1e-6 && uncorrelated_p(&folded) > 1e-3);
-        // The share 0.12 of the samples is covered instead of 0.1.
+        // Negative control: if the share of covered samples is 0.12 instead of 0.1, the test must reject H0.
         let covered = |alpha: f64| uniform.iter().filter(|u| **u < alpha).count() as u64;
         assert!(coverage_p(covered(0.1), N as u64, 0.1) > 1e-3 && coverage_p(covered(0.12), N as u64, 0.1) < 1e-6);
         assert!(coverage_p(0, 10, 0.0) == 1.0 && coverage_p(10, 10, 0.5) < 0.01);

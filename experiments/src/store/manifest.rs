@@ -14,19 +14,19 @@ use crate::unit::Shard;
 /// Name of the file.
 pub(super) const FILE: &str = "manifest.json";
 
-/// Version of the folder's layout; other versions are refused.
+/// Version of the layout of a run's folder. Folders of other versions are refused.
 const FORMAT: u32 = 1;
 
-/// Where a run's numbers come from, besides its definition.
+/// Where the numbers of a run come from: everything except its definition.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
     /// Name of the graphics adapter.
     pub adapter: String,
     /// Driver of the adapter, with version.
     pub driver: String,
-    /// Whether the adapter renders on the CPU; then only ratios of times are meaningful.
+    /// Whether the adapter renders on the CPU. Only ratios of its times are then meaningful.
     pub software: bool,
-    /// Reason why scenes were drawn without anisotropic filtering; `None` = they were drawn with it.
+    /// The reason why scenes were drawn without anisotropic filtering; `None` = anisotropic filtering was used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub without_anisotropy: Option<String>,
     /// The command line.
@@ -36,7 +36,7 @@ pub struct Provenance {
 /// A run's description of itself.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Version of the folder's layout.
+    /// Version of the layout of the run's folder.
     pub format: u32,
     /// Version of the tables' columns.
     pub schema: String,
@@ -52,21 +52,21 @@ pub struct Manifest {
     pub small: bool,
     /// The shard, such as `2/4`; absent = the whole run.
     pub shard: Option<String>,
-    /// Describes what is random.
+    /// A sentence that says which numbers are random and how random numbers are generated.
     pub seed: String,
     /// Version of the program.
     pub version: String,
-    /// Commit that the program was built from, if it was given (`SCREE_COMMIT` at compile time).
+    /// Commit from which the program was built; absent if `SCREE_COMMIT` was not set when it was compiled.
     pub commit: Option<String>,
     /// Where the numbers come from.
     #[serde(flatten)]
     pub provenance: Provenance,
-    /// Whether all parts are done and joined.
+    /// Whether all parts are finished and joined.
     pub complete: bool,
 }
 
 impl Manifest {
-    /// The manifest of a new run. `definition` is the definition that is run, with the changes of `small` already applied.
+    /// Returns the manifest of a new run. If the run is small, `definition` already contains the changes of `small`.
     pub(super) fn new(definition: &Definition, small: bool, shard: Option<Shard>, provenance: &Provenance) -> Result<Manifest> {
         let text = definition.to_toml()?;
         Ok(Manifest {
@@ -96,7 +96,7 @@ impl Manifest {
         Manifest::parse(&text, &file)
     }
 
-    /// Reads the text of a manifest; `file` names it in errors.
+    /// Parses the text of a manifest. `file` is the name of the file in error messages.
     ///
     /// # Errors
     /// One line: the text is not JSON, has a different version, lacks a key, or has a value of the wrong type.
@@ -123,8 +123,8 @@ impl Manifest {
         })
     }
 
-    /// Describes the first difference between this existing run and the requested run `other` that would make their numbers incomparable; `None` if
-    /// there is no such difference.
+    /// Compares this existing run with the requested run `other`. Returns a description of the first difference that would make their numbers
+    /// incomparable; `None` if there is none.
     pub(super) fn difference(&self, other: &Manifest) -> Result<Option<String>> {
         let differs = |what: &str, there: &dyn std::fmt::Display, here: &dyn std::fmt::Display| {
             Some(format!("{what} is {} there and {} here", short(&there.to_string()), short(&here.to_string())))
@@ -160,7 +160,7 @@ impl Manifest {
     }
 }
 
-/// The first key that affects the numbers and differs between two definitions.
+/// Returns the first key that affects the measured numbers and differs between two definitions, with its two values.
 fn first_difference(a: &Definition, b: &Definition) -> Result<Option<(String, String, String)>> {
     let table = |definition: &Definition| Table::try_from(definition.measured());
     let (a, b) = (table(a)?, table(b)?);
@@ -169,7 +169,7 @@ fn first_difference(a: &Definition, b: &Definition) -> Result<Option<(String, St
     Ok(key.map(|key| (key.clone(), text(a.get(key)), text(b.get(key)))))
 }
 
-/// At most 60 characters of a text, on one line.
+/// Returns a text on one line. It is cut after 57 characters if it is longer than 60 characters.
 fn short(text: &str) -> String {
     let text = one_line(text);
     if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }

@@ -1,4 +1,5 @@
-//! The folder of a run: which files it contains at which time, so that a run can be stopped anywhere, resumed, split over machines and read back.
+//! The folder of a run. The rules below say which files it contains at which time. They allow a run to be stopped at any time, resumed, split over
+//! several machines, and read back.
 //!
 //! ```text
 //! OUT/<experiment>[/shard-K-of-N]/
@@ -12,8 +13,8 @@
 //!   times.parquet      device times, which differ each time; times.csv has the same rows
 //! ```
 //!
-//! Every file is written under a temporary name, flushed to the disk, and renamed, so it is complete or absent. The bytes of the metrics do not
-//! depend on how often the run was stopped and resumed.
+//! Every file is written under a temporary name, flushed to the disk, and then renamed. A file is therefore either complete or absent. The bytes of
+//! the metrics do not depend on how often the run was stopped and resumed.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -44,9 +45,9 @@ const PARTS: &str = "parts";
 const SCENE: &str = "scene";
 /// Folder of converged references.
 pub(crate) const REFERENCE: &str = "reference";
-/// Folder of pictures. Each list in it, a `.json` file, describes some of them.
+/// Folder of pictures. It contains lists (`.json` files), each of which describes some of the pictures.
 pub(crate) const PICTURES: &str = "pictures";
-/// File name of the report as a page.
+/// File name of the HTML report.
 pub(crate) const REPORT_PAGE: &str = "report.html";
 /// File name of the short report for a pull request.
 pub(crate) const REPORT_TEXT: &str = "report.md";
@@ -55,42 +56,42 @@ pub(crate) const VIDEO: &str = "video";
 const NOTE_PART: &str = "scree.part";
 const NOTE_METRICS: &str = "scree.metrics";
 
-/// Number of progress steps per part.
+/// Number of progress steps into which a part is divided.
 const STEPS: u64 = 1000;
 
-/// What to do about an existing run.
+/// What to do if the folder already contains a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
     /// Keep it, and do not start a new run.
     Refuse,
-    /// Continue it, if it is the same run.
+    /// Continue it if it is the requested run. Otherwise report an error.
     Resume,
-    /// Continue it if it is the same run and was stopped. Otherwise replace it if it has the same name.
+    /// If it is the requested run and was stopped, continue it. Otherwise, if it has the same name as the requested run, replace it.
     Replace,
 }
 
-/// Where a run is stored, and which run it is.
+/// The folder in which a run is stored, and the properties that identify the run.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
-    /// Folder of all runs, or the folder of this run.
+    /// The folder that contains the folders of all runs, or the folder of this run.
     pub out: &'a Path,
     /// Whether `out` is the folder of this run.
     pub own: bool,
     /// What to do about an existing run.
     pub existing: Existing,
-    /// The shard; `None` = the whole run.
+    /// The shard; `None` = the run is not split.
     pub shard: Option<Shard>,
-    /// Whether the definition has the changes of `small`.
+    /// Whether the run uses the definition with the changes of `small`.
     pub small: bool,
 }
 
 impl Place<'_> {
-    /// The folder of a definition's whole run.
+    /// Returns the folder of the whole run, even if `shard` is given.
     fn whole(&self, definition: &Definition) -> PathBuf {
         if self.own { self.out.to_owned() } else { self.out.join(&definition.name) }
     }
 
-    /// The folder of a definition's run, or of the shard.
+    /// Returns the folder of the run or, if `shard` is given, of the shard.
     pub fn folder(&self, definition: &Definition) -> PathBuf {
         let run = self.whole(definition);
         self.shard.map_or(run.clone(), |shard| run.join(format!("shard-{}-of-{}", shard.number, shard.count)))
@@ -112,11 +113,12 @@ pub struct Run {
 }
 
 impl Run {
-    /// Starts or continues a run: locks the folder, writes the manifest, imports the scene if the definition imports one, and finds the finished
-    /// parts. `definition` is the definition to run; if `place.small` is true, it is the result of [`Definition::small`].
+    /// Starts or continues a run. It locks the folder, writes the manifest, imports the scene if the definition imports one, and finds the finished
+    /// parts. If `place.small` is true, `definition` must be the result of [`Definition::small`].
     ///
-    /// # Errors
-    /// One line with the remedy. The folder contains other files, a run that must not be resumed, or a different run (the message says what differs);
+    /// The message is one line with the remedy. Possible causes: the folder contains other files, a run that must not be resumed, or a different run
+    /// (the message says what differs); another process uses the folder; the folder cannot be written; the scene cannot be imported, or lacks
+    /// something that the definition needs.
     /// the folder is in use or cannot be written; or the scene cannot be imported or lacks something that the definition needs.
     pub fn open(definition: &Definition, place: &Place<'_>, provenance: &Provenance) -> Result<Run> {
         let folder = place.folder(definition);
@@ -147,8 +149,8 @@ impl Run {
             } else if let Some(difference) = difference {
                 bail!("{show} holds another run, {difference}: choose another --out, or remove the folder");
             } else {
-                // The definition's prose and expectations may have changed, so the new manifest is used. It keeps the provenance of the existing run,
-                // so the stored command is the one that started the run.
+                // The new manifest is stored, because the prose and the expectations of the definition may have changed. It keeps the provenance of
+                // the existing run, so it contains the command that started the run.
                 manifest.complete = there.complete;
                 manifest.provenance = there.provenance;
             }
@@ -169,22 +171,22 @@ impl Run {
         Ok(run)
     }
 
-    /// The run's folder.
+    /// Returns the folder of the run.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Folder of the imported scene, if the definition imports one.
+    /// Returns the folder of the imported scene, if the definition imports one.
     pub fn imported(&self) -> Option<PathBuf> {
         self.definition.import.as_ref().map(|_| self.folder.join(SCENE))
     }
 
-    /// Notes for the user about the state of the folder, one per line.
+    /// Returns notes for the user about the state of the folder, one per line.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Number of finished parts, and number of all parts.
+    /// Returns the number of finished parts, and the number of all parts.
     pub fn progress(&self) -> (usize, usize) {
         (self.done.len(), self.shares.len())
     }
@@ -198,9 +200,9 @@ impl Run {
         self.definition.check_imported(&scene)
     }
 
-    /// Finds the finished parts. A damaged part is removed, so that it is done again.
+    /// Finds the finished parts. Damaged parts are removed, so that they are measured again.
     fn survey(&mut self) -> Result<()> {
-        // A finished run has no folder of parts, but needs one again if its results are damaged.
+        // A finished run has no folder of parts. If its results are damaged, the folder is created again.
         let parts = self.folder.join(PARTS);
         if self.manifest.complete {
             let results = [METRICS, TIMES].map(|name| (self.file(name, "parquet"), self.file(name, "csv")));
@@ -238,11 +240,11 @@ impl Run {
         self.folder.join(format!("{name}.{extension}"))
     }
 
-    /// Does the missing parts in order. `progress(done, total)` is called during the work. `go_on` is called before each part, and its error stops
-    /// the run.
+    /// Carries out the missing parts in order. `progress(done, total)` is called during the work. `go_on` is called before each part. If it returns
+    /// an error, the run stops.
     ///
     /// # Errors
-    /// A part fails; the error names it. The finished parts are kept.
+    /// A part fails. The message names the part. Finished parts are kept.
     pub fn carry_out(&mut self, measure: &mut dyn Measure, progress: &dyn Fn(u64, u64), go_on: &dyn Fn() -> Result<()>) -> Result<()> {
         let total = self.shares.len() as u64 * STEPS;
         let missing: Vec<Share> = self.shares.iter().filter(|share| !self.done.contains(&share.unit.index)).cloned().collect();
@@ -264,7 +266,7 @@ impl Run {
         Ok(())
     }
 
-    /// Stores the result of a part. The columns whose values follow from the part are filled in here, so that they cannot contradict the part.
+    /// Stores the result of a part. The columns that follow from the part are set here, so that rows cannot contradict their part.
     fn keep(&self, share: &Share, mut outcome: Outcome) -> Result<()> {
         let unit = &share.unit;
         if !share.kept {
@@ -309,7 +311,7 @@ impl Run {
         }
     }
 
-    /// Joins all parts in order, one at a time, marks the run complete, and reads it back.
+    /// Joins the results of all parts in order. Only one part is in memory at a time. Marks the run as complete, and reads its rows back.
     ///
     /// # Errors
     /// Parts are missing, or the disk fails.
@@ -352,7 +354,7 @@ fn part_file(folder: &Path, unit: &Unit) -> PathBuf {
     folder.join(PARTS).join(format!("{}.parquet", part_name(unit)))
 }
 
-/// Reads metrics and times of a part.
+/// Reads the metrics and the times of a part.
 fn read_part(file: &Path, unit: &Unit) -> Result<(Vec<Row>, Vec<Row>)> {
     let Table { rows: mut metrics, notes } = read_parquet(file)?;
     let count = notes.get(NOTE_METRICS).and_then(|count| count.parse::<usize>().ok()).filter(|&count| count <= metrics.len());
@@ -365,7 +367,7 @@ fn read_part(file: &Path, unit: &Unit) -> Result<(Vec<Row>, Vec<Row>)> {
     }
 }
 
-/// Returns the first entry of a folder that a run without a manifest cannot have left there; `None` if there is none.
+/// Returns the name of the first entry of a folder that does not belong to a run that was stopped before it had a manifest; `None` if there is none.
 fn foreign(folder: &Path) -> Result<Option<String>> {
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read the folder {}", folder.display()))?;
     let mut names: Vec<String> = entries.filter_map(Result::ok).map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
@@ -373,12 +375,13 @@ fn foreign(folder: &Path) -> Result<Option<String>> {
     Ok(names.into_iter().find(|name| name != LOCK && !is_leftover(name)))
 }
 
-/// Whether this is a temporary name, under which files and folders are written before they are renamed.
+/// Whether the name is temporary. Files and folders have such names until they are complete and renamed.
 fn is_leftover(name: &str) -> bool {
     name.ends_with(".tmp") || name.starts_with(&format!(".{SCENE}.part-"))
 }
 
-/// Removes what a run made, and nothing else. The manifest is removed last, so that until then the folder is recognised as a run's.
+/// Removes the files that a run has written, and no other files. The manifest is removed last. Until then, the folder is recognised as the folder of
+/// a run.
 fn remove_results(folder: &Path) -> Result<()> {
     let tables = [METRICS, TIMES].into_iter().flat_map(|name| ["parquet", "csv"].map(|extension| format!("{name}.{extension}")));
     let reports = [REPORT_PAGE, REPORT_TEXT].into_iter().map(str::to_owned);
@@ -416,14 +419,14 @@ fn remove_leftovers(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The lock of a folder. The operating system releases it when the process ends, even by SIGKILL.
+/// The lock of a folder. The operating system releases it when the process ends, even if the process is killed.
 #[derive(Debug)]
 struct Lock(File);
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Closing the file does not release the lock while a child process, which another thread has just forked, still has a copy of the file
-        // handle. If unlocking fails, the lock is released when all copies are closed.
+        // Closing the file is not always enough to release the lock. If another thread has just forked a child process, the child also has a copy of
+        // the file handle and keeps the lock. If unlocking fails, the lock is released when all copies are closed.
         drop(self.0.unlock());
     }
 }
@@ -437,7 +440,7 @@ fn lock(folder: &Path, command: &str) -> Result<Lock> {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut who = String::new();
-            // If the locked file cannot be read, the message does not name the process that holds the lock.
+            // If the file cannot be read, the message does not name the process that holds the lock.
             let _ = file.read_to_string(&mut who);
             let who = if who.trim().is_empty() { "another process".to_owned() } else { who.trim().to_owned() };
             bail!("{} is in use by {who}: wait for it, or choose another --out", folder.display());
@@ -448,28 +451,28 @@ fn lock(folder: &Path, command: &str) -> Result<Lock> {
     Ok(Lock(file))
 }
 
-/// A run that was read back: the whole run, or its shards combined, or the finished parts.
+/// A run that was read back. It is complete, combined from its shards, or consists of the parts that are finished.
 #[derive(Clone, Debug)]
 pub struct RunData {
     /// The definition that was run.
     pub definition: Definition,
-    /// The manifest; for shards, that of the first one.
+    /// The manifest. If the run consists of shards, it is the manifest of the first shard.
     pub manifest: Manifest,
-    /// Metrics, in column order.
+    /// The rows of metrics, sorted by the columns from left to right.
     pub rows: Vec<Row>,
-    /// Device times, in column order.
+    /// The rows of device times, sorted by the columns from left to right.
     pub times: Vec<Row>,
-    /// Whether nothing is missing.
+    /// Whether all parts are finished.
     pub complete: bool,
-    /// Descriptions of what is missing, one per line.
+    /// Descriptions of the parts that are missing, one per line.
     pub missing: Vec<String>,
-    /// The folder that was given.
+    /// The folder from which the run was read.
     pub folder: PathBuf,
-    /// Folders that contain the files of the parts: the given folder, or those of its shards.
+    /// The folders that contain the files of the run: the folder that was given, or the folders of its shards.
     pub folders: Vec<PathBuf>,
 }
 
-/// Reads the run in a folder, or combines all shards below it.
+/// Reads the run in a folder. If the folder contains shards, they are combined.
 ///
 /// # Errors
 /// There is no run, a file is damaged, or the shards do not belong together (the message says what differs).

@@ -1,20 +1,20 @@
-//! The list of a run's pictures, which the runner writes and the report reads.
+//! The list of a run's pictures. The runner writes it, and the report reads it.
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// An entry of the list.
+/// An entry of the list: one picture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub(crate) struct RunPicture {
-    /// Name of the file, which lies next to the list.
+    /// Name of the picture's file, which is in the same folder as the list.
     pub(crate) file: String,
-    /// Title, a few words.
+    /// Title, which consists of a few words.
     pub(crate) title: String,
-    /// Caption, one sentence.
+    /// Caption, which is one sentence.
     pub(crate) caption: String,
-    /// `reference`, `frame`, `tile-map`, `flicker-map` or `error-map`.
+    /// Kind of the picture: `reference`, `frame`, `tile-map`, `flicker-map` or `error-map`.
     pub(crate) kind: String,
     /// View of the picture, as in [`crate::row::Row`].
     pub(crate) view: String,
@@ -28,7 +28,7 @@ pub(crate) struct RunPicture {
     pub(crate) temporal: String,
     /// See [`crate::row::Row`].
     pub(crate) setting: String,
-    /// Folder of the file; not part of the list.
+    /// Folder of the file. It is not stored in the list.
     #[serde(skip)]
     pub(crate) folder: PathBuf,
 }

@@ -1,7 +1,7 @@
-//! Rows as files: Parquet for programs, CSV for people and spreadsheets. Both store every number exactly, including NaN.
+//! Stores rows in files: as Parquet for programs, and as CSV for people and spreadsheets. Both formats store every number exactly, including NaN.
 //!
-//! The bytes of a file depend only on its rows: it contains no time and no machine name. Parquet readers do not require a checksum. The file's
-//! metadata therefore contains a checksum of all values, so that damaged data is refused and not used.
+//! The bytes of a file depend only on its rows, because it contains neither a time nor a machine name. Parquet readers do not require a checksum. The
+//! metadata of the file therefore contains a checksum of all values, with which damaged files are recognised and refused.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -28,29 +28,29 @@ use twox_hash::XxHash64;
 use crate::process::quietly;
 use crate::row::{COLUMNS, Column, Field, Row};
 
-/// Version of the columns and their meanings; files of other versions are refused.
+/// Version of the columns and their meanings. Files of other versions are refused.
 pub const SCHEMA: &str = "1";
 
 const NOTE_SCHEMA: &str = "scree.schema";
 const NOTE_ROWS: &str = "scree.rows";
 const NOTE_CHECKSUM: &str = "scree.xxhash64";
 
-/// Number of values that are read at once.
+/// Number of values that are read from a column at once.
 const BATCH: usize = 1 << 16;
 
-/// Rows of a file, and its notes (key-value metadata).
+/// The rows of a file, and its notes, which are key-value metadata.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// The rows, in the file's order.
     pub rows: Vec<Row>,
-    /// Notes by name, without the notes that every file has: schema, number of rows, checksum.
+    /// The notes by name. They do not include the notes that every file has: schema, number of rows, checksum.
     pub notes: BTreeMap<String, String>,
 }
 
-/// Groups of rows, produced one after another, so that a file can be larger than memory.
+/// Groups of rows. They are produced one after another, so that a file can be larger than the memory.
 pub type Groups<'a> = &'a mut dyn Iterator<Item = Result<Vec<Row>>>;
 
-/// The checksum of all rows: xxHash64 of every value in order.
+/// Computes the checksum of all rows: the xxHash64 of every value in order.
 struct Checksum {
     hasher: XxHash64,
     rows: u64,
@@ -93,10 +93,10 @@ impl Checksum {
     }
 }
 
-/// Writes a row group for every [`Groups`] item that has rows, then the notes.
+/// Writes each item of `groups` that has rows as a row group of the file. Then writes the notes.
 ///
 /// # Errors
-/// A group cannot be produced, or the disk fails; then the file is absent, or unchanged if it existed before.
+/// A group cannot be produced, or the disk fails. The file is then absent, or unchanged if it existed before.
 pub fn write_parquet(file: &Path, groups: Groups<'_>, notes: &[(String, String)]) -> Result<()> {
     write_with(file, |output| {
         let fields: String = COLUMNS.iter().map(declaration).collect();
@@ -177,7 +177,7 @@ pub fn write_csv(file: &Path, groups: Groups<'_>) -> Result<()> {
     })
 }
 
-/// Writes a file completely, and flushes it to the disk before it gets its name.
+/// Writes a file completely. The file is flushed to the disk before it gets its final name.
 pub(crate) fn write_with(file: &Path, write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>) -> Result<()> {
     let done = write_whole(file, |temporary| {
         let written = (|| {
@@ -204,16 +204,16 @@ fn failure(error: ParquetError) -> io::Error {
     }
 }
 
-/// Reads a file that [`write_parquet`] has written; unknown columns are ignored.
+/// Reads a file that [`write_parquet`] has written. Unknown columns are ignored.
 ///
 /// # Errors
-/// One line: the file is not Parquet, is truncated or damaged, has a different schema version, lacks a column, has a column of a different type, or
-/// has values that differ from those that were written.
+/// The message is one line. Possible causes: the file is not Parquet, is truncated or damaged, has a different schema version, lacks a column, has a
+/// column of a different type, or contains values that do not match its checksum.
 pub fn read_parquet(file: &Path) -> Result<Table> {
     decode_parquet(File::open(file).with_context(|| format!("cannot read {}", file.display()))?, file)
 }
 
-/// Reads the contents of a file that [`write_parquet`] has written; `file` names it in errors.
+/// Reads the contents of a file that [`write_parquet`] has written. `file` is the name of the file in error messages.
 ///
 /// # Errors
 /// See [`read_parquet`].
@@ -224,7 +224,7 @@ pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<
     };
     let reader = quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer is inconsistent".to_owned()))?;
     let reader = reader.map_err(|error| damaged(format!("no Parquet file ({error})")))?;
-    // A damaged file can make the reader exceed array bounds, so panics are caught.
+    // A damaged file can make the reader access an array beyond its bounds, so panics are caught.
     match quietly(|| read(&reader)) {
         Some(outcome) => outcome.map_err(|error| damaged(format!("{error:#}"))),
         None => Err(damaged("its pages are inconsistent".to_owned())),
@@ -257,13 +257,13 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
         }
         places.push(place);
     }
-    // Damaged bytes can claim any number of values. The stored number of rows limits how many values are read.
+    // Damaged bytes can claim any number of values. At most the stored number of rows is read.
     let most: usize = count.parse().with_context(|| format!("`{count}` is not a number of rows"))?;
     let mut rows: Vec<Row> = Vec::new();
     for index in 0..reader.num_row_groups() {
         let group = reader.get_row_group(index).map_err(|error| anyhow!("row group {index}: {error}"))?;
-        // The first column contains texts. The number of texts that it really contains is the number of rows, because a number in a damaged file must
-        // not decide how much memory is allocated.
+        // The first column contains texts. The number of rows is the number of texts that are really read from it. A number in a damaged file must
+        // not determine how much memory is allocated.
         let mut of_group: Vec<Row> = Vec::new();
         for (column, &place) in COLUMNS.iter().zip(&places) {
             let most = if place == places[0] { Some(most.saturating_sub(rows.len())) } else { None };
@@ -281,8 +281,8 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
     Ok(Table { rows, notes })
 }
 
-/// Reads a column into the rows of its group. `first` is given only for the first column, which creates the rows: it is the largest number of rows to
-/// create.
+/// Reads a column into the rows of its group. For the first column, which creates the rows, `first` is the largest number of rows to create. For all
+/// other columns, it is `None`.
 fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first: Option<usize>, rows: &mut Vec<Row>) -> Result<()> {
     check_dictionaries(group, place)?;
     let reader = group.get_column_reader(place)?;
@@ -320,12 +320,12 @@ fn read_column(group: &dyn RowGroupReader, column: &Column, place: usize, first:
     }
 }
 
-/// Refuses a dictionary that claims more values than its bytes can contain. The library would allocate memory for as many values as the dictionary
-/// claims, up to 2^31.
+/// Refuses a dictionary that claims to contain more values than fit into its bytes. Otherwise the library would allocate memory for the claimed
+/// number of values, which can be up to 2^31.
 fn check_dictionaries(group: &dyn RowGroupReader, place: usize) -> Result<()> {
     let mut pages = group.get_column_page_reader(place)?;
     while let Some(page) = pages.get_next_page()? {
-        // A value takes at least 4 bytes: those of a whole number, or of the length of a text.
+        // A value takes at least 4 bytes: those of an integer, or those of the length of a text.
         if let Page::DictionaryPage { buf, num_values, .. } = page
             && num_values as usize > buf.len() / 4
         {
@@ -342,7 +342,8 @@ fn fill<T>(rows: &mut [Row], values: Vec<Option<T>>, set: impl Fn(&mut Row, Opti
     rows.iter_mut().zip(values).try_for_each(|(row, value)| set(row, value))
 }
 
-/// Reads the values of a column of a row group; fails if there are more than `most`. With `optional`, absent values are included as `None`.
+/// Reads the values of a column of a row group. Fails if there are more than `most` values. If `optional` is true, absent values are included as
+/// `None`.
 fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool, most: usize) -> Result<Vec<Option<T::T>>> {
     let mut all = Vec::new();
     loop {

@@ -15,7 +15,7 @@ use toml::de::{DeTable, DeValue};
 use crate::base::error::one_line;
 use crate::base::names::nearest;
 
-/// Largest size of a document file, bytes. Documents are small, so a larger file was probably given by mistake.
+/// Limit of the size of a document file, bytes. Documents are small, so a larger file was probably given by mistake.
 const MAX_BYTES: u64 = 4 << 20;
 
 /// The text of a document file, at most 4 MiB of UTF-8. `kind` names the expected kind of document, such as `scene`.
@@ -51,7 +51,7 @@ pub fn text(bytes: Vec<u8>, kind: &str) -> Result<String, String> {
 pub struct Wrong {
     /// Line, counted from 1; `None` if it is not known.
     pub line: Option<usize>,
-    /// What is wrong and how to mend it.
+    /// What is wrong and how to fix it.
     pub what: String,
 }
 
@@ -116,7 +116,7 @@ pub enum Step {
 pub struct Problem {
     /// Path to the value in the file.
     pub path: Vec<Step>,
-    /// What is wrong and how to mend it.
+    /// What is wrong and how to fix it.
     pub what: String,
     /// Whether `what` is a complete sentence that names the value, so that the path is not shown before it.
     is_sentence: bool,
@@ -146,7 +146,7 @@ impl fmt::Display for Problem {
 /// The result of a check.
 pub type Checked = Result<(), Problem>;
 
-/// The place of a value during checking: a path that gets longer with each nested key or index.
+/// The place of a value in a document, as a path of keys and indices. Checks extend the path as they descend into the document.
 #[derive(Clone, Debug, Default)]
 pub struct At(Vec<Step>);
 
@@ -170,18 +170,18 @@ impl At {
         At(path)
     }
 
-    /// A problem with the value at this place: what is wrong and how to mend it.
+    /// A problem with the value at this place. `what` says what is wrong and how to fix it.
     pub fn problem(&self, what: impl Into<String>) -> Problem {
         Problem { path: self.0.clone(), what: what.into(), is_sentence: false }
     }
 
-    /// A problem with the value at this place, described by a complete sentence that names the value.
+    /// A problem with the value at this place. `what` is a complete sentence that names the value.
     pub fn sentence(&self, what: String) -> Problem {
         Problem { path: self.0.clone(), what, is_sentence: true }
     }
 
     /// # Errors
-    /// Always, with the problem of [`At::problem`].
+    /// Always returns the problem that [`At::problem`] makes.
     pub fn fail(&self, what: impl Into<String>) -> Checked {
         Err(self.problem(what))
     }

@@ -1,8 +1,8 @@
-//! The library's one error type: what went wrong, where, and how to mend it.
+//! The library's one error type: what went wrong, where, and how to fix it.
 
 use std::path::PathBuf;
 
-/// Everything that can fail in this crate. Each text is one line: what, where, how to mend it.
+/// Everything that can fail in this crate. Each text is one line that says what is wrong, where, and how to fix it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A scene file is wrong.
@@ -10,7 +10,7 @@ pub enum Error {
     Scene {
         /// The file and, if known, the line or table.
         where_: String,
-        /// What is wrong and how to mend it.
+        /// What is wrong and how to fix it.
         what: String,
     },
     /// A heightmap is wrong.
@@ -18,7 +18,7 @@ pub enum Error {
     Heightmap {
         /// The file.
         file: PathBuf,
-        /// What is wrong and how to mend it.
+        /// What is wrong and how to fix it.
         what: String,
     },
     /// A material's textures are wrong.
@@ -26,7 +26,7 @@ pub enum Error {
     Material {
         /// The material's name.
         name: String,
-        /// What is wrong and how to mend it.
+        /// What is wrong and how to fix it.
         what: String,
     },
     /// The machine has no suitable adapter.

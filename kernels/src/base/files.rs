@@ -9,7 +9,7 @@ fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
     move |source| Error::File { file: file.to_owned(), source }
 }
 
-/// Runs `write` on a temporary file beside `file`, then renames it: the file is complete or absent.
+/// Runs `write` on a temporary file in the folder of `file`, then renames it to `file`. So `file` is never incomplete.
 ///
 /// # Errors
 /// Writing or renaming fails; the temporary file is then removed.
@@ -25,7 +25,7 @@ pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std
     done
 }
 
-/// A folder that is filled under a temporary name beside its final place, and removed unless [`WholeFolder::finish`] is called.
+/// A folder that is filled under a temporary name, next to its final path. It is removed if [`WholeFolder::finish`] is not called.
 pub struct WholeFolder {
     temporary: PathBuf,
     place: PathBuf,
@@ -56,7 +56,7 @@ impl WholeFolder {
     /// # Errors
     /// A folder of that name exists and is not empty, or the temporary folder cannot be renamed. The temporary folder is then removed.
     pub fn finish(self) -> Result<()> {
-        // Not every system can rename a folder onto an empty one.
+        // Some systems cannot rename a folder to the name of an existing empty folder.
         if self.place.exists() {
             fs::remove_dir(&self.place).map_err(failed(&self.place))?;
         }

@@ -5,8 +5,8 @@
 pub struct Progress {
     /// What is being done.
     pub stage: String,
-    /// Steps done.
+    /// Number of steps that are done.
     pub done: u64,
-    /// Steps in all; 0 = not known.
+    /// Total number of steps; 0 = not known.
     pub total: u64,
 }

@@ -17,7 +17,7 @@ pub enum Constant {
 }
 
 impl Constant {
-    /// The nearest f32.
+    /// A real constant with the f32 nearest to `value`.
     #[allow(clippy::cast_possible_truncation, reason = "shaders compute in f32")]
     pub const fn real(value: f64) -> Constant {
         Constant::F32(value as f32)

@@ -43,7 +43,7 @@ impl BlockFormat {
 pub enum Effort {
     /// Range fit: about a microsecond per block.
     Fast,
-    /// Range fit, improved by `refine`. Its quality is within one decibel of the cluster fit, in a small part of the time.
+    /// Range fit, improved by `refine`. Its quality is within one decibel of the cluster fit, and it is much faster than the cluster fit.
     Refined,
     /// Iterated cluster fit: tens of microseconds per block. Meant for the few blocks where quality matters most.
     Best,
@@ -150,13 +150,13 @@ fn refine(block: &mut [u8; 8], texels: &[[f32; 3]; 16], weights: [f32; 3]) {
     }
 }
 
-/// Expands a 5:6:5 colour to 0..255 per channel. The low bits repeat the high bits, as in decoders.
+/// Expands a 5:6:5 colour to 0..255 per channel. As in a decoder, the high bits are repeated in the low bits.
 fn expand565(code: u16) -> [f32; 3] {
     let (r, g, b) = (code >> 11, (code >> 5) & 63, code & 31);
     [(r << 3) | (r >> 2), (g << 2) | (g >> 4), (b << 3) | (b >> 2)].map(f32::from)
 }
 
-/// The 5:6:5 code nearest to a colour with channels in 0..255. Values outside this range are clamped.
+/// Returns the 5:6:5 colour that is nearest to a colour with channels in 0..255. Values outside this range are clamped.
 fn quantise565(colour: [f32; 3]) -> u16 {
     let level = |value: f32, most: f32| (value * most / 255.0 + 0.5).clamp(0.0, most) as u16;
     (level(colour[0], 31.0) << 11) | (level(colour[1], 63.0) << 5) | level(colour[2], 31.0)
@@ -182,8 +182,8 @@ pub fn decode(format: BlockFormat, blocks: &[u8], width: usize, height: usize) -
     rgba
 }
 
-/// Returns a BC3 alpha block whose 16 decoded values are nowhere below `needed`. It tries a block in BC3's eight-value mode and a block in its
-/// six-value mode, and returns the one whose values exceed `needed` by less in total.
+/// Returns a BC3 alpha block. Each of its 16 decoded values is at least the value of the same texel in `needed`. The function tries a block in
+/// BC3's eight-value mode and a block in its six-value mode, and returns the block whose values exceed `needed` by less in total.
 ///
 /// Interpolated values are computed as exact fractions and rounded down. A decoder that rounds up or down therefore never decodes a value
 /// below `needed`.
@@ -213,13 +213,13 @@ pub fn alpha_block_at_least(needed: [u8; 16]) -> [u8; 8] {
             best = Some((excess, [first, second, b[0], b[1], b[2], b[3], b[4], b[5]]));
         }
     }
-    best.expect("the eight-value line reaches the highest value needed").1
+    best.expect("the highest value of the eight-value block is the highest value needed").1
 }
 
 /// The 8 values of a BC3 alpha block. Interpolated values are rounded down.
 fn alpha_palette(first: u8, second: u8) -> [u8; 8] {
     let (a, b) = (u32::from(first), u32::from(second));
-    let mix = |k: u32, n: u32| u8::try_from(((n - k) * a + k * b) / n).expect("a mean of two bytes");
+    let mix = |k: u32, n: u32| u8::try_from(((n - k) * a + k * b) / n).expect("the mean of two bytes is a byte");
     if first > second {
         [first, second, mix(1, 7), mix(2, 7), mix(3, 7), mix(4, 7), mix(5, 7), mix(6, 7)]
     } else {

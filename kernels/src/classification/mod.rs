@@ -1,5 +1,5 @@
-//! Classification: the variant of a tile (8 x 8 pixels; optionally 4 x 4 or 16 x 16) is the OR of the masks of its pixels (ruling 4). The results are
-//! tile lists and indirect arguments for each variant.
+//! Classification: the variant of a tile (8 x 8 pixels; optionally 4 x 4 or 16 x 16) is the OR of the masks of its pixels (ruling 4 in
+//! `ARCHITECTURE.md`). The results are tile lists and indirect arguments for each variant.
 //!
 //! Reads mask and stencil. Writes 32 tile lists (0 = every terrain tile, 1..=31 = the variants) and 32 indirect draws, see [`tile_vertices`]. One
 //! workgroup per tile. Source: Moore, GDC 2018, "Terrain Classification Pass".
@@ -23,9 +23,9 @@ pub mod reference;
 pub const TILE: u32 = 8;
 /// Possible edges of a tile, pixels. They serve to measure how the cost depends on the size of tiles.
 pub const TILES: [u32; 3] = [4, 8, 16];
-/// Bits of a tile's column in an entry of a list; its row has as many.
+/// Number of bits for the column of a tile in an entry of a tile list. The row has the same number of bits.
 pub const TILE_COORDINATE_BITS: u32 = 12;
-/// Number of lists: one of every terrain tile, and one per variant.
+/// Number of tile lists: one with every terrain tile, and one per variant.
 pub const LISTS: u32 = 32;
 /// Bytes of one list's indirect draw arguments.
 pub const ARGUMENT_BYTES: u64 = 16;
@@ -42,9 +42,9 @@ pub fn tiles_of(size: [u32; 2], tile: u32) -> [u32; 2] {
 
 /// Number of vertices that shading draws per tile: 3 if the device can clamp depth instead of clipping it, else 6.
 ///
-/// With 6 vertices, two triangles share the tile's diagonal, and groups of pixels on the diagonal that a device shades together are shaded twice.
-/// With 3 vertices, one triangle contains the tile. It also covers pixels outside the tile, but its depth at those pixels fails the depth test, which
-/// runs before shading.
+/// With 6 vertices, a tile is two triangles that share a diagonal. Devices shade pixels in small groups, so each group on the diagonal is shaded
+/// twice. With 3 vertices, one triangle contains the tile. It also covers pixels outside the tile, but its depth at those pixels fails the depth
+/// test, which runs before shading.
 pub fn tile_vertices(gpu: &Gpu) -> u32 {
     if gpu.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) { 3 } else { 6 }
 }
@@ -60,7 +60,7 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Allocates for a picture of `size` pixels, cut into tiles with the edge `tile`.
+    /// Allocates the lists for a picture of `size` pixels and tiles with the edge `tile`.
     pub fn new(gpu: &Gpu, size: [u32; 2], tile: u32) -> Lists {
         let tiles_xy = tiles_of(size, tile);
         let [x, y] = tiles_xy;
@@ -83,7 +83,7 @@ impl Lists {
         Ok(std::array::from_fn(|i| words[i][1]))
     }
 
-    /// The packed tiles of every list, in the order in which they were appended (no result may depend on this order).
+    /// Returns the packed tiles of every list, in the order in which they were appended (no result may depend on this order).
     ///
     /// # Errors
     /// When the device is lost.
@@ -98,11 +98,11 @@ impl Lists {
 pub struct Classification {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    /// Tiles of each list in the last frame.
+    /// Number of tiles in each list, in the last frame.
     counts: [u32; LISTS as usize],
 }
 
-/// Entries of the tile lists.
+/// WGSL functions that pack and unpack the entries of tile lists.
 pub static TILE_WGSL: Wgsl = Wgsl::new("classification/tile.wgsl", include_str!("tile.wgsl"), &[])
     .with(&[("TILE_ROW_SHIFT", Constant::U32(TILE_COORDINATE_BITS)), ("TILE_MASK_SHIFT", Constant::U32(2 * TILE_COORDINATE_BITS))]);
 

@@ -4,7 +4,7 @@
 
 struct CompositionStream {
     mask: u32,              // the variant forced on every tile; 0 = each pixel has the flavours that it needs
-    modulated: u32,         // 1 = all flavours except the virtual texture counted the same fetch of colour modulation; the sum must count it once
+    modulated: u32,         // 1 = every flavour except the virtual texture counted the fetch of colour modulation; the sum must count it once
     squared: u32,           // 1 = weights are squared, because variances of independent flavours add with squared weights
     pad_0: u32,
 }
@@ -90,7 +90,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
             if flavour != FLAVOUR_VT {
                 shared_fetches += stream.modulated;
             }
-            // The first recorded choice, in the order in which the shading pass evaluates the flavours.
+            // The picture keeps the first recorded choice, in the order in which the shading pass evaluates the flavours.
             if choice == 0u {
                 choice = diagnostics_choice(known[flavour]);
             }

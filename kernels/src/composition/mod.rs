@@ -27,7 +27,7 @@ use crate::view;
 pub struct CompositionStream {
     /// The variant forced on every pixel; 0 = each pixel has the flavours that it needs.
     pub mask: u32,
-    /// 1 = all flavours except the virtual texture counted the same fetch of colour modulation, so the sum counts it once.
+    /// 1 = every flavour except the virtual texture counted the fetch of colour modulation, so the sum must count it once.
     pub modulated: u32,
     /// 1 = weights are squared, because variances of independent flavours add with squared weights.
     pub squared: u32,
@@ -35,18 +35,18 @@ pub struct CompositionStream {
     pub pad_0: u32,
 }
 
-/// Where a composed picture goes.
+/// How one picture is composed, and where it is written.
 #[derive(Clone, Copy)]
 pub struct Destination<'a> {
-    /// The stream to compose.
+    /// How the picture is composed.
     pub stream: CompositionStream,
-    /// The buffer that receives it.
+    /// The buffer that receives the picture.
     pub signal: &'a wgpu::Buffer,
-    /// Where the picture begins in the buffer, pixels.
+    /// Offset of the picture in the buffer, pixels.
     pub offset: u32,
 }
 
-/// Albedo and diagnostics of each flavour, in the order of their bits. A clone shares the textures.
+/// Albedo and diagnostics of each flavour, in the order of the flavours' bits in a mask. A clone shares the textures.
 #[derive(Clone)]
 pub struct Layers {
     albedo: [wgpu::Texture; 5],
@@ -54,7 +54,7 @@ pub struct Layers {
 }
 
 impl Layers {
-    /// Layers for a picture of `size` pixels.
+    /// Allocates the layers for a picture of `size` pixels.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Layers {
         let layer = |label: &str, format| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -83,7 +83,7 @@ impl Layers {
         Layers { albedo: pick(&self.albedo, &other.albedo), diagnostics: pick(&self.diagnostics, &other.diagnostics) }
     }
 
-    /// Bytes of the layers for a picture of `size` pixels.
+    /// Number of bytes that the layers for a picture of `size` pixels occupy.
     pub fn bytes(size: [u32; 2]) -> u64 {
         u64::from(size[0]) * u64::from(size[1]) * 5 * (8 + 4)
     }
@@ -150,7 +150,7 @@ impl Stage for Composition {
 }
 
 impl Composition {
-    /// The stream of a variant; `None` = each pixel has the flavours that it needs.
+    /// Returns how the picture of `variant` is composed; `None` = each pixel has the flavours that it needs.
     pub fn stream(&self, variant: Option<Variant>) -> CompositionStream {
         CompositionStream { mask: variant.map_or(0, |v| u32::from(v.mask())), modulated: u32::from(self.modulated), squared: 0, pad_0: 0 }
     }

@@ -1,10 +1,10 @@
 //! Splits the drawn nodes into 8 x 8 patches of 16 x 16 quads, drops the patches outside the frustum, and packs LOD deltas for stitching.
 //!
-//! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions"; rulings 3 and 8.
-//! Reads the drawn nodes and the LOD map. Writes the patch list. Runs on the CPU; it is the reference for culling on the GPU.
+//! Source: Moore, GDC 2018, "Building the Visible Render Node List", "LOD Transitions"; rulings 3 and 8 in `ARCHITECTURE.md`.
+//! Reads the drawn nodes and the LOD map. Writes the patch list. Runs on the CPU.
 //!
-//! Limits: culling tests only the frustum. Tests of normal cones and of occlusion exist as shared functions with probes (`shared::culling`), intended
-//! for culling on the device, but this stage does not call them: cones are baked into payloads but not uploaded, and there is no depth pyramid.
+//! Limits: culling tests only the frustum. `shared::culling` also has functions that test normal cones and occlusion. They are intended for culling
+//! on the device, and this stage does not call them: cones are baked into payloads but not uploaded, and there is no depth pyramid.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -41,8 +41,8 @@ pub fn delta(own: u8, neighbour: u8) -> u32 {
     u32::from(neighbour.saturating_sub(own))
 }
 
-/// Returns the packed LOD deltas of a patch. Sides inside the node have the delta 0. `stride`: every patch, also a coarser neighbour, draws only
-/// every `stride`-th vertex, so the vertices of the neighbour are farther apart by this factor.
+/// Returns the packed LOD deltas of a patch. Sides inside the node have the delta 0. `stride`: all patches draw only every `stride`-th vertex. This
+/// includes the patches of a coarser neighbour, so their vertices are farther apart by this factor.
 pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -> u32 {
     let edge = 1i32 << node.lod;
     let (x, y) = (i32::from(node.x) * edge, i32::from(node.y) * edge);
@@ -63,8 +63,8 @@ pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -
         | side(patch[0] == 0, x - 1, y)
 }
 
-/// Returns the patches of the drawn nodes that may be visible from `eye`, in the order of the nodes and in the local coordinates of `view`. The two
-/// views are equal unless culling is frozen. `stride`: a power of two, see [`pack_deltas`].
+/// Returns the patches of the drawn nodes that may be visible from `eye`, in the order of the nodes. Their origins are in the local coordinates of
+/// `view`. The two views are equal unless culling is frozen. `stride`: a power of two, see [`pack_deltas`].
 #[allow(clippy::cast_possible_truncation, reason = "local coordinates are multiples of the vertex spacing and exact in f32")]
 pub fn cull(drawn: &[(NodeId, u32, NodeBounds)], lod_map: &[u8], layout: &Layout, [view, eye]: [&View; 2], stride: u32) -> Vec<Patch> {
     let mut patches = Vec::new();

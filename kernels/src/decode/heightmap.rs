@@ -1,7 +1,7 @@
 //! Heightmaps from files: 16-bit PNG, 16-bit RAW, OpenEXR and (Geo)TIFF.
 //!
-//! Each sample is a vertex. Row 0 of a file is the northern edge, column 0 the western edge. The size is read before the samples, so that a
-//! file that is too large is refused before memory is allocated for it.
+//! A sample is the elevation at a grid point. Row 0 of a file is the northern edge, column 0 the western edge. The size is read before the samples,
+//! so that a file that is too large is refused before memory is allocated for it.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
@@ -9,10 +9,10 @@ use std::path::Path;
 
 use crate::base::error::{Error, Result, one_line};
 
-/// Maximum number of samples along an edge that is read. For a larger file, the caller must give a window.
+/// Limit of the number of samples that are read along each edge. For a larger file, the caller must give a window.
 pub const MAX_SIDE: u32 = 16_385;
 
-/// Elevations with a larger absolute value than this, metres, are treated as an error in the file.
+/// Limit of the absolute value of an elevation, metres. A larger value is reported as an error in the file.
 const MAX_ELEVATION_M: f32 = 100_000.0;
 
 /// Elevations on a regular grid.
@@ -33,8 +33,8 @@ pub struct Heightmap {
 pub struct ReadOptions {
     /// Distance between neighbouring samples, metres, > 0.
     pub metres_per_texel: f64,
-    /// Elevations, in metres, that the smallest and the largest value of an integer sample stand for (values 0 and 65535; -32768 and 32767
-    /// for signed TIFF). Required for integer samples; float samples are already in metres.
+    /// Elevations, in metres, of the smallest and the largest possible integer sample (0 and 65535; in signed TIFF -32768 and 32767). Required
+    /// for integer samples; float samples are already in metres.
     pub height_range_m: Option<[f64; 2]>,
     /// Width and height of a RAW file, in samples. `None`: the file is square.
     pub raw_size: Option<[u32; 2]>,
@@ -110,7 +110,7 @@ impl Heightmap {
     }
 }
 
-/// Weights of four samples at -1, 0, 1, 2 for a point at t in 0..=1, and their derivatives.
+/// Returns the weights of four samples at -1, 0, 1, 2 for a point at t in 0..=1, and the derivatives of these weights.
 fn catmull_rom(t: f64) -> ([f64; 4], [f64; 4]) {
     let (t2, t3) = (t * t, t * t * t);
     (
@@ -146,7 +146,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Heightmap> {
 /// [`read`].
 ///
 /// # Errors
-/// As [`read`].
+/// The same errors as [`read`].
 pub fn decode(input: impl BufRead + Seek, path: &Path, options: &ReadOptions) -> Result<Heightmap> {
     let reader = Reader { path, options };
     if !(options.metres_per_texel.is_finite() && options.metres_per_texel > 0.0) {
@@ -360,7 +360,7 @@ impl Reader<'_> {
                         self.error("a strip or tile is shorter than declared; the file is truncated: copy or export it again".to_owned())
                     );
                 }
-                // Allocate only after a chunk has been decoded: a damaged header can claim any size.
+                // Memory is allocated only after a chunk has been decoded, because a damaged header can claim any size.
                 if samples.is_empty() {
                     samples.resize(w * h, f32::NAN);
                 }

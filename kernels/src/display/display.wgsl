@@ -1,4 +1,4 @@
-// Display: maps linear HDR radiance to sRGB codes.
+// Display: maps linear HDR radiance to sRGB-encoded values.
 
 struct DisplayUniforms {
     exposure: f32,              // factor on radiance

@@ -2,7 +2,7 @@
 //!
 //! Exposure in stops multiplies radiance by 2^stops; a named tone curve maps it to 0..=1; sRGB encodes it (IEC 61966-2-1). Metrics never read the
 //! result.
-//! Reads the linear image. Writes RGBA8Unorm: sRGB codes, alpha as in the image (1 = terrain). One full-screen triangle.
+//! Reads the linear image. Writes RGBA8Unorm: sRGB-encoded colour, and the alpha of the linear image (1 = terrain). One full-screen triangle.
 //! Source: Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
@@ -24,7 +24,7 @@ pub mod reference;
 pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Radiance that [`ToneCurve::Reinhard`] maps to white.
 pub const WHITE: f64 = 4.0;
-/// Smallest and largest exposure, stops.
+/// Limits of the exposure: the smallest and the largest accepted value, stops.
 pub const STOPS: [f64; 2] = [-16.0, 16.0];
 
 /// How radiance is mapped to what a screen can show.
@@ -65,8 +65,8 @@ table! {
     Exposure as "frame", {
         /// Exposure of the picture that people see: radiance is multiplied by 2 to this power. Exposure does not affect metrics and OpenEXR files.
         exposure: f64 = 0.0, "stops", Kind::Number(Range::new(STOPS[0], STOPS[1])), DISPLAY.slider("Exposure", -6.0, 6.0);
-        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip` above 1. It does not affect metrics and OpenEXR
-        /// files.
+        /// Curve that maps radiance to the screen: `reinhard` on luminance with white at 4, or `clip`, which clips radiance above 1. It does not
+        /// affect metrics and OpenEXR files.
         tone_curve: ToneCurve = ToneCurve::Reinhard, "", Kind::Name(|| ToneCurve::ALL.map(ToneCurve::name).to_vec()), DISPLAY.shown("Tone curve");
     }
 }

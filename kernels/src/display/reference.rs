@@ -4,7 +4,7 @@ use super::{Exposure, ToneCurve, WHITE};
 use crate::base::colour::{luminance, srgb_from_linear};
 use crate::shared::real::Real;
 
-/// Linear radiance to sRGB-encoded values, 0..=1. NaN becomes 0.
+/// Maps linear radiance to sRGB-encoded values, 0..=1. NaN becomes 0.
 pub fn tone_map<T: Real>(radiance: [T; 3], exposure: Exposure) -> [T; 3] {
     let radiance = radiance.map(|c| c * T::of(exposure.factor()));
     let mapped = match exposure.tone_curve {
@@ -19,7 +19,7 @@ pub fn tone_map<T: Real>(radiance: [T; 3], exposure: Exposure) -> [T; 3] {
     mapped.map(srgb_from_linear)
 }
 
-/// Linear radiance to sRGB as 8-bit codes.
+/// Maps linear radiance to sRGB-encoded values of 8 bits.
 pub fn codes(radiance: [f32; 3], exposure: Exposure) -> [u8; 3] {
     tone_map(radiance, exposure).map(crate::base::colour::unorm8)
 }

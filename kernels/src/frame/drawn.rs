@@ -40,7 +40,7 @@ impl<'f, 'a> Frame<'f, 'a> {
         &self.report
     }
 
-    /// Its targets, for tests and inspection.
+    /// The render targets of the frame, for tests and inspection.
     pub fn targets(&self) -> &'f Targets {
         self.targets
     }
@@ -73,17 +73,17 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         DrawnGeometry { view: renderer.view(&request), renderer, targets, request }
     }
 
-    /// The request that has this geometry.
+    /// The request to which this geometry belongs.
     pub fn request(&self) -> &RenderRequest {
         &self.request
     }
 
-    /// The view that it shows.
+    /// The view that the geometry shows.
     pub fn view(&self) -> &View {
         &self.view
     }
 
-    /// The renderer that drew it.
+    /// The renderer that drew the geometry.
     pub fn renderer(&self) -> &'f Renderer<'a> {
         self.renderer
     }
@@ -93,8 +93,8 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         &self.targets.geometry
     }
 
-    /// Returns, for each pixel, the index of the pixel that showed its surface point in the frame of the previous call with these `links`;
-    /// [`NO_LINK`](crate::motion::NO_LINK) = the point was not visible in that frame.
+    /// Links each pixel of this frame to the previous frame, which is the frame of the previous call with these `links`. Returns, for each pixel,
+    /// the index of the pixel that showed the same surface point there; [`NO_LINK`](crate::motion::NO_LINK) = the point was not visible there.
     ///
     /// # Errors
     /// When `links` are for pictures of a different size or the device fails.
@@ -109,7 +109,7 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         links.find(&self.renderer.gpu, &self.uniforms(), &self.targets.geometry, self.view)
     }
 
-    /// Composes pictures from the layers of the flavours, each stream into its buffer.
+    /// Composes pictures from the layers of the flavours, and writes each picture to its destination.
     ///
     /// # Errors
     /// When the device fails.
@@ -121,8 +121,8 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         rec.submit()
     }
 
-    /// Composes the streams of `meter` (`variants`: one per stream; `None` = each pixel has the flavours that it needs) and compares them with the
-    /// frames before.
+    /// Composes the picture of each stream of `meter`, and compares it with the stream's pictures of earlier frames. `variants` has one entry per
+    /// stream; `None` = each pixel has the flavours that it needs.
     ///
     /// # Errors
     /// When the device fails.
@@ -146,7 +146,7 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
         Ok((sums, passes))
     }
 
-    /// Position, derivatives and splat texels of each pixel, row by row from the top.
+    /// Returns position, derivatives and splat texels of each pixel, row by row from the top.
     ///
     /// # Errors
     /// When the device fails.

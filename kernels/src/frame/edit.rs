@@ -13,12 +13,12 @@ use crate::scene::{Blend, Scene};
 use crate::terrain::palette_means;
 use crate::variant::Flavour;
 
-/// Numbers of the parts that edits have rebuilt.
+/// How many nodes and texture layers edits have rebuilt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EditCounts {
-    /// Nodes whose materials changed, or that have a material whose mean look changed.
+    /// Number of nodes whose splat map changed, or that have a material whose mean albedo, smoothness or specular occlusion changed.
     pub nodes: usize,
-    /// Layers of detail textures that changed.
+    /// Number of layers of detail textures that changed.
     pub textures: usize,
 }
 
@@ -31,13 +31,14 @@ pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) 
 }
 
 impl Renderer<'_> {
-    /// Replaces the scene, if the new one differs from it only in what can change while it is drawn: the light, the distances and slopes of the
-    /// flavours, the blend (except anisotropy), cameras and paths; and, in a renderer that is [`editable`](crate::frame::RendererOptions::editable),
-    /// materials, splat rules and strokes. Only the nodes, textures and pages that the change affects are rebuilt. Returns whether the scene was
-    /// replaced; if not, nothing has changed.
+    /// Replaces the scene, if the new scene differs only in parts that this renderer can change. These parts are the light, the distances and slopes
+    /// of the flavours, the blend (except anisotropy), cameras and paths. If the renderer is
+    /// [`editable`](crate::frame::RendererOptions::editable), they are also materials, splat rules and strokes. Only the nodes, textures and pages
+    /// that the change affects are rebuilt. Returns whether the scene was replaced; if not, nothing has changed.
     ///
     /// # Errors
-    /// When the scene is invalid, has cliffs steeper than any slope of the world, or a texture cannot be loaded. In these cases, nothing has changed.
+    /// When the scene is invalid, its cliffs begin at a slope that the world does not reach, or a texture cannot be loaded. In these cases, nothing
+    /// has changed.
     pub fn retune(&mut self, scene: &Scene) -> Result<bool> {
         if *scene == self.scene {
             return Ok(true);
@@ -66,13 +67,13 @@ impl Renderer<'_> {
         if relaid || palette.is_some() {
             self.replace_materials(relaid, palette);
         }
-        // Only these two numbers of the blend affect cached pages. The sharpness of the height blend changes their texels. The mip bias changes only
-        // the rounding of their texels, because the shader of pages cancels its factor.
+        // Only two numbers of the blend affect cached pages. The sharpness of the height blend changes their texels. The mip bias changes only the
+        // rounding of their texels, because the shader that renders pages cancels the bias.
         let enters = |blend: &Blend| [blend.height_sharpness, blend.mip_bias];
         if enters(&scene.blend) != enters(&self.scene.blend) {
             self.stages.virtual_texture.forget();
         }
-        // The geometry pass writes the flavours that pixels need, so it must run again.
+        // The geometry pass writes the mask of the flavours that each pixel needs, so it must run again.
         if scene.flavours != self.scene.flavours {
             self.drawn = None;
         }
@@ -88,7 +89,8 @@ impl Renderer<'_> {
         textured(scene) != textured(&self.scene)
     }
 
-    /// Replaces the textures of a [`sketch`](crate::frame::RendererOptions::sketch) by those of `palette`, which are the scene's own.
+    /// Replaces the small textures of a [`sketch`](crate::frame::RendererOptions::sketch) with the textures of `palette`, which have the size that
+    /// the scene gives.
     pub fn take_palette(&mut self, palette: Palette) {
         self.replace_materials(false, Some(palette));
     }
@@ -122,8 +124,8 @@ impl Renderer<'_> {
         same == *own
     }
 
-    /// Replaces the palette if a new palette is given, and bakes the nodes that the change affects again. `relaid`: whether the placement of
-    /// materials in the world has changed.
+    /// Replaces the palette if a new palette is given. Then bakes all nodes that the change affects. `relaid`: whether the placement of materials in
+    /// the world has changed.
     fn replace_materials(&mut self, relaid: bool, palette: Option<Palette>) {
         let mut means = Vec::new();
         let mut looks = Vec::new();

@@ -1,4 +1,4 @@
-//! The frame, on one page: [`Renderer::draw`] calls the stages in order; the result of one stage is an argument of the next.
+//! The frame: [`Renderer::draw`] calls the stages in order; the result of one stage is an argument of the next.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -60,8 +60,8 @@ pub struct RendererOptions {
     /// Whether materials, rules and strokes can be changed while the scene is drawn ([`Renderer::retune`]). An editable renderer keeps the sources of
     /// nodes (at most 130 MB) and of textures (twice the size of the compressed textures).
     pub editable: bool,
-    /// Edge of detail textures, texels, instead of the size that the scene gives; `None` = the size that the scene gives. Used for a first look,
-    /// until [`Renderer::take_palette`] sets the scene's own textures. Only for editable renderers.
+    /// Edge of the detail textures of a quick preview, texels. These textures are used until [`Renderer::take_palette`] sets textures of the size
+    /// that the scene gives. `None` = no preview: the textures have the size that the scene gives from the start. Only for editable renderers.
     pub sketch: Option<u32>,
 }
 
@@ -81,9 +81,10 @@ pub struct Renderer<'a> {
     means: PaletteMeans,
     /// The palette of the textures, if the renderer is editable.
     palette: Option<Palette>,
-    /// The palette before the current one. In an A/B comparison, it is the palette of the other side, so its textures can be reused.
+    /// The palette before the current one. A comparison of two scenes, A and B, switches between two palettes, so the textures of the former palette
+    /// can be reused.
     former: Option<Palette>,
-    /// Numbers of nodes and texture layers that edits since the last frame have rebuilt.
+    /// How many nodes and texture layers edits have rebuilt since the last frame.
     edited: EditCounts,
     streaming: Streaming,
     terrain: Terrain,
@@ -92,7 +93,7 @@ pub struct Renderer<'a> {
     sources: Arc<Sources>,
     frame_layout: wgpu::BindGroupLayout,
     targets: Option<Targets>,
-    /// Contents of the targets; `None` = nothing that can be reused.
+    /// Contents of the geometry targets; `None` = they hold nothing that can be reused.
     drawn: Option<Drawn>,
     progress: &'a (dyn Fn(Progress) + Sync),
 }
@@ -109,16 +110,16 @@ impl<'a> Renderer<'a> {
     /// Prepares a scene for drawing: world, palette, atlases, shaders.
     ///
     /// # Errors
-    /// When the data of the scene are wrong (with file and reason), the scene has cliffs steeper than any slope of its world, or a shader does not
-    /// compile.
+    /// When the data of the scene are wrong (with file and reason), the cliffs of the scene begin at a slope that its world does not reach, or a
+    /// shader does not compile.
     pub fn new(gpu: &Gpu, scene: &Scene, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         Renderer::with(gpu, scene, RendererOptions::default(), progress)
     }
 
-    /// As [`Renderer::new`], with options.
+    /// Does the same as [`Renderer::new`], with options.
     ///
     /// # Errors
-    /// As [`Renderer::new`].
+    /// The same errors as [`Renderer::new`], and an error if `options.tile` is not a possible edge of a tile.
     pub fn with(gpu: &Gpu, scene: &Scene, options: RendererOptions, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         let world = World::new(scene)?;
         check_cliffs(scene, &world)?;
@@ -190,7 +191,8 @@ impl<'a> Renderer<'a> {
         &self.means.albedo
     }
 
-    /// The page of the virtual texture that the last frame used in place of `page`: `page` itself or a coarser one; `None` if there was none.
+    /// Returns the page of the virtual texture that the last frame used within the area of `page`: `page` itself, or a coarser page that contains it;
+    /// `None` = the frame used no such page.
     pub fn page_serving(&self, page: virtual_texture::PageId) -> Option<virtual_texture::PageId> {
         self.stages.virtual_texture.serving(page)
     }
@@ -212,10 +214,10 @@ impl<'a> Renderer<'a> {
     /// Draws one frame, which stays on the device.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
+    /// The same errors as [`Renderer::render`].
     pub fn draw(&mut self, request: &RenderRequest) -> Result<Frame<'_, 'a>> {
         let report = self.draw_targets(request)?;
-        let targets = self.targets.as_ref().expect("just drawn into");
+        let targets = self.targets.as_ref().expect("a frame was drawn into the targets");
         Ok(Frame::new(self, targets, *request, report))
     }
 
@@ -308,7 +310,7 @@ impl<'a> Renderer<'a> {
         Ok(report)
     }
 
-    /// Numbers of the frame for people to read: first what the CPU selected, then stage by stage.
+    /// Returns the numbers of the frame that are shown to people: first those of the selection on the CPU, then those of each stage.
     fn sections(&self, drawn: &Drawn, loaded: usize) -> Vec<Section> {
         let atlas = self.streaming.counts();
         let mut sections = vec![
@@ -335,11 +337,12 @@ impl<'a> Renderer<'a> {
         sections
     }
 
-    /// Shades one view with each flavour of `flavours` alone, on every pixel, and copies the results into `layers`, from which the pictures of any
-    /// variant are composed. Fetches are counted and choices recorded. The geometry of the last frame is reused if the view is the same.
+    /// Draws the view once for each flavour in `flavours`. Each time, every pixel is shaded by this flavour alone, and the result is copied into
+    /// `layers`. The pictures of all variants can be composed from these layers. Fetches are counted and choices recorded. The geometry of the last
+    /// frame is reused if the view is the same.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
+    /// The same errors as [`Renderer::render`].
     pub fn draw_flavours(&mut self, request: &RenderRequest, flavours: Variant, layers: &Layers) -> Result<DrawnGeometry<'_, 'a>> {
         for flavour in flavours.flavours() {
             self.draw_targets(&request.with(|r| {
@@ -348,16 +351,16 @@ impl<'a> Renderer<'a> {
                 r.outputs.lit = false;
                 r.outputs.keep_geometry = true;
             }))?;
-            let targets = self.targets.as_ref().expect("just drawn into");
+            let targets = self.targets.as_ref().expect("a frame was drawn into the targets");
             let mut encoder = self.gpu.encoder("flavour layer");
             layers.capture(&mut encoder, flavour, &targets.shading);
             self.gpu.queue.submit([encoder.finish()]);
         }
-        let targets = self.targets.as_ref().expect("a variant has a flavour");
+        let targets = self.targets.as_ref().expect("a variant has at least one flavour, so a frame was drawn");
         Ok(DrawnGeometry::new(self, targets, *request))
     }
 
-    /// The geometry of the last frame drawn, which must be the geometry of `request`.
+    /// Returns the geometry of the last frame drawn, which must be the geometry of `request`.
     ///
     /// # Errors
     /// When nothing was drawn yet, or the last frame had a different geometry.
@@ -368,7 +371,8 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// Makes a meter that follows streams of this renderer's pictures over frames.
+    /// Makes a meter, which measures how the pictures of this renderer change over frames. It follows one stream of pictures for each entry of
+    /// `resolves`.
     ///
     /// # Errors
     /// When a shader does not compile or the device is out of memory.
@@ -384,7 +388,7 @@ impl<'a> Renderer<'a> {
         Links::new(&self.gpu, &self.frame_layout, size)
     }
 
-    /// The pass that composes pictures. It also describes the streams to compose ([`Composition::stream`]).
+    /// The pass that composes pictures. Its method [`Composition::stream`] describes how the picture of a variant is composed.
     pub fn composition(&self) -> &Composition {
         &self.stages.composition
     }
@@ -461,15 +465,15 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// What a scene demands, with an anisotropy whose shaders the device can compile in reasonable time.
+/// Returns the demands of a scene. Their anisotropy is lowered if the device cannot compile the shaders for it in reasonable time.
 fn demands_on(gpu: &Gpu, scene: &Scene) -> Demands {
     let demands = Demands::of(scene);
     Demands { anisotropy: gpu.anisotropy(demands.anisotropy), ..demands }
 }
 
-/// Returns an error if the scene has cliffs steeper than any slope of the world.
+/// Returns an error if the cliffs of the scene begin at a slope that the world does not reach.
 fn check_cliffs(scene: &Scene, world: &World) -> Result<()> {
-    // Computing the largest slope takes a tenth of a second, so it is done only if the world may not be steep enough.
+    // Computing the largest slope takes a tenth of a second, so it is computed only if the world is not known to be steep enough.
     let asked = scene.flavours.cliff_slope_deg;
     if !scene.flavours.has_cliffs() || world.is_as_steep_as(asked) {
         Ok(())

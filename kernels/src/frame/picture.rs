@@ -71,7 +71,7 @@ pub struct Picture {
     pub size: [u32; 2],
     /// Linear radiance; alpha 1 = terrain, 0 = sky. Empty if the request did not ask for a lit picture.
     pub hdr: Vec<[f32; 4]>,
-    /// Tone-mapped sRGB codes for people, alpha as in `hdr`; `None` if the request did not ask for them.
+    /// The picture for people to look at: tone-mapped and sRGB-encoded, with the alpha of `hdr`; `None` if the request did not ask for it.
     pub displayed: Option<Vec<[u8; 4]>>,
     /// The requested layers, by name.
     pub layers: Vec<(String, Layer)>,
@@ -176,12 +176,12 @@ impl Picture {
         }
     }
 
-    /// A layer that was requested.
+    /// Returns the layer with this name, if it was requested.
     pub fn layer(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|(n, _)| n == name).map(|(_, layer)| layer)
     }
 
-    /// Colours or vectors of a layer that was requested.
+    /// Returns the colours or vectors of the layer with this name, if it was requested and holds such values.
     pub fn vectors(&self, name: &str) -> Option<&[[f32; 3]]> {
         match self.layer(name)? {
             Layer::Rgb(texels) | Layer::Xyz(texels) => Some(texels),
@@ -189,7 +189,7 @@ impl Picture {
         }
     }
 
-    /// Numbers of a layer that was requested.
+    /// Returns the numbers of the layer with this name, if it was requested and holds one number per pixel.
     pub fn values(&self, name: &str) -> Option<&[f32]> {
         match self.layer(name)? {
             Layer::Value(values) => Some(values),

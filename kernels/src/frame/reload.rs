@@ -18,11 +18,12 @@ pub struct ReloadReport {
 }
 
 impl Renderer<'_> {
-    /// Rebuilds the stages that use a file whose text differs in `sources`, and draws with them from now on. World, nodes and textures stay; pages of
-    /// the virtual texture are rendered again if their shader changed. Passes that follow frames (those of [`Renderer::meter`]) are compiled from
-    /// `sources` the next time that they are made.
+    /// Rebuilds the stages that use a file whose text differs in `sources`. Later frames use the rebuilt stages. World, nodes and textures stay;
+    /// pages of the virtual texture are rendered again if their shader changed. Existing meters and links ([`Renderer::meter`],
+    /// [`Renderer::links`]) are not rebuilt; those that are made later are compiled from `sources`.
     ///
-    /// The shading pipelines of the displayed view are built at once. The others are built when a frame needs them, which may fail then.
+    /// The shading pipelines of the displayed view are built at once. All other shading pipelines are built when a frame needs them. If such a build
+    /// fails, the frame fails.
     ///
     /// # Errors
     /// When a shader does not compile (with file, line and message), or no pipeline can be built from it (with the files and the message). In both
@@ -56,7 +57,7 @@ impl Renderer<'_> {
         let mut others = Vec::new();
         let files = touched(&FOLLOWING, changed);
         if !files.is_empty() {
-            // Compiled only to detect errors. Code that follows frames compiles the pass again.
+            // The pass is compiled only to detect errors. Each meter and each `Links` compiles it again.
             let (links, complaint) = self.gpu.caught(|| Links::new(&self.gpu, &self.frame_layout, [1, 1]));
             drop(links?);
             if let Some(what) = complaint {

@@ -16,7 +16,7 @@ pub struct FrameReport {
     pub visited: usize,
     /// Nodes that were not resident and were baked for this frame.
     pub loaded: usize,
-    /// Numbers of the parts that edits of the scene have rebuilt since the frame before.
+    /// How many nodes and texture layers edits of the scene have rebuilt since the previous frame.
     pub edited: EditCounts,
     /// Nodes drawn.
     pub nodes: usize,
@@ -26,7 +26,7 @@ pub struct FrameReport {
     pub drawn: Vec<NodeId>,
     /// The atlases after this frame's loading.
     pub atlas: AtlasCounts,
-    /// Virtual-texture pages.
+    /// How many virtual-texture pages the frame requested and rendered.
     pub pages: PageCounts,
     /// The cached pages after this frame's rendering.
     pub page_cache: CacheCounts,

@@ -73,11 +73,11 @@ pub struct GeometryKey {
 pub struct ShadingRequest {
     /// Which shader shades which tile.
     pub variant: VariantChoice,
-    /// How near cliff, far cliff and splat compute their value.
+    /// How the flavours near cliff, far cliff and splat compute their values.
     pub estimator: Estimator,
-    /// Noise of the random choices of these flavours.
+    /// Noise that drives the random choices of near cliff, far cliff and splat.
     pub noise: NoiseKind,
-    /// Seed of the random choices of these flavours.
+    /// Seed of the random choices of near cliff, far cliff and splat.
     pub seed: u32,
     /// Frame index. No picture depends on a clock.
     pub frame: u32,
@@ -92,7 +92,7 @@ pub struct ShadingRequest {
 pub struct Outputs {
     /// Layers that are requested in addition to the picture.
     pub aovs: AovSet,
-    /// Whether fetches are counted (a slower shader; never timed).
+    /// Whether fetches are counted. The shader that counts them is slower, so experiments never time it.
     pub count_fetches: bool,
     /// Whether the picture is lit. If not, only the G-buffer is made.
     pub lit: bool,
@@ -100,8 +100,8 @@ pub struct Outputs {
     pub displayed: bool,
     /// Whether each variant is shaded and timed in a pass of its own. It is off when the shading pass is timed as a whole.
     pub time_variants: bool,
-    /// Whether the geometry of the last frame is reused instead of drawn again, if its [`GeometryKey`] is the same. This speeds up many seeds or
-    /// variants of one view.
+    /// Whether the geometry of the last frame is reused instead of drawn again, if its [`GeometryKey`] is the same. This saves time if one view is
+    /// drawn with many seeds or variants.
     pub keep_geometry: bool,
 }
 
@@ -110,9 +110,9 @@ pub struct Outputs {
 pub struct RenderRequest {
     /// The view.
     pub view: ViewRequest,
-    /// How its geometry is made.
+    /// How the geometry of the picture is made.
     pub geometry: GeometryRequest,
-    /// How it is shaded.
+    /// How the picture is shaded.
     pub shading: ShadingRequest,
     /// The outputs.
     pub outputs: Outputs,
@@ -121,19 +121,19 @@ pub struct RenderRequest {
 }
 
 impl RenderRequest {
-    /// A picture with every setting at its default: automatic variants, Far Cry 5's estimators, isotropic hashed noise, seed 0.
+    /// Returns a request in which every setting has its default: automatic variants, Far Cry 5's estimator, isotropic hashed noise, seed 0.
     pub fn new(pose: Pose, size: [u32; 2]) -> RenderRequest {
         FrameSettings::default().request(pose, size, 0)
     }
 
-    /// The request with a change applied.
+    /// Returns the request with a change applied.
     #[must_use]
     pub fn with(mut self, change: impl FnOnce(&mut RenderRequest)) -> RenderRequest {
         change(&mut self);
         self
     }
 
-    /// The key of its geometry.
+    /// The key of the geometry of this request.
     pub fn geometry_key(&self) -> GeometryKey {
         GeometryKey { view: self.view, geometry: self.geometry }
     }
@@ -160,9 +160,9 @@ impl RenderRequest {
     }
 }
 
-/// The largest picture side, pixels. The limit comes from the size of textures; the 12 bits of tile coordinates would allow more.
+/// Limit of the width and of the height of a picture, pixels. Textures cannot be larger; the 12 bits of tile coordinates would allow more.
 pub const MAX_SIDE: u32 = 16_384;
-/// The largest picture, pixels.
+/// Limit of the number of pixels of a picture.
 pub const MAX_PIXELS: u64 = 1 << 26;
 
 /// Refuses sizes that no picture can have on a device with these limits.

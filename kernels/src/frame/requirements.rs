@@ -3,10 +3,10 @@
 //! Parts that are not required are not compiled, allocated or dispatched. Sizes and formats are those of
 //! *Terrain Rendering in Far Cry 5* (Moore, GDC 2018), sections on terrain data and the virtual texture.
 //!
-//! Limits: without a virtual texture, neither its request pass nor its page pass is compiled or run. Its pages are then one unused layer, because a
-//! binding of the shading pass cannot be empty, and the page table (224 KiB) is allocated, too. Forcing a variant with `vt` is an error. Without
-//! colour modulation, its atlas is one layer. Detail textures and the splat map always exist, even if no flavour samples them, because errors are
-//! measured against the full blend.
+//! Limits: in a scene without a virtual texture, neither its request pass nor its page pass is compiled or run. The texture of its pages then has one
+//! unused layer, because a binding of the shading pass cannot be empty. The page table (224 KiB) is allocated, too. Forcing a variant that contains
+//! `vt` is an error. In a scene without colour modulation, the atlas of colour modulation has one layer. Detail textures and the splat map always
+//! exist, even if no flavour samples them, because errors are measured against the full blend.
 
 use std::fmt;
 
@@ -27,15 +27,15 @@ use crate::view::normals::NormalEncoding;
 pub struct FlavourUse {
     /// The flavour's name.
     pub name: &'static str,
-    /// Whether the scene can ask for it.
+    /// Whether a pixel of the scene may need this flavour.
     pub required: bool,
     /// Fetches per pixel of this flavour.
     pub fetches_per_px: u32,
-    /// Why it is required or not.
+    /// Why the flavour is required or not.
     pub reason: String,
 }
 
-/// What follows from a scene file alone, without any world data.
+/// What a scene requires and what it does not require. This follows from the scene file alone, without any world data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Requirements {
     /// The scene's name.
@@ -45,7 +45,7 @@ pub struct Requirements {
     /// The variants that classification can produce: every non-empty set of required flavours, by number.
     #[serde(serialize_with = "variant_names")]
     pub variants: Vec<Variant>,
-    /// Whether the terrain has holes: the vertex stage then reads the baked albedo's alpha.
+    /// Whether the terrain has holes. If so, the vertex shader reads the alpha of the baked albedo.
     pub holes: bool,
     /// Whether the colour modulation map is made and sampled.
     pub colour_modulation: bool,
@@ -53,9 +53,9 @@ pub struct Requirements {
     pub textures: Vec<TextureUse>,
     /// Textures of the picture's size, all required.
     pub targets: Vec<TargetUse>,
-    /// Passes in their order, required or not.
+    /// Passes in the order of the frame, required or not.
     pub passes: Vec<PassUse>,
-    /// The stages in their order: name, and what each stage reads and writes.
+    /// The stages in the order of the frame: name, and what each stage reads and writes.
     pub stages: Vec<(&'static str, &'static str)>,
 }
 
@@ -64,7 +64,7 @@ fn variant_names<S: Serializer>(variants: &[Variant], serializer: S) -> Result<S
 }
 
 impl Requirements {
-    /// Everything that follows from a (valid) scene: what it demands, and what the stages declare for these demands.
+    /// Returns the requirements of a (valid) scene: what the scene demands, and what the stages declare for these demands.
     pub fn of(scene: &Scene) -> Requirements {
         let demands = Demands::of(scene);
         let of_stages = || DECLARATIONS.iter();
@@ -84,12 +84,12 @@ impl Requirements {
         }
     }
 
-    /// Whether the scene can ask for this flavour.
+    /// Whether a pixel of the scene may need this flavour.
     pub fn has(&self, flavour: Flavour) -> bool {
         self.flavours.iter().any(|used| used.required && used.name == flavour.name())
     }
 
-    /// Bytes of all required textures, without those of the picture's size ([`Requirements::bytes_per_px`]).
+    /// Bytes of all required textures, except the textures of the picture's size (see [`Requirements::bytes_per_px`]).
     pub fn bytes(&self) -> u64 {
         self.textures.iter().filter(|t| t.required).map(|t| t.bytes).sum()
     }

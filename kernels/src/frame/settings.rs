@@ -42,7 +42,7 @@ table! {
         variant: Option<Variant> = None, "", Kind::Text(VARIANT), VARIANTS.shown("Automatic");
         /// Shade with one generic pipeline, which reads the flavours of each tile at run time, instead of one pipeline per variant.
         generic: bool = false, "", Kind::Flag, VARIANTS.shown("Generic kernel");
-        /// How near cliff, far cliff and splat compute their value.
+        /// How the flavours near cliff, far cliff and splat compute their values.
         estimator: Estimator = Estimator::Fc5, "", Kind::Name(|| Estimator::ALL.map(Estimator::name).to_vec()), ESTIMATORS.shown("Estimator");
         /// Source of the random numbers.
         noise: NoiseKind = NoiseKind::HashedIsotropic, "", Kind::Name(|| NoiseKind::ALL.map(NoiseKind::name).to_vec()), NOISES.shown("Noise");
@@ -111,7 +111,7 @@ impl Field for Option<Variant> {
 
 named!(Estimator, NoiseKind, NormalEncoding, ClassifyBy);
 
-/// Every setting of a frame: its own, then those of its stages.
+/// Returns every setting of a frame: first the settings of the frame itself, then the settings of its stages.
 pub fn settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
     FrameSettings::SETTINGS.iter().chain(stage_settings())
 }

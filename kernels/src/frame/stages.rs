@@ -1,4 +1,4 @@
-//! The table of stages, in the order of the frame: everything that is built from shaders and used to draw.
+//! The table of all stages that are built from shaders and used to draw, in the order of the frame.
 
 use super::FrameSettings;
 use crate::base::error::{Error, Result};
@@ -81,7 +81,7 @@ macro_rules! stages {
                 Ok(Stages { $($field: <$stage>::build(build)?),* })
             }
 
-            /// Rebuilds the stages that use one of the files `changed`. `Rebuilt::take` replaces the stages by the rebuilt ones.
+            /// Rebuilds the stages that use one of the files `changed`. `Rebuilt::take` then puts the rebuilt stages in the place of the old stages.
             ///
             /// # Errors
             /// When a shader does not compile, or no pipeline can be built from it. Then nothing has changed.
@@ -118,7 +118,8 @@ stages! {
     composition: Composition,
 }
 
-/// Modules of the passes outside the table that link frames. They are compiled when [`Links`](crate::motion::Links) or a meter is made.
+/// Modules of the passes that link frames. These passes are not in the table; they are compiled when [`Links`](crate::motion::Links) or a meter is
+/// made.
 pub const FOLLOWING: [&ShaderModule; 1] = [&motion::MODULE];
 
 /// Every WGSL file that a renderer uses, each once, in alphabetical order of their paths.
@@ -154,7 +155,7 @@ impl Rebuilt {
         Ok(())
     }
 
-    /// Replaces the stages by the rebuilt ones.
+    /// Puts the rebuilt stages in the place of the old stages.
     pub(super) fn take(self, stages: &mut Stages) {
         for exchange in self.exchanges {
             exchange(stages);
@@ -162,7 +163,7 @@ impl Rebuilt {
     }
 }
 
-/// The changed files that at least one of the modules uses.
+/// Returns the changed files that at least one of the modules uses.
 pub(super) fn touched<'c>(modules: &[&ShaderModule], changed: &'c [String]) -> Vec<&'c str> {
     let files: Vec<&Wgsl> = modules.iter().flat_map(|module| module.files()).collect();
     changed.iter().map(String::as_str).filter(|path| files.iter().any(|file| file.path == *path)).collect()

@@ -16,8 +16,8 @@ struct Patch {
 
 struct GeometryVarying {
     @builtin(position) clip: vec4<f32>,
-    // Position relative to the camera. Derivatives are small differences of positions, and f32 resolves elevations above sea level only to
-    // millimetres.
+    // Position relative to the camera. The fragment shader takes derivatives of it, which are small differences. An elevation above sea level in
+    // f32 would be too coarse for them, because it is precise only to millimetres.
     @location(0) relative: vec3<f32>,
     @location(1) node_uv: vec2<f32>,
     @location(2) @interpolate(flat) slot: u32,
@@ -53,7 +53,7 @@ fn geometry_fragment(in: GeometryVarying) -> GeometryTargets {
     // A triangle has the same slope at all of its pixels, so derivatives of the position give its plane.
     let across = dpdx(in.relative);
     let down = dpdy(in.relative);
-    // A triangle that has a vertex in a hole has hole > 0 everywhere inside.
+    // `hole` is interpolated, so a triangle that has a vertex in a hole has hole > 0 everywhere inside.
     if HAS_HOLES && in.hole > 0.0 {
         discard;
     }

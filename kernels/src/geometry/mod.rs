@@ -2,7 +2,7 @@
 //!
 //! Reads the patch list and the atlases of height, normal and albedo (holes). Writes depth (reversed f32, `near / distance`), stencil (1 = terrain),
 //! mask (R8, one bit per flavour) and normals ([`NormalEncoding`]: shading normal and triangle's plane). One indexed draw, one instance per patch.
-//! Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8, 11.
+//! Source: Moore, GDC 2018, "Vertex Shading", "LOD Mesh Stitching", "Terrain Geometry Pass"; rulings 7, 8 and 11 in `ARCHITECTURE.md`.
 
 use std::sync::OnceLock;
 
@@ -39,7 +39,7 @@ const MASK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Uint;
 pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32FloatStencil8;
 
 impl Targets {
-    /// Targets for a picture of `size` pixels.
+    /// Allocates the targets for a picture of `size` pixels.
     pub fn new(gpu: &Gpu, size: [u32; 2], normals: NormalEncoding) -> Targets {
         Targets {
             depth_stencil: gpu.target("depth and stencil", size, DEPTH_FORMAT),
@@ -79,8 +79,8 @@ static WGSL: Wgsl = Wgsl::new(
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("geometry", &[&WGSL]);
 
-/// Indices of a patch: 16 x 16 quads over its 17 x 17 vertices, or fewer and larger quads over every `stride`-th vertex. Counter-clockwise seen from
-/// above; diagonals alternate.
+/// Returns the indices of a patch: 16 x 16 quads over its 17 x 17 vertices, or fewer and larger quads over every `stride`-th vertex. Triangles are
+/// counter-clockwise if seen from above. The diagonals of neighbouring quads alternate.
 fn patch_indices(stride: u32) -> Vec<u16> {
     let [side, stride] = [PATCH_QUADS, stride].map(|n| u16::try_from(n).unwrap_or(1));
     let vertex = |x: u16, y: u16| stride * (y * (side + 1) + x);

@@ -1,14 +1,14 @@
-//! Stitching of vertices, written from the talk and ruling 8: the reference for `geometry_stitch`.
+//! Stitching of vertices: the reference for `geometry_stitch`, written from the talk (Moore, GDC 2018) and from ruling 8 in `ARCHITECTURE.md`.
 
-/// The vertex (0..=128) to which an edge vertex is welded if the neighbour is `delta` levels coarser: the nearest vertex that the neighbour has, or
-/// the lower one if two are equally near.
+/// Returns the vertex (0..=128) to which an edge vertex moves if the neighbour is `delta` levels coarser: the nearest vertex that the neighbour has,
+/// or the lower one if two are equally near.
 pub fn weld(index: u32, delta: u32) -> u32 {
     let step = 1 << delta;
     let below = index / step * step;
     if index - below <= step / 2 { below } else { below + step }
 }
 
-/// Welds a vertex of a node by the packed LOD deltas (north << 12 | east << 8 | south << 4 | west).
+/// Moves a vertex of a node to a vertex of the coarser neighbours. `deltas`: packed LOD deltas (north << 12 | east << 8 | south << 4 | west).
 pub fn stitch(index: [u32; 2], deltas: u32) -> [u32; 2] {
     let last = u32::from(crate::world::NODE_QUADS);
     let [x, y] = index;

@@ -97,7 +97,7 @@ impl Gpu {
     }
 }
 
-/// Joins a chain of causes, one per line below a title, into one line.
+/// Joins the causes of an error into one line. `text` lists them below a title, one per line.
 fn chain(text: &str) -> String {
     let causes = text.split_once("Caused by:").map_or(text, |(_, causes)| causes);
     causes.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(": ")

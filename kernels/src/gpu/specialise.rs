@@ -1,8 +1,8 @@
 //! Reduces shader modules to what one pipeline runs.
 //!
 //! The override constants of a pipeline decide most branches of a large module, but a driver removes dead branches only after it has inlined and
-//! transformed their code: Mesa spends 2 s on a shading pipeline, whatever the variant. So this module fills in the constants, replaces each `if`
-//! whose condition they decide by the branch that is taken, and removes everything that is then unreferenced.
+//! transformed their code: Mesa spends 2 s on every shading pipeline, even if its variant is simple. So this module fills in the constants. If the
+//! condition of an `if` is then constant, the `if` is replaced by the branch that is taken. Everything that is no longer referenced is removed.
 
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;

@@ -23,7 +23,7 @@ pub struct Timer {
 }
 
 impl Timer {
-    /// Number of passes that one timer can hold.
+    /// Limit of the number of passes that one timer can measure.
     pub const CAPACITY: u32 = 64;
 
     /// An empty timer.
@@ -81,7 +81,7 @@ impl Timer {
     /// The times, in the order of the passes; call it after the submission is done.
     ///
     /// # Errors
-    /// When the device is lost, or there were more passes than the timer holds. In the second case, no times are returned, because readers could not
+    /// When the device is lost, or there were more passes than the timer holds. In the second case, no times are returned, because callers could not
     /// see that the list is incomplete.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>> {
         if self.names.is_empty() {

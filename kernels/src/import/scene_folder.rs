@@ -11,17 +11,18 @@ use crate::scene::{self, Material, Rule, Scene};
 use crate::world::World;
 use crate::world::rules::Rules;
 
-/// Makes a scene folder from a heightmap. It contains `heightmap.png` (16 bits, from the lowest to the highest elevation of the map),
+/// Makes a scene folder from a heightmap. It contains `heightmap.png` (16 bits: 0 is the lowest elevation of the map, 65535 the highest),
 /// `scene.toml` (materials, rules that suit the slopes and elevations, and four cameras found in the terrain) and, if `materials` is given,
 /// a folder `materials/` with its images. `materials` is a folder with one sub-folder per material; without it, the scene has procedural
 /// materials.
 ///
-/// `detail_m` is the relief that is added below the resolution of the data, metres. With 0, no relief is added, and the finest LOD follows
-/// from the resolution of the data. The folder is made either completely or not at all. Returns the scene as written.
+/// `detail_m`: limit, in metres, of the offset by which procedural relief raises or lowers the ground between the samples of the heightmap. With
+/// 0, no relief is added, and the finest LOD follows from the resolution of the data. The folder is made either completely or not at all. Returns
+/// the scene as written.
 ///
 /// # Errors
-/// Those of [`read`]; [`Error::Request`] if `out_dir` exists and is not an empty folder, or if `detail_m` is negative; [`Error::Material`]
-/// for a folder without materials; [`Error::File`] and [`Error::Image`] if writing fails.
+/// The errors of [`read`]; [`Error::Request`] if `out_dir` exists and is not an empty folder, or if `detail_m` is negative; [`Error::Material`]
+/// if the folder `materials` has no or too many materials; [`Error::File`] and [`Error::Image`] if writing fails.
 pub fn import(source: &Path, options: &ReadOptions, materials: Option<&Path>, detail_m: f64, out_dir: &Path) -> Result<Scene> {
     if !(detail_m.is_finite() && detail_m >= 0.0) {
         return Err(Error::Request(format!("the detail is {detail_m} m; it must be 0 (no added relief) or more")));
@@ -82,8 +83,8 @@ fn write_scene(map: &Heightmap, source: &Path, materials: Option<&Path>, detail_
     };
     let bare = World::from_heightmap(map.clone(), detail_m, 1, Vec::new(), 0.0, Rules::new(&scene), scene.materials.len());
     let steepest = bare.max_slope_deg();
-    // The slope at which cliffs begin depends on the map: 45 degrees where the terrain is steep enough, less in gentle terrain, none (90)
-    // in a plain.
+    // The slope at which cliffs begin depends on the steepest slope of the map: 45 degrees for steep terrain, a smaller slope for gentle terrain,
+    // and 90 degrees, which means no cliffs, for a plain.
     scene.flavours.cliff_slope_deg = match steepest {
         s if s >= 55.0 => 45.0,
         s if s >= 25.0 => (0.8 * s).round(),
@@ -110,7 +111,7 @@ fn write_png(map: &Heightmap, [low, high]: [f64; 2], file: &Path) -> Result<()> 
         .map_err(|e| Error::Image { file: file.to_owned(), what: e.to_string() })
 }
 
-/// Materials of an import without a material folder.
+/// Names of the procedural materials of a scene that is imported without a material folder.
 const PROCEDURAL: [&str; 9] = ["grass", "meadow", "forest-floor", "dirt", "gravel", "scree", "limestone", "granite", "snow"];
 
 fn material(name: &str, procedural: bool) -> Material {
@@ -152,7 +153,7 @@ fn copy_materials(from: &Path, to: &Path) -> Result<Vec<Material>> {
         std::fs::create_dir_all(&target).map_err(failed(&target))?;
         for file in files {
             let extension = file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-            // Notes about the source are copied with the images, because licences require it.
+            // Text files are copied with the images: licences require that notes about the source stay with an image.
             if ["png", "jpg", "jpeg", "exr", "txt", "md"].contains(&extension.as_str())
                 && let Some(file_name) = file.file_name()
             {
@@ -204,8 +205,8 @@ impl Role {
     }
 }
 
-/// Rules by slope and elevation: vegetation on low and gentle ground, soil in patches, rubble on steep ground, rock on slopes above
-/// `cliff_deg`, snow at high elevations.
+/// Returns splat rules by slope and elevation: vegetation on low and gentle ground, soil in patches, rubble on steep ground, rock on slopes near
+/// and above `cliff_deg`, snow at high elevations.
 fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> Vec<Rule> {
     let relief = high - low;
     let at = |share: f64| (low + relief * share).round();
@@ -213,7 +214,8 @@ fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> V
     let mut rules = Vec::new();
     for role in [Role::Green, Role::Soil, Role::Rubble, Role::Rock, Role::Snow] {
         for (nth, material) in materials.iter().filter(|m| Role::of(&m.name) == role).enumerate() {
-            // The first material of a role covers all ground of the role. Further materials lie on it in patches of various sizes.
+            // The first vegetation, rock and snow have no noise, so each of them covers all ground of its role. Every other material lies in patches;
+            // `noise_m` gives their size, `noise_cover` the share of the ground that they cover.
             let (noise_m, noise_cover) = match (role, nth) {
                 (Role::Green | Role::Rock | Role::Snow, 0) => (0.0, 0.5),
                 (Role::Soil, 0) => (35.0, 0.22),
@@ -245,8 +247,8 @@ fn rules_for(materials: &[Material], [low, high]: [f64; 2], cliff_deg: f64) -> V
             });
         }
     }
-    // The rule with the lowest weight decides ground that no other rule reaches. Its material is the first that exists of: rubble, rock, soil,
-    // vegetation, the first material of the list.
+    // This rule has the lowest weight, so it applies to ground that no other rule covers. Its material is rubble; if there is no rubble, then rock,
+    // soil or vegetation, in this order; and if none of these exists, the first material of the list.
     let ground =
         [Role::Rubble, Role::Rock, Role::Soil, Role::Green].into_iter().find_map(|r| materials.iter().find(|m| Role::of(&m.name) == r));
     if let Some(ground) = ground.or(materials.first()) {

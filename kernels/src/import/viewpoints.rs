@@ -1,6 +1,6 @@
 //! Finds four viewpoints from the data of a world: `cliff`, `ground`, `vista`, `grazing`.
 //!
-//! Candidates come from a coarse grid. Each candidate is scored with a fan of rays towards the ground or with samples of the ground before it.
+//! Candidates come from a coarse grid. Each candidate is scored with a grid of rays or with samples of the ground in front of the camera.
 //! For each viewpoint, the candidate with the highest score is kept. Nothing is random: a world always gets the same viewpoints.
 
 use rayon::prelude::*;
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::scene::{CameraPose, Scene};
 use crate::world::World;
 
-/// Vertical field of view that the scores assume, degrees; the horizontal one is that of a 16:9 image.
+/// Vertical field of view that the scores assume, degrees. The image is assumed to be 16:9.
 const FOV_DEG: f64 = 55.0;
 /// Eye height, metres.
 const EYE_M: f64 = 2.0;
@@ -18,7 +18,7 @@ struct Place {
     x: f64,
     y: f64,
     height: f64,
-    /// Uphill direction times the tangent of the slope.
+    /// Gradient of the height: the uphill direction times the tangent of the slope.
     gradient: [f64; 2],
     slope_deg: f64,
     curvature: f64,
@@ -58,7 +58,7 @@ pub fn find(world: &World, scene: &Scene) -> Vec<CameraPose> {
     NAMES.into_iter().zip(poses).map(camera).collect()
 }
 
-/// The kind of a material, for contrasts: 0 = vegetation, 1 = bare rock and rubble, 2 = soil, 3 = snow.
+/// Returns the class of a material: 0 = vegetation, 1 = bare rock and rubble, 2 = soil, 3 = snow. Materials of different classes contrast.
 fn kind_of(name: &str) -> u8 {
     let has = |words: &[&str]| words.iter().any(|w| name.contains(w));
     if has(&["snow", "ice"]) {
@@ -93,11 +93,11 @@ fn place_at(world: &World, x: f64, y: f64) -> Place {
 }
 
 fn eye_at(world: &World, x: f64, y: f64, above: f64) -> [f64; 3] {
-    // Between its vertices, the drawn surface may be higher than the source.
+    // Between its vertices, the drawn surface may be higher than the exact height of the world.
     [x, y, world.surface_height_m(x, y).max(world.height_m(x, y)) + above]
 }
 
-/// The point where a ray meets the ground; `None` if there is no such point within `reach` metres.
+/// Returns the point where a ray meets the ground; `None` if there is no such point within `reach` metres.
 fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option<Hit> {
     let at = |t: f64| [0, 1, 2].map(|k| eye[k] + direction[k] * t);
     let above = |t: f64| {
@@ -133,7 +133,7 @@ fn cast(world: &World, eye: [f64; 3], direction: [f64; 3], reach: f64) -> Option
     None
 }
 
-/// Hits of a fan of rays through a 16:9 image.
+/// Casts a grid of rays through a 16:9 image, and returns where they hit the ground.
 fn fan(world: &World, pose: Pose, columns: u32, rows: u32, reach: f64) -> Vec<Option<Hit>> {
     let tangent = (FOV_DEG.to_radians() / 2.0).tan();
     let (sin_yaw, cos_yaw) = pose.yaw.sin_cos();
@@ -143,7 +143,7 @@ fn fan(world: &World, pose: Pose, columns: u32, rows: u32, reach: f64) -> Vec<Op
         for column in 0..columns {
             let part = |i: u32, n: u32| (f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0;
             let (right, up) = (part(column, columns) * tangent * 16.0 / 9.0, part(row, rows) * tangent);
-            // Forward, plus right, plus up, in world axes.
+            // The direction is the sum of the camera's forward, right and up vectors, in world axes.
             let level = cos_pitch - up * sin_pitch;
             let direction = [sin_yaw * level + cos_yaw * right, cos_yaw * level - sin_yaw * right, sin_pitch + up * cos_pitch];
             hits.push(cast(world, pose.eye, crate::shared::real::normalize(direction), reach));
@@ -152,7 +152,7 @@ fn fan(world: &World, pose: Pose, columns: u32, rows: u32, reach: f64) -> Vec<Op
     hits
 }
 
-/// The pose with the highest score; the first one if several are equal.
+/// Returns the pose with the highest score; the first one if several scores are equal.
 fn best(poses: Vec<Pose>, score: impl Fn(&Pose) -> f64 + Sync) -> Option<Pose> {
     let scores: Vec<f64> = poses.par_iter().map(&score).collect();
     let mut best: Option<(f64, Pose)> = None;
@@ -235,7 +235,7 @@ fn ground(world: &World, places: &[Place], scene: &Scene) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Share of each kind of material in the visible ground; near ground has more samples.
+        // Share of each class of material in the visible ground; near ground has more samples.
         let mut share = [0.0f64; 4];
         let (sin, cos) = pose.yaw.sin_cos();
         for i in 0..60 {
@@ -265,7 +265,7 @@ fn vista(world: &World, places: &[Place]) -> Pose {
     }
     let mut poses = Vec::new();
     for place in tops.into_iter().flatten() {
-        // Only positions near the rim of the world are used. They look inwards, so that the view is long.
+        // Positions near the centre of the world are left out. From all others, the camera looks inwards, so that the view is long.
         if (place.x / extent[0]).abs().max((place.y / extent[1]).abs()) < 0.22 {
             continue;
         }

@@ -3,19 +3,19 @@
 @group(2) @binding(0) var depth_target: texture_depth_2d;
 @group(2) @binding(1) var normal_target: texture_2d<f32>;
 @group(2) @binding(2) var<storage, read_write> inspected: array<Inspected>;
-// First row of the band that this dispatch covers, and the row after its last.
+// A dispatch covers a band of rows. x: the first row of the band; y: the row after the last row of the band.
 @group(2) @binding(3) var<uniform> band: vec4<u32>;
 
 struct Inspected {
-    position: vec3<f32>,        // local coordinates
-    slot: u32,                  // atlas slot of the finest node
+    position: vec3<f32>,        // x, y: metres from the south-west corner of the camera's sector; z: elevation
+    slot: u32,                  // atlas slot of the finest loaded node at the position
     ddx: vec3<f32>,
-    corner: u32,                // splat texel: x | y << 16
+    corner: u32,                // south-western of the four splat texels around the pixel: x | y << 16
     ddy: vec3<f32>,
     plane: u32,                 // axis of the projection with the largest weight
-    splat: vec4<u32>,           // the four palette indices around the pixel
-    bilinear: vec4<f32>,        // bilinear weights of the four
-    blended: vec4<f32>,         // weights of the four after the height blend, with the heights of their materials in the projection `plane`
+    splat: vec4<u32>,           // palette indices of the four texels
+    bilinear: vec4<f32>,        // bilinear weights of the four texels
+    blended: vec4<f32>,         // weights of the four texels after the height blend, with the heights of their materials in the projection `plane`
 }
 
 @compute @workgroup_size(8, 8)

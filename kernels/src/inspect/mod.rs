@@ -19,15 +19,15 @@ use crate::view;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Inspected {
-    /// Local coordinates, metres.
+    /// Position, metres: x and y from the south-west corner of the camera's sector, z is the elevation.
     pub position: [f32; 3],
-    /// Atlas slot of the finest node.
+    /// Atlas slot of the finest loaded node at the position.
     pub slot: u32,
-    /// Change of the position to the next pixel on the right, metres.
+    /// Change of the position from this pixel to the next pixel on the right, metres.
     pub ddx: [f32; 3],
-    /// The south-western of the four splat texels: x | y << 16.
+    /// Coordinates of the south-western of the four splat texels around the pixel: x | y << 16.
     pub corner: u32,
-    /// Change of the position to the next pixel below, metres.
+    /// Change of the position from this pixel to the next pixel below, metres.
     pub ddy: [f32; 3],
     /// Axis (x, y, z: 0, 1, 2) of the projection with the largest weight.
     pub plane: u32,
@@ -88,7 +88,7 @@ impl Stage for Inspect {
 }
 
 impl Inspect {
-    /// Runs the pass and reads it back, row by row from the top.
+    /// Runs the pass and reads its results back, row by row from the top.
     ///
     /// # Errors
     /// When the device is lost.

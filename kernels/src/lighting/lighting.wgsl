@@ -15,7 +15,8 @@ fn lighting_sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     return max(mix(frame.sky_horizon, frame.sky_zenith, direction.z), vec3<f32>(0.0));
 }
 
-// Integral of the sky over the hemisphere around the normal: pi (a + 2/3 b n.z) for radiance a + b w.z.
+// Irradiance of the sky: the integral of radiance times cosine over the hemisphere around the normal. The radiance of the sky is a + b z, where z is
+// the z component of the direction. The integral is then pi (a + 2/3 b normal.z).
 fn lighting_sky_irradiance(normal: vec3<f32>) -> vec3<f32> {
     return max(BRDF_PI * (frame.sky_horizon + (2.0 / 3.0) * (frame.sky_zenith - frame.sky_horizon) * normal.z), vec3<f32>(0.0));
 }

@@ -1,11 +1,11 @@
 //! Lighting: computes linear HDR radiance from the G-buffer, the sun and the sky.
 //!
-//! Lambert diffuse and GGX with height-correlated Smith visibility under one directional sun; a sky whose radiance is linear in the sine of
-//! elevation, so that its irradiance is exact (first-order spherical harmonics); specular sky light by the split-sum fit.
+//! The sun is one directional light. The ground reflects it as a Lambert surface and by GGX with height-correlated Smith visibility. The radiance of
+//! the sky is linear in the sine of the elevation, so its irradiance has an exact formula (first-order spherical harmonics). Specular light of the
+//! sky comes from the split-sum fit.
 //! Reads the G-buffer and depth. Writes RGBA32Float: radiance, alpha = 1 on terrain. One full-screen triangle.
 //!
-//! Limits: one sun without shadows, and a sky whose radiance is linear in the sine of the elevation, chosen because its irradiance is exact. There is
-//! no occlusion of the sky and no indirect light.
+//! Limits: one sun without shadows, and a sky that is linear in the sine of the elevation. There is no occlusion of the sky and no indirect light.
 
 use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};

@@ -1,4 +1,4 @@
-//! Lighting in f64 and f32: the reference for `lighting.wgsl`, from its sources.
+//! Lighting in f64 and f32: the reference for `lighting.wgsl`, written from the publications.
 
 use crate::shared::brdf;
 use crate::shared::octahedral;
@@ -33,14 +33,15 @@ pub struct Surface<T> {
     pub occlusion: T,
 }
 
-/// Radiance of the sky from a direction (unit vector): linear in the sine of elevation, and never below 0.
+/// Radiance of the sky from a direction (unit vector). It is linear in the sine of the elevation, and never below 0.
 pub fn sky_radiance<T: Real>(light: &Light<T>, direction: [T; 3]) -> [T; 3] {
     std::array::from_fn(|k| (light.horizon[k] + (light.zenith[k] - light.horizon[k]) * direction[2]).max(T::zero()))
 }
 
-/// Irradiance of the sky on a surface: the integral of the radiance times the cosine over the hemisphere around the normal. For the radiance a + b z
-/// this is pi (a + 2/3 b n.z), because first-order spherical harmonics have the cosine lobe coefficients pi and 2 pi / 3 (Ramamoorthi and Hanrahan 2001,
-/// *An Efficient Representation for Irradiance Environment Maps*, equation 8).
+/// Irradiance of the sky on a surface: the integral of radiance times cosine over the hemisphere around the normal. The radiance is a + b z, where z
+/// is the z component of the direction. The integral is then pi (a + 2/3 b `normal[2]`), because the coefficients of the cosine lobe in spherical
+/// harmonics of the orders 0 and 1 are pi and 2 pi / 3 (Ramamoorthi and Hanrahan 2001, *An Efficient Representation for Irradiance Environment Maps*,
+/// equation 8).
 pub fn sky_irradiance<T: Real>(light: &Light<T>, normal: [T; 3]) -> [T; 3] {
     let two_thirds = T::of(2.0 / 3.0);
     let pi = T::of(std::f64::consts::PI);
@@ -51,10 +52,12 @@ fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Radiance towards the eye, and the part of it that is the sun's highlight. `to_eye`: unit vector.
+/// Returns the radiance towards the eye, and the part of it that is the specular light of the sun. `to_eye`: unit vector.
 ///
-/// The sun: Lambert (albedo / pi, times what Fresnel leaves) plus GGX. The sky: Lambert on its irradiance, plus the split-sum fit times its radiance from the
-/// mirror direction. n.v is at least 0.001, as in the shader: at grazing angles, the normal of the G-buffer may face away from the eye.
+/// Light of the sun is reflected in two ways: as diffuse light (albedo / pi, times 1 minus the Fresnel reflectance) and as specular light (GGX).
+/// Light of the sky is also reflected in two ways: as diffuse light (albedo / pi, times irradiance) and as specular light (the split-sum fit, times
+/// the radiance from the mirror direction). The dot product of the normal and `to_eye` is raised to at least 0.001, as in the shader: at grazing
+/// angles, the normal of the G-buffer may face away from the eye.
 pub fn radiance<T: Real>(surface: &Surface<T>, light: &Light<T>, to_eye: [T; 3]) -> ([T; 3], [T; 3]) {
     let n = surface.normal;
     let half = octahedral::unit(std::array::from_fn(|k| light.sun_direction[k] + to_eye[k]));
@@ -96,7 +99,7 @@ mod tests {
 
     #[test]
     fn the_irradiance_of_the_sky_is_the_integral_of_its_radiance() {
-        // A horizon bright enough that the radiance is above 0 everywhere, for which the formula is exact.
+        // The formula is exact only if the radiance is above 0 everywhere. This horizon is bright enough for that.
         let light = Light { horizon: [1.0, 2.0, 0.9], ..LIGHT };
         let count = 20_000;
         for n in [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [0.0, -0.6, -0.8]] {
@@ -123,7 +126,8 @@ mod tests {
         let ambient = sky_irradiance(&LIGHT, surface.normal);
         for k in 0..3 {
             let received = LIGHT.sun_irradiance[k] * 0.8 + ambient[k];
-            // Lambert takes the light that Fresnel leaves, GGX at most what it reflects; the sky's specular light is added to its diffuse light.
+            // Diffuse and specular light of the sun share the received light, so their sum cannot exceed it. The specular light of the sky is added
+            // to its full diffuse light, so the total can exceed the received light by a few per cent.
             assert!(out[k] > 0.9 * received && out[k] < 1.06 * received, "{k}: {} of {received}", out[k]);
         }
     }

@@ -6,9 +6,9 @@
 //! | normal, `size`² | BC3, linear | smoothness | n.y / 2 + 1/2 | specular occlusion | n.x / 2 + 1/2 |
 //! | height, (`size` / 2)² | BC1, linear | height | colour mask | 0 | opaque |
 //!
-//! Alpha and green are the two most precise channels of BC3, so they hold n.x and n.y. The normal map of a quadtree node is packed in the
-//! same way. Mips are 2x2 box averages of linear values. n.x and n.y are averaged without renormalising, so a texel of a coarse level holds
-//! the mean of several normals. This mean is shorter than 1 if the normals differ.
+//! n is the normal. Alpha and green are the two most precise channels of BC3, so they hold n.x and n.y. The normal map of a quadtree node is
+//! packed in the same way. Mips are 2x2 box averages of linear values. n.x and n.y are averaged without renormalising, so a texel of a coarse
+//! level holds the mean of several normals. This mean is shorter than 1 if the normals differ.
 
 use rayon::prelude::*;
 
@@ -16,7 +16,7 @@ use super::MaterialMaps;
 use crate::base::colour::{srgb_code, unorm8};
 use crate::blocks::{self, BlockFormat, Effort};
 
-/// Largest number of detail textures of one type that can be resident at once.
+/// Limit of the number of layers in each array of detail textures.
 pub const MAX_LAYERS: usize = 32;
 
 /// The detail textures of a scene: three arrays, each with at most [`MAX_LAYERS`] layers.
@@ -33,7 +33,7 @@ pub struct DetailArrays {
 }
 
 impl DetailArrays {
-    /// A copy of one layer of each array.
+    /// Returns a copy of one layer of each array.
     ///
     /// # Panics
     /// If there is no such layer.
@@ -65,7 +65,7 @@ impl CompressedChain {
         (self.size >> level).max(1)
     }
 
-    /// RGBA texels of a level, row-major, as stored (sRGB codes in an sRGB texture).
+    /// Returns the RGBA texels of a level, row-major, as stored (sRGB-encoded if the texture is sRGB).
     ///
     /// # Panics
     /// If the chain has no such level.
@@ -116,7 +116,7 @@ const NORMAL: [f32; 3] = [0.3, 1.0, 0.15];
 /// in tinted materials, and blue is constant.
 const HEIGHT: [f32; 3] = [1.0, 0.5, 0.0];
 
-/// All levels of an image, from `size`² to 1x1, each quantised by `to_bytes` and compressed.
+/// Returns all levels of an image, from `size`² to 1x1. Each level is quantised by `to_bytes` and compressed.
 fn chain<const N: usize>(
     mut image: Vec<[f32; N]>,
     size: u32,
@@ -137,7 +137,7 @@ fn chain<const N: usize>(
     }
 }
 
-/// The next mip: means of 2x2 texels.
+/// Returns the next coarser mip level: means of 2x2 texels.
 fn halve<const N: usize>(image: &[[f32; N]], edge: usize) -> Vec<[f32; N]> {
     let half = edge / 2;
     (0..half * half)

@@ -11,7 +11,8 @@ use super::{MaterialMaps, wrong};
 use crate::base::colour::linear_from_srgb;
 use crate::base::error::{Error, Result, one_line};
 
-/// Largest edge of a map, texels: four times the edge of the finest detail textures. A map of this size takes 0.8 GB until it is resampled.
+/// Limit of the edge of an image, texels: four times the edge of the finest detail textures. An image of this size takes 0.8 GB of memory until it is
+/// resampled.
 const MAX_EDGE: u32 = 8192;
 
 /// File name extensions of images, in the order in which they are searched for.
@@ -22,9 +23,9 @@ const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// Looks for `albedo` (sRGB), `normal` (OpenGL: green = up in the image, n = 2 value - 1, renormalised), `height`, `roughness` (smoothness
 /// = 1 - roughness) and, optionally, `ao` (used as specular occlusion; 1 without it). Each is a .png, .jpg or .jpeg file with 8 or 16 bits
 /// per channel. If the image of a map with one value per texel is in colour, its red channel is used. The format is determined by content, not
-/// by extension. All images of a folder are squares of the same size, which can be any size. Larger images are averaged over the area of each
-/// texel, smaller ones are interpolated bilinearly, both in linear space and with wrap-around. The top row of an image becomes the last
-/// row, v = 1. The colour mask is 1 everywhere: a tint applies to the whole material.
+/// by extension. All images of a folder must be squares of one size, which can be any size up to 8192. If the images are larger than `size`, they
+/// are averaged over the area of each texel. If they are smaller, they are interpolated bilinearly. Both use linear values and wrap around at the
+/// edges. The top row of an image becomes the last row, v = 1. The colour mask is 1 everywhere: a tint applies to the whole material.
 ///
 /// # Errors
 /// If the folder or a map is missing (the message lists the files of the folder), or if a file is not a readable image, is not square, or
@@ -42,7 +43,7 @@ pub fn load(name: &str, dir: &Path, size: u32) -> Result<MaterialMaps> {
             wrong(name, format!("no {map}.png, .jpg or .jpeg in {} (the folder contains: {there}); add that map", dir.display()))
         })
     };
-    // Check all names first, so that a missing map is reported before seconds of decoding.
+    // All names are checked first, because decoding takes seconds, and a missing map should be reported at once.
     let paths = [required("albedo")?, required("normal")?, required("height")?, required("roughness")?];
     let ao = find("ao");
 
@@ -148,7 +149,7 @@ impl Image {
     }
 }
 
-/// For each target texel along one axis, the source texels from which it is made, with their weights (sum 1).
+/// Returns, for each target texel along one axis, the source texels from which it is computed, with their weights (sum 1).
 fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
     let ratio = from as f64 / to as f64;
     (0..to)
@@ -166,12 +167,12 @@ fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
         .collect()
 }
 
-/// Channels in 0..1. Grey is repeated in all three channels; alpha is dropped.
+/// Converts an image to channels in 0..1. Grey is repeated in all three channels; alpha is dropped.
 fn rgb(decoded: DynamicImage) -> Vec<[f32; 3]> {
     decoded.into_rgb32f().pixels().map(|p| p.0).collect()
 }
 
-/// n = 2 value - 1, scaled to unit length. A value without a direction (n = 0) gives the normal of a flat surface.
+/// Decodes a normal: n = 2 value - 1, scaled to unit length. If n = 0, the result is the normal of a flat surface.
 fn unit_normal(value: [f32; 3]) -> [f32; 3] {
     let n = value.map(|c| 2.0 * c - 1.0);
     crate::shared::real::normalize(n)

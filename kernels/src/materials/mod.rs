@@ -1,8 +1,8 @@
 //! Detail textures: where they come from, how they are stored, and the palette that refers to them.
 //!
-//! A terrain material is a set of maps ([`MaterialMaps`], procedural or from a folder of images), and values for how it lies on the ground.
-//! The maps become three block-compressed texture arrays ([`DetailArrays`]). The values become a table of [`PaletteEntry`], which the splat
-//! map indexes.
+//! A terrain material is a set of maps ([`MaterialMaps`], procedural or from a folder of images), and values such as the size of a repeat on the
+//! ground, the rotation and the tint. The maps become three block-compressed texture arrays ([`DetailArrays`]). The values become a table of
+//! [`PaletteEntry`]; each texel of the splat map is an index into this table.
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, on materials: at most 32 textures of a type, 256 palette entries.
 
 use std::path::PathBuf;
@@ -20,18 +20,19 @@ pub mod procedural;
 
 pub use arrays::{CompressedChain, DetailArrays, MAX_LAYERS};
 
-/// Number of palette entries to which an 8-bit splat texel can refer.
+/// Limit of the number of materials: the number of palette entries to which an 8-bit splat texel can refer.
 pub const MAX_MATERIALS: usize = 256;
 
-/// Repeats of a texture along a sector must stay below this number. The fixed-point rate does not set this limit: it keeps 24 fractional bits
-/// and counts whole repeats modulo 256.
+/// Limit of the number of repeats of a texture along a sector: it must be smaller than this. The fixed-point format of
+/// [`PaletteEntry::per_sector_fixed`] does not require this limit: it has 24 fractional bits and counts whole repeats modulo 256.
 pub const MAX_REPEATS_PER_SECTOR: f64 = 65_536.0;
 
 /// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask matters.
 pub const FLAG_TINTED: u32 = 1;
 
-/// Lowest of the 3 bits of [`PaletteEntry::flags`] that number a layer: in a layered blend of eight layers, the layer that represents the
-/// material. The first eight materials have layers of their own. Any other material is represented by the layer with the nearest mean albedo.
+/// Position of the lowest of 3 bits in [`PaletteEntry::flags`]. They hold the number of a layer, 0..=7. The estimator `luna8` blends eight layers,
+/// and this layer represents the material there. The first eight materials have layers of their own. Any other material is represented by the
+/// layer with the nearest mean albedo.
 pub const LAYER_SHIFT: u32 = 8;
 
 /// Uncompressed maps of one material: `size` x `size` texels, row-major, tiling in both directions.
@@ -125,7 +126,7 @@ pub struct PaletteEntry {
     pub normal_layer: u32,
     /// Layer of the height and colour-mask array.
     pub height_layer: u32,
-    /// Bit field: [`FLAG_TINTED`], and the layer from bit [`LAYER_SHIFT`] on.
+    /// Bit field: [`FLAG_TINTED`], and the number of a layer from bit [`LAYER_SHIFT`] on.
     pub flags: u32,
     /// Repeats per sector times cos and times sin, in units of 2^-24 repeats. They are integers so that coordinates stay exact far from the
     /// origin.
@@ -166,7 +167,7 @@ struct Texture {
 /// Seed of all procedural materials. It is constant, because textures must not change with the seed of the world.
 const TEXTURE_SEED: u32 = 5;
 
-/// Number of sources whose uncompressed maps are in memory at once. The maps of one source with 2048² texels take about 170 MB.
+/// Limit of the number of sources whose uncompressed maps are in memory at once. The maps of one source with 2048² texels take about 170 MB.
 const SOURCES_AT_ONCE: usize = 4;
 
 /// Where a set of maps comes from. Materials with equal sources share a layer.
@@ -196,8 +197,9 @@ fn wrong(name: &str, what: String) -> Error {
 impl Palette {
     /// Makes or reads every distinct texture of the scene once, compresses it, and lists the materials.
     ///
-    /// `sector_m` is the edge of a sector in metres, the unit of exact texture coordinates. `progress` is called from worker threads with a
-    /// line of text when a texture is begun; if it returns an error, the building stops. The result depends only on the scene and `sector_m`.
+    /// `sector_m` is the edge of a sector in metres; the entries hold the number of repeats per sector. `progress` is called from worker threads
+    /// with a line of text when a texture is begun; if it returns an error, `build` stops and returns this error. The result depends only on the
+    /// scene and `sector_m`.
     ///
     /// # Errors
     /// The error that `progress` returns; no materials or more than [`MAX_MATERIALS`]; more than [`MAX_LAYERS`] distinct textures; a
@@ -207,19 +209,19 @@ impl Palette {
         Palette::made(scene, scene.detail_size, sector_m, [None, None], &progress)
     }
 
-    /// As [`Palette::build`], but with textures of `size` texels along an edge instead of the scene's `detail_size`. It takes a small
-    /// part of the time, and serves as a preview.
+    /// Does the same as [`Palette::build`], but with textures of `size` texels along an edge instead of the scene's `detail_size`. With small
+    /// textures it is much faster, and serves as a preview.
     ///
     /// # Errors
-    /// As [`Palette::build`].
+    /// The same errors as [`Palette::build`].
     pub fn sketch(scene: &Scene, size: u32, sector_m: f64, progress: impl Fn(&str) -> Result<()> + Sync) -> Result<Palette> {
         Palette::made(scene, size, sector_m, [None, None], &progress)
     }
 
-    /// As [`Palette::build`], but reuses every texture that this palette or the `former` one contains.
+    /// Does the same as [`Palette::build`], but copies every texture that this palette or the palette `former` already contains.
     ///
     /// # Errors
-    /// As [`Palette::build`].
+    /// The same errors as [`Palette::build`].
     pub fn rebuilt(
         &self,
         scene: &Scene,
@@ -230,7 +232,7 @@ impl Palette {
         Palette::made(scene, scene.detail_size, sector_m, [Some(self), former], &progress)
     }
 
-    /// The layers that differ from the layers of `before`; `None` if the number or the size of the layers differs.
+    /// Returns the indices of the layers that differ from the layers of `before`; `None` if the number or the size of the layers differs.
     pub fn fresh_layers(&self, before: &Palette) -> Option<Vec<usize>> {
         let alike = self.arrays.size == before.arrays.size && self.layers.len() == before.layers.len();
         alike.then(|| (0..self.layers.len()).filter(|&layer| self.layers[layer] != before.layers[layer]).collect())
@@ -318,7 +320,7 @@ impl Palette {
             .enumerate()
             .map(|(m, material)| {
                 let (per_sector_fixed, per_metre) = placement(material, sector_m)?;
-                let layer = u32::try_from(layer_of[m]).expect("at most 32 layers");
+                let layer = u32::try_from(layer_of[m]).expect("there are at most 32 layers");
                 Ok(PaletteEntry {
                     albedo_layer: layer,
                     normal_layer: layer,
@@ -356,17 +358,17 @@ fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     }
 }
 
-/// For each material, the layer that represents it: its own layer for the first eight materials, otherwise the layer with the nearest mean
-/// albedo (the lowest one if several are equally near).
+/// Returns, for each material, the layer that represents it in a blend of eight layers (see [`LAYER_SHIFT`]). If several layers are equally near,
+/// it is the lowest of them.
 fn layers_of(means: &[MaterialMeans]) -> Vec<u32> {
     let distance = |a: &MaterialMeans, b: &MaterialMeans| (0..3).map(|c| (a.albedo[c] - b.albedo[c]).powi(2)).sum::<f32>();
     let layers = &means[..means.len().min(LAYERS)];
     let nearest = |of: &MaterialMeans| (0_u32..).zip(layers).min_by(|(_, a), (_, b)| distance(a, of).total_cmp(&distance(b, of)));
-    let own = 0..u32::try_from(layers.len()).expect("at most eight");
+    let own = 0..u32::try_from(layers.len()).expect("there are at most eight layers");
     own.chain(means[layers.len()..].iter().map(|of| nearest(of).map_or(0, |(layer, _)| layer))).collect()
 }
 
-/// Texture repeats of a material: per sector in fixed point, and per metre in floating point.
+/// Returns the number of texture repeats of a material: per sector in fixed point, and per metre in floating point.
 fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])> {
     let tile_m = material.tile_m;
     let usable = tile_m > 0.0 && tile_m.is_finite() && material.orientation_deg.is_finite();

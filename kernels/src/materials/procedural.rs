@@ -57,8 +57,8 @@ pub(super) fn known(kind: &str, material: &str) -> Result<()> {
     recipe(kind, material).map(|_| ())
 }
 
-/// Height range of a material, lowest to highest texel, in tile edges. Its normals are those of the height `relief * height` over a tile
-/// with the edge 1.
+/// Height range of a material, lowest to highest texel, in tile edges. The normals of the material belong to the height field `relief * height` on
+/// a tile with the edge 1.
 ///
 /// # Errors
 /// If `name` is not one of [`NAMES`]; the message suggests the nearest name.
@@ -94,8 +94,8 @@ pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
             *out = [-gx * inverse, -gy * inverse];
         }
     });
-    // A texel below its surroundings receives less light from the sky. Its occlusion follows from its depth below two local means, each divided
-    // by the radius of the mean.
+    // A texel below its surroundings receives less light from the sky. Its occlusion follows from its depth below two local means. Each of the two
+    // depths is divided by the radius of the mean.
     let near = height.blur(0.008);
     let wide = height.blur(0.03);
     let specular_occlusion = bench.par(|i| {
@@ -148,8 +148,9 @@ fn unit(word: u32) -> f32 {
     (word >> 8) as f32 / 16_777_216.0
 }
 
-/// Random numbers of one element: number `index` of the layer `salt`.
+/// Random numbers of one element, such as a stone or a blade of grass.
 struct Dice {
+    /// Index of the element, salt of its layer, seed, and a counter.
     key: [u32; 4],
     words: [u32; 4],
     used: usize,
@@ -186,7 +187,7 @@ impl Field {
         Field { n: self.n, v: self.v.into_iter().map(|x| ((x - low) * scale).clamp(0.0, 1.0)).collect() }
     }
 
-    /// The image with displaced coordinates: its value at (u, v) is the value of this image at (u, v) + `amount` * `by`.
+    /// Returns the image with displaced coordinates: its value at (u, v) is the value of this image at (u, v) + `amount` * `by`.
     fn warped(&self, by: [&Field; 2], amount: f32) -> Field {
         let n = self.n;
         let axis = |texel: usize, offset: f32| {
@@ -220,7 +221,8 @@ impl Field {
     }
 }
 
-/// Mean over 2 reach + 1 texels along rows. The running sum starts again in each row, so that rounding errors stay in their row.
+/// Returns, for each texel, the mean of 2 * `reach` + 1 texels of its row. The running sum starts again in each row, so that rounding errors do not
+/// spread to other rows.
 fn box_rows(v: &[f32], n: usize, reach: usize) -> Vec<f32> {
     let mut out = vec![0.0; n * n];
     let inverse = 1.0 / (2 * reach + 1) as f32;
@@ -253,7 +255,7 @@ fn transposed(v: &[f32], n: usize) -> Vec<f32> {
 
 /// Cell noise: for each texel its nearest feature point.
 struct Cells {
-    /// Random word of the cell.
+    /// Random 32-bit number of the nearest point.
     id: Vec<u32>,
     /// Distance to the nearest point, in cells.
     near: Vec<f32>,
@@ -316,8 +318,8 @@ impl Bench {
         });
     }
 
-    /// Sum of octaves of noise: the frequency doubles and the amplitude is multiplied by `gain` from each to the next. `shape` is applied
-    /// to each octave. Octaves with a frequency above half the number of texels along an edge are left out.
+    /// Returns a sum of octaves of noise. Each octave has twice the frequency of the previous one, and its amplitude is multiplied by `gain`. `shape`
+    /// is applied to each octave. Octaves with a frequency above half the number of texels along an edge are left out.
     fn octaves(&self, waves: [u32; 2], count: u32, gain: f32, salt: u32, shape: impl Fn(f32) -> f32 + Sync) -> Field {
         let mut sum = vec![0.0; self.n * self.n];
         let mut amplitude = 1.0;
@@ -488,7 +490,7 @@ impl Canvas {
 
 /// An angular stone: the upper side of a convex polyhedron, which is the minimum of several planes.
 struct Stone {
-    /// Height = a x + b y + c.
+    /// Coefficients a, b, c of each plane: height = a x + b y + c.
     planes: [[f32; 3]; 9],
     /// Inverse squares of the semi-axes along and across `direction`; 0 = no rounding.
     round: [f32; 2],

@@ -1,14 +1,14 @@
-//! Statistics of each pixel that follow its surface point from frame to frame, for live views of noise and flicker.
+//! Statistics of surface points over frames, for live views of noise and flicker.
 //!
-//! [`Links`](crate::motion::Links), the pass that all metrics over time use, finds where each pixel's point was one frame before. [`Followed`]
-//! carries running moments along the links. A window of n frames is exponential: a new frame has the weight 1/n. While there are fewer than n frames,
-//! all frames have the same weight. If a point was not visible one frame before, its statistics start again.
+//! [`Links`](crate::motion::Links) finds, for each pixel, the pixel that showed the same surface point one frame before. [`Followed`] carries running
+//! moments along the links. A window of n frames is exponential: a new frame has the weight 1/n. While a point has been visible in fewer than n
+//! frames, all of them have the same weight. If a point was not visible one frame before, its statistics start again.
 
 use rayon::prelude::*;
 
 use crate::motion::NO_LINK;
 
-/// Edge of the blocks for clumping, pixels; the same as for the measured metrics.
+/// Edge of the blocks from which clumping is computed, pixels. The metrics of experiments use blocks of the same size.
 const BLOCK: usize = super::BLOCK as usize;
 
 /// One pixel of one picture.
@@ -25,7 +25,7 @@ pub struct Sample {
 /// Running moments of a pixel's surface point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
-    /// Number of frames included, at most the window; 0 = no terrain.
+    /// Number of frames included, at most the length of the window; 0 = no terrain.
     pub frames: f32,
     /// Mean luminance.
     pub mean: f32,
@@ -33,9 +33,9 @@ pub struct Point {
     pub variance: f32,
     /// Mean absolute difference in luminance from one frame to the next.
     pub flicker: f32,
-    /// Number of frames whose choice can be compared with that of the frame before, at most the window.
+    /// Number of frames whose choice can be compared with the choice of the previous frame, at most the length of the window.
     pub chosen: f32,
-    /// Share of the frames counted in `chosen` whose choice differs from that of the frame before.
+    /// Share of the frames counted in `chosen` whose choice differs from the choice of the previous frame.
     pub flips: f32,
     /// Mean of [`Sample::error`].
     pub bias: f32,
@@ -84,9 +84,9 @@ impl Point {
 /// Statistics of a region.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Pixels of terrain.
+    /// Number of pixels with terrain.
     pub terrain: usize,
-    /// Median over pixels of the number of frames followed, at most the window.
+    /// Median over pixels of [`Point::frames`].
     pub frames: f32,
     /// Mean variance of luminance over frames.
     pub variance: f64,
@@ -96,7 +96,8 @@ pub struct Summary {
     pub flip_rate: Option<f64>,
     /// Mean difference in luminance from the comparison picture; `None` without a comparison.
     pub bias: Option<f64>,
-    /// Block variance of this frame's noise, relative to that of white noise of the same variance: white noise has 1. `None` if nothing varies.
+    /// Clumping of the noise of the last frame: the variance of its means over blocks, relative to white noise of the same variance. White noise has
+    /// 1. `None` if there is no noise.
     pub clumping: Option<f64>,
 }
 
@@ -112,8 +113,8 @@ pub struct Followed {
 }
 
 impl Followed {
-    /// Adds a picture. `links` lead to the picture added before. `compared`: whether the errors of the samples are differences from a comparison
-    /// picture. If so, they are used as the noise.
+    /// Adds a picture. `links` lead to the picture that was added before it. `compared`: whether the errors of the samples are differences from a
+    /// comparison picture. If so, they are used as the noise.
     ///
     /// # Panics
     /// When the number of samples or links is not the number of pixels.
@@ -170,7 +171,7 @@ impl Followed {
         })
     }
 
-    /// Clumping as METHODOLOGY defines it, over blocks that are all terrain.
+    /// Computes clumping as METHODOLOGY.md defines it, over the blocks whose pixels are all terrain.
     fn clumping(&self, low: [usize; 2], high: [usize; 2]) -> Option<f64> {
         let (mut blocks, mut pixels) = (0.0, 0.0);
         for y in (low[1]..high[1].saturating_sub(BLOCK - 1)).step_by(BLOCK) {
@@ -220,7 +221,7 @@ mod tests {
         assert!((all.variance - 0.0625).abs() < 1e-6, "{}", all.variance);
         assert!((all.flicker - 0.5).abs() < 1e-6 && all.flip_rate == Some(1.0), "{all:?}");
         assert!((all.bias.expect("compared") - 0.1).abs() < 1e-6, "{:?}", all.bias);
-        // All pixels have the same error, which is the strongest possible clumping: the number of pixels in a block, 25.
+        // All pixels have the same error. Clumping then has its largest possible value, the number of pixels in a block: 25.
         assert!((all.clumping.expect("noise") - 25.0).abs() < 1e-3, "{:?}", all.clumping);
     }
 
@@ -264,14 +265,14 @@ mod tests {
             followed.take(size, &samples, &links, 1000, false);
         }
         let all = followed.summary([0, 0], [200, 200]).expect("terrain");
-        // The variance of a uniform number is 1/12, of which the running mean of 32 frames removes 1/32. The mean |difference| of two uniform numbers
-        // is 1/3. The tolerances are six standard errors of a mean over 40 000 pixels and 32 frames (31 differences). The standard deviation of a
-        // squared deviation is 0.0745, that of a |difference| is 0.236. The factors 1.2 and 1.5 are margins, because the values of a pixel in
-        // successive frames are not independent.
+        // Luminance is uniform in 0..1, so its variance is 1/12. It is measured around the mean of 32 frames, which makes it smaller by the factor
+        // 31/32. The mean absolute difference of two uniform numbers is 1/3. Each tolerance is six standard errors of a mean over 40 000 pixels and
+        // over 32 frames or 31 differences. For the standard errors: a squared deviation has the standard deviation 0.0745, an absolute difference
+        // has 0.236. The factors 1.2 and 1.5 are margins, because the values of a pixel in successive frames are not independent.
         assert!((all.variance - 31.0 / 32.0 / 12.0).abs() < 6.0 * 0.0745 / 40_000_f64.sqrt() / 32_f64.sqrt() * 1.2, "{}", all.variance);
         assert!((all.flicker - 1.0 / 3.0).abs() < 6.0 * 0.236 / 40_000_f64.sqrt() / 31_f64.sqrt() * 1.5, "{}", all.flicker);
-        // The mean error of a block is close to normally distributed, so its square, relative to the expected value 1, has the standard deviation
-        // sqrt(2). The tolerance is six standard errors of the mean over 1 600 blocks, whose square root is 40.
+        // The mean error of a block is close to normally distributed. Its square, divided by the expected square, therefore has the standard
+        // deviation sqrt(2). The tolerance is six standard errors of the mean over 1 600 blocks: 6 * sqrt(2) / sqrt(1 600).
         assert!((all.clumping.expect("noise") - 1.0).abs() < 6.0 * 2_f64.sqrt() / 40.0, "{:?}", all.clumping);
         assert_eq!(all.flip_rate, None, "no choices");
     }

@@ -1,12 +1,13 @@
-// Compares the picture of one stream with its pictures 1 to 4 frames before and writes sums per tile. Only the sums are read back, never a picture.
-// One invocation handles a tile of 8 x 8 pixels, so no barrier is needed, and the order of additions never changes.
+// A stream is one way to shade, followed over frames. This pass compares the current picture of a stream with its pictures of up to 4 earlier frames,
+// and writes sums per tile. Only the sums are read back, never a picture. One invocation handles a tile of 8 x 8 pixels, so no barrier is needed, and
+// the order of the additions is fixed.
 
 struct MeasureFrame {
     size: vec2<u32>,
     tiles: vec2<u32>,
-    slot: u32,                  // where this frame's picture begins
+    slot: u32,                  // index in `signal` at which the picture of this frame begins
     lags: u32,                  // number of earlier frames, 0..=4
-    quarter: u32,               // 0..=3: the quarter of the pixels for the box test, the histogram and lags 2 to 4
+    quarter: u32,               // index, 0..=3, of the quarter of the pixels that is used for the box test, the histogram and lags 2 to 4
     pad_0: u32,
     past_slots: vec4<u32>,
 }
@@ -19,14 +20,15 @@ struct MeasureTile {
     differences: vec4<f32>,
     terrain: u32,
     fetches: u32,
-    // Two counts: pixels whose history was tested against the 3 x 3 box | pixels whose history was rejected << 8.
+    // The history of a pixel is the colour of its surface point one frame before. The box test rejects it if it lies outside the box of the current
+    // colours of 3 x 3 pixels. Two counts: pixels whose history was tested | pixels whose history was rejected << 8.
     rejections: u32,
     // Number of terrain pixels in the quarter. The results of lags 2 to 4 are shares of this number.
     quarter_terrain: u32,
 }
 
-// A storage buffer and not a uniform buffer, because lavapipe recompiles a shader for each new value of a uniform on which its branches depend. In
-// Mesa 22.3, each dispatch also leaks a copy of the shader (measured: 170 kB per stream and frame).
+// This is a storage buffer and not a uniform buffer, because lavapipe recompiles a shader for each new value of a uniform on which its branches
+// depend. In Mesa 22.3, each dispatch also leaks a copy of the shader (measured: 170 kB per stream and frame).
 @group(0) @binding(0) var<storage, read> measure: MeasureFrame;
 @group(0) @binding(1) var<storage, read> links: array<u32>;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
@@ -34,8 +36,8 @@ struct MeasureTile {
 // Histogram of absolute differences at lag 1: 16 bins per octave; the first bin also holds all differences below 2^-14.
 @group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 256>;
 
-// A history is rejected if a channel is outside the box by more than this share, 2^-10. The history and the bounds of the box are f16 values, each of
-// which may be rounded by a share of 2^-11.
+// Tolerance of the box test, as a share of the bound of the box: 2^-10. The history and the bound are f16 values. Rounding changes each of the two by
+// a share of at most 2^-11, and the two errors can add up.
 const MEASURE_BOX_SLACK: f32 = 0.0009765625;
 
 fn measure_bin(difference: f32) -> u32 {
@@ -43,7 +45,7 @@ fn measure_bin(difference: f32) -> u32 {
     return u32(clamp(floor(octave * MEASURE_BINS_PER_OCTAVE), 0.0, MEASURE_BINS - 1.0));
 }
 
-// Whether a colour lies outside the box of the 3 x 3 terrain pixels around `pixel`.
+// Returns whether a colour lies outside the box of the 3 x 3 pixels around `pixel`. Only the terrain pixels among them form the box.
 fn measure_outside_box(colour: vec3<f32>, pixel: vec2<u32>) -> bool {
     var low = vec3<f32>(1e30);
     var high = vec3<f32>(-1e30);
@@ -119,7 +121,8 @@ fn measure_main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    // The expensive part, only for a quarter of the pixels. It has a loop of its own for the reason given in motion.wgsl.
+    // Box test, histogram and lags 2 to 4 are expensive, so they include only a quarter of the pixels. They have a loop of their own, because a
+    // processor that runs its lanes in lockstep would pay for a branch in the loop above at all pixels.
     for (var y = origin.y; y < end.y; y++) {
         for (var first = origin.x; first < end.x; first += 4u) {
             let x = motion_of_quarter(first, y, measure.quarter);

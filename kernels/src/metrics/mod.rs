@@ -1,11 +1,11 @@
 //! Metrics: how a sequence of pictures changes over frames and over seeds, summed on the device.
 //!
-//! A *stream* is one way to shade (variant, estimator, noise, resolve), followed over time: a ring of five pictures, two words per pixel
-//! (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed its surface point one frame before, and a quarter of the
-//! pixels to those 2 to 4 frames before. Then the picture of each stream is compared with its earlier pictures, and only sums per tile are read back.
-//! Memory does not grow with the number of frames.
+//! A *stream* is one way to shade (variant, estimator, noise, resolve), followed over time. A ring buffer holds its last five pictures, two words per
+//! pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed the same surface point one frame before. It also
+//! links a quarter of the pixels to the pixels that showed their points 2 to 4 frames before. Then the current picture of each stream is compared
+//! with the earlier pictures of the stream, and only sums per tile are read back. Memory does not grow with the number of frames.
 //!
-//! The formulas are in METHODOLOGY; `reference` computes them in f64.
+//! The formulas are in METHODOLOGY.md; `reference` computes them in f64.
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
@@ -26,7 +26,7 @@ mod seeds;
 pub use follow::{Followed, Point, Sample, Summary};
 pub use seeds::{BLOCK, MODULE as SEEDS_MODULE, SeedFrame, SeedStream, SeedSums, Seeds, VarianceSums};
 
-/// Bins of the histogram of differences at lag 1: 16 per octave, from 2^-14 to 2^2.
+/// Number of bins in the histogram of differences at lag 1: 16 per octave, from 2^-14 to 2^2.
 pub const BINS: usize = 256;
 const LOWEST_OCTAVE: f64 = -14.0;
 const BINS_PER_OCTAVE: f64 = 16.0;
@@ -76,14 +76,15 @@ pub struct LagSums {
 /// Sums of one frame of one stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameSums {
-    /// Terrain pixels.
+    /// Number of terrain pixels.
     pub terrain: u64,
     /// Number of fetches of all terrain pixels.
     pub fetches: u64,
-    /// Comparisons with the pictures 1 to 4 frames before.
+    /// Sums of the comparisons with the pictures 1 to 4 frames before.
     pub lags: [LagSums; LAGS],
-    /// Number of pixels whose history was tested against the 3 x 3 box: the pixels of a quarter that are linked at lag 1, a different quarter in each
-    /// frame.
+    /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame before; the test rejects it if
+    /// it lies outside the box of the current colours of 3 x 3 pixels. Tested are those pixels of one quarter that are linked at lag 1. Each frame
+    /// uses a different quarter.
     pub tested: u64,
     /// Number of tested pixels whose history was rejected.
     pub rejected: u64,
@@ -119,8 +120,9 @@ impl FrameSums {
     }
 }
 
-/// The value below which a share of a histogram's counts lies, interpolated within its bin on the log scale and accurate to 1/16 of an octave (4.4
-/// %). It is 0 if it lies in the lowest bin, which also holds all values below 2^-14, and `None` for an empty histogram.
+/// Returns the value below which a share of a histogram's counts lies; `None` if the histogram is empty. The value is interpolated within its bin on
+/// a logarithmic scale and is accurate to 1/16 of an octave (4.4 %). If it lies in the lowest bin, which also holds all values below 2^-14, the
+/// result is 0.
 pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
     let total: u64 = histogram.iter().sum();
     if total == 0 {
@@ -143,7 +145,7 @@ pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
 pub struct Stream {
     /// The ring of shaded pictures, before any resolve.
     pub signal: wgpu::Buffer,
-    /// The resolve that is applied to them before they are measured.
+    /// The resolve that is applied to the shaded pictures before they are measured.
     pub resolve: Resolve,
     /// The ring of resolved pictures, and two histories; `None` without a resolve.
     resolved: Option<[wgpu::Buffer; 2]>,
@@ -158,7 +160,7 @@ impl Stream {
     }
 }
 
-/// Follows streams over frames.
+/// Measures how the pictures of each stream change over frames.
 pub struct Meter {
     size: [u32; 2],
     pipeline: wgpu::ComputePipeline,
@@ -183,7 +185,7 @@ static WGSL: Wgsl = Wgsl::new("metrics/measure.wgsl", include_str!("measure.wgsl
 pub static MODULE: ShaderModule = ShaderModule::new("measure", &[&WGSL]);
 
 impl Meter {
-    /// Compiles the passes and allocates a stream for each resolve given.
+    /// Compiles the passes and allocates one stream for each entry of `resolves`.
     ///
     /// # Errors
     /// When a shader does not compile or the device is out of memory.
@@ -230,7 +232,7 @@ impl Meter {
         self.index
     }
 
-    /// Records the resolves and the measurement of this frame. The signals and links of the frame must have been recorded or written before.
+    /// Records the resolves and the measurement of this frame. Before this call, the signals and links of the frame must be recorded or written.
     pub fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, timer: &mut Timer) {
         let slots = self.slots();
         let lags = self.index.min(LAGS as u32);
@@ -299,7 +301,7 @@ impl Meter {
         Ok(sums)
     }
 
-    /// The last measured picture of a stream, or the one `back` frames (0 to 4) before it, as signals.
+    /// Returns, as signals, the picture of a stream that was measured `back` frames (0 to 4) before the last one; 0 = the last one.
     ///
     /// # Errors
     /// When the device is lost.
@@ -309,12 +311,13 @@ impl Meter {
         read_signal(gpu, self.streams[stream].measured(), slot, pixels)
     }
 
-    /// Writes a picture into this frame's slot of a stream: for signals that do not come from a renderer.
+    /// Writes a picture into this frame's slot of a stream. This replaces the picture of a renderer, for example in a test.
     pub fn write(&self, gpu: &Gpu, stream: usize, signal: &[[u32; 2]]) {
         gpu.queue.write_buffer(&self.streams[stream].signal, u64::from(self.slots().now) * 8, cast_slice(signal));
     }
 
-    /// Writes the links of this frame, one picture per lag, and the positions one frame before: for motion that does not come from a renderer.
+    /// Writes the links of this frame (for each lag, one link per pixel) and the positions of the surface points one frame before. This replaces the
+    /// motion that a renderer computes, for example in a test.
     pub fn write_links(&self, gpu: &Gpu, links: &[u32], positions: &[[f32; 2]]) {
         gpu.queue.write_buffer(&self.motion.links, 0, cast_slice(links));
         gpu.queue.write_buffer(&self.motion.positions, 0, cast_slice(positions));

@@ -4,8 +4,8 @@ use super::{FrameSums, SeedSums};
 use crate::motion::{LAGS, NO_LINK};
 use crate::shared::{motion, signal};
 
-/// Sums of a frame, for pictures of `size` pixels. `now` is compared with `past[lag]` along the links of that lag; lags 2 to 4 and the box tests
-/// include only the pixels of `quarter`. The histogram is left empty.
+/// Returns the sums of a frame, for pictures of `size` pixels. `past` has one entry per lag, from lag 1 on: the earlier picture, and the links from
+/// `now` to it. Lags 2 to 4 and the box tests include only the pixels of `quarter`. The histogram is left empty.
 pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], quarter: u32) -> FrameSums {
     let mut sums = FrameSums::default();
     let [width, height] = size.map(|n| n as usize);
@@ -56,7 +56,7 @@ pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])],
     sums
 }
 
-/// Sums of one seed's picture compared with the exact blend, as `seeds_add` and `seeds_blocks` compute them.
+/// Compares the picture of one seed with the exact blend. Returns the sums that `seeds_add` and `seeds_blocks` compute.
 pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]) -> SeedSums {
     let mut sums = SeedSums::default();
     let [width, height] = size.map(|n| n as usize);

@@ -1,4 +1,4 @@
-//! One view over many seeds: bias, variance and clumping of streams, summed on the device.
+//! Compares the pictures of one view with many seeds: bias, variance and clumping of each stream (way to shade), summed on the device.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -9,7 +9,7 @@ use crate::gpu::bindings::Binding;
 use crate::gpu::{Gpu, ShaderModule, read_buffer};
 use crate::shared;
 
-/// Edge of the blocks whose means give the clumping, pixels.
+/// Edge of the blocks from which clumping is computed, pixels.
 pub const BLOCK: u32 = 5;
 
 /// The layout of `SeedFrame` in `seeds.wgsl`.
@@ -31,13 +31,13 @@ pub struct SeedFrame {
 /// Sums of one seed, in one stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SeedSums {
-    /// Terrain pixels.
+    /// Number of terrain pixels.
     pub terrain: f64,
     /// Sum over pixels and channels of the difference from the exact blend.
     pub error: f64,
     /// Sum over pixels and channels of the square of this difference.
     pub squared_error: f64,
-    /// Blocks that are all terrain.
+    /// Number of blocks that are all terrain.
     pub blocks: f64,
     /// Sum over blocks of the square of the mean error in luminance.
     pub block_squares: f64,
@@ -46,7 +46,8 @@ pub struct SeedSums {
 }
 
 impl SeedSums {
-    /// Block variance relative to that of white noise of the same variance: white noise has 1. `None` if nothing varies.
+    /// Returns the clumping of the errors: the variance of their means over blocks, relative to white noise of the same variance. White noise has 1.
+    /// `None` if all errors are 0.
     pub fn clumping(&self) -> Option<f64> {
         (self.pixel_squares > 0.0).then(|| f64::from(BLOCK * BLOCK) * self.block_squares / self.pixel_squares)
     }
@@ -55,7 +56,7 @@ impl SeedSums {
 /// Sums over all seeds, in one stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VarianceSums {
-    /// Terrain pixels.
+    /// Number of terrain pixels.
     pub terrain: f64,
     /// Sum over pixels and channels of the mean over seeds minus the exact blend.
     pub bias: f64,
@@ -147,7 +148,7 @@ impl Seeds {
             pass.set_bind_group(1, &gpu.group("seed stream", &self.layout, &buffers.map(|b| b.as_entire_binding())), &[]);
             for pipeline in passes {
                 pass.set_pipeline(pipeline);
-                // Surplus invocations cost nothing: they return at once.
+                // A pass has one invocation per tile or per block. All passes get the larger of the two numbers; surplus invocations return at once.
                 let invocations = (tiles[0] * tiles[1]).max(blocks[0] * blocks[1]);
                 pass.dispatch_workgroups(invocations.div_ceil(64), 1, 1);
             }

@@ -1,5 +1,5 @@
-// One view over many seeds: computes the moments of each pixel over the seeds, and the clumping of each seed's error. Only sums per tile or block are
-// read back, no pictures.
+// Compares the pictures of one view with many seeds: computes the moments of each pixel over the seeds, and the clumping of each seed's error. Only
+// sums per tile or block are read back, no pictures.
 
 struct SeedFrame {
     size: vec2<u32>,
@@ -7,8 +7,8 @@ struct SeedFrame {
     blocks: vec2<u32>,          // whole blocks, across and down
     block: u32,                 // edge of a block, pixels
     count: u32,                 // number of seeds so far, including this one
-    offset: u32,                // where the picture begins in `signal`
-    zero: u32,                  // 0, see moments.wgsl
+    offset: u32,                // index in `signal` at which the picture begins
+    zero: u32,                  // always 0; moments.wgsl explains its use
     pad_1: u32,
     pad_2: u32,
 }

@@ -6,7 +6,7 @@ use crate::geometry;
 use crate::gpu::{Gpu, Recording, read_buffer};
 use crate::view::camera::View;
 
-/// Links each pixel to the pixel that showed its surface point one frame before.
+/// Links each pixel to the pixel that showed the same surface point one frame before.
 pub struct Links {
     motion: Motion,
     size: [u32; 2],
@@ -14,7 +14,7 @@ pub struct Links {
 }
 
 impl Links {
-    /// Compiles the pass and allocates for pictures of `size` pixels.
+    /// Compiles the pass and allocates its buffers for pictures of `size` pixels.
     ///
     /// # Errors
     /// When the shader does not compile or the device is out of memory.
@@ -29,8 +29,9 @@ impl Links {
         self.size
     }
 
-    /// Links the picture with this `geometry` and the view `now` to the picture of the previous call. Returns one index per pixel;
-    /// [`NO_LINK`](super::NO_LINK) = the point was not visible in that picture. Waits for the device.
+    /// Links each pixel of a picture to a pixel of the earlier picture, which is the picture of the previous call. `geometry` is the geometry of the
+    /// picture, `now` is its view. Returns, for each pixel, the index of the pixel of the earlier picture that showed the same surface point;
+    /// [`NO_LINK`](super::NO_LINK) = the point was not visible there. Waits for the device.
     ///
     /// # Errors
     /// When the device is lost.

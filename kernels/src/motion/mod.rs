@@ -1,8 +1,9 @@
-//! Motion: links from each pixel to the pixels that showed its surface point 1 to 4 frames before.
+//! Motion: links from each pixel to the pixels that showed the same surface point 1 to 4 frames before.
 //!
-//! Reads depth, triangle normals, and the distances of the frames before. Writes the distances of this frame; for each pixel and lag, the index of
-//! the linked pixel, or [`NO_LINK`] if the point was hidden, outside the picture, or behind the camera; and the exact position of the point one frame
-//! before. At lags 2 to 4, only a quarter of the pixels is linked, a different quarter in each frame. Dispatch: one workgroup per 128 x 2 pixels.
+//! Reads depth, triangle normals, and the distances of earlier frames. Writes the distances of this frame, links, and the exact position of each
+//! point one frame before. A link holds, for one pixel and one lag (number of frames), the index of the linked pixel, or [`NO_LINK`] if the point was
+//! hidden, outside the picture, or behind the camera. At lags 2 to 4, only a quarter of the pixels is linked; each frame uses a different quarter.
+//! Dispatch: one workgroup per 128 x 2 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -26,24 +27,24 @@ pub const LAGS: usize = 4;
 pub const SLOTS: u32 = 5;
 /// The value of a link if no pixel showed the point.
 pub const NO_LINK: u32 = u32::MAX;
-/// Largest relative difference in depth at which two points count as points of one surface. The expected depth is the depth of the plane of the
-/// point's triangle at the pixel nearest to the point. So differences come only from the normal's 8-bit code (an error of less than 1 degree) and
-/// from the curvature of the ground over half a pixel.
+/// Limit of the relative difference in depth at which two points count as points of one surface. The depth in the earlier picture is compared with an
+/// expected depth: the depth of the plane of the point's triangle, at the pixel nearest to the point. If the point is visible, the two depths differ
+/// for two reasons only: the stored normal is quantised (an error of less than 1 degree), and the ground is curved over half a pixel.
 pub const TOLERANCE: f32 = 0.02;
 
-/// Where the pictures of a frame and of the frames before it begin in their rings, as offsets in pixels.
+/// Where the pictures of a frame and of the earlier frames begin in their ring buffers, as offsets in pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slots {
     /// Offset of this frame's picture.
     pub now: u32,
     /// Offsets of the pictures 1 to 4 frames before.
     pub past: [u32; LAGS],
-    /// 0 to 3: the quarter of the pixels on which this frame does the box test, the histogram and lags 2 to 4.
+    /// Index, 0 to 3, of the quarter of the pixels that this frame uses for the box test, the histogram and lags 2 to 4.
     pub quarter: u32,
 }
 
 impl Slots {
-    /// The slots of frame `index` of a sequence, for pictures of `pixels` pixels.
+    /// Returns the slots of frame `index` of a sequence, for pictures of `pixels` pixels.
     pub fn of(index: u32, pixels: u32) -> Slots {
         let slot = |back: u32| (index % SLOTS + SLOTS - back) % SLOTS * pixels;
         Slots { now: slot(0), past: [slot(1), slot(2), slot(3), slot(4)], quarter: index % 4 }
@@ -84,7 +85,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Compiles the pass and allocates for pictures of `size` pixels.
+    /// Compiles the pass and allocates its buffers for pictures of `size` pixels.
     ///
     /// # Errors
     /// When the shader does not compile.

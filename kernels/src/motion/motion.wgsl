@@ -1,11 +1,12 @@
-// Motion: finds where each pixel's surface point was seen 1 to 4 frames before, exactly, from depth and cameras. Disoccluded points have no link.
+// Motion: computes, from depth and cameras, the exact position at which each pixel's surface point was seen 1 to 4 frames before. Points that were
+// hidden or outside the picture in the earlier frame have no link.
 
 struct MotionFrame {
     past: array<MotionPast, 4>,     // cameras of the earlier frames, the latest first
     lags: u32,                      // number of earlier frames, 0..=4
     slot: u32,                      // index in `distances` at which this frame begins
-    tolerance: f32,                 // largest relative difference in depth between two points of one surface
-    quarter: u32,                   // 0..=3: the quarter of the pixels that is linked at lags 2 to 4
+    tolerance: f32,                 // limit of the relative difference in depth between two points of one surface
+    quarter: u32,                   // index, 0..=3, of the quarter of the pixels that is linked at lags 2 to 4
     past_slots: vec4<u32>,          // index in `distances` at which each earlier frame begins
 }
 
@@ -58,8 +59,8 @@ fn motion_find(seen: MotionPoint, lag: u32) -> MotionFound {
     return MotionFound(there, was.xy);
 }
 
-// One invocation takes four pixels of a row, one of which belongs to the quarter. That pixel is handled after the loop and not by a branch in the
-// loop, because a processor that runs its lanes in lockstep would pay for the branch at all four pixels.
+// One invocation handles four pixels of a row, one of which belongs to the quarter. Lags 2 to 4 of that pixel are computed after the loop and not by
+// a branch in the loop, because a processor that runs its lanes in lockstep would pay for the branch at all four pixels.
 @compute @workgroup_size(32, 2)
 fn motion_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = frame.size.x * frame.size.y;

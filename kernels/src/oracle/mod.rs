@@ -1,12 +1,12 @@
 //! Inspection of one pixel: the values that each stage of the frame computed for it, and the exact values.
 //!
-//! The stages' own numbers are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
-//! The exact values are those that the references compute in f64 from the same inputs: thresholds of the noise and the choice that follows, page and
-//! level of the virtual texture, and the derivatives on the triangle that was drawn. That triangle comes from the world: it belongs to the node drawn
-//! there, at the LOD of that node, with quantised heights and welded borders, and its normal is not quantised. (It is not guessed from neighbouring
-//! pixels: triangles cover only a few pixels, so most neighbouring pixels are on other triangles.)
-//! Weights modified by height come from the device, because only the device has the heights of detail textures. They apply to the projection with the
-//! largest weight.
+//! The values of the stages are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
+//! The exact values are computed in f64 by the references, from the inputs of the shaders: the random thresholds and the choice to which they lead,
+//! the page and level of the virtual texture, and the derivatives on the triangle that was drawn. That triangle comes from the world: it belongs to
+//! the node that was drawn at the pixel, its heights are quantised, and its vertices on the border of a coarser node are moved as in the shader. Its
+//! normal is not quantised. (The triangle is not guessed from neighbouring pixels: triangles cover only a few pixels, so most neighbours are on
+//! different triangles.) Only the device has the heights of detail textures, so the weights after the height blend come from the device. They apply
+//! to the projection with the largest weight.
 
 use crate::base::error::{Error, Result};
 use crate::culling::{PATCH_QUADS, pack_deltas};
@@ -29,10 +29,12 @@ use glam::{DVec2, DVec3};
 
 /// Layers that are read from the picture.
 const LAYERS: [&str; 4] = ["depth", "mask", "variant", "choice"];
-/// Tolerance for the horizontal distance of a visible point from the triangle that contains it: metres, plus a share of the step to the next pixel.
-/// The computed distance may be above 0, because positions are f32 and screen coordinates are multiples of 1/256 pixel.
+/// Tolerance for the horizontal distance by which a visible point may lie outside its triangle: the first number in metres, plus the second number
+/// times the longer of the two steps to a neighbouring pixel. Points lie outside because of rounding: positions are f32, and the rasteriser rounds
+/// screen coordinates to multiples of 1/256 pixel.
 const BESIDE: [f64; 2] = [1e-3, 0.02];
-/// Tolerance for the distance of a visible point from the plane of its triangle: metres, plus a share of a pixel's width at the point.
+/// Tolerance for the distance of a visible point from the plane of its triangle: the first number in metres, plus the second number times the width
+/// of a pixel at the point.
 const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
 
 /// What is known about a pixel of terrain. Vectors are in world axes: x east, y north, z up.
@@ -40,7 +42,8 @@ const OFF_PLANE: [f64; 2] = [2e-3, 0.05];
 pub struct Pixel {
     /// Column and row, from the top left.
     pub pixel: [u32; 2],
-    /// World metres, from depth along the pixel's ray in f64; as exact as the f32 depth (about 1e-7 of the distance).
+    /// Position in the world, metres: the point on the pixel's ray at the depth that the device wrote. The depth is f32, so the error is about 1e-7
+    /// of the distance.
     pub position: [f64; 3],
     /// Sector that contains the position, counted from the world's south-west corner.
     pub sector: [i32; 2],
@@ -54,54 +57,55 @@ pub struct Pixel {
     pub triangle_normal: [f64; 3],
     /// The triangle that was drawn; `None` if the world has no triangle at the position, because the shader that places vertices was edited.
     pub triangle: Option<Triangle>,
-    /// Steps of the position to the next pixel on the right and to the next one below.
+    /// Changes of the position from this pixel to the next pixel on the right, and to the next pixel below.
     pub steps: [Derivative; 2],
     /// Flavours that the pixel needs, as bits of [`Flavour`]: 1..=31.
     pub mask: u8,
-    /// Flavours of the variant that its tile runs, in the same bits.
+    /// Flavours of the variant that the pixel's tile runs, as bits of [`Flavour`].
     pub variant: u8,
     /// Weights of the flavours in that variant, in the order of [`Flavour::ALL`], summing to 1.
     pub flavours: [f64; 5],
-    /// The splat texels around it: south-west, south-east, north-west, north-east.
+    /// The splat texels around the pixel: south-west, south-east, north-west, north-east.
     pub splat: [Texel; 4],
-    /// First random choice that was recorded: 0 = none, else 1 + splat texel + 4 times the axis that the projection looks along.
+    /// The first random choice that the device recorded: 0 = none, otherwise 1 + index of the splat texel + 4 times the axis of the projection.
     pub choice: u32,
     /// The first random choice as the references compute it; `None` = the pixel makes no random choice.
     pub draw: Option<Draw>,
-    /// The place at which the pixel samples the virtual texture; `None` = it does not sample the virtual texture.
+    /// The position at which the pixel samples the virtual texture; `None` = it does not sample the virtual texture.
     pub page: Option<Page>,
 }
 
 /// A triangle as it was drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
-    /// LOD of its node, 0 = finest.
+    /// LOD of the triangle's node, 0 = finest.
     pub lod: u8,
     /// Distance between vertices at that LOD, metres.
     pub spacing_m: f64,
-    /// Its unit normal.
+    /// Unit normal of the triangle.
     pub normal: [f64; 3],
 }
 
-/// Step of the position to a neighbouring pixel.
+/// Change of the position from a pixel to its neighbour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Derivative {
     /// The step that the shader computes, metres.
     pub shader: [f64; 3],
-    /// The step to where the neighbour's ray meets the triangle's plane, metres; `None` if the ray does not meet the plane, or the triangle is not
-    /// known.
+    /// The step to the point where the ray of the neighbouring pixel meets the plane of the triangle, metres; `None` if the ray does not meet the
+    /// plane, or the triangle is not known.
     pub exact: Option<[f64; 3]>,
 }
 
 impl Derivative {
-    /// Length of the difference between both steps, as a share of the exact step's length, >= 0.
+    /// Length of the difference between the two steps, divided by the length of the exact step.
     pub fn error(&self) -> Option<f64> {
         let exact = DVec3::from_array(self.exact?);
         let share = (DVec3::from_array(self.shader) - exact).length() / exact.length();
         share.is_finite().then_some(share)
     }
 
-    /// Error of the mip level that follows from this step, log2 of the ratio of both lengths: above 0, textures are too coarse, below 0 too fine.
+    /// Error of the mip level that follows from the shader's step: log2 of its length divided by the length of the exact step. If the error is above
+    /// 0, textures are too coarse; if it is below 0, they are too fine.
     pub fn mips(&self) -> Option<f64> {
         let ratio = DVec3::from_array(self.shader).length() / DVec3::from_array(self.exact?).length();
         let mips = ratio.log2();
@@ -133,12 +137,12 @@ pub struct Draw {
     pub material: f64,
     /// Weights of the projections that look along x, y and z, summing to 1.
     pub projections: [f64; 3],
-    /// The choice that follows, coded as [`Pixel::choice`]. The device rounds to f32, so it may choose differently if a threshold is within about
-    /// 1e-6 of the border between two choices, or if the point is as close to the border of a noise cell.
+    /// The choice that follows from the thresholds, encoded as [`Pixel::choice`]. The device computes in f32. So it may choose differently if a
+    /// threshold is within about 1e-6 of the border between two choices, or if the point is very close to the border of a noise cell.
     pub expected: u32,
 }
 
-/// A place in the virtual texture.
+/// A position in the virtual texture, and the size of the pixel there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Page {
     /// The page that the pixel asks for.
@@ -147,11 +151,12 @@ pub struct Page {
     pub texel: [f64; 2],
     /// Lengths of the steps to the next pixels, seen from above: the shorter and the longer, in texels of level 0, mip bias included.
     pub footprint: [f64; 2],
-    /// The length that decides the level, in the same unit: the larger of the shorter step and the longer step divided by the anisotropy.
+    /// The length that decides the level, in texels of level 0. It is the length of the shorter step, or the length of the longer step divided by the
+    /// anisotropy, whichever is larger.
     pub covered: f64,
     /// Level before rounding down: log2 of `covered`, at least 0.
     pub lod: f64,
-    /// Mip level inside the page, 0..=1: pages have two.
+    /// Mip level inside the page, 0..=1: a page has two mip levels.
     pub mip: f64,
     /// The page that was sampled: `id`, or a coarser page if not all pages fit; `None` if there was none and the far atlas was used.
     pub served: Option<PageId>,
@@ -171,13 +176,14 @@ impl Pixel {
     }
 }
 
-/// Splat texel 0..=3 and axis 0..=2 of a recorded choice; `None` = there was none.
+/// Decodes a recorded choice. Returns the index of the splat texel, 0..=3, and the axis of the projection, 0..=2; `None` = there was no choice.
 pub fn chosen(choice: u32) -> Option<(usize, usize)> {
     let code = choice.checked_sub(1)? as usize;
     Some((code % 4, code / 4))
 }
 
-/// The pixel at a position, which is given in shares of the picture's width and height; the nearest pixel for positions outside.
+/// Returns the pixel at a position, which is given in shares of the picture's width and height. If the position is outside the picture, the result is
+/// the nearest pixel.
 pub fn pixel_at(probe: [f32; 2], size: [u32; 2]) -> [u32; 2] {
     std::array::from_fn(|k| ((f64::from(probe[k]) * f64::from(size[k])).floor().max(0.0) as u32).min(size[k].saturating_sub(1)))
 }
@@ -305,7 +311,7 @@ struct Place {
 }
 
 impl Place {
-    /// The place of local coordinates, which count from the corner of the camera's sector.
+    /// Converts local coordinates, which count from the corner of the camera's sector.
     fn of(camera_sector: [i32; 2], local: [f64; 3], sector_m: f64) -> Place {
         let steps = [local[0], local[1]].map(|x| (x / sector_m).floor());
         Place {
@@ -315,8 +321,8 @@ impl Place {
     }
 }
 
-/// Step from `ray * t` to where the neighbour's ray meets the plane through `ray * t`. All vectors start at the eye. `None` if the neighbour's ray
-/// does not meet the plane.
+/// Returns the step from the point `ray * t` to the point where the neighbouring ray, `ray + ray_step`, meets a plane. The plane contains `ray * t`
+/// and has this `normal`. The eye is the origin. `None` if the neighbouring ray does not meet the plane.
 fn step_on_plane(ray: DVec3, ray_step: DVec3, t: f64, normal: [f64; 3]) -> Option<[f64; 3]> {
     let normal = DVec3::from_array(normal);
     let neighbour = ray + ray_step;
@@ -327,7 +333,7 @@ fn step_on_plane(ray: DVec3, ray_step: DVec3, t: f64, normal: [f64; 3]) -> Optio
 /// A visible surface point, and the tolerances of its position.
 struct Spot {
     position: DVec3,
-    /// Normal of the triangle, as stored.
+    /// Normal of the triangle, as the geometry pass stored it.
     normal: DVec3,
     beside_m: f64,
     off_plane_m: f64,
@@ -358,8 +364,9 @@ impl Spot {
     }
 }
 
-/// Returns the triangles of a node around a position, seen from above, counter-clockwise, in world metres: the triangles of the quads next to the
-/// position and, if the position is next to a border of the node, of all quads along that border, because welding moves vertices along borders.
+/// Returns the triangles of a node around a position, seen from above, counter-clockwise, in world metres. These are the triangles of the quads next
+/// to the position. If the position is next to a border of the node, the triangles of all quads along that border are included, because stitching
+/// moves vertices along borders.
 fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: DVec2) -> Vec<[DVec2; 3]> {
     let (origin, spacing, quads) = (node.origin_m(layout), layout.spacing_m(node.lod), u32::from(NODE_QUADS));
     let at = (at - origin) / spacing;
@@ -386,7 +393,8 @@ fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: D
     triangles
 }
 
-/// Metres from a point to the nearest side of a counter-clockwise triangle, below 0 outside it; negative infinity if the triangle has no area.
+/// Returns the signed distance, in metres, from a point to the nearest side of a counter-clockwise triangle. It is negative if the point is outside
+/// the triangle, and negative infinity if the triangle has no area.
 fn inside_m(triangle: [DVec2; 3], point: DVec2) -> f64 {
     let [a, b, c] = triangle;
     if (b - a).perp_dot(c - a) <= 0.0 {
@@ -400,15 +408,16 @@ fn inside_m(triangle: [DVec2; 3], point: DVec2) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Drawing {
     flavour: Flavour,
-    /// The salt of its noise.
+    /// The salt of the flavour's noise.
     salt: u32,
     /// Whether the projection is chosen at random, too.
     projects: bool,
 }
 
-/// The first flavour, in the order of shading, that has a weight and draws random numbers with this estimator.
+/// Returns the first flavour, in the order of shading, whose weight is above 0 and which draws random numbers with this estimator.
 fn drawing(estimator: Estimator, flavours: [f64; 5]) -> Option<Drawing> {
-    // Near cliff of Far Cry 5 blends all projections, so it chooses none. `Stf` takes a single tap, so it chooses a projection.
+    // In the estimator `Fc5`, near cliff blends all projections, so it chooses none. In `Stf`, it takes a single tap, so it also chooses a
+    // projection.
     let in_order = [
         (Flavour::NearCliff, salt::NEAR_CLIFF, estimator == Estimator::Stf),
         (Flavour::FarCliff, salt::FAR_CLIFF, true),
@@ -442,7 +451,7 @@ fn projections(estimator: Estimator, normal: [f64; 3], sharpness: f64) -> [f64; 
 }
 
 impl Page {
-    /// The place in the virtual texture, by the formulas of `virtual_texture.wgsl` in f64.
+    /// Computes the position in the virtual texture, in f64 and by the formulas of `virtual_texture.wgsl`.
     fn of(place: &Place, steps: [[f64; 3]; 2], sector_m: f64, blend: &Blend) -> Page {
         let texels = |step: [f64; 3]| step[0].hypot(step[1]) * TEXELS_PER_M * blend.mip_bias.exp2();
         let [across, down] = steps.map(texels);

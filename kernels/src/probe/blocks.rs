@@ -3,10 +3,12 @@
 use super::judge::{Draw, Verdict, farthest};
 use super::{Cell, Measure, Probe, real, whole, word};
 
-/// A decoder may deviate by 3 % of the length of its colour line: the Direct3D 11.3 functional specification, section 19.5, lets devices expand end
-/// points to 8 bits first, and round. The specification also allows an error of one code. This test allows two codes, because a decoder in 8-bit
-/// fixed point (Mesa's llvmpipe) rounds end points (half a code) and weights (half a code), and truncates the result (one code).
+/// The part of the tolerance that is proportional to the length of the colour line, which is the line between the two end points of a block: 3 % of
+/// its length. The Direct3D 11.3 functional specification, section 19.5, allows it, because devices may first expand end points to 8 bits, with
+/// rounding.
 const OF_LINE: f64 = 0.03;
+/// The constant part of the tolerance: two steps of an 8-bit channel. The specification allows one. This test allows two, because a decoder in 8-bit
+/// fixed point (Mesa's llvmpipe) rounds end points (half a step) and weights (half a step), and truncates the result (one step).
 const CODES: f64 = 2.0 / 255.0;
 
 pub(super) const BC1: Probe = Probe {
@@ -124,7 +126,8 @@ fn bc3_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
     let [first, second] = alphas(row[0].word());
     let indices = u64::from(row[0].word() >> 16) | u64::from(row[1].word()) << 16;
     let index = (indices >> (3 * texel) & 7) as u32;
-    // There are six values between the end points, or four values between them and both ends of the range, 0 and 1.
+    // Besides the end points, there are six values between them. If the first end point is not the larger one, there are four values between them,
+    // and 0 and 1.
     let steps = if first > second { 7.0 } else { 5.0 };
     let alpha = match index {
         0 => first,

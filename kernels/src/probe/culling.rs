@@ -68,7 +68,8 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
     ],
 };
 
-/// n . p + w at the box's farthest corner towards the visible side, and the sum of the magnitudes of the terms. Exact except for the rounding of f64.
+/// n . p + w for the corner p of the box that lies farthest towards the visible side of the plane, and the sum of the magnitudes of the terms.
+/// Computed in f64.
 fn frustum_distance(row: &[f64]) -> (f64, f64) {
     let term = |i: usize| row[i] * if row[i] >= 0.0 { row[7 + i] } else { row[4 + i] };
     let terms = [term(0), term(1), term(2), row[3]];
@@ -80,8 +81,8 @@ fn frustum_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.push(if beyond { T::one() } else { T::zero() });
 }
 
-/// Visible boxes must not be culled. Within twice the margin of [`culling::beyond`], boxes beyond the plane may be kept or culled; the factor 2
-/// covers the rounding of the margin itself.
+/// Visible boxes must not be culled. A box that lies beyond the plane by at most twice the margin of [`culling::beyond`] may be kept or culled. The
+/// factor 2 covers the rounding of the margin itself.
 fn frustum_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (distance, size) = frustum_distance(row);
     let near = -distance <= 2.0 * (SLACK * size + FLUSHED) || row.iter().any(|&x| is_next_to(x, MOST));
@@ -93,7 +94,7 @@ fn is_next_to(x: f64, limit: f64) -> bool {
     (x.abs() / limit - 1.0).abs() < 1e-3
 }
 
-/// Judges a decision to cull. `may` is true if culling is correct; `near` is true if the value lies within the margin, where both answers are
+/// Judges a decision to cull. `may` is true if culling is correct; `near` is true if the value is so close to the threshold that both answers are
 /// accepted.
 fn one_sided(got: &[f64], want: &[f64], may: bool, near: bool) -> Verdict {
     match (got[0] == 1.0, want[0] == 1.0) {
@@ -131,7 +132,7 @@ return array<f32, 1>(select(0.0, 1.0, away));
         let distance = length(to_patch);
         let half = d.between(0.0, 80.0_f64.to_radians());
         let radius = distance * d.between(-12.0, 0.0).exp2();
-        // In half of the rows, the angle is close to the angle that decides.
+        // In half of the rows, the angle is close to `border`, which separates patches that face away from patches that are drawn.
         let border = std::f64::consts::FRAC_PI_2 - half - (radius / distance).asin();
         let off = if d.whole(2) < 0.5 { d.between(-24.0, 0.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-3.0, 3.0) };
         let axis = d.leaning(octahedral::unit(to_patch), border + off);
@@ -169,7 +170,8 @@ return array<f32, 1>(select(0.0, 1.0, away));
     ],
 };
 
-/// Angle by which all normals face away, radians; negative if a normal may face the eye. Unlike the reference, this function adds up angles.
+/// 90 degrees minus the largest angle between a normal of the patch and a view ray to the patch, radians. If it is positive, all normals face away.
+/// If it is negative, a normal may face the eye. Unlike the reference, which compares sines and cosines, this function adds angles.
 fn cone_margin(row: &[f64]) -> f64 {
     let to_patch = three(row, 4);
     let (distance, sine) = (length(to_patch), row[3]);
@@ -188,11 +190,13 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     out.push(if away { T::one() } else { T::zero() });
 }
 
-/// Patches that face the eye must not be culled. Within twice the margin [`ROUNDING`], patches that face away may be kept or culled. The margin
-/// applies to a cosine; it corresponds to a larger angle where the sine is small.
+/// Patches that face the eye must not be culled. A patch that faces away by at most twice the margin [`ROUNDING`] may be kept or culled. The margin
+/// is a difference between cosines. If the sine of the angle is small, this difference corresponds to a larger angle.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
-    // `between` is the angle to the axis, and cos(between) - sin(a + s) = cos(between) - cos(between + margin).
+    // `between` is the angle between the axis and the direction to the patch. `over` is the amount by which the reference's condition holds:
+    // cos(between) - sin(a + s), where a is the half angle of the cone and s the angular radius of the sphere. As margin is 90
+    // degrees - (between + a + s), this is cos(between) - cos(between + margin).
     let between = std::f64::consts::FRAC_PI_2 - margin - row[3].asin() - (row[7] / length(three(row, 4))).min(1.0).asin();
     let over = between.cos() - (between + margin).cos();
     let near = over <= 2.0 * ROUNDING || between + margin <= 0.0 || (between + margin).sin() <= 2.0 * ROUNDING;
@@ -290,7 +294,7 @@ return array<f32, 8>(
             (row[LOW + i], row[HIGH + i]) = (centre - extent[i], centre + extent[i]);
         }
         row[SIZE..].copy_from_slice(&size);
-        // In half of the rows the stored depth is close to that of the nearest corner.
+        // In half of the rows, the stored depths are close to the depth of the nearest corner.
         let nearest = near / exact(&row).nearest_m.max(near);
         let off =
             if d.whole(2) < 0.5 { 1.0 + d.between(-24.0, -1.0).exp2() * (2.0 * d.whole(2) - 1.0) } else { d.between(-2.0, 2.0).exp2() };
@@ -364,10 +368,10 @@ return array<f32, 8>(
     ],
 };
 
-/// Largest side of a picture, pixels.
+/// Limit of the width and the height of a picture, pixels.
 const MOST_SIDE: i32 = 16_384;
 
-/// The rows of clip space's x, y and w.
+/// The rows for x, y and w of the matrix to clip space.
 fn clip_rows<T: Real>(row: &[T]) -> [[T; 4]; 3] {
     [take(row, 0), take(row, 4), take(row, 8)]
 }
@@ -444,8 +448,8 @@ fn occlusion_row<T: Real>(row: &[T], out: &mut Vec<T>) {
     ]);
 }
 
-/// The reported pixels must contain the covered ones, and exceed them by no more than the margin and its rounding. Only boxes behind the stored depth
-/// may be hidden.
+/// The reported pixels must contain all covered pixels. They may extend beyond the covered pixels by at most twice the margin for rounding errors.
+/// Only boxes that lie behind all stored depths may be hidden.
 fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let truth = exact(row);
     let stored = row[STORED..].iter().copied().fold(f64::INFINITY, f64::min);
@@ -461,8 +465,8 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got[0] == 1.0 && !(truth.nearest_m > 0.0 && covers && is_deep && is_right) {
         return Verdict::Differs;
     }
-    // Implementations may disagree on whether the cover is known near the near plane, where the distance loses its digits, and at the ends of the
-    // supported range.
+    // Implementations may disagree on whether the cover is known in three cases: if the nearest corner is close to the near plane, if the error of
+    // the distance is close to its limit, or if a number is close to an end of the supported range.
     let by_near = (truth.nearest_m - row[NEAR]).abs() <= 4.0 * truth.nearest_off_m;
     let by_loss = (0.9..1.1).contains(&(truth.off / KNOWN));
     let at_an_end = row[..SIZE].iter().any(|&x| is_next_to(x, MOST)) || is_next_to(row[NEAR], NEAREST);
@@ -473,7 +477,7 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         return if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs };
     }
     let close = (0..2).all(|k| {
-        // The kernel clamps positions that are far outside the picture in the same way.
+        // Positions that are far outside the picture are clamped, because the tested function clamps them, too.
         let held = |x: f64| x.clamp(-1.5 * row[SIZE + k], 2.5 * row[SIZE + k]);
         let (low, high) = (held(truth.first[k]) - 2.0 * truth.margin[k], held(truth.last[k]) + 2.0 * truth.margin[k]);
         got[1 + k] >= inside(k, low) && got[3 + k] <= inside(k, high)

@@ -44,7 +44,8 @@ return array<f32, 7>(e.x, e.y, code.x, code.y, decoded.x, decoded.y, decoded.z);
         name: "direction",
         unit: "deg",
         error: |row, got, want| {
-            // If two codes are equally near, both are accepted, so the measure is how much farther the chosen code is from the direction.
+            // If two codes are equally near, both are accepted. So the measure is how much farther from the direction the chosen code is than the
+            // code of the reference.
             let n = octahedral::unit(three(row, 0));
             let off = |v: &[f64]| angle_deg(three(v, 4), n);
             (off(got) - off(want)).abs()
@@ -180,8 +181,8 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
             name: "plane",
             unit: "deg",
             error: |row, got, want| {
-                // A plane has no front side. If two codes are equally near, both are accepted, so the measure is how much farther the chosen code is
-                // from the plane.
+                // A plane has no front side, so the smaller of the angles to its two normals counts. If two codes are equally near, both are
+                // accepted. So the measure is how much farther from the plane the chosen code is than the code of the reference.
                 let n = octahedral::unit(three(row, 0));
                 let off = |v: &[f64]| angle_deg(three(v, 2), n).min(angle_deg(three(v, 2), n.map(|x| -x)));
                 (off(got) - off(want)).abs()
@@ -444,7 +445,8 @@ fn octahedral_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn octahedral_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let mut encoded = close(&got[..2], &want[..2], UNIT_TOLERANCE);
-    // Below the equator, where x or y changes sign, a code jumps between edges of the square; both codes stand for the same direction.
+    // Below the equator, where x or y changes sign, the encoded point jumps from one edge of the square to another. Both points stand for the same
+    // direction.
     if encoded == Verdict::Differs && close(&octahedral::decode([got[0], got[1]]), &n, 4.0 * UNIT_TOLERANCE) != Verdict::Differs {
         encoded = Verdict::OtherSide;
     }
@@ -493,8 +495,8 @@ fn octahedral_codes_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         } else {
             Verdict::Differs
         };
-        // The rounding of the step and of its product with a code adds 3 ULP. The derivative of a direction by its code multiplies this error by at
-        // most 2.
+        // The rounding of the step and of its product with the code adds an error of 3 ULP to the coordinates. In the decoded direction, this error
+        // is at most twice as large; the tolerance allows 8 ULP for it.
         both(chosen, close(&got[decoded_at..decoded_at + 3], &decoded, UNIT_TOLERANCE + 8.0 * EPS))
     };
     // Near the middle between two codes, both codes are accepted. Below the equator, near a fold, a code may jump to a different code of the same
@@ -526,9 +528,9 @@ fn normal_pair_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if word == best {
         return decoded;
     }
-    // Two lattice points, or two codes, may be equally near, because both compared vectors have an error. If one word is fine and the other word is
-    // plain, the code would also have to lie on the border of the range that a fine word can store. This is not expected, so it counts as a
-    // difference.
+    // The words may differ if two lattice points, or two codes, are equally near within the rounding error. Two words of different forms, one fine
+    // and one plain, count as a difference: rounding could only cause this if the code also lay on the border of the range that a fine word can
+    // store.
     let as_near = |a: [f64; 3], b: [f64; 3], to: [f64; 3]| (length(sub(a, to)) - length(sub(b, to))).abs() <= 2.0 * UNIT_TOLERANCE;
     let [n, ray, normal] = [0, 3, 6].map(|at| octahedral::unit(three(row, at)));
     let n = if n[2] < 0.0 { n.map(|x| -x) } else { n };
@@ -549,16 +551,16 @@ fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ray, step, t, n) = (three(row, 0), three(row, 3), row[6], octahedral::unit(three(row, 7)));
     let neighbour = [0, 1, 2].map(|i| ray[i] + step[i]);
     let (s, r) = (length(step), length(neighbour));
-    // The limit also applies to a neighbour that sees the plane from behind.
+    // The cosine is limited from below, also if the neighbour's ray would see the plane from the other side.
     let side = if dot(n, ray) >= 0.0 { 1.0 } else { -1.0 };
     let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
     let seen = dot(n, step).abs();
-    // The result is t (s - r' (n.s / n.r')). The error of n is 11 ULP, so the error of each dot product is about 16 ULP of the length of s or r'.
-    // Both errors enter the quotient, and r' multiplies the quotient: the error of n.s contributes s (r / facing), the error of n.r' contributes
-    // |n.s| (r / facing)².
+    // The result is t (s - r' (n.s / n.r')). The error of n is 11 ULP, so the error of n.s is about 16 ULP of the length s, and the error of n.r' is
+    // about 16 ULP of r, the length of r'. Both errors enter the quotient, which is multiplied by r'. In the result, the error of n.s becomes
+    // s (r / facing) and the error of n.r' becomes |n.s| (r / facing)², in units of 16 ULP. The tolerance allows 20 ULP.
     let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
     let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
-    // If the ray lies in the plane, rounding decides which side of the plane is visible.
+    // If the ray lies in the plane, rounding decides which side of the plane it sees.
     if verdict == Verdict::Differs && dot(n, ray).abs() <= 20.0 * EPS * length(ray) { Verdict::OtherSide } else { verdict }
 }
 
@@ -574,9 +576,9 @@ fn tri_planar_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn tri_planar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (n, k) = (three(row, 0), row[3].clamp(0.0, 1e4));
     let weights = triplanar::weights(n, row[3]);
-    // A weight is proportional to 2^(k log2 r). log2 has an error of 2^-21 = 4 ULP near 1, and r has an error of 12 ULP. Their effect on the weight
-    // is at most (4 ln 2 + 12) k ULP, which is less than 16 k. The derivative of a normalised weight w is proportional to w (1 - w), so weights close
-    // to 0 or 1 hardly change.
+    // A weight is proportional to 2^(k log2 r), where r is the ratio of a component of the normal to the largest component. log2 has an error of
+    // 2^-21 = 4 ULP near 1, and r has an error of 12 ULP. Together they change the weight by at most (4 ln 2 + 12) k ULP, which is less than 16 k
+    // ULP. A normalised weight w changes in proportion to w (1 - w), so weights close to 0 or 1 hardly change; `sensitivity` is this factor.
     let sensitivity = weights.iter().map(|w| 4.0 * w * (1.0 - w)).fold(0.0, f64::max);
     let of_weights = EPS * (16.0 + 16.0 * k * sensitivity);
     let gradients: [[f64; 3]; 3] = [
@@ -607,13 +609,15 @@ fn biplanar_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if (got[2] + got[3] - 1.0).abs() > 4.0 * EPS || got[2].min(got[3]) < 0.0 {
         return Verdict::Differs;
     }
-    // The blend is discontinuous on a diagonal; next to it, rounding decides.
+    // The blend is discontinuous on a diagonal, where all three components are equal. Next to a diagonal, rounding decides, so any weights are
+    // accepted.
     if top <= 2.0 * UNIT_TOLERANCE {
         return Verdict::OtherSide;
     }
-    // `r` is the ratio of the two values in `above`, and `e` its error. If r is well above its error, the error of r^k is e times the slope k
-    // r^(k-1). Otherwise, for k below 1, r + e is at most 3 e, so the error of r^k is at most (3 e)^k. In addition, log2 has an error of 2^-21 = 4
-    // ULP near 1, which k multiplies. The error of exp2(-x) grows with x, but 2^-x falls, and x 2^-x is at most 0.54.
+    // r is the ratio of the two values in `above`, and e its error. `power` is the resulting error of r^k. If k is at least 1, or if r is larger than
+    // 2 e, this error is e times the slope of r^k, for which `slope` is a bound. Otherwise r + e is at most 3 e, so r^k, and with it the error, is at
+    // most (3 e)^k. In addition, log2 has an error of 2^-21 = 4 ULP near 1, which k multiplies. The relative error of exp2(-x) grows with x, but
+    // exp2(-x) falls. As x 2^-x is at most 0.54, the absolute error stays small; the 16 ULP cover it.
     let (r, e) = (above[0].min(above[1]) / top, 2.0 * UNIT_TOLERANCE / top);
     let slope = if k >= 1.0 { k } else { k * (r - e).max(1e-300).powf(k - 1.0) };
     let power = if r > 2.0 * e || k >= 1.0 { slope * e } else { (3.0 * e).powf(k) };
@@ -636,7 +640,8 @@ fn snapped_projection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let n = octahedral::unit(three(row, 0));
     let plane = got[0] as u32;
     let step = (std::f64::consts::PI / 8.0).tan();
-    // Thresholds: the slope, and the azimuths 22.5 degrees to either side of the axes.
+    // Distances of the normal from the thresholds at which the plane changes: the slope `cosine`, and the azimuths at 22.5 degrees to either side of
+    // the axes.
     let [x, y] = [n[0].abs(), n[1].abs()];
     let margins = [n[2].abs() - row[3], y - step * x, x - step * y];
     let near = margins.iter().any(|m| m.abs() <= 2.0 * UNIT_TOLERANCE);

@@ -6,7 +6,7 @@ use crate::shared::moments::Moments;
 use crate::shared::motion::{self, Past};
 use crate::shared::real::{Real, add, dot, length};
 
-/// Samples of the longest stream.
+/// Limit of the number of samples of a stream.
 const LONGEST: i32 = 4096;
 
 pub(super) const MOMENTS: Probe = Probe {
@@ -14,7 +14,8 @@ pub(super) const MOMENTS: Probe = Probe {
     about: "Mean and variance of a stream whose samples are alternately the mean plus and minus the spread",
     inputs: &[real("mean", "of the stream"), real("spread", "distance of samples from the mean"), whole("count", "samples", 1, LONGEST)],
     outputs: &[real("mean_high", "mean"), real("mean_low", "remainder of the mean"), real("variance", "unbiased")],
-    // The shader reads the row from memory, so the compiler cannot know that the highest bit of the count is never set, and that `zero` is 0.
+    // The shader reads the row from memory, so the compiler cannot know that the highest bit of the count is never set. Therefore it cannot know that
+    // `zero` is 0.
     blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 3>) -> array<f32, 3> {
@@ -53,12 +54,13 @@ fn moments_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn moments_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // The mean in two parts has twice the digits of f32. But each step rounds the sample's difference from the mean (half an ULP of the spread) and
-    // divides it by the number i of samples so far (2.5 ULP). These errors do not cancel, so over all samples they may add up to 3 ULP of the sum of
-    // spread / i, which is at most spread (1 + ln count).
+    // Sample number i changes the mean by the sample's difference from the mean, divided by i. The difference, which is about as large as the spread,
+    // is rounded (half an ULP) and the division adds 2.5 ULP, so this change has an error of 3 ULP of spread / i. The errors of all samples may have
+    // the same sign. Their sum is then 3 ULP of the sum of spread / i, which is at most spread (1 + ln count); the tolerance allows 4 ULP. The last
+    // term is the rounding of the mean itself, whose two parts have twice the digits of f32.
     let of_mean = 4.0 * EPS * row[1].abs() * (1.0 + row[2].ln()) + EPS * EPS * row[0].abs();
     let mean = close(&[got[0] + got[1]], &[want[0] + want[1]], of_mean + f64::from(f32::MIN_POSITIVE));
-    // A term of the squares has 6 roundings; the sum is compensated and adds hardly any error.
+    // Each term of the sum of squares has 6 roundings. The sum is compensated and adds hardly any error. The tolerance allows 8 ULP.
     both(mean, close(&got[2..], &want[2..], 8.0 * EPS * want[2] + f64::from(f32::MIN_POSITIVE)))
 }
 
@@ -158,14 +160,17 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let past = past(row);
     let (point, offset) = (three(row, 0), three(row, 3));
     let q = add(point, offset);
-    // Each coordinate of q is a sum, which is rounded once; the error is relative to the larger summand. The other errors come from the dot products,
-    // a quotient (2.5 ULP), and the pitch, whose three roundings enter twice.
+    // Each coordinate of q is a sum that is rounded once. Its error is relative to the summands and the sum; `rounded` is a bound. `relative` is the
+    // relative error of a quotient dot(row, q) / distance. It is the error of q, plus 8 ULP for the dot products, the division (2.5 ULP), and the row
+    // of the matrix, which is computed from `pitch`. `of_pixel` is the error of the pixel: the error of the quotient, and 8 ULP of the shift that is
+    // subtracted.
     let rounded = EPS * (length(point) + length(offset) + length(q));
     let distance = dot(q, past.forward);
     let rows = length(past.x_row).max(length(past.y_row));
     let relative = 8.0 * EPS + rounded / distance.abs().max(1e-30);
     let of_pixel = relative * rows * length(q) / distance.abs().max(1e-30) + 8.0 * EPS * past.x_shift.abs();
-    // Near the smallest and the largest distance that reprojection accepts, rounding decides, so either answer is accepted.
+    // If the distance is close to the smallest or largest distance that reprojection accepts, rounding decides whether the point is accepted. Both
+    // answers are then valid.
     let at_threshold = [motion::MIN_DISTANCE, motion::FAR].iter().any(|&t| (distance - t).abs() <= rounded + 8.0 * EPS * t);
     let seen = both(close(&got[..2], &want[..2], of_pixel), close(&got[2..3], &want[2..3], rounded + 4.0 * EPS * distance.abs()));
     if seen == Verdict::Differs {
@@ -173,11 +178,12 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     }
     let (n, ray) = (three(row, 8), motion::past_ray(&past, [want[0], want[1]]));
     let along = dot(n, ray).abs();
-    // The error of the ray is the error of the pixel times the pitch. The error of the plane's distance is the error of q.
+    // `of_ray` is the error of dot(n, ray). The ray has the error of the pixel times the step of the ray from pixel to pixel, 1 / `rows`. `of_plane`
+    // is the error of dot(n, q), which follows from the error of q.
     let of_ray = length(n) * (of_pixel / rows + 8.0 * EPS * length(ray));
     let of_plane = length(n) * (rounded + 4.0 * EPS * length(q));
     if along <= of_ray + 1e-6 * length(ray) * (1.0 + 16.0 * EPS) {
-        // The plane is edge-on, or too close to edge-on to decide.
+        // The plane is edge-on, or so close to edge-on that rounding decides whether the ray hits it.
         return if (got[3] - want[3]).abs() <= EPS * want[3].abs() { Verdict::Agrees(0.0) } else { Verdict::OtherSide };
     }
     let expected = close(&got[3..], &want[3..], (of_plane + want[3].abs() * of_ray) / (along - of_ray) + 4.0 * EPS * want[3].abs());

@@ -6,7 +6,7 @@ use crate::geometry::reference;
 use crate::shared::real::{Real, scale};
 use crate::shared::view;
 
-/// Largest number of levels by which a neighbour may be coarser: four bits hold it.
+/// Limit of the number of levels by which a neighbour may be coarser. The number is stored in four bits.
 const DELTAS: i32 = 15;
 
 pub(super) const DEPTH_POSITION: Probe = Probe {
@@ -66,8 +66,9 @@ fn depth_position_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 fn depth_position_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let pitch = 2.0 * row[4] / row[5];
     let first = 0.5 * (row[5] - 1.0) * pitch;
-    // The pitch (3 ULP) is multiplied by the pixel and by half the width. The two products may cancel in their difference, so the error is relative
-    // to the sum of their magnitudes. The quotient adds 2.5 ULP.
+    // `pitch`, the step of the ray from pixel to pixel, has an error of 3 ULP. It is multiplied by the pixel and, in `first`, by half the width.
+    // These two products may cancel in their difference, so the error of the difference is relative to `along`, the sum of their magnitudes. The
+    // division of `near_m` by the depth adds 2.5 ULP. The tolerance allows 8 ULP in total.
     let along = 1.0 + first + pitch * (row[0].abs() + row[1].abs());
     close(got, want, 8.0 * EPS * along * want[1].abs() + f64::from(f32::MIN_POSITIVE))
 }

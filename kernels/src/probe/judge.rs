@@ -1,12 +1,14 @@
 //! Compares results with the truth, and draws random rows for the comparison.
 //!
 //! The truth is the reference in f64. Input values are f32, so that all implementations see the same input. The tolerance of each probe follows from
-//! the accuracy that WGSL demands (W3C, *WebGPU Shading Language*, "Floating Point Accuracy"): sums, differences and products are rounded once; `x /
-//! y` 2.5 ULP; `inverseSqrt` 2 ULP and `sqrt` = 1 / `inverseSqrt`; `log2` 2^-21 absolute in [0.5, 2], 3 ULP elsewhere; `exp2(x)` 3 + 2 |x| ULP; `pow`
-//! is computed from these two. Products may be contracted into sums, and denormals may be flushed to zero. Bounds grow with the conditioning of the
-//! row, computed in f64.
+//! the accuracy that WGSL demands (W3C, *WebGPU Shading Language*, "Floating Point Accuracy"): sums, differences and products are rounded once. The
+//! error of `x / y` is at most 2.5 ULP, that of `inverseSqrt` 2 ULP, and `sqrt` is computed as 1 / `inverseSqrt`. The error of `log2` is at most
+//! 2^-21 in [0.5, 2] and 3 ULP elsewhere, that of `exp2(x)` 3 + 2 |x| ULP, and `pow` is computed from these two. A product and a sum may be fused,
+//! and denormals may be flushed to zero. The tolerance of a row grows with the condition number of the function at this row, which is computed in
+//! f64.
 //!
-//! If a result is discontinuous (an index, a code, a cell), a row within the tolerance of a threshold may give the result of either side.
+//! Some results are discontinuous, such as an index, a code or a cell: they change at a threshold of the input. If a row is closer to a threshold
+//! than the tolerance, the results on both sides of the threshold are accepted.
 
 use std::collections::BTreeSet;
 
@@ -14,11 +16,12 @@ use crate::shared::hash;
 use crate::shared::octahedral;
 use crate::shared::real::{add, dot, length, scale, sub};
 
-/// A unit in the last place at 1: twice the rounding error of one operation.
+/// One ULP (unit in the last place) of the number 1. The rounding error of one operation is at most half of it.
 pub const EPS: f64 = f32::EPSILON as f64;
 
-/// Tolerance of a unit vector and of its octahedral code. The division by the largest component (2.5 ULP), the dot product (3 roundings), the square
-/// root (2 + 2.5 ULP) and the division by the length (2.5 ULP) add up to 11 ULP of at most 1. The division and the sums of the code add 5 ULP.
+/// Tolerance of the components of a unit vector, and of its point on the octahedron's square. To compute the unit vector, the division by the largest
+/// component (2.5 ULP), the dot product (3 roundings), the square root (2 + 2.5 ULP) and the division by the length (2.5 ULP) have errors of 11 ULP
+/// in total; the components are at most 1. The division and the sums that map the vector to the square add 5 ULP.
 pub const UNIT_TOLERANCE: f64 = 16.0 * EPS;
 
 /// Tolerance of results of at most 8 operations whose errors do not cancel: 16 ULP.
@@ -42,7 +45,7 @@ pub struct Draw {
     pub row: u32,
     /// Numbers drawn so far.
     pub column: u32,
-    /// Number of the table.
+    /// Number of the table. Each table has its own sequence of random numbers.
     pub table: u32,
 }
 
@@ -95,12 +98,12 @@ pub fn equal(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got == want { Verdict::Agrees(0.0) } else { Verdict::Differs }
 }
 
-/// Largest |a - b|.
+/// Largest |a - b| of all pairs of numbers.
 pub(super) fn farthest(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// |got - want| of vectors as a share of |want|.
+/// Length of the difference of two vectors, as a share of the length of `want`.
 pub(super) fn relative(got: &[f64], want: &[f64]) -> f64 {
     let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
     norm(&mut got.iter().zip(want).map(|(g, w)| g - w)) / norm(&mut want.iter().copied()).max(f64::from(f32::MIN_POSITIVE))
@@ -166,8 +169,8 @@ pub fn both(a: Verdict, b: Verdict) -> Verdict {
     }
 }
 
-/// Compares weights by the key that each belongs to; a key that one side lacks has weight 0. If the sets of keys differ but the weights agree, the
-/// row lies on the other side of a threshold.
+/// Compares two lists of weights with keys. Weights with equal keys are added up and compared; a key that one list lacks has weight 0 there. If the
+/// sets of keys differ but the weights agree, the row lies on the other side of a threshold.
 pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> Verdict {
     let weight = |of: &[(u64, f64)], key: u64| of.iter().filter(|(k, _)| *k == key).map(|(_, w)| w).sum::<f64>();
     let keys: BTreeSet<u64> = got.iter().chain(want).map(|(key, _)| *key).collect();
@@ -177,7 +180,7 @@ pub(super) fn keyed(got: &[(u64, f64)], want: &[(u64, f64)], tolerance: f64) -> 
     if verdict != Verdict::Differs && same(got) != same(want) { Verdict::OtherSide } else { verdict }
 }
 
-/// Error bound of a level: the error of `log2`, plus the relative error of its argument, `ulps`, divided by ln 2.
+/// Error bound of a level, which is a log2: the error of the function `log2`, plus the relative error of its argument, `ulps` ULP, divided by ln 2.
 pub(super) fn level_error(level: f64, ulps: f64) -> f64 {
     2.0_f64.powi(-21) + EPS * (3.0 * level.abs() + 1.443 * ulps)
 }

@@ -1,8 +1,8 @@
 //! Evaluates shared functions for tables: each row of input numbers gives a row of results, computed on the GPU or by the reference in f32 or f64.
 //!
-//! The command line and the agreement tests share these tables, so that both evaluate the same functions. The results in f64 are the truth; the error
-//! of the results in f32 is what the shader's error is compared with. The GPU and both references take the same columns. Values are rounded to f32
-//! for the f32 reference and the GPU, so comparisons should use values that f32 represents exactly.
+//! The command line and the agreement tests share these tables, so that both evaluate the same functions. The results of the reference in f64 are the
+//! truth. The error of the reference in f32 is the yardstick for the error of the shader. The GPU and both references take the same columns. Values
+//! are rounded to f32 for the f32 reference and the GPU, so comparisons should use values that f32 represents exactly.
 
 use serde::Serialize;
 
@@ -28,7 +28,7 @@ mod words;
 
 pub use judge::{Draw, EPS, FEW, UNIT_TOLERANCE, Verdict, both, close, equal};
 
-/// Largest magnitude of whole numbers that are passed as f32, which holds them exactly.
+/// Limit of the magnitude of whole numbers that are passed as f32. Up to this limit, f32 holds every whole number exactly.
 const EXACT: i32 = 1 << 24;
 
 /// Last index of [`crate::shared::blue_noise::ranks`].
@@ -59,7 +59,7 @@ impl Column {
         Column { name, unit, whole: Some([0, u32::MAX as i64]) }
     }
 
-    /// Whether the column holds words of 32 bits. f32 does not hold all of them, so they are passed as bits.
+    /// Whether the column holds words of 32 bits. An f32 cannot hold the value of every word, so words are passed as bits.
     pub fn is_word(&self) -> bool {
         self.whole == Some([0, i64::from(u32::MAX)])
     }
@@ -124,32 +124,32 @@ pub struct Probe {
     pub inputs: &'static [Column],
     /// Output columns.
     pub outputs: &'static [Column],
-    /// WGSL that defines `probe` with the shared functions. [`Probe::layout`] gives the types of its cells.
+    /// WGSL that defines the function `probe`, which calls the shared functions. [`Probe::layout`] gives the types of its cells.
     pub wgsl: &'static str,
-    /// Format of the block texture from which a row's first words are decoded, if the probe has one.
+    /// If the first words of a row are a block of a compressed texture: the format of the texture, as which the device decodes the block.
     blocks: Option<wgpu::TextureFormat>,
     single: Reference<f32>,
     double: Reference<f64>,
     /// Draws a random row of inputs.
     pub random: fn(&mut Draw) -> Vec<f64>,
-    /// Compares a result with the truth; takes row, result and truth.
+    /// Compares a result with the truth. The arguments are the input row, the result, and the truth, which is the result of the f64 reference.
     pub judge: Judge,
-    /// Errors of a result, in units that matter to users.
+    /// Measures of the error of a result, in units that are meaningful to users.
     pub measures: &'static [Measure],
     /// Parameters that [`Probe::row`] can set, in addition to the columns.
     pub parameters: &'static [Parameter],
 }
 
-/// Compares a result with the truth; takes row, result and truth.
+/// Compares a result with the truth. The arguments are the input row, the result, and the truth, which is the result of the f64 reference.
 pub type Judge = fn(&[f64], &[f64], &[f64]) -> Verdict;
 
-/// An error of a result, in a unit that matters to users.
+/// A measure of the error of a result, in a unit that is meaningful to users.
 pub struct Measure {
     /// What is compared.
     pub name: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// Takes row, result and truth.
+    /// Computes the error from the input row, the result, and the truth.
     pub error: fn(&[f64], &[f64], &[f64]) -> f64,
 }
 
@@ -182,17 +182,17 @@ impl Probe {
         })
     }
 
-    /// Evaluates the reference in single precision over row-major `rows` (a whole number of rows of `inputs`), rounded to f32.
+    /// Evaluates the reference in single precision. `rows` holds whole rows of `inputs`, one after the other; its numbers are rounded to f32 first.
     pub fn on_f32(&self, rows: &[f64]) -> Vec<f64> {
         self.evaluate(self.single, rows)
     }
 
-    /// Evaluates the reference in double precision over row-major `rows` (a whole number of rows of `inputs`).
+    /// Evaluates the reference in double precision. `rows` holds whole rows of `inputs`, one after the other.
     pub fn on_f64(&self, rows: &[f64]) -> Vec<f64> {
         self.evaluate(self.double, rows)
     }
 
-    /// Evaluates the shader over row-major `rows` (a whole number of rows of `inputs`), rounded to f32.
+    /// Evaluates the shader. `rows` holds whole rows of `inputs`, one after the other; its numbers are rounded to f32 first.
     ///
     /// # Errors
     /// The device is lost or refuses the shader.
@@ -244,8 +244,8 @@ impl Probe {
             .map(|(_, unit)| unit)
     }
 
-    /// A random row in which the parameter or column of this name has this value, rounded to f32 as all implementations receive it. `None` if the
-    /// name is unknown or the column does not accept the value.
+    /// A random row in which the parameter or column of this name has this value. The row is rounded to f32, as all implementations receive it.
+    /// `None` if the name is unknown or the column does not accept the value.
     pub fn row(&self, parameter: &str, value: f64, draw: &mut Draw) -> Option<Vec<f64>> {
         let mut row = (self.random)(draw);
         if let Some(found) = self.parameters.iter().find(|known| known.name == parameter) {

@@ -183,18 +183,21 @@ fn hashed_alpha_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
 fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ddx, ddy) = (three(row, 7), three(row, 10));
     let (levels, ulps): (Vec<f64>, f64) = if row[0] < 1.0 {
-        // A length: a dot product of 3 roundings, a square root of 4.5 ULP, and the product with the cell size.
+        // The footprint is the cell size times a length. Its relative error comes from a dot product (3 roundings), a square root (4.5 ULP) and the
+        // product. The tolerance allows 8 ULP.
         (vec![noise_level(row[13] * length(ddx).max(length(ddy)))], 8.0)
     } else {
         let widen = std::f64::consts::SQRT_2 * row[13];
         ((0..3).map(|i| noise_level(widen * ddx[i].abs().max(ddy[i].abs()))).collect(), 3.0)
     };
     let error = levels.iter().map(|&l| level_error(l, ulps)).fold(0.0, f64::max);
-    // Cells are floored products with powers of two, which are exact, so errors come from the blend. The factor of the blend has the error of the
-    // level. Blend and correction together change by at most 2.5 times that error; the tolerance allows 3 times. Their own operations add 12 ULP.
+    // The indices of cells are exact, because they are products with powers of two, rounded down. So only the blend of the two scales has an error.
+    // `error` is the error of the level, and therefore of the blend's factor. It changes the corrected blend by at most 2.5 times as much; the
+    // tolerance allows 3 times. The operations of blend and correction add 12 ULP.
     let verdict = close(got, want, 3.0 * error + 12.0 * EPS);
-    // With one scale per axis, a different cell is hashed where the level of one axis passes a whole number and the levels of the others do not.
-    // (With one scale for all axes the blend is continuous there. At the ends of the range the scale does not change.)
+    // The anisotropic kind jumps to different cells where the level of one axis passes a whole number and the levels of the other axes do not. Near
+    // such a threshold, the results on both sides are accepted. (The isotropic kind is continuous there. At the ends of the range, levels are
+    // clamped, so the scale does not change.)
     let at_threshold = |&l: &f64| (l - l.round()).abs() <= error && l.round() > -5.0 && l.round() < 16.0;
     if verdict == Verdict::Differs && row[0] >= 1.0 && levels.iter().any(at_threshold) { Verdict::OtherSide } else { verdict }
 }

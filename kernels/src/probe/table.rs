@@ -21,7 +21,7 @@ pub enum Cells {
 
 /// Number of blocks in a row of the texture that holds a table's blocks: 4096 texels, within the limits of every device.
 const BLOCKS_ACROSS: usize = 1024;
-/// Largest number of rows in one call. It limits the size of the buffers and the height of the texture of blocks.
+/// Limit of the number of rows in one call. It bounds the size of the buffers and the height of the texture of blocks.
 const MOST_ROWS: usize = BLOCKS_ACROSS * BLOCKS_ACROSS;
 
 /// A function that is compiled once and applied to any number of rows.
@@ -33,7 +33,8 @@ pub struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// Compiles `body`, WGSL that defines `probe` with the shared functions. `columns` are the numbers of cells in a row of inputs and of results.
+    /// Compiles `body`, which is WGSL that defines the function `probe` and may call the shared functions. `columns` are the numbers of cells in a
+    /// row of inputs and of results.
     ///
     /// # Errors
     /// The WGSL does not compile (the message gives file and line), or the device is lost.
@@ -54,7 +55,7 @@ impl<'a> Table<'a> {
         Ok(Table { gpu, pipeline, columns, cells })
     }
 
-    /// Largest number of rows for [`Table::run`].
+    /// Limit of the number of rows that [`Table::run`] accepts.
     pub fn most_rows(&self) -> usize {
         MOST_ROWS
     }
@@ -109,7 +110,7 @@ impl<'a> Table<'a> {
         Ok(bytemuck::pod_collect_to_vec(&read_buffer(gpu, &output, out_bytes)?))
     }
 
-    /// Creates a texture of the blocks at the beginnings of the rows, 4 x 4 texels each, and a sampler that reads the nearest texel.
+    /// Creates a texture from the blocks with which the rows begin, 4 x 4 texels each, and a sampler that reads the nearest texel.
     fn blocks(&self, format: wgpu::TextureFormat, inputs: &[u32]) -> (wgpu::TextureView, wgpu::Sampler) {
         let words = format.block_copy_size(None).unwrap_or(0) as usize / 4;
         let mut bytes: Vec<u8> =
@@ -152,7 +153,7 @@ fn main([in_columns, out_columns]: [usize; 2], cells: Cells) -> String {
     let place = (vec2<f32>(at) + 0.5) / vec2<f32>(textureDimensions(probe_blocks));\n"
         );
         let bindings = "@group(0) @binding(3) var probe_blocks: texture_2d<f32>;\n@group(0) @binding(4) var probe_sampler: sampler;\n";
-        // The texel is read with a sampler at its centre, because the frame also uses a sampler.
+        // The texel is read at its centre with a sampler, because the shaders of the frame also read block textures with a sampler.
         (bindings, (place, ", textureSampleLevel(probe_blocks, probe_sampler, place, 0.0)"))
     } else {
         ("", (String::new(), ""))

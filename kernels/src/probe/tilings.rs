@@ -110,7 +110,7 @@ fn hex_tiling_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 
 fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if (got[0] - want[0]).abs() > 0.5 {
-        // Halfway between two powers of two, rounding decides the level.
+        // If log2 of the wanted number of hexagons is close to halfway between two levels, rounding decides which level is chosen.
         let spacings = (row[5] * 12.0_f64.sqrt()).log2();
         let near = (spacings - spacings.floor() - 0.5).abs() <= level_error(spacings, 2.0);
         return if near && (got[0] - want[0]).abs() < 1.5 { Verdict::OtherSide } else { Verdict::Differs };
@@ -120,9 +120,10 @@ fn hex_tiling_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if close(&got[10..], &hex_tiling::offset::<f64>(first, row[6] as u32), 0.5 * f64::from(f32::MIN_POSITIVE)) == Verdict::Differs {
         return Verdict::Differs;
     }
-    // Products with powers of two are exact. A coordinate in spacings has three more roundings. A barycentric coordinate is a sum of two of these
-    // coordinates. It is divided by the largest barycentric coordinate, which is at least 1/3, so its error is at most 6 times the error of a
-    // coordinate. The 7th power multiplies the error by 7, and normalising at most doubles it.
+    // `coordinate` is the error of a skewed coordinate, in units of the hexagons' spacing: three roundings, half an ULP each. Products with powers of
+    // two are exact. A barycentric coordinate is a sum of up to two skewed coordinates, so it has up to twice this error. It is divided by the
+    // largest barycentric coordinate, which is at least 1/3; this makes the error up to 6 times `coordinate`. The 7th power multiplies the error by
+    // 7, and normalising the weights at most doubles it. The remaining 24 ULP are for the roundings of these last steps.
     let reach = row[2].abs().max(row[3].abs()) / row[4] * got[0].exp2();
     let coordinate = 1.5 * EPS * (1.2 * reach + 1.0);
     let pairs = |v: &[f64]| [0, 1, 2].map(|i| (id(v, i), v[7 + i]));
@@ -140,7 +141,8 @@ fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     if got.iter().zip(want).all(|(g, w)| (g - w).abs() < 0.5) {
         return Verdict::Agrees(0.0);
     }
-    // A level and a coordinate in texels have an error of one ULP of their magnitude; u is compared with their fractional part.
+    // The choice compares u with the fractional part of the level of detail, or of the coordinate in texels. Both numbers may have an error of one
+    // ULP of their magnitude. If the fractional part is that close to u or to a whole number, both choices are accepted.
     let lod = row[0].clamp(0.0, row[1] - 1.0);
     let texels = (row[3] - row[3].floor()) * row[4] - 0.5;
     let may = |x: f64, u: f64, error: f64| {
@@ -180,7 +182,8 @@ fn probe(row: array<f32, 7>) -> array<f32, 2> {
         vec![far, 30.0, d.between(-0.1, 1.1), d.whole(320) - 160.0, d.whole(1 << 16), d.whole(1 << 16), d.whole(9)]
     },
     judge: |_, got, want| {
-        // Scale and blend form one number, which is continuous where the scale steps. The fixed-point coordinate is exact.
+        // The first result is the finer scale plus the weight of the coarser scale. This sum is continuous where the finer scale changes by 1. The
+        // second result, a coordinate in fixed point, is exact.
         both(close(&got[..1], &want[..1], level_error(7.0, 4.0)), close(&got[1..], &want[1..], 1e-9))
     },
     measures: &[

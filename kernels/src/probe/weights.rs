@@ -171,8 +171,10 @@ fn splat_blend_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let used: Vec<f64> =
         splat_blend::bilinear([row[0], row[1]]).into_iter().filter(|&w| w > splat_blend::MIN_WEIGHT).map(f64::log2).collect();
     let spread = used.iter().fold(f64::MIN, |m, &x| m.max(x)) - used.iter().fold(f64::MAX, |m, &x| m.min(x));
-    // A term is (w_i / w_best) 2^x, which is at most 1. So a positive x is at most the spread of log2 w, and for a negative x, |x| 2^x is at most
-    // 0.54. exp2 has an error of 3 + 2 |x| ULP, and the rounding of x adds 0.7 |x| ULP. Two divisions, the products and the sum add up to 16 ULP.
+    // A term is (w_i / w_best) 2^x with x = k (h_i - h_best). The relative error of 2^x is 3 + 2 |x| ULP from exp2, and 0.7 |x| ULP from the rounding
+    // of x. A term is at most 1, so a positive x is at most `spread`, the largest difference between the log2 w. This part of the error is less than
+    // 4 ULP times the spread. For a negative x, |x| 2^x is at most 0.54, so this part of the error is less than 2 ULP. It is included in 16 ULP,
+    // together with two divisions, the products and the sum.
     close(got, want, EPS * (16.0 + 4.0 * spread))
 }
 
@@ -191,7 +193,7 @@ fn select_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
         if index.fract() != 0.0 || !(0.0..count as f64).contains(&index) {
             return Verdict::Differs;
         }
-        // Three sums and a product are rounded once each, so the error is at most 4 half ULPs of the total.
+        // Three sums and a product are rounded once each, so the error is at most four times half an ULP of the total.
         let (weights, chosen) = (row[..count].iter().map(|w| w.max(0.0)).collect::<Vec<_>>(), index as usize);
         let total: f64 = weights.iter().sum();
         let below: f64 = weights[..chosen].iter().sum();
@@ -218,7 +220,8 @@ fn layers_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn layers_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // Each of the 8 layers has a quotient (2.5 ULP and a sum) and a mixture (4 roundings) of numbers up to 1; the tolerance allows 8 ULP per layer.
+    // For each of the 8 layers, the opacity takes a sum and a quotient (2.5 ULP), and the mixture is rounded 4 times. All numbers are at most 1. The
+    // tolerance allows 8 ULP per layer.
     close(got, want, 8.0 * 8.0 * EPS)
 }
 
@@ -295,9 +298,10 @@ fn flavour_weights_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 fn flavour_weights_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
-    // The width of a ramp is at least 1/20 of the distance or cosine at which it lies, and its slope is at most 1.5 per width. So it multiplies a
-    // relative error by at most 30, and the error of 8 roundings (4 ULP) becomes at most 120 ULP. The tolerance is about twice that, because weights
-    // are products of ramps.
+    // A weight is a product of ramps over distance and over the cosine of the slope. The width of a ramp is at least 1/20 of the distance or cosine
+    // at which it lies, and its slope is at most 1.5 divided by its width. A ramp therefore multiplies the relative error of its argument by at most
+    // 30, and the error of eight roundings (4 ULP) becomes at most 120 ULP. The tolerance is about twice as large, because a weight is a product of
+    // more than one ramp.
     let weights = close(&got[..5], &want[..5], 256.0 * EPS);
     both(both(weights, equal(&[], &got[5..6], &want[5..6])), close(&got[6..], &want[6..], FEW))
 }

@@ -3,7 +3,7 @@
 //!
 //! Source: Moore, GDC 2018, "Traverse Quad Tree", "Terrain LOD Map", "Terrain Sector Data".
 //! Reads the camera and the loaded nodes. Writes the node list, the LOD map and the sector data.
-//! Runs on the CPU; it is the reference for a traversal on the GPU.
+//! Runs on the CPU.
 
 use glam::{DVec2, DVec3};
 
@@ -20,13 +20,13 @@ pub struct NodeBounds {
 /// The nodes of one frame.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
-    /// All visited nodes, coarse before fine. All of them must be resident.
+    /// All visited nodes, coarse before fine. They must all be resident.
     pub visited: Vec<NodeId>,
     /// The nodes to draw. They cover the visible ground and do not overlap.
     pub drawn: Vec<NodeId>,
 }
 
-/// A node is split if a quad at the point of the node nearest to the camera would be higher than this many pixels.
+/// Limit of the height of a quad on the screen, pixels. A node is split if a quad at its nearest point to the camera would be higher.
 pub const QUAD_PX: f64 = 2.5;
 /// Bounds of the split ratio: a node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
 /// The lower bound keeps splat texels near the camera fine in small pictures. The upper bound limits the number of nodes in large pictures,
@@ -49,7 +49,7 @@ pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View)
     (corner.extend(bounds.height_m[0]), (corner + edge).extend(bounds.height_m[1]))
 }
 
-/// Range of the LOD bias, see [`select`].
+/// Limits of the LOD bias, see [`select`].
 pub const LOD_BIASES: [f64; 2] = [-2.0, 4.0];
 
 /// Traverses the tree. `lod_bias`: the number of levels by which the nodes are coarser than usual. Negative values make them finer, up to
@@ -101,7 +101,7 @@ pub fn select<E>(
     Ok(selection)
 }
 
-/// The LOD drawn in each sector, row by row from the south. Sectors without terrain have the value 0, the finest LOD, so that no patch is
+/// Returns the LOD drawn in each sector, row by row from the south. Sectors without terrain have the value 0, the finest LOD, so that no patch is
 /// stitched to them.
 pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
     let mut map = vec![0; usize::from(SECTORS) * usize::from(SECTORS)];
@@ -115,7 +115,7 @@ pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
     map
 }
 
-/// LOD drawn at a position, which is given in sectors from the south-west corner of the world; `None` outside the world.
+/// Returns the LOD drawn at a position, which is given in sectors from the south-west corner of the world; `None` outside the world.
 pub fn lod_at(map: &[u8], place: [f64; 2]) -> Option<u8> {
     let [x, y] = place.map(f64::floor);
     let edge = f64::from(SECTORS);

@@ -1,11 +1,11 @@
 //! Node payloads in GPU memory: synchronised atlases with one slot per node.
 //!
 //! Makes the nodes that a frame visits resident. The least recently used slots are replaced first.
-//! Source: Moore, GDC 2018, "Stream Quad Tree"; SYSTEMS A. An atlas is an array texture in which each slot is a layer, so filtering never
-//! reads a neighbouring node. Slots count from 1 (ruling 9), because 0 means "not loaded". Offline rendering waits for every node that it
-//! visits, so that a picture does not depend on what was loaded before.
+//! Source: Moore, GDC 2018, "Stream Quad Tree" and SYSTEMS A, the part of the talk on terrain data. An atlas is an array texture in which each slot
+//! is a layer, so filtering never reads a neighbouring node. Slots count from 1 (ruling 9 in `ARCHITECTURE.md`), because 0 means "not loaded". A
+//! frame waits for every node that it visits, so that a picture does not depend on what was loaded before.
 //!
-//! Limits: 512 nodes are resident at once. A view that needs more in one frame is refused, with advice.
+//! Limits: at most 512 nodes are resident at once. If a view needs more nodes in one frame, it is refused with an error that says what to change.
 
 use std::collections::HashMap;
 
@@ -19,7 +19,7 @@ use crate::scene::demands::Demands;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
 
-/// Maximum number of resident nodes (SYSTEMS A: about 500).
+/// Limit of the number of resident nodes (SYSTEMS A, the part of the talk on terrain data, says about 500).
 pub const CAPACITY: u32 = 512;
 
 /// How many nodes the atlases hold, and how large the atlases are.
@@ -27,7 +27,7 @@ pub const CAPACITY: u32 = 512;
 pub struct AtlasCounts {
     /// Number of resident nodes.
     pub resident: usize,
-    /// Maximum number of resident nodes.
+    /// Limit of the number of resident nodes.
     pub capacity: usize,
     /// Bytes allocated for all atlases, unused slots included.
     pub bytes: u64,
@@ -51,9 +51,9 @@ pub struct Streaming {
     /// Number of nodes baked since this frame began.
     loaded: usize,
     layers: u32,
-    /// Whether ground and cover of nodes are kept, so that other materials can be placed on them.
+    /// Whether the [`Ground`] and the [`Cover`] of each node are kept, so that materials can be placed again.
     keeps_ground: bool,
-    /// How many times materials were placed again.
+    /// How many times materials have been placed again.
     revision: u64,
 }
 
@@ -61,7 +61,7 @@ pub struct Streaming {
 pub struct Changes {
     /// Whether the rules, the strokes or the list of materials changed, so that materials must be placed again.
     pub relaid: bool,
-    /// For each palette index, whether the mean look changed.
+    /// For each palette index, whether the mean albedo, smoothness or specular occlusion changed.
     pub means: Vec<bool>,
     /// For each palette index, whether the palette entry (such as the size of a repeat) or a texture of the material changed.
     pub looks: Vec<bool>,
@@ -71,9 +71,9 @@ struct Resident {
     slot: u32,
     bounds: NodeBounds,
     used: u64,
-    /// Changes when the materials of the node change, or the looks of these materials.
+    /// Gets a new value when the splat map of the node changes, or when the palette entry or a texture of one of its materials changes.
     revision: u64,
-    /// The ground and cover from which the payload was made, if they are kept.
+    /// The ground and the cover from which the payload was made, if they are kept.
     source: Option<(Ground, Cover)>,
 }
 
@@ -96,7 +96,7 @@ fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::Textu
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
     use wgpu::TextureFormat as Format;
     let node = |name, format, texels: usize, reason| {
-        let edge = u32::try_from(texels).expect("some hundred texels");
+        let edge = u32::try_from(texels).expect("the edge of a node has some hundred texels");
         TextureUse::new(name, format, edge, 1, CAPACITY + 1, reason)
     };
     let baked = "far atlas, and pixels whose page is missing";
@@ -113,7 +113,7 @@ pub fn textures(demands: &Demands) -> Vec<TextureUse> {
 
 impl Streaming {
     /// Makes empty atlases. The atlas of colour modulation has a single layer if the scene has no colour modulation, because a binding
-    /// cannot be empty. `keeps_ground`: whether to keep the ground and cover of nodes, which [`Streaming::lay_anew`] needs and which take
+    /// cannot be empty. `keeps_ground`: whether to keep the [`Ground`] and the [`Cover`] of each node. [`Streaming::lay_anew`] needs them. They take
     /// about 250 KB of memory per node.
     pub fn new(gpu: &Gpu, colour_modulation: bool, keeps_ground: bool) -> Streaming {
         use wgpu::TextureFormat as Format;
@@ -178,19 +178,19 @@ impl Streaming {
         Ok(nodes.iter().map(|n| self.resident[n].bounds).collect())
     }
 
-    /// Slot and bounds of a resident node.
+    /// Returns slot and bounds of a node; `None` = the node is not resident.
     pub fn get(&self, node: NodeId) -> Option<(u32, NodeBounds)> {
         self.resident.get(&node).map(|r| (r.slot, r.bounds))
     }
 
-    /// Number that distinguishes the states of a node's materials; 0 for a node that is not resident.
+    /// Returns a number that changes whenever the materials of a node change; 0 for a node that is not resident.
     pub fn revision(&self, node: NodeId) -> u64 {
         self.resident.get(&node).map_or(0, |r| r.revision)
     }
 
-    /// Places materials on the resident nodes again, with the current `world` and `palette`. The payload of a node is baked again if the
-    /// materials of the node changed, or the mean look of one of them. If only the palette entry or a texture of a material changed, the
-    /// node gets a new revision, but its payload stays. Returns the number of payloads that were baked again.
+    /// Places materials on the resident nodes again, with the current `world` and `palette`. The payload of a node is baked again if its splat map
+    /// changed, or if the mean albedo, smoothness or specular occlusion of one of its materials changed. If only the palette entry or a texture of a
+    /// material changed, the node gets a new revision, but its payload stays. Returns the number of payloads that were baked again.
     pub fn lay_anew(&mut self, gpu: &Gpu, world: &World, palette: &PaletteMeans, changes: &Changes) -> usize {
         let holds = |cover: &Cover, changed: &[bool]| cover.iter().any(|&id| changed.get(usize::from(id)).copied().unwrap_or(true));
         let anew: Vec<(NodeId, Option<(Cover, NodePayload)>)> = self

@@ -34,7 +34,7 @@ pub struct Scene {
     /// of these rules decides.
     #[serde(rename = "rule")]
     pub rules: Vec<Rule>,
-    /// Brush strokes over the rules, in the order of painting: a later stroke covers an earlier one.
+    /// Brush strokes, which change the result of the rules, in the order of painting: a later stroke covers an earlier one.
     #[serde(default, rename = "stroke", skip_serializing_if = "Vec::is_empty")]
     pub strokes: Vec<Stroke>,
     /// Edge length of detail textures, texels, a power of two in 64..=2048. The texture of heights and colour masks has half this edge length.
@@ -73,7 +73,7 @@ fn default_detail_size() -> u32 {
 pub enum World {
     /// Mountains that are generated from a seed, node by node: 10 240 m wide, with samples 0.5 m apart.
     Procedural {
-        /// The seed, from which every decision of the generator follows.
+        /// The seed of the generator. It determines the whole world.
         seed: u32,
         /// Circular holes; most scenes have none.
         #[serde(default)]
@@ -116,7 +116,7 @@ pub struct Hole {
     pub radius_m: f64,
 }
 
-/// A terrain material: detail textures and how they lie on the ground.
+/// A terrain material: detail textures, and how they are mapped to the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
@@ -133,7 +133,7 @@ pub struct Material {
     /// Rotation of the texture, degrees.
     #[serde(default)]
     pub orientation_deg: f64,
-    /// Linear RGB multiplier where the colour mask is 1.
+    /// Factor on the colour, linear RGB, where the colour mask is 1.
     #[serde(default = "white")]
     pub tint: [f64; 3],
     /// Strength of the normal map: 1 = as authored, 0 = flat.
@@ -191,7 +191,7 @@ pub struct Rule {
 pub struct Stroke {
     /// What the stroke changes.
     pub kind: StrokeKind,
-    /// Name of the material that a stroke of kind `splat` paints, or whose rules a stroke of kind `mask` weights.
+    /// Name of a material. A stroke of kind `splat` paints this material. A stroke of kind `mask` changes the weights of the rules that place it.
     pub material: String,
     /// The points of the line, world metres (x, y), at least one. Straight segments connect them.
     pub points: Vec<[f64; 2]>,
@@ -259,7 +259,7 @@ pub struct CameraPath {
 }
 
 impl CameraPath {
-    /// Frames from the first key to the last, both included.
+    /// Number of frames from the first key pose to the last, both included.
     pub fn frames(&self) -> u64 {
         self.keys.len().saturating_sub(1) as u64 * u64::from(self.frames_per_key) + 1
     }

@@ -6,7 +6,7 @@ use toml::Value;
 use super::{Scene, World};
 use crate::settings::{Field, Home, Kind, Listing, Range, Setting, table};
 
-/// Largest absolute value of elevations, coordinates and distances, metres. Larger values are refused as mistakes.
+/// Limit of the absolute values of elevations, coordinates and distances, metres. Larger values are refused as mistakes.
 pub(super) const FAR_M: f64 = 1.0e7;
 
 /// Where every setting of a scene can be set. Settings that the workbench shows can be set there, too.
@@ -28,7 +28,8 @@ const fn positive(most: f64) -> Kind {
 }
 
 table! {
-    /// Where each flavour applies (SYSTEMS C and F). Distances are measured along the view ray. Slopes are those of the shading normal.
+    /// Where each flavour applies (SYSTEMS C and F, see ARCHITECTURE.md). Distances are measured along the view ray. Slopes are those of the shading
+    /// normal.
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     FlavourRules of Scene as "flavours" at |scene| scene.flavours, {
@@ -38,7 +39,7 @@ table! {
         cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);
         /// Beyond this distance cliffs, too, are shaded from the far atlas.
         cliff_far_atlas_m: f64 = 1500.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Cliff far atlas from", 10.0, 10_000.0);
-        /// Width of every blend between distances, as a share of the distance.
+        /// Half the width of the blend between flavours at a border between distances, as a share of the border's distance.
         // A blend of width 0 would make the shaders divide by zero. A width of a thousandth looks like a hard edge.
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
         /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
@@ -63,11 +64,13 @@ table! {
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     Blend of Scene as "blend" at |scene| scene.blend, {
-        /// Size of the cells of hashed noise on the screen (g_HashScale of Wyman and McGuire). Larger cells flip less and clump more.
+        /// Size of the cells of hashed noise on the screen (g_HashScale of Wyman and McGuire). With larger cells, random choices change less often in
+        /// motion, but form larger blotches.
         hash_scale: f64 = 1.0, "px", number(0.01, 100.0), BLEND.logarithmic("Noise cell", 0.05, 8.0);
-        /// k in w' = w 2^(k h): how strongly the higher material wins over the bilinear weight. 0: plain bilinear.
+        /// k in w' = w 2^(k h), where w is the bilinear weight of a material and h its height. The larger k, the more the highest material dominates.
+        /// 0: plain bilinear weights.
         height_sharpness: f64 = 8.0, "", number(0.0, 1.0e4), BLEND.slider("Height blend", 0.0, 64.0);
-        /// k in w = abs(n)^k: how sharply the three projections meet.
+        /// k in the weights of the three projections, w = abs(n)^k, where n is the normal. The larger k, the sharper the borders between projections.
         triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
         /// Added to mip levels, by scaling gradients by 2^bias. Below 0 the picture is sharper and flickers, above 0 it is blurrier.
         mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("LOD bias", -4.0, 4.0);
@@ -129,7 +132,7 @@ const OTHERS: &[Setting<Scene>] = &[
         unit: "",
         kind: number(0.0, 1.0),
         default: || Some(Value::Float(0.0)),
-        about: "Peak-to-peak strength of the colour modulation map. 0: there is none, and it is not sampled.",
+        about: "Peak-to-peak strength of the colour modulation map. 0: there is no map, and nothing is sampled.",
         listing: WORLD,
         field: |scene| match &scene.world {
             World::Procedural { colour_modulation, .. } | World::Heightmap { colour_modulation, .. } => Some(colour_modulation),

@@ -24,7 +24,7 @@ pub fn validate(scene: &Scene) -> Result<()> {
 /// The scene asks for cliff flavours, and the steepest slope is less than `flavours.cliff_slope_deg`.
 pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     let asked = scene.flavours.cliff_slope_deg;
-    // Written so that a slope of NaN is refused, too.
+    // This form of the condition also refuses a slope of NaN.
     if !scene.flavours.has_cliffs() || max_slope_deg >= asked {
         return Ok(());
     }
@@ -37,7 +37,8 @@ pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     })
 }
 
-/// Largest number of points of one stroke. It is limited because every splat texel near the stroke is compared with all its points.
+/// Limit of the number of points of one stroke. The number is limited, because every splat texel near a stroke is compared with all points of the
+/// stroke.
 const MOST_POINTS: usize = 65_536;
 
 pub(super) fn check(scene: &Scene) -> Checked {
@@ -160,7 +161,7 @@ fn one_stroke(at: &At, stroke: &Stroke, materials: &[&str]) -> Checked {
         1..=MOST_POINTS => {}
         count => points.fail(format!("there are {count}, must be at most {MOST_POINTS}: leave some out, or split the stroke in two"))?,
     }
-    // There may be many points, so the name of a point's place in the file is made only if the point is wrong.
+    // There may be many points, so the path to a point in the file is built only for a point that is refused.
     if let Some(i) = stroke.points.iter().position(|point| !point.iter().all(|x| x.abs() <= FAR_M)) {
         points.index(i).all_within(&stroke.points[i], -FAR_M, FAR_M)?;
     }

@@ -1,8 +1,8 @@
 //! Settings: values that a user chooses. Each setting is declared once, with its key, unit, accepted values, default, description and accessor.
 //!
 //! A table is an array of [`Setting`] over the type that owns the values: [`crate::scene::settings`] over a scene, [`crate::frame::settings`] over
-//! the choices of a frame and of its stages. Scene files, definitions of experiments, the command line, the workbench with its state file, and the reference
-//! documentation read these tables. A value that is not accepted is described by the same sentence everywhere ([`Setting::accept`]).
+//! the choices of a frame and of its stages. These tables serve scene files, definitions of experiments, the command line, the workbench with
+//! its state file, and the reference documentation. A value that is not accepted is described by the same sentence everywhere ([`Setting::accept`]).
 
 use std::fmt;
 
@@ -22,7 +22,7 @@ pub struct Range {
     pub least: f64,
     /// Largest number; it is accepted.
     pub most: f64,
-    /// Whether the smallest number itself is not accepted.
+    /// Whether `least` itself is refused.
     above: bool,
 }
 
@@ -157,7 +157,7 @@ pub trait Field {
     /// The value does not fit this type. The error is a hint, which may be empty.
     fn store(&mut self, value: &Value) -> Result<(), String>;
 
-    /// The number itself, for changing it; `None` if the value is not a single real number.
+    /// A mutable reference to the number; `None` if the value is not a single real number.
     fn number(&mut self) -> Option<&mut f64> {
         None
     }
@@ -278,7 +278,7 @@ pub struct Setting<T: 'static> {
     pub unit: &'static str,
     /// The values that it accepts.
     pub kind: Kind,
-    /// The default value; `None` = a value must be given.
+    /// The default value; `None` = there is no default, so a value must be given.
     pub default: fn() -> Option<Value>,
     /// Its description, in whole sentences.
     pub about: &'static str,
@@ -286,13 +286,13 @@ pub struct Setting<T: 'static> {
     pub listing: Listing,
     /// Where the value is stored; `None` = this `T` does not have it.
     pub field: fn(&T) -> Option<&dyn Field>,
-    /// As `field`, for changing the value.
+    /// Like `field`, but returns a mutable reference.
     pub field_mut: fn(&mut T) -> Option<&mut dyn Field>,
 }
 
 /// A type that holds one part of an owner's settings. The settings of a stage, for example, are a part of the settings of a frame.
 pub trait Part: Copy + Default + PartialEq + fmt::Debug + 'static {
-    /// The table of these settings, for an owner that stores them as part `P`.
+    /// The table of these settings, for an owner `O` that stores them as its part `P`.
     fn table<P, O: Holds<P, Part = Self>>() -> &'static [Setting<O>];
 }
 
@@ -303,7 +303,7 @@ impl Part for () {
     }
 }
 
-/// An owner that stores the settings of a part `P`.
+/// An owner that stores the settings of a part. The type `P` identifies the part, because an owner may have several.
 pub trait Holds<P>: 'static {
     /// The type of these settings.
     type Part: Part;
@@ -311,7 +311,7 @@ pub trait Holds<P>: 'static {
     /// The settings.
     fn part(&self) -> &Self::Part;
 
-    /// The settings, for changing them.
+    /// A mutable reference to the settings.
     fn part_mut(&mut self) -> &mut Self::Part;
 }
 
@@ -451,7 +451,7 @@ impl<T> Setting<T> {
         self.listing.label.unwrap_or_else(|| self.name())
     }
 
-    /// The number that `owner` stores, for changing it; `None` if the value is not a single real number.
+    /// A mutable reference to the number that `owner` stores; `None` if the value is not a single real number.
     pub fn number<'a>(&self, owner: &'a mut T) -> Option<&'a mut f64> {
         (self.field_mut)(owner)?.number()
     }

@@ -24,17 +24,17 @@ pub enum Home {
     Workbench,
 }
 
-/// A setting without its owner's type, for display and for output as data.
+/// The data of a [`Setting`] without the type of its owner, for display and for output.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Its key.
     pub key: &'static str,
     /// Its group.
     pub group: &'static str,
-    /// The value in an owner, if an owner was given.
+    /// The value that an owner stores; `None` if [`Setting::row`] was called without an owner.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<Value>,
-    /// The default value; absent = a value must be given.
+    /// The default value; `None` = there is no default, so a value must be given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<Value>,
     /// What a value must be.

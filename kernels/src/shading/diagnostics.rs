@@ -1,8 +1,8 @@
-//! The word of diagnostics that shading records for each pixel on request: counted fetches, first random choice, tile mask.
+//! Diagnostics that shading records for each pixel on request: counted fetches, first random choice and tile mask, packed into 32 bits.
 
 use crate::base::wgsl::{Constant, Wgsl};
 
-/// Bits of the fetches and of the choice; the mask has the rest.
+/// Number of bits for the counted fetches. The choice has [`CHOICE_BITS`], the mask has the remaining bits.
 const FETCH_BITS: u32 = 16;
 const CHOICE_BITS: u32 = 8;
 
@@ -10,17 +10,17 @@ const CHOICE_BITS: u32 = 8;
 pub static WGSL: Wgsl = Wgsl::new("shading/diagnostics.wgsl", include_str!("diagnostics.wgsl"), &[])
     .with(&[("DIAGNOSTICS_FETCH_BITS", Constant::U32(FETCH_BITS)), ("DIAGNOSTICS_CHOICE_BITS", Constant::U32(CHOICE_BITS))]);
 
-/// Counted fetches.
+/// Returns the number of counted fetches.
 pub fn fetches(word: u32) -> u32 {
     word & ((1 << FETCH_BITS) - 1)
 }
 
-/// First random choice: 1 + splat texel + 4 x projection; 0 = none.
+/// Returns the first random choice: 1 + splat texel + 4 x projection; 0 = none.
 pub fn choice(word: u32) -> u32 {
     word >> FETCH_BITS & ((1 << CHOICE_BITS) - 1)
 }
 
-/// Mask of the tile's flavours; 0 = sky.
+/// Returns the mask of the tile's flavours; 0 = sky.
 pub fn mask(word: u32) -> u32 {
     word >> (FETCH_BITS + CHOICE_BITS)
 }

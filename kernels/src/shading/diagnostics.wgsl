@@ -1,4 +1,4 @@
-// The word of diagnostics that shading records for a pixel: counted fetches, first random choice, tile mask.
+// Diagnostics that shading records for a pixel: counted fetches, first random choice and tile mask, packed into 32 bits.
 
 fn diagnostics_pack(fetches: u32, choice: u32, mask: u32) -> u32 {
     return fetches | (choice << DIAGNOSTICS_FETCH_BITS) | (mask << (DIAGNOSTICS_FETCH_BITS + DIAGNOSTICS_CHOICE_BITS));

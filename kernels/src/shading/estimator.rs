@@ -1,4 +1,5 @@
-//! Estimators: how near cliff, far cliff and splat compute their value. One table holds the fetches and random draws of each.
+//! Estimators: how the flavours near cliff, far cliff and splat compute their values. One table says, for each estimator, how many fetches it takes
+//! and whether it draws random numbers.
 
 use std::fmt;
 use std::str::FromStr;
@@ -13,7 +14,7 @@ pub enum Estimator {
     /// The estimator of Far Cry 5: random choices on cliffs (Moore, GDC 2018, "Cliff Shading").
     #[default]
     Fc5,
-    /// The exact blend of everything from which `Fc5` chooses: the mean of `Fc5`.
+    /// The exact blend: the mean of `Fc5` over all its random choices.
     Exact,
     /// The theoretical variance of `Fc5` over seeds, times [`VARIANCE_SCALE`], written in place of albedo. Measured variance is compared with it.
     /// Splat has no variance.
@@ -21,22 +22,22 @@ pub enum Estimator {
     /// `Fc5` with the two projections that the surface faces most (Quilez, *Biplanar mapping*, 2020) instead of three.
     Biplanar,
     /// `Fc5` with hex-tiled textures (Mikkelsen, JCGT 11(2), 2022) in place of the second tiling scale. Far cliff chooses one of the two scales at
-    /// random, because a fixed choice would make the scale jump. Contrast is not preserved.
+    /// random. A fixed choice would change the scale abruptly at some distances. Contrast is not preserved.
     Hex,
     /// One tap that reads one texel of each texture. Projection, material, scale, mip level and texel are all chosen at random (Fajardo et al.,
-    /// *Stochastic Texture Filtering*, 2023). On near and far cliff its mean is that of `Fc5`. On splat its mean is that of near cliff, because
-    /// weights modified by height would need the heights of all four materials. It has no anisotropic filtering.
+    /// *Stochastic Texture Filtering*, 2023). On near and far cliff, its mean is the mean of `Fc5`. On splat, its mean is the blend of near cliff,
+    /// because the height blend of splat would need the heights of all four materials. It has no anisotropic filtering.
     Stf,
-    /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended by bilinear weights, the detail by weights modified by
-    /// height. Far cliff uses only the lower of the two scales, so its scale jumps.
+    /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended with bilinear weights, the fine band with the weights of
+    /// the height blend. Far cliff uses only the lower of the two scales, so its scale changes abruptly at some distances.
     Laplacian,
     /// Eight layers, projected from above. All layers are sampled at every pixel, and each is blended over the layers before it (Luna, 2016).
     Luna8,
     /// Four materials in one projection: from above or, on steep ground, onto a vertical plane in one of eight directions (after Terrain3D).
     Snapped,
-    /// The mean of `Biplanar`.
+    /// The mean of `Biplanar` over all its random choices.
     BiplanarMean,
-    /// The mean of `Hex`.
+    /// The mean of `Hex` over all its random choices.
     HexMean,
 }
 
@@ -70,7 +71,7 @@ impl Estimator {
         Estimator::Snapped,
     ];
 
-    /// Estimators that are drawn only to measure others.
+    /// Estimators that are drawn only to measure other estimators.
     pub const YARDSTICKS: [Estimator; 3] = [Estimator::Variance, Estimator::BiplanarMean, Estimator::HexMean];
 
     const fn taken(self) -> Taken {
@@ -104,10 +105,12 @@ impl Estimator {
         }
     }
 
-    /// Fetches per pixel that a flavour should take with this estimator; counted fetches are compared with them. They do not include the fetch for
-    /// colour modulation and the second tiling scale of splat. [`Estimator::Variance`] reads nothing for flavours that it does not measure.
+    /// Fetches per pixel that a flavour should take with this estimator; counted fetches are compared with this number. It includes neither the fetch
+    /// for colour modulation nor the fetches for the second tiling scale of splat. [`Estimator::Variance`] reads nothing for flavours that it does
+    /// not measure.
     ///
-    /// The numbers of [`Estimator::Fc5`] are Moore's (GDC 2018, "Near and Far Cliff Differences", whose two rows ruling 1 corrects).
+    /// The numbers of [`Estimator::Fc5`] are from Moore (GDC 2018, "Near and Far Cliff Differences"). Ruling 1 in `ARCHITECTURE.md` corrects two rows
+    /// of this slide.
     pub const fn promised_fetches(self, flavour: Flavour) -> u32 {
         match Estimator::place(flavour) {
             Some(place) => self.taken().fetches[place],
@@ -119,7 +122,7 @@ impl Estimator {
         }
     }
 
-    /// Sum of the promised fetches of a variant's flavours: the cost of a pixel that needs all of them.
+    /// Sum of [`Estimator::promised_fetches`] over the flavours of a variant: the cost of a pixel that needs all of them.
     pub fn promised_fetches_of(self, variant: Variant) -> u32 {
         variant.flavours().map(|flavour| self.promised_fetches(flavour)).sum()
     }
@@ -140,7 +143,7 @@ impl Estimator {
         }
     }
 
-    /// Whether splat can blend two tiling scales. For all other estimators, splat is defined with one scale.
+    /// Whether splat can blend two tiling scales with this estimator. If not, splat always uses one scale.
     pub const fn has_two_tilings(self) -> bool {
         matches!(self, Estimator::Fc5 | Estimator::Exact | Estimator::Biplanar | Estimator::BiplanarMean)
     }

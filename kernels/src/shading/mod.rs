@@ -2,7 +2,7 @@
 //!
 //! Reads depth, normals, tile lists, terrain, virtual-texture pages. Writes albedo + specular occlusion and normal + smoothness (RGBA16Float), and on
 //! request a diagnostics target (fetches, choice, tile mask). One WGSL module; 31 variants and the generic kernel differ in override constants.
-//! Source: Moore, GDC 2018, "Cliff Shading", "Terrain Shader Variations", "Terrain G-Buffer Pass"; rulings 1, 7, 15.
+//! Source: Moore, GDC 2018, "Cliff Shading", "Terrain Shader Variations", "Terrain G-Buffer Pass"; rulings 1, 7 and 15 in `ARCHITECTURE.md`.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -27,7 +27,8 @@ mod modules;
 pub use estimator::{Estimator, VARIANCE_SCALE};
 pub use modules::SNAPPED_COSINE;
 
-/// Salts of the random numbers, so that each stochastic flavour has independent ones (ruling 15).
+/// Salts: numbers that are hashed together with the seed, so that each stochastic flavour has independent random numbers (ruling 15 in
+/// `ARCHITECTURE.md`).
 pub mod salt {
     /// Salt of near cliff.
     pub const NEAR_CLIFF: u32 = 1;
@@ -41,7 +42,7 @@ pub mod salt {
     pub const HEIGHT_TEXEL: u32 = 8;
 }
 
-/// Which kernel runs: a variant, or the generic one that takes each tile's mask at run time.
+/// Which kernel runs: the kernel of a variant, or the generic kernel, which reads the mask of each tile at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kernel {
     /// Specialised for one variant; draws that variant's tile list.
@@ -57,9 +58,10 @@ pub struct PipelineKey {
     pub kernel: Kernel,
     /// Estimator of near cliff, far cliff and splat.
     pub estimator: Estimator,
-    /// Noise of the estimator's random choices.
+    /// Noise that drives the random choices of the estimator.
     pub noise: NoiseKind,
-    /// Whether full splat blends two tiling scales, with 96 fetches. This has no effect on estimators whose splat is defined with one scale.
+    /// Whether full splat blends two tiling scales, with 96 fetches. This has no effect on estimators that blend only one scale
+    /// ([`Estimator::has_two_tilings`]).
     pub two_tilings: bool,
     /// Whether fetches are counted and choices recorded.
     pub diagnostics: bool,
@@ -155,7 +157,7 @@ pub struct Shading {
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: HashMap<PipelineKey, wgpu::RenderPipeline>,
     settings: Settings,
-    /// [`blue_noise::ranks`] once a pipeline needs them; before that, a few zeros.
+    /// Buffer with [`blue_noise::ranks`]. Until a pipeline needs them, it holds only a few zeros.
     noise_ranks: wgpu::Buffer,
     /// Pipelines of the displayed view.
     displayed: Vec<PipelineKey>,
@@ -167,7 +169,7 @@ pub static MODULE: ShaderModule = ShaderModule::new("shading", modules::ROOTS);
 impl Stage for Shading {
     const DECLARATION: Declaration = Declaration {
         passes: |demands| {
-            let variants = u32::try_from(demands.variants().len()).expect("at most 31");
+            let variants = u32::try_from(demands.variants().len()).expect("there are at most 31 variants");
             vec![PassUse::new("shading", variants + 1, "a pipeline per variant that has tiles, and the generic kernel")]
         },
         targets: |_| {
@@ -224,8 +226,8 @@ impl Stage for Shading {
         })
     }
 
-    /// Also builds the pipelines of the displayed view or, if there is no such view, the generic pipeline, so that an error is reported at once and
-    /// not with the first picture.
+    /// Builds the stage again. It also builds the pipelines of the displayed view or, if there is no such view, the generic pipeline, so that an
+    /// error is reported at once and not with the first picture.
     fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<Shading>> {
         let mut shading = Shading::build(build)?;
         let generic = PipelineKey {
@@ -258,7 +260,7 @@ impl Shading {
     /// Builds a pipeline if it does not exist. Returns whether it was built.
     ///
     /// # Errors
-    /// When the device refuses it. The error is [`Error::Request`], because other pipelines still work.
+    /// When the device refuses the pipeline. The error is [`Error::Request`], because other pipelines still work.
     pub fn warm(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<bool> {
         if self.pipelines.contains_key(&key) {
             return Ok(false);

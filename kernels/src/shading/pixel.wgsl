@@ -1,13 +1,13 @@
-// A pixel to shade, which is the input of every flavour and estimator; and the override constants that specialise shading.
+// The struct `Pixel`, which is the input of every flavour and estimator, and the override constants that specialise shading.
 
-// Mask of the flavours compiled in, 1..31; 0 = the generic kernel, which takes each tile's mask at run time.
+// Mask of the flavours that are compiled in, 1..31; 0 = the generic kernel, which reads the mask of each tile at run time.
 override VARIANT: u32 = 0u;
-// How near cliff, far cliff and splat compute their value; `Estimator` in estimator.rs explains each estimator.
+// How the flavours near cliff, far cliff and splat compute their values; `Estimator` in estimator.rs explains each estimator.
 override ESTIMATOR: u32 = 0u;
-// Noise kind of the stochastic choices, see noise.wgsl.
+// Noise that drives the random choices, see noise.wgsl.
 override NOISE: u32 = 0u;
-// Whether a tile is drawn as one triangle, which the depth test cuts off below the tile. If not, two triangles share a diagonal, and the pixels near
-// it are shaded twice if they are in a group on the diagonal: the device shades groups of 2 x 2 or more pixels together.
+// Whether a tile is drawn as one triangle, which the depth test cuts off below the tile. If not, a tile is two triangles that share a diagonal.
+// Devices shade pixels in groups of 2 x 2 or more, so each group on the diagonal is shaded twice.
 override ONE_TRIANGLE: bool = false;
 // Edge of a tile, pixels.
 override TILE: u32 = 8u;
@@ -35,11 +35,11 @@ override IS_BIPLANAR: bool = (ESTIMATOR == ESTIMATOR_BIPLANAR) | (ESTIMATOR == E
 override HAS_ONE_PROJECTION: bool = (ESTIMATOR == ESTIMATOR_SNAPPED) | (ESTIMATOR == ESTIMATOR_LUNA8);
 // Whether random choices are replaced by their mean.
 override TAKES_MEANS: bool = (ESTIMATOR == ESTIMATOR_EXACT) | (ESTIMATOR == ESTIMATOR_BIPLANAR_MEAN) | (ESTIMATOR == ESTIMATOR_HEX_MEAN);
-// Whether an estimator shades every flavour by the same blend of four (or eight) materials in each of its projections.
+// Whether near cliff, far cliff and splat are shaded alike: in each projection, all four (or eight) materials are blended.
 override IS_ONE_BLEND: bool = (ESTIMATOR == ESTIMATOR_LAPLACIAN) | (ESTIMATOR == ESTIMATOR_LUNA8) | (ESTIMATOR == ESTIMATOR_SNAPPED);
 
-// SALT_NEAR_CLIFF and so on: each stochastic flavour has independent random numbers. SALT_TEXEL and SALT_HEIGHT_TEXEL are added to the salt of a
-// flavour, for the two choices of texels.
+// The constants SALT_NEAR_CLIFF, SALT_FAR_CLIFF and SALT_SPLAT give each stochastic flavour independent random numbers. SALT_TEXEL and
+// SALT_HEIGHT_TEXEL are added to the salt of a flavour, for the two choices of texels.
 
 struct Pixel {
     index: vec2<u32>,
@@ -49,13 +49,13 @@ struct Pixel {
     normal: vec3<f32>,          // shading normal
     planes: vec3<u32>,          // axes of the projections
     projections: vec3<f32>,     // weights of the projections
-    tiling: vec2<f32>,          // lower scale exponent, blend towards the next
+    tiling: vec2<f32>,          // x: exponent of the lower of two tiling scales; y: weight of the upper scale
 }
 
-// First random choice of the pixel, for inspection: 1 + splat texel + 4 x projection; 0 = none yet.
+// First random choice of the pixel, for diagnostics: 1 + splat texel + 4 x projection; 0 = no choice so far.
 var<private> choice: u32;
 
-// Thresholds of the pixel's noise.
+// Returns the random thresholds of a pixel, in [0, 1). They decide the random choices of a flavour; `salt` is the salt of the flavour.
 fn shade_noise(pixel: Pixel, salt: u32) -> vec4<f32> {
     let f = pixel.footprint;
     var ranks = vec4<u32>(0u);
@@ -70,7 +70,7 @@ fn shade_noise(pixel: Pixel, salt: u32) -> vec4<f32> {
     );
 }
 
-// Records the first random choice.
+// Records a random choice, if it is the first of the pixel.
 fn shade_choose(texel: u32, plane: u32) {
     if choice == 0u {
         choice = 1u + texel + 4u * plane;

@@ -1,4 +1,4 @@
-// The projections of an estimator, and its blend of all materials in one projection.
+// The projections of an estimator, and the estimator's blend of all materials in one projection.
 
 // Sets the projections of the estimator, and their weights.
 fn shade_project(pixel: ptr<function, Pixel>) {
@@ -14,7 +14,7 @@ fn shade_project(pixel: ptr<function, Pixel>) {
     }
 }
 
-// Blends all materials of a splat cell by the method of the estimator: 16 fetches; 40 with hex tiling, 20 in two bands, 28 in eight layers.
+// Blends all materials of a splat cell by the method of the estimator. 16 fetches; 40 with hex tiling, 20 for `laplacian`, 28 for `luna8`.
 fn shade_blend(pixel: Pixel, projection: Projection, scale: u32) -> Surface {
     if ESTIMATOR == ESTIMATOR_LAPLACIAN {
         return shade_laplacian_blend(pixel, projection, scale);

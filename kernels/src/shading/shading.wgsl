@@ -15,15 +15,16 @@ fn shading_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) i
     let tile = tile_place(entry);
     let tile_pixel = vec2<f32>(tile * TILE);
     if ONE_TRIANGLE {
-        // At the pixel centres of the tile's first row, the left and right sides of the triangle are 3/8 of a pixel outside the tile; at those of the
-        // last row, they are 3/8 of a pixel inside, which still includes all centres. The sides meet far below the tile.
+        // The left and right sides of the triangle converge and meet far below the tile. In the first row of pixels, at the height of the pixel
+        // centres, the sides are 3/8 of a pixel outside the tile. In the last row, they are 3/8 of a pixel inside the tile. Pixel centres are half a
+        // pixel inside, so the triangle includes all of them.
         let edge = f32(TILE);
         let outside = 0.375 * edge / (edge - 1.0);
         let apex = vec2<f32>(0.5 * edge, 0.5 * edge * ((edge - 1.0) * 4.0 / 3.0 + 1.0));
         var triangle = array<vec2<f32>, 3>(vec2<f32>(-outside, 0.0), vec2<f32>(edge + outside, 0.0), apex);
         let at = triangle[vertex];
-        // Depth is clamped and not clipped. At the pixel centres of the tile it is 0, behind all terrain, and passes the depth test (less). From the
-        // first row of centres below the tile on, it is 1 and fails.
+        // Depth is clamped and not clipped. At the pixel centres of the tile, it is 0, which is behind all terrain, so the depth test (less) passes.
+        // At all pixel centres below the tile, it is 1, so the test fails.
         return ShadingVarying(vec4<f32>(shading_ndc(tile_pixel + at), (at.y - edge + 0.25) * 4.0, 1.0), tile_variant(entry));
     }
     var corners = array<u32, 6>(0u, 1u, 2u, 2u, 1u, 3u);

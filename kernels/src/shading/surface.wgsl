@@ -7,7 +7,7 @@ struct ShadedSurface {
     occlusion: f32,
 }
 
-// Flavours blended so far.
+// Sum over the flavours that were blended so far.
 struct SurfaceSum {
     surface: Surface,
     normal: vec3<f32>,
@@ -19,7 +19,7 @@ fn shade_evaluates(mask: u32, bit: u32, weight: f32) -> bool {
     return flavour_is_in(mask, bit) && weight > 0.0;
 }
 
-// Adds a flavour whose relief is a gradient on the shading normal.
+// Adds a flavour to the sum. The gradient of its surface perturbs the shading normal.
 fn shade_add(sum: ptr<function, SurfaceSum>, pixel: Pixel, weight: f32, s: Surface) {
     (*sum).surface = surface_add((*sum).surface, weight, s);
     (*sum).normal += weight * triplanar_perturb(pixel.normal, s.gradient);
@@ -68,7 +68,8 @@ fn shade_surface(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurfa
     return shaded;
 }
 
-// The theoretical variance of a pixel's albedo over seeds. Only the stochastic flavours have a variance, and their random numbers are independent.
+// Returns the theoretical variance of a pixel's albedo over seeds. Only the stochastic flavours have a variance, and their random numbers are
+// independent.
 fn shade_variance(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurface {
     var variance = vec3<f32>(0.0);
     if RUNS_NEAR_CLIFF {

@@ -1,8 +1,8 @@
 //! The two projections that a surface faces most, with weights that drop the third projection without a seam.
 //!
 //! Source: Quilez, *Biplanar mapping*, 2020. An axis has weight 0 if the normal's component along it is at most 1/√3 in size; above that size, the
-//! weight grows. If the middle component and the smallest one change places, both are at most 1/√3, so the weights do not jump. They jump only on the
-//! eight diagonals, where all three components are equal in size.
+//! weight grows. Where the middle component and the smallest one become equal, both are at most 1/√3 and have weight 0, so the weights do not jump.
+//! They jump only on the eight diagonals, where all three components are equal in size.
 
 use super::bounded;
 use super::octahedral::unit;
@@ -13,7 +13,7 @@ pub const MAX_SHARPNESS: f64 = 1e4;
 
 /// The two axes, ascending, and their weights, which sum to 1: `biplanar_projections`.
 ///
-/// w_i = ((|n_i| - 1/√3) / (1 - 1/√3))^(k/8), normalised; `sharpness` is k >= 0, on the scale of tri-planar weights. A component of at most 1/√3 has
+/// w_i = ((|n_i| - 1/√3) / (1 - 1/√3))^(k/8), normalised; `sharpness` is k >= 0, the exponent of tri-planar weights. A component of at most 1/√3 has
 /// weight 0 for any k; if both components are that small, the first axis gets all the weight. A vector without direction counts as z.
 pub fn projections<T: Real>(n: [T; 3], sharpness: T) -> ([u32; 2], [T; 2]) {
     let a = unit(n).map(T::abs);

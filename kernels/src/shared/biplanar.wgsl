@@ -11,7 +11,7 @@ struct Biplanar {
     weights: vec2<f32>,         // sum to 1
 }
 
-// ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8) of the two largest components, normalised; `sharpness` is k, on the scale of tri-planar weights. On the
+// ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8) of the two largest components, normalised; `sharpness` is k, the exponent of tri-planar weights. On the
 // eight diagonals, the only places where the blend jumps, the first axis gets all the weight.
 fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
     let a = abs(octahedral_unit(n));

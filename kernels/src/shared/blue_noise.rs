@@ -1,13 +1,14 @@
-//! Blue-noise masks: thresholds whose errors cancel among neighbours when seen from a distance.
+//! Blue-noise masks: tables of thresholds. Errors that a blue-noise threshold causes in neighbouring pixels cancel when they are seen from a
+//! distance.
 //!
 //! The void-and-cluster method (Ulichney, *The void-and-cluster method for dither array generation*, SPIE 1913, 1993) places points one by one where
 //! the Gaussian energy of the other points is least; the position of a point in this order is its rank. The spatio-temporal mask (Wolfe, Morrical,
 //! Akenine-Möller, Ramamoorthi, *Spatiotemporal Blue Noise Masks*, EGSR 2022) applies the method to a volume: the energy between two points is the
 //! spatial Gaussian if they share a slice, the temporal Gaussian if they share a pixel, and zero otherwise.
 //!
-//! Masks are computed at run time in integers (tables of 24 bits, hashed starts, explicit rules for ties), so that every machine has the same masks.
-//! The points of each spatio-temporal slice are then ranked again within the slice, in the order that they have in the volume, so that each slice
-//! holds every rank once.
+//! Masks are computed at run time in integer arithmetic: energies come from tables of integers up to 2^24, the initial pattern comes from a hash, and
+//! fixed rules break ties. Every machine therefore computes the same masks. The points of each spatio-temporal slice are then ranked again within the
+//! slice, in the order that they have in the volume, so that each slice holds every rank once.
 
 use std::sync::OnceLock;
 
@@ -24,11 +25,13 @@ const SIDE: usize = EDGE as usize;
 const AREA: usize = SIDE * SIDE;
 /// Standard deviation of both Gaussians, in pixels and frames, as in Wolfe et al.
 const SIGMA: f64 = 1.9;
-/// Where the spatial Gaussian is cut off, pixels: at 4.2 standard deviations, where its value is 1.4e-4.
+/// Distance in rows or columns beyond which the spatial Gaussian is cut off, pixels. It is 4.2 standard deviations, where the Gaussian is 1.4e-4.
 const REACH: usize = 8;
-/// Energy of a point at its own place. The energy in a full volume is at most 27 times this, which fits 32 bits.
+/// Energy that a point adds at its own position. If every position has a point, the energy at a position is at most 27 times this value, which fits
+/// 32 bits.
 const UNIT: f64 = 16_777_216.0;
-/// The initial pattern sets one in this many points. Ulichney's initial pattern has about a tenth of the points, and must have fewer than half.
+/// In the initial pattern, one in this many positions has a point. In Ulichney's initial pattern, about a tenth of the positions have points; fewer
+/// than half must have points.
 const FIRST_PART: usize = 10;
 const SEED: u32 = 0x0b1e;
 
@@ -87,8 +90,8 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     for i in taken {
         torus.turn(i);
     }
-    // Ulichney's last two phases can be done in the same way: the tightest cluster of free places is the largest void, because the energies of points
-    // and of free places have the same sum everywhere.
+    // This loop covers Ulichney's last two phases. The last phase looks for the tightest cluster of free positions. This is also the largest void,
+    // because the energy of the points and the energy of the free positions add up to the same sum at every position.
     for rank in first..points {
         let i = torus.largest_void();
         torus.turn(i);
@@ -97,19 +100,19 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     ranks.into_iter().map(|rank| u32::try_from(rank).expect("65 536 points at most")).collect()
 }
 
-/// A pattern of points, and their energy at every place.
+/// A pattern of points, and the energy of the pattern at every position.
 struct Torus {
     slices: usize,
-    /// The energy at every place, slice by slice, row by row.
+    /// The energy at every position, slice by slice, row by row.
     energy: Vec<u32>,
-    /// For each place: all bits set if there is a point, zero otherwise.
+    /// For each position: all bits set if there is a point, zero otherwise.
     set: Vec<u32>,
-    /// For each row: the least energy of its free places, and the least bitwise complement of the energies of its points.
+    /// For each row: the least energy of its free positions, and the bitwise complement of the largest energy of its points.
     rows: [Vec<u32>; 2],
     /// Spatial energy by distance in rows, then by distance in columns modulo 64. The columns are stored twice, so that 64 consecutive ones may begin
     /// at any column.
     space: [[u32; 2 * SIDE]; REACH + 1],
-    /// Temporal energy by distance in slices, modulo their number. It is 0 for the point's own slice, which `space` covers.
+    /// Temporal energy by distance in slices, modulo the number of slices. It is 0 for the point's own slice, which `space` covers.
     time: Vec<u32>,
 }
 
@@ -124,7 +127,8 @@ impl Torus {
         let weight = |row: usize, column: usize| if row.max(column) <= REACH { gaussian(row * row + column * column) } else { 0 };
         let mut torus = Torus {
             slices,
-            // A hash, 16 bits below the energy of a point, breaks ties in energy. The lower index breaks ties that remain.
+            // The initial energies are 8-bit hashes, which are less than 2^-16 of the energy of a point. They break ties between energies. If a tie
+            // remains, the lower index is chosen.
             energy: (0..).take(slices * AREA).map(|i| hash::mix(seed, i, 0) & 255).collect(),
             set: vec![0; slices * AREA],
             rows: [vec![0; slices * SIDE], vec![0; slices * SIDE]],
@@ -149,7 +153,7 @@ impl Torus {
         self.rows[1][row] = cluster;
     }
 
-    /// Sets a point at a free place, or removes the point that is there.
+    /// Sets a point at a free position, or removes the point of an occupied position.
     fn turn(&mut self, point: usize) {
         let on = self.set[point] == 0;
         self.set[point] = !self.set[point];
@@ -170,12 +174,12 @@ impl Torus {
         }
     }
 
-    /// The free place with the least energy; the first one if several have it.
+    /// The free position with the least energy; the first of these positions if there are several.
     fn largest_void(&self) -> usize {
         self.place(0, |energy, set| energy | set)
     }
 
-    /// The point with the most energy; the first one if several have it.
+    /// The point with the most energy; the first of these points if there are several.
     fn tightest_cluster(&self) -> usize {
         self.place(1, |energy, set| !(energy & set))
     }
@@ -183,7 +187,7 @@ impl Torus {
     fn place(&self, of: usize, key: impl Fn(u32, u32) -> u32) -> usize {
         let rows = &self.rows[of];
         let least = rows.iter().copied().min().expect("a torus has rows");
-        let row = rows.iter().position(|&k| k == least).expect("the least is one of them");
-        (row * SIDE..(row + 1) * SIDE).find(|&i| key(self.energy[i], self.set[i]) == least).expect("the row holds its least")
+        let row = rows.iter().position(|&k| k == least).expect("one row has the minimum");
+        (row * SIDE..(row + 1) * SIDE).find(|&i| key(self.energy[i], self.set[i]) == least).expect("the row has the minimum")
     }
 }

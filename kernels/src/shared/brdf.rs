@@ -5,7 +5,7 @@
 use super::bounded;
 use super::real::Real;
 
-/// Smallest alpha. Below it, the highlight is narrower than f32 can resolve in n.h.
+/// Lower limit of alpha. A smaller alpha would give a highlight that is narrower than f32 can resolve in n.h.
 pub const MIN_ALPHA: f64 = 0.002;
 
 /// alpha of a perceptual roughness, 0..=1.
@@ -19,19 +19,19 @@ pub fn alpha<T: Real>(perceptual_roughness: T) -> T {
 pub fn d_ggx<T: Real>(n_dot_h: T, alpha: T) -> T {
     let c = bounded(n_dot_h, 0.0, 1.0);
     let a = bounded(alpha, MIN_ALPHA, 1.0);
-    // sin² + alpha² cos² is the bracket of the equation without the cancellation near n.h = 1.
+    // The bracket of the equation, (n.h)² (alpha² - 1) + 1, is computed as sin² + alpha² cos², which does not cancel near n.h = 1.
     let sine_squared = (T::one() - c) * (T::one() + c);
     let ratio = a / (sine_squared + a * a * c * c);
     ratio * ratio / T::of(std::f64::consts::PI)
 }
 
 /// Visibility G / (4 n.v n.l), 1/sr.
-/// Heitz, *Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs*, JCGT 3(2), 2014, equation 99 (height-correlated).
-/// The result is at most 5e6, its value where n.v and n.l are both 0.
+/// Heitz, *Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs*, JCGT 3(2), 2014, equation 99 (height-correlated). The result is
+/// at most 5e6, which is its value if n.v and n.l are both 0.
 pub fn v_smith_ggx_correlated<T: Real>(n_dot_v: T, n_dot_l: T, alpha: T) -> T {
     let [v, l] = [n_dot_v, n_dot_l].map(|x| bounded(x, 0.0, 1.0));
     let a = bounded(alpha, MIN_ALPHA, 1.0);
-    // `slope` is n.x sqrt(1 + alpha² tan²) of one direction; it is multiplied by the cosine of the other direction.
+    // For a direction whose cosine to the normal is c, `slope` is c sqrt(1 + alpha² tan²). It is multiplied by the cosine of the other direction.
     let slope = |c: T| (c * c + a * a * (T::one() - c * c)).sqrt();
     T::of(0.5) / (l * slope(v) + v * slope(l)).max(T::of(1e-7))
 }

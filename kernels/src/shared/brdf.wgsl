@@ -1,8 +1,7 @@
 // Microfacet specular reflection: GGX with Smith's height-correlated visibility and Schlick's Fresnel.
 // alpha = perceptual_roughness²; perceptual_roughness = 1 - smoothness.
 
-// Smallest alpha. Below it, the highlight is narrower than f32 can resolve in n.h. Even at this alpha, the highlight is larger than the mirror image
-// of a point light.
+// Lower limit of alpha. A smaller alpha would give a highlight that is narrower than f32 can resolve in n.h.
 const BRDF_MIN_ALPHA: f32 = 0.002;
 const BRDF_PI: f32 = 3.14159265;
 
@@ -24,7 +23,7 @@ fn brdf_alpha(perceptual_roughness: f32) -> f32 {
 fn brdf_d_ggx(n_dot_h: f32, alpha: f32) -> f32 {
     let c = brdf_unit(n_dot_h);
     let a = brdf_clamped_alpha(alpha);
-    // 1 - c² (1 - a²), where 1 - c², which cancels near c = 1, is written as a product.
+    // d is 1 - c² (1 - a²). The part 1 - c² is written as a product, because the difference would cancel near c = 1.
     let d = (1.0 - c) * (1.0 + c) + c * c * a * a;
     return (a / d) * (a / d) / BRDF_PI;
 }

@@ -4,7 +4,7 @@
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "GPU Culling", "Occlusion Buffer Culling", "Back Face Culling"; Haar and Aaltonen,
 //! *GPU-Driven Rendering Pipelines*, SIGGRAPH 2015.
 //! The tests are conservative: nothing visible is ever left out, in f32 or in f64, whether denormals are kept or flushed to zero. The cost is that
-//! terrain which could be left out is still drawn if it lies within a margin of [`SLACK`] times the magnitudes of the summed terms.
+//! terrain which could be left out is still drawn if it exceeds a limit by less than the margin for rounding errors, such as [`SLACK`].
 
 use super::octahedral::unit;
 use super::real::{Real, dot, length};
@@ -23,19 +23,20 @@ pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("CULLING_FEW", Constant::real(FEW)),
 ];
 
-/// Bound on the error of three products and three sums in f32, relative to the sum of the terms' magnitudes. With rounding to the nearest the error
-/// is at most 4 times 2^-24; the bound is twice that, 2^-21, which also holds for truncation.
+/// Error bound of the sum of three products and a constant in f32, as a share of the sum of the magnitudes of the four terms. With rounding to
+/// nearest, the error is at most 4 x 2^-24 of that sum. The bound is twice as large, 8 x 2^-24, so that it also holds for rounding towards zero.
 pub const SLACK: f64 = 8.0 / 16_777_216.0;
 
-/// Largest number that is accepted: sums of squares and products of such numbers fit f32.
+/// Limit of the magnitude of accepted numbers. Sums of squares and products of numbers up to this limit fit f32.
 pub(crate) const MOST: f64 = 1e15;
 /// Vectors of at most this size are treated as having no direction, because their squares have little precision in f32. The size of a cone's axis is
 /// its largest component; the size of the vector to a patch is its length, metres.
 pub(crate) const LEAST: f64 = 1e-15;
-/// Bound on the error of three products whose factors are at most [`MOST`] if denormal factors are flushed to zero.
+/// Bound on the error of a sum of three products that arises if denormal factors are flushed to zero. The other factors are at most [`MOST`].
 pub(crate) const FLUSHED: f64 = 1e-22;
 
-/// Whether a box lies completely outside a plane, where n . p + w < 0 (`plane`: n, w). False if a number is NaN, infinite or beyond 1e15.
+/// Whether a box lies completely outside a plane. `plane` is (n, w); a point p is outside if n . p + w < 0. False if a number is NaN, infinite or
+/// beyond 1e15.
 pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
     let (mut distance, mut size) = (plane[3], plane[3].abs());
     for i in 0..3 {
@@ -55,7 +56,7 @@ pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], ra
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
     let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));
     let distance = length(to_patch);
-    // Not culled, because the eye is inside the sphere, a vector is too short to have a direction in f32, or a number is not valid.
+    // The patch is not culled: the eye is inside the sphere, a vector is too short to have a direction in f32, or a number is not valid.
     if !(known && has_axis && sin_half_angle >= T::zero() && sin_half_angle < T::one() && distance > radius && distance > T::of(LEAST)) {
         return false;
     }
@@ -68,19 +69,20 @@ pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], ra
     dot(unit(axis), unit(to_patch)) > sin_half_angle * cosine + cosine_half * sine + T::of(ROUNDING)
 }
 
-/// Bound on the rounding error in f32 of two unit vectors (16 ULP each), their product, two sines and cosines, and their products: less than 96 ULP.
+/// Bound on the rounding error in f32 of the comparison in [`faces_away`]. The error comes from two unit vectors (16 ULP each), their dot product,
+/// two sines and two cosines, and the products of sines and cosines. It is less than 96 ULP in total.
 pub const ROUNDING: f64 = 96.0 / 8_388_608.0;
 
-/// Largest relative error of a box's distance along the view. If the error is larger, or the box comes nearer than the near plane, the box's cover is
-/// unknown.
+/// Limit of the relative error of a box's distance along the view. If the error is larger, or a part of the box is nearer than the near plane, it is
+/// unknown which pixels the box covers.
 pub(crate) const KNOWN: f64 = 1.0 / 128.0;
-/// Smallest accepted distance of the near plane, m.
+/// Lower limit of the accepted distances of the near plane, m.
 pub(crate) const NEAREST: f64 = 1e-6;
 /// Positions are clamped to this distance from the middle of the picture, in halves of its width or height. Farther out, the exact position makes no
 /// difference.
 const OUTSIDE: f64 = 4.0;
-/// Bound on the rounding error of a screen position: a quotient q (2.5 ULP), two sums and a product, about doubled for safety. It is
-/// multiplied by 1 + |q|.
+/// Bound on the rounding error of a screen position, relative to 1 + |q|, where q is the quotient of two clip coordinates. The quotient has an error
+/// of 2.5 ULP; two sums and a product are rounded once each. The bound, 8 ULP, is about twice the total.
 const FEW: f64 = 8.0 / 8_388_608.0;
 
 /// The pixels that a box covers on the screen, rounded outwards.
@@ -97,8 +99,8 @@ pub struct Cover<T> {
 /// The pixels that the box from `low` to `high`, m, covers in a picture of `size` pixels (1..=16384 each). `rows` are the rows for x, y and w of a
 /// matrix from the box's coordinates to clip space; w is the distance along the view, m, and `near` is the smallest distance that is drawn. The
 /// pixels lie within the picture, and there is at least one: a box outside the picture counts as covering the nearest edge, and the frustum test must
-/// leave it out. `None` if the cover is unknown: the box reaches the near plane, its distance is lost in rounding (the summed terms are 2^14 times as
-/// large), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
+/// leave it out. `None` if the cover is unknown: the box reaches the near plane, its distance has too large a rounding error (the summed terms are
+/// more than about 2^14 times as large as the distance), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
 pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
     let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
     if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
@@ -164,7 +166,7 @@ mod tests {
     #[test]
     fn a_box_covers_what_its_corners_span() {
         let size = [200.0, 100.0];
-        // The nearest face spans -0.5 to 0.25 to the right and 0 to 0.5 up.
+        // On the screen, the nearest face spans -0.5 to 0.25 to the right and 0 to 0.5 up, in halves of the picture from its middle.
         let seen = cover(ALONG_Y, 0.1, [-5.0, 10.0, 0.0], [2.5, 40.0, 5.0], size).expect("before the camera");
         assert_eq!((seen.first, seen.last), ([49.0, 24.0], [125.0, 50.0]));
         assert!((0.01..0.01 + 1e-7).contains(&seen.depth), "{}", seen.depth);
@@ -174,11 +176,13 @@ mod tests {
         assert_eq!((beside.first[0], beside.last[0]), (199.0, 199.0));
         let all = cover(ALONG_Y, 0.1, [-1e6, 10.0, -1e6], [1e6, 11.0, 1e6], size).expect("before the camera");
         assert_eq!((all.first, all.last), ([0.0; 2], [199.0, 99.0]));
-        // The cover is unknown if the box reaches the near plane, if the distance is lost in rounding, and if a number is NaN.
+        // The cover is unknown if the box reaches the near plane, if a number is NaN, or if `near` is 0.
         let unknown = |low: [f64; 3], near: f64| cover(ALONG_Y, near, low, [20.0; 3], size).is_none();
         assert!(
             unknown([0.0, 0.09, 0.0], 0.1) && unknown([0.0, f64::NAN, 0.0], 0.1) && unknown([0.0; 3], f64::NAN) && unknown([9.0; 3], 0.0)
         );
+        // The distance is a difference of two numbers of about 1e6, so its error bound is about 1 m. This is too much for a distance of 10 m, but
+        // not for a distance of 200 m.
         let far_off = [ALONG_Y[0], ALONG_Y[1], [0.0, 1.0, 0.0, -1e6]];
         assert!(cover(far_off, 0.1, [0.0, 1e6 + 10.0, 0.0], [1.0, 1e6 + 20.0, 1.0], size).is_none());
         assert!(cover(far_off, 0.1, [0.0, 1e6 + 200.0, 0.0], [1.0, 1e6 + 220.0, 1.0], size).is_some());
@@ -208,7 +212,7 @@ mod tests {
         let plane = [0.6, 0.0, 0.8, -5.0];
         assert!(beyond(plane, [-9.0, -1.0, 0.0], [1.0, 1.0, 4.9]));
         assert!(!beyond(plane, [-9.0, -1.0, 0.0], [1.0, 1.0, 5.6]));
-        // The products are denormal, but their sum is not.
+        // The products are denormal in f32, but their sum is not.
         assert!(!beyond([1e-19_f32, 1e-19, 1e-19, -1.2e-38], [0.0; 3], [1.1e-19; 3]));
         assert!(!beyond(plane, [f64::NAN; 3], [f64::NAN; 3]) && !beyond(plane, [-f64::INFINITY; 3], [0.0; 3]));
     }

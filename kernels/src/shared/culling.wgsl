@@ -2,7 +2,8 @@
 // completely. The tests are conservative: nothing visible is ever left out. culling.rs derives the margins CULLING_..., which the host passes to this
 // file.
 
-// Whether a box lies completely outside a plane, where n . p + w < 0 (`plane`: n, w). False if a number is NaN, infinite or beyond 1e15.
+// Whether a box lies completely outside a plane. `plane` is (n, w); a point p is outside if n . p + w < 0. False if a number is NaN, infinite or
+// beyond 1e15.
 fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
     let terms = plane.xyz * select(low, high, plane.xyz >= vec3<f32>(0.0));
     let size = abs(terms.x) + abs(terms.y) + abs(terms.z) + abs(plane.w);
@@ -11,8 +12,8 @@ fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
     return known && terms.x + terms.y + terms.z + plane.w < -(CULLING_SLACK * size + CULLING_FLUSHED);
 }
 
-// Whether a patch faces away completely. The patch lies within `radius` of a point, `to_patch` goes from the eye to that point, and its normals lie
-// in a cone.
+// Whether a patch faces away completely. The patch lies within `radius` of a point, and `to_patch` goes from the eye to that point. The normals of
+// the patch lie in a cone around `axis`; `sin_half_angle` is the sine of the cone's half angle.
 fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>, radius: f32) -> bool {
     let known = usable_within_3(axis, CULLING_MOST) && usable_within_3(to_patch, CULLING_MOST)
         && usable_within_3(vec3<f32>(radius, sin_half_angle, 0.0), CULLING_MOST) && radius >= 0.0 && sin_half_angle >= 0.0

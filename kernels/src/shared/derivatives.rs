@@ -1,19 +1,20 @@
 //! Screen derivatives of the position, from depth and the triangle's plane.
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018: the rays through the neighbouring pixels are intersected with the plane of the triangle
-//! at the point P. With P = t r and the neighbour's ray r' = r + s, the hit is t (n.r / n.r') r'. The derivative is the hit minus P, which equals t
-//! (s - r' (n.s / n.r')). This form avoids the subtraction of two long vectors that nearly cancel.
+//! at the point P. With P = t r, the plane's normal n and the neighbour's ray r' = r + s, the intersection is t (n.r / n.r') r'. The derivative is
+//! the intersection minus P, which equals t (s - r' (n.s / n.r')). This form avoids the subtraction of two long vectors that nearly cancel.
 
 use super::octahedral::unit;
 use super::real::{Real, add, dot, length, scale, sub};
 
-/// Smallest |cosine| between plane normal and neighbouring ray. With this limit, the step along the surface is at most about 100 times the step
-/// across the view. No texture filter can resolve a longer step, and beyond the horizon of the plane the ray does not hit the plane at all.
+/// Lower limit of |cosine| between the plane's normal and the neighbouring pixel's ray; a smaller |cosine| is replaced by it. With this limit, the
+/// step along the surface is at most about 100 times the step across the view. No texture filter can resolve a longer step, and beyond the horizon of
+/// the plane the ray does not hit the plane at all.
 pub const MIN_COSINE: f64 = 0.01;
 
-/// Step of the position to the neighbouring pixel, metres. The point is `ray * t`, relative to the eye; `ray_step` is the difference between the
-/// neighbour's ray and `ray`; `normal` is a normal of the plane, of any length. Zero if the input is not finite, or if the neighbour's ray or the
-/// step is longer than 1e18, because both are squared.
+/// Step from the position that a pixel sees on a plane to the position that its neighbour sees there, metres. The point is `ray * t`, relative to the
+/// eye; `ray_step` is the difference between the neighbour's ray and `ray`; `normal` is a normal of the plane, of any length. Zero if the input is
+/// not finite, or if the neighbour's ray or the step is longer than 1e18, because both are squared.
 pub fn on_plane<T: Real>(ray: [T; 3], ray_step: [T; 3], t: T, normal: [T; 3]) -> [T; 3] {
     let n = unit(normal);
     let neighbour = add(ray, ray_step);

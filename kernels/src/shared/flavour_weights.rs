@@ -1,8 +1,9 @@
 //! Which shading flavours a point needs, and their weights.
 //!
-//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations". Slope divides the surface into cliff, a splat band just
-//! flatter than cliff, and ground. Distance divides ground into virtual texture and far atlas, and cliff into near cliff, far cliff and far atlas.
-//! Beyond the distance at which near cliff ends, the splat band is shaded as ground. Arrays are in the order of [`Flavour::ALL`].
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Shader Variations". By slope, the surface is divided into cliff, ground, and
+//! between them a splat band, whose slopes are just below those of cliffs. By distance, ground is divided into the flavours virtual texture and far
+//! atlas, and cliff into near cliff, far cliff and far atlas. The splat band is shaded by the flavour splat up to the distance at which near cliff
+//! ends, and as ground beyond it. Arrays are in the order of [`Flavour::ALL`].
 //!
 //! [`Flavour::ALL`]: crate::variant::Flavour::ALL
 
@@ -13,7 +14,7 @@ use crate::variant::Flavour;
 
 /// Weights up to this one count as zero: a flavour with such a weight changes an 8-bit channel by at most half a step, which is not worth its cost.
 pub const MIN_WEIGHT: f64 = 1.0 / 512.0;
-/// Least weight, before normalisation, of each flavour of a forced variant.
+/// Smallest weight, before normalisation, of each flavour of a forced variant. A variant is forced if a user selects it for every tile.
 pub const FORCED_WEIGHT: f64 = 1e-3;
 
 const fn place(flavour: Flavour) -> Constant {
@@ -41,7 +42,7 @@ pub(super) const CONSTANTS: &[(&str, Constant)] = &[
     ("FLAVOUR_FORCED_WEIGHT", Constant::real(FORCED_WEIGHT)),
 ];
 
-/// Where each flavour applies, as shaders read it (WGSL `FlavourParams`, 48 bytes).
+/// Distances and slopes at which the flavours change, in the layout that shaders read (WGSL `FlavourParams`, 48 bytes).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct FlavourParams {
@@ -53,14 +54,15 @@ pub struct FlavourParams {
     pub cliff_near_m: f32,
     /// Half the width of a distance blend, as a share of its distance, 0..=1.
     pub distance_blend: f32,
-    /// z of the normal below which everything is cliff, and z above which nothing is cliff; first < second. second <= -1 means that there are no
-    /// cliffs.
+    /// Two values of the unit normal's z, first < second. Surfaces with z below the first are shaded as cliff, surfaces with z above the second are
+    /// not; between them, cliff fades out. If the second is -1 or less, there are no cliffs.
     pub cliff_cos: [f32; 2],
-    /// z of the normal below which everything that is not cliff is splat, and z above which nothing is splat; first < second.
+    /// Two values of the unit normal's z, first < second. Surfaces that are not cliff are shaded as splat if z is below the first, and as ground if z
+    /// is above the second; between them, splat fades out.
     pub splat_cos: [f32; 2],
     /// Not 0 if there is a splat band.
     pub splat_enabled: u32,
-    /// Not 0 if there is a virtual texture; otherwise all ground is far atlas.
+    /// Not 0 if there is a virtual texture; otherwise all ground is shaded from the far atlas.
     pub vt_enabled: u32,
     /// Padding to a multiple of 16 bytes, which uniform buffers require.
     pub padding: [u32; 2],
@@ -87,7 +89,7 @@ pub fn weights<T: Real>(distance: T, normal_z: T, params: &FlavourParams) -> [T;
 }
 
 /// The set of flavours whose weight is above [`MIN_WEIGHT`], as bits of [`crate::variant::Flavour`]. It is never empty: if no weight is large enough,
-/// the set is far atlas.
+/// the set holds only the far atlas.
 pub fn mask<T: Real>(weights: [T; 5]) -> u32 {
     let bits = (0..5).filter(|&i| weights[i] > T::of(MIN_WEIGHT)).map(|i| 1 << i).sum();
     if bits == 0 { FAR_ATLAS } else { bits }

@@ -12,13 +12,15 @@ struct FlavourParams {
     cliff_near_m: f32,
     // Half the width of a distance blend, as a share of its distance, 0..=1.
     distance_blend: f32,
-    // z of the normal below which everything is cliff (x), and z above which nothing is cliff (y); x < y. y <= -1 means that there are no cliffs.
+    // Two values of the unit normal's z, x < y. Surfaces with z below x are shaded as cliff, surfaces with z above y are not; between them, cliff
+    // fades out. If y is -1 or less, there are no cliffs.
     cliff_cos: vec2<f32>,
-    // z of the normal below which everything that is not cliff is splat (x), and z above which nothing is splat (y); x < y.
+    // Two values of the unit normal's z, x < y. Surfaces that are not cliff are shaded as splat if z is below x, and as ground if z is above y;
+    // between them, splat fades out.
     splat_cos: vec2<f32>,
     // Not 0 if there is a splat band.
     splat_enabled: u32,
-    // Not 0 if there is a virtual texture; otherwise all ground is far atlas.
+    // Not 0 if there is a virtual texture; otherwise all ground is shaded from the far atlas.
     vt_enabled: u32,
     // Padding to a multiple of 16 bytes, which uniform buffers require.
     padding: vec2<u32>,
@@ -45,7 +47,8 @@ fn flavour_behind(distance: f32, border: f32, blend: f32) -> f32 {
     return select(flavour_ramp(distance, at * (1.0 - share), at * (1.0 + share)), 1.0, at <= 0.0);
 }
 
-// 1 where the normal is steeper than a band of z, 0 where it is flatter.
+// Weight of steep ground: 1 if `normal_z` is below the band (steeper), 0 if it is above, and a smooth step inside. Always 0 if the band ends at -1 or
+// below.
 fn flavour_steep(normal_z: f32, band: vec2<f32>) -> f32 {
     let low = select(-1.0, clamp(band.x, -1.0, 1.0), usable_number(band.x));
     let high = select(-1.0, clamp(band.y, -1.0, 1.0), usable_number(band.y));
@@ -77,7 +80,7 @@ fn flavour_weights(distance: f32, normal_z: f32, params: FlavourParams) -> array
     );
 }
 
-// The set of flavours whose weight is above FLAVOUR_MIN_WEIGHT. It is never empty: if no weight is large enough, the set is far atlas.
+// The set of flavours whose weight is above FLAVOUR_MIN_WEIGHT. It is never empty: if no weight is large enough, the set holds only the far atlas.
 fn flavour_mask(weights: array<f32, 5>) -> u32 {
     var mask = 0u;
     mask |= select(0u, 1u, weights[0] > FLAVOUR_MIN_WEIGHT);

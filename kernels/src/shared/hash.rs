@@ -32,7 +32,7 @@ pub fn to_unit<T: Real>(h: u32) -> T {
     T::of(f64::from(h >> 8) / 16_777_216.0)
 }
 
-/// Mixes three parameters into one word, so that a four-word hash has three words left for a cell.
+/// Mixes three parameters into one word, so that a hash of four words has three words left for the coordinates of a cell.
 pub const fn mix(seed: u32, salt: u32, level: u32) -> u32 {
     // The hashes are chained, not added or xored, so that neighbouring seeds, salts and levels do not cancel each other.
     pcg(level.wrapping_add(pcg(salt.wrapping_add(pcg(seed)))))

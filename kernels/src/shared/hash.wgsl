@@ -28,7 +28,7 @@ fn hash_to_unit(h: u32) -> f32 {
     return f32(h >> 8u) * 5.9604644775390625e-8;
 }
 
-// Mixes three parameters into one word, so that a four-word hash has three words left for a cell.
+// Mixes three parameters into one word, so that a hash of four words has three words left for the coordinates of a cell.
 // The hashes are chained, not added or xored, so that neighbouring seeds, salts and levels do not cancel each other.
 fn hash_mix(seed: u32, salt: u32, level: u32) -> u32 {
     return hash_pcg(level + hash_pcg(salt + hash_pcg(seed)));

@@ -39,7 +39,7 @@ fn hex_tiling_at(sector: vec2<i32>, position: vec2<f32>, sector_m: f32, level: i
     let s = bitcast<vec2<u32>>(sector);
     let step = u32(k - HEX_TILING_LEVEL_MIN);
     let skewed_y = s.y * (HEX_TILING_SKEW << step);
-    // 2^(16 + k) = 2^(6 + step).
+    // In fixed point, the edge of a sector is 2^(16 + k) = 2^(6 + step).
     let whole = vec2<u32>((s.x << (HEX_TILING_SKEW_BITS + step)) - skewed_y, skewed_y << 1u);
     let spacings = noise_power_of_two(k) / max(usable_positive_1(sector_m, 1e30), 1e-6);
     let limit = vec2<f32>(1e9);
@@ -64,7 +64,7 @@ fn hex_tiling_at(sector: vec2<i32>, position: vec2<f32>, sector_m: f32, level: i
     );
 }
 
-// One of the three ids.
+// Id of one of the three hexagons, i = 0..=2.
 fn hex_tiling_id(tiling: HexTiling, i: u32) -> vec2<u32> {
     if i == 0u {
         return tiling.first;

@@ -10,7 +10,8 @@ use super::real::Real;
 /// Number of layers of the blend.
 pub const LAYERS: usize = 8;
 
-/// Share of a layer in the four texels around a point, whose layers are `layers` and whose weights are `weights`, 0..=1: `layers_share`.
+/// Share of `layer` at a point: the sum of the weights, 0..=1, of those surrounding texels that show this layer. `layers` are the layers of the four
+/// texels, `weights` their weights. In WGSL: `layers_share`.
 pub fn share<T: Real>(weights: [T; 4], layers: [u32; 4], layer: u32) -> T {
     let of_layer = weights.into_iter().zip(layers).filter(|&(_, l)| l == layer);
     of_layer.fold(T::zero(), |sum, (w, _)| sum + bounded(w, 0.0, 1.0))

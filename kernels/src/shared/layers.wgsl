@@ -2,14 +2,15 @@
 // Source: Luna, "Introduction to 3D Game Programming with DirectX 12", 2016, terrain rendering. The final weight of a layer is w_i = p_i prod_{j > i}
 // (1 - p_j).
 
-// Share of a layer in the four texels around a point. Opacities are computed from the shares, instead of being read from a painted blend map.
+// Share of a layer at a point: the sum of the weights of those of the four surrounding texels that show this layer. Opacities are computed from the
+// shares; they are not read from a painted blend map.
 fn layers_share(weights: vec4<f32>, layers: vec4<u32>, layer: u32) -> f32 {
     let w = usable_positive_4(weights, 1.0);
     return dot(select(vec4<f32>(0.0), w, layers == vec4<u32>(layer)), vec4<f32>(1.0));
 }
 
-// Opacity p_j = m_j / sum_{i <= j} m_i, with which w_i = m_i. `below` is the sum of the shares of the layers below. `share` and `below` are clamped
-// to 0..=1e30.
+// Opacity p_j = m_j / sum_{i <= j} m_i of a layer, where m are the shares of the layers. With these opacities, the final weights w_i equal the shares
+// m_i. `below` is the sum of the shares of the layers below. `share` and `below` are clamped to 0..=1e30.
 fn layers_opacity(layer: u32, share: f32, below: f32) -> f32 {
     let m = usable_positive_2(vec2<f32>(share, below), 1e30);
     return select(m.x / max(m.x + m.y, 1e-30), 1.0, layer == 0u);

@@ -1,9 +1,10 @@
 //! Functions that several stages share. Each WGSL file has a reference in Rust of the same name.
 //!
-//! A WGSL file holds free functions, prefixed by its topic, without bindings, overrides or directives, so that any shader can use it. The Rust
-//! functions are generic over [`real::Real`]. The results in f64 are the truth; the error of the results in f32 is what the shader's error is
-//! compared with. `hash::pcg4d` in Rust is `hash_pcg4d` in WGSL, and so on; a name in backticks at the end of a description is the name of the
-//! function in WGSL. No function returns NaN or infinity, whatever its input, unless its documentation says that it only copies numbers.
+//! A WGSL file holds free functions whose names begin with the topic of the file. It has no bindings, overrides or directives, so that any shader can
+//! use it. The Rust functions are generic over [`real::Real`]. Their results in f64 count as exact. The error of their results in f32 is the
+//! yardstick for the error of the shader. The Rust function `hash::pcg4d` is named `hash_pcg4d` in WGSL; most names correspond in this way. If a
+//! description ends in a name in backticks, this is the name of the function in WGSL. No function returns NaN or infinity, whatever its input. The
+//! only exceptions are functions whose documentation says that they only copy numbers.
 
 pub mod biplanar;
 pub mod blue_noise;

@@ -1,9 +1,9 @@
 //! Where an earlier camera saw a point of this frame, computed exactly from depth and the two cameras.
 //!
-//! A point q, relative to the earlier eye, lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), and r has length 1 along the view direction
-//! f. So the distance of q along f is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and dy. The same
-//! holds for y. This is the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a matrix whose translation
-//! would lose digits far from the origin.
+//! A point q, relative to the earlier eye, lies on the ray r(x, y) = r00 + x dx + y dy of pixel (x, y), and the component of r along the view
+//! direction f is 1. So the distance of q along f is t = q . f, and x = q . dx / (t |dx|^2) - r00 . dx / |dx|^2, because dx is perpendicular to f and
+//! dy. The formula for y is analogous. This is the pinhole projection (Hartley & Zisserman, *Multiple View Geometry*, 2003, section 6.1), without a
+//! matrix whose translation would lose digits far from the origin.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -89,7 +89,7 @@ pub fn reproject<T: Real>(point: [T; 3], past: &Past<T>) -> [T; 3] {
     if pixel.iter().all(|p| p.abs() <= T::of(1e9)) { [pixel[0], pixel[1], distance] } else { nowhere }
 }
 
-/// The ray of a pixel of the earlier camera, 1 long along the view direction; zero if the ray is not finite: `motion_past_ray`.
+/// The ray of a pixel of the earlier camera: `motion_past_ray`. Its component along the view direction is 1. Zero if the ray is not finite.
 pub fn past_ray<T: Real>(past: &Past<T>, pixel: [T; 2]) -> [T; 3] {
     let x = (pixel[0] + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel[1] + past.y_shift) / dot(past.y_row, past.y_row);
@@ -106,12 +106,13 @@ pub fn expected_distance<T: Real>(point: [T; 3], past: &Past<T>, ray: [T; 3], no
     if hit { distance } else { T::zero() }
 }
 
-/// Whether an earlier depth belongs to the surface expected there: `motion_same_surface`.
+/// Whether a surface at the distance `found` in the earlier frame is the surface that is expected at the distance `expected`: `motion_same_surface`.
+/// The distances may differ by at most `tolerance` times `expected`. A distance of 0 means that there is no surface.
 pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
-/// Whether a pixel belongs to quarter 0 to 3 of the picture: `motion_of_quarter` returns these pixels.
+/// Whether a pixel belongs to a quarter of the picture; `quarter` is 0 to 3. In WGSL, `motion_of_quarter` returns the pixels of a quarter.
 pub fn in_quarter(pixel: [u32; 2], quarter: u32) -> bool {
     pixel[0] % 4 == (quarter + 2 * pixel[1]) % 4
 }

@@ -29,8 +29,8 @@ fn motion_reproject(point: vec3<f32>, past: MotionPast) -> vec3<f32> {
     return select(vec3<f32>(-1e9, -1e9, 0.0), vec3<f32>(pixel, distance), finite);
 }
 
-// The distance along the earlier view direction at which the ray through pixel centre `pixel` meets the plane through the point with normal
-// `normal`; `ray` is that pixel's ray, 1 long along the view direction. If the point was not occluded, the earlier depth must be close to this
+// The distance along the earlier view direction at which the ray through pixel centre `pixel` meets the plane through the point with normal `normal`;
+// `ray` is that pixel's ray, whose component along the view direction is 1. If the point was not occluded, the earlier depth must be close to this
 // distance. 0 if the plane is edge-on or the hit lies behind the camera.
 fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, normal: vec3<f32>) -> f32 {
     let along = dot(normal, ray);
@@ -40,7 +40,8 @@ fn motion_expected_distance(point: vec3<f32>, past: MotionPast, ray: vec3<f32>, 
     return select(0.0, distance, !edge_on && distance > MOTION_MIN_DISTANCE && usable_number(distance) && distance < MOTION_FAR);
 }
 
-// The ray of a pixel of the earlier camera: the inverse of the pixel coordinates above, for perpendicular rows. Zero if the ray is not finite.
+// The ray of a pixel of the earlier camera. The function inverts the computation of the pixel in motion_reproject; `x_row` and `y_row` are
+// perpendicular. Zero if the ray is not finite.
 fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
     let x = (pixel.x + past.x_shift) / dot(past.x_row, past.x_row);
     let y = (pixel.y + past.y_shift) / dot(past.y_row, past.y_row);
@@ -48,7 +49,8 @@ fn motion_past_ray(past: MotionPast, pixel: vec2<f32>) -> vec3<f32> {
     return select(vec3<f32>(0.0), ray, vec3<bool>(usable_within_3(ray, 1e30)));
 }
 
-// Whether an earlier depth (metres along the view direction, 0 = none) belongs to the surface expected there.
+// Whether a surface at the distance `found` in the earlier frame is the surface that is expected at the distance `expected`. Both are metres along
+// the view direction, 0 = no surface. They may differ by at most `tolerance` times `expected`.
 fn motion_same_surface(found: f32, expected: f32, tolerance: f32) -> bool {
     return found > 0.0 && expected > 0.0 && abs(found - expected) <= tolerance * expected;
 }

@@ -1,22 +1,24 @@
-//! Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
+//! Random thresholds in [0, 1) for stochastic choices. Each call returns four independent thresholds, one for each random decision of a pixel, such
+//! as the choice of a material.
 //!
-//! There are seven kinds. Three are bound to the ground (hashed alpha in two forms, white noise of fixed cells), and four to the screen (white noise,
-//! interleaved gradient noise, a blue-noise mask, a spatio-temporal blue-noise mask). Each kind is exactly uniform over seeds; the kinds differ in
-//! how neighbouring pixels and frames are correlated.
+//! There are seven kinds of noise. Three are bound to the ground (hashed alpha in two forms, white noise of fixed cells), and four to the screen
+//! (white noise, interleaved gradient noise, a blue-noise mask, a spatio-temporal blue-noise mask). Each kind is exactly uniform over seeds; the
+//! kinds differ in how neighbouring pixels and frames are correlated.
 //!
-//! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) hashes the cell that holds the point. Cells are about as wide as a pixel; two
-//! neighbouring powers of two are blended, so that the scale follows the camera without a pop, and the distribution function of the blend makes the
-//! result uniform again. Here cells are exact integers (sector index times cells per sector, plus cell in sector), so that the noise works equally
-//! well at the origin and 1000 km from it.
+//! Hashed alpha (Wyman & McGuire, *Hashed Alpha Testing*, I3D 2017) divides space into cells that are about as wide as a pixel, and hashes the cell
+//! that holds the point. Cell sizes are powers of two. The random numbers of the two sizes next to the pixel's size are blended, so that the size
+//! follows the camera without a visible jump. The blend is not uniform; its distribution function converts it to a uniform number. Here cells are
+//! exact integers (sector index times cells per sector, plus cell in sector), so that the noise works equally well at the origin and 1000 km from it.
 //!
-//! The anisotropic kind jumps where one axis reaches a power of two while the others do not, because it blends along the diagonal of a cube of scales
-//! (a limit of the published method).
+//! The anisotropic kind has one scale per axis, but a single blend factor. Its thresholds therefore jump where the scale of one axis passes a power
+//! of two and the scales of the other axes do not. This is a limit of the published method.
 //!
-//! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a
-//! sawtooth along one direction: a rational lattice whose 3 x 3 neighbourhoods hold evenly spread values. It is computed in fixed point here, where
-//! the products are exact. A shift by whole pixels changes all values by almost the same amount, so two shifted copies of one lattice would not be
-//! independent; therefore each of the four decisions uses a different symmetry of the square. The published function alone is not uniform (52.98 is
-//! not a whole number, so values above 0.983 are 1.9 % too rare); a hashed rotation, which is an offset modulo 1, corrects this for each decision.
+//! Interleaved gradient noise (Jimenez, *Next Generation Post Processing in Call of Duty: Advanced Warfare*, SIGGRAPH 2014) is a sawtooth along one
+//! direction: a rational lattice whose 3 x 3 neighbourhoods hold evenly spread values. It is computed in fixed point here, where the products are
+//! exact. A shift by whole pixels changes all values by almost the same amount, so two shifted copies of one lattice would not be independent;
+//! therefore each of the four decisions transposes or mirrors the pixel coordinates in a different way. The published function alone is not uniform:
+//! its factor 52.98 is not a whole number, so values above 0.983 are 1.9 % too rare. A hashed offset, which is added modulo 1 for each decision,
+//! corrects this.
 
 use std::fmt;
 use std::str::FromStr;
@@ -25,9 +27,9 @@ use super::real::{Real, length};
 use super::{blue_noise, bounded, hash, usable};
 use crate::base::wgsl::Constant;
 
-/// Coarsest scale: log2 of cells per metre.
+/// Scale of the largest cells, log2 of cells per metre.
 pub const LEVEL_MIN: i32 = -5;
-/// Finest scale: log2 of cells per metre.
+/// Scale of the smallest cells, log2 of cells per metre.
 pub const LEVEL_MAX: i32 = 16;
 /// The largest threshold: 1 - 2^-24, the largest f32 below 1.
 pub const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
@@ -46,15 +48,15 @@ pub const IGN_REST: u32 = 4_221_604_530;
 /// A kind of noise: the source of thresholds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NoiseKind {
-    /// Hashed position, one scale for all axes.
+    /// Hashed alpha with one scale for all axes.
     HashedIsotropic,
-    /// Hashed position, one scale per axis.
+    /// Hashed alpha with one scale per axis.
     HashedAnisotropic,
-    /// White noise of pixel and frame.
+    /// White noise that changes from pixel to pixel and from frame to frame.
     WhiteScreen,
-    /// White noise of cells of a fixed size in the world.
+    /// White noise per cell of a fixed grid in the world.
     WhiteWorld,
-    /// Interleaved gradient noise of pixel and frame.
+    /// Interleaved gradient noise, which depends on pixel and frame.
     InterleavedGradient,
     /// A blue-noise mask over the screen, the same in every frame.
     Blue,
@@ -182,7 +184,7 @@ pub struct TwoScales<T> {
 }
 
 impl<T: Real> TwoScales<T> {
-    /// The thresholds: blended, then made uniform by [`correct`].
+    /// The thresholds: the blend of both scales, made uniform by [`correct`].
     pub fn thresholds(&self) -> [T; 4] {
         self.blended().map(|x| correct(x, self.lerp_factor))
     }
@@ -204,16 +206,16 @@ pub fn hashed_anisotropic<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32)
     anisotropic_scales(point, seed, salt).thresholds()
 }
 
-/// The two scales behind [`hashed_isotropic`].
+/// The random numbers at two scales that [`hashed_isotropic`] blends.
 pub fn isotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
     let extent = length(point.ddx).max(length(point.ddy));
     let (k, part) = split(level(point.hash_scale * extent));
     TwoScales { coarse: cell_units(point, [k; 3], seed, salt), fine: cell_units(point, [k + 1; 3], seed, salt), lerp_factor: part }
 }
 
-/// The two scales behind [`hashed_anisotropic`].
+/// The random numbers at two scales that [`hashed_anisotropic`] blends.
 pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32) -> TwoScales<T> {
-    // The inverse of the paper's factor 0.707: the diagonal of a cell, not its edge, spans the pixel.
+    // The square root of 2 is the inverse of the paper's factor 0.707. With it, the diagonal of a cell, not its edge, spans the pixel.
     let widen = T::of(std::f64::consts::SQRT_2) * point.hash_scale;
     let axes: [(i32, T); 3] = std::array::from_fn(|i| split(level(widen * point.ddx[i].abs().max(point.ddy[i].abs()))));
     let k = axes.map(|(k, _)| k);
@@ -226,8 +228,8 @@ pub fn anisotropic_scales<T: Real>(point: &HashedPoint<T>, seed: u32, salt: u32)
     }
 }
 
-/// P((1-l) U1 + l U2 < x) for independent uniform U1 and U2, with l = `lerp_factor`, both arguments in 0..=1: `noise_correct`.
-/// The result is in [0, 1); it is x itself if l is 0 or 1. Source: Wyman & McGuire 2017, the three cases of the distribution function.
+/// The probability that (1-l) U1 + l U2 < x, where U1 and U2 are independent and uniform, and l is `lerp_factor`: `noise_correct`. Both arguments are
+/// in 0..=1. The result is in [0, 1); it is x itself if l is 0 or 1. Source: Wyman & McGuire 2017, the three cases of the distribution function.
 pub fn correct<T: Real>(x: T, lerp_factor: T) -> T {
     let one = T::one();
     let x = bounded(x, 0.0, 1.0);
@@ -251,7 +253,7 @@ pub fn white_screen<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) 
     hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 0)]).map(hash::to_unit)
 }
 
-/// White noise of cells 2^-`level` m wide, `level` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]: `noise_white_world`.
+/// White noise per cell. Cells are 2^-`level` m wide, `level` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]: `noise_white_world`.
 pub fn white_world<T: Real>(point: &HashedPoint<T>, level: i32, seed: u32, salt: u32) -> [T; 4] {
     cell_units(point, [level.clamp(LEVEL_MIN, LEVEL_MAX); 3], seed, salt)
 }
@@ -265,7 +267,8 @@ pub fn interleaved_gradient_value(pixel: [u32; 2], frame: u32) -> u32 {
     inner.wrapping_mul(IGN_WHOLE).wrapping_add(u32::from_le_bytes(rest))
 }
 
-/// Interleaved gradient noise, shifted by whole pixels and rotated for each decision: `noise_interleaved_gradient`.
+/// Interleaved gradient noise for four decisions: `noise_interleaved_gradient`. For each decision, the pixel coordinates are shifted, transposed and
+/// mirrored differently, and the value gets a different offset modulo 1.
 pub fn interleaved_gradient<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, salt: u32) -> [T; 4] {
     [0, 1, 2, 3].map(|decision| {
         let [right, down, rotation, _] = hash::pcg4d([seed, salt, decision, IGN_FRAME]);
@@ -275,8 +278,8 @@ pub fn interleaved_gradient<T: Real>(pixel: [u32; 2], frame: u32, seed: u32, sal
     })
 }
 
-/// Index into [`blue_noise::ranks`] of the rank for a decision (0..=3) of a pixel: `noise_rank_index`. The mask is shifted on the torus for each
-/// seed, salt and decision. 0 for kinds without a mask.
+/// Index into [`blue_noise::ranks`] of the rank for a decision (0..=3) of a pixel: `noise_rank_index`. The mask wraps around and is shifted by an
+/// offset that depends on seed, salt and decision. The index is 0 for kinds of noise without a mask.
 pub fn rank_index(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, decision: u32) -> u32 {
     const EDGE: u32 = blue_noise::EDGE;
     let slice = match kind {
@@ -289,7 +292,8 @@ pub fn rank_index(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt:
     slice * blue_noise::RANKS + y * EDGE + x
 }
 
-/// (rank + hashed jitter) / ranks for four ranks, in 24 bits: `noise_mask`. The jitter changes with the frame only if the ranks do.
+/// Converts four ranks of a mask to thresholds of 24 bits: (rank + jitter) / number of ranks. In WGSL: `noise_mask`. The jitter is a hash in [0, 1).
+/// It changes with the frame only if the ranks do.
 pub fn mask<T: Real>(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, ranks: [u32; 4]) -> [T; 4] {
     let frame = if kind.is_per_frame() { frame } else { 0 };
     let jitter = hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 1)]);
@@ -329,8 +333,8 @@ fn level<T: Real>(footprint: T) -> T {
     bounded(-bounded(footprint, 1e-6, 1e6).log2(), f64::from(LEVEL_MIN), f64::from(LEVEL_MAX))
 }
 
-/// The lower of the two scales around a level, and the share of the upper one. The upper scale is always the next integer. If it were the level
-/// rounded up, both scales would be equal for a level that is a whole number.
+/// The lower of the two whole scales around a level, and the blend weight of the upper scale. The upper scale is always the next integer. If it were
+/// the level rounded up, both scales would be equal for a level that is a whole number.
 fn split<T: Real>(level: T) -> (i32, T) {
     let k = level.floor().to_i32().expect("a level is finite and small").min(LEVEL_MAX - 1);
     (k, level - T::of(f64::from(k)))
@@ -346,13 +350,14 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
 /// Smallest position that does not count as 0: 2^-100 m. Its product with any number of cells per metre is not denormal.
 const LEAST_M: f64 = 7.888_609_052_210_118e-31;
 
-/// The cell that holds a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed thresholds and the white noise of the world hash this
-/// cell. A `k` outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`] would lose sectors or digits; neither of the two kinds of noise uses one.
+/// The cell that holds a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed alpha and the white noise of fixed cells hash the
+/// coordinates of this cell. A `k` outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`] would lose sectors or digits; neither of the two kinds of noise uses one.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());
         let position = point.position[axis];
-        // Tiny positions count as 0. A border between two cells lies at 0, and some devices flush tiny numbers to zero while others do not.
+        // Tiny positions count as 0. A border between two cells lies at 0. Some devices flush tiny negative numbers to zero and others do not, so
+        // they would find different cells.
         let place = if position.abs() >= T::of(LEAST_M) { position } else { T::zero() };
         let in_sector = whole((usable(place) * per_metre).floor());
         let sectors = point.sector.get(axis).map_or(0, |&s| i64::from(s) * whole(bounded(point.sector_m * per_metre, 0.0, 1e12)));

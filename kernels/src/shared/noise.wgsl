@@ -1,11 +1,12 @@
-// Thresholds in [0, 1) for stochastic choices: four independent ones per call, one per decision.
+// Random thresholds in [0, 1) for stochastic choices. Each call returns four independent thresholds, one for each random decision of a pixel.
 // Source: Wyman & McGuire, "Hashed Alpha Testing", I3D 2017: a scale from screen derivatives (isotropic and anisotropic), a blend of two discrete
 // scales, and the distribution function that makes the blend uniform again. Cells are exact integers (sector index times cells per sector, plus cell
 // in sector), so the noise works equally well at the origin and 1000 km from it. noise.rs describes the other kinds of noise, and the constants
 // NOISE_... that the host passes to this file.
 
-// Scales are 2^k cells per metre, k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. If sectors are 32 m wide or wider, a sector is a whole number of cells
-// for every k. The buffer of ranks holds the blue-noise mask, then the slices of the spatio-temporal mask, each NOISE_MASK_EDGE squared, row by row.
+// Scales are 2^k cells per metre, with k from NOISE_LEVEL_MIN to NOISE_LEVEL_MAX. If a sector is at least 32 m wide, its edge is a whole number of
+// cells long for every k. The buffer of ranks holds the blue-noise mask, then the slices of the spatio-temporal mask, each NOISE_MASK_EDGE squared,
+// row by row.
 
 // The largest f32 below 1.
 const NOISE_BELOW_ONE: f32 = 0.99999994;
@@ -32,7 +33,8 @@ fn noise_power_of_two(k: i32) -> f32 {
 fn noise_cell(sector: i32, position: f32, sector_m: f32, k: i32) -> u32 {
     let cells_per_metre = noise_power_of_two(k);
     let cells_per_sector = u32(usable_positive_1(sector_m * cells_per_metre, 2147483520.0));
-    // Tiny positions count as 0. A border between two cells lies at 0, and some devices flush tiny numbers to zero while others do not.
+    // Tiny positions count as 0. A border between two cells lies at 0. Some devices flush tiny negative numbers to zero and others do not, so they
+    // would find different cells.
     let place = select(0.0, position, abs(position) >= NOISE_LEAST_M);
     let cell = i32(clamp(floor(usable_1(place) * cells_per_metre), -2147483520.0, 2147483520.0));
     return bitcast<u32>(sector) * cells_per_sector + bitcast<u32>(cell);
@@ -51,8 +53,8 @@ fn noise_cell_units(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, k: ve
     return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
 }
 
-// P((1-l) U1 + l U2 < x) for independent uniform U1, U2. It turns the blend into a uniform number again. The result is in [0, 1); it is x itself if l
-// is 0 or 1.
+// The probability that (1-l) U1 + l U2 < x, where U1 and U2 are independent and uniform, and l is `lerp_factor`. It converts the blend to a uniform
+// number. The result is in [0, 1); it is x itself if l is 0 or 1.
 fn noise_correct(x: f32, lerp_factor: f32) -> f32 {
     let l = usable_positive_1(lerp_factor, 1.0);
     let y = usable_positive_1(x, 1.0);
@@ -97,7 +99,8 @@ fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f3
     let k = vec3<i32>(lower);
     let coarse = noise_cell_units(sector, position, sector_m, k, seed, salt);
     let fine = noise_cell_units(sector, position, sector_m, k + vec3<i32>(1), seed, salt);
-    // Distances to the two corners of the unit cube of scales; they are never both zero.
+    // Distances of the scales to the corner of the coarse scales, (0, 0, 0), and to the corner of the fine scales, (1, 1, 1). They are never both
+    // zero.
     let part = level - lower;
     let to_coarse = length(part);
     let to_fine = length(vec3<f32>(1.0) - part);
@@ -110,7 +113,7 @@ fn noise_white_screen(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec
     return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
 }
 
-// White noise of cells 2^-level m wide, bound to the ground.
+// White noise per cell of a fixed grid in the world. Cells are 2^-level m wide.
 fn noise_white_world(sector: vec2<i32>, position: vec3<f32>, sector_m: f32, level: i32, seed: u32, salt: u32) -> vec4<f32> {
     let k = clamp(level, i32(NOISE_LEVEL_MIN), i32(NOISE_LEVEL_MAX));
     return noise_cell_units(sector, position, sector_m, vec3<i32>(k), seed, salt);
@@ -130,8 +133,8 @@ fn noise_interleaved_gradient_value(pixel: vec2<u32>, frame: u32) -> u32 {
     return inner * NOISE_IGN_WHOLE + noise_high_product(inner, NOISE_IGN_REST);
 }
 
-// Interleaved gradient noise, shifted by whole pixels and rotated (an offset modulo 1) for each decision. Each decision also uses its own symmetry of
-// the square, because shifted copies of one lattice would not be independent.
+// Interleaved gradient noise for four decisions. For each decision, the pixel is shifted by whole pixels, and the value gets an offset modulo 1. Each
+// decision also transposes or mirrors the pixel coordinates in a different way, because shifted copies of one lattice would not be independent.
 fn noise_interleaved_gradient(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec4<f32> {
     var units: vec4<f32>;
     for (var decision = 0u; decision < 4u; decision++) {
@@ -149,8 +152,8 @@ fn noise_needs_mask(kind: u32) -> bool {
     return kind == NOISE_BLUE || kind == NOISE_SPATIO_TEMPORAL_BLUE;
 }
 
-// Index into the buffer of ranks for a decision, 0..=3. The mask is shifted on the torus for each seed, salt and decision, which preserves its
-// spectrum. 0 for kinds without a mask.
+// Index into the buffer of ranks for a decision, 0..=3. The mask wraps around and is shifted by an offset that depends on seed, salt and decision;
+// the shift does not change its spectrum. The index is 0 for kinds of noise without a mask.
 fn noise_rank_index(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, decision: u32) -> u32 {
     if !noise_needs_mask(kind) {
         return 0u;
@@ -160,7 +163,8 @@ fn noise_rank_index(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u3
     return slice * NOISE_MASK_RANKS + shifted.y * NOISE_MASK_EDGE + shifted.x;
 }
 
-// (rank + hashed jitter) / ranks: 12 bits of the rank, then 12 bits of the jitter. The jitter changes with the frame only if the ranks do.
+// Converts four ranks of a mask to thresholds: (rank + jitter) / number of ranks. A threshold has 12 bits of the rank, then 12 bits of the jitter,
+// which is a hash. The jitter changes with the frame only if the ranks do.
 fn noise_mask(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, ranks: vec4<u32>) -> vec4<f32> {
     let fresh = select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE);
     let jitter = hash_pcg4d(vec4<u32>(pixel, fresh, hash_mix(seed, salt, 1u)));

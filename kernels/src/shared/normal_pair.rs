@@ -1,32 +1,37 @@
-//! Two normals in 32 bits: the plane of a triangle, from which derivatives follow, and the shading normal.
+//! Two normals in 32 bits: the normal of the triangle's plane, from which screen derivatives are computed, and the shading normal.
 //!
-//! Two octahedral codes of 8 + 8 bits would give both normals equally many bits. But a texture blurs the shading normal anyway, while the derivatives
-//! multiply the error of the plane by one over the cosine of incidence. Two facts save bits for the plane. A plane has no sign, so half of the
-//! octahedron holds all planes. The shading normal is near the plane's normal, so only the low bits of its code are stored. The saved bits make the
-//! plane's lattice 8 times finer. If the two normals are too far apart, the plane has 127 steps, as in an octahedral code. In either case, the 8 + 8
-//! bits of the shading normal are kept exactly:
+//! Two octahedral codes of 8 + 8 bits would give both normals the same number of bits. But the plane needs more precision. The shading normal comes
+//! from a texture, whose filter blurs it anyway. An error of the plane's normal enters the derivatives divided by the cosine of the angle of
+//! incidence. Two facts save bits for the plane. First, a plane has no front side, so half of the octahedron holds all planes. Second, the shading
+//! normal is usually near the plane's normal, so its code can be predicted from the plane, and only the low bits of the code are stored. With the
+//! saved bits, the lattice of plane normals is 8 times finer: this is the *fine* form. If the two normals are too far apart, the lattice has 127
+//! steps, as in an octahedral code of 8 + 8 bits: this is the *plain* form. Both forms keep the 8 + 8 bits of the shading normal exactly:
 //!
-//! | bits | 31 | plane | shading normal |
+//! | form | bit 31 | bits of the plane | bits of the shading normal |
 //! | --- | --- | --- | --- |
-//! | fine | 0 | 30..=10, of [`FINE`] steps | 9..=5 and 4..=0, the low bits of its codes |
-//! | plain | 1 | 30..=16, of [`PLAIN`] steps | 15..=8 and 7..=0, its codes |
+//! | fine | 0 | 30..=10: point of the lattice with [`FINE`] steps | 9..=5 and 4..=0: the low bits of its code |
+//! | plain | 1 | 30..=16: point of the lattice with [`PLAIN`] steps | 15..=8 and 7..=0: its code |
 //!
 //! Sources: the octahedral codes are from Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014. The
-//! packing is new; `docs/stability-lab.md` derives it in section 3. An error of ε in the plane bends a derivative by at most sin ε / cos, where cos
-//! is the cosine between the decoded plane's normal and the neighbour's ray (section 2 of that document).
+//! packing is new; `docs/stability-lab.md` derives it in section 3. If the angle between the true and the decoded plane is ε, the relative error of a
+//! derivative is at most sin ε / cos, where cos is the cosine between the decoded plane's normal and the neighbour's ray (section 2 of that
+//! document).
 
 use super::octahedral;
 use super::real::{Real, dot, sub};
 
-/// Steps of the plane's lattice from the middle of the octahedron's square to its rim: 8 for each step of the shading normal's code.
+/// Fine form: number of steps of the plane's lattice from the middle of the octahedron's square to its rim. It has 8 steps for each step of the
+/// shading normal's code.
 pub const FINE: i32 = 1016;
-/// Steps of the plane's lattice if the shading normal is too far from the plane's normal: one for each step of the shading normal's code.
+/// Plain form: number of steps of the plane's lattice from the middle of the octahedron's square to its rim. It has as many steps as the shading
+/// normal's code.
 pub const PLAIN: i32 = 127;
-/// Largest angle between a plane and its fine code, radians (0.0798 degrees): √2 times a step, as for octahedral codes. The largest angles occur near
-/// the centres of the octahedron's faces. If the ray meets a plane at less than this angle, it may see the nearest lattice point from behind. A
-/// different point is then chosen, and the error is at most three times as large.
+/// Fine form: upper limit of the angle between a plane and the decoded plane, radians (0.0798 degrees). It is √2 times a step, as for octahedral
+/// codes. The largest angles occur near the centres of the octahedron's faces. If the angle between a ray and the plane is smaller than this limit,
+/// the ray may see the plane of the nearest lattice point from behind. A different point is then chosen, and the error is at most three times this
+/// limit.
 pub const FINE_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 1016.0;
-/// Largest angle between a plane and its plain code, radians (0.638 degrees).
+/// Plain form: upper limit of the angle between a plane and the decoded plane, radians (0.638 degrees).
 pub const PLAIN_SUPREMUM: f64 = std::f64::consts::SQRT_2 / 127.0;
 
 /// The contents of a word.
@@ -60,8 +65,8 @@ fn direction<T: Real>([x, y]: [i32; 2], half: i32) -> [T; 3] {
     v.map(|c| c / length)
 }
 
-/// The lattice point nearest to the unit vector `n` (z at least 0), among those around it that the unit vector `ray` sees from the same side as `n`.
-/// There is always one, because `n` lies between the points.
+/// Of the lattice points around the unit vector `n` (z at least 0), the nearest one whose plane the unit vector `ray` sees from the same side as the
+/// plane with normal `n`. There is always such a point, because `n` lies between the points.
 fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
     let flat = octahedral::encode(n).map(|x| x * T::of(f64::from(half)));
     let whole = |x: T| x.to_i32().expect("within the square");
@@ -75,7 +80,7 @@ fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
             continue;
         }
         let decoded = direction(p, half);
-        // A plane that is seen from behind would reverse the derivatives.
+        // If the decoded plane were seen from the other side, the derivatives would be reversed.
         if along != T::zero() && dot(decoded, ray) * along <= T::zero() {
             continue;
         }
@@ -88,14 +93,15 @@ fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
     best
 }
 
-/// The code of a shading normal that equals the normal of the fine plane, 0..=254 each.
+/// The predicted code of the shading normal, 0..=254 each: the code that the plane's own normal would have. `p` is the lattice point of the plane in
+/// the fine form.
 fn predict(p: [i32; 2]) -> [i32; 2] {
     p.map(|x| (x + FINE + 4) >> 3)
 }
 
 /// Encodes a plane, given by a normal of any length and either sign, and the code of a shading normal, 0..=254 each; larger codes count as 254. `ray`
-/// leads from the eye to the plane and may have any length; it sees the decoded plane from the same side as the given one. A vector without usable
-/// direction counts as z.
+/// leads from the eye to the plane and may have any length; it sees the decoded plane from the same side as the given plane. A vector without usable
+/// direction counts as the z axis.
 pub fn encode<T: Real>(plane: [T; 3], ray: [T; 3], shading: [u32; 2]) -> u32 {
     let n = octahedral::unit(plane);
     let upper = if n[2] < T::zero() { n.map(|x| -x) } else { n };
@@ -176,7 +182,8 @@ mod tests {
 
     #[test]
     fn the_code_predicted_is_the_nearest() {
-        // A different prediction would also decode correctly, but the codes within its reach would not lie symmetrically around it.
+        // A word stores codes up to 16 steps from the prediction. With a different prediction, words would also decode correctly, but the stored
+        // range would not be centred on the plane's normal.
         for x in -FINE..=FINE {
             let [code, _] = predict([x, 0]);
             assert!((0..=254).contains(&code) && (8 * (code - PLAIN) - x).abs() <= 4, "{x} as {code}");
@@ -234,13 +241,14 @@ mod tests {
         for _ in 0..400_000 {
             let (n, ray) = (draw.direction(), draw.direction());
             let own = octahedral::encode_precise(if n[2] < 0.0 { n.map(|x| -x) } else { n }, 8);
-            // A code on the other side of the octahedron is outside every window.
+            // A code on the other side of the octahedron is too far from the prediction for the fine form.
             for (mode, shading) in [own, own.map(|q| (q + 127) % 255)].into_iter().enumerate() {
                 let word = encode(n, ray, shading);
                 assert_eq!(word >> 31, u32::try_from(mode).expect("0 or 1"));
                 let error = plane_error(n, decode(word).plane);
                 let supremum = [FINE_SUPREMUM, PLAIN_SUPREMUM][mode];
-                // If the plane is nearly edge-on, a point that would be seen from behind is skipped.
+                // If the plane is nearly edge-on, a lattice point whose plane would be seen from behind is skipped, and the error may be up to three
+                // times as large.
                 let most = if dot(n, ray).abs() > supremum.sin() { supremum } else { 3.0 * supremum };
                 assert!(error <= most * (1.0 + 1e-9), "{n:?} seen along {ray:?}: {error} rad");
                 if most == supremum {
@@ -269,7 +277,7 @@ mod tests {
         (scale(ray, up), steps.map(|s| scale(s, up)), scale(n, up))
     }
 
-    /// Relative errors of both derivatives, and whether one points backwards.
+    /// Relative errors of both derivatives, and whether a derivative is reversed.
     fn derivative_errors(ray: [f64; 3], steps: [[f64; 3]; 2], n: [f64; 3], decoded: [f64; 3]) -> ([f64; 2], bool) {
         let mut reversed = false;
         let errors = steps.map(|step| {

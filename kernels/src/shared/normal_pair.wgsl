@@ -1,4 +1,5 @@
-// Two normals in 32 bits: the plane of a triangle, which has no sign, and the shading normal's 8 + 8 bit code, predicted from that plane.
+// Two normals in 32 bits: the normal of a triangle's plane without its sign, and the 8 + 8 bit code of the shading normal, which is predicted from
+// that plane. normal_pair.rs explains the encoding.
 // fine  (bit 31 = 0): 30..10 plane, of 1016 steps | 9..5, 4..0 low bits of the code
 // plain (bit 31 = 1): 30..16 plane, of 127 steps  | 15..8, 7..0 the code
 // Octahedron: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
@@ -35,8 +36,8 @@ fn normal_pair_direction(p: vec2<i32>, half: i32) -> vec3<f32> {
     return v / sqrt(dot(v, v));
 }
 
-// The lattice point nearest to the unit vector n, z >= 0, among those around it that the ray sees from the same side as n. There is always one,
-// because n lies between the points.
+// Of the lattice points around the unit vector n (z >= 0), the nearest one whose plane the ray sees from the same side as the plane with normal n.
+// There is always such a point, because n lies between the points.
 fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
     let flat = octahedral_encode(n) * f32(half);
     let low = vec2<i32>(floor(flat));
@@ -49,7 +50,7 @@ fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
             continue;
         }
         let decoded = normal_pair_direction(p, half);
-        // A plane that is seen from behind would reverse the derivatives.
+        // If the decoded plane were seen from the other side, the derivatives would be reversed.
         if along != 0.0 && dot(decoded, ray) * along <= 0.0 {
             continue;
         }
@@ -63,7 +64,7 @@ fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
     return best;
 }
 
-// The code of a shading normal that equals the normal of the fine plane.
+// The predicted code of the shading normal: the code that the plane's own normal would have. p is the lattice point of the plane in the fine form.
 fn normal_pair_predict(p: vec2<i32>) -> vec2<i32> {
     return (p + NORMAL_PAIR_FINE + 4) >> vec2<u32>(3u);
 }
@@ -84,7 +85,7 @@ fn normal_pair_encode(plane: vec3<f32>, ray: vec3<f32>, shading: vec2<i32>) -> u
     return 0x80000000u | (normal_pair_pack_diamond(plain, NORMAL_PAIR_PLAIN) << 16u) | (u32(code.x) << 8u) | u32(code.y);
 }
 
-// Every word gives a unit vector and a code.
+// Decodes a word. Every word gives a unit vector and a code.
 fn normal_pair_decode(word: u32) -> NormalPair {
     if (word >> 31u) == 0u {
         let p = normal_pair_unpack_diamond(word >> 10u, NORMAL_PAIR_FINE);

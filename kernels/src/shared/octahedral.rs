@@ -1,12 +1,14 @@
-//! Unit vectors as points on the octahedron, two numbers each.
+//! Unit vectors as points on the octahedron, which is unfolded to the square [-1, 1]². A point has two coordinates.
 //!
-//! Source: Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014. Codes of b bits use the values
-//! `0..=2 half` with half = 2^(b-1) - 1. The number of values is odd, so that zero is exact, and with it the six axes.
+//! Source: Cigolle et al., *A Survey of Efficient Representations for Independent Unit Vectors*, JCGT 3(2), 2014. A *code* stores a point of the
+//! octahedron's square as two integers of b bits, one per coordinate. The integers are `0..=2 half` with half = 2^(b-1) - 1. Their number is odd, so
+//! a code can store the coordinate 0 exactly, and therefore the six axes.
 
 use super::real::{Real, dot, sub};
 use super::{bounded, usable};
 
-/// Unit vector along `v`; z if `v` has no usable direction (every component is below 1e-30, or one is above 1e30 or NaN).
+/// Unit vector along `v`; the z axis if `v` has no usable direction (the magnitude of every component is at most 1e-30, or that of one is above 1e30
+/// or NaN).
 pub fn unit<T: Real>(v: [T; 3]) -> [T; 3] {
     let size = v.iter().fold(T::zero(), |m, x| m.max(x.abs()));
     if !(v.iter().all(|x| x.abs() <= T::of(1e30)) && size > T::of(1e-30)) {
@@ -18,7 +20,7 @@ pub fn unit<T: Real>(v: [T; 3]) -> [T; 3] {
     scaled.map(|x| x / length)
 }
 
-/// Maps a direction to the square [-1, 1]². The vector may have any length; without usable direction it counts as z.
+/// Maps a direction to the square [-1, 1]². The vector may have any length. A vector without usable direction counts as the z axis.
 pub fn encode<T: Real>(n: [T; 3]) -> [T; 2] {
     let [x, y, z] = unit(n);
     let sum = x.abs() + y.abs() + z.abs();
@@ -36,30 +38,31 @@ pub fn decode<T: Real>(e: [T; 2]) -> [T; 3] {
     v.map(|x| x / length)
 }
 
-/// Mirrors a corner of the square on its diagonal. The corners are the lower half of the octahedron. The function is its own inverse.
+/// Mirrors a point at the line |x| + |y| = 1 of its quadrant. Points beyond this line, in the corners of the square, are the lower half of the
+/// octahedron. The function is its own inverse.
 fn fold<T: Real>(e: [T; 2]) -> [T; 2] {
     let sign = |x: T| if x >= T::zero() { T::one() } else { -T::one() };
     [(T::one() - e[1].abs()) * sign(e[0]), (T::one() - e[0].abs()) * sign(e[1])]
 }
 
-/// The code that stands for zero; the largest code is twice this. `bits` is clamped to 2..=24.
+/// The integer that stands for the coordinate 0; the largest integer of a code is twice this value. `bits` is clamped to 2..=24.
 pub fn half(bits: u32) -> u32 {
     (1 << (bits.clamp(2, 24) - 1)) - 1
 }
 
-/// The code nearest to each coordinate, `0..=2 half`, of `bits` bits ("oct" in the survey).
+/// Rounds each coordinate to the nearest integer, `0..=2 half`, of a code with `bits` bits ("oct" in the survey).
 pub fn quantise<T: Real>(e: [T; 2], bits: u32) -> [u32; 2] {
     let half = f64::from(half(bits));
     e.map(|x| code((bounded(usable(x), -1.0, 1.0) * T::of(half)).round() + T::of(half)))
 }
 
-/// Coordinates of a code; codes above `2 half` count as `2 half`.
+/// The coordinates that a code stands for. Integers above `2 half` count as `2 half`.
 pub fn dequantise<T: Real>(code: [u32; 2], bits: u32) -> [T; 2] {
     let half = half(bits);
     code.map(|q| T::of(f64::from(q.min(2 * half)) - f64::from(half)) / T::of(f64::from(half)))
 }
 
-/// The code that decodes nearest to `n`, among the four codes around `n` ("oct-P" in the survey).
+/// Of the four codes around `n`, the one whose decoded direction is nearest to `n` ("oct-P" in the survey).
 pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
     let n = unit(n);
     let half = half(bits);
@@ -88,7 +91,7 @@ pub fn dequantise8<T: Real>(stored: [T; 2]) -> [T; 2] {
     dequantise(stored.map(|s| code((bounded(s, 0.0, 1.0) * T::of(255.0)).round())), 8)
 }
 
-/// The values that two unorm8 channels store for a direction, by the precise search: `octahedral_encode8_precise`.
+/// The values that two unorm8 channels store for a direction, with the code that [`encode_precise`] finds: `octahedral_encode8_precise`.
 pub fn encode8_precise<T: Real>(n: [T; 3]) -> [T; 2] {
     encode_precise(n, 8).map(stored8)
 }

@@ -1,13 +1,14 @@
-// Unit vectors as points on the octahedron, two numbers each.
+// Unit vectors as points on the octahedron, which is unfolded to the square [-1, 1]². A point has two coordinates.
 // Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
-// 8-bit codes use the 255 values 0..=254, so that zero and the six axes are exact.
+// A code stores a point of the octahedron's square as two integers, one per coordinate. 8-bit codes use the 255 integers 0..=254, so that zero and
+// the six axes are exact.
 
-// Half the number of steps in use. Codes are -127..=127, stored as 0..=254.
+// Largest integer of an 8-bit code in this file: codes are computed as -127..=127 and stored as 0..=254.
 const OCTAHEDRAL_HALF: f32 = 127.0;
 // The step of the codes, 1 / 127. 127 times this f32 is exactly 1; a division on a GPU need not be exact.
 const OCTAHEDRAL_STEP: f32 = 0.007874016;
 
-// Unit vector along v; z if v has no usable direction (too short, not finite).
+// Unit vector along v; the z axis if v has no usable direction (too short, or not finite).
 fn octahedral_unit(v: vec3<f32>) -> vec3<f32> {
     let size = max(max(abs(v.x), abs(v.y)), abs(v.z));
     if !(usable_within_3(v, 1e30) && size > 1e-30) {
@@ -22,7 +23,7 @@ fn octahedral_sign(v: vec2<f32>) -> vec2<f32> {
     return select(vec2<f32>(-1.0), vec2<f32>(1.0), v >= vec2<f32>(0.0));
 }
 
-// Maps a direction to the square [-1, 1]². The vector may have any length; without usable direction it counts as z.
+// Maps a direction to the square [-1, 1]². The vector may have any length. A vector without usable direction counts as the z axis.
 fn octahedral_encode(n: vec3<f32>) -> vec2<f32> {
     let v = octahedral_unit(n);
     let flat = v.xy / (abs(v.x) + abs(v.y) + abs(v.z));
@@ -44,14 +45,15 @@ fn octahedral_decode(e: vec2<f32>) -> vec3<f32> {
     return v / sqrt(dot(v, v));
 }
 
-// Codes of any number of bits are -half..=half with half = 2^(bits - 1) - 1; `step` is 1 / half, chosen so that half times `step` is exactly 1.
+// In the next two functions, codes may have any number of bits: they are -half..=half with half = 2^(bits - 1) - 1. `step` is 1 / half, chosen so
+// that half times `step` is exactly 1.
 
 // The nearest code to each coordinate ("oct" in the survey).
 fn octahedral_quantise(e: vec2<f32>, half: f32) -> vec2<f32> {
     return clamp(round(usable_2(e) * half), vec2<f32>(-half), vec2<f32>(half));
 }
 
-// The code that decodes nearest to n, among the four codes around n ("oct-P" in the survey).
+// Of the four codes around n, the one whose decoded direction is nearest to n ("oct-P" in the survey).
 fn octahedral_encode_precise(n: vec3<f32>, half: f32, step: f32) -> vec2<f32> {
     let unit = octahedral_unit(n);
     let low = floor(octahedral_encode(unit) * half);
@@ -85,7 +87,7 @@ fn octahedral_dequantise8(stored: vec2<f32>) -> vec2<f32> {
     return code * OCTAHEDRAL_STEP;
 }
 
-// The best of the four codes around n, as stored in unorm8 channels.
+// The values that two unorm8 channels store for a direction, with the code that octahedral_encode_precise finds.
 fn octahedral_encode8_precise(n: vec3<f32>) -> vec2<f32> {
     return octahedral_store8(octahedral_encode_precise(n, OCTAHEDRAL_HALF, OCTAHEDRAL_STEP));
 }

@@ -1,5 +1,5 @@
-//! Small vectors over f32 or f64, so that one reference runs in f64, which gives the truth, and in f32, which gives an error to compare the shader's
-//! error with.
+//! Arithmetic on small vectors of f32 or f64. One generic reference then runs in both types. Its results in f64 count as exact. The error of its
+//! results in f32 is the yardstick for the error of the shader.
 
 use num_traits::Float;
 
@@ -59,7 +59,7 @@ pub fn length<T: Real, const N: usize>(a: [T; N]) -> T {
     dot(a, a).sqrt()
 }
 
-/// Unit vector along `a`; z for a vector without direction, as in the shaders.
+/// Unit vector along `a`; the z axis if `a` has no direction, as in the shaders.
 pub fn normalize<T: Real>(a: [T; 3]) -> [T; 3] {
     let l = length(a);
     if l > T::zero() && l.is_finite() { scale(a, T::one() / l) } else { [T::zero(), T::zero(), T::one()] }

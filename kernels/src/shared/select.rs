@@ -1,7 +1,7 @@
 //! Choice of an index with probability proportional to its weight, by inverting the cumulative sum.
 //!
 //! Weights need not sum to 1; negative weights and NaN count as 0. An index of weight 0 is never chosen, except index 0 if all weights are 0. A
-//! stochastic flavour draws an independent `u` for each decision, because two decisions with the same `u` would bias the mean.
+//! stochastic flavour draws an independent `u` for each random decision, because decisions that share one `u` would bias the mean of the result.
 
 use super::bounded;
 use super::real::Real;

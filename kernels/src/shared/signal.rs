@@ -1,4 +1,5 @@
-//! A pixel of a measured sequence in two words: linear colour as f16, and the fetches and the first random choice that the shading pass recorded.
+//! A pixel of a measured sequence in two words: linear colour as f16, the number of texture fetches, and the first random choice, as the shading pass
+//! recorded them.
 
 use half::f16;
 
@@ -7,7 +8,8 @@ use crate::base::wgsl::Constant;
 
 /// Largest colour value that f16 can hold.
 pub const LARGEST: f32 = 65_504.0;
-/// The second word holds 16 bits of blue, then the fetches with this number of bits, then the first random choice with `CHOICE_BITS`.
+/// Number of bits for the number of fetches. From the lowest bit up, the second word holds 16 bits of blue, the number of fetches, the first random
+/// choice (`CHOICE_BITS` bits), and the bit [`TERRAIN`].
 const FETCH_BITS: u32 = 10;
 const CHOICE_BITS: u32 = 5;
 const CHOICE_FROM: u32 = 16 + FETCH_BITS;

@@ -1,9 +1,10 @@
-//! A single projection: from above on gentle slopes, otherwise onto the vertical plane with the nearest azimuth among the multiples of 45°.
+//! A single projection. Gentle slopes are projected from above. Steep slopes are projected horizontally, in the direction whose azimuth is the
+//! multiple of 45° that is nearest to the normal's azimuth.
 //!
-//! Planes 0, 1, 2 are the tri-planar ones (looking along x, y, z); 3 looks along (1, 1), 4 along (1, -1).
+//! Planes 0, 1, 2 are the tri-planar ones, which look along x, y, z. Plane 3 looks along (1, 1), plane 4 along (1, -1).
 //! After Terrain3D (TokisanGames, `main.glsl`, `get_material`): there, the normal at a splat texel is rounded to a coarse grid if its vertical
-//! component is below a threshold (0.8), and the texture is projected onto the plane across the rounded normal. Here, the normal of the pixel is
-//! used, and only its azimuth is rounded.
+//! component is below a threshold (0.8), and the texture is projected onto the plane perpendicular to the rounded normal. Here, the normal of the
+//! pixel is used, and only its azimuth is rounded.
 
 use super::octahedral::unit;
 use super::real::Real;
@@ -13,7 +14,7 @@ use super::usable;
 /// 1/√2 in units of 1/256, rounded down by 0.011 %, so that whole sectors are exact in fixed point.
 const DIAGONAL: i32 = 181;
 
-/// The plane for a normal. The slope is steep if the |z| of the unit normal is below `cosine`.
+/// Chooses the plane for a normal. The slope is steep if |z| of the unit normal is below `cosine`.
 pub fn plane<T: Real>(n: [T; 3], cosine: T) -> u32 {
     let u = unit(n);
     let a = u.map(T::abs);
@@ -31,7 +32,8 @@ pub fn plane<T: Real>(n: [T; 3], cosine: T) -> u32 {
     }
 }
 
-/// Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2. Numbers beyond 1e30 and NaN count as zero.
+/// Projects a position to two coordinates in a plane: (horizontal, vertical) on a vertical plane, (x, y) on plane 2. A plane above 4 counts as 2.
+/// Numbers beyond 1e30 and NaN count as zero.
 pub fn coordinates<T: Real>(p: [T; 3], plane: u32) -> [T; 2] {
     let p = p.map(usable);
     let diagonal = T::of(f64::from(DIAGONAL) / 256.0);
@@ -42,8 +44,8 @@ pub fn coordinates<T: Real>(p: [T; 3], plane: u32) -> [T; 2] {
     }
 }
 
-/// Whole sectors along both coordinates of a plane; `place` is in sectors east, north and up. On a diagonal plane, [`fixed`] gives the repeats per
-/// sector for the first coordinate.
+/// Converts a position in whole sectors to the two coordinates of a plane. `place` counts sectors east, north and up. On a diagonal plane, the first
+/// coordinate lacks the factor 1 / sqrt 2, which [`fixed`] applies to the repeats per sector instead.
 pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
     let [x, y, z] = place;
     match plane {
@@ -55,8 +57,8 @@ pub fn sectors(place: [i32; 3], plane: u32) -> [i32; 2] {
     }
 }
 
-/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`]. On a diagonal plane only the fraction is
-/// valid (a scale of 0).
+/// Repeats per sector along the first coordinate, in the fixed-point format of [`super::tiling::fixed`]. On a diagonal plane, only the fractional
+/// bits of the result are valid, so it can be used with scale 0 only.
 pub fn fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     match plane {
         3 | 4 => ((per_sector_fixed >> 8).wrapping_mul(DIAGONAL)).wrapping_add(((per_sector_fixed & 255) * DIAGONAL) >> 8),

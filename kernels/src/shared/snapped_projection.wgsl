@@ -1,14 +1,15 @@
-// A single projection: from above on gentle slopes, otherwise onto the vertical plane with the nearest azimuth among the multiples of 45 degrees.
-// Planes 0, 1, 2 are the tri-planar ones (looking along x, y, z); 3 looks along (1, 1), 4 along (1, -1).
+// A single projection. Gentle slopes are projected from above. Steep slopes are projected horizontally, in the direction whose azimuth is the
+// multiple of 45 degrees that is nearest to the normal's azimuth. Planes 0, 1, 2 are the tri-planar ones, which look along x, y, z. Plane 3 looks
+// along (1, 1), plane 4 along (1, -1).
 // After Terrain3D (TokisanGames, main.glsl, get_material): there, the splat texel's normal is rounded to a coarse grid if its vertical component is
-// below a threshold, and the texture is projected onto the plane across the rounded normal.
+// below a threshold, and the texture is projected onto the plane perpendicular to the rounded normal.
 
 // 1 / sqrt 2 in units of 1 / 256, rounded down by 0.011 %, so that whole sectors are exact in fixed point.
 const SNAPPED_DIAGONAL: i32 = 181;
 // tan 22.5 degrees.
 const SNAPPED_HALF_STEP: f32 = 0.41421356;
 
-// The plane for a normal. The slope is steep if the |z| of the unit normal is below `cosine`.
+// Chooses the plane for a normal. The slope is steep if |z| of the unit normal is below `cosine`.
 fn snapped_plane(n: vec3<f32>, cosine: f32) -> u32 {
     let u = octahedral_unit(n);
     let a = abs(u);
@@ -24,7 +25,8 @@ fn snapped_plane(n: vec3<f32>, cosine: f32) -> u32 {
     return select(4u, 3u, (u.x > 0.0) == (u.y > 0.0));
 }
 
-// Coordinates in a plane: horizontal, then vertical. A plane above 4 counts as 2. Numbers beyond 1e30 and NaN count as zero.
+// Projects a position to two coordinates in a plane: (horizontal, vertical) on a vertical plane, (x, y) on plane 2. A plane above 4 counts as 2.
+// Numbers beyond 1e30 and NaN count as zero.
 fn snapped_coordinates(position: vec3<f32>, plane: u32) -> vec2<f32> {
     let p = usable_3(position);
     let diagonal = f32(SNAPPED_DIAGONAL) / 256.0;
@@ -37,8 +39,8 @@ fn snapped_coordinates(position: vec3<f32>, plane: u32) -> vec2<f32> {
     return triplanar_coordinates(p, plane);
 }
 
-// Whole sectors along both coordinates of a plane; `place` is in sectors east, north and up. On a diagonal plane, snapped_fixed gives the repeats per
-// sector for the first coordinate.
+// Converts a position in whole sectors to the two coordinates of a plane. `place` counts sectors east, north and up. On a diagonal plane, the first
+// coordinate lacks the factor 1 / sqrt 2, which snapped_fixed applies to the repeats per sector instead.
 fn snapped_sectors(place: vec3<i32>, plane: u32) -> vec2<i32> {
     if plane == 0u {
         return place.yz;
@@ -55,7 +57,8 @@ fn snapped_sectors(place: vec3<i32>, plane: u32) -> vec2<i32> {
     return place.xy;
 }
 
-// Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. On a diagonal plane only the fraction is valid.
+// Repeats per sector along the first coordinate, in the fixed-point format of tiling_fixed. On a diagonal plane, only the fractional bits of the
+// result are valid, so it can be used with scale 0 only.
 fn snapped_fixed(per_sector_fixed: i32, plane: u32) -> i32 {
     let diagonal = (per_sector_fixed >> 8u) * SNAPPED_DIAGONAL + (((per_sector_fixed & 255) * SNAPPED_DIAGONAL) >> 8u);
     return select(per_sector_fixed, diagonal, plane == 3u || plane == 4u);

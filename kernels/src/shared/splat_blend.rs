@@ -1,8 +1,8 @@
 //! Weights of the four splat texels around a point: bilinear weights, modified by the heights of the materials.
 //!
-//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018. The form used here is w'_i = w_i 2^(k (h_i - h_max)), normalised,
-//! with bilinear w. Each weight keeps its bilinear factor w_i, so a texel appears and disappears without a pop, whatever its height. Texels are in
-//! the order 00, 10, 01, 11 (x first).
+//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018. The form used here is w'_i = w_i 2^(k (h_i - h_max)), normalised, with bilinear w. Each
+//! weight keeps its bilinear factor w_i. The weight of a texel therefore rises from 0 and falls to 0 without a jump, whatever the height of the
+//! texel. Texels are in the order 00, 10, 01, 11 (x first).
 
 use super::real::Real;
 use super::{bounded, usable};
@@ -21,8 +21,8 @@ pub fn bilinear<T: Real>(fraction: [T; 2]) -> [T; 4] {
     [(one - x) * (one - y), x * (one - y), (one - x) * y, x * y]
 }
 
-/// Weights modified by heights, summing to 1. `sharpness` is k >= 0, where 0 gives plain bilinear weights. `heights` may be in any unit; k is in its
-/// inverse.
+/// Weights modified by heights, summing to 1. `sharpness` is k >= 0, where 0 gives plain bilinear weights. `heights` may have any unit; the unit of k
+/// is its inverse.
 pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 4] {
     let w = bilinear(fraction);
     let k = bounded(sharpness, 0.0, MAX_SHARPNESS);
@@ -39,8 +39,9 @@ pub fn weights<T: Real>(fraction: [T; 2], heights: [T; 4], sharpness: T) -> [T; 
     bent.map(|x| x / sum)
 }
 
-/// The weights of [`weights`], computed term by term for callers that cannot hold all four terms. Before term i is added with the factor `share`,
-/// multiply the sum so far by `keep`. At the end, divide by the sum of the shares, which is accumulated in the same way; it is at least 1.
+/// The weights of [`weights`], computed term by term for callers that cannot hold all four terms. For each term, first multiply the sum so far by
+/// `keep`, then add the term times `share`. Accumulate the sum of the shares in the same way; it is at least 1. At the end, divide the sum of the
+/// terms by the sum of the shares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run<T> {
     score: T,

@@ -15,7 +15,7 @@ fn splat_blend_bilinear(fraction: vec2<f32>) -> vec4<f32> {
     return vec4<f32>(g.x * g.y, f.x * g.y, g.x * f.y, f.x * f.y);
 }
 
-// w_i 2^(k h_i), normalised, with w bilinear, h = `heights` and k = `sharpness` >= 0 (0 = plain bilinear).
+// Weights w_i 2^(k h_i), normalised. w are the bilinear weights, h is `heights`, and k is `sharpness` >= 0, where 0 gives plain bilinear weights.
 fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) -> vec4<f32> {
     let w = splat_blend_bilinear(fraction);
     let limit = vec4<f32>(SPLAT_BLEND_MAX_HEIGHT);
@@ -49,12 +49,13 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
     return bent / (bent.x + bent.y + bent.z + bent.w);
 }
 
-// The weights of splat_blend_weights, computed term by term for callers that cannot hold all four terms. Before term i is added with the factor
-// `share`, multiply the sum so far by `keep`. At the end, divide by the sum of the shares, which is accumulated in the same way; it is at least 1.
+// The weights of splat_blend_weights, computed term by term for callers that cannot hold all four terms. For each term, first multiply the sum so far
+// by `keep`, then add the term times `share`. Accumulate the sum of the shares in the same way; it is at least 1. At the end, divide the sum of the
+// terms by the sum of the shares.
 struct SplatBlendRun {
     score: f32,                 // log2 w + k h of the largest term so far
-    weight: f32,                // its w
-    height: f32,                // its h
+    weight: f32,                // w of that term
+    height: f32,                // h of that term
     keep: f32,
     share: f32,
 }
@@ -71,7 +72,7 @@ fn splat_blend_add(run: SplatBlendRun, weight: f32, height: f32, sharpness: f32)
     let h = clamp(usable_1(height), -SPLAT_BLEND_MAX_HEIGHT, SPLAT_BLEND_MAX_HEIGHT);
     let k = usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS);
     let score = log2(w) + k * h;
-    // The terms are divided by the largest term, as above. The first term replaces the start, whose weight is 0, and `keep` is then 0.
+    // The terms are divided by the largest term so far, which is then exactly 1. For the first term, run.weight is 0, so `keep` is 0.
     if score > run.score {
         return SplatBlendRun(score, w, h, (run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0);
     }

@@ -5,7 +5,8 @@
 use super::bounded;
 use super::real::Real;
 
-/// The coarsest value of the lower scale. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next one.
+/// Largest value of the finer one of the two scales that are blended. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next
+/// scale.
 pub const MAX_LEVEL: f64 = 7.0;
 
 /// Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles. There is one
@@ -19,8 +20,8 @@ pub fn scales<T: Real>(distance: T, near: T, cliff: T) -> (u32, T) {
 }
 
 /// Texture repeats per sector in the fixed-point format of [`fixed`]: 24 fractional bits, modulo 2^32 ([`fixed`] does not need the higher bits).
-/// `sector_m` and `tile_m` are in metres, tile_m > 0. The actual size of a tile is `sector_m` divided by the rounded repeats of [`repeats`]. Use the
-/// rounded repeats for the part within the sector, too, so that textures are continuous across sector borders.
+/// `sector_m` and `tile_m` are in metres, tile_m > 0. The actual size of a tile is `sector_m` divided by the rounded repeats of [`repeats`]. For the
+/// part of a coordinate within the sector, also use the rounded repeats, so that textures are continuous across sector borders.
 #[allow(clippy::cast_possible_truncation, reason = "the fixed-point number counts modulo 2^32")]
 pub fn per_sector_fixed(sector_m: f64, tile_m: f64) -> i32 {
     rounded(sector_m, tile_m) as i64 as i32

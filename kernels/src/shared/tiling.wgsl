@@ -1,7 +1,8 @@
 // Texture tiling: scales that follow distance, and coordinates that stay exact far from the origin.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 (cliff tiling).
 
-// The coarsest value of the lower scale. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next one.
+// Largest value of the finer one of the two scales that are blended. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next
+// scale.
 const TILING_MAX_LEVEL: f32 = 7.0;
 
 // Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles. There is one
@@ -20,7 +21,7 @@ fn tiling_scales(distance: f32, near: f32, cliff: f32) -> vec2<f32> {
 // Add (position in sector / sector size) * c / 2^scale, with the same rounded c, so that textures are continuous across sector borders.
 fn tiling_fixed(sector: i32, per_sector_fixed: i32, scale: u32) -> f32 {
     let s = min(scale, 8u);
-    // A mask of 24 + s bits. It is made by shifting down, by at most 8; shifting up by 24 + s would be a shift by 32 at scale 8.
+    // A mask of 24 + s bits. It is made by a right shift by 8 - s, because a left shift by 24 + s would be a shift by 32 bits if s is 8.
     let repeat = (bitcast<u32>(sector) * bitcast<u32>(per_sector_fixed)) & (0xffffffffu >> (8u - s));
     return f32(repeat >> s) * 5.9604644775390625e-8;
 }

@@ -1,8 +1,8 @@
 //! Three axis-aligned projections. Axis 0 looks along x, 1 along y, 2 along z.
 //!
-//! Texture coordinates are signed and never mirrored, so a height gradient in a projection maps straight to the volume's axes.
-//! Source: Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 9(3), 2020, the sections on tri-planar projection and on
-//! resolving a volume gradient.
+//! Texture coordinates are signed and never mirrored. The components of a height gradient in a projection are therefore components of the gradient in
+//! space, without a change of sign. Source: Mikkelsen, *Surface Gradient-Based Bump Mapping Framework*, JCGT 9(3), 2020, the sections on tri-planar
+//! projection and on resolving a volume gradient.
 
 use super::octahedral::unit;
 use super::real::{Real, dot, scale, sub};
@@ -40,7 +40,7 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     }
 }
 
-/// Steepest slope of a height gradient, metres per metre; it is almost vertical.
+/// Limit of the components of a height gradient, metres per metre. A slope of this size is almost vertical.
 const MAX_SLOPE: f64 = 1e6;
 
 /// Normal of the surface displaced by a height whose volume gradient is `gradient` (metres per metre): n minus the surface gradient,

@@ -1,12 +1,12 @@
-// Three axis-aligned projections. Axis 0 looks along x, 1 along y, 2 along z; texture coordinates are signed and never
-// mirrored, so a height gradient in a projection maps straight to the volume's axes.
+// Three axis-aligned projections. Axis 0 looks along x, 1 along y, 2 along z; texture coordinates are signed and never mirrored. The components of a
+// height gradient in a projection are therefore components of the gradient in space, without a change of sign.
 // Source: Mikkelsen, "Surface Gradient-Based Bump Mapping Framework", JCGT 9(3), 2020 (sections on tri-planar projection).
 
 const TRIPLANAR_MAX_SHARPNESS: f32 = 1e4;
 const TRIPLANAR_MAX_SLOPE: f32 = 1e6;
 
 fn triplanar_power(ratio: f32, sharpness: f32) -> f32 {
-    // Zero to the power of zero counts as 1, so that sharpness 0 gives all axes the same weight.
+    // Zero to the power of zero counts as 1, so that all axes get the same weight if the sharpness is 0.
     let at_zero = select(0.0, 1.0, sharpness <= 0.0);
     return select(at_zero, exp2(sharpness * log2(max(ratio, 1e-30))), ratio > 1e-30);
 }

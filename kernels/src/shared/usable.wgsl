@@ -1,8 +1,9 @@
-// Guards that keep NaN, infinity and very large numbers out of computations. They test bit patterns, because a WGSL compiler may assume that NaN and
-// infinity never occur (14.6), and a device may flush denormals to zero, so comparisons are not reliable for either.
+// Guards that keep NaN, infinity and very large numbers out of computations. They test bit patterns, because comparisons of numbers are not reliable
+// here: a WGSL compiler may assume that NaN and infinity never occur (section 14.6 of the WGSL specification), and a device may flush denormals to
+// zero.
 
-// Mask of the magnitude. The bits of magnitudes, read as integers, have the same order as the magnitudes: 0x7f800000 is infinity, and everything
-// above is NaN.
+// Mask that removes the sign bit. If the remaining bits are read as an integer, a larger magnitude gives a larger integer. 0x7f800000 is infinity,
+// and every larger integer is NaN.
 const USABLE_MAGNITUDE: u32 = 0x7fffffffu;
 // Bits of 1e30 and of 2^-126, the smallest number that is not denormal.
 const USABLE_MOST: u32 = 0x7149f2cau;
@@ -25,7 +26,7 @@ fn usable_4(x: vec4<f32>) -> vec4<f32> {
     return select(vec4<f32>(0.0), x, (bitcast<vec4<u32>>(x) & vec4<u32>(USABLE_MAGNITUDE)) <= vec4<u32>(USABLE_MOST));
 }
 
-// Whether every |x| <= `most`; false if one is NaN.
+// Whether the magnitude of each component is at most `most`; false if a component is NaN.
 fn usable_within_3(x: vec3<f32>, most: f32) -> bool {
     return all((bitcast<vec3<u32>>(x) & vec3<u32>(USABLE_MAGNITUDE)) <= vec3<u32>(bitcast<u32>(most)));
 }

@@ -8,12 +8,12 @@ use super::real::{Real, add, scale};
 /// A depth below this means that nothing was drawn; f32 cannot divide by it.
 pub const MIN_DEPTH: f64 = 1e-30;
 
-/// Ray of a pixel, 1 long along the view direction. `rays` are the ray of pixel (0, 0) and its steps to the right and down: `view_ray`.
+/// Ray of a pixel. Its component along the view direction is 1. `rays` are the ray of pixel (0, 0) and its steps to the right and down: `view_ray`.
 pub fn ray<T: Real>(rays: [[T; 3]; 3], pixel: [T; 2]) -> [T; 3] {
     add(add(rays[0], scale(rays[1], pixel[0])), scale(rays[2], pixel[1]))
 }
 
-/// Distance along the view direction for a reversed depth, metres: `near_m` / depth, or 0 where nothing was drawn. In WGSL: `view_distance`.
+/// Distance along the view direction for a reversed depth, metres: `near_m` / depth, or 0 if nothing was drawn. In WGSL: `view_distance`.
 pub fn distance<T: Real>(near_m: T, depth: T) -> T {
     let usable = bounded(depth, 0.0, 1e30);
     if usable > T::of(MIN_DEPTH) { near_m / usable } else { T::zero() }

@@ -15,13 +15,13 @@ use crate::view::normals::NormalEncoding;
 
 /// What a stage declares about itself.
 pub struct Declaration {
-    /// Its name, as shown in messages and timings.
+    /// Name of the stage, as shown in messages and timings.
     pub name: &'static str,
-    /// What it reads and writes, in one sentence.
+    /// What the stage reads and writes, in one sentence.
     pub about: &'static str,
-    /// Shader modules that it may compile, depending on scene and device.
+    /// Shader modules that the stage may compile, depending on scene and device.
     pub modules: &'static [&'static ShaderModule],
-    /// Its passes, including those that the scene does not require.
+    /// Passes of the stage, including those that the scene does not require.
     pub passes: fn(&Demands) -> Vec<PassUse>,
     /// Textures whose size depends on the scene, including those that the scene does not require.
     pub textures: fn(&Demands) -> Vec<TextureUse>,
@@ -35,7 +35,7 @@ impl Declaration {
         Declaration { name: "", about: "", modules: &[], passes: |_| Vec::new(), textures: |_| Vec::new(), targets: |_| Vec::new() };
 }
 
-/// What a stage is built from.
+/// Inputs for building a stage.
 #[derive(Clone, Copy)]
 pub struct Build<'a> {
     /// The device.
@@ -50,7 +50,7 @@ pub struct Build<'a> {
     pub tile: u32,
 }
 
-/// What the targets of a picture are allocated from.
+/// Inputs for allocating the targets of a picture.
 #[derive(Clone, Copy)]
 pub struct Canvas<'a> {
     /// The device.
@@ -71,16 +71,16 @@ pub trait Stage: Sized + 'static {
     /// The declaration of the stage.
     const DECLARATION: Declaration;
 
-    /// Choices of a frame that concern this stage alone; `()` = none.
+    /// Settings of a frame that only this stage uses; `()` = none.
     type Settings: Part;
 
-    /// The textures and buffers that it writes and that depend on the picture's size; `()` = none.
+    /// The textures and buffers that the stage writes and whose size depends on the picture's size; `()` = none.
     type Targets: 'static;
 
-    /// Allocates its targets.
+    /// Allocates the targets of the stage.
     fn targets(canvas: Canvas<'_>) -> Self::Targets;
 
-    /// Compiles its shaders and allocates its resources, except those that depend on the picture's size.
+    /// Compiles the shaders of the stage and allocates its resources, except those that depend on the picture's size.
     ///
     /// # Errors
     /// When a shader does not compile.
@@ -97,13 +97,13 @@ pub trait Stage: Sized + 'static {
         Ok(Box::new(move |stage| *stage = fresh))
     }
 
-    /// The declared modules that it compiles for this scene on this device.
+    /// The declared modules that the stage compiles for this scene on this device.
     fn modules(build: Build<'_>) -> Vec<&'static ShaderModule> {
         let _ = build;
         Self::DECLARATION.modules.to_vec()
     }
 
-    /// The numbers that it reports about the last frame, if any.
+    /// The numbers that the stage reports about the last frame; `None` = it reports no numbers.
     fn section(&self) -> Option<Section> {
         None
     }

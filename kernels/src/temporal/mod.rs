@@ -1,10 +1,11 @@
 //! Temporal resolve: combines frames over time, as games do to hide noise. Off by default, because it hides what is measured.
 //!
-//! *Exponential*: a history is fetched bilinearly at the position of the surface point one frame before, clamped to the 3 x 3 colour box of the
-//! current frame, and blended with a tenth of the current frame (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
+//! *Exponential*: the history is the result of the previous frame. For each pixel, it is sampled bilinearly at the position that the surface point
+//! had one frame before, and clamped to the box of the current colours of 3 x 3 pixels. The result is nine tenths of this colour and one tenth of the
+//! current colour (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
 //! *FlipQuad*: a pixel has four samples on its edges, which neighbouring pixels share. Each frame provides two of the four; the other two come from
-//! the frame before (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015). A
-//! pixel shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So the
+//! the previous frame (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015).
+//! A pixel shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So the
 //! derivatives of both frames match; Far Cry 4 had to reorder the samples to achieve this.
 //!
 //! Reads the ring of shaded pictures, links and positions. Writes the ring of resolved pictures and a history. Dispatch: one workgroup per 8 x 8
@@ -27,8 +28,8 @@ pub mod reference;
 
 /// Share of the current frame in the exponential history.
 pub const SHARE: f32 = 0.1;
-/// Distance of a FlipQuad sample from the middle of its edge, pixels. With a sixth, the four samples lie in four rows and four columns that are a
-/// third of a pixel apart.
+/// Distance of a FlipQuad sample from the middle of its edge, pixels. With a distance of 1/6 pixel, the four samples lie in four different rows and
+/// four different columns, which are 1/3 pixel apart.
 pub const FLIPQUAD_SHIFT: f64 = 1.0 / 6.0;
 
 /// How frames are resolved over time.
@@ -37,9 +38,9 @@ pub enum Resolve {
     /// No resolve: each frame stays as it was shaded.
     #[default]
     Off,
-    /// Exponential history, clamped to the 3 x 3 colour box of the current frame.
+    /// Exponential history, clamped to the box of the current colours of 3 x 3 pixels.
     Exponential,
-    /// FlipQuad: four samples on the edges of each pixel, of which alternate frames provide two each.
+    /// FlipQuad: averages four samples on the edges of each pixel. Two of them come from the current frame, two from the previous frame.
     FlipQuad,
     /// FlipQuad, then the exponential history.
     FlipQuadExponential,
@@ -49,17 +50,17 @@ impl Resolve {
     /// All resolves.
     pub const ALL: [Resolve; 4] = [Resolve::Off, Resolve::Exponential, Resolve::FlipQuad, Resolve::FlipQuadExponential];
 
-    /// Whether FlipQuad's samples are averaged.
+    /// Whether this resolve averages FlipQuad's samples.
     pub const fn has_flipquad(self) -> bool {
         matches!(self, Resolve::FlipQuad | Resolve::FlipQuadExponential)
     }
 
-    /// Whether there is an exponential history.
+    /// Whether this resolve keeps an exponential history.
     pub const fn has_history(self) -> bool {
         matches!(self, Resolve::Exponential | Resolve::FlipQuadExponential)
     }
 
-    /// Where the samples of a frame lie: `sample_pattern` of the frame's uniforms.
+    /// Returns where the samples of a frame lie in their pixels. `frame`: index of the frame.
     pub const fn sample_pattern(self, frame: u32) -> SamplePattern {
         match (self.has_flipquad(), frame.is_multiple_of(2)) {
             (false, _) => SamplePattern::Centre,
@@ -103,9 +104,9 @@ pub enum SamplePattern {
     /// At the centre.
     #[default]
     Centre,
-    /// FlipQuad's first frame: on the left edge, alternately above and below its middle from column to column.
+    /// In even frames of FlipQuad: on the left edge of the pixel, below its middle in even columns and above its middle in odd columns.
     LeftEdges,
-    /// FlipQuad's second frame: on the top edge, alternately left and right of its middle from row to row.
+    /// In odd frames of FlipQuad: on the top edge of the pixel, left of its middle in even rows and right of its middle in odd rows.
     TopEdges,
 }
 
@@ -115,7 +116,8 @@ impl SamplePattern {
         self as u32
     }
 
-    /// Position of the sample relative to the centre of pixel (x, y), pixels. Equal to `surface_sample_offset` in `footprint.wgsl`.
+    /// Returns the position of the sample relative to the centre of a pixel, in pixels. `surface_sample_offset` in `footprint.wgsl` computes the
+    /// same.
     pub fn offset(self, pixel: [u32; 2]) -> [f64; 2] {
         let turn = |i: u32| if i.is_multiple_of(2) { FLIPQUAD_SHIFT } else { -FLIPQUAD_SHIFT };
         match self {
@@ -125,7 +127,7 @@ impl SamplePattern {
         }
     }
 
-    /// Step to the pixel whose sample lies on the opposite edge of this pixel.
+    /// Returns the step from a pixel to the neighbour whose sample lies on the opposite edge of the pixel.
     const fn neighbour(self) -> [u32; 2] {
         match self {
             SamplePattern::Centre => [0, 0],
@@ -156,7 +158,7 @@ pub struct TemporalFrame {
 }
 
 impl TemporalFrame {
-    /// The uniforms of frame `index` of a sequence.
+    /// Returns the uniforms of frame `index` of a sequence.
     pub fn new(resolve: Resolve, size: [u32; 2], index: u32, slots: &Slots) -> TemporalFrame {
         let pixels = size[0] * size[1];
         TemporalFrame {

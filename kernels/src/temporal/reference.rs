@@ -4,11 +4,11 @@ use super::{Resolve, SHARE, TemporalFrame};
 use crate::motion::NO_LINK;
 use crate::shared::signal;
 
-/// The pictures of a frame and of the frame before, the links between them, and the history.
+/// The shaded pictures of a frame and of the previous frame, the links between them, and the history.
 pub struct Frame<'a> {
-    /// This frame, as shaded.
+    /// The shaded picture of this frame.
     pub now: &'a [[u32; 2]],
-    /// The frame before, as shaded.
+    /// The shaded picture of the previous frame.
     pub before: &'a [[u32; 2]],
     /// For each pixel, the index of the linked pixel one frame before.
     pub links: &'a [u32],
@@ -26,7 +26,7 @@ fn mix(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share)
 }
 
-/// The new history of a frame, as `temporal_main` computes it. The colour of the history is the resolved picture.
+/// Returns the new history of a frame, as `temporal_main` computes it. Its colours are the resolved picture.
 pub fn resolve(resolve: Resolve, size: [u32; 2], index: u32, frame: &Frame<'_>) -> Vec<[f64; 4]> {
     let setup = TemporalFrame::new(resolve, size, index, &crate::motion::Slots::default());
     let [width, height] = size.map(|n| n as usize);

@@ -1,19 +1,20 @@
-// Temporal resolve of one stream: FlipQuad's four samples over two frames, then an exponential history that is clamped to the 3 x 3 colour box.
+// Temporal resolve of one stream of pictures: averages FlipQuad's four samples from two frames, then blends the result into an exponential history,
+// which is first clamped to the box of the current colours of 3 x 3 pixels.
 // Sources: McAuley, "Rendering the World of Far Cry 4", GDC 2015 (temporal supersampling);
 // Karis, "High Quality Temporal Supersampling", SIGGRAPH 2014.
 
 struct TemporalFrame {
     size: vec2<u32>,
-    slot: u32,                  // where this frame's picture begins
-    past_slot: u32,             // where the picture of the frame before begins
-    has_past: u32,              // 1 = there is a frame before
+    slot: u32,                  // index in `signal` at which the picture of this frame begins
+    past_slot: u32,             // index in `signal` at which the picture of the previous frame begins
+    has_past: u32,              // 1 = there is a previous frame
     flipquad: u32,              // 1 = average FlipQuad's samples
     exponential: u32,           // 1 = blend into the history
     share: f32,                 // share of the current frame in the history, (0, 1]
     neighbour: vec2<u32>,       // step to the pixel that owns this frame's second sample: (1, 0) or (0, 1)
-    past_neighbour: vec2<u32>,  // step to the pixel that owns the second sample of the frame before
-    history_in: u32,            // where the previous history begins
-    history_out: u32,           // where the new history begins
+    past_neighbour: vec2<u32>,  // step to the pixel that owns the second sample of the previous frame
+    history_in: u32,            // index in `history` at which the previous history begins
+    history_out: u32,           // index in `history` at which the new history begins
     pad_0: u32,
     pad_1: u32,
 }
@@ -30,7 +31,7 @@ fn temporal_index(pixel: vec2<u32>) -> u32 {
     return pixel.y * temporal.size.x + pixel.x;
 }
 
-// Mean of a pixel's own sample in a frame and the sample that it shares with the neighbour across the edge.
+// Returns the mean of two samples of one frame: a pixel's own sample, and the neighbour's sample that lies on the opposite edge of the pixel.
 fn temporal_pair(slot: u32, pixel: vec2<u32>, step: vec2<u32>) -> vec3<f32> {
     let own = signal_colour(signal[slot + temporal_index(pixel)]);
     let across = pixel + step;

@@ -15,13 +15,13 @@ fn surface_sample_offset(pixel: vec2<u32>) -> vec2<f32> {
     return vec2<f32>(0.0);
 }
 
-// Computes the world position from depth, and its derivatives from the plane of the triangle. Derivatives of texture coordinates are never
-// used.
+// Computes the world position from depth, and its derivatives from the plane of the triangle. `dpdx` and `dpdy` are not used, because a neighbouring
+// pixel may be on a different triangle.
 fn surface_footprint(pixel: vec2<u32>, depth: f32, normals: vec4<f32>) -> Footprint {
     let centre = frame_ray(vec2<f32>(pixel));
     let triangle_normal = frame_plane(normals);
-    // A sample that is not at the centre is assumed to lie on the plane of the triangle that is visible at the centre. For planes seen at
-    // grazing angles, its distance is limited to between half and twice the distance at the centre.
+    // A sample that is not at the centre is assumed to lie on the plane of the triangle that is visible at the centre. The distance of the sample is
+    // limited to between half and twice the distance at the centre, because a plane at a grazing angle may be very far away at the sample.
     let offset = surface_sample_offset(pixel);
     let ray = centre + frame.ray_dx * offset.x + frame.ray_dy * offset.y;
     let facing = dot(triangle_normal, ray);

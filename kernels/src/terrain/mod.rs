@@ -97,14 +97,14 @@ fn detail_arrays(gpu: &Gpu, palette: &Palette) -> [wgpu::Texture; 3] {
     ]
 }
 
-/// The palette as a table with an entry for every possible value of a splat texel. Entries without a material are zeros.
+/// Returns the palette as a table with an entry for every possible value of a splat texel. Entries without a material are zeros.
 fn table(palette: &Palette) -> Vec<PaletteEntry> {
     let mut all = palette.entries.clone();
     all.resize(MAX_MATERIALS, PaletteEntry::zeroed());
     all
 }
 
-/// The means of the palette, in the form that baking needs.
+/// Returns the means of the palette, in the form that baking needs.
 pub fn palette_means(palette: &Palette) -> PaletteMeans {
     PaletteMeans {
         albedo: palette.means.iter().map(|m| m.albedo).collect(),
@@ -113,7 +113,7 @@ pub fn palette_means(palette: &Palette) -> PaletteMeans {
     }
 }
 
-/// The detail textures that a scene needs. They exist even if no flavour samples them, because every error is measured against the full
+/// Returns the detail textures that a scene needs. They exist even if no flavour samples them, because every error is measured against the full
 /// blend.
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
     let textured = "cliffs, splat, pages, and the reference that errors are measured against";

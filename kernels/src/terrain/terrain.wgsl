@@ -1,5 +1,5 @@
-// Terrain data for any world position: sector data -> node -> atlases; splat texels -> materials -> detail textures. Shading calls
-// `count_fetch` beside every texture sample.
+// Terrain data for any world position. The sector data lead to the node and its layer in the atlases; the splat texels lead to the materials and
+// their detail textures. Shading calls `count_fetch` beside every texture sample.
 
 override COUNT_FETCHES: bool = false;
 // Whether detail textures are filtered anisotropically, with gradients. If not, the three textures of a tap are sampled at one common LOD.
@@ -12,8 +12,8 @@ struct PaletteEntry {
     normal_layer: u32,
     height_layer: u32,
     flags: u32,
-    per_sector_fixed: vec2<i32>,    // repeats per sector times cos, sin of the orientation, 24 fractional bits
-    per_metre: vec2<f32>,           // cos, sin divided by the edge of one repeat
+    per_sector_fixed: vec2<i32>,    // repeats per sector, times cos and sin of the orientation; 24 fractional bits
+    per_metre: vec2<f32>,           // cos and sin of the orientation, divided by the edge of one repeat in metres
     tint: vec3<f32>,
     normal_strength: f32,
     mean_albedo: vec3<f32>,
@@ -26,7 +26,7 @@ struct PaletteEntry {
 @group(1) @binding(3) var colour_modulation_atlas: texture_2d_array<f32>;
 @group(1) @binding(4) var splat_atlas: texture_2d_array<u32>;
 @group(1) @binding(5) var<storage, read> sector_data: array<vec2<u32>>;
-// A uniform buffer and not a storage buffer, because software Vulkan reads uniform buffers with gathers, but storage buffers in a loop over
+// This is a uniform buffer and not a storage buffer, because software Vulkan reads uniform buffers with gathers, but storage buffers in a loop over
 // lanes.
 @group(1) @binding(6) var<uniform> palette: array<PaletteEntry, 256>;
 @group(1) @binding(7) var detail_albedo: texture_2d_array<f32>;
@@ -43,7 +43,7 @@ fn count_fetch() {
     }
 }
 
-// A position on the terrain: exact sector, and metres inside it.
+// A position on the terrain: the sector, and metres inside the sector.
 struct Place {
     sector: vec2<i32>,
     position: vec3<f32>,        // x, y in the sector, z = elevation
@@ -103,7 +103,7 @@ fn terrain_normal(slot: u32, node_uv: vec2<f32>) -> TerrainNormal {
     return TerrainNormal(terrain_unpack_normal(texel), texel.r, texel.b);
 }
 
-// The four splat texels around a position, and the position between them.
+// The four splat texels around a position, and the position between them as fractions 0..1.
 struct SplatCell {
     slot: u32,
     corner: vec2<i32>,
@@ -116,7 +116,7 @@ fn terrain_splat_cell(node: NodePlace) -> SplatCell {
     return SplatCell(node.slot, vec2<i32>(corner), clamp(at - corner, vec2<f32>(0.0), vec2<f32>(1.0)));
 }
 
-// Palette index of texel 0..3 in the order 00, 10, 01, 11.
+// Returns the palette index of texel 0..3, in the order 00, 10, 01, 11.
 fn terrain_splat_id(cell: SplatCell, texel: u32) -> u32 {
     count_fetch();
     return textureLoad(splat_atlas, cell.corner + vec2<i32>(vec2<u32>(texel & 1u, texel >> 1u)), cell.slot, 0).r;
@@ -161,7 +161,7 @@ struct Footprint {
 struct Projection {
     plane: u32,                 // 0..2 look along x, y, z; 3 and 4 along a diagonal, see snapped_projection.wgsl
     sectors: vec2<i32>,         // whole sectors along both coordinates
-    position: vec2<f32>,        // metres beyond those sectors
+    position: vec2<f32>,        // metres inside the sector
     ddx: vec2<f32>,             // derivatives of the coordinates, mip bias included
     ddy: vec2<f32>,
     longest_2: f32,             // square of the longer derivative
@@ -186,7 +186,7 @@ fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
 }
 
 // Converts a vector in the plane of the projection to texture coordinates: rotates it by the orientation of the material and scales it.
-// `rate` = cos, sin divided by the edge of the tile.
+// `rate`: cos and sin of the orientation, divided by the edge of one repeat.
 fn terrain_turn(v: vec2<f32>, rate: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(v.x * rate.x + v.y * rate.y, v.y * rate.x - v.x * rate.y);
 }
@@ -195,7 +195,7 @@ fn terrain_rate(entry: PaletteEntry, scale: u32) -> vec2<f32> {
     return entry.per_metre * exp2(-f32(scale));
 }
 
-// Texture coordinate of a position. Whole sectors contribute in exact fixed point.
+// Returns the texture coordinate of a position. The part for whole sectors is computed exactly in fixed point.
 fn terrain_texture_coordinate(entry: PaletteEntry, projection: Projection, scale: u32) -> vec2<f32> {
     let fixed = entry.per_sector_fixed;
     let sectors = projection.sectors;
@@ -220,10 +220,10 @@ fn terrain_texels_log2(texels: u32) -> f32 {
     return f32(firstLeadingBit(texels));
 }
 
-// A material's three detail textures at a point.
+// Values of a material's three detail textures at a point.
 struct Texels {
     albedo: vec3<f32>,
-    normal: vec4<f32>,          // smoothness, n.y, specular occlusion, n.x
+    normal: vec4<f32>,          // smoothness, y of the normal, specular occlusion, x of the normal
     height: vec2<f32>,          // height, colour mask
 }
 
@@ -249,9 +249,10 @@ fn terrain_texels(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, 
     );
 }
 
-// Reads one texel of each of the three textures: three fetches. Mip level and texel are chosen at random, so that the expected value is
-// that of trilinear filtering. Albedo and colour mask (stored beside the height) are multiplied with each other, so they are chosen
-// independently: `u` chooses level, column and row of the first two textures, `v` those of the height texture.
+// Reads one texel of each of the three textures: three fetches. Mip level and texel are chosen at random, so that the expected value equals the
+// result of trilinear filtering. The albedo is later multiplied by a tint that depends on the colour mask in the height texture. The expected value
+// of this product is right only if the two choices are independent. So there are two sets of thresholds: `u` chooses level, column and row for the
+// albedo and normal textures, `v` for the height texture.
 fn terrain_texels_chosen(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, uv: vec2<f32>, u: vec4<f32>, v: vec4<f32>) -> Texels {
     let lod = terrain_lod(projection, rate);
     let level = texel_choice_level(lod, textureNumLevels(detail_albedo), u.x);
@@ -283,8 +284,9 @@ fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>,
     return Surface(texels.albedo * terrain_tint(entry, texels), texels.height.r, gradient, texels.normal.r, texels.normal.b);
 }
 
-// One material in one projection at the tiling scale 2^scale: three fetches from detail textures, or nine with hex tiling.
-// Texture coordinates are a linear map of the position, and so are their gradients (ruling 7).
+// Returns the surface of one material in one projection at the tiling scale 2^scale: three fetches from detail textures, or nine with hex tiling.
+// Texture coordinates are a linear function of the position, so their derivatives follow from the derivatives of the position (ruling 7 in
+// ARCHITECTURE.md).
 fn terrain_material(id: u32, projection: Projection, scale: u32) -> Surface {
     let entry = palette[id];
     let rate = terrain_rate(entry, scale);
@@ -340,8 +342,8 @@ fn terrain_splat_blend(cell: SplatCell, projection: Projection, scale: u32) -> S
 const TERRAIN_BAND_MIPS: f32 = 3.0;
 
 // Blends four taps in two bands: twenty fetches, five per tap. The transition of each band is about as wide as the wavelength of the band.
-// The coarse band is blended by bilinear weights, across the splat cell; the fine band is blended by weights modified by height, along the
-// relief.
+// The coarse band is blended with bilinear weights, so its transition is as wide as the splat cell. The fine band is blended with the weights of the
+// height blend, so its transition follows the relief.
 // Source: Burt & Adelson, "A Multiresolution Spline With Application to Image Mosaics", ACM ToG 2(4), 1983.
 fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
@@ -393,8 +395,8 @@ fn terrain_layers(cell: SplatCell, projection: Projection, scale: u32) -> Surfac
     return sum;
 }
 
-// Blends four taps with plain bilinear weights: sixteen fetches. The result is the mean over random choices of one tap with these
-// probabilities.
+// Blends four taps with plain bilinear weights: sixteen fetches. If one tap is chosen at random with these weights as probabilities, this blend is
+// the mean of the result.
 fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Surface {
     let weights = splat_blend_bilinear(cell.fraction);
     var sum = surface_zero();
@@ -404,7 +406,7 @@ fn terrain_splat_mean(cell: SplatCell, projection: Projection, scale: u32) -> Su
     return sum;
 }
 
-// First and second moment of the albedo when one tap is chosen at random by bilinear weights.
+// First and second moment of the albedo if one tap is chosen at random with bilinear weights as probabilities.
 struct Moments {
     mean: vec3<f32>,
     square: vec3<f32>,

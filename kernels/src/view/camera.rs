@@ -135,8 +135,8 @@ impl View {
         self.ray_00 + self.ray_dx * x + self.ray_dy * y
     }
 
-    /// Whether a box in local coordinates may be visible: false only if it lies wholly beyond one of the frustum's planes
-    /// ([`culling::beyond`]). A box with NaN counts as visible.
+    /// Whether a box in local coordinates may be visible: false only if it lies completely outside one of the frustum's planes ([`culling::beyond`]).
+    /// A box with NaN counts as visible.
     pub fn sees(&self, low: DVec3, high: DVec3) -> bool {
         let m = self.clip_from_local;
         let (rx, ry, rw) = (m.row(0), m.row(1), m.row(3));

@@ -5,12 +5,12 @@ struct Frame {
     clip_from_local: mat4x4<f32>,
     camera: vec3<f32>,          // camera in local coordinates
     sector_m: f32,              // edge of a sector
-    ray_00: vec3<f32>,          // ray through the centre of pixel (0, 0), 1 long along the view direction
+    ray_00: vec3<f32>,          // ray through the centre of pixel (0, 0); its component along the view direction is 1
     near_m: f32,                // depth = near_m / distance along the view direction
     ray_dx: vec3<f32>,          // step of the ray per pixel to the right
-    height_low_m: f32,          // elevation of height 0
+    height_low_m: f32,          // elevation of the stored height 0
     ray_dy: vec3<f32>,          // step of the ray per pixel down
-    height_span_m: f32,         // elevation of height 1 minus elevation of height 0
+    height_span_m: f32,         // elevation of the stored height 1 minus that of 0
     camera_sector: vec2<i32>,   // sector of the camera, counted from the world's south-west corner
     size: vec2<u32>,            // size of the image, pixels
     seed: u32,
@@ -35,8 +35,8 @@ struct Frame {
     normals: u32,               // how the geometry pass stores its two normals: NORMALS_...
 }
 
-// NORMALS_OCTAHEDRAL: two octahedral codes of 8 + 8 bits. NORMALS_PLANE_FIRST: the plane, and the shading normal relative to it, see
-// normal_pair.wgsl. NORMALS_EXACT: two octahedral points in f32.
+// Encodings of the two normals. NORMALS_OCTAHEDRAL: two octahedral encodings of 8 + 8 bits. NORMALS_PLANE_FIRST: the normal of the plane, and the
+// shading normal relative to it, see normal_pair.wgsl. NORMALS_EXACT: two points of the octahedron's square in f32.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 

@@ -16,11 +16,11 @@ pub(super) const CONSTANTS: &[(&str, Constant)] = &[
 /// How the two normals of a pixel are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum NormalEncoding {
-    /// Two octahedral codes of 8 + 8 bits, as in Far Cry 5.
+    /// Two octahedral encodings of 8 + 8 bits, as in Far Cry 5.
     #[default]
     Octahedral,
-    /// Also 32 bits, but the triangle's plane is stored 8 times finer, unless the two normals are far apart. The shading normal is stored relative to
-    /// the plane and decodes to the same 8 + 8 bits. See [`normal_pair`].
+    /// Also 32 bits. If the two normals are near each other, the normal of the triangle's plane is stored with 8 times finer steps. The shading
+    /// normal is stored relative to the plane and decodes to the same 8 + 8 bits. See [`normal_pair`].
     PlaneFirst,
     /// Two points of the octahedron's square in f32, 128 bits. The errors of the other encodings are measured against this encoding.
     Exact,

@@ -4,7 +4,7 @@
 //! torus of 64 x 64 cells around the camera for each level. A cell holds the physical layer + 1 in 11 bits and, as a tag, the part of the page's
 //! address that does not follow from the cell. Also writes the physical pages, which are layers of three array textures: albedo (sRGB), smoothness +
 //! specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side, and a second mip level.
-//! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10.
+//! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10 in `ARCHITECTURE.md`.
 //!
 //! Limits: the page table of a level is a torus of 64 x 64 cells around the camera. Two pages that are 64 pages apart share a cell. The page with the
 //! larger tag is kept, so the result does not depend on the order of threads; pixels of the rejected page use a coarser page. If a frame requests
@@ -46,13 +46,14 @@ pub const STORED_TEXELS: u32 = PAGE_TEXELS + 2 * BORDER_TEXELS;
 pub const LEVELS: u32 = 14;
 /// Texel density of level 0, texels per metre.
 pub const TEXELS_PER_M: f64 = 256.0;
-/// Pages along the edge of a level's page table.
+/// Number of cells along the edge of a level's page table.
 pub const WINDOW: u32 = 64;
-/// Number of physical pages, about 180 MB.
+/// Limit of the number of cached pages. Together, they take about 180 MB.
 pub const CAPACITY: u32 = 256;
 const TAG_BITS: u32 = 10;
 
-/// Bits of a page-table cell that hold the physical layer + 1. The tag is above them: first the bits of the column, then those of the row.
+/// Number of low bits of a page-table cell that hold the physical layer + 1. The tag is above them: first the bits of the column, then the bits of
+/// the row.
 const LAYER_BITS: u32 = 11;
 const LAYER_MASK: u32 = (1 << LAYER_BITS) - 1;
 const TAG_MASK: u32 = (1 << TAG_BITS) - 1;
@@ -83,7 +84,7 @@ pub static PAGE_MODULE: ShaderModule = ShaderModule::new("pages", &[&PAGE_WGSL])
 /// The module that requests pages.
 pub static REQUEST_MODULE: ShaderModule = ShaderModule::new("page requests", &[&REQUEST_WGSL]);
 
-/// A page: its level and its place, counted from the world's south-west corner.
+/// A page: its level, and its column and row, counted from the world's south-west corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PageId {
     /// 0 = finest.
@@ -100,7 +101,7 @@ impl PageId {
         f64::from(PAGE_TEXELS) / TEXELS_PER_M * f64::from(1u32 << self.level)
     }
 
-    /// Index of its cell in the page table.
+    /// Index of the page's cell in the page table.
     fn cell(self) -> usize {
         ((self.level * WINDOW + self.y % WINDOW) * WINDOW + self.x % WINDOW) as usize
     }
@@ -111,8 +112,9 @@ impl PageId {
         ((self.y / WINDOW) & wrap) << (LAYER_BITS + TAG_BITS) | ((self.x / WINDOW) & wrap) << LAYER_BITS
     }
 
-    /// Returns the page of a non-zero request. Tags repeat every 2^16 pages, so several pages match the request. The result is the match nearest to
-    /// `camera`, the page of level 0 at the south-west corner of the camera's sector, because no picture requests fine pages 32 km away.
+    /// Returns the page of a non-zero request. `camera` is the page of level 0 at the south-west corner of the camera's sector. Tags repeat every
+    /// 2^16 pages, so several pages match the request. The result is the match nearest to `camera`, because no picture requests fine pages 32 km
+    /// away.
     fn of_request(index: usize, request: u32, camera: [i64; 2]) -> PageId {
         let index = u32::try_from(index).unwrap_or(0);
         let wrap = TAG_MASK;
@@ -149,29 +151,29 @@ pub struct PageJob {
     pub border: f32,
 }
 
-/// Pages of one frame.
+/// How many pages one frame requested and rendered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PageCounts {
-    /// Pages that the picture requested.
+    /// Number of pages that the picture requested.
     pub wanted: usize,
-    /// Pages that were not cached and were rendered for this frame.
+    /// Number of pages that were not cached and were rendered for this frame.
     pub rendered: usize,
-    /// Pages replaced by a coarser one because the cache was full.
+    /// Number of pages that were replaced by a coarser page, because all requested pages together did not fit in the cache.
     pub coarsened: usize,
-    /// Pages that the picture requested, by level.
+    /// Number of pages that the picture requested, by level.
     pub wanted_by_level: [usize; LEVELS as usize],
 }
 
 /// Contents of the page cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CacheCounts {
-    /// Cached pages.
+    /// Number of cached pages.
     pub resident: usize,
-    /// Largest possible number of cached pages; 0 = the scene has no virtual texture.
+    /// Limit of the number of cached pages; 0 = the scene has no virtual texture.
     pub capacity: usize,
     /// Bytes allocated for pages and page table, unused pages included.
     pub bytes: u64,
-    /// Cached pages, by level.
+    /// Number of cached pages, by level.
     pub by_level: [usize; LEVELS as usize],
 }
 
@@ -194,9 +196,9 @@ struct Passes {
 pub struct VirtualTexture {
     passes: Option<Passes>,
     requests: wgpu::Buffer,
-    /// R32Uint, 64 x 64 x levels.
+    /// The page table: R32Uint, 64 x 64 cells, one layer per level.
     pub table: wgpu::Texture,
-    /// Albedo, (smoothness, specular occlusion), normal.
+    /// The cached pages, one layer per page: albedo, smoothness + specular occlusion, normal.
     pub pages: [wgpu::Texture; 3],
     /// Sampler of the pages: trilinear, with an anisotropy that the border of a page allows.
     pub sampler: wgpu::Sampler,
@@ -207,7 +209,7 @@ pub struct VirtualTexture {
     counts: PageCounts,
 }
 
-/// Anisotropy of page filtering: that of the scene, limited to 4 by the border of 4 texels.
+/// Returns the anisotropy with which pages are filtered: the anisotropy of the scene, but at most 4, because the border of a page has 4 texels.
 pub fn anisotropy(scene: u16) -> u16 {
     scene.clamp(1, 4)
 }
@@ -217,7 +219,7 @@ const fn reason(required: bool) -> &'static str {
     if required { "virtual texture" } else { "no virtual texture" }
 }
 
-/// Mip levels of a page.
+/// Number of mip levels of a page.
 const PAGE_MIPS: u32 = 2;
 const PAGE_FORMATS: [wgpu::TextureFormat; 3] =
     [wgpu::TextureFormat::Rgba8UnormSrgb, wgpu::TextureFormat::Rg8Unorm, wgpu::TextureFormat::Rg8Unorm];
@@ -395,7 +397,7 @@ impl VirtualTexture {
 
     /// Resets the counts, for a frame that samples no pages.
     pub fn rest(&mut self) -> PageCounts {
-        // A new frame number, so that pages of the frame before do not count as used by this frame.
+        // The frame number is increased, so that pages that the previous frame used do not count as used by this frame.
         self.frame += 1;
         self.counts = PageCounts::default();
         self.counts
@@ -469,7 +471,7 @@ impl VirtualTexture {
             counts.wanted_by_level[page.level as usize] += 1;
         }
         let capacity = self.pages[0].depth_or_array_layers() as usize;
-        // Too many pages for the cache: replace the finest pages by their parents, level by level.
+        // If there are too many pages for the cache, the finest pages are replaced by their parents, level by level.
         while wanted.len() > capacity {
             let finest = wanted.iter().map(|p| p.level).min().unwrap_or(0);
             counts.coarsened += wanted.iter().filter(|p| p.level == finest).count();
@@ -477,7 +479,7 @@ impl VirtualTexture {
             wanted.sort_unstable();
             wanted.dedup();
         }
-        // Coarse pages first: a fixed order, so that the layers do not depend on the order of a hash map.
+        // The pages are sorted, coarse pages first, so that their layers do not depend on the order of a hash map.
         wanted.sort_unstable_by_key(|p| (std::cmp::Reverse(p.level), p.y, p.x));
         let finest = finest_nodes(nodes);
         for page in &wanted {
@@ -512,7 +514,7 @@ impl VirtualTexture {
             return layer;
         }
         let oldest = self.cache.iter().filter(|(_, p)| p.used < self.frame).min_by_key(|(id, p)| (p.used, **id)).map(|(id, _)| *id);
-        let oldest = oldest.expect("no frame wants more pages than there are layers");
+        let oldest = oldest.expect("a frame requests at most as many pages as there are layers");
         self.cache.remove(&oldest).map_or(0, |p| p.layer)
     }
 
@@ -520,7 +522,7 @@ impl VirtualTexture {
         let mut table = vec![0u32; (LEVELS * WINDOW * WINDOW) as usize];
         for (page, physical) in self.cache.iter().filter(|(_, p)| p.used == self.frame) {
             let entry = page.tag() | (physical.layer + 1);
-            // If two pages share a cell, keep the one with the larger tag, as the request pass does.
+            // If two pages share a cell, the page with the larger tag is kept, as in the request pass.
             table[page.cell()] = table[page.cell()].max(entry);
         }
         gpu.queue.write_texture(
@@ -594,13 +596,13 @@ impl VirtualTexture {
     }
 }
 
-/// LOD and revision of the finest loaded node of each sector; the content of a page depends on them.
+/// Returns the LOD and the revision of the finest loaded node of each sector. The content of a page depends on them.
 fn finest_nodes(nodes: &[(NodeId, u64)]) -> Vec<(u8, u64)> {
-    // Coarse before fine, so that the finest is written last.
+    // Coarse nodes come before fine nodes, so that the finest node of a sector is written last.
     let mut sorted = nodes.to_vec();
     sorted.sort_unstable_by_key(|(n, _)| (std::cmp::Reverse(n.lod), n.y, n.x));
     let side = usize::from(SECTORS);
-    // `u8::MAX`: no node is loaded there.
+    // `u8::MAX` = no node is loaded in the sector.
     let mut map = vec![(u8::MAX, 0); side * side];
     for (node, revision) in sorted {
         let edge = 1usize << node.lod;
@@ -612,7 +614,7 @@ fn finest_nodes(nodes: &[(NodeId, u64)]) -> Vec<(u8, u64)> {
     map
 }
 
-/// Fingerprint of the nodes under a page and its border.
+/// Returns a fingerprint of the nodes under a page and its border.
 fn source_of(page: PageId, layout: &Layout, finest: &[(u8, u64)]) -> u64 {
     let edge = page.edge_m();
     let border = edge / f64::from(PAGE_TEXELS) * f64::from(BORDER_TEXELS);

@@ -1,13 +1,13 @@
 // Virtual-texture addresses: the page of a position, and the level that a footprint requires.
 
-// The page table of each level is a torus of VIRTUAL_WINDOW squared pages around the camera.
+// The page table of each level is a torus of VIRTUAL_WINDOW x VIRTUAL_WINDOW cells around the camera.
 
 struct VirtualAddress {
     page: vec2<i32>,            // page of that level, from the world's south-west corner
-    uv: vec2<f32>,              // 0..1 inside the page's payload
+    uv: vec2<f32>,              // position inside the page without its border, 0..1
 }
 
-// The level that a footprint requires; `offset` shifts it by a fraction of a level.
+// Returns the level that a footprint requires. `offset`, in levels, is added before the level is rounded down.
 fn virtual_texture_level(ddx: vec3<f32>, ddy: vec3<f32>, offset: f32) -> u32 {
     let across = length(ddx.xy);
     let down = length(ddy.xy);
@@ -21,7 +21,7 @@ fn virtual_texture_address(place: Place, level: u32) -> VirtualAddress {
     let pages_per_sector = i32(round(frame.sector_m * pages_per_m));
     let in_sector = place.position.xy * pages_per_m;
     let whole = floor(in_sector);
-    // Rounding may move a position on the southern or western border of the world slightly out of the world.
+    // Rounding may move a position on the southern or western border of the world slightly out of the world, so page numbers below 0 are raised to 0.
     let finest = max(place.sector * pages_per_sector + vec2<i32>(whole), vec2<i32>(0));
     let span = 1 << level;
     let uv = (vec2<f32>(finest & vec2<i32>(span - 1)) + (in_sector - whole)) / f32(span);

@@ -2,10 +2,10 @@
 //! quads.
 //!
 //! A cone is an axis a and a half angle: angle(n, a) <= half angle for every triangle normal n of the patch. It is stored in one texel of a
-//! BC3 image (SYSTEMS A): x and y of the axis in red and green (0.5 v + 0.5), sin(half angle) in alpha. The z of the axis is >= 0 and
-//! follows from x and y. Alpha 255 means 90 degrees or more: the patch is never culled. Block compression changes the axis by degrees. The
-//! half angle is therefore measured from the *decoded* axis, and this module writes the alpha block so that it never decodes to less than
-//! needed (Ruling 5).
+//! BC3 image (SYSTEMS A, the part of the talk on terrain data). Red and green hold x and y of the axis (a coordinate v is stored as 0.5 v + 0.5),
+//! alpha holds sin(half angle). The z of the axis is >= 0 and follows from x and y. Alpha 255 means 90 degrees or more: the patch is never culled.
+//! Block compression changes the axis by degrees. The half angle is therefore measured from the *decoded* axis, and this module writes the alpha
+//! block so that no value decodes to less than needed (ruling 5 in `ARCHITECTURE.md`).
 
 use crate::blocks::{self, BlockFormat, Effort};
 
@@ -79,10 +79,11 @@ fn axis_of(red: f64, green: f64) -> [f64; 3] {
     }
 }
 
-/// Alpha code with which the cone around the decoded axis contains all normals, with a margin for different decoders.
+/// Returns the smallest 8-bit alpha with which the cone around the decoded axis contains all normals, plus a margin for decoders that round
+/// differently.
 ///
-/// Decoders may round interpolated colours differently by one code, so the axis is allowed to move by one code in both channels. One
-/// additional code of alpha covers different rounding of interpolated alpha.
+/// Decoders may differ by 1/255 in an interpolated colour. So the cone must also contain all normals if red, green or both change by 1/255. They may
+/// also differ by 1/255 in an interpolated alpha, so 1/255 is added to alpha.
 fn needed_code(normals: &[[f64; 3]], red: u8, green: u8) -> u8 {
     // Only the cone that contains all directions is safe for a normal that is NaN or infinite.
     if normals.iter().flatten().any(|x| !x.is_finite()) {

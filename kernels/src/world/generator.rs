@@ -1,15 +1,15 @@
 //! A procedural alpine world: elevation as a function of position and seed only.
 //!
-//! The layers, each of which depends on the ones before it: domain warp; a network of broad valleys (zero lines of noise); ridged
-//! multifractal massifs whose octaves fade where the ground is already steep (Musgrave 1994; the damping by accumulated slope is Quilez's
-//! "derivative" fBm); gullies that run down the local slope; buttresses; strata of three thicknesses, whose hard beds form rock faces, 3 to
-//! 120 m tall, and whose soft beds form ledges; fine relief down to a metre. All computations are sums, products, square roots and floors,
+//! The elevation is built from these layers, each of which depends on the previous layers: domain warp; a network of broad valleys (zero lines of
+//! noise); ridged multifractal massifs whose octaves fade where the ground is already steep (Musgrave 1994; the damping by accumulated slope is
+//! Quilez's "derivative" fBm); gullies that run down the local slope; buttresses; strata of three thicknesses, whose hard beds form rock faces, 3 to
+//! 120 m tall, and whose soft beds form ledges; fine relief down to a metre. All computations are sums, products, quotients, square roots and floors,
 //! so that all machines agree on every bit.
 
 /// Edge of the world, metres.
 pub const EXTENT_M: f64 = 10_240.0;
 
-/// Inclusive bounds of all elevations, metres.
+/// Limits of all elevations, metres: the lowest and the highest possible elevation.
 pub const HEIGHT_RANGE_M: (f64, f64) = (150.0, 2550.0);
 
 /// A value and its derivatives along x and y.
@@ -37,7 +37,7 @@ impl Dual {
         Dual { v: self.v * o.v, x: self.x * o.v + self.v * o.x, y: self.y * o.v + self.v * o.y }
     }
 
-    /// f(self), from the value and the derivative of f.
+    /// Applies a function to `self`. `v` and `derivative` are the value and the derivative of the function at `self.v`.
     fn map(self, v: f64, derivative: f64) -> Dual {
         Dual { v, x: self.x * derivative, y: self.y * derivative }
     }
@@ -47,7 +47,7 @@ impl Dual {
     }
 }
 
-/// PCG-RXS-M-XS, 32 bits (O'Neill 2014; Jarzynski & Olano 2020): hashes one word to one word, for lattices.
+/// Hashes a 32-bit number to a 32-bit number: PCG-RXS-M-XS (O'Neill 2014; Jarzynski & Olano 2020).
 fn pcg(v: u32) -> u32 {
     let state = v.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
@@ -70,7 +70,8 @@ const TURNS: [[f64; 2]; 8] = [
 /// 1.5 * 2^52. Adding it to a number rounds the number to an integer; the low mantissa bits of the sum are the integer in two's complement.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
-/// Floor (as a wrapped integer) and fraction of v, for |v| < 2^51. `floor` itself is a library call on plain x86-64, which is slower.
+/// Returns the floor of v, wrapped to 32 bits, and the fraction v - floor(v), for |v| < 2^51. `f64::floor` is not used, because it is a slower
+/// library call on plain x86-64.
 fn split(v: f64) -> (u32, f64) {
     let shifted = v + ROUNDER;
     let fraction = v - (shifted - ROUNDER);
@@ -152,7 +153,7 @@ impl Octave {
     }
 }
 
-/// cos and sin of 2 pi t by polynomials: accurate to 1e-3, with the same bits on all machines.
+/// Returns cos and sin of 2 pi t, computed by polynomials: accurate to 1e-3, with the same bits on all machines.
 fn wave(t: f64) -> (f64, f64) {
     let sine = |t: f64| {
         let t = t - ((t + ROUNDER) - ROUNDER);
@@ -163,8 +164,9 @@ fn wave(t: f64) -> (f64, f64) {
     (sine(t + 0.25), sine(t))
 }
 
-/// Gullies: waves across a given direction, locally coherent, blended from jittered cells, so that they run down a slope and branch where
-/// the slope turns. They follow the "phacelle" noise of Johansen's eroded terrain, 2023, and the earlier noise of Clay John.
+/// Gullies: parallel grooves that run down a given slope and branch where the direction of the slope changes. Each jittered cell has a wave whose
+/// crests run down the slope, and the waves of neighbouring cells are blended. The method follows the "phacelle" noise of Johansen's eroded terrain,
+/// 2023, and the earlier noise of Clay John.
 #[derive(Clone, Copy, Debug)]
 struct Gullies {
     octave: Octave,
@@ -176,7 +178,7 @@ impl Gullies {
         Gullies { octave: Octave::new(seed, index, wavelength_m), wavelength_m }
     }
 
-    /// Value in -1..=1 and its derivatives per metre. `down` is the unit vector down the slope.
+    /// Returns the value, in -1..=1, and its derivatives per metre. `down` is the unit vector down the slope.
     fn at(&self, x: f64, y: f64, down: [f64; 2]) -> Dual {
         let o = &self.octave;
         let (iu, iv, fu, fv) = o.lattice(x, y);
@@ -240,7 +242,7 @@ struct Strata {
 
 impl Strata {
     /// Returns the ground after erosion has exposed its beds. `bend`: by how many metres the beds lie below their usual level here. `strength`:
-    /// 0..=1.
+    /// degree to which erosion has exposed the beds, 0..=1.
     fn on(&self, ground: Dual, bend: f64, strength: f64) -> Dual {
         let t = (ground.v + bend) / self.period_m;
         let bed = t.floor();
@@ -248,8 +250,9 @@ impl Strata {
         let h = pcg((bed as i32 as u32) ^ self.seed);
         let part = |bits: u32| f64::from(bits & 0xffff) * (1.0 / 65535.0);
         let rise = self.rise[0] + (self.rise[1] - self.rise[0]) * part(h);
-        // Share of the ground's own rise over which the wall stands: as little as the slope of the wall requires, but no less than 0.3 of
-        // `rise`, so that gentle ground has steps instead of walls.
+        // `rise` is the share of the period's height that the wall takes after the remapping, `width` the share that it takes before. The smaller
+        // `width` is, the steeper the wall becomes. It is as small as the slope of the wall requires, but at least 0.3 of `rise`, so that gentle
+        // ground has steps instead of walls.
         let slope = ground.slope_squared().sqrt();
         let width = rise * (slope / self.wall).clamp(0.3, 1.0);
         let start = 0.5 + 0.2 * (part(h >> 16) - 0.5) - 0.5 * width;
@@ -284,7 +287,7 @@ pub struct Generator {
 }
 
 impl Generator {
-    /// The generator for a seed.
+    /// Makes the generator for a seed.
     pub fn new(seed: u32) -> Generator {
         let octave = |index: u32, wavelength_m: f64| Octave::new(seed, index, wavelength_m);
         let gullies = |index: u32, wavelength_m: f64| Gullies::new(seed, index, wavelength_m);
@@ -314,7 +317,7 @@ impl Generator {
         saturate(self.broad(x, y).height)
     }
 
-    /// [`Generator::height_m`] and [`Generator::broad_height_m`]. Computing both takes no longer than computing the first.
+    /// Returns [`Generator::height_m`] and [`Generator::broad_height_m`]. Computing both takes no longer than computing the first.
     pub fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
         let broad = self.broad(x, y);
         let mut height = broad.height;
@@ -334,7 +337,7 @@ impl Generator {
         let (px, py) = (x + wx.v, y + wy.v);
         let warped = |n: Dual| Dual { v: n.v, x: n.x * (1.0 + wx.x) + n.y * wy.x, y: n.x * wx.y + n.y * (1.0 + wy.y) };
 
-        // Valleys: zero lines of a broad noise, with flat floors and walls that become steeper upwards, up to a constant rise.
+        // Valleys follow the zero lines of a broad noise. They have flat floors, and walls that become steeper upwards until the slope is constant.
         let region = warped(self.valleys[1].noise(px, py));
         let n = warped(self.valleys[0].noise(px, py)).plus(region.scale(0.55));
         let distance = (n.v * n.v + 0.001).sqrt();
@@ -345,7 +348,7 @@ impl Generator {
         let denominator = 1.0 / (above + 0.30);
         let lift = distance.map(above * above * denominator, above * (above + 0.60) * denominator * denominator);
 
-        // Massifs: ridged octaves, only where the valleys leave room. Each octave is weaker where the sum of the previous layers is steep.
+        // Massifs are ridged octaves between the valleys. Each octave is weaker where the sum of the previous layers is steep.
         let mut height = lift.scale(760.0).plus(region.scale(30.0)).plus(self.uplift.noise(x, y).scale(430.0));
         height.v += 470.0;
         let room = lift.v / (lift.v + 0.12);
@@ -379,7 +382,7 @@ impl Generator {
             height = height.plus(cut(gully, x, y, height, depth * (0.3 + 0.7 * below_crest)));
         }
 
-        // Buttresses and bays; the walls that are made next follow them.
+        // Buttresses, and the bays between them. They are added before the strata, so that the walls of the strata follow them.
         let slope = height.slope_squared().sqrt();
         let steep = smoothstep(0.35, 0.75, slope + 0.15 * region.v);
         let mut bend = 0.0;
@@ -418,8 +421,8 @@ struct Broad {
     amplitude: f64,
 }
 
-/// Adds octaves of fine relief: hummocks on turf, and creases between blocks to the degree that the ground is `rock`. `ground` and the result
-/// are an elevation and the amplitude of the next octave.
+/// Adds octaves of fine relief: hummocks on turf, and creases between blocks on rock. `rock`: degree to which the ground is rock, 0..=1. `ground` and
+/// the result are pairs: an elevation, and the amplitude of the next octave.
 fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -> (f64, f64) {
     octaves.iter().fold(ground, |(height, amplitude), octave| {
         let n = octave.value(x, y);
@@ -428,7 +431,7 @@ fn relieved(octaves: &[Octave], x: f64, y: f64, rock: f64, ground: (f64, f64)) -
     })
 }
 
-/// Gullies of the given depth (metres) that run down the slope of `ground`.
+/// Returns the change in elevation by gullies of the given depth (metres) that run down the slope of `ground`.
 fn cut(gullies: &Gullies, x: f64, y: f64, ground: Dual, depth_m: f64) -> Dual {
     let slope = ground.slope_squared().sqrt();
     let strength = smoothstep(0.1, 0.8, slope) * depth_m;
@@ -451,7 +454,8 @@ pub struct Relief {
 }
 
 impl Relief {
-    /// Relief with wavelengths from the spacing of the data, but at least 2 m, down to about a metre; at most 8 octaves.
+    /// Makes relief for data with this spacing. The longest wavelength is the spacing, but at least 2 m. Further octaves are finer and finer, down to
+    /// about 1 m. There are at most 8 octaves.
     pub fn new(seed: u32, data_spacing_m: f64) -> Relief {
         let mut octaves = Vec::new();
         let mut wavelength = data_spacing_m.max(2.0);
@@ -462,8 +466,8 @@ impl Relief {
         Relief { octaves, bend: Octave::new(seed, 60, 4.0 * data_spacing_m.max(2.0)) }
     }
 
-    /// Offset in -`detail_m`..=`detail_m` for ground with the elevation `height_m` whose data have the slope `slope` (tangent): bumps where
-    /// the ground is gentle, ledges and faces where it is steep.
+    /// Returns an offset in elevation, from -`detail_m` to `detail_m`. `height_m` and `slope` (tangent) are elevation and slope of the data at the
+    /// position. Gentle ground gets bumps, steep ground gets ledges and faces.
     pub fn offset_m(&self, x: f64, y: f64, height_m: f64, slope: f64, detail_m: f64) -> f64 {
         let steep = smoothstep(0.5, 1.2, slope);
         let mut bumps = 0.0;

@@ -2,7 +2,7 @@
 //!
 //! Reads the scene (generator or heightmap, splat rules, holes) and the mean values of the palette's materials; makes [`NodePayload`]s. The
 //! world is a function of position and is never stored as one array, because 34 125 nodes can exist but only about 500 are needed at a time
-//! (SYSTEMS A, Ruling 12).
+//! (SYSTEMS A, the part of the talk on terrain data, and ruling 12 in `ARCHITECTURE.md`).
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Terrain Data".
 //!
 //! Limits: a procedural world has holes only where its scene lists them. A world from a heightmap always has holes: the ground ends where
@@ -92,7 +92,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of a world that is `extent_m` wide and has samples `data_spacing_m` apart; `None` = the world has detail at every scale.
+    /// Returns the layout of a world that is `extent_m` wide. `data_spacing_m`: distance between the samples of the data; `None` = the world has
+    /// detail at every scale.
     pub fn of(extent_m: f64, data_spacing_m: Option<f64>) -> Layout {
         let mut sector_m = SECTOR_M;
         while sector_m * f64::from(SECTORS) < extent_m {
@@ -167,7 +168,7 @@ pub struct World {
 }
 
 impl World {
-    /// The world of a validated scene. Reads the heightmap, if the scene has one.
+    /// Makes the world of a validated scene. Reads the heightmap, if the scene has one.
     ///
     /// # Errors
     /// [`Error::Heightmap`] if the heightmap cannot be used (see [`heightmap::read`]), [`Error::File`] if it cannot be read.
@@ -210,7 +211,7 @@ impl World {
         }
     }
 
-    /// The world of a heightmap that does not belong to a scene yet.
+    /// Makes the world of a heightmap that does not belong to a scene yet.
     pub(crate) fn from_heightmap(
         map: Heightmap,
         detail_m: f64,
@@ -259,8 +260,8 @@ impl World {
         self.half_extent_m.map(|h| 2.0 * h)
     }
 
-    /// Elevation of the continuous source, metres, within [`World::height_range_m`]. Outside a heightmap, the elevation of the nearest
-    /// point on its edge.
+    /// Elevation of the continuous source, metres, within [`World::height_range_m`]. Outside a heightmap, it is the elevation of the nearest
+    /// point on the edge of the heightmap.
     pub fn height_m(&self, x: f64, y: f64) -> f64 {
         let height = match &self.source {
             Source::Generated(generator) => generator.height_m(x, y),
@@ -276,8 +277,7 @@ impl World {
         height.clamp(self.height_range_m.0, self.height_range_m.1)
     }
 
-    /// [`World::height_m`], and the elevation from which slope and curvature are measured. Computing both takes no longer than computing the
-    /// first.
+    /// Returns [`World::height_m`] and `broad_height_m`. Computing both takes no longer than computing the first.
     fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
         match &self.source {
             Source::Generated(generator) => {
@@ -288,7 +288,8 @@ impl World {
         }
     }
 
-    /// The elevation from which slope and curvature are measured, metres: the source without relief that is finer than the footprint.
+    /// The elevation from which slope and curvature are measured, metres. In a procedural world, it has no fine relief; with a heightmap, it equals
+    /// [`World::height_m`].
     fn broad_height_m(&self, x: f64, y: f64) -> f64 {
         match &self.source {
             Source::Generated(generator) => generator.broad_height_m(x, y),
@@ -313,8 +314,8 @@ impl World {
         low + (high - low) * (f64::from(height) / 65535.0)
     }
 
-    /// Height of the surface as drawn at the finest LOD, metres: quantised vertices, triangles with alternating diagonals (Ruling 11). A
-    /// position outside the world is moved to its edge.
+    /// Height of the surface as drawn at the finest LOD, metres: quantised vertices, and triangles with alternating diagonals (ruling 11 in
+    /// `ARCHITECTURE.md`). A position outside the world is moved to the edge of the world.
     pub fn surface_height_m(&self, x: f64, y: f64) -> f64 {
         let spacing = self.layout.spacing_m(self.layout.finest_lod);
         let half = self.layout.world_m() / 2.0;
@@ -334,7 +335,7 @@ impl World {
         payload::height_in_quad(corners, payload::diagonal_rises(i as usize, j as usize), u, v)
     }
 
-    /// Whether a node exists: its LOD is not finer than the finest of the layout, and it overlaps the area of the data.
+    /// Whether a node exists: its LOD is not finer than [`Layout::finest_lod`], and it overlaps the area of the data.
     pub fn exists(&self, node: NodeId) -> bool {
         let side = if node.lod < LODS { NodeId::per_side(node.lod) } else { 0 };
         if node.lod < self.layout.finest_lod || node.x >= side || node.y >= side {
@@ -373,8 +374,8 @@ impl World {
         self.footprint_m
     }
 
-    /// Slope in degrees and mean curvature in 1/m (positive where convex) at a position. The rules use the same values, but interpolate
-    /// them.
+    /// Returns the slope in degrees and the mean curvature in 1/m (positive where convex) at a position. For splat maps, these values are computed at
+    /// the points of a lattice and interpolated in between.
     pub fn relief_at(&self, x: f64, y: f64) -> (f64, f64) {
         let reach = self.footprint_m / 2.0;
         let h = |dx: f64, dy: f64| self.broad_height_m(x + dx, y + dy);
@@ -403,7 +404,7 @@ impl World {
         [0.35, 0.0, -0.35].map(|shift| (0.5 + self.colour_modulation * (light + shift * hue)).clamp(0.0, 1.0))
     }
 
-    /// Makes a node's payload.
+    /// Makes the payload of a node.
     ///
     /// # Panics
     /// If the palette lacks a material of the scene.
@@ -417,7 +418,7 @@ impl World {
         Baked { payload: self.dress(&ground, &cover, palette), ground, cover }
     }
 
-    /// The materials on the ground of a node.
+    /// Returns the materials that the splat rules and strokes place on the ground of a node.
     pub fn cover(&self, ground: &Ground) -> Cover {
         payload::cover(self, ground)
     }
@@ -463,9 +464,9 @@ impl World {
         nodes.par_iter().map(bake).collect()
     }
 
-    /// The steepest slope, degrees. For data without added relief, it is the exact maximum over all triangles of neighbouring samples. Otherwise, a
-    /// coarse scan measures slopes over the finest spacing, and the result is the maximum of these slopes and of the data's slope, if there are
-    /// data. The result is computed once and kept.
+    /// The steepest slope, degrees. For a heightmap without added relief, it is the exact maximum over all triangles of neighbouring samples.
+    /// Otherwise, slopes are measured at the points of a coarse grid, each over one vertex spacing of the finest LOD. The result is the maximum of
+    /// these slopes and, if there is a heightmap, of its own slopes. The result is computed once and kept.
     pub fn max_slope_deg(&self) -> f64 {
         *self.max_slope_deg.get_or_init(|| {
             let of_data = match &self.source {
@@ -504,7 +505,7 @@ impl World {
         (0..SCAN_SIDE).into_par_iter().map(row).reduce(|| 0.0, f64::max)
     }
 
-    /// Slope (tangent) at a point of the scan, measured over the finest spacing.
+    /// Slope (tangent) at a point of the scan, measured over one vertex spacing of the finest LOD.
     fn scanned_slope(&self, i: u32, j: u32) -> f64 {
         let step = self.layout.spacing_m(self.layout.finest_lod);
         let at = |k: u32, axis: usize| ((f64::from(k) + 0.5) / f64::from(SCAN_SIDE) * 2.0 - 1.0) * (self.half_extent_m[axis] - step);
@@ -515,10 +516,10 @@ impl World {
     }
 }
 
-/// Number of points along an edge of the scan for the steepest slope.
+/// Number of points along an edge of the grid that is scanned for the steepest slope.
 const SCAN_SIDE: u32 = 192;
 
-/// Minimum width over which rules measure slope, metres, so that boulders do not count as cliffs.
+/// Lower limit of the width over which rules measure slope, metres, so that boulders do not count as cliffs.
 const MIN_FOOTPRINT_M: f64 = 4.0;
 
 /// Runs `work`, including its parallel parts, on this many threads instead of one per core; 0 = one per core.

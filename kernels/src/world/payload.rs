@@ -1,9 +1,9 @@
-//! The payload of a node: all data that streaming loads for one node of the quadtree (SYSTEMS A).
+//! The payload of a node: all data that streaming loads for one node of the quadtree (SYSTEMS A, the part of the talk on terrain data).
 //!
 //! Heights, normals and cones are computed from one grid of heights, so that they agree. The grid is wider than the node by a border. In
 //! nodes coarser than the finest LOD, the grid is filtered: without the filter, relief that is finer than the spacing of the samples would be
-//! drawn as rows of spikes. Nodes of different LODs are welded only at the heights on their edges (see `geometry/stitch.wgsl`). These heights
-//! must be the same in both nodes, so they are never filtered.
+//! drawn as rows of spikes. Where nodes of different LODs meet, `geometry/stitch.wgsl` moves vertices of the finer node to vertices of the coarser
+//! node. Both nodes must therefore have equal heights on the common edge, so heights on edges are never filtered.
 //!
 //! Slope and curvature for the splat rules are measured over a fixed footprint in metres, whatever the LOD of the node, and the height for
 //! the rules is not filtered. A coarse node therefore gets the same materials as a fine one.
@@ -37,7 +37,7 @@ pub struct PaletteMeans {
     pub albedo: Vec<[f32; 3]>,
     /// Mean smoothness (1 - perceptual roughness), 0..=1.
     pub smoothness: Vec<f32>,
-    /// Mean specular occlusion, 0..=1, 1 = open.
+    /// Mean specular occlusion, 0..=1; 1 = not occluded.
     pub specular_occlusion: Vec<f32>,
 }
 
@@ -55,8 +55,8 @@ pub struct NodePayload {
     pub max_height: u16,
     /// R16_UNORM 129 x 129: elevation, relative to [`World::height_range_m`].
     pub height: Vec<u16>,
-    /// BC3 132 x 132: alpha = 0.5 n.x + 0.5, green = 0.5 n.y + 0.5 of the world-space normal (z > 0), red = smoothness, blue = specular
-    /// occlusion.
+    /// BC3 132 x 132: alpha and green hold x and y of the world-space normal, whose z is above 0 (a coordinate v is stored as 0.5 v + 0.5);
+    /// red = smoothness, blue = specular occlusion.
     pub normal: Vec<u8>,
     /// BC1 132 x 132, sRGB; alpha of texel (i, j) is 0 where vertex (i - 2, j - 2) lies in a hole.
     pub albedo: Vec<u8>,
@@ -75,7 +75,7 @@ impl NodePayload {
     }
 }
 
-/// The ground of a node without its materials: the input of the splat rules. It stays valid when the rules change. About 250 KB.
+/// The ground of a node without its materials: the input of the splat rules. It stays valid when the rules change. It takes about 250 KB of memory.
 pub struct Ground {
     id: NodeId,
     grid: Grid,
@@ -88,7 +88,7 @@ impl Ground {
     pub(super) fn of(world: &World, id: NodeId) -> Ground {
         let (mut grid, broad) = Grid::of(world, id);
         let relief = RuleRelief::of(world, grid.origin, 2.0 * grid.spacing, &broad);
-        // As in [`Grid::of`]: splat texel k is vertex 2 k + 2 of the working grid.
+        // Splat texel k is vertex 2 k + 2 of the working grid.
         let texels = (0..SPLAT_GRID_SIDE).flat_map(|j| (0..SPLAT_GRID_SIDE).map(move |i| (2 * i, 2 * j)));
         let source = texels.map(|(i, j)| grid.height(i, j)).collect();
         if id.lod > world.layout().finest_lod {
@@ -143,7 +143,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// The grid of a node, and the elevations at its splat texels -1..=65 from which slope and curvature are measured.
+    /// Returns the grid of a node, and the elevations from which slope and curvature are measured, at the splat texels -1..=65.
     fn of(world: &World, id: NodeId) -> (Grid, Vec<f64>) {
         let layout = world.layout();
         let origin = id.origin_m(layout).to_array();
@@ -177,7 +177,7 @@ impl Grid {
         self.heights[j * GRID_SIDE + i]
     }
 
-    /// Filters every height that has neighbours on all sides: [`filtered`].
+    /// Applies [`filtered`] to every height that has neighbours on all sides.
     fn filter(&mut self) {
         let last = GRID_SIDE - 1;
         let mut heights = self.heights.clone();
@@ -208,9 +208,10 @@ impl Grid {
     }
 }
 
-/// Filtered height of vertex (i, j) of a working grid: the mean of the vertex and its neighbours, weighted 1 2 1 along each axis. The mean removes
-/// relief that alternates from vertex to vertex. Heights on the lines through the node's edges are not filtered. Heights one vertex away from
-/// these lines are moved half of the way to the mean. Neighbouring nodes therefore compute the same heights in their borders, too.
+/// Returns the filtered height of vertex (i, j) of a working grid: the mean of the vertex and its neighbours, with the weights 1 2 1 along each axis.
+/// This mean removes relief that alternates from vertex to vertex. Heights on the lines through the node's edges are not filtered, and heights one
+/// vertex away from these lines are moved only half of the way to the mean. This rule is symmetric on both sides of an edge, so neighbouring nodes
+/// compute the same heights in their borders.
 fn filtered(height: impl Fn(usize, usize) -> f64, i: usize, j: usize) -> f64 {
     // Distance to the nearest of these lines in vertices, at most 2, divided by 2.
     let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;
@@ -231,13 +232,13 @@ pub(super) fn vertex_height_m(world: &World, id: NodeId, [i, j]: [u32; 2]) -> f6
     if id.lod > layout.finest_lod { filtered(height, i, j) } else { height(i, j) }
 }
 
-/// Materials of splat texels -1..=65.
+/// Returns the materials of the splat texels -1..=65.
 pub(super) fn cover(world: &World, ground: &Ground) -> Cover {
     let Ground { grid, source, relief, .. } = ground;
     let mut splat = Vec::with_capacity(SPLAT_GRID_SIDE * SPLAT_GRID_SIDE);
     for j in 0..SPLAT_GRID_SIDE {
         for i in 0..SPLAT_GRID_SIDE {
-            // As in [`Grid::of`]: splat texel k is vertex 2 k + 2 of the working grid.
+            // Splat texel k is vertex 2 k + 2 of the working grid.
             let [x, y] = grid.vertex(2 * i, 2 * j);
             let (slope_deg, curvature) = relief.at(i, j);
             splat.push(world.rules().material_at(source[j * SPLAT_GRID_SIDE + i], slope_deg, curvature, x, y));
@@ -309,7 +310,7 @@ impl RuleRelief {
     }
 }
 
-/// dh/dx, dh/dy, and minus half the Laplacian, by central differences.
+/// Returns the derivatives of the height along x and y, and minus half its Laplacian, by central differences.
 pub(super) fn differences(centre: f64, west: f64, east: f64, south: f64, north: f64, reach: f64) -> [f64; 3] {
     [(east - west) / (2.0 * reach), (north - south) / (2.0 * reach), (4.0 * centre - west - east - south - north) / (2.0 * reach * reach)]
 }
@@ -376,7 +377,8 @@ fn normals(grid: &Grid, looks: &Looks) -> Vec<u8> {
             rgba.extend_from_slice(&[unorm8(f64::from(look[3])), stored(n[1]), unorm8(f64::from(look[4])), stored(n[0])]);
         }
     }
-    // The normal matters most, so the encoder fits the colours of a block mainly to n.y. Smoothness and occlusion become less accurate.
+    // The normal matters most. Its x is in alpha, which BC3 encodes separately. Its y is in green, so green has the largest weight. Smoothness and
+    // occlusion become less accurate.
     blocks::encode(BlockFormat::Bc3, &rgba, TEXTURE_SIDE, TEXTURE_SIDE, [0.15, 1.0, 0.1], Effort::Fast)
 }
 
@@ -430,7 +432,7 @@ fn colour_modulation(world: &World, grid: &Grid) -> Vec<u8> {
 
 /// Whether the quad (i, j) is split from its south-west to its north-east corner. The other quads are split from south-east to north-west.
 ///
-/// The diagonals alternate, so that every second vertex touches 8 triangles (Ruling 11).
+/// The diagonals alternate, so that every second vertex belongs to 8 triangles (ruling 11 in `ARCHITECTURE.md`).
 pub const fn diagonal_rises(i: usize, j: usize) -> bool {
     (i + j).is_multiple_of(2)
 }
@@ -453,8 +455,8 @@ fn patch_normals(world: &World, height: &[u16], spacing: f64) -> Vec<Vec<[f64; 3
     patches
 }
 
-/// Height differences per quad along x and y of the two triangles of a quad: first the triangle with the southern edge, then the triangle
-/// with the northern edge. The corner heights are given in the order south-west, south-east, north-west, north-east.
+/// Returns the gradients of the two triangles of a quad, in metres of height per edge of the quad along x and y: first the triangle with the southern
+/// edge, then the triangle with the northern edge. The corner heights are given in the order south-west, south-east, north-west, north-east.
 pub(super) fn triangle_gradients([sw, se, nw, ne]: [f64; 4], rises: bool) -> [[f64; 2]; 2] {
     if rises { [[se - sw, ne - se], [ne - nw, nw - sw]] } else { [[se - sw, nw - sw], [ne - nw, ne - se]] }
 }

@@ -6,7 +6,7 @@
 use crate::scene::{Rule, Scene, Stroke, StrokeKind, World};
 use crate::shared::hash;
 
-/// Prepared rules: names are resolved to palette indices, and the covers of noise masks are converted to noise thresholds.
+/// Prepared rules: names are resolved to palette indices, and the cover of each noise mask (`Rule::noise_cover`) is converted to a noise threshold.
 #[derive(Clone, Debug)]
 pub struct Rules {
     rules: Vec<Prepared>,
@@ -31,7 +31,7 @@ struct Prepared {
     threshold: f64,
 }
 
-/// Half the width of a noise mask's ramp, in units of the noise.
+/// Half the width of the range of noise values over which a noise mask rises from 0 to 1.
 const NOISE_RAMP: f64 = 0.08;
 
 impl Rules {
@@ -67,14 +67,14 @@ impl Rules {
         self.strokes.iter().rev().filter(move |p| p.stroke.kind == kind && p.may_reach(x, y))
     }
 
-    /// The painted factor on the weights of a material's rules.
+    /// Returns the painted factor on the weights of a material's rules.
     fn mask_of(&self, material: u8, x: f64, y: f64) -> f64 {
         self.painted(StrokeKind::Mask, x, y).filter(|p| p.material == material).map(|p| p.factor(x, y)).product()
     }
 
-    /// Palette index of the material at a position: height in metres, slope in degrees, mean curvature in 1/m (positive where convex),
-    /// world position in metres. The material that was painted last replaces the result of the rules. If the weight of every rule is 0, the
-    /// material of the first rule is used.
+    /// Returns the palette index of the material at a position. Arguments: height in metres, slope in degrees, mean curvature in 1/m (positive where
+    /// convex), world position in metres. If materials were painted at the position, the one that was painted last replaces the result of the rules.
+    /// If the weight of every rule is 0, the material of the first rule is used.
     pub fn material_at(&self, height_m: f64, slope_deg: f64, curvature: f64, x: f64, y: f64) -> u8 {
         if let Some(painted) = self.painted(StrokeKind::Splat, x, y).find(|p| p.depth_m(x, y) > 0.0) {
             return painted.material;
@@ -163,7 +163,7 @@ impl Painted {
     }
 }
 
-/// 1 inside the band, falling linearly to 0 over `fade` on either side. Without a band, 1 everywhere.
+/// Returns 1 inside the band and falls linearly to 0 over the distance `fade` on either side. Without a band, it is 1 everywhere.
 fn trapezoid(value: f64, band: Option<[f64; 2]>, fade: f64) -> f64 {
     let Some([from, to]) = band else { return 1.0 };
     let outside = (from - value).max(value - to).max(0.0);
@@ -200,8 +200,8 @@ fn lattice_noise(x: f64, y: f64, seed: u32) -> f64 {
     a + (b - a) * t
 }
 
-/// 257 measured quantiles of [`value_noise`]. They convert covers, which are shares of the ground, to thresholds. A formula would not do, because
-/// the noise is not uniformly distributed.
+/// Returns 257 measured quantiles of [`value_noise`]. They convert the cover of a rule, which is a share of the ground, to a threshold. The quantiles
+/// are measured, because the noise is not uniformly distributed.
 fn noise_quantiles() -> Vec<f64> {
     const SIDE: u32 = 128;
     let mut values: Vec<f64> = (0..SIDE * SIDE)

@@ -26,29 +26,30 @@ use crate::model::viewpoint::{EYE_M, Viewpoint};
 
 /// Name of the camera that is added to the scene for a free viewpoint.
 const CAMERA: &str = "workbench";
-/// Number of lines of a report that are shown. They contain the answer, the checks, and most of the table.
+/// Limit of the number of lines of a report that are shown. They contain the answer, the checks, and most of the table.
 const EXCERPT: usize = 40;
 /// How often to check whether a process has ended.
 const NAP: Duration = Duration::from_millis(10);
 /// When a run is dropped, how long to wait for it to stop by itself before it is killed.
 const FAREWELL: Duration = Duration::from_secs(3);
 
-/// The extent of the measurement.
+/// How much an experiment measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// Width and height of a picture, pixels.
     pub size: [u32; 2],
-    /// Frames of the sequence, from frame 0, at least 1; at least 2 for metrics that compare frames.
+    /// Number of frames of the sequence, which begins at frame 0. At least 1, or at least 2 for metrics that compare frames.
     pub frames: u32,
-    /// Seeds for bias and variance, at least 2; 0 = neither is measured.
+    /// Number of seeds for bias and variance, at least 2; 0 = neither is measured.
     pub seeds: u32,
 }
 
-/// Saves the current settings and view into a new folder, completely or not at all. The folder has `NAME.toml`. It also has `scene.toml`, unless the
-/// scene differs from the built-in one only in numbers and the viewpoint is a camera or path of the scene. Returns the file of the definition.
+/// Saves the current settings and view into a new folder, completely or not at all. The folder has `NAME.toml`, the definition. It also has
+/// `scene.toml`, unless both of these conditions hold: the scene differs from the built-in one only in settings, and the viewpoint is a camera or
+/// path of the scene. Returns the path of the definition.
 ///
-/// Paths in the scene file become absolute. A run renders frames from 0 on. The picture on screen is equal to the frame of the run with the same
-/// number.
+/// Paths in the scene file become absolute. A run renders frames from 0 on. If the picture on screen has the frame number n, it is equal to frame n
+/// of the run.
 ///
 /// # Errors
 /// One line with the remedy: the name is not suitable, the folder exists or cannot be written, a definition cannot describe the view (a recorded
@@ -183,8 +184,8 @@ fn write_in(staging: &WholeFolder, name: &str, text: &str) -> Result<()> {
     fs::write(&file, text).with_context(|| format!("cannot write {}: make room, or choose another folder", file.display()))
 }
 
-/// The definitions in a folder, sorted by path: its `.toml` files except `scene.toml`, and those that [`save`] wrote in subfolders. For the path of a
-/// file, the result is that file; for a path that does not exist, it is empty.
+/// The definitions in a folder, sorted by path: its `.toml` files except `scene.toml`, and those that [`save`] wrote in subfolders. If `place` is a
+/// file, returns that file. If it does not exist, returns nothing.
 pub fn definitions(place: &Path) -> Vec<PathBuf> {
     if place.is_file() {
         return vec![place.to_owned()];
@@ -210,7 +211,7 @@ pub fn lacks(definition: &Path) -> Option<String> {
     definition::load(definition).err().map(|error| one_line(&format!("{error:#}")))
 }
 
-/// The folder of definitions that come with the program. It is searched in the working directory, and in all folders above this program.
+/// The folder of definitions that come with the program. It is searched in the working directory, and in all folders above the executable.
 pub fn shipped() -> Option<PathBuf> {
     let definitions = Path::new("experiments").join("definitions");
     let own = std::env::current_exe().unwrap_or_default();
@@ -235,12 +236,12 @@ pub fn open(page: &Path) -> Result<()> {
     };
     let started = Command::new(opener).arg(page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
     let mut child = started.with_context(|| format!("`{opener}` cannot be started: open {} in a browser", page.display()))?;
-    // The exit status of the opener is not reliable. The program waits for the process only to avoid a zombie process.
+    // The exit status of the opener is not reliable, so it is ignored. Waiting for the process only avoids a zombie process.
     thread::spawn(move || child.wait());
     Ok(())
 }
 
-/// The program `experiments`: in the folder of this program, in the folder above it (for tests), or on the search path.
+/// Finds the program `experiments`: in the folder of the executable, in the folder above it (for tests), or on the search path.
 fn program() -> Result<PathBuf> {
     let name = format!("experiments{}", std::env::consts::EXE_SUFFIX);
     let own = std::env::current_exe().unwrap_or_default();
@@ -288,8 +289,8 @@ struct Said {
 }
 
 impl Run {
-    /// Runs a definition. The results are written to a folder with the name of the definition in `out`. A run that was stopped continues, and a run
-    /// that is finished writes its report again. `wake` is called whenever there is something new to show.
+    /// Runs a definition. The results are written to a folder with the name of the definition in `out`. A stopped run in that folder continues. A
+    /// finished run there writes its report again. `wake` is called whenever there is something new to show.
     ///
     /// # Errors
     /// There is no program `experiments`, or it cannot be started.
@@ -306,7 +307,7 @@ impl Run {
         let second = input.try_clone().context("the run's output cannot be followed")?;
         command.stdin(Stdio::null()).stdout(input).stderr(second);
         let child = command.spawn().with_context(|| format!("{} cannot be started", command.get_program().display()))?;
-        // The command holds writing ends of the pipe. While it exists, reading would never reach the end.
+        // The command holds writing ends of the pipe. As long as one of them is open, a reader of the pipe does not reach the end of the output.
         drop(command);
         let shared = Arc::new(Shared { child: Mutex::new(child), said: Mutex::new(Said::default()) });
         let own = shared.clone();
@@ -339,7 +340,8 @@ impl Run {
         lock(&self.shared.said).outcome.clone()
     }
 
-    /// Asks the run to stop, as Ctrl-C does. Finished parts are kept, and [`Run::start`] continues from there. A second call ends the run at once.
+    /// Asks the run to stop, as Ctrl-C does. Finished parts are kept, so that [`Run::start`] can continue from there. A second call ends the run at
+    /// once.
     pub fn cancel(&self) {
         let shared = self.shared.clone();
         thread::spawn(move || shared.cancel());
@@ -442,7 +444,7 @@ impl Said {
 
 fn excerpt(page: &Path) -> String {
     let text = fs::read_to_string(page.with_extension("md")).unwrap_or_default();
-    // The fonts of the window do not have the check marks and crosses of the report.
+    // The report has check marks and crosses, which the fonts of the window lack. Replace them by words.
     text.lines().take(EXCERPT).collect::<Vec<_>>().join("\n").replace('\u{2705}', "[holds]").replace('\u{274c}', "[fails]")
 }
 
@@ -501,7 +503,7 @@ mod tests {
         let definition = definition::load(&file).expect("it is read");
         assert_eq!((definition.scene.as_deref(), definition.settings.len()), (Some(scene::FILE), 0));
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
-        // So does a scene with other edits and with strokes.
+        // A scene with changed rules, tints and strokes also needs a scene file.
         let stroke = Stroke {
             kind: StrokeKind::Splat,
             material: settings.scene.materials[1].name.clone(),
@@ -516,7 +518,7 @@ mod tests {
         let file = save(&folder.0.join("painted"), "painted", &settings, &camera("cliff"), EXTENT).expect("it is saved");
         let definition = definition::load(&file).expect("it is read");
         assert!(saved_scene(&definition, &settings.scene) == settings.scene);
-        // The automatic choice has a different name for each kernel. The view may also be a path of the scene.
+        // The automatic choice of variants is called `auto` or, with the generic kernel, `generic`. The view may also be a path of the scene.
         for (generic, name) in [(false, "auto"), (true, "generic")] {
             let mut settings = settings.clone();
             (settings.frame.variant, settings.frame.generic) = (None, generic);
@@ -711,7 +713,7 @@ mod tests {
         let run = shell(ENDLESS);
         wait(&run, "a word", |run| !run.progress().is_empty());
         assert!(!run.is_done() && run.outcome().is_none());
-        // A background process may ignore interrupts; the second call kills the process.
+        // A background process may ignore the interrupt of the first call. The second call kills it.
         run.cancel();
         thread::sleep(Duration::from_millis(500));
         run.cancel();

@@ -1,5 +1,4 @@
-//! Live metrics of the pictures as they are drawn: variance, bias, flips, flicker and clumping, for surface points that are followed from frame to
-//! frame.
+//! Live metrics of the pictures as they are drawn: variance, bias, flips, flicker and clumping. Surface points are followed from frame to frame.
 
 use std::collections::VecDeque;
 
@@ -15,7 +14,7 @@ use rayon::prelude::*;
 use crate::model::metrics::{LAYERS, Metrics, Reading};
 use crate::model::settings::Settings;
 
-/// Number of frames in the plots.
+/// Limit of the number of frames in the plots.
 const HISTORY: usize = 240;
 
 /// The state of the live metrics.
@@ -23,7 +22,7 @@ const HISTORY: usize = 240;
 pub struct Live {
     links: Option<Links>,
     followed: [Followed; 2],
-    /// The settings of A and B, and the number of restarts, to which the metrics belong.
+    /// The settings of A and B, and the number of restarts, for which the metrics were measured.
     of: Option<([Option<Settings>; 2], u32)>,
     /// The request of the last picture that was measured. A picture of the same frame and pose, for example with another layer, is not measured
     /// again.
@@ -34,7 +33,8 @@ pub struct Live {
 }
 
 impl Live {
-    /// Measures the pictures of A and B of one view. Call this right after they were drawn; `request` must be the last request of A.
+    /// Adds the pictures of A and B in one frame to the metrics. Call this right after they were drawn. `request` must be the request with which A
+    /// was drawn.
     ///
     /// # Errors
     /// The device fails.
@@ -77,7 +77,8 @@ impl Live {
         // Flips and flicker compare consecutive frames. If a frame is missing, no surface point is followed across the gap.
         let mut found = match renderer.drawn_as(request) {
             Ok(frame) => frame.link(links)?,
-            // The last picture was B, with geometry that differs from A. The links need the geometry of A, so draw A again with the cheapest shading.
+            // The last picture was B, and its geometry differs from that of A. The links between pixels of two frames need the geometry of A, so draw
+            // A again with the cheapest shading.
             Err(_) => {
                 let again = request.with(|r| {
                     r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
@@ -117,7 +118,7 @@ impl Live {
         Ok(())
     }
 
-    /// If the region changed, sums the last frame again over the new region, and restarts the history.
+    /// If the region changed, computes the metrics of the last frame for the new region, and restarts the history with them.
     fn sum_again(&mut self, metrics: &Metrics, size: [u32; 2]) {
         if let (true, Some(last)) = (self.region != metrics.region, self.history.back().copied()) {
             self.region = metrics.region;
@@ -138,7 +139,7 @@ impl Live {
         &self.followed[index]
     }
 
-    /// The readings since measuring began, the newest last.
+    /// The readings of the last frames, the newest last.
     pub fn history(&self) -> Vec<Reading> {
         self.history.iter().copied().collect()
     }

@@ -1,8 +1,9 @@
 //! The drawing thread: the window never waits for a picture, and drawing never waits for the window.
 //!
-//! The thread has a device of its own. A mailbox with room for one wish holds the next request; a newer wish replaces an older one. A second mailbox
-//! holds the news, with the last picture. Pictures are passed as texels, not as textures of a shared device, for two reasons: on a software adapter,
-//! two devices have two queues, so a long frame does not delay clicks; and a lost device can be replaced, which only causes a pause in the window.
+//! The thread has a device of its own. A mailbox with room for one request ([`Wish`]) holds the next one; a newer request replaces an older one. A
+//! second mailbox holds what the thread reports ([`News`]), with the last picture. Pictures are passed as texels, not as textures of a shared device,
+//! for two reasons. On a software adapter, two devices have two queues, so a long frame does not delay clicks. And if the device of the thread is
+//! lost, it can be replaced, while the window only gets no new picture for some time.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -48,7 +49,7 @@ const SOON: Duration = Duration::from_micros(1);
 /// Repaint delay for progress. On a software adapter, painting the window for each step, or animating a spinner, would make the task take almost
 /// twice as long.
 pub(crate) const PROGRESS: Duration = Duration::from_millis(500);
-/// Number of times in a row that a lost device is replaced before giving up.
+/// Limit of the number of times in a row that a lost device is replaced.
 const DEVICES: u32 = 3;
 
 #[derive(Default)]
@@ -65,7 +66,7 @@ struct Mail {
     ended: bool,
 }
 
-/// Called when there is news, with the time by which showing it may be delayed.
+/// Called when the thread reports something, with the time by which showing it may be delayed.
 type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
 
 struct Boxes {
@@ -99,7 +100,7 @@ impl Boxes {
         self.wake(SOON);
     }
 
-    /// Changes the news because of progress. The window may show it with a delay.
+    /// Changes the reported state because of progress of a task. The window may show the change with a delay.
     fn report(&self, change: impl FnOnce(&mut News)) {
         change(&mut lock(&self.news));
         self.wake(PROGRESS);
@@ -127,8 +128,8 @@ impl Boxes {
         lock(&self.mail).warming
     }
 
-    /// Takes the newest wish. If there is none, waits for one, for at most `patience` if it is given. Does not wait if shaders remain to be compiled
-    /// in advance (`cold`) and [`Engine::warm`] requested this.
+    /// Takes the newest request. If there is none, waits for one, for at most `patience` if it is given. Does not wait if [`Engine::warm`] was called
+    /// and shaders remain to be compiled in advance (`cold`).
     fn next(&self, cold: bool, patience: Option<Duration>) -> Next {
         let mut mail = lock(&self.mail);
         let mut waited = false;
@@ -169,13 +170,13 @@ enum Next {
 pub struct Engine {
     boxes: Arc<Boxes>,
     thread: Option<JoinHandle<()>>,
-    /// The scene of the thread, if it is in use through the pool ([`Engine::shared`]).
+    /// The scene that the thread draws, if the engine comes from the pool ([`Engine::shared`]).
     scene: Option<Box<Scene>>,
 }
 
 impl Engine {
     /// Starts the thread. `shaders` is a folder with the layout of `kernels/src`; the thread draws with the WGSL files in it and watches them for
-    /// changes. `wake` is called when there is news, with the time by which showing it may be delayed.
+    /// changes. `wake` is called when the thread reports something, with the time by which showing it may be delayed.
     pub fn start(shaders: Option<PathBuf>, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
@@ -192,25 +193,24 @@ impl Engine {
         Engine { boxes, thread: Some(thread), scene: None }
     }
 
-    /// Requests a picture. It replaces an earlier wish that has not been started.
+    /// Requests a picture. The request replaces an earlier one that the thread has not started.
     pub fn wish(&self, wish: Wish) {
         lock(&self.boxes.mail).wish = Some(wish);
         self.boxes.arrived.notify_one();
     }
 
-    /// For tests: simulates the loss of a number of devices, one before each picture that is not a first look. A driver may lose a device at any
-    /// time.
+    /// For tests: destroys the device, as a driver may do at any time, before each of the next `count` pictures. First looks do not count.
     pub fn lose_devices(&self, count: u32) {
         lock(&self.boxes.mail).lose = count;
     }
 
-    /// Compiles shaders that a click may need whenever there is no picture to draw.
+    /// Whenever there is no picture to draw, compiles shaders that a click may need.
     pub fn warm(&self) {
         lock(&self.boxes.mail).warming = true;
         self.boxes.arrived.notify_one();
     }
 
-    /// The current news.
+    /// What the thread reports at present.
     pub fn news(&self) -> News {
         lock(&self.boxes.news).clone()
     }
@@ -233,9 +233,9 @@ impl Drop for Engine {
 /// Why drawing with a device or a scene ended.
 enum End {
     Stop,
-    /// This wish is for a scene that is not loaded.
+    /// The scene of this request is not loaded.
     Scene(Box<Wish>),
-    /// The device failed while drawing this wish.
+    /// The device failed while it drew the picture for this request.
     Device(Box<Wish>),
 }
 
@@ -267,7 +267,7 @@ fn draw_on_devices(boxes: &Arc<Boxes>, mut reload: Option<Reload>) {
                 (news.progress, news.failure) = (None, Some(why.to_owned()));
                 news.unloaded = pending.take().map(|wish| wish.opened);
             });
-            // The next wish may need less memory or time on the device than the wish that failed.
+            // The next request may need less memory, or less time on the device, than the request that failed.
             let Some(wish) = awaited(boxes) else { return };
             boxes.tell(|news| news.failure = None);
             (pending, losses) = (Some(wish), 0);
@@ -275,7 +275,7 @@ fn draw_on_devices(boxes: &Arc<Boxes>, mut reload: Option<Reload>) {
     }
 }
 
-/// Waits for the next wish, without a time limit; `None` = the thread must stop.
+/// Waits for the next request, without a time limit; `None` = the thread must stop.
 fn awaited(boxes: &Boxes) -> Option<Box<Wish>> {
     loop {
         match boxes.next(false, None) {
@@ -287,7 +287,7 @@ fn awaited(boxes: &Boxes) -> Option<Box<Wish>> {
     }
 }
 
-/// Draws scene after scene until the device fails.
+/// Loads and draws one scene after another, until the device fails or the thread must stop.
 fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
     let progress = |p: Progress| boxes.report(|news| news.progress = Some(p));
     loop {
@@ -311,7 +311,7 @@ fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, lo
                 end => return end,
             },
             Err(kernels::base::error::Error::Gpu(_)) => return End::Device(wish),
-            // The scene cannot be drawn. The next wish may be for another scene.
+            // The scene cannot be drawn. The next request may be for another scene.
             Err(error) => boxes.tell(|news| {
                 (news.progress, news.failure) = (None, Some(error.to_string()));
                 news.unloaded = Some(wish.opened);
@@ -320,7 +320,7 @@ fn draw_scenes(boxes: &Arc<Boxes>, gpu: &Gpu, mut pending: Option<Box<Wish>>, lo
     }
 }
 
-/// Draws pictures of one scene.
+/// Draws pictures of one scene, until another scene is requested, the device fails, or the thread must stop.
 fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish>, losses: &mut u32, reload: &mut Option<Reload>) -> End {
     let opened = first.opened;
     let mut warmed = Warmed::default();
@@ -331,7 +331,8 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
     let tell: sketch::Tell = Arc::new(move |progress| own.report(|news| news.progress = Some(progress)));
     let mut sketch = Sketch::of(&renderer);
     loop {
-        // Without a wish, the thread must still check the shader folder and wait for textures.
+        // While no request arrives, the thread must still check regularly whether files in the shader folder have changed and whether textures are
+        // ready.
         let patience = if sketch.is_some() { Some(sketch::INTERVAL) } else { reload.is_some().then_some(INTERVAL) };
         match sketch.as_mut().and_then(|sketch| sketch.step(&mut renderer)) {
             None => {}
@@ -341,7 +342,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
             }
             Some(Err(why)) => {
                 boxes.tell(|news| (news.progress, news.failure, news.unloaded) = (None, Some(why), Some(opened)));
-                // Wait for a wish for another scene.
+                // Wait for the next request, and load its scene.
                 match boxes.next(false, None) {
                     Next::Wish(wish) => return End::Scene(wish),
                     Next::Idle => continue,
@@ -362,10 +363,10 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
         }
         let wish = match next {
             Next::Stop => return End::Stop,
-            // The textures of the sketch are no longer needed.
+            // The window closed while the textures of the scene were being made. They are no longer needed, so end the thread.
             Next::Rest if sketch.is_some() => return End::Stop,
             Next::Rest => {
-                // The next wish comes from another window.
+                // The next request comes from another window.
                 (live, warmed, last) = (Live::default(), Warmed::default(), None);
                 boxes.rested();
                 next = boxes.next(false, patience);
@@ -386,8 +387,8 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
         if wish.opened != opened {
             return End::Scene(wish);
         }
-        // The textures of the loaded scene are still being made. The scene of this wish needs different textures, but can reuse most of those of the
-        // loaded scene. The wish therefore waits until they are finished.
+        // The textures of the loaded scene are still being made. The requested scene needs different textures, but most textures of the loaded scene
+        // can be reused for it. Keep the request until the textures of the loaded scene are finished.
         if sketch.is_some() && renderer.needs_textures(&wish.settings.scene) {
             last = Some(wish);
             next = boxes.next(false, patience);
@@ -441,7 +442,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
             }
         }
         next = boxes.next(warmed.is_open(), patience);
-        // If wishes arrive without a pause, there is no idle time to compile shaders in advance: compile one after each picture.
+        // If requests arrive without a pause, there is no idle time to compile shaders in advance. Therefore, compile one shader after each picture.
         if let (Next::Wish(_), true) = (&next, warmed.is_open() && boxes.is_warming()) {
             if warmed.step(&mut renderer).is_err() {
                 warmed.give_up();
@@ -451,7 +452,7 @@ fn draw_pictures(boxes: &Arc<Boxes>, mut renderer: Renderer<'_>, first: Box<Wish
     }
 }
 
-/// Repeats the last wish, unless there is a newer one.
+/// Repeats the last request, unless there is a newer one.
 fn again(next: Next, last: Option<Box<Wish>>) -> Next {
     match (next, last) {
         (Next::Idle, Some(wish)) => Next::Wish(wish),
@@ -459,7 +460,7 @@ fn again(next: Next, last: Option<Box<Wish>>) -> Next {
     }
 }
 
-/// Draws a first look for a wish. It shows only A, and has no metrics.
+/// Draws a first look: a preview with small textures. It shows only A, and has no metrics.
 fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
@@ -490,7 +491,7 @@ fn culled_ground_m(renderer: &Renderer<'_>, wish: &Wish) -> Option<f64> {
     wish.culled_from.map(|pose| renderer.ground_m(pose.position.x, pose.position.y))
 }
 
-/// Draws A, and B if requested, and measures them.
+/// Draws A, and B if it is requested, and measures the live metrics of both if they are requested.
 fn draw(renderer: &mut Renderer<'_>, live: &mut Live, wish: &Wish) -> kernels::base::error::Result<(RenderRequest, Shown)> {
     let began = Instant::now();
     let pose = pose(renderer, wish)?;
@@ -585,7 +586,7 @@ fn compared(wish: &Wish, a: &Picture, b: Picture, settings: Settings, live: &Liv
     }
 }
 
-/// The pose of the camera for a wish.
+/// The pose of the camera for a request.
 fn pose(renderer: &Renderer<'_>, wish: &Wish) -> kernels::base::error::Result<Pose> {
     let ground = |x: f64, y: f64| renderer.ground_m(x, y);
     let scene = renderer.scene();
@@ -620,7 +621,8 @@ struct Warmed {
 }
 
 impl Warmed {
-    /// All choices that the panel of variants can force. The automatic choice uses the same 31 shaders.
+    /// All shaders that the panel *Variants* can select: one for each of the 31 variants, and the generic shader. With the automatic choice, tiles
+    /// use the same 31 shaders.
     fn all() -> impl Iterator<Item = VariantChoice> {
         Variant::all().map(VariantChoice::Forced).chain([VariantChoice::GenericAuto])
     }
@@ -634,7 +636,8 @@ impl Warmed {
         if !self.like.as_ref().is_some_and(same) {
             self.ready.clear();
             self.missing = Warmed::all().collect();
-            // Sets of many flavours come last: they take longest to compile and are needed least often.
+            // The last entry of the list is compiled first. Reverse the list, so that large masks, which include most variants of many flavours, are
+            // compiled late: these variants take longest to compile and are needed least often.
             self.missing.reverse();
         }
         self.like = Some(*request);
@@ -660,7 +663,7 @@ impl Warmed {
         [all - self.missing.len(), all]
     }
 
-    /// Skips a variant that cannot be compiled for this scene. A wish for that variant will report the error.
+    /// Skips a variant that cannot be compiled for this scene. A request that needs that variant will report the error.
     fn give_up(&mut self) {
         self.missing.pop();
     }

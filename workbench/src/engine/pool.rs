@@ -1,9 +1,9 @@
 //! A pool of drawing threads for windows without a screen, as in tests. Starting a thread for each window would be slow: a software adapter compiles
 //! shaders for a minute per scene.
 //!
-//! When its window closes, a thread forgets what it drew and measured. The next window of the same scene gets a device and a loaded scene, with the
-//! shaders, terrain nodes and pages that earlier windows needed. Pictures do not depend on what is already loaded. Counts of work in a frame, such as
-//! the number of nodes that it loaded, do depend on it. Tests that check such counts therefore start a thread of their own.
+//! When its window closes, a thread forgets what it drew and measured, but keeps its device and the loaded scene, with shaders, terrain nodes and
+//! pages. The next window of the same scene uses them again. Pictures do not depend on what is already loaded. Counts of work in a frame, such as the
+//! number of nodes that it loaded, do depend on it. Tests that check such counts therefore start a thread of their own.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -16,7 +16,7 @@ use crate::model::picture::News;
 /// Maximum number of idle threads. There is a limit because each thread holds a device and the textures of a scene.
 const MOST: usize = 4;
 
-/// Idle threads. They only wait for a wish, so they may end together with the program.
+/// Idle threads. An idle thread only waits for a request, so the program may end without stopping it.
 static IDLE: Mutex<Vec<Engine>> = Mutex::new(Vec::new());
 
 impl Engine {
@@ -57,8 +57,8 @@ impl Engine {
 }
 
 impl Boxes {
-    /// Makes the thread forget what it drew, after it has finished the current picture, and clears the news except for the adapter. Returns whether
-    /// the thread is still running.
+    /// Makes the thread forget what it drew, after it has finished the current picture, and clears what it reported, except for the adapter. Returns
+    /// whether the thread is still running.
     fn rest(&self) -> bool {
         let alive = {
             let mut mail = lock(&self.mail);
@@ -77,13 +77,13 @@ impl Boxes {
         alive
     }
 
-    /// The thread calls this when it has forgotten what it drew.
+    /// The thread calls this after it has forgotten what it drew.
     pub(super) fn rested(&self) {
         lock(&self.mail).rest = false;
         self.rested.notify_all();
     }
 
-    /// The thread calls this last.
+    /// The thread calls this as its last action.
     pub(super) fn ended(&self) {
         lock(&self.mail).ended = true;
         self.rested.notify_all();
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
     use crate::model::picture::Adapter;
 
-    /// An engine whose thread follows the protocol but does not draw. The thread is slow, and every request fails.
+    /// An engine whose thread handles the mailboxes like a drawing thread but does not draw. The thread is slow, and every request fails.
     fn pretended(scene: &Scene, wake: impl Fn(Duration) + Send + Sync + 'static) -> Engine {
         let boxes = Arc::new(Boxes::new(Arc::new(wake)));
         let own = boxes.clone();
@@ -114,7 +114,7 @@ mod tests {
                     Next::Stop => break,
                     Next::Wish(_) | Next::Idle => continue,
                 }
-                // After resting, it waits.
+                // After it has rested, the thread does nothing until the next request.
                 if matches!(own.next(false, None), Next::Stop) {
                     break;
                 }
@@ -140,7 +140,7 @@ mod tests {
             }
         };
 
-        // If an engine is dropped while its thread works, the caller waits until the thread rests, and no news follows.
+        // Dropping an engine while its thread works waits until the thread rests. After that, the thread reports nothing.
         let engine = pretended(&first, wake(0));
         engine.warm();
         let boxes = engine.boxes.clone();
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(news.adapter.map(|adapter| adapter.name).as_deref(), Some("pretended"));
         assert!(!lock(&boxes.mail).warming);
         assert_eq!((woken[0].load(Ordering::Relaxed), woken[1].load(Ordering::Relaxed)), (before, 0));
-        // News of the thread now wakes only the new window.
+        // What the thread reports from now on wakes only the new window.
         boxes.tell(|_| {});
         assert_eq!((woken[0].load(Ordering::Relaxed), woken[1].load(Ordering::Relaxed)), (before, 1));
         drop(engine);

@@ -1,8 +1,8 @@
 //! Reloading of shaders that are edited while the workbench runs: finds changed files in a folder, and rebuilds the stages that use them.
 //!
 //! A change that compiles takes effect. If a change does not compile, the old shaders stay in use, and the error is reported as one line with file,
-//! line and message. Notifications of changes differ between file systems, so the files are polled four times a second. There are about thirty of
-//! them, and reading a modification time takes microseconds.
+//! line and message. Notifications of changes differ between file systems, so the files are polled four times a second. There are about thirty files,
+//! and reading a modification time takes microseconds.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -43,8 +43,9 @@ impl Watcher {
     /// Returns the files that were changed, created or removed since the last check; at the first check, all files. `None` = there are no such files,
     /// or the last check is less than [`INTERVAL`] ago.
     ///
-    /// A changed file is reported again at the next check, because an editor may still have been writing it and may have finished within the same
-    /// tick of the file system's clock. A caller that reads each reported file therefore always ends up with its last version.
+    /// A changed file is reported again at the next check, for this reason: at the first report, an editor may still be writing the file. If it
+    /// finishes within the same tick of the file system's clock, the modification time does not change again. A caller that reads each reported file
+    /// therefore always ends up with its last version.
     pub fn changed(&mut self) -> Option<Vec<String>> {
         if self.looked.is_some_and(|at| at.elapsed() < INTERVAL) {
             return None;
@@ -117,7 +118,8 @@ impl Reload {
     }
 
     /// Call this when a device failed, before it is replaced. The new device draws with the shaders of the program. The shaders in the folder may be
-    /// the cause of the failure, so they are not used until one of them is saved. Returns a message if the device was using shaders from the folder.
+    /// the cause of the failure, so they are not used until one of their files is saved again. Returns a message if the failed device used shaders
+    /// from the folder.
     pub fn device_failed(&mut self, gpu: &Gpu) -> Option<String> {
         self.tried = None;
         self.watcher.rest();

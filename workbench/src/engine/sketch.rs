@@ -18,13 +18,13 @@ use kernels::variant::{Flavour, Variant};
 /// Width and height of the textures of a first look, texels. Making these textures takes less time than compiling the first shader.
 pub const TEXELS: u32 = 64;
 
-/// How often the thread checks whether the textures of the scene are ready.
+/// Time between two checks whether the textures of the scene are ready.
 pub const INTERVAL: Duration = Duration::from_millis(30);
 
 /// Reports progress.
 pub type Tell = Arc<dyn Fn(Progress) + Send + Sync>;
 
-/// A scene whose textures are being made.
+/// A scene whose textures are being made. Until they are ready, a first look at the scene is drawn.
 pub struct Sketch {
     /// The scene for which the textures are made.
     scene: Scene,
@@ -36,7 +36,7 @@ pub struct Sketch {
 }
 
 impl Sketch {
-    /// A sketch for the scene of a renderer, if the renderer has only small textures for it.
+    /// The sketch for the scene of a renderer; `None` = the renderer already has the full textures of the scene.
     pub fn of(renderer: &Renderer<'_>) -> Option<Sketch> {
         let sector_m = renderer.world().layout().sector_m;
         renderer.is_sketch().then(|| Sketch { scene: renderer.scene().clone(), sector_m, finished: None, abandoned: Arc::default() })

@@ -1,8 +1,8 @@
 //! The brush. It converts the path of the pointer over the picture into strokes on the ground.
 //!
-//! Places on the ground are computed from the depth of the picture on screen, with the same function as in the inspector ([`place_at`]). Every pixel
-//! between two positions of the pointer is examined, so that a stroke follows the ground under the pointer. A stroke ends at sky and at the edge of a
-//! ridge.
+//! Places on the ground are computed from the depth of the picture on screen. The function is the one that the inspector uses ([`place_at`]). Every
+//! pixel between two positions of the pointer is examined, so that a stroke follows the ground under the pointer. A stroke ends where the pointer
+//! reaches sky, and where it crosses from one surface to another one behind it, as at the edge of a ridge.
 
 use std::f64::consts::TAU;
 
@@ -13,9 +13,9 @@ use kernels::view::camera::{NEAR_M, View};
 use super::picture::Shown;
 use kernels::oracle::{pixel_at, place_at};
 
-/// Smallest and largest radius of a brush, metres.
+/// Limits of the radius of a brush: smallest and largest, metres.
 pub const RADII_M: [f64; 2] = [0.5, 500.0];
-/// Largest factor that a brush applies to the weights of rules.
+/// Limit of [`Brush::amount`], the factor of a mask on the weights of rules.
 pub const MOST_AMOUNT: f64 = 16.0;
 /// Maximum number of points of a stroke. Baking compares every splat texel near the stroke with each point.
 pub const MOST_POINTS: usize = 4096;
@@ -24,24 +24,26 @@ pub const MOST_STROKES: usize = 1000;
 /// Maximum number of points of all strokes of a scene together. If it is reached, the brush adds no point. A point takes about 40 bytes in a scene
 /// file, so this many points take about 2.5 MiB of the 4 MiB that a scene file may have.
 pub const MOST_IN_ALL: usize = 65_536;
-/// Smallest distance between two points of a stroke, as a share of the radius.
+/// Smallest distance between the end of a stroke and the next place that extends it, as a share of the radius of the stroke. Nearer places are
+/// ignored.
 const SPACING: f64 = 0.25;
-/// A point may be left out if it lies at most this far from the simplified line, as a share of the radius.
+/// Limit of the distance between a point that is left out and the line that replaces it, as a share of the radius of the stroke.
 const BESIDE: f64 = 1.0 / 16.0;
 /// Maximum number of consecutive points that are left out. The limit bounds the cost, because all points that were left out are checked again for
 /// every new point.
 const MOST_LEFT_OUT: usize = 256;
-/// Two neighbouring pixels may show different surfaces, one behind the other, if the ratio of their depths exceeds this.
+/// First condition for an edge between two surfaces, one behind the other: the ratio of the depths of two neighbouring pixels exceeds this.
 const EDGE: f64 = 1.5;
-/// Second condition for an edge between two surfaces: the inverse depth differs from a linear continuation of the two previous pixels by more than
-/// this share of its step from the last pixel. The ratio of depths alone does not suffice, because ground near the horizon has large ratios, too. On
-/// a plane, the inverse depth is linear in the picture.
+/// Second condition for an edge between two surfaces. The inverse depth of a pixel is compared with the linear continuation of the inverse depths of
+/// the two pixels before it. The difference exceeds this share of the change in inverse depth since the previous pixel. The first condition alone
+/// does not suffice, because the ratio of depths is also large on ground near the horizon. The second condition does not hold there, because the
+/// inverse depth of a plane is linear in the picture.
 const BEND: f64 = 0.5;
-/// Number of points of the ring that shows the brush.
+/// Number of points of the ring that shows on the ground where the brush paints.
 const RING: u32 = 64;
-/// Number of places on the ground around the centre from which the slope of the ring is computed.
+/// Number of places on the ground, around the centre of the ring, from which the slope of the ring is computed.
 const AROUND: u32 = 8;
-/// Steepest slope of the ring, metres of height per metre of distance.
+/// Limit of the slope of the ring, metres of height per metre of horizontal distance.
 const STEEPEST: f64 = 4.0;
 
 /// The ground, as reconstructed from the depth of a picture. Positions in the picture are given as shares of its width and height, from the top left.
@@ -77,8 +79,8 @@ impl<'a> Ground<'a> {
         (is_inside && depth_m > 0.0).then(|| place_at(&self.view, pixel_at(at, self.view.size), depth_m))
     }
 
-    /// The places on the ground along a line in the picture, pixel by pixel, without the start of the line. A `None` entry stands for sky, or marks
-    /// an edge between the surfaces before and after it.
+    /// Returns the places on the ground along a line in the picture, one per pixel, without the start of the line. An entry is `None` if the pixel
+    /// shows sky. A further `None` is inserted at an edge between two surfaces.
     pub fn between(&self, from: [f32; 2], to: [f32; 2]) -> Vec<Option<DVec3>> {
         let pixels = |k: usize| (to[k] - from[k]).abs() * self.view.size[k] as f32;
         let steps = pixels(0).max(pixels(1)).ceil().max(1.0);
@@ -111,8 +113,8 @@ impl<'a> Ground<'a> {
         (clip.w > NEAR_M).then(|| [(0.5 + clip.x / clip.w * 0.5) as f32, (0.5 - clip.y / clip.w * 0.5) as f32])
     }
 
-    /// Positions in the picture of a closed ring on the ground. The ring is a circle when seen from above, and lies in the plane that best fits the
-    /// visible ground around its centre.
+    /// Returns the points of a closed ring on the ground, as positions in the picture. Seen from above, the ring is a circle. It lies in the plane
+    /// that best fits the visible ground around its centre. `None` = the point cannot be projected into the picture, see [`Ground::seen`].
     pub fn ring(&self, centre: DVec3, radius_m: f64) -> Vec<Option<[f32; 2]>> {
         let around = |count: u32| (0..count).map(move |i| DVec2::from_angle(TAU * f64::from(i) / f64::from(count)) * radius_m);
         let seen = around(AROUND).filter_map(|offset| self.at(self.seen(centre + offset.extend(0.0))?));
@@ -125,7 +127,8 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// Slope towards east and north, metres per metre, of the least-squares plane through the origin. Zero if the points do not determine it.
+/// Returns the slope towards east and north, metres per metre, of the plane that passes through the origin and fits the offsets best (least squares).
+/// Returns zero if the offsets do not determine the plane.
 fn slope(offsets: impl Iterator<Item = DVec3>) -> DVec2 {
     let ([mut xx, mut xy, mut yy], mut rises) = ([0.0_f64; 3], DVec2::ZERO);
     for offset in offsets {
@@ -151,7 +154,7 @@ fn distance_m(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
 
 /// Length of the line that a stroke follows, metres.
 pub fn length_m(stroke: &Stroke) -> f64 {
-    // `fold` starts from 0; `sum` of an empty iterator is -0.
+    // Use `fold`, which starts from 0. `sum` of an empty iterator is -0, which would be shown as -0.0 m.
     stroke.points.windows(2).fold(0.0, |sum, pair| sum + DVec2::from_array(pair[0]).distance(DVec2::from_array(pair[1])))
 }
 
@@ -185,7 +188,7 @@ struct Drawing {
     began: bool,
     /// Index of the stroke that is extended; `None` = the next place begins a new stroke.
     stroke: Option<usize>,
-    /// Places after the second to last point of that stroke that were left out.
+    /// The places that were left out between the last two points of that stroke.
     left_out: Vec<DVec2>,
 }
 
@@ -340,7 +343,8 @@ mod tests {
         View::new(pose, SIZE, [0.0; 2], 64.0, 10_240.0)
     }
 
-    /// Depths of the plane `z = rise . (x, y)` in metres, and of the sky above its horizon (0).
+    /// Depths of all pixels in metres, row by row. The picture shows the plane `z = rise . (x, y)`; above the horizon of the plane is sky, which has
+    /// the depth 0.
     fn plane(view: &View, rise: DVec2) -> Vec<f32> {
         let normal = DVec3::new(-rise.x, -rise.y, 1.0);
         let depth = |x: u32, y: u32| {
@@ -358,7 +362,7 @@ mod tests {
         Brush { material: "moss".to_owned(), radius_m, ..Brush::default() }
     }
 
-    /// Distance from a place to the line through the points of a stroke, metres.
+    /// Distance from a place to the line that a stroke follows, metres.
     fn beside_m(stroke: &Stroke, place: DVec2) -> f64 {
         let points: Vec<DVec2> = stroke.points.iter().copied().map(DVec2::from_array).collect();
         let alone = points[0].distance(place);
@@ -392,7 +396,7 @@ mod tests {
         let depths = plane(&view, DVec2::ZERO);
         let ground = Ground::new(view, &depths).expect("a depth for each pixel");
         let (mut scene, mut brush) = (plain(), brush(2.0));
-        // On level ground, a line parallel to the horizon is straight.
+        // A horizontal line in the picture is a straight line on level ground, so two points suffice for the stroke.
         brush.begin(0, [0.103, 0.8]);
         for share in [0.3, 0.31, 0.903] {
             brush.drag(&mut scene, &ground, Some([share, 0.8]));
@@ -403,7 +407,8 @@ mod tests {
         assert_eq!((stroke.kind, stroke.material.as_str(), stroke.radius_m, stroke.fade_m), (StrokeKind::Splat, "moss", 2.0, 0.0));
         let [from, to] = [0.103, 0.903].map(|share| ground.at([share, 0.8]).expect("ground").truncate());
         assert!((length_m(&stroke) - from.distance(to)).abs() <= SPACING * 2.0, "{} m", length_m(&stroke));
-        // Also at corners, every place is near the line, and the stroke has far fewer points than there are places.
+        // The path of the next drag has corners. Every place on the path is near the line of the stroke, and the stroke has far fewer points than the
+        // path has places.
         let corners = [[0.2, 0.9], [0.8, 0.9], [0.8, 0.6], [0.3, 0.7], [0.31, 0.95]];
         brush.begin(0, corners[0]);
         for at in corners {
@@ -417,7 +422,7 @@ mod tests {
             assert!(beside <= (SPACING + BESIDE) * 2.0 + 1e-9, "{place} is {beside} m away from the line");
         }
         assert!(passed.len() > 150 && stroke.points.len() < passed.len() / 3, "{} points of {}", stroke.points.len(), passed.len());
-        // Positive control: some places are far from the straight line of the first stroke.
+        // Positive control: the distances are not small in general. Some places are far from the line of the first stroke.
         assert!(passed.iter().any(|place| distance_m(place.truncate(), [from, to]) > 4.0));
     }
 
@@ -481,13 +486,14 @@ mod tests {
         assert_eq!((scene.strokes.len(), scene.strokes[0].points.len()), (1, MOST_POINTS));
         assert!(brush.full().is_some_and(|text| text.contains("let go")), "{:?}", brush.full());
         assert!(scene::validate(&scene).is_ok());
-        // The limits on the number of strokes and on all points together hold, too, for a new stroke and for a stroke that is extended.
+        // The scene also limits the number of strokes and the number of points of all strokes together. These limits hold for a new stroke and for a
+        // stroke that is extended.
         let long = scene.strokes[0].clone();
         let one = Stroke { points: vec![[0.0, 0.0]], ..long.clone() };
         let many = vec![long; MOST_IN_ALL / MOST_POINTS];
         let mut grown = many.clone();
         grown.pop();
-        // All strokes together have the maximum number of points. The last stroke has one point, and cannot be extended.
+        // In `grown`, all strokes together have the maximum number of points. The last stroke has one point and cannot be extended.
         grown.push(Stroke { points: many[0].points[1..].to_vec(), ..one.clone() });
         grown.push(one.clone());
         for (strokes, stroke) in [(vec![one; MOST_STROKES], None), (many, None), (grown.clone(), Some(grown.len() - 1))] {
@@ -527,7 +533,7 @@ mod tests {
             assert_eq!((ring.len(), ring[0]), (RING as usize + 1, ring[RING as usize]));
             for at in ring {
                 let place = ground.at(at.expect("before the camera")).expect("ground");
-                // The size of the pixels limits the precision.
+                // A position in the picture is rounded to a pixel, which limits the accuracy of the radius.
                 let radius = place.truncate().distance(centre.truncate());
                 assert!((radius - 6.0).abs() < 1.0, "{radius} m on {rise}");
             }

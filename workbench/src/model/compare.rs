@@ -1,4 +1,4 @@
-//! The comparison of two ways to shade one view: A has the settings that the panels edit, and is compared with B.
+//! The comparison of two ways to shade a view. A has the settings that the panels edit. A is compared with B.
 
 use kernels::frame::FrameSettings;
 use kernels::shading::Estimator;
@@ -52,10 +52,10 @@ impl Mode {
 /// What B is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Other {
-    /// The exact blend for the settings of A: the mean of its random choices, without noise.
+    /// The exact blend for the settings of A. It is the mean over all random choices that A can make, so it has no noise.
     #[default]
     Exact,
-    /// The reference blend: full splat with two tilings on every pixel, exact, 96 fetches.
+    /// The reference blend: the flavour splat with two tilings on every pixel, blended exactly, with 96 fetches.
     Full,
     /// Settings that were stored with `Keep A as B`.
     Kept(Box<Settings>),

@@ -31,7 +31,7 @@ pub enum Layer {
     Fetches,
     /// The first random choice of each pixel.
     Choice,
-    /// Standard deviation of luminance over frames, along the surface.
+    /// Standard deviation of luminance over frames, for the surface point in each pixel.
     Deviation,
     /// Mean absolute difference in luminance from frame to frame.
     Flicker,
@@ -143,10 +143,10 @@ static BIAS: [Scale; 1] = [Scale {
     ticks: &[(-0.1, "-0.1"), (0.0, "0"), (0.1, "0.1")],
 }];
 
-/// Colours of choices. Choices have no order, so neighbouring colours have very different hues.
+/// Colours of random choices. Choices have no order, so neighbouring colours have very different hues.
 const CHOICES: [[u8; 3]; 8] =
     [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [213, 94, 0], [204, 121, 167], [160, 160, 160]];
-/// The largest code of a choice: four splat texels times three axes.
+/// The largest value of the layer `choice`. The values from 1 on are the combinations of four splat texels and three projection axes.
 const MOST_CHOICES: usize = 12;
 
 /// What the colours of a picture mean.
@@ -189,17 +189,17 @@ pub fn difference_legend() -> Legend {
     Legend::Bars(&DIFFERENCE)
 }
 
-/// The colour of a choice; black = there was no random choice.
+/// The colour of a value of the layer `choice`; black = there was no random choice.
 fn choice(code: f32) -> [u8; 3] {
     if code >= 1.0 { CHOICES[(code as usize - 1) % CHOICES.len()] } else { [0; 3] }
 }
 
-/// The flavours of a pixel or tile; `None` = it has none.
+/// The set of flavours in the mask of a pixel or tile; `None` = the set is empty.
 fn flavours(mask: f32) -> Option<Variant> {
     Variant::new(mask as u8)
 }
 
-/// The sets of flavours that occur, in the order of their numbers.
+/// The sets of flavours that occur, in the order of their masks.
 fn occurring(masks: &[f32]) -> Vec<Variant> {
     let bit = |mask: &f32| flavours(*mask).map_or(0, |variant| 1_u32 << variant.mask());
     let seen = masks.par_iter().map(bit).reduce(|| 0, |a, b| a | b);
@@ -283,7 +283,7 @@ impl Layer {
         matches!(self, Layer::Deviation | Layer::Flicker | Layer::Flips | Layer::Bias)
     }
 
-    /// The scales of its values, if they are numbers.
+    /// The scales of the values of this layer; empty = the values are not numbers.
     fn scales(self) -> &'static [Scale] {
         match self {
             Layer::Normal => &NORMAL,
@@ -322,7 +322,7 @@ impl Layer {
         }
     }
 
-    /// The colours of a live metric. Pixels without terrain or without a value yet show the picture, darkened.
+    /// The colours of a live metric. A pixel that shows no terrain, or has no value yet, shows the lit picture, darkened.
     fn measured(self, picture: &Picture, followed: &Followed) -> Vec<[u8; 3]> {
         let colour = |(point, seen): (&Point, &[u8; 3])| {
             let value = match self {
@@ -414,7 +414,7 @@ mod tests {
             assert_eq!(layer.colours(&picture, &Followed::default()), at_ticks(scale), "{}", layer.name());
             assert_eq!(bars(&layer.legend_for(&picture)), layer.scales());
         }
-        // The channels of a normal have three bars.
+        // A normal has three bars, one per component.
         let components = values(&NORMAL[0]);
         let normals: Vec<[f32; 3]> = components.iter().map(|&c| [c, -c, 0.5 * c]).collect();
         let picture = picture("normal", Values::Xyz(normals.clone()), normals.len());
@@ -426,7 +426,8 @@ mod tests {
 
     #[test]
     fn what_is_measured_has_the_colours_of_its_bar() {
-        // The second frame is brighter by the value of a tick. This difference is the flicker, and half of it is the deviation.
+        // In each pixel, the second frame is brighter than the first by the value of a tick. This difference is the flicker, and half of it is the
+        // standard deviation.
         let ticks = values(&FLICKER[0]);
         let count = u32::try_from(ticks.len()).expect("few");
         let links: Vec<u32> = (0..count).collect();
@@ -458,7 +459,7 @@ mod tests {
         for (texel, (value, _)) in b.hdr.iter_mut().zip(scale.ticks) {
             *texel = [0.2 + value, 0.2 + value, 0.2 + value, 1.0];
         }
-        // Rounding may move a value to the neighbouring one of the 256 colours.
+        // The bar has 256 colours. Rounding may give a value the colour next to its own.
         for (colour, (value, _)) in difference(&a, &b).into_iter().zip(scale.ticks) {
             let beside = [-1.0, 0.0, 1.0].map(|step| scale.at(scale.place(*value) + step / 255.0));
             assert!(beside.contains(&colour), "{colour:?} at {value} is none of {beside:?}");
@@ -475,7 +476,7 @@ mod tests {
             let ends = [places[0], places[places.len() - 1]];
             assert!(ends[0].abs() < 1e-6 && (ends[1] - 1.0).abs() < 1e-6, "{}: {places:?}", scale.name);
             assert!(at_ticks(scale).windows(2).all(|pair| pair[0] != pair[1]), "{}", scale.name);
-            // Values beyond the ends are clamped, and NaN has a colour, too.
+            // Values beyond the ends are clamped. NaN must not cause a panic.
             assert_eq!(scale.colour(f32::MAX), scale.at(1.0), "{}", scale.name);
             assert_eq!(scale.colour(f32::MIN), scale.at(0.0), "{}", scale.name);
             let _ = scale.colour(f32::NAN);
@@ -492,7 +493,7 @@ mod tests {
             let Legend::Swatches(swatches) = layer.legend_for(&picture) else { panic!("no swatches") };
             let names: Vec<&str> = swatches.iter().map(|swatch| swatch.name.as_str()).collect();
             assert_eq!(names, ["vt (1)", "vt+far-atlas (3)", "splat (16)"]);
-            // The colour of a pixel is halfway between its swatch and the picture.
+            // The colour of a pixel is halfway between the colour of its swatch and the lit picture.
             let seen = picture.displayed(Exposure::default())[0];
             let colours = layer.colours(&picture, &Followed::default());
             let mixed = |swatch: &Swatch| std::array::from_fn(|k| swatch.colour[k].midpoint(seen[k]));

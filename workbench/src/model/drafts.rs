@@ -1,4 +1,5 @@
-//! Text that is being typed, selections, and open dialogs of the panels. They belong to a scene, and are cleared when another scene is opened.
+//! Text that is being typed, selections, and open dialogs of the panels. Most of this state belongs to a scene, and is cleared when another scene is
+//! opened.
 
 use std::path::{self, Path, PathBuf};
 use std::sync::mpsc::Receiver;
@@ -108,7 +109,7 @@ impl MaterialsDraft {
     }
 }
 
-/// The result of the last action in the panel of rules that could fail.
+/// The result of the last action that could fail in the panel *Rules*.
 #[derive(Default)]
 pub(crate) struct RulesDraft {
     pub(crate) said: Option<Result<String, String>>,

@@ -10,7 +10,7 @@ use kernels::scene::{self, Material, Rule, Scene, World};
 
 /// Maximum number of materials of a scene: as many as the index in a splat map can distinguish.
 pub const MOST_MATERIALS: usize = 256;
-/// Longest name, characters.
+/// Limit of the length of a name, characters.
 const LONGEST_NAME: usize = 100;
 /// Images that a folder of textures must contain, and their possible extensions, as in [`kernels::materials::folder::load`].
 const MAPS: [&str; 4] = ["albedo", "normal", "height", "roughness"];
@@ -55,7 +55,8 @@ pub fn rename_material(scene: &mut Scene, index: usize, name: &str) -> Result<()
     Ok(())
 }
 
-/// Adds a copy of a material under a new name. The copy is the last material, so that the others keep their places in the palette. Returns its index.
+/// Adds a copy of the material with index `like`, under a new name. The copy is the last material, so that the indices of the other materials in the
+/// palette do not change. Returns the index of the copy.
 ///
 /// # Errors
 /// One line: there is no material to copy, or there are too many.
@@ -104,9 +105,11 @@ pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// The material in the file of the scene (`original`) from which a material comes. This is the material in the file with the same name. If there is
-/// none, it is the material in the file with the same index, provided that no material of the scene has the name of that one (so it was renamed) and
-/// that the scene has no fewer materials than the file (removing a material shifts indices). `None` = the material was added.
+/// Finds the material in the scene file (`original`) from which a material of the scene comes; `None` = the material was added in the workbench.
+///
+/// This is the material in the file with the same name. If there is none, the material may have been renamed. It is then the material in the file
+/// with the same index, under two conditions. First, no material of the scene has the name of that material. Second, the scene has at least as many
+/// materials as the file, because removing a material shifts the indices.
 pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'a Material> {
     let material = scene.materials.get(index)?;
     let namesake = original.materials.iter().find(|other| other.name == material.name);
@@ -118,7 +121,7 @@ pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'
 /// Restores a material, including its name, from the file of the scene. A material that was added is not changed.
 pub fn reset_material(scene: &mut Scene, original: &Scene, index: usize) {
     let Some(origin) = origin(scene, original, index) else { return };
-    // Renaming succeeds: the name is valid, since the file has it, and no other material has it.
+    // Renaming succeeds: the name is valid, because the file has it, and no other material of the scene has this name.
     if rename_material(scene, index, &origin.name).is_ok()
         && let Some(material) = scene.materials.get_mut(index)
     {
@@ -172,7 +175,7 @@ pub fn holds_textures(folder: &Path) -> Result<(), String> {
     Err(format!("{shown} holds no {} image: give a folder that contains {wanted}", missing.join(", no ")))
 }
 
-/// The scene for a file in `folder`. If `folder` is not the folder of the scene, the paths that the scene names become absolute.
+/// Returns the scene as it is written to a file in `folder`. If `folder` is not the folder of the scene, the paths in the scene become absolute.
 fn from_folder(scene: &Scene, folder: &Path) -> Result<Scene, String> {
     let place = |folder: &Path| fs::canonicalize(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }).ok();
     let stays = place(&scene.folder).is_some_and(|own| place(folder) == Some(own));
@@ -372,7 +375,7 @@ mod tests {
         let error = take_folder(&mut scene, 0, "nowhere".into()).expect_err("there is none");
         assert!(error.contains("nowhere") && error.contains("albedo, normal, height, roughness"), "{error}");
         fs::create_dir(folder.0.join("rock")).expect("can be made");
-        // Add the images one by one, in different formats. This check and the reader of textures agree on which images are missing.
+        // Add the images one by one, in different formats. Each time, `take_folder` and the reader of textures report the same first missing image.
         let files = ["albedo.png", "normal.jpg", "height.jpeg", "roughness.png"];
         for (i, file) in files.into_iter().enumerate() {
             let error = take_folder(&mut scene, 0, "rock".into()).expect_err("not all are there");
@@ -397,7 +400,7 @@ mod tests {
         let read = scene::load(&file.display().to_string()).expect("it is read");
         assert_eq!(read.folder, folder.0);
         assert!(Scene { folder: scene.folder.clone(), ..read } == scene);
-        assert_eq!(folder.names(), ["edited.toml"], "and nothing else is left");
+        assert_eq!(folder.names(), ["edited.toml"], "no temporary file is left");
     }
 
     #[test]
@@ -436,7 +439,7 @@ mod tests {
             holes: Vec::new(),
             colour_modulation: 0.0,
         };
-        // In the same folder, relative paths stay as they are.
+        // If the scene is saved in its own folder, relative paths stay as they are.
         let file = save(&scene, &from.join("scene.toml"), &[], false).expect("it is saved");
         assert!(scene::load(&file.display().to_string()).expect("it is read") == scene);
         let file = save(&scene, &to.join("scene.toml"), &[], false).expect("it is saved");

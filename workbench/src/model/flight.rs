@@ -8,16 +8,16 @@ use kernels::view::camera::Pose;
 
 /// Lowest and highest speed that the wheel can set, metres per second.
 pub const SPEEDS_M_S: [f64; 2] = [0.05, 2000.0];
-/// Factor by which a notch of the wheel changes the speed or the distance.
+/// Factor by which a notch of the wheel changes the speed, or the distance from the orbited place.
 const NOTCH: f64 = 1.15;
-/// Steepest pitch up or down, radians. The view direction must not be parallel to the up axis.
+/// Limit of the pitch, up and down, radians. The view direction must not be parallel to the up axis.
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
-/// Smallest and largest distance from the orbited place, metres.
+/// Limits of the distance from the orbited place: smallest and largest, metres.
 pub const ORBITS_M: [f64; 2] = [0.5, 50_000.0];
-/// A place is in the middle of the view if the angle between the view direction and the direction to it is at most this, radians. The limit is above
-/// rounding errors, and too small to be visible.
+/// Limit of the angle between the view direction and the direction to a place, radians. Up to this angle, the place counts as in the middle of the
+/// view. Rounding errors are smaller, and an angle of this size is not visible.
 const BESIDE: f64 = 1e-6;
-/// Smallest and largest distance of the orbited place if only sky is visible, metres.
+/// Limits of the distance of the orbited place if only sky is visible: smallest and largest, metres.
 const AHEAD_M: [f64; 2] = [20.0, 2000.0];
 
 /// The place that the camera orbits.
@@ -95,7 +95,8 @@ impl Flight {
     }
 }
 
-/// The pose that looks at `target` from a distance, clamped to [`ORBITS_M`], in the direction of `pose`. The pitch is kept away from the up axis.
+/// Returns a pose that looks at `target` in the view direction of `pose`. Its distance is `distance_m`, clamped to [`ORBITS_M`]. Its pitch is clamped
+/// to [`STEEPEST`].
 fn around(pose: &Pose, target: DVec3, distance_m: f64) -> Pose {
     let [nearest, farthest] = ORBITS_M;
     let mut pose = Pose { yaw: pose.yaw.rem_euclid(TAU), pitch: pose.pitch.clamp(-STEEPEST, STEEPEST), ..*pose };
@@ -104,8 +105,8 @@ fn around(pose: &Pose, target: DVec3, distance_m: f64) -> Pose {
     pose
 }
 
-/// The pose turned so that `target` is in the middle of the view. The position does not change, unless it is straight above or below the target, or
-/// its distance is not within [`ORBITS_M`].
+/// Turns a pose so that `target` is in the middle of the view. The position changes only if it is straight above or below the target, or if its
+/// distance is not within [`ORBITS_M`].
 pub fn facing(pose: &Pose, target: DVec3) -> Pose {
     let towards = target - pose.position;
     let level_m = towards.truncate().length();
@@ -127,8 +128,8 @@ pub fn ahead(pose: &Pose, ground_m: f64) -> DVec3 {
     pose.position + forward * (4.0 * (pose.position.z - ground_m).abs()).clamp(AHEAD_M[0], AHEAD_M[1])
 }
 
-/// Orbits `target` by a drag. `drag` and `height` (of the viewport) are in points; a drag over the whole height is half a turn. Points nearer than
-/// the target move in the direction of the drag. Returns whether the pose changed.
+/// Moves the camera around `target` by a drag. `drag` and `height` (of the viewport) are in points; a drag over the whole height is half a turn.
+/// Points nearer than the target move in the direction of the drag. Returns whether the pose changed.
 pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     if drag == Vec2::ZERO || height <= 0.0 {
         return false;
@@ -139,7 +140,8 @@ pub fn swing(pose: &mut Pose, target: DVec3, drag: Vec2, height: f32) -> bool {
     true
 }
 
-/// Moves towards `target` by a number of notches of the wheel, or away from it if the number is negative. Returns whether the pose changed.
+/// Moves the camera towards `target` by a number of notches of the wheel, or away from it if the number is negative. Returns whether the pose
+/// changed.
 pub fn approach(pose: &mut Pose, target: DVec3, notches: f64) -> bool {
     *pose = around(pose, target, pose.position.distance(target) * NOTCH.powf(-notches));
     notches != 0.0

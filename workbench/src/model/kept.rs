@@ -1,5 +1,5 @@
-//! The state that is saved from one start to the next: the arrangement of panes, choices, changed numbers, places and paths. It is a TOML file of the
-//! user ([`place`]), which can be read and edited by hand. The workbench also starts without it.
+//! The state that is saved from one start to the next: the arrangement of panes, settings of frame and display, changed numbers of scenes, places,
+//! and paths. It is a TOML file of the user ([`place`]), which can be read and edited by hand. The workbench also starts without this file.
 //!
 //! The file is written completely or not at all, and never over a file that this program did not write. A file that cannot be parsed is renamed. A
 //! file of a newer version of the program is left as it is.
@@ -53,7 +53,7 @@ pub struct Kept {
     scenes: BTreeMap<String, OfScene>,
 }
 
-/// Choices, by the names of their settings ([`Settings::kept`]). A setting that is missing is not changed.
+/// The saved settings of the frame and of the display, by their names ([`Settings::kept`]). A setting that is missing here is not changed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 struct Look(BTreeMap<String, Value>);
 
@@ -63,7 +63,7 @@ impl<'de> Deserialize<'de> for Look {
         let known = kept_names();
         let unknown = choices.keys().find(|name| !known.contains(&name.as_str())).cloned();
         match unknown {
-            // Use the wording of the TOML reader, because its errors are parsed to add a suggestion.
+            // Use the wording that the TOML reader has for this error. A suggestion of a similar name is added to errors with this wording.
             Some(name) => Err(D::Error::custom(format!("unknown field `{name}`, expected one of `{}`", known.join("`, `")))),
             None => Ok(Look(choices)),
         }
@@ -74,8 +74,8 @@ impl<'de> Deserialize<'de> for Look {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct OfScene {
-    /// The numbers that differ from the file of the scene, by their keys in that file. Other numbers are not saved, so that later edits of them in
-    /// the file of the scene take effect.
+    /// The numbers of the scene that differ from its file, by their keys in that file. A number that is equal to the one in the file is not saved, so
+    /// that a later edit of the file takes effect.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     numbers: BTreeMap<String, f64>,
     #[serde(rename = "place", skip_serializing_if = "Vec::is_empty")]
@@ -95,7 +95,7 @@ impl Look {
         Look(settings.kept().map(|(name, value)| (name.to_owned(), value)).collect())
     }
 
-    /// Applies the choices. Returns a line for each choice that is refused.
+    /// Applies the settings. Returns a line for each value that is refused.
     fn apply(&self, settings: &mut Settings) -> Vec<String> {
         let refused = self.0.iter().filter_map(|(name, value)| settings.take(name, value).err());
         refused.map(|why| left_out(&why)).collect()
@@ -113,7 +113,7 @@ impl Kept {
     pub fn of(before: &Kept, scene_name: &str, settings: &Settings, original: &Scene, places: &Places, tree: &Tree<Pane>) -> Kept {
         let changed = differences(&settings.scene, original).into_iter().filter(|(_, [now, _])| now.is_finite());
         let numbers = changed.map(|(parameter, [now, _])| (parameter.key.to_owned(), now));
-        // Numbers that make the scene invalid would be refused at the next start. Keep the valid ones that were saved before.
+        // Numbers that make the scene invalid would be refused at the next start. Save the numbers that were saved before instead.
         let numbers = match scene::validate(&settings.scene) {
             Ok(()) => numbers.collect(),
             Err(_) => before.scenes.get(scene_name).map(|scene| scene.numbers.clone()).unwrap_or_default(),
@@ -130,13 +130,14 @@ impl Kept {
         Kept { version: VERSION, recent, look: Look::of(settings), layout: Layout::of(tree), scenes }
     }
 
-    /// Applies the saved choices, and no numbers. Returns a line for each choice that cannot be applied; its setting is not changed.
+    /// Applies the saved settings of the frame and of the display, but no numbers of the scene. Returns a line for each value that is refused; its
+    /// setting is not changed.
     pub fn apply_look(&self, settings: &mut Settings) -> Vec<String> {
         self.look.apply(settings)
     }
 
-    /// Applies the saved numbers of this scene, and no choices. Returns a line for each number that cannot be set. If the numbers together make the
-    /// scene invalid, none is applied, and a further line says why.
+    /// Applies the saved numbers of this scene, but no settings of the frame or of the display. Returns a line for each number that cannot be set. If
+    /// the remaining numbers together make the scene invalid, none of them is applied, and a further line says why.
     pub fn apply_numbers(&self, scene_name: &str, scene: &mut Scene) -> Vec<String> {
         let mut said = Vec::new();
         let mut changed = scene.clone();
@@ -189,7 +190,7 @@ impl Kept {
         &self.recent
     }
 
-    /// Whether a render scale and a vertex stride are saved; the defaults for the adapter must not replace them.
+    /// Whether a render scale (first) and a vertex stride (second) are saved. The defaults for the adapter must not replace saved values.
     pub fn has_scale_and_stride(&self) -> [bool; 2] {
         OF_ADAPTER.map(|name| self.look.0.contains_key(name))
     }
@@ -251,7 +252,7 @@ impl Kept {
         self.write(path)
     }
 
-    /// This state, with the other scenes as they are in the file (`there`), because another window may have changed them.
+    /// This state, with the entries of all other scenes as they are in the file (`there`), because another window may have changed them.
     fn beside(&self, there: Kept) -> Kept {
         let own = self.recent.first();
         let mut scenes = there.scenes;
@@ -347,7 +348,8 @@ fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
 }
 
 /// The file of the saved state: `$SCREE_STATE`, or `scree/workbench.toml` in `$XDG_STATE_HOME` or `~/.local/state`, on Windows in `%APPDATA%`, on
-/// macOS in `~/Library/Application Support`. `None` = none of these variables is set, and nothing is saved.
+/// macOS in `~/Library/Application Support`. Except for `$SCREE_STATE`, a variable with a relative path is ignored. `None` = none of these variables
+/// can be used, and nothing is saved.
 pub fn place() -> Option<PathBuf> {
     place_by(|name| std::env::var_os(name))
 }
@@ -428,7 +430,7 @@ impl Keeper {
         self.failure.clone().map_or(Ok(()), Err)
     }
 
-    /// Takes over the present state. Returns whether it must be written.
+    /// Replaces the stored state by the present one. Returns whether it must be written.
     fn take(&mut self, present: impl FnOnce(&Kept) -> Kept) -> bool {
         let present = present(&self.kept);
         let changed = present != self.kept || self.failure.is_some();
@@ -511,7 +513,7 @@ mod tests {
         };
         settings.frame.stages.display = Exposure { exposure: 1.5, tone_curve: ToneCurve::Clip };
         let same = frame_settings().filter(|setting| setting.get(&settings.frame) == (setting.default)());
-        assert_eq!(same.map(|setting| setting.key).collect::<Vec<_>>(), Vec::<&str>::new(), "still at their defaults");
+        assert_eq!(same.map(|setting| setting.key).collect::<Vec<_>>(), Vec::<&str>::new(), "these settings still have their defaults");
         Settings { scale: 0.7, layer: Layer::Tiles, counts: true, times_variants: true, ..settings }
     }
 
@@ -541,7 +543,7 @@ mod tests {
         original.blend.mip_bias = 0.5;
         let mut settings = Settings::new(original.clone());
         apply(&read, scene::DEFAULT, &mut settings);
-        assert!((settings.scene.blend.mip_bias - 0.5).abs() < 1e-12, "an edit of the scene's file");
+        assert!((settings.scene.blend.mip_bias - 0.5).abs() < 1e-12, "an edit of the scene's file must take effect");
         assert_eq!(Kept::of(&read, scene::DEFAULT, &settings, &original, &again, &tree()), read);
         let none = folder.0.join("nothing.toml");
         assert_eq!(Kept::load(&none), (Kept::default(), None));
@@ -556,7 +558,7 @@ mod tests {
         let mut settings = usual.clone();
         apply(&elsewhere, ELSEWHERE, &mut settings);
         assert_eq!(settings, usual);
-        // Another scene has its own numbers, but the same choices.
+        // The numbers of the built-in scene are still in `elsewhere`. Applying them changes the scene and no other setting.
         assert_eq!(elsewhere.apply_numbers(scene::DEFAULT, &mut settings.scene), Vec::<String>::new());
         assert_eq!(settings, Settings { scene: changed().scene, ..usual });
         apply(&elsewhere, scene::DEFAULT, &mut settings);
@@ -630,7 +632,7 @@ mod tests {
         (expected.frame.estimator, expected.frame.seed) = (Estimator::Stf, 5);
         expected.scene.blend.hash_scale = 3.0;
         assert_eq!(settings, expected);
-        // A saved number makes the scene invalid in combination with its current file.
+        // The saved number `flavours.cliff_near_m` makes the scene invalid.
         let mut impossible = Kept { look: Look::default(), ..kept.clone() };
         impossible.scenes.entry(scene::DEFAULT.to_owned()).or_default().numbers =
             BTreeMap::from([("flavours.cliff_near_m".to_owned(), 9000.0)]);

@@ -4,7 +4,7 @@ use kernels::metrics::Summary;
 
 /// Layers of a picture from which the metrics are computed.
 pub const LAYERS: [&str; 2] = ["albedo", "choice"];
-/// Shortest and longest window, frames.
+/// Limits of the length of the exponential window: smallest and largest, frames.
 pub const WINDOWS: [u32; 2] = [2, 1024];
 
 /// Settings of the live metrics.
@@ -31,8 +31,8 @@ impl Default for Metrics {
 /// The metrics of one frame, for A and B.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// The frame.
+    /// The frame number.
     pub frame: u32,
-    /// A, and B if it was drawn.
+    /// The metrics of A, and those of B if B was drawn.
     pub sides: [Option<Summary>; 2],
 }

@@ -1,6 +1,6 @@
 //! The panes of the window and their arrangement, and the form in which the arrangement is saved: titles of panes, and shares of the window. The
-//! format of the window library is not suitable, because TOML can represent neither its identifiers (unsigned 64 bits) nor its empty values. Also,
-//! the file could not be read by a version of the program that has a pane more or less.
+//! format in which `egui_tiles` saves an arrangement is not used, for two reasons. TOML can represent neither its identifiers (unsigned 64-bit
+//! integers) nor its empty values. And a file could not be read by a version of the program that has one pane more or fewer.
 
 use eframe::egui;
 use egui_tiles::{Container, Grid, GridLayout, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
@@ -58,7 +58,7 @@ impl Pane {
         Pane::Experiments,
     ];
 
-    /// Its title.
+    /// The title of the pane.
     pub const fn name(self) -> &'static str {
         match self {
             Pane::Viewport => "Viewport",
@@ -100,7 +100,7 @@ pub(crate) fn usual() -> Tree<Pane> {
     let right = tiles.insert_vertical_tile(vec![upper, lower]);
     let root = tiles.insert_horizontal_tile(vec![viewport, right]);
     if let Some(Tile::Container(Container::Linear(linear))) = tiles.get_mut(root) {
-        debug_assert_eq!(linear.dir, LinearDir::Horizontal, "made just above");
+        debug_assert_eq!(linear.dir, LinearDir::Horizontal, "the root is a horizontal container");
         linear.shares.set_share(viewport, 0.66);
         linear.shares.set_share(right, 0.34);
     }
@@ -181,8 +181,8 @@ impl Layout {
         })
     }
 
-    /// The tree for this arrangement, with the given identifier. Panes with an unknown name, or a name that occurs a second time, are left out. Panes
-    /// that the arrangement lacks are added to the last tabs, because there is no other way to open them. `None` = no pane is left.
+    /// The tree for this arrangement, with the given identifier. Panes with an unknown name, or with a name that occurs a second time, are left out.
+    /// Panes that the arrangement lacks are added to the last group of tabs, because there is no other way to open them. `None` = no pane is left.
     pub fn tree(&self, id: egui::Id) -> Option<Tree<Pane>> {
         let mut making = Making { tiles: Tiles::default(), left: Pane::ALL.to_vec(), tabs: None };
         let mut root = making.insert(self)?;
@@ -209,7 +209,7 @@ struct Making {
     tiles: Tiles<Pane>,
     /// Panes that are not in the tree yet.
     left: Vec<Pane>,
-    /// The tabs that were added last.
+    /// The group of tabs that was added last.
     tabs: Option<TileId>,
 }
 
@@ -246,7 +246,7 @@ impl Making {
         }
     }
 
-    /// Adds all children. Returns those that contain a pane, with their index among the children.
+    /// Adds all children. Returns the tiles of the children that contain a pane, each with the index of the child.
     fn insert_all(&mut self, children: &[Layout]) -> Vec<(usize, TileId)> {
         children.iter().enumerate().filter_map(|(place, child)| Some((place, self.insert(child)?))).collect()
     }
@@ -306,14 +306,14 @@ mod tests {
         let known = pane(Pane::ALL[1]);
         let tabs = Layout::Tabs { open: 1, children: vec![gone.clone(), known.clone(), known.clone()] };
         let row = Layout::Row { shares: vec![f32::NAN, -1.0], children: vec![pane(Pane::ALL[0]), tabs] };
-        let Some(Layout::Row { shares, children }) = row.tree(id()).as_ref().and_then(Layout::of) else { panic!("a row stays one") };
+        let Some(Layout::Row { shares, children }) = row.tree(id()).as_ref().and_then(Layout::of) else { panic!("a row must stay a row") };
         assert_eq!((shares, children[0].clone()), (vec![1.0, 1.0], pane(Pane::ALL[0])));
-        let Layout::Tabs { open, children } = &children[1] else { panic!("tabs stay tabs") };
+        let Layout::Tabs { open, children } = &children[1] else { panic!("tabs must stay tabs") };
         let expected: Vec<Layout> = Pane::ALL[1..].iter().map(|&p| pane(p)).collect();
         assert_eq!((*open, children), (0, &expected));
         // If the layout has no tabs, tabs are created for the panes that it lacks.
         let Some(Layout::Row { children, .. }) = pane(Pane::ALL[0]).tree(id()).as_ref().and_then(Layout::of) else {
-            panic!("a row is made")
+            panic!("a row must be made")
         };
         assert!(matches!(&children[1], Layout::Tabs { children, .. } if children.len() == Pane::ALL.len() - 1));
         assert!(gone.tree(id()).is_none());

@@ -1,4 +1,4 @@
-//! The requests for pictures that the window sends to the drawing thread, and the pictures and news that it gets back.
+//! The requests for pictures that the window sends to the drawing thread, and the pictures and reports that the thread sends back.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -42,7 +42,7 @@ pub struct Wish {
 }
 
 impl Wish {
-    /// Whether live metrics follow the pictures from frame to frame.
+    /// Whether live metrics are computed from the pictures.
     pub fn is_measured(&self) -> bool {
         self.metrics.on || self.settings.layer.is_measured()
     }
@@ -62,7 +62,7 @@ impl Wish {
 
 /// B: the second picture of a comparison.
 pub struct Second {
-    /// The settings that it was drawn with.
+    /// The settings that B was drawn with.
     pub settings: Settings,
     /// sRGB, row by row from the top.
     pub texels: Vec<[u8; 3]>,
@@ -70,11 +70,11 @@ pub struct Second {
     pub legend: Legend,
     /// The difference to A as colours, if it is shown.
     pub difference: Option<Vec<[u8; 3]>>,
-    /// Root mean squared difference of lit linear colour over terrain.
+    /// Root mean squared difference between A and B in lit linear colour, over the pixels that show terrain.
     pub rmse: f64,
-    /// Mean of A - B over terrain, luminance.
+    /// Mean of A - B in luminance, over the pixels that show terrain.
     pub mean: f64,
-    /// Largest absolute difference over terrain, luminance.
+    /// Largest absolute difference between A and B in luminance, over the pixels that show terrain.
     pub largest: f64,
     /// The picture and its numbers.
     pub picture: Picture,
@@ -82,7 +82,7 @@ pub struct Second {
 
 /// A picture that was drawn.
 pub struct Shown {
-    /// The wish that it fulfils.
+    /// The request for this picture.
     pub wish: Wish,
     /// The pose of the camera.
     pub pose: Pose,
@@ -106,11 +106,11 @@ pub struct Shown {
     pub culled_ground_m: Option<f64>,
     /// Layout of the quadtree in the world.
     pub layout: kernels::world::Layout,
-    /// Mean linear albedo of each material of the scene in the wish, tint included.
+    /// Mean linear albedo of each material of the requested scene, tint included.
     pub mean_albedos: Vec<[f32; 3]>,
-    /// The readings since measuring began, the newest last.
+    /// The live metrics of the last frames, the newest last.
     pub readings: Vec<Reading>,
-    /// Time from the wish to the finished texels.
+    /// Time from the start of drawing to the finished texels.
     pub took: Duration,
 }
 
@@ -144,7 +144,7 @@ pub struct News {
     pub progress: Option<Progress>,
     /// Number of compiled shaders, and number of all shaders that a click may need.
     pub warm: [usize; 2],
-    /// Why the last wish was not fulfilled; one line.
+    /// Why the last request was not fulfilled; one line.
     pub failure: Option<String>,
     /// [`Wish::opened`] of the scene that was loaded last, with all files that it names.
     pub loaded: Option<u32>,

@@ -15,26 +15,28 @@ use serde::{Deserialize, Serialize};
 
 use super::files;
 
-/// Maximum number of frames of a path: 28 minutes at 60 frames a second, 5 MB.
+/// Maximum number of frames of a path. At 60 frames a second, the path takes 28 minutes. Its poses take 5 MB of memory.
 pub const MOST_FRAMES: usize = 100_000;
-/// Maximum number of frames that may be missing between two pictures of a recording. Frames are missing if somebody steps faster than pictures are
-/// drawn.
+/// Maximum number of frames that may be missing between two pictures of a recording. Frames are missing if the user steps through time faster than
+/// pictures are drawn.
 const LONGEST_GAP: usize = 60;
-/// Longest name, characters.
+/// Limit of the length of a name, characters.
 const NAME_LENGTH: usize = 100;
-/// Largest file that is read as a path, bytes. The longest possible path takes about 12 million bytes.
+/// Limit of the size of a file that is read as a path, bytes. The file of the longest possible path has about 12 million bytes.
 const MOST_BYTES: u64 = 64 << 20;
-/// Columns of the file of a path. Angles are in radians, so that a replay has the poses of the recording to the last bit. Degrees would not
-/// preserve them, because not every f64 in radians equals an f64 in degrees times pi/180.
+/// Columns of the file of a path. Angles are in radians, so that a replay has the poses of the recording to the last bit. Degrees would not preserve
+/// them: for some angles in radians, no f64 in degrees converts back to exactly the same f64.
 const COLUMNS: [&str; 7] = ["frame", "x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "fov_rad"];
 
-/// The angle in degrees that converts back to exactly these radians, if there is one; otherwise approximately the nearest one. An angle may therefore
-/// change in its last two bits when it is first written, and does not change after that.
+/// Converts an angle to degrees. If there is an angle in degrees that converts back to exactly `radians`, it is returned. Otherwise, the result of
+/// the ordinary conversion is returned. In that case, the angle changes when it is first written to a file and read again, by a relative error of at
+/// most 2 * `f64::EPSILON`. It does not change after that.
 fn degrees(radians: f64) -> f64 {
     let nearest = radians.to_degrees();
     let (mut above, mut below) = (nearest, nearest);
-    // The two conversions round two factors and two products. Each rounding has a relative error of at most 2^-53. The four errors together are at
-    // most four units in the last place, so four steps in each direction reach every candidate.
+    // Converting to degrees and back multiplies twice. Each multiplication has two roundings: its factor (180/pi or pi/180) is rounded, and so is its
+    // product. Each of the four roundings has a relative error of at most 2^-53. One unit in the last place is at least 2^-53 of the value, so the
+    // errors add up to at most four units. Four steps in each direction therefore reach every angle that can convert back exactly.
     for _ in 0..=4 {
         if let Some(exact) = [above, below].into_iter().find(|degrees| degrees.to_radians() == radians) {
             return exact;
@@ -140,7 +142,7 @@ fn pose([x, y, z, yaw, pitch, fov]: [f64; 6]) -> Result<Pose, String> {
 
 impl PartialEq for Recorded {
     fn eq(&self, other: &Recorded) -> bool {
-        // Viewpoints are compared each time the window is drawn, so comparing clones must not cost a pass over all poses.
+        // Viewpoints are compared each time the window is drawn. Clones share their poses, so comparing clones must not visit every pose.
         self.name == other.name && (Arc::ptr_eq(&self.poses, &other.poses) || self.poses == other.poses)
     }
 }
@@ -168,7 +170,8 @@ impl Recorded {
         self.poses[frame as usize % self.poses.len()]
     }
 
-    /// The path as a table: a header with names and units, then one row per frame. Numbers have the fewest digits that read back as the same bits.
+    /// The path as a table: a header with names and units, then one row per frame. Each number has the fewest digits from which exactly the same f64
+    /// is read back.
     pub fn to_csv(&self) -> String {
         let mut text = COLUMNS.join(",");
         text.push('\n');
@@ -229,7 +232,7 @@ impl Recorded {
     /// Reads a table from a file. The path gets the name of the file, without its extension.
     ///
     /// # Errors
-    /// One line: the file cannot be read, or as [`Recorded::from_csv`].
+    /// One line: the file cannot be read, or its contents are refused (see [`Recorded::from_csv`]).
     pub fn read(file: &Path) -> Result<Recorded, String> {
         let place = file.display().to_string();
         let unreadable = |error: std::io::Error| format!("cannot read {place}: {error}");
@@ -279,15 +282,16 @@ impl fmt::Display for Ended {
     }
 }
 
-/// A path that is being recorded: one pose per frame, from frame 0 on. A replay also begins at frame 0, so that it has the same noise.
+/// A path that is being recorded: one pose per frame, from frame 0 on. A replay also begins at frame 0. Noise depends on the frame number, so each
+/// pose is replayed with the noise that it was recorded with.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     poses: Vec<Pose>,
 }
 
 impl Recording {
-    /// Records the pose of the picture on screen. The same picture may be passed repeatedly. Pictures before that of frame 0 are ignored. If a frame
-    /// has several pictures, the pose of the last one is kept. If it has none, it gets the pose of the frame before.
+    /// Records the pose of the picture on screen. The same picture may be passed repeatedly. Pictures are ignored until a picture of frame 0 arrives.
+    /// If a frame has several pictures, the pose of the last one is kept. If a frame has no picture, it gets the pose of the frame before.
     ///
     /// # Errors
     /// Why the recording ended. The frames recorded until then remain.
@@ -391,7 +395,8 @@ impl Places {
     }
 }
 
-/// The wanted name as one line, with the next free number if the name is taken: `ridge`, `ridge 2`, `ridge 3`.
+/// Returns the wanted name as one line, or `usual` if the wanted name is empty. If that name is taken, returns it with the next free number, such as
+/// `ridge 2` for `ridge`.
 fn unique(wanted: &str, usual: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let plain: String = wanted.chars().filter(|c| !c.is_control()).take(NAME_LENGTH).collect();
     let wanted = if plain.trim().is_empty() { usual } else { plain.trim() };
@@ -418,7 +423,7 @@ mod tests {
 
     use super::*;
 
-    /// Random poses from a fixed seed, whose numbers have many digits.
+    /// Random poses, whose numbers have many digits. The seed is fixed.
     fn poses(count: usize) -> Vec<Pose> {
         let mut state = 1_u64;
         let mut next = || {
@@ -517,8 +522,8 @@ mod tests {
     fn a_recording_has_a_pose_a_frame_and_an_end() {
         let at = poses(8);
         let mut recording = Recording::default();
-        // A picture from before the recording; a picture of frame 0; that picture again; a picture of frame 0 with a moved camera, while time is
-        // paused; and a picture of frame 1.
+        // The pictures are: one from before the recording (frame 57); one of frame 0; the same one again; one of frame 0 with a moved camera, while
+        // time is paused; and one of frame 1.
         for (frame, pose) in [(57, at[0]), (0, at[1]), (0, at[1]), (0, at[2]), (1, at[3])] {
             recording.see(frame, pose).expect("goes on");
         }

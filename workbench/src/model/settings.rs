@@ -22,7 +22,7 @@ pub struct Settings {
     pub scale: f64,
     /// What the viewport shows.
     pub layer: Layer,
-    /// Whether fetches are counted, which uses a slower shader.
+    /// Whether texture fetches are counted. Counting uses a slower shader.
     pub counts: bool,
     /// Whether each variant is shaded and timed in a separate pass.
     pub times_variants: bool,
@@ -30,7 +30,7 @@ pub struct Settings {
 
 const VIEW: Listing = Listing::new("Workbench", &[Home::Workbench]);
 
-/// Pixels drawn per pixel of the screen.
+/// The setting for [`Settings::scale`].
 pub const SCALE: Setting<Settings> = Setting {
     key: "look.scale",
     unit: "",
@@ -42,7 +42,7 @@ pub const SCALE: Setting<Settings> = Setting {
     field_mut: |settings| Some(&mut settings.scale),
 };
 
-/// Whether fetches are counted.
+/// The setting for [`Settings::counts`].
 pub const COUNTS: Setting<Settings> = Setting {
     key: "look.counts",
     unit: "",
@@ -54,7 +54,7 @@ pub const COUNTS: Setting<Settings> = Setting {
     field_mut: |settings| Some(&mut settings.counts),
 };
 
-/// Whether variants are timed one by one.
+/// The setting for [`Settings::times_variants`].
 pub const TIMES_VARIANTS: Setting<Settings> = Setting {
     key: "look.times_variants",
     unit: "",

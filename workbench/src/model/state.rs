@@ -25,12 +25,12 @@ use super::viewpoint::{Viewpoint, usual_viewpoint};
 
 mod opening;
 
-/// Number of pictures in the graph of frame times.
+/// Number of the last pictures and drawings of the window whose times are kept. The panel *Frame* shows these times.
 const TIMES: usize = 120;
 /// Default render scale on a software adapter: pixels drawn per pixel of the screen, along a side.
 const SOFTWARE_SCALE: f64 = 0.5;
 /// Default of [`FrameSettings::vertex_stride`](kernels::frame::FrameSettings::vertex_stride) on a software adapter, where vertices are expensive.
-/// Relief near the camera and the edges of steep steps look coarser with it.
+/// With this stride, relief near the camera and the edges of steep steps look coarser.
 const SOFTWARE_STRIDE: u32 = 4;
 
 /// The frame number, and whether time runs.
@@ -55,7 +55,7 @@ pub struct Looking {
     pub wipe: f32,
     /// Whether B is on screen, in the mode that shows one picture at a time.
     pub b: bool,
-    /// Whether the current drag draws the rectangle to measure.
+    /// Whether the current drag draws the rectangle in which the live metrics are computed.
     pub measures: bool,
 }
 
@@ -73,9 +73,9 @@ pub struct Model {
     pub settings: Settings,
     /// The scene as it was loaded; a reset restores values from it.
     pub(crate) original: Scene,
-    /// What the picture is compared with.
+    /// The comparison of A with B.
     pub compare: Compare,
-    /// Live metrics of the pictures.
+    /// Settings of the live metrics.
     pub metrics: Metrics,
     /// Position of the inspected pixel, as shares of the picture; `None` = no pixel is inspected.
     pub probe: Option<[f32; 2]>,
@@ -101,9 +101,9 @@ pub struct Model {
     /// The last valid scene. It is not validated again, so it is still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
-    /// How long each drawing of the window itself took. A click waits at most this long.
+    /// Times that the last drawings of the window itself took. A click waits for at most one such drawing.
     pub(crate) answers: VecDeque<Duration>,
-    /// Whether the saved state has a render scale, and whether it has a vertex stride, that the user chose.
+    /// Whether the saved state has a render scale (first) and a vertex stride (second). If so, the user chose them.
     chosen: [bool; 2],
     /// Whether the window may close although edits would be lost.
     leaves: bool,
@@ -117,7 +117,7 @@ pub struct Model {
     pub(crate) materials: MaterialsDraft,
     pub(crate) rules: RulesDraft,
     pub(crate) scenes: Scenes,
-    /// What the scene was opened from, as [`scene::load`] takes it; `None` = it does not come from a file.
+    /// The argument of [`scene::load`] from which the scene was opened; `None` = it does not come from a file.
     given: Option<String>,
     /// Number that identifies this loading of the scene, see [`Wish::opened`].
     opened: u32,
@@ -190,7 +190,7 @@ impl Model {
         if let Some(tree) = kept.tree(panes::tree_id()) {
             self.tree = tree;
         }
-        // A scale that the user chose also applies on a software adapter.
+        // A render scale or vertex stride that the user chose also applies on a software adapter.
         self.chosen = kept.has_scale_and_stride();
         (self.keeping, self.given) = (Some(keeper), Some(scene_name));
         notes.extend(self.take_up());
@@ -200,7 +200,7 @@ impl Model {
     /// Returns the state to save.
     fn present(&self, before: &Kept, scene_name: &str) -> Kept {
         let kept = Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree);
-        // The defaults are not known until the adapter is known.
+        // The default render scale and vertex stride depend on the adapter. While the adapter is unknown, keep the values that were saved before.
         if self.adapted { kept.without_usual(self.usual_scale, self.usual_stride) } else { kept.with_scale_and_stride_of(before) }
     }
 
@@ -221,7 +221,7 @@ impl Model {
     pub(crate) fn keep_now(&mut self) {
         let Some(name) = self.given.clone() else { return };
         let Some(mut keeper) = self.keeping.take() else { return };
-        // The keeper remembers the failure.
+        // An error is not lost: [`Model::keeping_failure`] returns it.
         let _ = keeper.finish(|before| self.present(before, &name));
         self.keeping = Some(keeper);
     }
@@ -330,7 +330,7 @@ impl Model {
         self.keeping.as_ref().and_then(Keeper::failure)
     }
 
-    /// The wish for the picture that the controls describe.
+    /// The request for the picture that the controls describe.
     pub(crate) fn wish(&self) -> Wish {
         Wish {
             settings: self.settings.clone(),
@@ -346,7 +346,7 @@ impl Model {
         }
     }
 
-    /// The current pose of the camera, from which it moves on.
+    /// The current pose of the camera, at which the next movement starts; `None` = it is not known yet.
     pub fn pose(&self) -> Option<Pose> {
         match &self.viewpoint {
             // Only the drawing thread knows the height of the ground below a walking camera. East and north are taken from the current pose, which
@@ -376,7 +376,7 @@ impl Model {
         self.flight.target()
     }
 
-    /// Begins to orbit as soon as the picture gives the position of the target.
+    /// Begins to orbit as soon as the position of the orbited place can be computed from the picture on screen.
     pub(crate) fn seek(&mut self) {
         if self.flight.orbit != Orbit::Sought {
             return;
@@ -390,7 +390,7 @@ impl Model {
         }
     }
 
-    /// Freezes culling at the current pose, or releases it.
+    /// Freezes culling at the current pose. If culling is frozen, ends that.
     pub(crate) fn freeze_culling(&mut self) {
         self.culled_from = if self.culled_from.is_some() { None } else { self.pose() };
     }

@@ -54,7 +54,8 @@ fn settings(model: &mut Model, ui: &mut Ui) {
             let about = "Width of the soft edge of a mask, inwards from its edge. 0 is a hard edge.";
             let row = Number { name: "Brush fade", unit: "m", range: [0.0, brush.radius_m], logarithmic: false, about };
             number(ui, &row, &mut brush.fade_m, Some(usual.fade_m));
-            let about = "Factor on the weights of the rules for the material: 0 removes it, 1 changes nothing, above 1 favours it.";
+            let about =
+                "Factor on the weights of the rules for the material. 0 removes the material, 1 changes nothing, above 1 favours it.";
             let row = Number { name: "Brush amount", unit: "x", range: [0.0, MOST_AMOUNT], logarithmic: false, about };
             number(ui, &row, &mut brush.amount, Some(usual.amount));
         }
@@ -77,7 +78,7 @@ fn notes(model: &Model, ui: &mut Ui) {
     }
 }
 
-/// The list of strokes, in the order in which they are applied.
+/// The list of strokes, in the order in which they are painted.
 fn strokes(model: &mut Model, ui: &mut Ui) {
     let strokes = &mut model.settings.scene.strokes;
     let count = strokes.len();

@@ -16,11 +16,11 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         choose(ui, "Show", &mut model.compare.mode, shown, all);
         ui.end_row();
         let mut others = vec![
-            (Other::Exact, Other::Exact.name().to_owned(), "The mean of the random choices of A, without noise"),
+            (Other::Exact, Other::Exact.name().to_owned(), "The mean over all random choices that A can make. It has no noise."),
             (
                 Other::Full,
                 Other::Full.name().to_owned(),
-                "The exact reference blend on every pixel, against which cheaper shading is judged",
+                "All materials blended exactly on every pixel: the reference by which cheaper shading is judged",
             ),
         ];
         if let Other::Kept(kept) = &model.compare.other {
@@ -90,10 +90,14 @@ fn numbers(shown: &Shown, ui: &mut Ui) {
             ui.label(value);
             ui.end_row();
         };
-        row("RMSE", format!("{rmse:.5}"), "Root mean squared difference of lit linear colour, over terrain");
-        row("PSNR", if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() }, "The RMSE as a ratio to a peak of 1");
-        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in luminance, over terrain");
-        row("Largest |A - B|", format!("{largest:.4}"), "Largest absolute difference in luminance, over terrain");
+        row("RMSE", format!("{rmse:.5}"), "Root mean squared difference in lit linear colour, over the pixels that show terrain");
+        row(
+            "PSNR",
+            if psnr.is_finite() { format!("{psnr:.2} dB") } else { "equal".to_owned() },
+            "Peak signal-to-noise ratio: the ratio of a peak of 1 to the RMSE",
+        );
+        row("Mean A - B", format!("{mean:+.5}"), "Mean difference in luminance, over the pixels that show terrain");
+        row("Largest |A - B|", format!("{largest:.4}"), "Largest absolute difference in luminance, over the pixels that show terrain");
     });
     ui.label("Of this frame, lit, at one sample a pixel on both sides; experiments judge against a supersampled reference.");
 }

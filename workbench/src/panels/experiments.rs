@@ -13,7 +13,7 @@ use crate::model::state::Model;
 
 /// Width of a text field, points.
 const FIELD: f32 = 220.0;
-/// Maximum number of frames and seeds that the panel offers; a definition may have more.
+/// Limits of the number of frames and of the number of seeds that the panel offers; a definition may have more.
 const MOST_FRAMES: u32 = 1000;
 const MOST_SEEDS: u32 = 4096;
 
@@ -40,7 +40,8 @@ impl Default for ExperimentsPanel {
         ExperimentsPanel {
             folder: "saved-experiments".to_owned(),
             name: "seen".to_owned(),
-            // These are the numbers of the demo. They suffice to compare frames four apart, and to compute a variance.
+            // These are the numbers of the demo. Five frames suffice to compare frames that are four apart, and 16 seeds suffice to compute a
+            // variance.
             frames: 5,
             seeds: 16,
             definitions: experiment::shipped().map(|folder| folder.display().to_string()).unwrap_or_default(),
@@ -58,7 +59,7 @@ impl Default for ExperimentsPanel {
 struct Listed {
     places: Option<[String; 2]>,
     found: Vec<Found>,
-    /// Number of the last drawing of the window in which the panel was visible. While it is hidden, the files may change.
+    /// Number of the last drawing of the window in which the panel was visible. The files may change while the panel is hidden.
     drawn: u64,
 }
 
@@ -158,7 +159,7 @@ fn saving(panel: &mut ExperimentsPanel, model: &Model, ui: &mut Ui) {
 
 fn save(panel: &ExperimentsPanel, model: &Model) -> Result<String> {
     let size = model.shown().context("there is no picture yet: wait for it")?.wish.size;
-    ensure!(model.culled_from.is_none(), "a run culls for its own camera, but culling is frozen here: let go of `Freeze culling`");
+    ensure!(model.culled_from.is_none(), "a run culls for its own camera, but culling is frozen here: switch `Freeze culling` off");
     ensure!(
         !model.news.shaders_edited,
         "a run draws with the program's own shaders, but edited shaders are in use here: revert the edits, or build the programs with them"

@@ -7,7 +7,7 @@ use crate::model::settings::Settings;
 use crate::model::state::Model;
 use kernels::oracle::{Derivative, Pixel, chosen, pixel_at, probe_of};
 
-/// The four splat texels around a pixel, in their order.
+/// Names of the four splat texels around a pixel, in the order of [`Pixel::splat`].
 const CORNERS: [&str; 4] = ["south-west", "south-east", "north-west", "north-east"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -108,10 +108,22 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
         format!("{}, {}", pixel.sector[0], pixel.sector[1]),
         "Column and row of the sector, from the south-west corner of the world",
     );
-    row("Depth", format!("{:.4} m", pixel.depth_m), "Distance along the view direction. The depth buffer stores near plane / depth.");
+    row(
+        "Depth",
+        format!("{:.4} m", pixel.depth_m),
+        "Distance along the view direction. The depth buffer stores the distance of the near plane divided by it.",
+    );
     row("Distance", format!("{:.4} m", pixel.distance_m), "Distance along the ray of the pixel. The weights of flavours depend on it.");
-    row("Shading normal", normal(pixel.shading_normal), "The stored normal. The weights of flavours and projections depend on it.");
-    row("Triangle normal", normal(pixel.triangle_normal), "The stored normal. Derivatives depend on it.");
+    row(
+        "Shading normal",
+        normal(pixel.shading_normal),
+        "The shading normal, as stored. The weights of flavours and projections depend on it.",
+    );
+    row(
+        "Triangle normal",
+        normal(pixel.triangle_normal),
+        "The normal of the triangle, as stored. The derivatives of the position are computed from it.",
+    );
     match (pixel.triangle, pixel.normal_error()) {
         (Some(triangle), Some(error)) => {
             row(
@@ -143,15 +155,19 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
             "Change of the position from this pixel to the next one, as computed by the shader",
         );
         let of_exact = step.exact.map_or_else(|| "none".to_owned(), |step| format!("{} m", vector(step, 5)));
-        row(exact, of_exact, "Step to where the ray of the next pixel meets the plane of the exact triangle; none if it does not");
+        row(
+            exact,
+            of_exact,
+            "Step to where the ray of the next pixel meets the plane of the exact triangle; none if the ray does not meet it",
+        );
         row(
             off,
             derivative_error(step),
-            "Error as a share of the exact step, and the resulting error of the mip level: above 0, textures are too coarse; below 0, too fine",
+            "Difference of the steps as a share of the exact one, and error of the mip level: above 0, textures are too coarse; below 0, too fine",
         );
     }
     row("Flavours needed", flavours(pixel.mask), "The mask of the pixel: the flavours that have a visible weight in it");
-    row("Tile variant", flavours(pixel.variant), "The flavours that the pixels of the tile need together, or the flavours that are forced");
+    row("Tile variant", flavours(pixel.variant), "All flavours that at least one pixel of the tile needs, or the flavours that are forced");
     for (flavour, weight) in Flavour::ALL.into_iter().zip(pixel.flavours).filter(|(_, weight)| *weight > 0.0) {
         row(
             &format!("Weight of {}", flavour.name()),
@@ -178,7 +194,7 @@ fn derivative_error(step: &Derivative) -> String {
     }
 }
 
-/// The rows about the random choice: thresholds, and the resulting choice.
+/// The rows about the first random choice: thresholds, and the resulting choice.
 fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String, &'static str)) {
     let named = |code: u32| match chosen(code) {
         None => "none".to_owned(),
@@ -199,14 +215,14 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
             row(
                 "Projection threshold",
                 format!("{threshold:.6}"),
-                "From 0 to 1; the first projection whose cumulative weight exceeds it is chosen",
+                "Random number from 0 to 1. The first projection whose cumulative weight exceeds it is chosen.",
             );
             row("Projections", weights.join(", "), "Weights of the projections along east (x), north (y) and up (z)");
         }
         row(
             "Material threshold",
             format!("{:.6}", draw.material),
-            "From 0 to 1; the first material whose cumulative bilinear weight exceeds it is chosen",
+            "Random number from 0 to 1. The first material whose cumulative bilinear weight exceeds it is chosen.",
         );
     }
     row(
@@ -218,7 +234,7 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
     row(
         "Choice by reference",
         verdict,
-        "The choice that follows from the thresholds. The shader may choose differently if a threshold equals a sum of weights up to rounding.",
+        "The choice that the reference computes from the thresholds. The shader may differ if a threshold equals a sum of weights up to rounding.",
     );
 }
 
@@ -241,7 +257,7 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Footprint",
         format!("{:.2} x {:.2}, covered {:.2} texels", page.footprint[0], page.footprint[1], page.covered),
-        "Lengths of the shorter and the longer step to the next pixels, in texels of level 0, with mip bias; and the length that decides the level",
+        "In texels of level 0, with mip bias: the shorter and the longer step to the next pixels, and the length that decides the level",
     );
     row(
         "Page LOD",

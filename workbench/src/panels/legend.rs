@@ -38,7 +38,7 @@ pub(crate) fn show(ui: &mut Ui, name: &str, words: &str, legend: &Legend) {
     }
 }
 
-/// A bar with all colours of a scale, and ticks below it.
+/// Draws a bar with all colours of a scale, and ticks below it.
 fn bar(ui: &mut Ui, title: &str, words: &str, scale: &Scale) {
     let [longest, height] = BAR;
     let size = vec2(ui.available_width().min(longest), height + TICK + TEXT + 2.0);
@@ -77,7 +77,7 @@ fn bar(ui: &mut Ui, title: &str, words: &str, scale: &Scale) {
     response.on_hover_text(words);
 }
 
-/// A swatch of a colour, and its meaning.
+/// Draws a swatch of a colour, and the text that says what the colour means.
 fn one(ui: &mut Ui, name: &str, words: &str, swatch: &Swatch) {
     let Swatch { colour: [r, g, b], name: meaning } = swatch;
     let text = ui.painter().layout_no_wrap(meaning.clone(), FontId::proportional(TEXT), Color32::WHITE);

@@ -8,7 +8,7 @@ use kernels::world::{LODS, Layout, NodeId};
 use crate::model::picture::Shown;
 use crate::model::state::Model;
 
-/// Smallest and initial span of the map, metres.
+/// Smallest span of the map, and its span at the start, metres.
 const NARROWEST_M: f64 = 200.0;
 const USUAL_M: f64 = 4000.0;
 /// Smallest and largest side of the map on the screen, points.
@@ -43,7 +43,7 @@ struct Level {
     lod: u8,
     /// Edge of a node, metres.
     edge_m: f64,
-    /// Edge of a texel of the baked atlas, metres; equal to the spacing of heights.
+    /// Edge of a texel of the baked atlas, metres. It is equal to the distance between two height samples.
     texel_m: f64,
     /// Number of drawn nodes.
     nodes: usize,
@@ -92,7 +92,7 @@ fn legend(levels: &[Level], ui: &mut Ui) {
             ("Level", "0 is the finest"),
             ("Edge", "Length of an edge of a node"),
             ("Nodes", "Number of nodes drawn in this frame"),
-            ("Texel", "Length of an edge of a texel of the baked atlas. A node has 128 texels along an edge, and as many quads."),
+            ("Texel", "Length of an edge of a texel of the baked atlas. A node has 128 texels and 128 quads along an edge."),
         ] {
             ui.label(name).on_hover_text(about);
         }
@@ -153,8 +153,9 @@ fn round_length_m(longest_m: f64) -> f64 {
     [5.0, 2.0].into_iter().map(|digit| digit * decade).find(|&length| length <= longest_m).unwrap_or(decade)
 }
 
-/// The part of level ground at an elevation that is in the frustum, as the corners of a convex polygon in world metres. The polygon is cut off at
-/// some distance from the camera, which is greater than `reach_m`. It is empty if the camera is not above that ground, or sees none of it.
+/// Returns the part of a level plane at elevation `ground_m` that is inside the frustum, as the corners of a convex polygon in world metres. The
+/// polygon is cut off at a distance from the camera that is greater than `reach_m`. It is empty if the camera is not above the plane, or sees none of
+/// it.
 fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> Vec<DVec2> {
     let above_m = pose.position.z - ground_m;
     if above_m <= 0.0 || size.contains(&0) {
@@ -165,7 +166,8 @@ fn ground_outline(pose: &Pose, size: [u32; 2], ground_m: f64, reach_m: f64) -> V
     let half_width = half_height * f64::from(size[0]) / f64::from(size[1]);
     let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
     let corners = corners.map(|[x, y]: [f64; 2]| forward + right * (half_width * x) + up * (half_height * y));
-    // Rays have length 1 along the view direction. A ray whose z is above `highest` meets the ground beyond `reach_m`, or never.
+    // All rays have the component 1 along the view direction. If the z of a ray is above `highest`, the ray meets the ground beyond `reach_m`, or
+    // never.
     let highest = -above_m / (4.0 * reach_m.max(above_m));
     let mut rays = Vec::new();
     for (i, &ray) in corners.iter().enumerate() {
@@ -323,7 +325,7 @@ mod tests {
         assert!(ground_outline(&pose(40.0, 60.0), [320, 160], 100.0, 1000.0).is_empty());
         assert!(ground_outline(&pose(-20.0, 60.0), [320, 160], 150.0, 1000.0).is_empty());
         assert!(ground_outline(&pose(-20.0, 60.0), [320, 0], 100.0, 1000.0).is_empty());
-        // Positive control: far above a small map.
+        // Positive control: a camera far above a small map has an outline.
         assert_eq!(ground_outline(&pose(-60.0, 60.0), [320, 160], -20_000.0, 200.0).len(), 4);
     }
 
@@ -354,7 +356,10 @@ mod tests {
     #[test]
     fn the_map_comes_closer_within_bounds_and_its_scale_is_round() {
         assert_eq!(closer(4000.0, 0.0, 10_240.0), 4000.0);
-        assert!((closer(4000.0, 50.0, 10_240.0) * closer(1.0e3, -50.0, 10_240.0) - 4.0e6).abs() < 1e-3, "in and out restores the span");
+        assert!(
+            (closer(4000.0, 50.0, 10_240.0) * closer(1.0e3, -50.0, 10_240.0) - 4.0e6).abs() < 1e-3,
+            "zooming in and out must restore the span"
+        );
         assert_eq!((closer(4000.0, 1e4, 10_240.0), closer(4000.0, -1e4, 10_240.0)), (NARROWEST_M, 10_240.0));
         for (span_m, bar_m) in [(200.0, 50.0), (799.0, 100.0), (4100.0, 1000.0), (9000.0, 2000.0), (30_000.0, 5000.0)] {
             assert!((round_length_m(span_m / 4.0) - bar_m).abs() < 1e-9, "{span_m}");

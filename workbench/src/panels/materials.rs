@@ -15,7 +15,7 @@ use crate::model::state::Model;
 const FIELD: f32 = 170.0;
 /// Width and height of a swatch of colour, points.
 const SWATCH: f32 = 14.0;
-/// Largest tint that a scene file accepts.
+/// Limit of each component of the tint that a scene file accepts.
 const MOST_TINT: f64 = 16.0;
 
 /// The source of the textures of a material.
@@ -44,7 +44,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     saving(model, ui);
 }
 
-/// Applies the folder that was chosen in the system dialog, once there is one. Call this whenever the window is drawn.
+/// Applies the folder that was chosen in the system dialog, once the user has chosen one. Call this whenever the window is drawn.
 pub(crate) fn listen(model: &mut Model) {
     let Some(dialog) = model.materials.dialog.take() else { return };
     let folder = match dialog.chosen.try_recv() {
@@ -84,7 +84,7 @@ fn list(model: &mut Model, ui: &mut Ui) {
     panel.selected = panel.selected.min(scene.materials.len().saturating_sub(1));
     ui.horizontal_wrapped(|ui| {
         for (i, material) in scene.materials.iter().enumerate() {
-            // Swatch and name are not grouped in a horizontal layout, because that would not wrap.
+            // Swatch and name are not grouped in a horizontal layout, because groups would not continue on the next line.
             swatch(ui, &material.name, shown.as_ref().and_then(|shown| shown.mean_albedo(&material.name)));
             let selected = panel.selected == i;
             let item = ui.selectable_label(selected, &material.name);
@@ -141,7 +141,7 @@ fn name(model: &mut Model, ui: &mut Ui, index: usize) {
     }
     let label = ui.label("Material name");
     let field = ui.add(TextEdit::singleline(&mut panel.name[0]).desired_width(FIELD)).labelled_by(label.id);
-    if field.on_hover_text("1 to 100 characters. Rules and strokes that use the material are changed, too.").changed() {
+    if field.on_hover_text("1 to 100 characters. Rules and strokes that use the material get the new name, too.").changed() {
         let wanted = panel.name[0].clone();
         panel.misnamed = editing::rename_material(&mut model.settings.scene, index, &wanted).err();
         if panel.misnamed.is_none() {

@@ -22,19 +22,19 @@ const QUANTITIES: [Quantity; 5] = [
     },
     Quantity {
         name: "Flicker",
-        about: "Mean absolute difference in luminance of linear albedo to the previous frame at the same surface point",
+        about: "Mean absolute change in the luminance of linear albedo since the previous frame, at the same surface point",
         of: |s| Some(s.flicker),
     },
     Quantity {
         name: "Noise",
-        about: "Square root of the mean variance of luminance over frames, at the same surface point",
+        about: "Variance over frames of the luminance at a surface point, averaged over all points; the value is the square root of this mean",
         of: |s| Some(s.variance.sqrt()),
     },
-    Quantity { name: "Bias", about: "Mean A - B in luminance, if B is drawn", of: |s| s.bias },
+    Quantity { name: "Bias", about: "Mean of A - B in luminance; none if B is not drawn", of: |s| s.bias },
     Quantity {
         name: "Clumping",
-        about: "Variance of the means of the noise over blocks of 5 x 5 pixels, relative to white noise (1). The noise of A is A - B if B is drawn. \
-                Otherwise, it is the deviation from the running mean.",
+        about: "Variance of the means of the noise over blocks of 5 x 5 pixels, relative to that of white noise, which has 1. The noise of A \
+                is A - B if B is drawn. Otherwise, it is the deviation from the running mean.",
         of: |s| s.clumping,
     },
 ];
@@ -43,7 +43,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     let Metrics { on, window, frozen, resets, region } = &mut model.metrics;
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(on, "Measure").on_hover_text("Uses shaders that record choices, so the times differ from those of the normal shaders");
-        ui.checkbox(frozen, "Freeze").on_hover_text("Keeps the numbers as they are. Switching it off restarts measuring.");
+        ui.checkbox(frozen, "Freeze").on_hover_text("Keeps the numbers as they are. When you switch this off, measuring restarts.");
         if ui.button("Begin anew").clicked() {
             *resets = resets.wrapping_add(1);
         }
@@ -59,7 +59,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
         let label = ui.label("Window");
         ui.add(Slider::new(window, WINDOWS[0]..=WINDOWS[1]).logarithmic(true).suffix(" frames"))
             .labelled_by(label.id)
-            .on_hover_text("Length of the exponential window: the newest frame has a weight of 1 / window");
+            .on_hover_text("Length of the exponential window: the newest frame has a weight of 1 / length");
     });
     let Some(shown) = model.shown().cloned() else { return };
     let Some(last) = shown.readings.last() else {
@@ -90,7 +90,7 @@ fn table(last: &Reading, ui: &mut Ui) {
             ui.label(side.map_or_else(|| "-".to_owned(), |s| s.terrain.to_string()));
         }
         ui.end_row();
-        ui.label("Frames").on_hover_text("Number of frames for which the median pixel has been followed, at most the window");
+        ui.label("Frames").on_hover_text("Number of frames for which the median pixel has been followed, at most the length of the window");
         for side in &last.sides {
             ui.label(side.map_or_else(|| "-".to_owned(), |s| format!("{:.0}", s.frames)));
         }

@@ -1,4 +1,4 @@
-//! The panels of the window. A panel is a function that draws into a `Ui`, given the model and, for some panels, a state of its own.
+//! The panels of the window. A panel is a function that draws into a `Ui`. Its arguments are the model and, for some panels, a state of its own.
 
 pub(crate) mod brush;
 pub(crate) mod compare;
@@ -86,7 +86,7 @@ pub(crate) struct Number<'a> {
     pub(crate) range: [f64; 2],
     /// Whether the slider is logarithmic.
     pub(crate) logarithmic: bool,
-    /// What it does.
+    /// What the number does; the first line of the tooltip.
     pub(crate) about: &'a str,
 }
 
@@ -109,7 +109,7 @@ pub(crate) fn reset<T: Clone + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     let button = ui.add_enabled(changed, Button::new("Reset").small());
     button.widget_info(|| WidgetInfo::labeled(Role::Button, changed, format!("Reset {name}")));
     let hint =
-        if usual.is_some() { "Resets this to its original value" } else { "This was added in the workbench, so it has no original value" };
+        if usual.is_some() { "Restores the original value" } else { "This was added in the workbench, so there is no original value" };
     if button.on_hover_text(hint).clicked()
         && let Some(usual) = usual
     {

@@ -9,7 +9,7 @@ use super::reset;
 use crate::model::settings::{SCALE, numbers, own_settings, stage_settings};
 use crate::model::state::Model;
 
-/// Width of a row without its slider, and smallest and largest width of the slider, points.
+/// Width of a row without its slider, points; and limits of the width of the slider: smallest and largest, points.
 const BESIDE: f32 = 310.0;
 const SLIDER: [f32; 2] = [30.0, 200.0];
 

@@ -47,7 +47,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
 fn bookmark(model: &mut Model, ui: &mut Ui, place: &Place) {
     ui.horizontal_wrapped(|ui| {
         let [x, y, z] = place.pose.position.to_array();
-        let hint = format!("{x:.1} m east, {y:.1} m north, {z:.1} m high");
+        let hint = format!("{x:.1} m east, {y:.1} m north, elevation {z:.1} m");
         if ui.button(format!("Go to {}", place.name)).on_hover_text(hint).clicked() {
             // Walking would move the camera down to the ground.
             model.flight.walking = false;
@@ -66,7 +66,7 @@ fn record(model: &mut Model, ui: &mut Ui) {
             if ui.button("Record path").on_hover_text("Records one pose per frame, from frame 0 on, until you stop it").clicked() {
                 model.places.recording = Some(Recording::default());
                 model.places.said = None;
-                // A replay begins at frame 0, too. The same frame numbers give the same noise, so that the replay shows the same pictures.
+                // Begin at frame 0, because a replay begins there, too. Noise depends on the frame number, so the replay shows the recorded pictures.
                 model.clock = Clock { frame: 0, ..model.clock };
             }
             return;

@@ -7,17 +7,17 @@ use super::{choose, outcome};
 use crate::model::editing::usual_rules;
 use crate::model::state::Model;
 
-/// A band of a rule: its quantity, and the values that a scene file accepts.
+/// Describes a band: a range of one quantity of the ground (height, slope or curvature). A rule with a band has no weight far outside of the range.
 struct Band {
     name: &'static str,
     unit: &'static str,
-    /// Smallest and largest value accepted.
+    /// Limits of the ends of the range that a scene file accepts: smallest and largest.
     limits: [f64; 2],
-    /// The band when it is switched on. It is so wide that it changes nothing.
+    /// The range that a band has when the user switches it on. It is so wide that it usually changes nothing.
     whole: [f64; 2],
-    /// Largest fade accepted.
+    /// Limit of the fade that a scene file accepts.
     most_fade: f64,
-    /// Change of the value per point of a drag.
+    /// Change of an end of the range per point of a drag.
     speed: f64,
     about: &'static str,
 }
@@ -50,7 +50,7 @@ const CURVATURE: Band = Band {
     about: "Mean curvature, which is below 0 in gullies and above 0 on ridges",
 };
 
-/// A change of the list of rules. It is made after all rules have been drawn.
+/// A change of the list of rules. It is made after the controls of all rules have been drawn.
 enum Wanted {
     Up,
     Down,
@@ -97,7 +97,7 @@ fn buttons(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         let rules = &mut model.settings.scene.rules;
         let add = ui.add_enabled(!rules.is_empty(), Button::new("Add rule"));
-        if add.on_hover_text("Adds a copy of the last rule, which has no effect until you edit it").clicked() {
+        if add.on_hover_text("Adds a copy of the last rule. The copy has no effect until you edit it.").clicked() {
             let last = rules.last().cloned();
             rules.extend(last);
         }
@@ -122,7 +122,7 @@ fn one(ui: &mut Ui, number: usize, rule: &mut Rule, names: &[String]) {
     let all = names.iter().map(|name| (name.clone(), name.clone(), "")).collect();
     choose(ui, &format!("Rule {number} material"), &mut rule.material, &shown, all).on_hover_text("The material of this rule");
     ui.end_row();
-    let hint = "Factor on the product of the bands and noise below, 0.000001 to 1000000. The default in a scene file is 1.";
+    let hint = "Factor on the weight that the bands and the noise below give, 0.000001 to 1000000. The default in a scene file is 1.";
     let label = ui.label(format!("Rule {number} weight"));
     value(ui, &mut rule.weight, [1.0e-6, 1.0e6], 0.01, "").labelled_by(label.id).on_hover_text(hint);
     ui.end_row();

@@ -69,7 +69,7 @@ pub(crate) fn open_file(model: &mut Model, file: &Path) {
     }
 }
 
-/// Opens the file that was chosen in the system dialog, once there is one. Call this whenever the window is drawn.
+/// Opens the file that was chosen in the system dialog, once the user has chosen one. Call this whenever the window is drawn.
 pub(crate) fn listen(model: &mut Model) {
     let Some(dialog) = model.scenes.dialog.take() else { return };
     match dialog.try_recv() {
@@ -97,7 +97,7 @@ fn choose_file(folder: Option<PathBuf>, ctx: egui::Context) -> Receiver<Option<P
     chosen
 }
 
-/// If an action waits for the answer, asks whether edits may be lost.
+/// If an action that would lose edits waits for the user, asks whether to continue.
 pub(crate) fn ask(model: &mut Model, ui: &mut Ui) {
     let Some(waiting) = model.scenes.waits.clone() else { return };
     let (then, yes) = match &waiting {

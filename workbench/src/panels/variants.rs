@@ -45,7 +45,7 @@ fn timed(report: &FrameReport) -> Vec<Timed> {
 /// Prefix of the names of passes that shade one variant.
 pub(super) const PASS: &str = "shading: ";
 
-/// Promised fetches per pixel of a variant.
+/// Number of fetches per pixel that a variant should take with the current estimator.
 fn promised(settings: &Settings, variant: Variant) -> u32 {
     settings.frame.estimator.promised_fetches_of(variant)
 }
@@ -120,7 +120,10 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
             ("Variant", "Kernels that ran on at least one tile, the longest time first"),
             ("Tiles", "Number of tiles of 8 x 8 pixels"),
             ("Share", "Share of the tiles with terrain"),
-            ("Fetches", "Promised fetches per pixel, without colour modulation and the second tiling of splat"),
+            (
+                "Fetches",
+                "Fetches per pixel that the kernel should take, without those for colour modulation and for the second tiling of splat",
+            ),
             ("ms", "Time on the device of the pass of this kernel, milliseconds"),
             ("ns a tile", "Time of the pass divided by the number of tiles, nanoseconds"),
         ] {
@@ -131,7 +134,8 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
             ui.label(timed.variant.map_or_else(|| "generic".to_owned(), |variant| variant.to_string()));
             ui.label(timed.tiles.to_string());
             ui.label(format!("{:.1} %", 100.0 * f64::from(timed.tiles) / f64::from(all)));
-            // The generic kernel runs the flavours that each tile needs. If no variant is forced, tiles have different numbers of fetches.
+            // The generic kernel runs the flavours that each tile needs. If no variant is forced, tiles have different numbers of fetches, so no
+            // number is shown.
             let fetches = timed.variant.or(settings.frame.variant).map(|variant| promised(settings, variant));
             ui.label(fetches.map_or_else(|| "-".to_owned(), |fetches| fetches.to_string()));
             ui.label(format!("{:.3}", timed.ms));
@@ -184,9 +188,9 @@ const fn about(flavour: Flavour) -> &'static str {
 /// The tooltip of an encoding of normals.
 fn of_normals(name: &str) -> &'static str {
     match name.parse() {
-        Ok(NormalEncoding::Octahedral) => "32 bits: 8 + 8 for the shading normal and 8 + 8 for the plane, as in Far Cry 5",
-        Ok(NormalEncoding::PlaneFirst) => "32 bits, as in Far Cry 5, but the plane is 8 times finer; the shading normal is unchanged",
-        Ok(NormalEncoding::Exact) => "128 bits without compression, to measure the error of the others",
+        Ok(NormalEncoding::Octahedral) => "32 bits: 8 + 8 for the shading normal and 8 + 8 for the normal of the triangle, as in Far Cry 5",
+        Ok(NormalEncoding::PlaneFirst) => "32 bits: the triangle's normal is 8 times finer than in Far Cry 5; the shading normal is equal",
+        Ok(NormalEncoding::Exact) => "128 bits without compression, to measure the error of the other encodings",
         Err(_) => "",
     }
 }

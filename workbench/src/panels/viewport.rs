@@ -13,7 +13,7 @@ use crate::model::settings::Settings;
 use crate::model::state::{Looking, Model};
 use crate::model::viewpoint::Viewpoint;
 
-/// Longest time step of the camera movement between two drawings of the window, seconds. A stall must not throw the camera across the map.
+/// Limit of the time step of the camera movement between two drawings of the window, seconds. A stall must not throw the camera across the map.
 const LONGEST_STEP_S: f32 = 0.25;
 /// Points of scrolling for one notch of the wheel.
 const NOTCH_POINTS: f32 = 50.0;
@@ -129,7 +129,7 @@ fn parts(model: &Model, rect: Rect) -> Vec<Part> {
     }
 }
 
-/// The visible part of the picture, in shares of the picture, for a part of the viewport. `width` is the share of the viewport's width.
+/// Returns which part of the picture is visible, in shares of the picture. `width` is the share of the width of the viewport in which it is shown.
 fn cut_out(looking: &Looking, width: f32) -> Rect {
     let size = vec2(width, 1.0) / looking.zoom.max(1.0);
     let middle = |k: usize, side: f32| looking.centre[k].clamp(side / 2.0, 1.0 - side / 2.0);
@@ -191,7 +191,7 @@ fn captions(model: &mut Model, ui: &mut Ui, rect: Rect, parts: &[Part]) {
             }
             if shown.wish.culled_from.is_some() {
                 let frozen = ui.label(RichText::new("culling frozen").color(Color32::YELLOW));
-                frozen.on_hover_text("The nodes and patches are those of the view for which culling was frozen (key C)");
+                frozen.on_hover_text("Draws the nodes and patches of the view in which culling was frozen (key C)");
             }
             if let Some(legend) = legend {
                 legend::show(ui, &name, words, legend);
@@ -307,7 +307,7 @@ fn navigate(model: &mut Model, ui: &Ui, response: &egui::Response, rect: Rect) {
     }
 }
 
-/// Returns the orbited place, if there is one. If the camera walks, or the view was changed, ends orbiting.
+/// Returns the orbited place, if there is one. Ends orbiting if the camera walks, or if the place is no longer in the middle of the view.
 fn orbited(model: &mut Model, pose: &Pose) -> Option<DVec3> {
     let target = model.flight.target()?;
     if model.flight.walking || !flight::is_centred(pose, target) {
@@ -331,7 +331,8 @@ pub(crate) fn viewpoints(model: &mut Model, ui: &mut Ui) {
     let cameras = scene.cameras.iter().map(|c| (Viewpoint::Camera(c.name.clone()), format!("camera {}", c.name), ""));
     let paths = scene.paths.iter().map(|p| (Viewpoint::Path(p.name.clone()), format!("path {}", p.name), ""));
     let all = cameras.chain(paths).collect();
-    choose(ui, "View", &mut model.viewpoint, &name, all).on_hover_text("Cameras and paths of the scene. A drag or W A S D leaves them.");
+    choose(ui, "View", &mut model.viewpoint, &name, all)
+        .on_hover_text("Cameras and paths of the scene. A drag or W A S D switches to a free camera.");
     let all = Layer::ALL.into_iter().map(|l| (l, l.name().to_owned(), l.legend())).collect();
     let shown = model.settings.layer.name();
     choose(ui, "Layer", &mut model.settings.layer, shown, all);

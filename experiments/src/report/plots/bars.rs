@@ -1,4 +1,4 @@
-//! Times of passes, as stacked bars.
+//! Draws times of passes as stacked bars.
 
 use std::collections::BTreeMap;
 
@@ -11,13 +11,13 @@ use super::{GREY, GRID, INK, Rgb, WIDTH, failed, inline, rgb, text};
 use crate::report::html;
 use crate::report::numbers::number;
 
-/// Fill colours of stacked bars, in order; distinguishable for colour-blind readers (Okabe and Ito 2008, *Color Universal Design*).
+/// Fill colours of the parts of a bar, in order. They are distinguishable for colour-blind readers (Okabe and Ito 2008, *Color Universal Design*).
 const BAR_COLOURS: [Rgb; 6] = [(86, 180, 233), (0, 158, 115), (240, 228, 66), (213, 94, 0), (0, 114, 178), (204, 121, 167)];
 
-/// The passes of a frame, in order; other timed passes follow.
+/// The passes of a frame in the order in which bars show them. Other timed passes come after these.
 const PASSES: [&str; 5] = ["geometry", "classification", "page requests", "shading", "lighting"];
 
-/// Draws the pass times of some rows, in milliseconds, as a figure with a legend.
+/// Draws the times of passes as a figure with a legend. Each row has a name and the milliseconds of its passes.
 ///
 /// # Errors
 /// The drawing backend fails.
@@ -36,7 +36,7 @@ pub(crate) fn passes(rows: &[(String, BTreeMap<String, f64>)], software: bool) -
     Ok(html::figure(svg, &legend))
 }
 
-/// Draws times of passes: one bar for each name, in which the passes are stacked in order, with the colours of [`BAR_COLOURS`]. Returns `None` if
+/// Draws a stacked bar for each name. Its parts are the times of the passes, in order and with the colours of [`BAR_COLOURS`]. Returns `None` if
 /// there are no times.
 ///
 /// # Errors

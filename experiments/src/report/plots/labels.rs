@@ -8,8 +8,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::{GREY, failed, text};
 
-/// Mean advance width of a character of a sans-serif font, relative to its size. It is a high estimate, because labels are placed before a browser
-/// measures them.
+/// Estimated mean advance width of a character in a sans-serif font, relative to the font size. The estimate is high, because the real width is known
+/// only when a browser draws the text.
 const ADVANCE: f64 = 0.57;
 const LABEL_PX: f64 = 13.0;
 
@@ -37,18 +37,18 @@ impl Box2 {
     }
 }
 
-/// A text that needs a place near a point.
+/// A text that must be placed near a point.
 #[derive(Clone, Debug)]
 pub(super) struct Wanted {
     pub(super) words: String,
     pub(super) at: (i32, i32),
     pub(super) radius: f64,
     pub(super) ink: RGBColor,
-    /// Whether the text is omitted if it would hide anything except the line.
+    /// Whether the text may be omitted. An optional text is omitted if every place for it would hide a point or another text, or leave the plot.
     pub(super) optional: bool,
 }
 
-/// A text with its place.
+/// A text and its chosen place.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     words: String,
@@ -58,8 +58,8 @@ pub(super) struct Placed {
     leader: Option<[(i32, i32); 2]>,
 }
 
-/// Places each text in turn near its point. Among several places it takes the one with the smallest cost. Hiding other texts costs most, then hiding
-/// points, then hiding the line, then distance from the point.
+/// Places the texts one after another. For each text, several places near its point are compared, and the one with the smallest cost is taken. The
+/// cost is largest if the text hides other texts. Hiding points costs less, and hiding the line still less. Places far from the point cost least.
 pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: Box2) -> Vec<Placed> {
     const HIDES_POINT: f64 = 40.0;
     let markers: Vec<Box2> = points.iter().map(|p| Box2::around(*p, 4.0)).collect();
@@ -78,7 +78,7 @@ pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)
         for gap in [4.0, 14.0, 26.0, 40.0, 56.0, 74.0].into_iter().filter(|g| !text.optional || *g < 30.0) {
             let r = text.radius + gap;
             let d = r * 0.7;
-            // The place on the right of the point comes first. The offsets are those of the text's top left corner.
+            // The first candidate is on the right of the point. Each offset is that of the text's top left corner.
             let corners = [
                 (r, -height / 2.0),
                 (d, -d - height),
@@ -137,20 +137,20 @@ mod tests {
         let frame = Box2 { left: 0.0, right: 600.0, top: 0.0, bottom: 400.0 };
         let at = [(300, 200), (306, 203), (297, 209), (590, 10)];
         let texts: Vec<Wanted> = at.iter().map(|p| wanted("near-cliff+splat", *p)).collect();
-        // Even if no points are given, texts must not overlap each other.
+        // Texts must not overlap even if their points are not given as obstacles.
         let placed = place(&texts, &[], &[], frame);
         assert_eq!(placed.len(), texts.len());
         for (i, a) in placed.iter().enumerate() {
             assert!(a.area.inside(&frame), "{a:?}");
             assert!(placed[..i].iter().all(|b| !a.area.meets(&b.area)), "{placed:?}");
         }
-        // If there is no room, an optional text is omitted. A text that is not optional is kept.
+        // If there is not enough room, only a text that is not optional is kept.
         let small = Box2 { left: 290.0, right: 420.0, top: 190.0, bottom: 214.0 };
         let kept = |optional: bool| {
             place(&[wanted("auto", at[0]), Wanted { optional, ..wanted("near-cliff+splat", at[1]) }], &at, &[], small).len()
         };
         assert_eq!([kept(true), kept(false)], [1, 2]);
-        // Negative control: the same texts overlap if each is simply placed to the right of its point.
+        // Negative control: if each text is placed to the right of its point, the texts of the first two points overlap.
         let naive = |p: (i32, i32)| Box2 { left: f64::from(p.0) + 9.0, right: f64::from(p.0) + 120.0, ..Box2::around(p, 8.0) };
         assert!(naive(at[0]).meets(&naive(at[1])));
     }

@@ -1,4 +1,4 @@
-//! Curves over a parameter, a lag or a frequency, with confidence bands.
+//! Draws curves with confidence bands over a parameter, a lag or a frequency.
 
 use anyhow::Result;
 use plotters::element::{Circle, PathElement, Polygon};
@@ -15,37 +15,37 @@ pub(crate) struct CurvePoint {
     pub(crate) y: f64,
     /// Half-width of the confidence interval of `y`; 0 = unknown.
     pub(crate) half: f64,
-    /// Its tooltip and link.
+    /// Tooltip of the point, and a link to the table row of its choice.
     pub(crate) hint: Option<Hint>,
 }
 
-/// A curve, or a single point.
+/// A curve. If it has only one point, only this point is drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curve {
-    /// Its colour.
+    /// Colour of the curve.
     pub(crate) colour: Rgb,
-    /// Its points, by increasing x.
+    /// Points of the curve, by increasing x.
     pub(crate) points: Vec<CurvePoint>,
 }
 
-/// A plot of curves with half the width of the page.
+/// A plot of curves that takes half the width of the page.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lines<'a> {
-    /// Description, also for screen readers.
+    /// Description of the plot, which is also read by screen readers.
     pub(crate) title: &'a str,
     /// Title of the horizontal axis.
     pub(crate) x_title: &'a str,
     /// Title of the vertical axis.
     pub(crate) y_title: &'a str,
-    /// Whether the horizontal axis is logarithmic; requires all x to be above 0.
+    /// Whether the horizontal axis is logarithmic. Points whose x is not above 0 are then omitted.
     pub(crate) x_logarithmic: bool,
-    /// Whether the vertical axis is logarithmic; values that are not above 0 are then omitted.
+    /// Whether the vertical axis is logarithmic. Points whose y is not above 0 are then omitted.
     pub(crate) y_logarithmic: bool,
-    /// Names of the positions x = 0, 1, 2, ..., if the quantity on the horizontal axis is not a number; empty = it is a number.
+    /// Names for the positions x = 0, 1, 2, ... Empty if the quantity on the horizontal axis is a number, which is then shown instead of a name.
     pub(crate) x_names: Vec<String>,
-    /// Whether all x are whole numbers; each then has a tick.
+    /// Whether all x are whole numbers. Then each x gets a tick.
     pub(crate) x_whole: bool,
-    /// A value for comparison, drawn as a dashed line, and its name.
+    /// A value that is drawn as a dashed line for comparison, with its name.
     pub(crate) baseline: Option<(f64, &'a str)>,
 }
 
@@ -64,8 +64,8 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
     let range = |values: &mut dyn Iterator<Item = f64>| values.fold((f64::MAX, f64::MIN), |(a, b), v| (v.min(a), v.max(b)));
     let (x_low, x_high) = range(&mut all().map(|p| p.x));
     let baseline = plot.baseline.map(|b| b.0).filter(|b| !plot.y_logarithmic || *b > 0.0);
-    // Intervals extend the axis beyond the values by at most the range of the values, or by half of the largest value if that is more. Otherwise a
-    // point with a large error would flatten the curves.
+    // The axis also covers confidence intervals, but it is limited, because otherwise a single very large interval would flatten the curves. It
+    // extends beyond the values by at most their range, or by half of the largest value if that is more.
     let (y_low, y_high) = range(&mut all().map(|p| p.y).chain(baseline));
     let (reach_low, reach_high) = range(&mut all().flat_map(|p| [p.y - p.half, p.y + p.half]));
     let room = (y_high - y_low).max(0.5 * y_high.abs());
@@ -83,8 +83,8 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
     let y_scale = if plot.y_logarithmic {
         Scale::new(y_low / 1.3, y_high * 1.3, true)
     } else {
-        // The axis starts at 0. If there are negative values, or if all values are far from 0, it starts just below the values: otherwise their
-        // differences would not be visible.
+        // The axis normally starts at 0. If there are negative values, or if all values are far from 0 relative to their differences, it starts
+        // slightly below the smallest value.
         let low = reach_low.max(y_low - room);
         let high = reach_high.min(y_high + room).max(y_high);
         let from = if low < 0.0 || low > 0.7 * high { low - 0.08 * (high - low).max(0.02 * high.abs()) } else { 0.0 };
@@ -98,7 +98,7 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
         let root = SVGBackend::with_string(&mut svg, (HALF_WIDTH, HEIGHT)).into_drawing_area();
         let mut chart = axes(&root, &x_scale, &y_scale, [plot.x_title, plot.y_title])?;
         if let Some(value) = baseline {
-            // Drawn as single dashes, because plotters has no dashed style for a plain line.
+            // The line consists of separate dashes, because plotters offers no dashed style here.
             let (left, right) = (x_scale.from, x_scale.to);
             let along = |k: u32| left + (right - left) * f64::from(k) / 80.0;
             let dashes = (0..40).map(|k| vec![(along(2 * k), y_scale.at(value)), (along(2 * k + 1), y_scale.at(value))]);
@@ -121,7 +121,7 @@ pub(crate) fn lines(curves: &[Curve], plot: &Lines<'_>) -> Result<Option<String>
             let colour = rgb(curve.colour);
             let points: Vec<&CurvePoint> = curve.points.iter().filter(shown).collect();
             chart.draw_series(LineSeries::new(points.iter().map(|p| place(p.x, p.y)), colour.stroke_width(2))).map_err(failed)?;
-            // With many points the curve is already a line, and marks would only hide it.
+            // If the points are dense, they are not marked, because marks would hide the curve.
             let radius = if points.len() > 24 { 0 } else { 3 };
             for point in points {
                 let at = chart.backend_coord(&place(point.x, point.y));
@@ -154,7 +154,7 @@ mod tests {
         let without = svg(&[curve(&[(1.0, 2.0, 0.0), (2.0, 3.0, 0.0)])], &plot).expect("points");
         assert!(with.contains("<polygon") && !without.contains("<polygon"));
         assert_eq!(with.matches("<circle").count(), 2);
-        // Points that cannot be drawn are omitted; a plot without points is omitted as well.
+        // Points that cannot be drawn are omitted, and a plot in which no point can be drawn is omitted as a whole.
         let lost = [(f64::NAN, 1.0, 0.0), (1.0, f64::INFINITY, 0.0)];
         assert!(svg(&[curve(&lost), curve(&[])], &plot).is_none());
         let logarithmic = Lines { y_logarithmic: true, x_logarithmic: true, ..plot };

@@ -1,6 +1,6 @@
 //! The plots of a report, as SVG that is embedded in an HTML page.
 //!
-//! Axes are linear in the drawn coordinate: a logarithmic axis shows log10 of its values, and its ticks show the values.
+//! On a logarithmic axis, positions are log10 of the values, and the labels of ticks show the values.
 
 mod bars;
 mod labels;
@@ -24,11 +24,11 @@ pub(super) use pareto::{LEGEND as PARETO_LEGEND, Marker, Point, pareto};
 use super::html::escape;
 use super::numbers::number;
 
-/// Width of a plot that fills the page, in user units, which are CSS pixels at full page width.
+/// Width of a plot that fills the page, in SVG user units. One unit is a CSS pixel if the page is shown at full width.
 const WIDTH: u32 = 1080;
 /// Width of each of two plots that are side by side.
 const HALF_WIDTH: u32 = 528;
-/// plotters estimates that the line height of a font is 1.24 times its size. It writes `font-size` as the given size divided by this factor.
+/// plotters estimates the line height of a font as 1.24 times its size. It divides the given size by this factor to obtain the `font-size`.
 const LINE_HEIGHT: f64 = 1.24;
 
 const INK: RGBColor = RGBColor(31, 41, 51);
@@ -38,12 +38,13 @@ const GRID: RGBColor = RGBColor(230, 234, 239);
 /// A colour that the HTML page can use as well.
 pub(super) type Rgb = (u8, u8, u8);
 
-/// Colours for values without an order, distinguishable for colour-blind readers (Tol 2021, *Colour Schemes*, "muted"; the palest colours are omitted
-/// or come last).
+/// Colours for values without an order. They are distinguishable for colour-blind readers (Tol 2021, *Colour Schemes*, "muted"; the palest colours
+/// are omitted or come last).
 pub(super) const COLOURS: [Rgb; 8] =
     [(51, 34, 136), (204, 102, 119), (17, 119, 51), (230, 140, 30), (68, 170, 153), (170, 68, 153), (110, 170, 220), (153, 153, 51)];
 
-/// The colour of item `index` of `count`: from dark purple through blue and green to yellow for ordered items, otherwise one of [`COLOURS`].
+/// Returns the colour of item `index` of `count` items. For ordered items, colours range from dark purple through blue and green to yellow. For other
+/// items, the colour is one of [`COLOURS`].
 pub(super) fn colour(index: usize, count: usize, ordered: bool) -> Rgb {
     if !ordered {
         return COLOURS[index % COLOURS.len()];
@@ -60,34 +61,34 @@ fn rgb((r, g, b): Rgb) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// The tooltip of a mark, and the location of its numbers.
+/// The tooltip of a mark, and the table row that contains its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Hint {
-    /// Text that names the row of the run and its values.
+    /// Text that names the choice and its values.
     pub(super) words: String,
     /// Anchor of the row in the page's table.
     pub(super) anchor: String,
-    /// The values drawn, x and y, unrounded.
+    /// The plotted values x and y, not rounded.
     pub(super) values: [f64; 2],
 }
 
-/// The range of an axis, in the drawn coordinate.
+/// The range of an axis. On a logarithmic axis, `from`, `to` and `ticks` are log10 of the values.
 #[derive(Clone, Debug)]
 struct Scale {
     logarithmic: bool,
     from: f64,
     to: f64,
     ticks: Vec<f64>,
-    /// Names of the positions 0, 1, 2, ...; empty = the labels are numbers.
+    /// Names for the positions 0, 1, 2, ... Empty if the labels are numbers.
     names: Vec<String>,
 }
 
 impl Scale {
-    /// A scale between two finite values; both must be above 0 for a logarithmic scale.
+    /// Returns a scale between two finite values. For a logarithmic scale, both values must be above 0.
     fn new(from: f64, to: f64, logarithmic: bool) -> Scale {
         if logarithmic {
             let powers = ticks(from, to);
-            // A range of less than a decade may contain too few of these ticks to read values.
+            // If the range is less than a decade, there may be too few of these ticks to read values.
             let values = if powers.len() < 3 { even_ticks(from, to, 5) } else { powers };
             let ticks = values.into_iter().map(f64::log10).collect();
             return Scale { logarithmic, from: from.log10(), to: to.log10(), ticks, names: Vec::new() };
@@ -107,8 +108,8 @@ impl Scale {
     }
 }
 
-/// Makes a scale usable as an axis of plotters: linear in the drawn coordinate, with the scale's ticks. (The combinator of plotters that sets ticks
-/// does not support formatted labels on a plain axis.)
+/// Makes a scale usable as an axis of plotters. The axis is linear in the positions of the scale and has its ticks. (plotters has a combinator that
+/// sets ticks, but it does not support formatted labels on a plain axis.)
 impl Ranged for Scale {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
@@ -128,7 +129,7 @@ impl Ranged for Scale {
 
 type Chart<'a, 'svg> = ChartContext<'a, SVGBackend<'svg>, Cartesian2d<Scale, Scale>>;
 
-/// Draws axes, grid and titles. Returns the chart, which maps points to pixels.
+/// Draws axes, grid and titles. Returns the chart, which converts positions to pixels.
 fn axes<'a, 'svg>(root: &'a DrawingArea<SVGBackend<'svg>, Shift>, x: &Scale, y: &Scale, titles: [&str; 2]) -> Result<Chart<'a, 'svg>> {
     let mut chart = ChartBuilder::on(root)
         .margin_top(12)
@@ -163,14 +164,15 @@ fn text(px: f64, colour: RGBColor) -> TextStyle<'static> {
     style
 }
 
-/// 1, 2 and 5 times powers of ten within the range; only the powers if the range spans more than four of them.
+/// Returns the ticks of a logarithmic axis within the range: 1, 2 and 5 times powers of ten, or only powers of ten if the range spans more than four
+/// decades.
 fn ticks(from: f64, to: f64) -> Vec<f64> {
     let steps: &[f64] = if (to / from).log10() > 4.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
     let decades = from.log10().floor() as i32..=to.log10().floor() as i32;
     decades.flat_map(|d| steps.iter().map(move |k| k * 10f64.powi(d))).filter(|t| (from..=to).contains(t)).collect()
 }
 
-/// About `count` multiples of 1, 2 or 5 times a power of ten within the range.
+/// Returns about `count` evenly spaced ticks within the range. Their distance is 1, 2 or 5 times a power of ten.
 fn even_ticks(from: f64, to: f64, count: u32) -> Vec<f64> {
     let rough = (to - from) / f64::from(count.max(1));
     if !(rough > 0.0 && rough.is_finite()) {
@@ -179,11 +181,12 @@ fn even_ticks(from: f64, to: f64, count: u32) -> Vec<f64> {
     let power = 10f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * power).find(|s| *s >= rough * 0.999).unwrap_or(10.0 * power);
     let first = (from / step).ceil() as i64;
-    // Ticks are multiples of the step and not sums of steps, so that 0 is exact.
+    // Each tick is computed as a multiple of the step. Sums of steps would accumulate rounding errors and miss 0.
     (first..).map(|i| i as f64 * step).take_while(|t| *t <= to + step * 1e-6).collect()
 }
 
-/// Returns invisible circles that lie over marks, each with a tooltip and a link to the row of its mark. plotters cannot draw tooltips and links.
+/// Returns invisible circles that are drawn over the marks of a plot. Each has a tooltip and a link to the table row of its mark, which plotters
+/// cannot draw.
 fn overlay(marks: impl Iterator<Item = ((i32, i32), i32, Hint)>) -> String {
     let mut svg = String::new();
     for ((x, y), radius, hint) in marks {
@@ -199,7 +202,7 @@ fn overlay(marks: impl Iterator<Item = ((i32, i32), i32, Hint)>) -> String {
     svg
 }
 
-/// Lets the page determine the size, adds a name for screen readers, and overlays `over`.
+/// Prepares the SVG for the page: removes its fixed size, adds a name for screen readers, and appends `over`.
 fn inline(svg: &str, title: &str, over: &str) -> String {
     let named = format!("<svg role=\"img\" aria-label=\"{}\"", escape(title));
     let start = svg.find(" viewBox").map_or(svg, |at| &svg[at..]);

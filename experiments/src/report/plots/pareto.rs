@@ -1,4 +1,4 @@
-//! Plots of cost against error, with a point for each choice and the front of the points that are not dominated.
+//! Draws plots of cost against error. Each choice is a point, and a line connects the points of the Pareto front.
 
 use anyhow::Result;
 use plotters::element::{Circle, PathElement};
@@ -11,22 +11,22 @@ const FRONT: RGBColor = RGBColor(94, 113, 137);
 const AUTO: RGBColor = RGBColor(200, 60, 50);
 const GENERIC: RGBColor = RGBColor(29, 111, 165);
 
-/// Legend of the marks of [`pareto`] if points have no colours of their own, as HTML.
+/// Legend (HTML) of the markers in [`pareto`], for plots in which the colours of points are those of their markers.
 pub(crate) const LEGEND: &str = "<span class=\"entry\"><span class=\"key auto\"></span>auto</span> \
     <span class=\"entry\"><span class=\"key generic\"></span>generic</span> \
     <span class=\"entry\"><span class=\"key flavour\"></span>one flavour</span> \
     <span class=\"entry\"><span class=\"key combination\"></span>several flavours</span> \
     <span class=\"entry\"><span class=\"key front\"></span>Pareto front: no choice is both cheaper and better (more names in the table)</span>";
 
-/// With more points than this, the labels of the front are placed first and always shown. Other labels are shown only where there is room.
+/// If a plot has more points than this, only the labels of points on the Pareto front are always shown. Other labels are shown if there is room.
 const MANY: usize = 40;
 
-/// How a point is drawn.
+/// The shape, size and colour of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Marker {
-    /// Filled, in the accent colour.
+    /// A large filled dot in the accent colour.
     Auto,
-    /// A ring, so that it is visible around another point in the same place.
+    /// A ring. It stays visible if another point has the same position.
     Generic,
     /// A dark dot.
     Flavour,
@@ -62,13 +62,13 @@ impl Marker {
 /// A choice in a plot of cost against error.
 #[derive(Clone, Debug)]
 pub(crate) struct Point {
-    /// Its name.
+    /// Name of the choice.
     pub(crate) label: String,
-    /// The group of the point: points of a group in one place share a label.
+    /// The group of the point. Points of one group that are close together share a label.
     pub(crate) group: String,
-    /// Cost, > 0.
+    /// Cost. Points whose cost is not above 0 are not drawn.
     pub(crate) x: f64,
-    /// Error.
+    /// Error, or flicker.
     pub(crate) y: f64,
     /// Half-widths of the confidence intervals of cost and error; 0 = unknown.
     pub(crate) half: [f64; 2],
@@ -76,13 +76,14 @@ pub(crate) struct Point {
     pub(crate) marker: Marker,
     /// The point's own colour; `None` = the colour of its marker.
     pub(crate) colour: Option<Rgb>,
-    /// Whether no other point dominates this one. Such points are labelled, and the line connects them.
+    /// Whether the point is on the Pareto front, which means that no other point dominates it. Points on the front are labelled and connected by the
+    /// line.
     pub(crate) front: bool,
-    /// Its tooltip and link.
+    /// Tooltip of the point, and a link to the table row of the choice.
     pub(crate) hint: Option<Hint>,
 }
 
-/// A plot of cost (logarithmic) against error, with the front as a stepped line; `None` if no point can be drawn.
+/// Draws cost on a logarithmic axis against error, with the Pareto front as a stepped line. Returns `None` if no point can be drawn.
 ///
 /// # Errors
 /// The drawing backend fails.
@@ -118,13 +119,13 @@ pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str
             chart.draw_series(bars.into_iter().flatten().map(|bar| PathElement::new(bar, style))).map_err(failed)?;
         }
 
-        // Small dots are drawn first, so that highlighted points lie on top.
+        // Small dots are drawn first, so that the more important points cover them.
         let at: Vec<(i32, i32)> = points.iter().map(|p| chart.backend_coord(&place(p.x, p.y))).collect();
         let order = [Marker::Combination, Marker::Flavour, Marker::Auto, Marker::Generic];
         let in_order = || order.into_iter().flat_map(|marker| points.iter().zip(&at).filter(move |(p, _)| p.marker == marker));
         for (point, centre) in in_order() {
-            // If points of a group with different colours share a place, only the colour that is drawn last would be visible. Such points get no
-            // colour of their own.
+            // If points of one group have different colours but the same position, only the colour that is drawn last would be visible. They are
+            // drawn in the colour of their marker instead.
             let shared = points.iter().zip(&at).any(|(other, place)| {
                 let near = (place.0 - centre.0).abs() <= 1 && (place.1 - centre.1).abs() <= 1;
                 near && other.group == point.group && other.marker == point.marker && other.colour != point.colour
@@ -150,7 +151,7 @@ pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str
     Ok(Some(inline(&svg, title, &over)))
 }
 
-/// The border of the area that a front dominates, from the top of the plot to its right edge.
+/// Returns the border of the region that is dominated by the Pareto front, from the top of the plot to its right edge.
 fn steps(front: &[(f64, f64)], right: f64, top: f64) -> impl Iterator<Item = (f64, f64)> {
     let start = front.first().map(|f| (f.0, top));
     let end = front.last().map(|f| (right, f.1));
@@ -159,7 +160,7 @@ fn steps(front: &[(f64, f64)], right: f64, top: f64) -> impl Iterator<Item = (f6
     start.into_iter().chain(inner).chain(end)
 }
 
-/// Returns the labels of points, the most important first. Points in one place share a label.
+/// Returns the labels of points, in descending order of importance. Points that are close together share a label.
 fn wanted(points: &[&Point], at: &[(i32, i32)]) -> Vec<Wanted> {
     let many = points.len() > MANY;
     let rank = |p: &Point| match p.marker {
@@ -171,7 +172,8 @@ fn wanted(points: &[&Point], at: &[(i32, i32)]) -> Vec<Wanted> {
     };
     let mut order: Vec<_> = points.iter().zip(at).filter_map(|(p, at)| Some((rank(p)?, *p, *at))).collect();
     order.sort_by_key(|(rank, _, _)| *rank);
-    // Points of the same group share a label over a larger distance than points of different groups, and the label then names the group.
+    // Points of one group share a label even at larger distances, because the label then names the group. Points of different groups must be closer
+    // together.
     let mut places: Vec<(Vec<&Point>, (i32, i32), u32)> = Vec::new();
     for (rank, point, at) in order {
         let near = |(others, place, _): &&mut (Vec<&Point>, (i32, i32), u32)| {
@@ -224,7 +226,7 @@ mod tests {
         let words = |at: &[(i32, i32)]| wanted(&points, at).into_iter().map(|w| w.words).collect::<Vec<_>>();
         assert_eq!(words(&[(5, 5), (6, 5), (5, 5)]), ["auto, generic"]);
         assert_eq!(words(&[(5, 5), (60, 5), (5, 5)]), ["auto", "generic"]);
-        // Three points of a group are labelled once, over a larger distance than three points of different groups.
+        // Three points of one group share a label at a distance at which points of different groups do not.
         let alike = |i: u32| Point { label: format!("vt \u{b7} {i}"), group: "vt".to_owned(), ..point("", Marker::Flavour, 1.0) };
         let (one, two, three) = (alike(1), alike(2), alike(3));
         let words = |all: &[&Point], at: &[(i32, i32)]| wanted(all, at).into_iter().map(|w| w.words).collect::<Vec<_>>();

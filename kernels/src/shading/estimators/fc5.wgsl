@@ -1,7 +1,7 @@
 // Far Cry 5's estimator (Moore, GDC 2018, "Cliff Shading"): random choices on cliffs. The estimators `biplanar` and, on near cliff, `hex` also call
 // these functions.
 
-// Alpha-blended projections, each with one random splat material: 12 fetches; 8 with two projections, 30 with hex tiling.
+// Blends all projections. Each projection uses one splat material that is chosen at random. 12 fetches; 8 with two projections, 30 with hex tiling.
 fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
     var sum = surface_zero();
     let thresholds = shade_noise(pixel, SALT_NEAR_CLIFF);
@@ -9,7 +9,7 @@ fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
     for (var i = 0u; i < shade_projections(); i++) {
         let texel = select_of_4(weights, thresholds[i]);
         if i == 0u {
-            // Records the material alone, because all projections are blended.
+            // All projections are blended, so only the choice of the material is recorded.
             shade_choose(texel, 0u);
         }
         let tap = terrain_tap(pixel.cell, texel, terrain_projection(pixel.planes[i], pixel.footprint), 0u);
@@ -18,7 +18,7 @@ fn shade_fc5_near_cliff(pixel: Pixel) -> Surface {
     return sum;
 }
 
-// Two alpha-blended tiling scales, each with one random projection and material: 8 fetches.
+// Blends two tiling scales. Each scale uses one projection and one material that are chosen at random. 8 fetches.
 fn shade_fc5_far_cliff(pixel: Pixel) -> Surface {
     let lower = u32(pixel.tiling.x);
     let shares = vec2<f32>(1.0 - pixel.tiling.y, pixel.tiling.y);

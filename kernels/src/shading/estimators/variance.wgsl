@@ -15,7 +15,7 @@ fn shade_variance_far_cliff(pixel: Pixel) -> Surface {
     let lower = u32(pixel.tiling.x);
     let shares = vec2<f32>(1.0 - pixel.tiling.y, pixel.tiling.y);
     var sum = surface_zero();
-    // One choice among 3 projections x 4 materials per tiling scale; the choices of the scales are independent.
+    // Each tiling scale has one choice among 3 projections x 4 materials. The choices of the two scales are independent.
     for (var t = 0u; t < frame.taps - 2u; t++) {
         var mean = vec3<f32>(0.0);
         var square = vec3<f32>(0.0);

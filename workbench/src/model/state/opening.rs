@@ -15,7 +15,8 @@ use crate::model::kept;
 use crate::model::settings::Settings;
 use crate::model::viewpoint::{Viewpoint, usual_viewpoint};
 
-/// The next value of [`Wish::opened`](crate::model::picture::Wish::opened), common to all windows. Every window begins with 0.
+/// The next value of [`Wish::opened`](crate::model::picture::Wish::opened). All windows of the program share it. The first scene of every window has
+/// the value 0.
 static NEXT: AtomicU32 = AtomicU32::new(1);
 
 /// The state of the previous scene, until it is known whether the current one can be loaded.
@@ -130,7 +131,7 @@ impl Model {
         self.keep_now();
     }
 
-    /// What the scene was opened from, as [`scene::load`] takes it; `None` = it does not come from a file.
+    /// The argument of [`scene::load`] from which the scene was opened; `None` = it does not come from a file.
     pub fn given(&self) -> Option<&str> {
         self.given.as_deref()
     }
@@ -190,7 +191,8 @@ impl Model {
         self.opened = NEXT.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Sets the state of the current scene aside. If that scene is still being loaded, the state that was set aside before it stays.
+    /// Sets the state of the current scene aside. If the current scene is still being loaded, the state of the scene before it is already set aside,
+    /// and stays.
     fn remember(&mut self) {
         if self.before.is_some() {
             return;
