@@ -351,7 +351,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     stage.model().settings.scene.materials[0].tint[0] *= 0.5;
     stage.settle().expect("a picture");
     let error = open(&mut stage, &third).expect_err("edits");
-    assert!(error.contains("in no file") && stage.has("Open without saving") && name(&mut stage) == "other", "{error}");
+    assert!(error.contains("not saved in a file") && stage.has("Open without saving") && name(&mut stage) == "other", "{error}");
     take(&mut stage, "click Keep this scene");
     assert!(!stage.has("Open without saving") && name(&mut stage) == "other");
     open(&mut stage, &third).expect_err("edits");
@@ -385,7 +385,7 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
     take(&mut stage, "click Undo");
     assert!((stage.model().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1, "undone");
     let error = open(&mut stage, &other).expect_err("what undo brought back is in no file any more");
-    assert!(error.contains("in no file"), "{error}");
+    assert!(error.contains("not saved in a file"), "{error}");
     take(&mut stage, "click Keep this scene");
     // The window does not close without a question, either.
     assert!(!stage.close() && stage.has("Close without saving"));

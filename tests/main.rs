@@ -64,6 +64,8 @@ mod settings;
 #[cfg(test)]
 mod shaders;
 #[cfg(test)]
+mod shading;
+#[cfg(test)]
 mod shared;
 #[cfg(test)]
 mod snapshots;

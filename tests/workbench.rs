@@ -535,10 +535,10 @@ fn live_metrics_tell_noise_that_stands_from_noise_that_flickers() {
     take(&mut stage, "key Period; key Period; key Period");
     let reseeded = last(&mut stage).sides[0].expect("terrain");
     assert!(reseeded.frames <= 4.0 && reseeded.flip_rate.expect("choices") > 0.3 && reseeded.flicker > 1e-3, "{reseeded:?}");
-    // While the metrics are frozen, their values stay the same. After *Begin anew*, they are computed from one frame.
+    // While the metrics are frozen, their values stay the same. After *Restart*, they are computed from one frame.
     take(&mut stage, "click Freeze; key Period");
     assert_eq!(last(&mut stage).sides[0], Some(reseeded));
-    take(&mut stage, "click Freeze; click Begin anew");
+    take(&mut stage, "click Freeze; click Restart");
     assert_eq!(last(&mut stage).sides[0].expect("terrain").frames, 1.0);
     // Compared with the exact blend, a single frame already has noise, but almost no bias.
     take(&mut stage, "click Compare; click Show; click Wipe; key Period");

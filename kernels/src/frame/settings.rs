@@ -52,7 +52,7 @@ table! {
         /// Seed of the random numbers.
         seed: u32 = 0, "", Kind::Whole(0, u32::MAX), SHADING.shown("Seed");
         /// Give each frame a seed of its own: the seed plus the frame's number.
-        reseeds: bool = false, "", Kind::Flag, SHADING.shown("A seed a frame");
+        reseeds: bool = false, "", Kind::Flag, SHADING.shown("A seed per frame");
         /// Blend full splat at two tiling scales, which takes 96 fetches.
         two_tilings: bool = false, "", Kind::Flag, SHADING.shown("Two tilings");
         /// Draw terrain nodes this many levels coarser, or finer if below 0. This changes geometry, splat map and baked colours.

@@ -23,6 +23,7 @@ use crate::virtual_texture::VirtualTexture;
 pub mod diagnostics;
 mod estimator;
 mod modules;
+pub mod reference;
 
 pub use estimator::{Estimator, VARIANCE_SCALE};
 pub use modules::SNAPPED_COSINE;

@@ -17,6 +17,8 @@ use crate::shared;
 use crate::view;
 use crate::world::{LODS, NodeId, PaletteMeans, SECTORS};
 
+pub mod reference;
+
 /// WGSL functions that find the texels of a material at a position.
 pub static WGSL: Wgsl = Wgsl::new(
     "terrain/terrain.wgsl",

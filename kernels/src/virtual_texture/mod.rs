@@ -36,6 +36,8 @@ use crate::variant::Flavour;
 use crate::view;
 use crate::world::{Layout, NodeId, SECTORS};
 
+pub mod reference;
+
 /// Texels along a page's edge, without the border.
 pub const PAGE_TEXELS: u32 = 256;
 /// Border texels on each side.

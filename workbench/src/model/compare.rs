@@ -134,7 +134,7 @@ pub fn label(own: &Settings, other: &Settings) -> String {
         parts.push(format!("seed {}", mine.seed));
     }
     if mine.reseeds != theirs.reseeds {
-        parts.push(if mine.reseeds { "a seed a frame" } else { "one seed" }.to_owned());
+        parts.push(if mine.reseeds { "a seed per frame" } else { "one seed" }.to_owned());
     }
     if mine.two_tilings != theirs.two_tilings {
         parts.push(if mine.two_tilings { "two tilings" } else { "one tiling" }.to_owned());
@@ -147,10 +147,10 @@ pub fn label(own: &Settings, other: &Settings) -> String {
         parts.push(format!("{} {}{unit}", setting.label(), (number * 1000.0).round() / 1000.0));
     }
     if own.scene.materials != other.scene.materials {
-        parts.push("other materials".to_owned());
+        parts.push("different materials".to_owned());
     }
     if own.scene.rules != other.scene.rules {
-        parts.push("other rules".to_owned());
+        parts.push("different rules".to_owned());
     }
     if own.scene.strokes != other.scene.strokes {
         parts.push(format!("{} strokes", own.scene.strokes.len()));
@@ -190,7 +190,7 @@ mod tests {
         let mut painted = b.clone();
         painted.scene.materials[0].tint[1] = 0.5;
         painted.scene.rules.pop();
-        assert_eq!(label(&painted, &b), "other materials, other rules");
+        assert_eq!(label(&painted, &b), "different materials, different rules");
         compare.other = Other::Exact;
         assert_eq!(compare.b(&a).map(|b| (b.frame.estimator, b.frame.noise)), Some((Estimator::Exact, NoiseKind::WhiteWorld)));
         compare.other = Other::Full;

@@ -83,7 +83,7 @@ fn strokes(model: &mut Model, ui: &mut Ui) {
     let strokes = &mut model.settings.scene.strokes;
     let count = strokes.len();
     ui.horizontal_wrapped(|ui| {
-        ui.label(format!("{}, a later one over an earlier one", counted(count, "stroke")));
+        ui.label(format!("{}; later strokes cover earlier ones", counted(count, "stroke")));
         let clear = ui.add_enabled(count > 0, Button::new("Clear strokes"));
         if clear.on_hover_text("Removes all strokes, including those from the scene file. Undo restores them.").clicked() {
             strokes.clear();

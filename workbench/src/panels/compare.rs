@@ -9,7 +9,7 @@ use crate::model::picture::{Second, Shown};
 use crate::model::state::Model;
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
-    ui.label("A is what the panels edit. B is what it is held against.");
+    ui.label("A is what the panels edit. A is compared with B.");
     egui::Grid::new("compare").num_columns(2).show(ui, |ui| {
         let all = Mode::ALL.into_iter().map(|m| (m, m.name().to_owned(), m.about())).collect();
         let shown = model.compare.mode.name();
@@ -99,5 +99,5 @@ fn numbers(shown: &Shown, ui: &mut Ui) {
         row("Mean A - B", format!("{mean:+.5}"), "Mean difference in luminance, over the pixels that show terrain");
         row("Largest |A - B|", format!("{largest:.4}"), "Largest absolute difference in luminance, over the pixels that show terrain");
     });
-    ui.label("Of this frame, lit, at one sample a pixel on both sides; experiments judge against a supersampled reference.");
+    ui.label("These numbers compare the lit pictures of this frame, with one sample per pixel. Experiments compare with a supersampled reference.");
 }

@@ -44,7 +44,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(on, "Measure").on_hover_text("Uses shaders that record choices, so the times differ from those of the normal shaders");
         ui.checkbox(frozen, "Freeze").on_hover_text("Keeps the numbers as they are. When you switch this off, measuring restarts.");
-        if ui.button("Begin anew").clicked() {
+        if ui.button("Restart").clicked() {
             *resets = resets.wrapping_add(1);
         }
         if ui
@@ -63,7 +63,7 @@ pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
     });
     let Some(shown) = model.shown().cloned() else { return };
     let Some(last) = shown.readings.last() else {
-        ui.label("Nothing measured yet: `Measure`, or one of the layers Deviation, Flicker, Flips and Bias, and let time run.");
+        ui.label("Nothing is measured yet. Switch `Measure` on, or choose the layer Deviation, Flicker, Flips or Bias, and let time run.");
         return;
     };
     table(last, ui);

@@ -58,7 +58,7 @@ enum Wanted {
 }
 
 pub(crate) fn show(model: &mut Model, ui: &mut Ui) {
-    ui.label("Of these, the rule of the largest weight lays its material; of two alike, the later one.");
+    ui.label("At each place, the rule with the largest weight assigns its material. If two weights are equal, the later rule wins.");
     buttons(model, ui);
     ui.separator();
     let names: Vec<String> = model.settings.scene.materials.iter().map(|material| material.name.clone()).collect();
