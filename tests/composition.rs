@@ -1,19 +1,21 @@
 //! Tests of composition and of motion links. Compares the pictures that are composed from pictures of single flavours with the pictures of the
 //! variants' own shaders, and checks that motion links lead to the same point of the surface.
 
-use kernels::composition::{Destination, Layers};
+use kernels::composition::{CompositionStream, Destination, Layers};
 use kernels::frame::picture::AovSet;
 use kernels::frame::{Renderer, RendererOptions, VariantChoice};
 use kernels::metrics::read_signal;
 use kernels::motion::{LAGS, NO_LINK};
+use kernels::shared::flavour_weights::{self, FlavourParams};
 use kernels::shared::motion::{Past, expected_distance, in_quarter, past_ray, reproject};
 use kernels::shared::noise::NoiseKind;
 use kernels::shared::signal;
 use kernels::temporal::{Resolve, SamplePattern};
-use kernels::variant::Variant;
+use kernels::variant::{Flavour, Variant};
 use kernels::view::normals::NormalEncoding;
 
 use crate::fixtures::{SIZE, gpu, pose, renderer, request, second_renderer, small_scene, terrain};
+use crate::shading;
 
 const PIXELS: u32 = SIZE[0] * SIZE[1];
 
@@ -262,4 +264,68 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     let change = rms(&exact.0);
     // The encoding with 8 bits per coordinate changes normals by up to 0.6 degrees. The picture must change, but by less than its contrast.
     assert!(change > 0.0 && change < 0.02, "exact normals change albedo by {change}");
+}
+
+#[test]
+fn streams_are_composed_together_from_weights_of_their_own() {
+    // A size that is no multiple of a workgroup.
+    let size = [93, 61];
+    let pixels = size[0] * size[1];
+    let mut renderer = renderer();
+    let base = request(&renderer, "cliff").with(|r| {
+        r.view.size = size;
+        r.outputs.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
+    });
+    // The layer of each flavour, as its own shader writes it.
+    let own: Vec<_> = Flavour::ALL
+        .into_iter()
+        .map(|flavour| renderer.render(&base.with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(flavour)))).expect("renders"))
+        .collect();
+    let (seen, _) = shading::seen(&mut renderer, &base);
+    let layers = Layers::new(gpu(), size);
+    renderer.draw_flavours(&base, all_flavours(), &layers).expect("draws");
+
+    let stream = |mask: u32, modulated: u32, squared: u32| CompositionStream { mask, modulated, squared, pad_0: 0 };
+    let streams = [stream(31, 0, 0), stream(0, 1, 0), stream(30, 1, 0), stream(12, 0, 1), stream(2, 1, 0), stream(17, 0, 0)];
+    let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    let buffer = gpu().buffer_with("composed", usage, &vec![0xffu8; (pixels * 8) as usize * streams.len()]);
+    let destinations: Vec<_> = (0..).zip(streams).map(|(i, stream)| Destination { stream, signal: &buffer, offset: i * pixels }).collect();
+    renderer.drawn_as(&base).expect("drawn").compose(&layers, &destinations).expect("composes");
+
+    let params = FlavourParams::new(&renderer.scene().flavours);
+    for (i, stream) in (0..).zip(streams) {
+        let composed = read_signal(gpu(), &buffer, i * pixels, pixels).expect("the device works");
+        let mut on = vec![false; pixels as usize];
+        for one in &seen {
+            let all = flavour_weights::weights(one.pixel.distance_m, one.pixel.normal.z, &params);
+            let mask = if stream.mask == 0 { flavour_weights::mask(all) } else { stream.mask };
+            let weights = flavour_weights::weights_for(all, mask, stream.mask != 0);
+            let (mut albedo, mut fetches, mut modulated) = ([0.0; 3], 0, 0);
+            for flavour in Flavour::ALL.into_iter().filter(|flavour| mask & u32::from(flavour.bit()) != 0 && weights[flavour.index()] > 0.0)
+            {
+                let picture = &own[flavour.index()];
+                let weight = weights[flavour.index()].powi(if stream.squared == 1 { 2 } else { 1 });
+                (0..3).for_each(|k| albedo[k] += weight * f64::from(picture.vectors("albedo").expect("asked for")[one.index][k]));
+                fetches += picture.values("fetches").expect("asked for")[one.index] as u32;
+                modulated += u32::from(flavour != Flavour::VirtualTexture) * stream.modulated;
+            }
+            // Of the fetches of colour modulation, which each flavour has counted, one is left.
+            let fetches = fetches - modulated.saturating_sub(1);
+            let found = composed[one.index];
+            let colour = signal::colour(found);
+            for k in 0..3 {
+                // The sum has two roundings to f16. Weights near a border of distances differ by the error of the distance in f32.
+                let tolerance = albedo[k] / 512.0 + 1e-4;
+                assert!(
+                    (f64::from(colour[k]) - albedo[k]).abs() < tolerance,
+                    "{stream:?}: {colour:?} instead of {albedo:?} at {}",
+                    one.index
+                );
+            }
+            assert_eq!(signal::fetches(found), fetches, "{stream:?}: fetches at {}", one.index);
+            on[one.index] = true;
+        }
+        assert!(composed.iter().zip(&on).all(|(found, on)| *on || *found == [0; 2]), "{stream:?}: sky is not empty");
+        assert!(on.iter().any(|on| !on) && on.iter().any(|on| *on), "both sky and terrain");
+    }
 }

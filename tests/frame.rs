@@ -408,6 +408,9 @@ fn a_frame_without_pages_uses_no_page_of_the_frame_before() {
     let pixel = oracle::inspect(&mut renderer, &forced(Flavour::VirtualTexture), below).expect("inspects").expect("terrain");
     let page = pixel.page.expect("shaded from a page");
     assert!(page.served.is_some() && renderer.page_serving(page.id) == page.served);
+    // Where each pixel has the flavours that it needs, those that sample pages ask for them.
+    let automatic = renderer.render(&ground).expect("renders").report;
+    assert!(automatic.pages.wanted > 0 && automatic.pages.wanted < 1000, "{:?}", automatic.pages);
     let baked = renderer.render(&forced(Flavour::FarAtlas)).expect("renders").report;
     assert_eq!((baked.pages.wanted, baked.pages.rendered), (0, 0));
     assert_eq!(renderer.page_serving(page.id), None, "a page of the frame before is still in use");

@@ -27,9 +27,6 @@ use serde::{Deserialize, Serialize};
 
 mod mutation;
 
-/// The tests of each stage, the mutants that are equivalent to the original, and the negative controls.
-const STRENGTH: &str = include_str!("strength.toml");
-
 #[derive(Clone, Parser)]
 #[command(name = "mutants", about = "Plants faults in shaders and counts those that the tests notice")]
 struct Args {
@@ -151,7 +148,9 @@ fn main() -> ExitCode {
 }
 
 fn strength() -> Result<Strength> {
-    toml::from_str(STRENGTH).context("strength.toml")
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("strength.toml");
+    let text = fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
+    toml::from_str(&text).with_context(|| file.display().to_string())
 }
 
 /// Returns every WGSL file once, sorted by path.

@@ -3,6 +3,7 @@
 //! The references get the depth and the two normals of the geometry pass. Everything after that they compute themselves: position, footprint, node, splat
 //! texels, texture coordinates, filtering, blends and weights.
 
+use std::collections::BTreeSet;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use glam::{DVec2, DVec3};
@@ -20,16 +21,18 @@ use kernels::view::camera::NEAR_M;
 use kernels::virtual_texture;
 use rayon::prelude::*;
 
-use crate::fixtures::{SIZE, gpu, request, small_scene};
+use crate::fixtures::{gpu, request, small_scene};
 
 /// A pixel of the G-buffer, and what the reference needs to shade it.
-struct Seen {
-    pixel: Pixel,
+pub(crate) struct Seen {
+    /// Index of the pixel, row by row from the top.
+    pub(crate) index: usize,
+    pub(crate) pixel: Pixel,
     shaded: Shaded,
 }
 
 /// Draws a frame, and reads what the stages wrote.
-fn seen(renderer: &mut Renderer<'_>, request: &RenderRequest) -> (Vec<Seen>, Vec<kernels::world::NodeId>) {
+pub(crate) fn seen(renderer: &mut Renderer<'_>, request: &RenderRequest) -> (Vec<Seen>, Vec<kernels::world::NodeId>) {
     let half_world = DVec2::splat(renderer.world().layout().world_m() / 2.0);
     let frame = renderer.draw(request).expect("draws");
     let (gpu, view, targets) = (frame.renderer().gpu(), *frame.view(), frame.targets());
@@ -38,12 +41,12 @@ fn seen(renderer: &mut Renderer<'_>, request: &RenderRequest) -> (Vec<Seen>, Vec
     let halves = |texture| -> Vec<[f16; 4]> { bytemuck::pod_collect_to_vec(&read(texture, all, 8)) };
     let (albedo, normal) = (halves(&targets.shading.albedo), halves(&targets.shading.normal));
     let depth: Vec<f32> = bytemuck::pod_collect_to_vec(&read(&targets.geometry.depth_stencil, wgpu::TextureAspect::DepthOnly, 4));
-    let encoding = request.geometry.normals;
+    let (encoding, width) = (request.geometry.normals, request.view.size[0] as usize);
     let stored = read(&targets.geometry.normals, all, encoding.bytes());
     let drawn = frame.report().drawn.clone();
     let mut seen = Vec::new();
     for (index, &depth) in depth.iter().enumerate().filter(|(_, depth)| **depth > 0.0) {
-        let (x, y) = ((index % SIZE[0] as usize) as f64, (index / SIZE[0] as usize) as f64);
+        let (x, y) = ((index % width) as f64, (index / width) as f64);
         let [shading_normal, plane] = encoding.decode(&stored[index * encoding.bytes() as usize..][..encoding.bytes() as usize]);
         let ray = view.ray(x, y);
         let t = NEAR_M / f64::from(depth);
@@ -56,7 +59,7 @@ fn seen(renderer: &mut Renderer<'_>, request: &RenderRequest) -> (Vec<Seen>, Vec
         };
         let ([r, g, b, occlusion], [nx, ny, nz, smoothness]) = (albedo[index].map(f16::to_f64), normal[index].map(f16::to_f64));
         let shaded = Shaded { albedo: DVec3::new(r, g, b), normal: DVec3::new(nx, ny, nz), smoothness, occlusion };
-        seen.push(Seen { pixel, shaded });
+        seen.push(Seen { index, pixel, shaded });
     }
     (seen, drawn)
 }
@@ -189,5 +192,48 @@ fn pages_agree_with_their_reference() {
             &LIMITS,
             &[Case::of(&[Flavour::VirtualTexture], &[("half a texel", half_a_texel), ("half a pixel", half_a_pixel)])],
         );
+    }
+}
+
+#[test]
+fn pages_are_requested_where_pixels_sample_them() {
+    for anisotropy in [1, 4] {
+        let mut scene = small_scene();
+        scene.blend.anisotropy = anisotropy;
+        scene.blend.mip_bias = 0.5;
+        let mut renderer = Renderer::new(gpu(), &scene, &|_| {}).expect("the scene renders");
+        let mut all = 0;
+        for fov_deg in [2.0f64, 15.0, 55.0] {
+            // A size that is no multiple of a workgroup.
+            let request = request(&renderer, "ground").with(|r| {
+                r.view.size = [93, 61];
+                r.view.pose.fov = fov_deg.to_radians();
+                r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::VirtualTexture));
+            });
+            let (seen, _) = seen(&mut renderer, &request);
+            let found = renderer.render(&request).expect("renders").report.pages;
+            let mut expected: BTreeSet<(u32, [i64; 2])> = BTreeSet::new();
+            for Seen { pixel, .. } in &seen {
+                let texels = virtual_texture::reference::texels(pixel.steps, scene.blend.mip_bias, f64::from(anisotropy)).max(1.0).log2();
+                // Both levels are requested where rounding might decide.
+                for level in [texels - 0.001, texels + 0.001].map(|level| (level.max(0.0) as u32).min(virtual_texture::LEVELS - 1)) {
+                    let page = (pixel.position.truncate() / f64::from(1u32 << level)).floor();
+                    expected.insert((level, [page.x as i64, page.y as i64]));
+                }
+            }
+            println!("anisotropy {anisotropy}, {fov_deg} degrees: {} pages expected, {} requested", expected.len(), found.wanted);
+            for level in 0..virtual_texture::LEVELS {
+                let expected = expected.iter().filter(|page| page.0 == level).count();
+                // A pixel on the border of two pages may ask for either.
+                let off = found.wanted_by_level[level as usize].abs_diff(expected);
+                assert!(
+                    off <= 1 + expected / 50,
+                    "anisotropy {anisotropy}, level {level}: {} pages instead of {expected}",
+                    found.wanted_by_level[level as usize]
+                );
+            }
+            all += expected.len();
+        }
+        assert!(all > 30, "{all} pages tell little");
     }
 }

@@ -1,5 +1,6 @@
 // Computes the OR of a tile's masks by atomics in workgroup memory, which every adapter supports.
 
+// Workgroup memory is 0 when a workgroup starts (WGSL, "Variable and value declarations").
 var<workgroup> tile_mask: atomic<u32>;
 
 @compute @workgroup_size(TILE * TILE)
@@ -7,10 +8,6 @@ fn classification_main(
     @builtin(workgroup_id) tile: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    if thread == 0u {
-        atomicStore(&tile_mask, 0u);
-    }
-    workgroupBarrier();
     atomicOr(&tile_mask, classification_pixel_mask(tile.xy * TILE + vec2<u32>(thread % TILE, thread / TILE)));
     workgroupBarrier();
     if thread == 0u {

@@ -1,6 +1,7 @@
 // Computes the OR of a tile's masks: first by subgroup operations, so that only one atomic per subgroup is left. The workgroup is
 // one-dimensional because naga supports subgroup built-ins only in one-dimensional workgroups.
 
+// Workgroup memory is 0 when a workgroup starts (WGSL, "Variable and value declarations").
 var<workgroup> tile_mask: atomic<u32>;
 
 @compute @workgroup_size(TILE * TILE)
@@ -9,10 +10,6 @@ fn classification_main(
     @builtin(local_invocation_index) thread: u32,
     @builtin(subgroup_invocation_id) lane: u32,
 ) {
-    if thread == 0u {
-        atomicStore(&tile_mask, 0u);
-    }
-    workgroupBarrier();
     let combined = subgroupOr(classification_pixel_mask(tile.xy * TILE + vec2<u32>(thread % TILE, thread / TILE)));
     if lane == 0u {
         atomicOr(&tile_mask, combined);

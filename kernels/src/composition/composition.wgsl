@@ -55,9 +55,7 @@ fn composition_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = frame.size.x * frame.size.y;
     let depth = textureLoad(depth_target, pixel, 0);
     if depth <= 0.0 {
-        for (var i = 0u; i < arrayLength(&streams); i++) {
-            signal[i * count + at] = vec2<u32>(0u);
-        }
+        // Sky. The buffer is new for each dispatch, so it holds 0 here.
         return;
     }
     // These weights equal those of the shading pass, because they are computed from the same depth and normal.

@@ -12,7 +12,7 @@ use crate::base::error::Result;
 use crate::base::wgsl::{Constant, Wgsl};
 use crate::gpu::bindings::{Binding, FLAT, view};
 use crate::gpu::uses::{PassUse, TargetUse};
-use crate::gpu::{Recording, ShaderModule};
+use crate::gpu::{Gpu, Recording, ShaderModule};
 use crate::settings::{Home, Kind, Listing, Range, named, table};
 use crate::shared;
 use crate::stage::{Build, Canvas, Declaration, Stage};
@@ -129,15 +129,22 @@ impl Stage for Display {
     }
 
     fn build(build: Build<'_>) -> Result<Display> {
-        let gpu = build.gpu;
+        Display::new(build.gpu)
+    }
+}
+
+impl Display {
+    /// Compiles the pass.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu) -> Result<Display> {
         let shader = MODULE.compile(gpu)?;
         let layout = gpu.layout("display", wgpu::ShaderStages::FRAGMENT, &[Binding::Uniform, Binding::TextureLoaded(FLAT)]);
         let pipeline = gpu.full_screen("display", &shader, &[&layout], FORMAT);
         Ok(Display { pipeline, layout })
     }
-}
 
-impl Display {
     /// Records the pass.
     #[allow(clippy::cast_possible_truncation, reason = "shaders compute in f32")]
     pub fn encode(&self, rec: &mut Recording<'_>, exposure: Exposure, image: &wgpu::Texture, displayed: &wgpu::Texture) {
