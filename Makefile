@@ -37,7 +37,7 @@ app: setup ## opens the workbench; edited shaders are reloaded at once
 	$(CARGO) build --release --locked -p experiments
 	$(CARGO) run --release --locked -p workbench -- --shaders kernels/src
 
-test: export RUSTC_WORKSPACE_WRAPPER = $(CURDIR)/scripts/lints.sh
+test mutants: export RUSTC_WORKSPACE_WRAPPER = $(CURDIR)/scripts/lints.sh
 test: setup ## format, lints, documentation, every test, the notebook
 	@scripts/test_setup.sh
 	$(CARGO) fmt --all --check
