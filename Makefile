@@ -51,7 +51,7 @@ test: setup ## format, lints, documentation, every test, the notebook
 mutants: setup ## plants faults in the shaders of STAGE (several: a,b), SAMPLE of them (100), and lists those that no test notices
 	$(CARGO) build --release --locked --workspace --all-targets
 	$(CARGO) test --release --locked --workspace --test mutants -- --stage "$(or $(STAGE),$(error give STAGE, such as STAGE=lighting))" \
-	    --sample "$(or $(SAMPLE),100)" --seed "$(or $(SEED),1)" $(if $(RECORD),--record "$(RECORD)" --date "$$(date +%F)")
+	    --sample "$(or $(SAMPLE),100)" --seed "$(or $(SEED),1)" $(if $(ALL),--all) $(if $(RECORD),--record "$(RECORD)" --date "$$(date +%F)")
 
 bench: setup ## times the passes and prints their ratios
 	$(CARGO) run --release --locked -p experiments -- bench

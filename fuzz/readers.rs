@@ -22,7 +22,7 @@ use workbench::model::kept::{Kept, Refused};
 use workbench::model::places::Recorded;
 use workbench::model::settings::Settings;
 
-/// The name that readers get for the bytes; no real file has it.
+/// The file name that is passed to readers together with the bytes. No file has this name.
 const NAME: &str = "fuzz";
 
 /// Returns the accepted value, if there is one. Panics if the error is not one line of text.

@@ -329,8 +329,8 @@ const CASES: &[Case] = &[
             ("splat_blend", "f.x * g.y, g.x * f.y,", "g.x * f.y, f.x * g.y,"),
             ("splat_blend", "exp2(exponent)", "exp(exponent)"),
             ("splat_blend", "usable_positive_1(sharpness, SPLAT_BLEND_MAX_SHARPNESS)", "usable_positive_1(sharpness, 64.0)"),
-            // Mutants of the weights that are accumulated term by term, in this order: the sum so far is not scaled down when a new term is the
-            // largest; the first term always counts as the largest.
+            // The next two mutants change the code that accumulates the weights term by term. The first does not scale down the previous sum when a
+            // new term is the largest. The second always treats the first term as the largest.
             ("splat_blend", "(run.weight / w) * exp2(min(k * (run.height - h), 120.0)), 1.0", "1.0, 1.0"),
             ("splat_blend", "if score > run.score {", "if run.weight <= 0.0 {"),
         ],
@@ -1104,8 +1104,8 @@ struct Scenery {
 }
 
 impl Scenery {
-    /// Returns random terrain and masks. In each tile, 0, 3, 50 or 100 % of the pixels show terrain. A tile draws a random mask. Depending on the
-    /// tile, each of its pixels has this mask, one random flavour, or a random subset of this mask.
+    /// Returns random terrain and masks. In each tile, 0, 3, 50 or 100 % of the pixels show terrain. Each tile has a random mask and one of three
+    /// kinds. Depending on the kind, each pixel has the mask of the tile, one random flavour, or a random subset of the mask.
     fn random(size: [u32; 2], table: u32) -> Scenery {
         let columns = tiles(size)[0];
         let (mut mask, mut terrain) = (Vec::new(), Vec::new());

@@ -55,8 +55,8 @@ fn wrong_calls_are_usage_errors() {
     usage_error(&compare(&["c.png"]), &["c.png"]);
     usage_error(&compare(&["--metric", "flop"]), &["flop", "flip, mse, mrse, psnr, ssim", "did you mean `flip`?"]);
     usage_error(&compare(&["--metric", "mse,sim"]), &["did you mean `ssim`?"]);
-    usage_error(&compare(&["--metric", "lpips"]), &["`lpips` is no metric"]);
-    usage_error(&compare(&["--metric="]), &["is no metric"]);
+    usage_error(&compare(&["--metric", "lpips"]), &["`lpips` is not a known metric"]);
+    usage_error(&compare(&["--metric="]), &["is not a known metric"]);
     usage_error(&compare(&["--map", "error.jpg"]), &["must end in .png"]);
     for wrong in ["3", "401", "nan", "-67", "x"] {
         usage_error(&["compare", "a.png", "b.png", "--pixels-per-degree", wrong], &["4..=400"]);
@@ -81,7 +81,7 @@ fn wrong_pictures_fail_with_their_place() {
     compare(&folder.path("no.png"), &good, &["no.png", "no such file"]);
     compare(&good, &folder.path("no.exr"), &["no.exr", "no such file"]);
     compare(&folder.path(""), &good, &["is a folder", "give a picture"]);
-    compare(&folder.write("words.png", "plain words"), &good, &["words.png", "is no picture", "OpenEXR, PNG or JPEG"]);
+    compare(&folder.write("words.png", "plain words"), &good, &["words.png", "is not a picture", "OpenEXR, PNG or JPEG"]);
     compare(&folder.write("half.png", "\u{89}PNG"), &good, &["half.png"]);
     let other = png(&folder, "other.png", [16, 13], |_, _| 0);
     compare(&good, &other, &["sizes differ", "good.png is 16x12", "other.png is 16x13"]);

@@ -211,7 +211,7 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
         }
     }
     assert!(checked > 500, "only {checked} samples lie on the expected edge");
-    // Negative control: only few samples may also fit the opposite edge of the pixel.
+    // Negative control: the number of samples that also fit the opposite edge of the pixel must be less than a tenth.
     assert!(wrong * 10 < checked, "{wrong} of {checked} also fit the opposite edge");
 }
 
@@ -268,7 +268,7 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
 
 #[test]
 fn streams_are_composed_together_from_weights_of_their_own() {
-    // A size that is no multiple of a workgroup.
+    // A size that is not a multiple of the workgroup size.
     let size = [93, 61];
     let pixels = size[0] * size[1];
     let mut renderer = renderer();
@@ -276,7 +276,7 @@ fn streams_are_composed_together_from_weights_of_their_own() {
         r.view.size = size;
         r.outputs.aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
     });
-    // The layer of each flavour, as its own shader writes it.
+    // For each flavour, the picture that the shader of this flavour alone draws.
     let own: Vec<_> = Flavour::ALL
         .into_iter()
         .map(|flavour| renderer.render(&base.with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(flavour)))).expect("renders"))
@@ -309,12 +309,14 @@ fn streams_are_composed_together_from_weights_of_their_own() {
                 fetches += picture.values("fetches").expect("asked for")[one.index] as u32;
                 modulated += u32::from(flavour != Flavour::VirtualTexture) * stream.modulated;
             }
-            // Of the fetches of colour modulation, which each flavour has counted, one is left.
+            // If the stream is modulated, each of its flavours except the virtual texture has counted the fetch of colour modulation. The composed
+            // signal counts this fetch once.
             let fetches = fetches - modulated.saturating_sub(1);
             let found = composed[one.index];
             let colour = signal::colour(found);
             for k in 0..3 {
-                // The sum has two roundings to f16. Weights near a border of distances differ by the error of the distance in f32.
+                // The sum is rounded to f16 twice. Near a distance at which flavours change, the rounding error of the distance in f32 also changes
+                // the weights.
                 let tolerance = albedo[k] / 512.0 + 1e-4;
                 assert!(
                     (f64::from(colour[k]) - albedo[k]).abs() < tolerance,

@@ -56,9 +56,12 @@ fn estimators_have_names() {
         assert_eq!(estimator.name().parse::<Estimator>().ok(), Some(estimator));
         assert!(!estimator.mean().is_stochastic(Variant::new(28).expect("a mask")), "{estimator}: its mean draws random numbers");
     }
-    for (wrong, hint) in
-        [("biplaner", "did you mean `biplanar`?"), ("fc6", "did you mean `fc5`?"), ("zzzzzzzz", "there are fc5, exact"), ("", "there are")]
-    {
+    for (wrong, hint) in [
+        ("biplaner", "did you mean `biplanar`?"),
+        ("fc6", "did you mean `fc5`?"),
+        ("zzzzzzzz", "the estimators are fc5, exact"),
+        ("", "the estimators are"),
+    ] {
         let message = wrong.parse::<Estimator>().expect_err("no such estimator").to_string();
         assert!(message.contains(hint) && message.contains("snapped") && !message.contains('\n'), "{message}");
     }

@@ -97,7 +97,7 @@ fn the_trial_definition_says_what_it_says() {
     assert_eq!((scene.blend.hash_scale, scene.flavours.cliff_near_m, scene.flavours.far_atlas_m), (0.05, 20.0, 300.0));
     let small = trial.small();
     assert_eq!((small.frames, small.size, small.view_names().collect::<Vec<_>>()), (2, [64, 36], vec!["cliff", "turn"]));
-    let again = definition::stored(&trial.to_toml().unwrap()).expect("it survives being kept");
+    let again = definition::stored(&trial.to_toml().unwrap()).expect("the stored text can be parsed");
     assert_eq!(Definition { folder: trial.folder.clone(), ..again }, trial);
     assert_eq!(
         parse(&edited("variants = [\"auto\", \"near-cliff\"]", "variants = [\"all\", \"auto\"]").replace("near-cliff", "vt"))
@@ -155,7 +155,7 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"all\", \"splat\"]", &["variants 2", "one of `all`"]),
     ("estimators = [\"fc5\", \"exact\"]", "estimators = [\"exakt\"]", &["estimators 1", "did you mean `exact`"]),
     ("noises = [\"hashed\", \"white\"]", "noises = [\"hashd\"]", &["noises 1", "did you mean `hashed`"]),
-    ("temporal = [\"off\", \"exponential\"]", "temporal = [\"on\"]", &["temporal 1", "is no temporal resolve"]),
+    ("temporal = [\"off\", \"exponential\"]", "temporal = [\"on\"]", &["temporal 1", "is not a known temporal resolve"]),
     ("metrics = [\"rmse\", ", "metrics = [\"rms\", ", &["metrics 1", "did you mean `rmse`"]),
     ("metrics = [\"rmse\", ", "metrics = [\"rmse\", \"gpu_ms:shading\", ", &["metrics 2", "the key `times` requests"]),
     ("[set]\n\"flavours.cliff_near_m\" = 20.0", "[set]\n\"flavours.cliff_near_m\" = 1e9", &["set", "cliff_near_m", "10000000"]),
@@ -187,15 +187,15 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("setting = 1.0 }", "noise = \"hash\" }", &["expect 1, where, noise", "no row has noise `hash`"]),
     ("setting = 1.0 }", "frame = 4 }", &["expect 1, where, frame", "0 to 3"]),
     ("setting = 1.0 }", "lag = 1 }", &["expect 1, where, lag", "compares no frames"]),
-    ("setting = 1.0 }", "frequency = 0.1 }", &["expect 1, where, frequency", "no spectrum"]),
+    ("setting = 1.0 }", "frequency = 0.1 }", &["expect 1, where, frequency", "not a spectrum"]),
     ("range = [0.0, 1.0]", "range = [1.0, 0.0]", &["expect 1, range", "reversed", "[0, 1]"]),
-    ("range = [0.0, 1.0]", "range = [nan, 0.0]", &["expect 1, range", "no number"]),
+    ("range = [0.0, 1.0]", "range = [nan, 0.0]", &["expect 1, range", "not a number"]),
     ("range = [0.0, 1.0]", "range = [0.0]", &["range"]),
     ("metric = \"gpu_ms:shading\"", "metric = \"gpu_ms:shadng\"", &["expect 2, metric", "did you mean `shading`"]),
     ("metric = \"gpu_ms:shading\"", "metric = \"gpu_ms\"", &["expect 2, metric", "gpu_ms:shading"]),
     ("over = { variant = \"auto\" }\n", "", &["expect 2, metric", "give `over`"]),
     ("over = { variant = \"auto\" }", "over = { variant = \"near-cliff\" }", &["expect 2, over", "always 1"]),
-    ("over = { variant = \"auto\" }", "over = { metric = \"gpu\" }", &["expect 2, over, metric", "is no metric"]),
+    ("over = { variant = \"auto\" }", "over = { metric = \"gpu\" }", &["expect 2, over, metric", "is not a known metric"]),
     ("size = [64, 36]", "size = [64, 36, 2]", &["size", "has 3 entries, must have 2"]),
     ("range = [0.0, 1.0]", "range = [0.0, 1.0, 5.0]", &["expect 1, range", "has 3 entries, must have 2"]),
 ];
@@ -241,7 +241,10 @@ fn what_is_missing_or_too_much_is_refused() {
     // With one frame, there are no frames to compare. Metrics that compare frames are then refused, in the definition and in `small`.
     assert!(refused(&edited("frames = 4", "frames = 1")).contains("set `frames` to 2"));
     assert!(refused(&edited("frames = 2\n", "frames = 1\n")).contains("small"));
-    assert!(refused(&edited("seeds = 2", "seeds = 0").replace("metrics = [", "metrics = [\"bias\", ")).contains("set `seeds` to 2"));
+    for metric in ["bias", "clumping"] {
+        let without = edited("seeds = 2", "seeds = 0").replace("metrics = [", &format!("metrics = [\"{metric}\", "));
+        assert!(refused(&without).contains("set `seeds` to 2"), "{metric}");
+    }
     assert!(refused(&edited("times = \"all\"", "times = \"none\"")).contains("`times`"));
     // A scene without a virtual texture cannot be shaded with the flavour of the virtual texture.
     let no_vt = edited("\"flavours.cliff_near_m\" = 20.0", "\"flavours.far_atlas_m\" = 0.0").replace("near-cliff", "vt");
@@ -501,7 +504,7 @@ fn a_run_yields_what_was_measured_and_judges_it() {
     let mut rows: Vec<Row> = csv.deserialize().map(|row| row.unwrap()).collect();
     rows.sort_by(Row::order);
     assert!(same(&rows, &data.rows), "CSV and Parquet differ");
-    // A run with a different analysis text is still the same run. The new text is there when the run is read again.
+    // A run with a different analysis text is still the same run. When the run is read again, it has the new text.
     let told = Definition { analysis: "Nothing follows.".to_owned(), ..trial };
     let data = complete(&told, &Place { existing: Existing::Resume, ..place(&folder.0) });
     assert_eq!(read_run(&data.folder).unwrap().definition.analysis, "Nothing follows.");
@@ -803,12 +806,19 @@ fn measurers_that_break_their_promise_are_stopped() {
         }
     }
     for (metric, as_time, says) in
-        [("nonsense", false, "is no metric"), ("gpu_ms:shading", false, "wrong table"), ("rmse", true, "wrong table")]
+        [("nonsense", false, "is not a known metric"), ("gpu_ms:shading", false, "wrong table"), ("rmse", true, "wrong table")]
     {
         let folder = Folder::new("broken");
         let mut run = Run::open(&trial(), &place(&folder.0), &machine()).unwrap();
         let error = format!("{:#}", run.carry_out(&mut Broken(metric, as_time), &|_, _| {}, &uninterrupted).unwrap_err());
         assert!(error.contains(says), "{error}");
+        // A shard counts its own parts, whose indices in the whole run are larger. Its first part is a reference, whose rows another shard stores.
+        let folder = Folder::new("broken shard");
+        let shard = Place { shard: Some(Shard { number: 2, count: 4 }), ..place(&folder.0) };
+        let mut run = Run::open(&trial(), &shard, &machine()).unwrap();
+        let parts = run.progress().1;
+        let error = format!("{:#}", run.carry_out(&mut Broken(metric, as_time), &|_, _| {}, &uninterrupted).unwrap_err());
+        assert!(error.contains(&format!("part 2 of {parts} (")), "{error}");
     }
 }
 
@@ -1008,9 +1018,9 @@ fn tables_of_others_are_refused_by_what_they_lack() {
     };
     assert!(error("message m { REQUIRED DOUBLE value; }", false).contains("`scree.schema` is missing"));
     assert!(error("message m { REQUIRED DOUBLE value; }", true).contains("column `experiment` is missing"));
-    assert!(error("message m { REQUIRED DOUBLE experiment; }", true).contains("column `experiment` has another type"));
+    assert!(error("message m { REQUIRED DOUBLE experiment; }", true).contains("column `experiment` has the wrong type"));
     let all_texts: String = COLUMNS.iter().map(|column| format!("REQUIRED BYTE_ARRAY {} (STRING); ", column.name)).collect();
-    assert!(error(&format!("message m {{ {all_texts} }}"), true).contains("column `frame` has another type"));
+    assert!(error(&format!("message m {{ {all_texts} }}"), true).contains("column `frame` has the wrong type"));
     let mut text = File::create(&file).unwrap();
     text.write_all(b"experiment,value\ntrial,1\n").unwrap();
     assert!(format!("{:#}", read_parquet(&file).unwrap_err()).contains("no Parquet file"));

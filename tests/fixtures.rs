@@ -185,7 +185,7 @@ pub(crate) fn success(arguments: &[&str]) -> String {
     text(&output.stdout)
 }
 
-/// A temporary folder of one test, removed when it is dropped.
+/// A temporary folder of one test. It is removed from the disk when this value is dropped.
 pub(crate) struct Folder(pub(crate) PathBuf);
 
 impl Folder {

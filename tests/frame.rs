@@ -93,10 +93,11 @@ fn automatic_tiles_hold_what_their_pixels_need() {
 
 #[test]
 fn random_choice_has_the_mean_and_variance_of_theory() {
-    // Null hypothesis: the mean of the pictures over all seeds is the exact blend, and their variance is that of theory. Each seed gives one number.
-    // For a mean, it is the sum over pixels of the difference from the exact blend, with the signs of a fixed pattern. For a variance, it is the sum
-    // of the squared difference minus the variance of theory. The numbers of different seeds are independent, even if the noise correlates pixels.
-    // There are 2 flavours x 2 noises x (4 means + 1 variance) = 20 tests, with a family-wise level of 0.001 (Sidak correction).
+    // Null hypothesis: over all seeds, the mean of the pictures is the exact blend, and their variance is the one that theory predicts. Each seed
+    // gives one number. In a test of the mean, it is the sum over pixels of the difference from the exact blend, with the signs of a fixed pattern.
+    // In a test of the variance, it is the sum over pixels of the squared difference minus the predicted variance. The numbers of different seeds are
+    // independent, even if the noise correlates pixels. There are 2 flavours x 2 noises x (4 means + 1 variance) = 20 tests, with a family-wise level
+    // of 0.001 (Sidak correction).
     const SEEDS: u32 = 48;
     const PATTERNS: u32 = 4;
     let level = 1.0 - (1.0 - 0.001f64).powf(1.0 / 20.0);
@@ -385,7 +386,7 @@ fn only_a_lit_picture_is_read_and_only_the_geometry_drawn_last_is_used_again() {
     });
     let lit = renderer.render(&request).expect("renders");
     assert!(lit.hdr.len() == (SIZE[0] * SIZE[1]) as usize && lit.displayed.is_some());
-    // A frame that is not lit leaves the lit picture of the frame before in the target. That picture must not be read.
+    // A frame that is not lit leaves the lit picture of the previous frame in the target. That picture must not be read.
     let unlit = renderer.render(&request.with(|r| r.outputs.lit = false)).expect("renders");
     assert!(unlit.hdr.is_empty() && unlit.displayed.is_none());
     assert_eq!(unlit.vectors("albedo"), lit.vectors("albedo"));
@@ -408,12 +409,12 @@ fn a_frame_without_pages_uses_no_page_of_the_frame_before() {
     let pixel = oracle::inspect(&mut renderer, &forced(Flavour::VirtualTexture), below).expect("inspects").expect("terrain");
     let page = pixel.page.expect("shaded from a page");
     assert!(page.served.is_some() && renderer.page_serving(page.id) == page.served);
-    // Where each pixel has the flavours that it needs, those that sample pages ask for them.
+    // With the automatic choice, only pixels that need the virtual texture request pages.
     let automatic = renderer.render(&ground).expect("renders").report;
     assert!(automatic.pages.wanted > 0 && automatic.pages.wanted < 1000, "{:?}", automatic.pages);
     let baked = renderer.render(&forced(Flavour::FarAtlas)).expect("renders").report;
     assert_eq!((baked.pages.wanted, baked.pages.rendered), (0, 0));
-    assert_eq!(renderer.page_serving(page.id), None, "a page of the frame before is still in use");
+    assert_eq!(renderer.page_serving(page.id), None, "a page of the previous frame is still in use");
 }
 
 #[test]

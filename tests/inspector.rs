@@ -1,19 +1,25 @@
 //! Compares the results of the pixel inspector with the layers of the same picture, and the random choices that its CPU references compute with the
 //! choices of the shaders.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use glam::DVec3;
+use bytemuck::Zeroable as _;
+use glam::{DVec2, DVec3};
 use kernels::frame::picture::AovSet;
 use kernels::frame::{RenderRequest, VariantChoice};
+use kernels::inspect::Inspected;
+use kernels::materials::Palette;
 use kernels::oracle::{Pixel, inspect, pixel_at, probe_of};
 use kernels::shading::Estimator;
 use kernels::shared::noise::NoiseKind;
+use kernels::shared::splat_blend;
+use kernels::terrain::reference::{Ground, Projection};
 use kernels::variant::{Flavour, Variant};
 use kernels::view::camera::Pose;
 use kernels::view::normals::NormalEncoding;
 
 use crate::fixtures::{pose, renderer, request, second_renderer, terrain};
+use crate::shading::{self, Seen};
 
 fn place(index: usize, size: [u32; 2]) -> [u32; 2] {
     let index = u32::try_from(index).expect("a small picture");
@@ -61,8 +67,8 @@ fn a_pixel_says_what_the_layers_say() {
         found += 1;
         let towards = (DVec3::from_array(pixel.position) - request.view.pose.position) / pixel.distance_m;
         if towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.3 {
-            // The encoding with 2 x 8 bits changes a normal by at most 1 degree; 2 are accepted. The slant of the plane multiplies the effect on the
-            // derivatives. With the limit of 0.3 for the cosine, the factor is at most about 3.
+            // The encoding with 2 x 8 bits changes a normal by at most 1 degree; the test accepts 2 degrees. The more obliquely a plane is seen, the
+            // more an error of its normal changes the derivatives. Here, the cosine is above 0.3, so the factor is at most about 3.
             assert!(pixel.normal_error().expect("a triangle") < 2f64.to_radians(), "{pixel:?}");
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
@@ -75,6 +81,77 @@ fn a_pixel_says_what_the_layers_say() {
     assert!(errors.len() > 20 && median < 0.03 && worst < 0.15, "median {median}, worst {worst} of {}", errors.len());
     // The encoding of normals is not exact, so derivatives must have an error.
     assert!(median > 1e-5, "{median}");
+}
+
+#[test]
+fn all_numbers_equal_their_references() {
+    let mut renderer = second_renderer();
+    let (scene, world) = (renderer.scene().clone(), renderer.world().clone());
+    let layout = *world.layout();
+    let variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
+    // Several bands of rows, and a size that is not a multiple of the workgroup size.
+    let request = request(&renderer, "cliff").with(|r| {
+        r.view.size = [61, 149];
+        r.shading.variant = variant;
+    });
+    let (seen, nodes) = shading::seen(&mut renderer, &request);
+    let found = renderer.draw(&request).expect("draws").inspect().expect("inspects");
+    assert_eq!(found.len(), 61 * 149);
+    let palette = Palette::build(&scene, layout.sector_m, |_| Ok(())).expect("procedural textures");
+    let ground = Ground::new(&world, &palette, &nodes, scene.blend.height_sharpness);
+    let half_world = DVec2::splat(layout.world_m() / 2.0);
+    let corner_of_sector = ((request.view.pose.position.truncate() + half_world) / layout.sector_m).floor() * layout.sector_m;
+    let (mut slots, mut blends, mut others, mut wrong_plane) = (BTreeMap::new(), Vec::new(), 0, 0);
+    let mut is_terrain = vec![false; found.len()];
+    for Seen { index, pixel, .. } in &seen {
+        is_terrain[*index] = true;
+        let Inspected { position, slot, ddx, corner, ddy, plane, splat, bilinear, blended } = found[*index];
+        let place = pixel.position - corner_of_sector.extend(0.0);
+        let off = (DVec3::from_array(position.map(f64::from)) - place).length();
+        // Positions are stored in f32, relative to the sector of the camera. They are up to 10 km long.
+        assert!(off < 2e-3, "pixel {index}: {position:?}, {place}");
+        for (found, expected) in [ddx, ddy].into_iter().zip(pixel.steps) {
+            let off = (DVec3::from_array(found.map(f64::from)) - expected).length();
+            assert!(off < 1e-4 * expected.length(), "pixel {index}: {found:?}, {expected}");
+        }
+        let size = pixel.normal.abs();
+        // Two coordinates of a decoded normal may be equal except for rounding.
+        assert!(size[plane as usize] > size.max_element() - 1e-6, "pixel {index}: plane {plane}, {size}");
+        let spot = ground.spot(pixel.position.truncate()).expect("a loaded node");
+        let (cell, at) = (ground.cell(&spot), spot.uv * 64.0);
+        // Rounding may move a point on the border of a cell into the next cell, or out of a node.
+        if (at - at.round()).abs().min_element() < 0.01 {
+            others += 1;
+            continue;
+        }
+        assert_eq!(*slots.entry(slot).or_insert(spot.node), spot.node, "pixel {index}: slot {slot} belongs to two nodes");
+        let expected = at.floor().as_uvec2();
+        assert_eq!([corner & 0xffff, corner >> 16], [expected.x, expected.y], "pixel {index}");
+        assert_eq!(splat, cell.ids.map(u32::from), "pixel {index}");
+        let weights = splat_blend::bilinear(cell.fraction);
+        assert!((0..4).all(|k| (f64::from(bilinear[k]) - weights[k]).abs() < 5e-3), "pixel {index}: {bilinear:?}, {weights:?}");
+        let height_blend = |plane| {
+            let projection = Projection::of(plane, pixel.position, pixel.steps, scene.blend.mip_bias);
+            let heights = cell.ids.map(|id| ground.material(id, &projection, 0).height);
+            splat_blend::weights(cell.fraction, heights, scene.blend.height_sharpness)
+        };
+        let apart = |expected: [f64; 4]| (0..4).map(|k| (f64::from(blended[k]) - expected[k]).abs()).fold(0.0, f64::max);
+        if cell.ids.iter().any(|id| *id != cell.ids[0]) {
+            blends.push(apart(height_blend(plane)));
+            wrong_plane += usize::from(apart(height_blend((plane + 1) % 3)) > 0.05);
+        }
+    }
+    assert!(found.iter().zip(&is_terrain).all(|(found, on)| *on || *found == Inspected::zeroed()), "sky is not empty");
+    assert!(is_terrain.iter().any(|on| !on) && slots.len() > 3 && slots.keys().all(|slot| *slot > 0), "{slots:?}");
+    assert!(others * 10 < seen.len(), "{others} of {} lie on borders", seen.len());
+    // A filtered height is off by up to three steps of 1/255 (see `LIMITS` in `shading.rs`), so a difference of two heights is off by up to twice
+    // that. The blend multiplies this error by ln 2 times the sharpness, and by at most 1/4.
+    blends.sort_by(f64::total_cmp);
+    let limit = 3.0 / 255.0 * 2.0 * std::f64::consts::LN_2 * scene.blend.height_sharpness / 4.0;
+    let (count, most) = (blends.len(), blends[blends.len() * 95 / 100]);
+    assert!(count > 100 && most < limit, "95 % of {count} weights differ by up to {most}, limit {limit}");
+    // Negative control: heights of another projection give other weights.
+    assert!(wrong_plane * 10 > count, "{wrong_plane} of {count}");
 }
 
 #[test]
@@ -117,15 +194,15 @@ fn derivatives_before_the_eye_are_as_exact_high_up_as_at_the_sea() {
         let pixel = inspect(&mut renderer, &request, place(i, request.view.size)).expect("inspects").expect("terrain");
         let Some(triangle) = pixel.triangle else { continue };
         let towards = (DVec3::from_array(pixel.position) - pose.position) / pixel.distance_m;
-        // If the view direction is within 60 degrees of the normal, the slant of the plane at most doubles the effect of the normal's error on a
-        // derivative.
+        // The more obliquely a plane is seen, the more an error of its normal changes the derivatives. If the view direction is within 60 degrees of
+        // the normal, the factor is at most 2.
         if pixel.distance_m < 8.0 && towards.dot(DVec3::from_array(triangle.normal)).abs() > 0.5 {
             errors.extend(pixel.steps.iter().map(|step| step.error().expect("not grazing")));
         }
     }
     errors.sort_by(f64::total_cmp);
-    // The encoding of normals with 2 x 8 bits gives derivatives an error of half a percent. If elevations above the sea were stored in f32, which has
-    // steps of 0.1 mm at 1400 m, the error would be 2 percent.
+    // The encoding of normals with 2 x 8 bits gives derivatives an error of half a percent. If elevations above sea level were stored in f32, which
+    // has steps of 0.1 mm at 1400 m, the error would be 2 percent.
     let median = errors[errors.len() / 2];
     assert!(errors.len() > 30 && median < 0.008, "median {median} of {}", errors.len());
 }

@@ -1,4 +1,4 @@
-//! Compares host structs with the WGSL structs into which they are copied: names, offsets, sizes and types of number, by reflection.
+//! Compares host structs with the WGSL structs into which they are copied, by reflection: names, offsets, sizes and scalar kinds of the fields.
 
 use std::mem::offset_of;
 
@@ -21,7 +21,7 @@ use naga::{ScalarKind, TypeInner};
 
 use crate::shaders::{sources, validate};
 
-/// A field of a host struct. `KIND` = its type of number; `None` = a struct, which is compared separately.
+/// The type of a field of a host struct. `KIND` = its scalar kind (float, unsigned or signed); `None` = a struct, which is compared separately.
 trait Field {
     const KIND: Option<ScalarKind>;
 }
@@ -43,7 +43,7 @@ impl Field for MotionPast {
     const KIND: Option<ScalarKind> = None;
 }
 
-/// Name, offset, size and type of number of a field.
+/// Name, offset, size and scalar kind of a field.
 type Row = (String, usize, usize, Option<ScalarKind>);
 
 #[derive(Debug, PartialEq)]
@@ -52,7 +52,7 @@ struct Layout {
     size: usize,
 }
 
-/// Returns size and type of number of the field that a function `|s| &s.field` returns. Only the types of the function are used.
+/// Returns the size and the scalar kind of the field that a function `|s| &s.field` returns. The function is not called; only its type is used.
 fn shape<T, F: Field>(_: fn(&T) -> &F) -> (usize, Option<ScalarKind>) {
     (size_of::<F>(), F::KIND)
 }

@@ -15,7 +15,7 @@ use crate::fixtures::gpu;
 /// Size of the pictures, pixels. Each pixel has its own surface.
 const SIZE: [u32; 2] = [64, 48];
 
-/// Pseudo-random number in 0..1 for a pixel. `what` = number of the quantity that is drawn; different quantities have independent numbers.
+/// Pseudo-random number in 0..1 for a pixel. `table` selects a set of surfaces, and `what` a quantity; different quantities have independent numbers.
 fn random(pixel: u32, table: u32, what: u32) -> f64 {
     f64::from(hash::pcg4d([pixel, table, what, 77])[0]) / f64::from(u32::MAX)
 }
@@ -75,8 +75,8 @@ struct Given {
 }
 
 impl Given {
-    /// Returns random surfaces under a random light. `table` = number of the random numbers. It also selects one of five elevations of the sun, from
-    /// 0.3 radians below the horizon to 1.5 above it.
+    /// Returns random surfaces under a random light. `table` selects the random numbers. It also selects one of five elevations of the sun, from 0.3
+    /// radians below the horizon to 1.5 radians above it.
     fn random(table: u32) -> Given {
         let f = |x: f64| f64::from(x as f32);
         let h = |x: f64| f16::from_f64(x).to_f64();

@@ -192,7 +192,7 @@ fn each_running_variant_has_a_time_of_its_own() {
     assert!(!stage.has("ns a tile"));
 }
 
-/// Names of the legends on screen that begin with `Legend of` and the text in `of`, without this beginning.
+/// Returns the names of the legends on screen that begin with `Legend of {of}`, without this prefix.
 fn legends(stage: &Stage, of: &str) -> BTreeSet<String> {
     let of = format!("Legend of {of}");
     stage.names().iter().filter_map(|name| name.strip_prefix(&of)).map(|rest| rest.trim_start_matches(": ").to_owned()).collect()
@@ -329,7 +329,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     take(&mut stage, "click Dismiss");
     assert!(shown(&mut stage).texels == lit);
 
-    // A change of the file is applied when the user asks for it, and can be undone. If the file is gone, the scene stays.
+    // A change of the file is applied when the user asks for it, and can be undone. If the file no longer exists, the scene stays.
     written(&folder, "other", |scene| scene.sun.azimuth_deg = 20.0);
     take(&mut stage, "click Scene; click Reload scene");
     assert!((stage.model().settings.scene.sun.azimuth_deg - 20.0).abs() < 1e-9 && shown(&mut stage).texels != lit);
@@ -337,7 +337,7 @@ fn another_scene_is_opened_and_the_old_one_stays_where_that_fails() {
     assert!((stage.model().settings.scene.sun.azimuth_deg - 250.0).abs() < 1e-9 && shown(&mut stage).texels == lit);
     fs::remove_file(&other).expect("it is there");
     take(&mut stage, "click Scene; click Reload scene; key Period");
-    assert!(says(&stage, "other.toml is gone") && name(&mut stage) == "other" && shown(&mut stage).wish.frame == 1);
+    assert!(says(&stage, "other.toml no longer exists") && name(&mut stage) == "other" && shown(&mut stage).wish.frame == 1);
     take(&mut stage, "click Dismiss");
 
     // Scenes are opened by dropping a file, and from the list of recent scenes.
@@ -369,8 +369,8 @@ fn until_another_scene_is_loaded_nothing_is_done_in_the_picture_of_the_old_one()
     assert!(stage.model().shown().is_some() && stage.model().shown_here().is_none(), "the old picture stays, but not as the new scene's");
     assert!(stage.model().pose().is_none());
     stage.drag([60.0, 20.0]).expect("a picture");
-    assert!(name(&mut stage) == "other" && stage.model().settings.scene.strokes.is_empty(), "painted on the old scene's ground");
-    assert_eq!(stage.model().viewpoint, Viewpoint::Path("forwards".to_owned()), "flown from the old scene's camera, {before:?}");
+    assert!(name(&mut stage) == "other" && stage.model().settings.scene.strokes.is_empty(), "the drag painted on the old ground");
+    assert_eq!(stage.model().viewpoint, Viewpoint::Path("forwards".to_owned()), "the drag moved the old camera, {before:?}");
 }
 
 #[test]
@@ -384,7 +384,7 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
     assert!(stage.close(), "nothing is lost: {:?}", stage.names());
     take(&mut stage, "click Undo");
     assert!((stage.model().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1, "undone");
-    let error = open(&mut stage, &other).expect_err("what undo brought back is in no file any more");
+    let error = open(&mut stage, &other).expect_err("the restored edits are in no file");
     assert!(error.contains("not saved in a file"), "{error}");
     take(&mut stage, "click Keep this scene");
     // The window does not close without a question, either.

@@ -43,6 +43,8 @@ mod materials;
 #[cfg(test)]
 mod metrics;
 #[cfg(test)]
+mod motion;
+#[cfg(test)]
 mod mutation;
 #[cfg(test)]
 mod mutation_text;
@@ -55,6 +57,8 @@ mod parsers;
 mod properties;
 #[cfg(test)]
 mod reload;
+#[cfg(test)]
+mod round_trips;
 #[cfg(test)]
 mod runs;
 #[cfg(test)]
@@ -71,6 +75,8 @@ mod shared;
 mod snapshots;
 #[cfg(test)]
 mod stability;
+#[cfg(test)]
+mod store;
 #[cfg(test)]
 mod workbench;
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use kernels::gpu::Gpu;
-use kernels::metrics::{BINS, BLOCK, FrameSums, Meter, Seeds, quantile, reference};
+use kernels::metrics::{BINS, BLOCK, FrameSums, LagSums, Meter, Seeds, quantile, reference};
 use kernels::motion::{LAGS, NO_LINK};
 use kernels::probe::table::run;
 use kernels::shared::hash;
@@ -32,8 +32,9 @@ fn grey(value: f64, choice: u32) -> [u32; 2] {
     signal::pack([value as f32; 3], 12, choice)
 }
 
-/// Returns the links and positions of a sequence without motion. The link of a pixel at a lag is the index of the pixel that showed the same surface
-/// point so many frames before; the position is that of this point one frame before. Here, every pixel is linked to itself.
+/// Returns the links and positions of a sequence without motion. The link of a pixel at a lag of n frames is the index of the pixel that showed the
+/// same surface point n frames earlier. The position of a pixel is where its surface point was in the picture one frame earlier. Here, every pixel is
+/// linked to itself.
 fn still() -> (Vec<u32>, Vec<[f32; 2]>) {
     let width = SIZE[0] as usize;
     let links: Vec<u32> = (0..PIXELS as u32).collect();
@@ -41,15 +42,47 @@ fn still() -> (Vec<u32>, Vec<[f32; 2]>) {
     (links.repeat(LAGS), positions)
 }
 
-fn meter(gpu: &Gpu, resolves: &[Resolve]) -> Meter {
+fn meter(gpu: &Gpu, size: [u32; 2], resolves: &[Resolve]) -> Meter {
     let layout = gpu.layout("frame", wgpu::ShaderStages::COMPUTE, &[kernels::gpu::bindings::Binding::Uniform]);
-    Meter::new(gpu, &layout, SIZE, resolves).expect("the passes compile")
+    Meter::new(gpu, &layout, size, resolves).expect("the passes compile")
+}
+
+/// Sizes that are not multiples of the size of a tile, a block or a workgroup: one wide, one high.
+const RAGGED: [[u32; 2]; 2] = [[93, 61], [61, 93]];
+const RAGGED_PIXELS: usize = 93 * 61;
+
+/// Returns a random picture of a ragged size: colours of different brightness, some sky, and choices of which some are missing.
+fn ragged(frame: u32) -> Vec<[u32; 2]> {
+    (0..RAGGED_PIXELS)
+        .map(|i| {
+            if uniform(i, 0, 20) < 0.05 {
+                return [0, 0];
+            }
+            // The brightness covers 12 octaves, so that differences fill many bins of the histogram, among them the lowest.
+            let bright = (-12.0 * uniform(i / 3, 0, 21)).exp2();
+            let colour = [22, 23, 24].map(|stream| (bright * (0.8 + 0.4 * uniform(i, frame, stream))) as f32);
+            let choice = if uniform(i, frame, 25) < 0.2 { 0 } else { 1 + (uniform(i, frame, 26) * 12.0) as u32 };
+            signal::pack(colour, (uniform(i, frame, 27) * 100.0) as u32, choice)
+        })
+        .collect()
+}
+
+/// Returns random links for each lag: to a pixel at most two columns and rows away, or to none.
+fn ragged_links(size: [u32; 2]) -> Vec<u32> {
+    let [width, height] = size.map(i64::from);
+    let link = |lag: u32, i: usize| {
+        let off = |stream| (uniform(i, lag, stream) * 5.0) as i64 - 2;
+        let (x, y) = (i as i64 % width + off(30), i as i64 / width + off(31));
+        let outside = x < 0 || y < 0 || x >= width || y >= height;
+        if outside || uniform(i, lag, 32) < 0.1 { NO_LINK } else { (y * width + x) as u32 }
+    };
+    (0..LAGS as u32).flat_map(|lag| (0..RAGGED_PIXELS).map(move |i| link(lag, i))).collect()
 }
 
 /// Returns the sums of each frame of a sequence without motion.
 fn follow(frames: u32, picture: impl Fn(u32) -> Vec<[u32; 2]>) -> Vec<FrameSums> {
     let gpu = gpu();
-    let mut meter = meter(gpu, &[Resolve::Off]);
+    let mut meter = meter(gpu, SIZE, &[Resolve::Off]);
     let (links, positions) = still();
     meter.write_links(gpu, &links, &positions);
     (0..frames)
@@ -141,7 +174,7 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
         (0..PIXELS).map(|i| grey(uniform((i / width) * 4096 + 2048 + i % width - 3 * frame, 0, 4), 1)).collect()
     };
     for (moved, differs) in [(true, false), (false, true)] {
-        let mut meter = meter(gpu, &[Resolve::Off]);
+        let mut meter = meter(gpu, SIZE, &[Resolve::Off]);
         let (links, positions) = still();
         let shifted = |(at, &own): (usize, &u32)| {
             let lag = at / PIXELS + 1;
@@ -175,6 +208,109 @@ fn differences_follow_the_links_and_stop_where_there_is_none() {
         }
         assert_eq!((last.tested, last.rejected), (expected.tested, expected.rejected));
         assert_eq!(last.rejected > 0, differs);
+    }
+}
+
+#[test]
+fn sums_of_ragged_pictures_equal_their_reference() {
+    let gpu = gpu();
+    for size in RAGGED {
+        let mut meter = meter(gpu, size, &[Resolve::Off]);
+        let links = ragged_links(size);
+        meter.write_links(gpu, &links, &vec![[0.0; 2]; RAGGED_PIXELS]);
+        // The second sequence finds the pictures of the first one in its buffers, and must not use them.
+        for frames in [0..7u32, 7..10] {
+            let pictures: Vec<_> = frames.map(ragged).collect();
+            meter.restart();
+            for index in 0..pictures.len() {
+                meter.write(gpu, 0, &pictures[index]);
+                let mut encoder = gpu.encoder("metrics");
+                meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
+                gpu.submit_and_wait(encoder).expect("the device works");
+                let found = meter.read(gpu).expect("the device works").remove(0);
+                compare(size, &found, &pictures[..=index], &links);
+            }
+        }
+    }
+}
+
+/// Compares the sums of the last of several pictures with their reference.
+fn compare(size: [u32; 2], found: &FrameSums, pictures: &[Vec<[u32; 2]>], links: &[u32]) {
+    let index = pictures.len() - 1;
+    let of_lag = |lag: usize| (pictures[index - lag - 1].as_slice(), &links[lag * RAGGED_PIXELS..(lag + 1) * RAGGED_PIXELS]);
+    let past: Vec<_> = (0..LAGS.min(index)).map(of_lag).collect();
+    let expected = reference::measure(size, &pictures[index], &past, index as u32 % 4);
+    assert_eq!((found.terrain, found.fetches), (expected.terrain, expected.fetches), "frame {index}");
+    assert_eq!((found.tested, found.rejected), (expected.tested, expected.rejected), "frame {index}");
+    for (lag, (found, expected)) in found.lags.iter().zip(&expected.lags).enumerate() {
+        let counts = |sums: &LagSums| [sums.linked, sums.chosen, sums.flipped];
+        assert_eq!(counts(found), counts(expected), "frame {index}, lag {}", lag + 1);
+        assert!(found.terrain == expected.terrain || lag >= index, "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
+        assert!(expected.chosen > 100 || lag >= index, "frame {index}, lag {}: {expected:?}", lag + 1);
+        // Each tile adds at most 64 numbers below 2 in f32, so a sum has a relative error of at most 64 roundings.
+        let tolerance = 64.0 * 2f64.powi(-24) * expected.difference + 1e-6;
+        assert!((found.difference - expected.difference).abs() <= tolerance, "frame {index}, lag {}: {found:?} {expected:?}", lag + 1);
+    }
+    // A difference that is close to a border between two bins may be counted in either.
+    let (mut off, mut sum, mut filled) = (0i64, 0, 0);
+    for (found, expected) in found.histogram.iter().zip(&expected.histogram) {
+        sum += i64::from(*found) - i64::from(*expected);
+        off = off.max(sum.abs());
+        filled += usize::from(*expected > 0);
+    }
+    assert!(off <= 2 && sum == 0, "frame {index}: {:?} {:?}", found.histogram, expected.histogram);
+    assert!(
+        index == 0 || filled > 60 && expected.histogram[0] > 0 && expected.rejected * 10 > expected.tested,
+        "frame {index}: {filled} bins"
+    );
+}
+
+#[test]
+fn the_box_test_accepts_a_difference_of_one_rounding() {
+    // In f16, 1 + 2^-10 is the number after 1, and 1 - 2^-10 is two numbers before 1. Both are exactly at the tolerance of a box around 1.
+    let step = 2f64.powi(-10);
+    for (history, is_rejected) in [(1.0 + step, false), (1.0 - step, false), (1.0 + 2.0 * step, true), (1.0 - 1.5 * step, true)] {
+        let sums = follow(2, |frame| vec![grey(if frame == 0 { history } else { 1.0 }, 1); PIXELS]);
+        assert_eq!((sums[1].tested, sums[1].rejected > 0), (PIXELS as u64 / 4, is_rejected), "{history}");
+    }
+}
+
+#[test]
+fn seeds_of_ragged_pictures_equal_their_reference() {
+    let gpu = gpu();
+    for size in RAGGED {
+        let seeds = Seeds::new(gpu, size).expect("the passes compile");
+        let streams = [seeds.stream(gpu)];
+        let exact = ragged(0);
+        gpu.queue.write_buffer(&streams[0].exact, 0, bytemuck::cast_slice(&exact));
+        // The second sequence finds the moments of the first one in its buffers, and must not use them.
+        for frames in [1..=2u32, 3..=7] {
+            let pictures: Vec<_> = frames.map(ragged).collect();
+            for (count, picture) in (1..).zip(&pictures) {
+                gpu.queue.write_buffer(&streams[0].signal, 0, bytemuck::cast_slice(picture));
+                let mut encoder = gpu.encoder("seeds");
+                seeds.encode_add(gpu, &mut encoder, &streams, count);
+                gpu.submit_and_wait(encoder).expect("the device works");
+                let found = seeds.read(gpu, &streams).expect("the device works").remove(0);
+                let expected = reference::seed(size, BLOCK, picture, &exact);
+                assert_eq!((found.terrain, found.blocks), (expected.terrain, expected.blocks));
+                assert!(expected.blocks > 20.0 && expected.terrain < RAGGED_PIXELS as f64, "{expected:?}");
+                // See `block_noise_is_caught_by_clumping`. The scale of the sum of errors is 0.1 per channel.
+                let close = |a: f64, b: f64, scale: f64| (a - b).abs() <= 200.0 * 2f64.powi(-24) * scale;
+                assert!(close(found.squared_error, expected.squared_error, expected.squared_error), "{found:?} {expected:?}");
+                assert!(close(found.error, expected.error, 3.0 * RAGGED_PIXELS as f64 * 0.1), "{found:?} {expected:?}");
+                assert!(close(found.block_squares, expected.block_squares, expected.pixel_squares), "{found:?} {expected:?}");
+                assert!(close(found.pixel_squares, expected.pixel_squares, expected.pixel_squares), "{found:?} {expected:?}");
+            }
+            let mut encoder = gpu.encoder("seeds");
+            seeds.encode_finish(gpu, &mut encoder, &streams, pictures.len() as u32);
+            gpu.submit_and_wait(encoder).expect("the device works");
+            let found = seeds.read_finished(gpu, &streams).expect("the device works").remove(0);
+            let expected = reference::finish(&pictures, &exact);
+            assert_eq!(found.terrain, expected.terrain);
+            assert!((found.bias - expected.bias).abs() <= 1e-5 * RAGGED_PIXELS as f64 * 0.1, "{found:?} {expected:?}");
+            assert!((found.variance / expected.variance - 1.0).abs() <= 1e-5, "{found:?} {expected:?}");
+        }
     }
 }
 
@@ -327,49 +463,68 @@ fn moments_hold_at_the_extremes() {
 
 #[test]
 fn resolves_agree_with_their_reference() {
+    // Links lead to any pixel nearby, or to none. Positions lie anywhere around the pixel, also outside the picture.
+    let size = RAGGED[0];
+    let width = size[0] as usize;
+    let position = |i: usize| {
+        let off = |stream| uniform(i, 0, stream) * 3.0 - 1.5;
+        [(i % width) as f64 + off(40), (i / width) as f64 + off(41)].map(|v| v as f32)
+    };
+    let picture = |f: u32| -> Vec<[u32; 2]> {
+        // Sky in single pixels and in an area, and different sky in each frame. Colours without blue.
+        let sky = |i: usize| (i % width) < 5 && (i / width) < 9 || uniform(i, f, 7) < 0.03;
+        let blue = |i: usize| if uniform(i, 0, 8) < 0.2 { 0.0 } else { 0.5 };
+        let colour = |i: usize| [0.1 + uniform(i, f, 5), uniform(i, f, 6), blue(i)].map(|v| v as f32);
+        (0..RAGGED_PIXELS).map(|i| if sky(i) { [0, 0] } else { signal::pack(colour(i), 3, 2) }).collect()
+    };
+    let pictures: Vec<_> = (0..5).map(picture).collect();
+    let positions: Vec<_> = (0..RAGGED_PIXELS).map(position).collect();
+    let histories = resolved(size, &ragged_links(size), &positions, &pictures);
+    // The purpose of a resolve is to reduce noise. So each resolve except `off` must reduce the variation of white noise.
+    let spread = |h: &[[f64; 4]]| h.iter().filter(|p| p[3] > 0.0).map(|p| (p[1] - 0.5).powi(2)).sum::<f64>();
+    let spreads: Vec<f64> = histories.iter().map(|h| spread(h)).collect();
+    assert!(spreads[1..].iter().all(|&s| s < 0.75 * spreads[0]), "{spreads:?}");
+}
+
+#[test]
+fn a_history_needs_a_thousandth_of_a_pixel() {
+    // In the first frame, only every fourth pixel shows terrain, so a position between two pixels has a history with a weight of its distance from one of
+    // them. In the second frame, all pixels show terrain.
+    let size = [64, 4];
+    let pixels: usize = 64 * 4;
+    let shares = [0.0, 3e-4, 7e-4, 9e-4, 1.1e-3, 1.2e-3, 1.4e-3, 0.5];
+    let positions: Vec<_> = (0..pixels).map(|i| [(i % 64 / 4 * 4) as f32 + 3.0 + shares[i % 8], (i / 64) as f32]).collect();
+    let links: Vec<u32> = (0..pixels as u32).collect();
+    let picture = |frame: usize| -> Vec<[u32; 2]> {
+        (0..pixels).map(|i| if frame == 0 && i % 4 != 0 { [0, 0] } else { grey(0.2 + 0.6 * uniform(i, frame as u32, 9), 2) }).collect()
+    };
+    resolved(size, &links.repeat(LAGS), &positions, &[picture(0), picture(1)]);
+}
+
+/// Resolves a sequence of pictures with each resolve, and compares the results with their reference. Returns the history of each resolve.
+fn resolved(size: [u32; 2], links: &[u32], positions: &[[f32; 2]], pictures: &[Vec<[u32; 2]>]) -> Vec<Vec<[f64; 4]>> {
     let gpu = gpu();
     let resolves = Resolve::ALL;
-    let mut meter = meter(gpu, &resolves);
-    let (mut links, mut positions) = still();
-    let width = SIZE[0] as usize;
-    // One point in 13 has no link, as if it had been hidden in the previous frame. In the previous frame, all points were half a pixel farther to the
-    // left and a third of a pixel farther up.
-    for i in (0..PIXELS).step_by(13) {
-        links[i] = NO_LINK;
-    }
-    positions.iter_mut().for_each(|p| *p = [p[0] - 0.5, p[1] - 1.0 / 3.0]);
-    meter.write_links(gpu, &links, &positions);
-    let picture = |f: u32| -> Vec<[u32; 2]> {
-        let sky = |i: usize| (i % width) < 5 && (i / width) < 9;
-        (0..PIXELS)
-            .map(|i| if sky(i) { [0, 0] } else { signal::pack([0.1 + uniform(i, f, 5), uniform(i, f, 6), 0.5].map(|v| v as f32), 3, 2) })
-            .collect()
-    };
-    let mut histories = vec![vec![[0.0; 4]; PIXELS]; resolves.len()];
-    let mut before = vec![[0, 0]; PIXELS];
-    for frame in 0..5 {
-        let now = picture(frame);
-        (0..resolves.len()).for_each(|stream| meter.write(gpu, stream, &now));
+    let pixels = positions.len();
+    let mut meter = meter(gpu, size, &resolves);
+    meter.write_links(gpu, links, positions);
+    let mut histories = vec![vec![[0.0; 4]; pixels]; resolves.len()];
+    let sky = vec![[0, 0]; pixels];
+    let mut before = &sky;
+    for (frame, now) in (0..).zip(pictures) {
+        (0..resolves.len()).for_each(|stream| meter.write(gpu, stream, now));
         let mut encoder = gpu.encoder("metrics");
         meter.encode(gpu, &mut encoder, &mut kernels::gpu::Timer::new(gpu));
         gpu.submit_and_wait(encoder).expect("the device works");
         meter.read(gpu).expect("the device works");
         for (stream, resolve) in resolves.into_iter().enumerate() {
-            let inputs = temporal::reference::Frame {
-                now: &now,
-                before: &before,
-                links: &links[..PIXELS],
-                positions: &positions,
-                history: &histories[stream],
-            };
-            let expected = temporal::reference::resolve(resolve, SIZE, frame, &inputs);
+            let inputs = temporal::reference::Frame { now, before, links: &links[..pixels], positions, history: &histories[stream] };
+            let expected = temporal::reference::resolve(resolve, size, frame, &inputs);
             let found = meter.picture(gpu, stream, 0).expect("the device works");
             for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
                 assert_eq!(signal::is_terrain(*found), expected[3] > 0.0);
-                assert!(
-                    expected[3] == 0.0 || (signal::choice(*found), signal::fetches(*found)) == (2, 3),
-                    "choice and fetches must be kept"
-                );
+                let kept = (signal::choice(*found), signal::fetches(*found));
+                assert_eq!(kept, (signal::choice(now[i]), signal::fetches(now[i])), "choice and fetches must be kept");
                 for (k, c) in signal::colour(*found).into_iter().enumerate() {
                     // The tolerance covers one rounding to f16, and the rounding of about a dozen operations in f32.
                     let tolerance = expected[k].abs() * (2f64.powi(-11) + 16.0 * 2f64.powi(-24)) + 1e-7;
@@ -384,10 +539,7 @@ fn resolves_agree_with_their_reference() {
         }
         before = now;
     }
-    // The purpose of a resolve is to reduce noise. So each resolve except `off` must reduce the variation of white noise.
-    let spread = |h: &[[f64; 4]]| h.iter().filter(|p| p[3] > 0.0).map(|p| (p[1] - 0.5).powi(2)).sum::<f64>();
-    let spreads: Vec<f64> = histories.iter().map(|h| spread(h)).collect();
-    assert!(spreads[1..].iter().all(|&s| s < 0.75 * spreads[0]), "{spreads:?}");
+    histories
 }
 
 #[test]

@@ -12,7 +12,7 @@ use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
@@ -86,7 +86,8 @@ struct Equivalent {
     file: String,
     /// The line of the original text, without leading and trailing spaces.
     line: String,
-    /// The changes of this line that are equivalent, written as in the column `change` of the results; `*` = every change of this line.
+    /// The changes of this line that are equivalent, written as in the column `change` of the results. A change without the
+    /// number of an occurrence stands for all its occurrences in the line; `*` stands for every change of the line.
     changes: Vec<String>,
     /// Why no test can notice the change.
     reason: String,
@@ -201,7 +202,19 @@ struct Runner {
     scratch: PathBuf,
 }
 
+/// Set by Ctrl-C. The tests that run then also end by Ctrl-C, which must not count as a failure of a test.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+fn check_interrupted() -> Result<()> {
+    ensure!(
+        !INTERRUPTED.load(Ordering::SeqCst),
+        "stopped by Ctrl-C: mutants that were finished are kept; run the same command to continue"
+    );
+    Ok(())
+}
+
 /// How a run of tests ended.
+#[derive(Debug)]
 enum End {
     Passed,
     Failed(String),
@@ -244,9 +257,11 @@ impl Runner {
             // The process is killed, because it may be stuck in the GPU driver. This also releases its device.
             let _ = child.kill();
             child.wait()?;
+            check_interrupted()?;
             return Ok((end, passed));
         }
         let status = child.wait()?;
+        check_interrupted()?;
         Ok(if status.success() { (End::Passed, passed) } else { (End::Failed(format!("the tests ended with {status}")), passed) })
     }
 
@@ -300,8 +315,55 @@ fn controls() -> Result<()> {
         }
     }
     ensure!(missed.is_empty(), "mutants that no test noticed: {}", missed.join("; "));
+    for Spoilt { what, lines, is_expected } in &SPOILT {
+        let file = *files().iter().find(|file| file.path == SPOILT_FILE).with_context(|| format!("there is no {SPOILT_FILE}"))?;
+        ensure!(file.text.contains(SPOILT_LINE), "{SPOILT_FILE} does not contain `{SPOILT_LINE}`");
+        let text = file.text.replace(SPOILT_LINE, &format!("{lines}\n    {SPOILT_LINE}"));
+        ensure!(compiles(file, &text), "the shader that {what} does not compile");
+        let (end, _) = runner.planted(0, file, &text, |folder| runner.tests(Some(folder), &[SPOILT_TEST.to_owned()], 2, SPOILT_LIMIT))?;
+        println!("a shader that {what} ... {end:?}");
+        ensure!(is_expected(&end), "a shader that {what}: the run of tests must not end with {end:?}");
+    }
     Ok(())
 }
+
+/// A shader that does worse than to compute a wrong number.
+struct Spoilt {
+    what: &'static str,
+    /// The lines that do it. They are inserted before [`SPOILT_LINE`].
+    lines: &'static str,
+    /// Whether the run of tests ended as it must end.
+    is_expected: fn(&End) -> bool,
+}
+
+const SPOILT: [Spoilt; 3] = [
+    Spoilt {
+        what: "does not end",
+        // Software Vulkan ends a loop after 65 535 iterations, so two loops are nested.
+        lines: "var spin = 0u;
+    for (var i = 0u; i < 0xffffffffu; i++) {
+        for (var j = 0u; j < 0xffffffffu; j++) { spin = spin * 1664525u + j; }
+        if spin == 1u { break; }
+    }
+    if spin == 7u { return; }",
+        is_expected: |end| matches!(end, End::Hung),
+    },
+    Spoilt {
+        what: "computes NaN",
+        lines: "positions[row * frame.size.x + first].x = sqrt(f32(motion.lags) - 100.0);",
+        is_expected: |end| matches!(end, End::Failed(_)),
+    },
+    Spoilt {
+        what: "writes outside a buffer",
+        lines: "links[id.x * 1000003u + 40000000u] = 1u;",
+        // The device discards the write, so that it harms no other test.
+        is_expected: |end| matches!(end, End::Passed),
+    },
+];
+const SPOILT_FILE: &str = "motion/motion.wgsl";
+const SPOILT_LINE: &str = "let x = motion_of_quarter(first, row, motion.quarter);";
+const SPOILT_TEST: &str = "motion::links";
+const SPOILT_LIMIT: Duration = Duration::from_secs(20);
 
 fn line_text<'t>(file: &'t Wgsl, mutant: &Mutant) -> &'t str {
     file.text.lines().nth(mutant.line - 1).unwrap_or_default().trim()
@@ -323,6 +385,7 @@ fn run(args: &Args) -> Result<()> {
         );
     }
     ensure!(args.sample > 0, "--sample is 0: give at least 1");
+    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::SeqCst)).context("cannot install a handler for Ctrl-C")?;
     let runner = Runner::new()?;
     for stage in &args.stages {
         let began = Instant::now();
@@ -400,7 +463,9 @@ fn one_stage(args: &Args, strength: &Strength, runner: &Runner, stage: &str) -> 
         let change = mutant.change(file.text);
         let line = line_text(file, &mutant);
         let is_equivalent = |known: &&Equivalent| {
-            known.file == file.path && known.line == line && known.changes.iter().any(|known| *known == change || known == "*")
+            let any = mutant.any_occurrence(file.text);
+            let is_known = |known: &String| [change.as_str(), any.as_str(), "*"].contains(&known.as_str());
+            known.file == file.path && known.line == line && known.changes.iter().any(is_known)
         };
         let fresh = row(Outcome::Survived, "");
         match (strength.equivalent.iter().find(is_equivalent), known.get(&fresh.text)) {

@@ -65,6 +65,15 @@ fn declarations_types_and_comments_are_left_alone() {
 }
 
 #[test]
+fn equal_changes_of_a_line_are_numbered() {
+    let text = "fn f() {\n    return v(0.0, 0.0, x);\n    return 0.0;\n}\n";
+    let changes: Vec<_> = mutants(text).iter().map(|mutant| (mutant.line, mutant.change(text))).collect();
+    let expected = [(2, "`0.0` -> `0.25`, occurrence 1"), (2, "`0.0` -> `0.25`, occurrence 2"), (3, "`0.0` -> `0.25`")]
+        .map(|(line, change)| (line, change.to_owned()));
+    assert_eq!(changes.iter().filter(|(_, change)| change.contains("0.0")).cloned().collect::<Vec<_>>(), expected);
+}
+
+#[test]
 fn guards_are_not_scaled_and_hexadecimal_is_a_whole_number() {
     assert_eq!(inside("a(1e-30);"), ["statement dropped: ", "constant: sign: a((-1e-30));"]);
     assert_eq!(inside("return 0xffu;"), ["constant: step: return 256u;", "constant: half: return 127u;"]);

@@ -75,7 +75,7 @@ fn a_picture_covers_alpha_as_evenly_as_its_kind_promises() {
             let errors: Vec<f64> = pictures.iter().map(|p| covered(p, alpha) as f64 / f64::from(RANKS) - alpha).collect();
             let deviation = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
             let share = deviation / (alpha * (1.0 - alpha) / f64::from(RANKS)).sqrt();
-            println!("{kind}, alpha {alpha}: {share:.3} of chance");
+            println!("{kind}, alpha {alpha}: {share:.3} times the deviation of independent pixels");
             if kind.needs_mask() {
                 assert!(errors.iter().all(|e| e.abs() <= 1.0 / f64::from(RANKS)), "{kind} at alpha {alpha}");
             } else if kind == NoiseKind::InterleavedGradient {

@@ -165,7 +165,7 @@ fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     folder.edit(LIGHTING, LIT_BY_HALF, LIT);
     assert_eq!(folder.reload(&mut renderer).expect("compiles").stages, ["lighting"]);
     assert_eq!(draw(&mut renderer, &request).hdr, first.hdr);
-    gpu.check().expect("no mistake was left to the device");
+    gpu.check().expect("the device reports no error");
 }
 
 #[test]
@@ -266,7 +266,7 @@ fn a_variant_that_alone_cannot_be_built_is_refused_when_it_is_wanted() {
     let error = renderer.render(&full).expect_err("cannot be built");
     // The request has failed, not the device, so the caller can keep the device.
     assert!(matches!(&error, Error::Request(text) if text.contains(shading)), "{error}");
-    gpu.check().expect("the device has nothing to complain about");
+    gpu.check().expect("the device reports no error");
     assert_eq!(draw(&mut renderer, &atlas).hdr, first.hdr);
     // If an edit breaks a variant that has already been drawn, the whole edit is refused.
     folder.edit("shading/pixel.wgsl", "(VARIANT ^ 31u)", "(VARIANT ^ 2u)");

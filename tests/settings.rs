@@ -220,7 +220,7 @@ fn a_wrong_value_of_a_frame_is_said_in_one_sentence_everywhere() {
             homes += 1;
         }
     }
-    assert!(homes > 20, "{homes} were asked");
+    assert!(homes > 20, "only {homes} errors were checked");
 }
 
 #[test]
@@ -251,7 +251,7 @@ fn a_wrong_value_of_a_scene_is_said_in_one_sentence_everywhere() {
         assert!(matches!(&found[..], [line] if line.ends_with(&said)), "{said}: {found:?}");
         homes += 1;
     }
-    assert!(homes > 60, "{homes} were asked");
+    assert!(homes > 60, "only {homes} errors were checked");
 }
 
 #[test]

@@ -16,7 +16,7 @@ const PANES: [&str; 11] =
 
 /// Limit of the number of pixels that may differ. A few pixels differ, because GPUs blend the edges of letters differently.
 const MOST_PIXELS: usize = 12;
-/// Limit of the difference in a channel, of 255. A pixel counts as different if one of its channels exceeds this limit.
+/// Limit of the difference in a channel, on the scale from 0 to 255. A pixel counts as different if one of its channels exceeds this limit.
 const CODES: u8 = 48;
 
 fn file(pane: &str) -> PathBuf {

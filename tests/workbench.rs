@@ -16,6 +16,7 @@ use kernels::world::payload::PAYLOAD_BYTES;
 use workbench::engine::sketch;
 use workbench::model::compare::{Mode, Other};
 use workbench::model::display::Layer;
+use workbench::model::panes::Pane;
 use workbench::model::picture::Shown;
 use workbench::model::settings::numbers;
 use workbench::model::state::Model;
@@ -432,11 +433,11 @@ fn a_place_is_kept_and_gone_back_to_as_the_same_picture() {
     let before = seen(&mut stage);
     stage.hold("W".parse_key(), 4).expect("a picture");
     let elsewhere = seen(&mut stage);
-    assert!(elsewhere.0 != before.0 && elsewhere.1 != before.1, "it flew away");
+    assert!(elsewhere.0 != before.0 && elsewhere.1 != before.1, "the camera must have moved");
     take(&mut stage, "click Keep this place; click Go to place");
-    assert!(seen(&mut stage) == before, "the place that was kept first");
+    assert!(seen(&mut stage) == before, "the view must be that of the first place");
     take(&mut stage, "click Go to place 2");
-    assert!(seen(&mut stage) == elsewhere, "the second, under a name of its own");
+    assert!(seen(&mut stage) == elsewhere, "the view must be that of the second place");
     take(&mut stage, "click Forget place");
     assert!(!stage.has("Go to place") && stage.has("Go to place 2"));
 }
@@ -650,4 +651,75 @@ fn a_click_takes_a_pixel_apart_and_lets_go_of_it() {
     take(&mut stage, "click Picture");
     let [x, y] = stage.model().probe.expect("a click");
     assert!((x - 0.5).abs() < 0.02 && (y - 0.5).abs() < 0.02, "{x} {y}");
+}
+
+/// Controls that [`no_control_is_without_effect`] does not click, by the beginning of their names, with the test that clicks them.
+const NOT_CLICKED: [(&str, &str); 4] = [
+    // Compiling all variants takes long.
+    ("Variant ", "variants_are_forced_by_clicks_and_keys_and_undone"),
+    // The window does not say what these change.
+    ("Restart", "live_metrics_tell_noise_that_stands_from_noise_that_flickers"),
+    ("Cancel run", "a_view_on_screen_is_saved_run_stopped_and_gone_on_with"),
+    // Arrows of the row of tabs, which disappear when the row is scrolled to its end.
+    ("Scroll tabs", "none: they belong to the library of panes"),
+];
+
+/// Steps after which a control has something to do.
+const PREPARED: [(&str, &str); 4] = [
+    ("Material grass", "click Material meadow"),
+    ("Swap A and B", "key 2"),
+    ("Fit", "set Zoom = 4"),
+    ("Go to place", "click View; click camera vista"),
+];
+
+#[test]
+fn no_control_is_without_effect() {
+    // A click on a control must change what a screen reader says about the window, or the state that is saved. Idle drawings of the window must change
+    // neither; otherwise, a control without effect would not be noticed.
+    let mut stage = cheap_stage();
+    let panes: Vec<&str> = Pane::ALL.into_iter().map(Pane::name).collect();
+    let mut tried: BTreeSet<String> = BTreeSet::new();
+    let mut without_effect = Vec::new();
+    for pane in &panes {
+        if *pane != "Viewport" {
+            take(&mut stage, &format!("click {pane}"));
+        }
+        loop {
+            let is_new = |name: &String| {
+                !tried.contains(name) && !panes.contains(&name.as_str()) && !NOT_CLICKED.iter().any(|(start, _)| name.starts_with(start))
+            };
+            let Some((role, name)) = stage.clickable().into_iter().find(|(_, name)| is_new(name)) else { break };
+            tried.insert(name.clone());
+            if let Some((_, steps)) = PREPARED.iter().find(|(prepared, _)| *prepared == name) {
+                take(&mut stage, steps);
+            }
+            let began = Instant::now();
+            // What an earlier click started, such as opening a dialog, must end first.
+            let mut before = state(&mut stage);
+            let is_idle = (0..50).any(|_| {
+                let earlier = std::mem::replace(&mut before, state(&mut stage));
+                earlier == before
+            });
+            let result = stage.take(&Step::Click(name.clone()));
+            let after = state(&mut stage);
+            println!("{pane}: {role:?} {name}: {:?} {:.2} s", result.as_ref().err(), began.elapsed().as_secs_f64());
+            assert!(is_idle, "{name}: the window changes by itself, so a control without effect would not be noticed");
+            if before == after {
+                without_effect.push(format!("{pane}: {role:?} {name}"));
+            }
+            if !stage.has(pane) {
+                take(&mut stage, "key Escape");
+            }
+        }
+    }
+    assert!(without_effect.is_empty(), "{without_effect:#?}");
+    assert!(tried.len() > 60, "only {} controls", tried.len());
+}
+
+/// What a screen reader says about the window, and the state that is saved.
+fn state(stage: &mut Stage) -> (Vec<String>, String) {
+    stage.settle().expect("a picture");
+    let model = stage.model();
+    let kept = format!("{:?} {:?}", model.settings, model.viewpoint);
+    (stage.described(), kept)
 }

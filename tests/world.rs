@@ -1,5 +1,5 @@
-//! Tests the `world` stage, which computes the terrain data (payloads) of quadtree nodes: layout, payload formats, shared edges of nodes, holes,
-//! normal cones, the drawn surface, and the rules that assign materials.
+//! Tests of the `world` stage, which computes the terrain data (payloads) of quadtree nodes. They cover the layout, payload formats, shared edges of
+//! nodes, holes, normal cones, the drawn surface, and the rules that assign materials.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -99,8 +99,8 @@ fn sectors_scale_by_powers_of_two_and_lods_are_as_deep_as_the_data() {
     assert_eq!(layout(10_240.0, None), Layout { sector_m: 64.0, finest_lod: 0 });
     assert_eq!(layout(10_240.1, None).sector_m, 128.0);
     assert_eq!(layout(25_036.8, Some(24.45)), Layout { sector_m: 256.0, finest_lod: 3 });
-    // The finest LOD must not have a spacing of less than half the spacing of the data, which is 10 m here. LOD 3 with 4 m would be too fine, and LOD
-    // 4 has 8 m.
+    // The spacing of the finest LOD must be at least half the spacing of the data, which is 10 m here. LOD 3, with 4 m, would be too fine, so LOD 4,
+    // with 8 m, is the finest.
     assert_eq!(layout(3200.0, Some(10.0)), Layout { sector_m: 64.0, finest_lod: 4 });
     assert_eq!(layout(3200.0, Some(0.5)).finest_lod, 0);
     assert_eq!(layout(9000.0, Some(90.0)).finest_lod, LODS - 1);
@@ -197,10 +197,10 @@ fn coarse_nodes_are_smoother_than_samples_of_their_ground() {
         if lod == 0 {
             assert!(
                 (drawn / sampled - 1.0).abs() < 0.02,
-                "the finest nodes must bend as the ground does: {drawn} m in all, of samples {sampled} m"
+                "the finest nodes must bend as the ground does: the drawn heights bend by {drawn} m in all, sampled heights by {sampled} m"
             );
         } else {
-            assert!(drawn < 0.7 * sampled, "LOD {lod}: bends of {drawn} m in all, of samples {sampled} m");
+            assert!(drawn < 0.7 * sampled, "LOD {lod}: drawn heights bend by {drawn} m in all, sampled ones by {sampled} m");
         }
     }
 }
@@ -232,7 +232,7 @@ fn a_slope_is_reached_exactly_up_to_the_steepest() {
     let steepest = known.max_slope_deg();
     let more = steepest + 1e-9;
     assert!(known.is_as_steep_as(steepest) && !known.is_as_steep_as(more) && !known.is_as_steep_as(f64::NAN));
-    // The same holds if the steepest slope has not been computed before.
+    // The answers must be the same if the steepest slope has not been computed before.
     let asked = alps();
     assert!(asked.is_as_steep_as(-1.0) && asked.is_as_steep_as(0.0) && asked.is_as_steep_as(steepest) && !asked.is_as_steep_as(more));
     assert!(asked.is_as_steep_as(steepest) && asked.is_as_steep_as(10.0) && !asked.is_as_steep_as(more));

@@ -61,7 +61,7 @@ pub(crate) enum Command {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 The demo is a built-in experiment, experiments/definitions/demo.toml. DIR receives the same files as those of `experiments run`. An
-interrupted demo continues when it is started again with the same options. A finished demo, or one with different options, is replaced.
+interrupted demo continues when it is started again with the same options. A finished demo, or a demo with different options, is replaced.
 
 Example:
   experiments demo --out out/demo --seeds 32")]
@@ -83,7 +83,7 @@ pub(crate) struct DemoArgs {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Results go to DIR/<name of the experiment>: report.html, report.md, metrics.parquet, metrics.csv, times.parquet, times.csv,
-manifest.json, pictures/, reference/. An expectation that does not hold is only reported; `experiments check` fails because of it.
+manifest.json, pictures/, reference/. `run` only reports an expectation that does not hold; `experiments check` fails instead.
 --resume continues a run that was stopped, by Ctrl-C or a crash; its metrics are equal to those of an uninterrupted run. Shards may
 run on several machines with equal adapters; `experiments report DIR/<name>` combines them.
 
@@ -465,7 +465,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) && pixels <= MAX_PIXELS {
         Ok([width, height])
     } else {
-        Err(format!("must be 1 to {MAX_SIDE} pixels a side and at most {MAX_PIXELS} (2^26) in all"))
+        Err(format!("each side must be 1 to {MAX_SIDE} pixels, and the picture must have at most {MAX_PIXELS} (2^26) pixels"))
     }
 }
 
@@ -475,7 +475,7 @@ fn jobs(text: &str) -> Result<usize, String> {
 
 fn raw_size(text: &str) -> Result<[u32; 2], String> {
     let [width, height] = pair(text)?;
-    if width >= 2 && height >= 2 { Ok([width, height]) } else { Err("a heightmap has at least 2 samples a side".to_owned()) }
+    if width >= 2 && height >= 2 { Ok([width, height]) } else { Err("a heightmap must have at least 2 samples on each side".to_owned()) }
 }
 
 /// Parses `N` finite numbers separated by commas.

@@ -30,7 +30,7 @@ impl std::fmt::Display for Verdict {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let word = if self.met { "holds" } else { "FAILS" };
         let [low, high] = self.range;
-        write!(f, "{word}: {} [{} in {low} .. {high}; {}]", self.claim.trim(), short(self.value), self.why)
+        write!(f, "{word}: {} [{}, expected {low} to {high}; {}]", self.claim.trim(), short(self.value), self.why)
     }
 }
 

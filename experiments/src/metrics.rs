@@ -78,7 +78,7 @@ metrics! {
     VARIANCE = "variance", "linear albedo^2", Seeds, None,
         "Unbiased variance over seeds, mean over pixels and channels.";
     VARIANCE_THEORY = "variance_theory", "linear albedo^2", Seeds, None,
-        "The variance that the theory of selection predicts for the same pixels.";
+        "Variance that the probabilities of the random choices predict for the same pixels.";
     MSE = "mse", "linear albedo^2", Picture, None,
         "Mean squared error against the converged reference.";
     MRSE = "mrse", "1", Picture, None,
@@ -86,22 +86,22 @@ metrics! {
     RMSE = "rmse", "linear albedo", Picture, None,
         "Root of the mean squared error against the converged reference.";
     PSNR = "psnr", "dB", Picture, None,
-        "Peak signal-to-noise ratio against the converged reference, of display values.";
+        "Peak signal-to-noise ratio of the display values against those of the converged reference.";
     SSIM = "ssim", "1", Picture, None,
-        "Structural similarity to the converged reference, of display values; 1 = the same.";
+        "Structural similarity between the display values and those of the converged reference; 1 = identical.";
     FLIP = "flip", "1", Picture, None,
-        "Mean FLIP difference from the converged reference, of display values; 0 = the same.";
+        "Mean FLIP difference between the display values and those of the converged reference; 0 = identical.";
     FLIP_RATE = "flip_rate", "1", Frames, Lag,
-        "Share of surface points whose stochastic choice differs from that of an earlier frame, by exact reprojection.";
+        "Share of surface points whose random choice differs from their choice in an earlier frame, by exact reprojection.";
     DIFFERENCE = "difference", "linear luminance", Frames, Lag,
         "Mean absolute luminance difference from an earlier frame, by exact reprojection.";
     FLICKER = "flicker", "linear luminance", Frames, Lag,
         "Metric `difference` minus that of the reference sequence.";
     FLICKER_P95 = "flicker_p95", "linear luminance", Frames, Lag,
-        "Like flicker, but the 95th percentile instead of the mean.";
-    CLUMPING = "clumping", "1", Picture, None,
+        "Like `flicker`, but with the 95th percentile instead of the mean.";
+    CLUMPING = "clumping", "1", Seeds, None,
         "Variance of block means of the noise relative to that of white noise of the same variance; 1 = white, more = blotches.";
-    POWER = "power", "1", Picture, Frequency,
+    POWER = "power", "1", Seeds, Frequency,
         "Radial power spectrum of the noise relative to white noise of the same variance.";
     TAA_REJECTIONS = "taa_rejections", "1", Frames, None,
         "Share of history samples that a 3 x 3 colour box clips.";
@@ -114,7 +114,7 @@ metrics! {
     REFERENCE_DIFFERENCE = "reference_difference", "linear luminance", Frames, Lag,
         "Metric `difference` of the reference sequence.";
     REFERENCE_DIFFERENCE_P95 = "reference_difference_p95", "linear luminance", Frames, Lag,
-        "Like reference_difference, but the 95th percentile.";
+        "Like `reference_difference`, but with the 95th percentile instead of the mean.";
     TERRAIN = "terrain", "1", Picture, None,
         "Share of pixels that show terrain; all other metrics are computed over these pixels.";
     TIME = "gpu_ms", "ms", Clock, None,
@@ -132,7 +132,7 @@ pub fn time_of(pass: &str) -> String {
     format!("{TIME}:{pass}")
 }
 
-/// Returns the pass whose device time the metric `name` is; `None` = the metric is not a device time.
+/// Returns the name of the pass if the metric `name` is a device time, and `None` otherwise.
 pub fn timed_pass(name: &str) -> Option<&str> {
     match name.split_once(':') {
         Some((TIME, pass)) if !pass.is_empty() => Some(pass),
@@ -157,10 +157,10 @@ pub fn find(name: &str) -> Option<&'static Metric> {
 pub fn known(name: &str) -> Result<&'static Metric, String> {
     find(name).ok_or_else(|| {
         if name == TIME {
-            return format!("`{TIME}` needs a pass: write `{SHADING_TIME}`");
+            return format!("`{TIME}` needs the name of a pass: write `{SHADING_TIME}`, for example");
         }
         let names = METRICS.map(|metric| metric.name);
-        format!("`{name}` is no metric: {}", suggestion(name, &names))
+        format!("`{name}` is not a known metric: {}", suggestion(name, &names))
     })
 }
 

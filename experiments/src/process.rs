@@ -48,15 +48,15 @@ pub(crate) fn watch_interrupts() -> Result<()> {
             // The exit status 128 + SIGINT, which shells expect after Ctrl-C.
             std::process::exit(130);
         }
-        eprintln!("stopping; unfinished work is discarded; press Ctrl-C again to stop at once");
+        eprintln!("stopping after the current step; unfinished work is discarded; press Ctrl-C again to stop at once");
     })
-    .context("cannot watch for Ctrl-C")
+    .context("cannot install a handler for Ctrl-C")
 }
 
 /// Returns an error if Ctrl-C was pressed.
 pub(crate) fn check_interrupted() -> Result<()> {
     if INTERRUPTED.load(Ordering::SeqCst) {
-        bail!("stopped by Ctrl-C; finished parts are complete");
+        bail!("stopped by Ctrl-C: unfinished work is discarded, and files that were already written to --out are kept");
     }
     Ok(())
 }

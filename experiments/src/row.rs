@@ -94,7 +94,7 @@ pub const COLUMNS: [Column; 16] = [
     column("value", "the number; NaN if the metric has no value", Field::Value(|r| r.value, |r| &mut r.value)),
     column(
         "standard_error",
-        "standard error of the value, in its unit; absent = unknown or none",
+        "standard error of the value, in the unit of the value; absent = unknown or not applicable",
         Field::Number(|r| r.standard_error, |r| &mut r.standard_error),
     ),
 ];

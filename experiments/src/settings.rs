@@ -207,7 +207,7 @@ mod tests {
         assert!(assignment("frame.exposure=1").is_err_and(|what| what.contains("give --exposure instead")));
         assert!(assignment("blend.hash_scale").is_err_and(|what| what.contains("KEY=VALUE")));
         let args = SceneArgs { settings: vec![("world.detail_m", Value::Float(1.0))] };
-        assert!(args.scene("default").is_err_and(|error| error.to_string().contains("`world.detail_m` does not exist here")));
+        assert!(args.scene("default").is_err_and(|error| error.to_string().contains("`world.detail_m` does not apply to")));
         let args = SceneArgs { settings: vec![("blend.hash_scale", Value::Float(2.0))] };
         assert_eq!(args.scene("default").map(|scene| scene.blend.hash_scale).ok(), Some(2.0));
     }

@@ -60,8 +60,8 @@ pub struct Outcome {
 
 /// An object that carries out parts.
 pub trait Measure {
-    /// Carries out one part. Files (pictures) are written to `folder`, each completely. `step(done, total)` is called to report the progress within
-    /// the part. Implementations check for an interrupt between steps.
+    /// Carries out one part. Pictures and other files are written to `folder`, each completely or not at all. `step(done, total)` is called to report
+    /// the progress within the part. Implementations check for an interrupt between steps.
     ///
     /// # Errors
     /// The part cannot be rendered, or its files cannot be written. The part is then not finished.

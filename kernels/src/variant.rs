@@ -68,7 +68,7 @@ pub struct Variant(u8);
 /// The error for a text or number that is not a variant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{given}` is not a variant: give a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat (as in `vt+near-cliff`){}{hint}",
+    "`{given}` is not a variant: give a number from 1 to 31, or one or more of vt, far-atlas, near-cliff, far-cliff, splat, joined by `+` (as in `vt+near-cliff`){}{hint}",
     if hint.is_empty() { "" } else { "; " }
 )]
 pub struct NotAVariant {

@@ -1,4 +1,4 @@
-//! Mutants of WGSL: the text of a shader with one small fault.
+//! Mutants of WGSL. A mutant is the text of a shader with one small fault.
 //!
 //! Mutants measure the strength of tests: a mutant that passes all tests shows that its line could be wrong without any test failing. The operators
 //! are those of mutation testing (Jia and Harman 2011, *An Analysis and Survey of the Development of Mutation Testing*, table 3), adapted to WGSL:
@@ -19,8 +19,10 @@ pub(crate) struct Mutant {
     pub(crate) operator: &'static str,
     /// The range of bytes that is replaced.
     pub(crate) range: Range<usize>,
-    /// The text that replaces them.
+    /// The text that replaces the range.
     pub(crate) with: String,
+    /// Number of this mutant among the mutants of its line that have the same description, counted from 1; 0 = no other mutant has the description.
+    pub(crate) occurrence: usize,
 }
 
 impl Mutant {
@@ -29,8 +31,15 @@ impl Mutant {
         format!("{}{}{}", &text[..self.range.start], self.with, &text[self.range.end..])
     }
 
-    /// Describes the change in one line, such as `a * b` -> `a / b`.
+    /// Describes the change in one line, such as `a * b` -> `a / b`. If several changes in the line have the same description, the number of the
+    /// occurrence follows: `1.0` -> `0.5`, occurrence 2.
     pub(crate) fn change(&self, text: &str) -> String {
+        let change = self.any_occurrence(text);
+        if self.occurrence == 0 { change } else { format!("{change}, occurrence {}", self.occurrence) }
+    }
+
+    /// Describes the change without the number of the occurrence.
+    pub(crate) fn any_occurrence(&self, text: &str) -> String {
         let short = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let with = short(&self.with);
         format!("`{}` -> `{}`", short(&text[self.range.clone()]), if with.is_empty() { "(nothing)" } else { &with })
@@ -101,7 +110,18 @@ pub(crate) fn mutants(text: &str) -> Vec<Mutant> {
         seen.push(format!("{:?} {}", mutant.range, mutant.with));
         fresh
     });
+    number(text, &mut all);
     all
+}
+
+/// Sets [`Mutant::occurrence`]: numbers the mutants of each line that have the same description.
+fn number(text: &str, all: &mut [Mutant]) {
+    let described: Vec<(usize, String)> = all.iter().map(|mutant| (mutant.line, mutant.any_occurrence(text))).collect();
+    for (i, mutant) in all.iter_mut().enumerate() {
+        if described.iter().filter(|other| **other == described[i]).count() > 1 {
+            mutant.occurrence = 1 + described[..i].iter().filter(|other| **other == described[i]).count();
+        }
+    }
 }
 
 /// Returns the indices of the tokens of each function body, without its braces.
@@ -153,7 +173,8 @@ fn at_token(text: &str, tokens: &[Token], body: &Range<usize>, at: usize, all: &
     let token = &tokens[at];
     let word = token.text(text);
     let line = 1 + text[..token.range.start].matches('\n').count();
-    let mut add = |operator: &'static str, range: Range<usize>, with: String| all.push(Mutant { line, operator, range, with });
+    let mut add =
+        |operator: &'static str, range: Range<usize>, with: String| all.push(Mutant { line, operator, range, with, occurrence: 0 });
     let before = at.checked_sub(1).filter(|&i| i >= body.start).map(|i| &tokens[i]);
     let after = tokens.get(at + 1).map_or("", |token| token.text(text));
     let binary = before.is_some_and(|token| ends_operand(text, token));

@@ -68,7 +68,7 @@ fn run(args: &Args) -> Result<()> {
     }
     if let Some(file) = &args.screenshot {
         if file.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
-            bail!("{}: its folder does not exist: create it first", file.display());
+            bail!("cannot write {}: its folder does not exist; create the folder first", file.display());
         }
         let steps = script::steps(&args.script).context("--script")?;
         return script::run(args.scene.as_deref().unwrap_or(scene::DEFAULT), args.size, shaders, &steps, file);

@@ -208,6 +208,31 @@ impl Stage {
         names
     }
 
+    /// Describes each element on screen as a screen reader does: its role, name, value and state.
+    pub fn described(&self) -> Vec<String> {
+        let nodes = self.harness.root().children_recursive();
+        nodes
+            .map(|node| {
+                let node = node.accesskit_node();
+                let values = (node.label(), node.value(), node.numeric_value(), node.toggled());
+                format!("{:?} {values:?} {}", node.role(), if node.is_disabled() { "disabled" } else { "enabled" })
+            })
+            .collect()
+    }
+
+    /// Returns the role and the name of each control on screen that a click operates and that is not disabled.
+    pub fn clickable(&self) -> Vec<(Role, String)> {
+        let is_clicked = |role| matches!(role, Role::Button | Role::CheckBox | Role::RadioButton | Role::ComboBox | Role::Link);
+        let nodes = self.harness.root().children_recursive();
+        nodes
+            .filter_map(|node| {
+                let node = node.accesskit_node();
+                let name = node.label().or(node.value())?;
+                (is_clicked(node.role()) && !node.is_disabled()).then(|| (node.role(), name))
+            })
+            .collect()
+    }
+
     /// Whether an element with this name is on screen.
     pub fn has(&self, name: &str) -> bool {
         self.harness.query_all_by_label(name).next().is_some()

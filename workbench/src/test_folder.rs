@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-/// A temporary folder that is removed when it is dropped.
+/// A temporary folder. It is removed from the disk when this value is dropped.
 pub(crate) struct Folder(pub(crate) PathBuf);
 
 impl Folder {

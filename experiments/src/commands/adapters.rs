@@ -47,7 +47,7 @@ pub(crate) fn run(args: &AdaptersArgs) -> Result<()> {
         bail!("no graphics adapter: install a Vulkan driver (Debian, Ubuntu: `apt-get install mesa-vulkan-drivers`, a software driver)");
     }
     if reports.iter().all(|report| report.usable.is_err()) {
-        bail!("none of the {} adapter(s) is usable; the list above names what each adapter lacks: update its driver", reports.len());
+        bail!("none of the {} adapter(s) is usable: update the drivers (the list above says what each adapter lacks)", reports.len());
     }
     Ok(())
 }

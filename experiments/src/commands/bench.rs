@@ -26,8 +26,8 @@ use crate::process::{check_interrupted, watch_interrupts};
 /// The median times in milliseconds. The key is camera, choice of variants, and pass.
 type Times = BTreeMap<(String, String, String), f64>;
 
-// The following names of passes are used for times of the wall clock. These times do not come from timestamps of the device, because the timestamps
-// of a software adapter include waiting.
+// The three passes below are timed with the wall clock. Timestamps of the device are not used for them, because those of a software adapter include
+// waiting.
 /// The time of rendering a frame, from the request to the end of the device's work.
 const FRAME: &str = "frame (wall clock)";
 /// The time of reading a frame back as the workbench does: the linear picture, the displayed picture, and the layers of live metrics.
@@ -87,13 +87,13 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     print(&text(&gpu, args, &times))
 }
 
-/// Measures three times for each frame, in milliseconds: rendering the frame with automatically chosen variants, reading it back, and comparing it
-/// with the four frames before it. The time of composing the picture, which a measurement includes, is subtracted.
+/// Measures three durations for each frame, in milliseconds: rendering the frame with automatically chosen variants, reading it back, and measuring
+/// the changes from the four previous frames. The measurement also composes the picture; the duration of this step is subtracted.
 fn measuring(renderer: &mut Renderer<'_>, pose: Pose, args: &BenchArgs) -> Result<[(&'static str, Vec<f64>); 3]> {
     let layers = Layers::new(renderer.gpu(), args.size);
     let mut meter = renderer.meter(args.size, &[Resolve::Off])?;
     let all = Flavour::ALL.into_iter().fold(0, |mask, flavour| mask | flavour.bit());
-    let all = Variant::new(all).context("five flavours are a variant")?;
+    let all = Variant::new(all).context("the set of all flavours is not a variant")?;
     let (mut frames, mut readings, mut measures) = (Vec::new(), Vec::new(), Vec::new());
     let layers_read = AovSet::from_names(&["albedo", "choice"])?;
     for frame in 0..LAGS as u32 + args.repeats {
@@ -182,7 +182,7 @@ fn record(file: &Path, gpu: &Gpu, args: &BenchArgs, times: &Times) -> Result<()>
             format!("{ms:.4}"),
         ]))?;
     }
-    let bytes = csv.into_inner().context("cannot finish the table")?;
+    let bytes = csv.into_inner().context("cannot complete the CSV table")?;
     Ok(write_whole(file, |temporary| {
         std::fs::write(temporary, &bytes).map_err(|source| kernels::base::error::Error::File { file: temporary.to_owned(), source })
     })?)

@@ -19,7 +19,8 @@ struct Temporary(PathBuf);
 impl Temporary {
     fn new() -> Result<Temporary> {
         let path = std::env::temp_dir().join(format!("scree-check-{}", std::process::id()));
-        fs::create_dir_all(&path).with_context(|| format!("cannot make the folder {}: give one with --out", path.display()))?;
+        fs::create_dir_all(&path)
+            .with_context(|| format!("cannot make the folder {}: choose another folder with --out", path.display()))?;
         Ok(Temporary(path))
     }
 }

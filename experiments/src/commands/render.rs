@@ -48,7 +48,7 @@ struct FrameSummary {
     frame: u32,
     file: PathBuf,
     /// GPU time of each pass, milliseconds. For a reference, it is the sum over all samples. If one of the layers `fetches`, `choice` or `variant` is
-    /// requested, pixels are shaded by pipelines that count, which are slower.
+    /// requested, pixels are shaded by counting pipelines, which are slower.
     gpu_ms: serde_json::Map<String, serde_json::Value>,
     /// Mean number of fetches over terrain pixels; absent if the layer `fetches` was not requested.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -131,7 +131,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             Some(samples) => reference(&mut renderer, &request, samples, &reporter)?,
         };
         if picture.report.tiles.first() == Some(&0) {
-            eprintln!("note: frame {frame} shows no terrain: the camera looks past it, is outside the world, or is under the ground");
+            eprintln!("note: frame {frame} shows no terrain: the camera looks away from it, is outside the world, or is under the ground");
         }
         let file = if numbered { numbered_file(&args.out, frame) } else { args.out.clone() };
         if is_png {
@@ -208,7 +208,7 @@ fn sample_point(i: u32) -> [f64; 2] {
     [1.0 / G, 1.0 / (G * G)].map(|step| (0.5 + f64::from(i) * step).fract() - 0.5)
 }
 
-/// Sums of the samples of layers that are averaged. They are in f64, so that sums of thousands of samples stay accurate.
+/// Sums over the samples, for the layers that are averaged. The sums are in f64, so that sums of thousands of samples stay accurate.
 struct Sums {
     hdr: Vec<[f64; 4]>,
     colours: Vec<(String, Vec<[f64; 3]>)>,

@@ -23,7 +23,7 @@ pub(crate) fn measurer<'a>(gpu: &'a Gpu, definition: &'a Definition, imported: O
 /// Runs the definitions. If a definition fails, the remaining definitions are still run.
 pub(crate) fn run(args: &RunArgs) -> Result<()> {
     if let Some(jobs) = args.jobs {
-        rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global().context("cannot start worker threads: leave --jobs out")?;
+        rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global().context("cannot start the worker threads: omit --jobs")?;
     }
     let existing = if args.resume { Existing::Resume } else { Existing::Refuse };
     let place = Place { out: &args.out, own: false, existing, shard: args.shard, small: false };
@@ -73,7 +73,7 @@ impl Session {
         if done < all {
             let imported = run.imported();
             let mut measure = measurer(&self.gpu, definition, imported.as_deref())?;
-            // A run has few parts that each take long. The bar therefore shows a percentage of the work and not a number of parts.
+            // A run has few parts, and each part takes long. The bar therefore shows a percentage of the work, not a number of parts.
             let show = |done: u64, total: u64| self.reporter.report(&format!("{} (%)", definition.name), done * 100 / total.max(1), 100);
             let outcome = run.carry_out(measure.as_mut(), &show, &check_interrupted);
             self.reporter.finish();
@@ -102,7 +102,7 @@ pub(crate) fn each(files: &[PathBuf], mut act: impl FnMut(Definition, &Session) 
             if session.is_none() {
                 session = Some(Session::begin()?);
             }
-            let session = session.as_ref().context("made just above")?;
+            let session = session.as_ref().context("the session was not created")?;
             act(definition, session)
         });
         if let Err(error) = outcome {

@@ -102,8 +102,8 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     Ok(())
 }
 
-/// Returns the finding with its errors rounded to three significant digits. Two recorded tables then differ only if the kernels differ, and not in
-/// the last digits.
+/// Returns the finding with its errors rounded to three significant digits. Two recorded tables then differ only if the kernels differ: rounding
+/// errors in the last digits do not change them.
 fn shortened(finding: &Finding) -> Finding {
     let rounded = |x: f64| format!("{x:.2e}").parse::<f64>().unwrap_or(x);
     Finding {
@@ -121,7 +121,7 @@ fn csv(rows: impl Iterator<Item = impl Serialize>) -> Result<Vec<u8>> {
     for row in rows {
         writer.serialize(row)?;
     }
-    writer.into_inner().context("the table cannot be made")
+    writer.into_inner().context("cannot complete the CSV table")
 }
 
 fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {

@@ -64,7 +64,7 @@ pub struct Definition {
     /// A parameter that is varied, and its values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vary: Option<Vary>,
-    /// Scene settings that apply to the whole run, such as `"flavours.cliff_near_m" = 20.0`.
+    /// Settings of the scene and of the frame that apply to the whole run, such as `"flavours.cliff_near_m" = 20.0`.
     #[serde(default, rename = "set", skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, toml::Value>,
     /// Names of the metrics that are measured; empty = all metrics.
@@ -74,13 +74,13 @@ pub struct Definition {
     /// for `auto` and `generic`, and for the reference.
     #[serde(default)]
     pub video: bool,
-    /// The number of samples that make the reference accurate enough.
+    /// The number of samples per pixel that the reference takes.
     #[serde(default)]
     pub reference: Reference,
     /// Which combinations are timed.
     #[serde(default)]
     pub times: Times,
-    /// Changes of the definition with which `check` runs quickly.
+    /// Changes of the definition that make `check` quick.
     #[serde(default)]
     pub small: Small,
     /// The expected results.
@@ -156,7 +156,7 @@ pub enum Motion {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vary {
-    /// A number of the scene file, such as `blend.hash_scale`, or a setting of the frame: `frame.normals` (`octahedral`, `plane-first`, `exact`),
+    /// A setting of the scene file, such as `blend.hash_scale`, or a setting of the frame: `frame.normals` (`octahedral`, `plane-first`, `exact`),
     /// `frame.tile` (4, 8, 16), `frame.classification` (`tile`, `patch`), `frame.lod_bias` (-2 to 4), `frame.vertex_stride` (1, 2, 4), `frame.seed`,
     /// `frame.reseeds`, `frame.two_tilings`.
     pub parameter: String,
@@ -168,7 +168,7 @@ pub struct Vary {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Reference {
-    /// Initial number of samples per pixel. It must be a multiple of 8, which is the size of a batch, and at least 4 batches.
+    /// Initial number of samples per pixel. It must be a multiple of 8, the size of a batch, and at least 32, which is 4 batches.
     pub spp: u32,
     /// Limit of the number of samples per pixel. The number is doubled until the standard error of the reference is at most a tenth of the error of a
     /// 96-fetch blend with one sample per pixel, or until this limit is reached.
@@ -194,7 +194,7 @@ pub enum Times {
     All,
 }
 
-/// Changes of the definition with which `check` runs quickly. If a key is absent, the value of the definition is kept.
+/// Changes of the definition that make `check` quick. If a key is absent, the value of the definition is kept.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Small {
@@ -324,7 +324,7 @@ impl Definition {
         if needs == Needs::Clock || self.metrics.is_empty() || self.metrics.iter().any(|name| name == metric) {
             return Ok(());
         }
-        Err(format!("`{metric}` is not among `metrics`: add it there"))
+        Err(format!("`{metric}` is not among `metrics`: add it to this list"))
     }
 
     /// Returns the definition with the changes of [`Small`] applied.
@@ -346,7 +346,7 @@ impl Definition {
         small
     }
 
-    /// Returns the definition without everything that does not affect the measured numbers, such as prose and expectations.
+    /// Returns a copy that contains only what affects the measured numbers: without the question, the analysis, the expectations and `small`.
     pub(crate) fn measured(&self) -> Definition {
         Definition {
             question: String::new(),

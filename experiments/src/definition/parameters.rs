@@ -72,7 +72,7 @@ fn set(at: &mut Value, path: &[&str], value: &Value) -> Result<(), String> {
                 let names: Vec<String> = items.iter().filter_map(name).collect();
                 let names: Vec<&str> = names.iter().map(String::as_str).collect();
                 return Err(if names.is_empty() {
-                    format!("`{step}` is not in a list of {}: give a number from 1 to {}", items.len(), items.len())
+                    format!("`{step}` is not an entry of this list of {}: give a number from 1 to {}", items.len(), items.len())
                 } else {
                     format!("`{step}` is not in the list: {}", suggestion(step, &names))
                 });
@@ -94,13 +94,13 @@ fn resolve_with(text: &str, folder: &Path, data: Option<OsString>) -> Result<Pat
     };
     match data.filter(|value| !value.is_empty()) {
         Some(data) => Ok(Path::new(&data).join(rest.trim_start_matches(['/', '\\']))),
-        None => {
-            Err(format!("`{text}` needs the variable SCREE_DATA, which is not set: set it to the folder of real terrain and materials"))
-        }
+        None => Err(format!(
+            "`{text}` needs the variable SCREE_DATA, which is not set: set it to the folder that contains the real terrain and materials"
+        )),
     }
 }
 
-/// A heightmap to import, with absolute or resolved file names.
+/// A heightmap to import. Its file names are resolved: they are absolute, or relative to the current folder.
 pub(crate) struct ImportJob {
     /// The heightmap.
     pub(crate) heightmap: PathBuf,
@@ -165,7 +165,10 @@ impl Definition {
         for (parameter, value) in changes {
             let path: Vec<&str> = parameter.split('.').collect();
             if path.len() > MOST_STEPS {
-                let what = format!("a parameter of {} steps cannot be in the scene: at most {MOST_STEPS} steps are accepted", path.len());
+                let what = format!(
+                    "the name of a parameter has {} steps (words between dots), but at most {MOST_STEPS} are accepted: correct the name",
+                    path.len()
+                );
                 return Err(Refused { unknown_key: true, what });
             }
             set(&mut document, &path, value)
@@ -263,7 +266,7 @@ mod tests {
         put("material.b.tile_m", Value::Integer(3)).unwrap();
         put("material.1.tint.2", Value::Float(0.5)).unwrap();
         put("blend", Value::Table("mip_bias = 1.0".parse().unwrap())).unwrap();
-        assert!(put("material.c.tile_m", Value::Integer(3)).is_err_and(|what| what.contains("there are a, b")));
+        assert!(put("material.c.tile_m", Value::Integer(3)).is_err_and(|what| what.contains("the known names are a, b")));
         assert!(put("rule.2.weight", Value::Integer(3)).is_err_and(|what| what.contains("from 1 to 1")));
         assert!(put("blend.hash_scale.x", Value::Integer(3)).is_err_and(|what| what.contains("has no key `x`")));
         let at = |path: &[&str]| path.iter().fold(&document, |at, key| key.parse::<usize>().map_or_else(|_| &at[*key], |i| &at[i]));

@@ -14,10 +14,10 @@ use super::Definition;
 pub fn load(file: &Path) -> Result<Definition> {
     let place = || format!("experiment {}", file.display());
     if !file.exists() {
-        anyhow::bail!("{}: no such file: give a definition's .toml file", place());
+        anyhow::bail!("{}: no such file: give the .toml file of a definition", place());
     }
     if file.is_dir() {
-        anyhow::bail!("{} is a folder: give a definition's .toml file in it", place());
+        anyhow::bail!("{} is a folder: give the .toml file of a definition in this folder", place());
     }
     let text = document::text_of(file, "definition").map_err(|what| anyhow!(what)).with_context(place)?;
     let folder = match file.parent() {

@@ -1,4 +1,5 @@
-//! Checks of a definition beyond the types of its values. They report errors before a run starts, and not after hours of measuring.
+//! Checks the values of a definition and their combinations; the types of the values are already checked when the file is read. Errors are reported
+//! before a run starts, and not after hours of measuring.
 
 use std::path::Path;
 
@@ -31,7 +32,7 @@ const MAX_UNITS: usize = 100_000;
 const BATCH: u32 = 8;
 const BATCHES: u32 = 4;
 
-/// The cameras, paths and passes of a scene, with which a definition is compared.
+/// The facts about a scene that are needed to check a definition: cameras, paths and passes.
 struct Facts {
     /// Names of cameras, each with its field of view in degrees if it is known.
     cameras: Vec<(String, Option<f64>)>,
@@ -107,7 +108,7 @@ fn refuse<T>(at: &At, what: impl Into<String>) -> Result<T, Problem> {
     Err(at.problem(what))
 }
 
-/// Assigns a problem of the definition that [`Definition::small`] returns to the key that causes it. If a key of `small` causes it, the problem gets
+/// Corrects the place of a problem that was found after the changes of `small` were applied. If a key of `small` causes the problem, the problem gets
 /// the place of this key. Otherwise the place is unchanged, and the message mentions `small`.
 fn in_small(definition: &Definition, mut problem: Problem) -> Problem {
     let small = &definition.small;
@@ -141,7 +142,7 @@ fn small_lists(definition: &Definition) -> Checked {
         })?;
     }
     if definition.small.values.is_some() && definition.vary.is_none() {
-        at.key("values").fail("nothing is varied: remove it, or give [vary]")?;
+        at.key("values").fail("the definition varies no parameter: remove `values`, or add a [vary] section")?;
     }
     Ok(())
 }
@@ -149,7 +150,7 @@ fn small_lists(definition: &Definition) -> Checked {
 /// Checks that a list is neither empty nor too long, that `parse` accepts each entry, and that `parse` returns a different name for each entry.
 fn list(at: &At, texts: &[String], parse: impl Fn(&str) -> Result<String, String>) -> Checked {
     if texts.is_empty() {
-        return at.fail("is empty: name at least one");
+        return at.fail("is empty: give at least one entry");
     }
     if texts.len() > MAX_LIST {
         return at.fail(format!("has {} entries, more than {MAX_LIST}: split the experiment", texts.len()));
@@ -171,7 +172,7 @@ fn shape(definition: &Definition) -> Checked {
     let name = top.key("name");
     name.file_stem(&definition.name)?;
     if !definition.name.is_ascii() {
-        name.fail(format!("`{}` names a folder: use letters a to z, digits, - and _", definition.name))?;
+        name.fail(format!("`{}` names a folder, so it must be ASCII text: use letters a to z, digits, - and _", definition.name))?;
     }
     if definition.question.trim().is_empty() {
         top.key("question").fail("is empty: write the question that the run answers")?;
@@ -185,8 +186,9 @@ fn shape(definition: &Definition) -> Checked {
     let [width, height] = definition.size;
     let pixels = u64::from(width) * u64::from(height);
     if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) || pixels > MAX_PIXELS {
-        top.key("size")
-            .fail(format!("is {width} x {height}: each side must be 1 to {MAX_SIDE} pixels, and the picture at most {MAX_PIXELS}"))?;
+        top.key("size").fail(format!(
+            "is {width} x {height}: each side must be 1 to {MAX_SIDE} pixels, and the picture must have at most {MAX_PIXELS} pixels"
+        ))?;
     }
     let frames = top.key("frames");
     if definition.frames == 0 {
@@ -204,22 +206,22 @@ fn shape(definition: &Definition) -> Checked {
     let (spp, max_spp) = (definition.reference.spp, definition.reference.max_spp);
     if !spp.is_multiple_of(BATCH) || spp < BATCH * BATCHES {
         reference.key("spp").fail(format!(
-            "is {spp}, must be a multiple of {BATCH} and at least {}: its standard error is computed from batches of {BATCH}",
+            "is {spp}, must be a multiple of {BATCH} and at least {}: the reference takes at least {BATCHES} batches of {BATCH} samples",
             BATCH * BATCHES
         ))?;
     }
     if max_spp < spp || max_spp > MAX_SPP {
-        reference.key("max_spp").fail(format!("is {max_spp}, must lie in {spp} (spp) ..= {MAX_SPP}"))?;
+        reference.key("max_spp").fail(format!("is {max_spp}, must be at least `spp` ({spp}) and at most {MAX_SPP}"))?;
     }
     parameters(&top, definition)?;
     let count = plan_size(definition);
     if count > MAX_UNITS as u64 {
-        top.fail(format!("requests {count} parts, which is more than {MAX_UNITS}: split it into several experiments"))?;
+        top.fail(format!("the run would have {count} parts, but at most {MAX_UNITS} are allowed: split the definition into several"))?;
     }
     Ok(())
 }
 
-/// Returns an upper bound of the number of parts of the run, without creating their plan.
+/// Returns an upper bound of the number of parts of the run, without listing the parts.
 fn plan_size(definition: &Definition) -> u64 {
     let count = |length: usize| length.max(1) as u64;
     let settings = count(definition.vary.as_ref().map_or(1, |vary| vary.values.len()));
@@ -238,19 +240,24 @@ fn import_of(at: &At, import: &Import, folder: &Path) -> Checked {
         let range = at.key("height_range_m");
         of_world("height_range_m", Value::Array([low, high].map(Value::Float).to_vec()))?;
         if low >= high {
-            range.fail(format!("[{low}, {high}] must go from low to high: the elevations of the smallest and largest sample"))?;
+            range.fail(format!(
+                "[{low}, {high}] must go from low to high: give the elevation of the smallest sample value, then that of the largest"
+            ))?;
         }
     }
     of_world("detail_m", Value::Float(import.detail_m))?;
     let job = import.job(folder).or_else(|what| refuse(&at.key("heightmap"), what))?;
     if !job.heightmap.is_file() {
-        at.key("heightmap")
-            .fail(format!("there is no file {}: the name is relative to the definition's folder", job.heightmap.display()))?;
+        at.key("heightmap").fail(format!(
+            "there is no file {}: correct the name; relative names start at the folder of the definition",
+            job.heightmap.display()
+        ))?;
     }
     match &job.materials {
-        Some(materials) if !materials.is_dir() => at
-            .key("materials")
-            .fail(format!("there is no folder {}: give one that holds a folder of images per material", materials.display())),
+        Some(materials) if !materials.is_dir() => at.key("materials").fail(format!(
+            "there is no folder {}: give a folder that contains one folder of images for each material",
+            materials.display()
+        )),
         _ => Ok(()),
     }
 }
@@ -279,7 +286,7 @@ fn views(top: &At, definition: &Definition) -> Checked {
         step.within(view.step, -limit, limit)?;
         // Only a step of exactly 0 leaves the camera at rest.
         if view.step.abs() < f64::MIN_POSITIVE {
-            step.fail(format!("is 0: nothing moves; name the camera `{}` in `views` instead", view.camera))?;
+            step.fail(format!("is 0, so nothing moves: remove this [[view]], and name the camera `{}` in `views` instead", view.camera))?;
         }
     }
     Ok(())
@@ -297,7 +304,10 @@ fn choices(top: &At, definition: &Definition) -> Checked {
     if definition.variants.iter().any(|text| text == ALL_VARIANTS) {
         let forced = |text: &&String| matches!(super::variant_choice(text), Ok(VariantChoice::Forced(_)));
         if let Some(index) = definition.variants.iter().position(|text| forced(&text)) {
-            variants.index(index).fail(format!("`{}` is one of `all`: remove one of the two entries", definition.variants[index]))?;
+            variants.index(index).fail(format!(
+                "`{}` is one of `all`, which stands for all 31 variants: remove one of the two entries",
+                definition.variants[index]
+            ))?;
         }
     }
     list(&top.key("estimators"), &definition.estimators, |text| one_of("estimator", text, &Estimator::ALL.map(Estimator::name)))?;
@@ -306,7 +316,7 @@ fn choices(top: &At, definition: &Definition) -> Checked {
     let at = top.key("metrics");
     if !definition.metrics.is_empty() {
         list(&at, &definition.metrics, |text| match metrics::known(text)?.needs {
-            Needs::Clock => Err(format!("`{text}` is a time, which the key `times` requests: remove it here")),
+            Needs::Clock => Err(format!("`{text}` is a device time, and the key `times` requests device times: remove it from `metrics`")),
             _ => Ok(text.to_owned()),
         })?;
     }
@@ -314,7 +324,7 @@ fn choices(top: &At, definition: &Definition) -> Checked {
         if text == metrics::POWER && definition.size.iter().any(|&side| side < metrics::SMALLEST_SIDE) {
             let least = metrics::SMALLEST_SIDE;
             at.index(i)
-                .fail(format!("`power` is computed from squares of at least {least} pixels: make `size` {least} or more, or omit it"))?;
+                .fail(format!("`power` is computed from a square with a side of at least {least} pixels: make both numbers of `size` {least} or more, or remove `power`"))?;
         }
         definition.why_not(text).or_else(|what| at.index(i).fail(what))?;
     }
@@ -324,7 +334,7 @@ fn choices(top: &At, definition: &Definition) -> Checked {
 fn one_of(what: &str, text: &str, known: &[&str]) -> Result<String, String> {
     match known.contains(&text) {
         true => Ok(text.to_owned()),
-        false => Err(format!("`{text}` is no {what}: {}", suggestion(text, known))),
+        false => Err(format!("`{text}` is not a known {what}: {}", suggestion(text, known))),
     }
 }
 
@@ -455,7 +465,7 @@ fn forced(top: &At, definition: &Definition, scene: &Scene) -> Checked {
     match definition.variants.iter().position(needs) {
         None => Ok(()),
         Some(index) => top.key("variants").index(index).fail(format!(
-            "`{}` needs `vt`, but the scene has no virtual texture: name variants without `vt`, or set flavours.far_atlas_m above 0",
+            "`{}` needs `vt`, but the scene has no virtual texture: name variants without `vt`, or set flavours.far_atlas_m to more than 0",
             definition.variants[index]
         )),
     }
@@ -479,7 +489,7 @@ fn expected(at: &At, expectation: &Expectation, definition: &Definition, facts: 
     let [low, high] = expectation.range;
     let range = at.key("range");
     if low.is_nan() || high.is_nan() {
-        range.fail("has a limit that is no number: give the smallest and the largest value; inf and -inf are allowed")?;
+        range.fail("has a limit that is not a number: give the smallest and the largest value; inf and -inf are allowed")?;
     }
     if low > high {
         range.fail(format!("[{low}, {high}] is reversed: write [{high}, {low}]"))?;
@@ -543,7 +553,7 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
             let last = definition.frames - 1;
             let (low, high) = if column == "lag" { (1, last.min(LAGS)) } else { (0, last) };
             if column == "lag" && metric.axis != Axis::Lag {
-                at.fail(format!("`{}` compares no frames, so its rows have no lag: remove it", metric.name))?;
+                at.fail(format!("`{}` compares no frames, so its rows have no lag: remove `lag`", metric.name))?;
             }
             match value.as_integer() {
                 Some(number) if (i64::from(low)..=i64::from(high)).contains(&number) => Ok(()),
@@ -552,11 +562,11 @@ fn selected(at: &At, column: &str, value: &Value, metric: &metrics::Metric, defi
         }
         Field::Number(..) | Field::Value(..) => {
             if metric.axis != Axis::Frequency {
-                at.fail(format!("`{}` is no spectrum, so its rows have no frequency: remove it", metric.name))?;
+                at.fail(format!("`{}` is not a spectrum, so its rows have no frequency: remove `frequency`", metric.name))?;
             }
             match value.as_float().or_else(|| value.as_integer().map(|number| number as f64)) {
                 Some(number) if number.is_finite() => Ok(()),
-                _ => at.fail(format!("{value} is not a frequency: give cycles per pixel, 0 to 0.7")),
+                _ => at.fail(format!("{value} is not a frequency: give cycles per pixel, 0 to 0.5")),
             }
         }
     }

@@ -45,7 +45,7 @@ pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per
         return Err(Error::Request(format!("{pixels_per_degree} pixels per degree are outside the range of FLIP, {low} to {high}")));
     }
     if test.len() != area(size) || reference.len() != area(size) || test.is_empty() {
-        return Err(Error::Request(format!("FLIP needs {}x{} values, at least 1, of both test and reference", size[0], size[1])));
+        return Err(Error::Request(format!("FLIP needs {}x{} pixels (at least 1) in both the test and the reference", size[0], size[1])));
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 just before; NaN becomes 0")]
     let code = |v: &f32| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
@@ -61,7 +61,7 @@ pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per
 impl Map {
     /// Summarises the pixels that the mask selects, or all pixels without a mask. If there is no pixel, all numbers are 0.
     ///
-    /// The function of the crate that does this is not used, because it sums in f32, and its maximum does not start at 0.
+    /// The pooling function of the crate `nv-flip` is not used, because it sums in f32, and its maximum does not start at 0.
     pub fn pool(&self, mask: Option<&[bool]>) -> Flip {
         let counts = |index: usize| mask.is_none_or(|mask| mask.get(index).copied().unwrap_or(false));
         let mut errors: Vec<f32> = self.errors.iter().enumerate().filter(|(i, _)| counts(*i)).map(|(_, e)| *e).collect();

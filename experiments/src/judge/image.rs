@@ -106,7 +106,7 @@ fn check_size(width: u64, height: u64) -> std::result::Result<[u32; 2], String> 
 fn coded(input: impl BufRead + Seek, layer: Option<&str>) -> std::result::Result<Image, String> {
     let reader = ImageReader::new(input).with_guessed_format().map_err(|error| format!("cannot be read: {error}"))?;
     if reader.format().is_none() {
-        return Err("is no picture: give an OpenEXR, PNG or JPEG file".to_owned());
+        return Err("is not a picture: give an OpenEXR, PNG or JPEG file".to_owned());
     }
     if let Some(layer) = layer {
         return Err(format!("has no layer `{layer}`: only OpenEXR files have layers"));
@@ -298,9 +298,9 @@ mod tests {
             let text = Image::read(&file.0, None).unwrap_err().to_string();
             assert!(text.contains(says) && text.contains("broken"), "{text}");
         };
-        refused(b"", "is no picture");
+        refused(b"", "is not a picture");
         refused(b"P6 words", "cannot be decoded");
-        refused(b"plain words", "is no picture");
+        refused(b"plain words", "is not a picture");
         refused(&20_000_630_u32.to_le_bytes(), "cannot be decoded as OpenEXR");
         refused(b"\x89PNG\r\n\x1a\nrest", "cannot be decoded");
         let mut values = ramp(0.0);

@@ -7,9 +7,9 @@
 //! - MRSE = mean over P and k of (t - r)² / (r² + 0.01), as in tev. imgtool's denominator is (r + 0.01)²: it is 100 times smaller at black, where a
 //!   single pixel can then decide the mean, and 0 for r = -0.01. tev's formula is the relative error of Rousselle, Knaus and Zwicker 2011, *Adaptive
 //!   Sampling and Reconstruction using Greedy Error Minimization*, with their epsilon.
-//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. tev and imgtool do not have this metric. A peak needs bounded values, so the values are encoded.
-//!   For 8-bit pictures the result is then equal to that of other tools. PSNR is infinite if nothing differs. PSNR of linear values with peak 1 would
-//!   contain the same information as the MSE: see [`psnr_db`].
+//! - PSNR = 10 log10(1 / mean of (s(t) - s(r))²) dB. tev and imgtool do not have this metric. Encoded values are used, because only bounded values
+//!   have a peak, which is 1. For 8-bit pictures the result is then equal to that of other tools. PSNR is infinite if nothing differs. PSNR of linear
+//!   values with peak 1 would contain the same information as the MSE: see [`psnr_db`].
 //! - SSIM of s(t) and s(r): [`ssim`].
 //! - FLIP of s(t) and s(r) in 8 bits: [`flip`].
 //!
@@ -100,7 +100,7 @@ impl FromStr for Metric {
         let names = Metric::ALL.map(Metric::name);
         Metric::ALL.into_iter().find(|metric| metric.name() == text).ok_or_else(|| {
             let hint = nearest(text, &names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            Error::Request(format!("`{text}` is no metric: there are {}{hint}", names.join(", ")))
+            Error::Request(format!("`{text}` is not a known metric: the metrics are {}{hint}", names.join(", ")))
         })
     }
 }

@@ -77,7 +77,9 @@ pub(super) fn variance(rows: impl IntoIterator<Item = (f64, f64, Option<f64>)>, 
     let furthest = outside.iter().copied().max_by(f64::total_cmp);
     let but = match furthest {
         Some(z) if z.is_finite() => {
-            format!("; ratios outside deviate by at most {z:.1} standard errors; {limit:.1} expected by chance with {seeds} seeds")
+            format!(
+                "; ratios outside this range deviate from the prediction by at most {z:.1} standard errors; up to {limit:.1} are expected by chance with {seeds} seeds"
+            )
         }
         _ => String::new(),
     };

@@ -162,7 +162,7 @@ fn absent(run: &RunData, summary: &Summary, metric: Metric) -> String {
         SHADING if definition.times == Times::None => "not timed: times = \"none\"".to_owned(),
         SHADING if definition.times == Times::FirstNoise && !first_noise => "timed with the first noise only".to_owned(),
         SHADING => "not timed".to_owned(),
-        BIAS | VARIANCE | THEORY if definition.seeds == 0 => "not measured: seeds = 0".to_owned(),
+        BIAS | VARIANCE | THEORY | CLUMPING if definition.seeds == 0 => "not measured: seeds = 0".to_owned(),
         REJECTIONS if !matches!(summary.key.temporal.as_str(), "" | "off") => "measured only without a resolve".to_owned(),
         _ if metric.lag.is_some() && definition.frames < 2 => "not measured: one frame".to_owned(),
         _ if !definition.metrics.is_empty() && !definition.metrics.iter().any(|m| m == metric.name) => {
@@ -250,8 +250,16 @@ pub(super) fn golden(run: &RunData, table: &Table) -> Vec<GoldenRow> {
     rows
 }
 
+/// A check with its name: whether it passes, and its description. `None` = the run has nothing that could be checked.
+type NamedCheck = (&'static str, Option<(bool, String)>);
+
 /// Returns the checks of a run: whether each passes, and its description.
 pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<(bool, String)> {
+    named_checks(run, table, verdicts).into_iter().filter_map(|(_, check)| check).collect()
+}
+
+/// Returns all checks with their names.
+pub(super) fn named_checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> [NamedCheck; 6] {
     let stochastic = || table.summaries.iter().filter(|s| s.is_stochastic());
     let place = |view: &str| if table.views.len() > 1 { format!(", {view}") } else { String::new() };
     let names: Vec<String> = stochastic().map(|s| table.label(&s.key) + &place(&s.key.view)).collect();
@@ -268,11 +276,16 @@ pub(super) fn checks(run: &RunData, table: &Table, verdicts: &[Verdict]) -> Vec<
         let words = "references have a standard error of at most a tenth of the smallest RMSE measured against them";
         (good == judged.len(), format!("{good} of {} {words}", judged.len()))
     });
-    let doubles = (table.doubles > 0).then(|| (false, format!("{} numbers have more than one row; the first counts", table.doubles)));
-    [expected, references, checks::promises(&golden(run, table)), checks::bias(biases, seeds), checks::variance(variances, seeds), doubles]
-        .into_iter()
-        .flatten()
-        .collect()
+    let doubles = (table.doubles > 0)
+        .then(|| (false, format!("{} numbers have more than one row; only the first row of each is used", table.doubles)));
+    [
+        ("expectations", expected),
+        ("references", references),
+        ("promises", checks::promises(&golden(run, table))),
+        ("bias", checks::bias(biases, seeds)),
+        ("variance", checks::variance(variances, seeds)),
+        ("doubles", doubles),
+    ]
 }
 
 /// Returns the names and values of facts about the set-up. If a fact was not recorded, its value is a dash.

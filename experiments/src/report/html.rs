@@ -87,7 +87,7 @@ pub(super) const VARIANCE_TERM: (&str, &str) = (
 /// Names and explanation of the ways in which a variant is chosen.
 pub(super) const CHOICE_TERM: (&str, &str) = (
     "Forced, auto, generic",
-    "forced: one variant on every tile; auto: on each tile the variant of its classification; generic: one kernel that reads the mask at run time.",
+    "forced: one variant on every tile; auto: each tile runs the variant that its classification gives; generic: one kernel that reads the mask at run time.",
 );
 
 /// The note about times of a software adapter.

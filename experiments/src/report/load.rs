@@ -22,7 +22,7 @@ pub(crate) fn read_run(folder: &Path) -> Result<RunData> {
 pub(crate) fn of(run: store::RunData) -> Result<RunData> {
     Ok(RunData {
         definition: run.definition,
-        manifest: serde_json::to_value(&run.manifest).context("the manifest cannot be put into JSON")?,
+        manifest: serde_json::to_value(&run.manifest).context("cannot convert the manifest to JSON")?,
         rows: run.rows,
         times: run.times,
         missing: run.missing,

@@ -28,8 +28,11 @@ pub(super) fn text(run: &RunData, table: &Table, verdicts: &[Verdict], answer: &
         text += &if name == "Command" { format!("- {name}: {}\n", code(&value)) } else { format!("- {name}: {}\n", escape(&value)) };
     }
     let all = table.summaries.len();
-    let cut =
-        if cut < all { format!(" The table shows {cut} of {all} choices: the Pareto fronts and single variants.") } else { String::new() };
+    let cut = if cut < all {
+        format!(" The table shows {cut} of {all} choices: those on a Pareto front, single flavours, and automatic choices.")
+    } else {
+        String::new()
+    };
     text += &format!(
         "\n---\n{REPORT_TEXT} omits plots, spectra, reference facts and pictures, which are in {REPORT_PAGE} next to it. All numbers are in metrics.parquet and times.csv.{cut}\n"
     );

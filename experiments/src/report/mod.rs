@@ -14,6 +14,8 @@ mod load;
 mod markdown;
 mod numbers;
 mod pictures;
+#[cfg(test)]
+mod planted;
 mod plots;
 mod run;
 pub(crate) mod stability;

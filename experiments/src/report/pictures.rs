@@ -69,7 +69,9 @@ pub(super) fn sheets(run_folders: &[PathBuf], room: usize) -> String {
             }
         }
     }
-    html += &format!("<p>At most {WIDTH} pixels wide; the originals lie in <code>{PICTURES}/</code>. Click one to enlarge it.</p>\n");
+    html += &format!(
+        "<p>The pictures are reduced to at most {WIDTH} pixels in width; the originals are in <code>{PICTURES}/</code>. Click a picture to enlarge it.</p>\n"
+    );
     if left_out > 0 {
         html += &format!(
             "<p class=\"note\">{left_out} of {} pictures are left out to limit the size of the page; they are in <code>{PICTURES}/</code>.</p>\n",

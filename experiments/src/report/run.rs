@@ -79,7 +79,7 @@ fn expectations(run: &RunData, verdicts: &[Verdict]) -> String {
     let mut html = "<section id=\"expectations\"><h2>Expectations</h2>\n".to_owned();
     let expected = columns::expectations(run, verdicts);
     if expected.is_empty() {
-        return html + "<p class=\"missing\">The definition states none.</p></section>\n";
+        return html + "<p class=\"missing\">The definition states no expectation.</p></section>\n";
     }
     html += "<table class=\"expected\"><thead><tr><th></th><th>Claim</th><th>Metric</th><th class=\"n\">Value</th><th class=\"n\">Expected</th><th>How</th></tr></thead><tbody>\n";
     for verdict in expected {
@@ -104,14 +104,17 @@ fn facts(run: &RunData, table: &Table) -> String {
         ("RMSE, FLIP, PSNR, SSIM", "errors of the last frame, seed 0, against the converged 96-fetch reference, over terrain pixels."),
         BIAS_TERM,
         VARIANCE_TERM,
-        ("Flip rate", "share of surface points whose random choice has changed since k frames earlier, by exact reprojection."),
+        ("Flip rate", "share of surface points whose random choice differs from their choice k frames earlier, by exact reprojection."),
         (
             "Flicker",
-            "mean absolute difference in luminance from k frames earlier, by exact reprojection, minus that of the reference sequence; if it is \
+            "mean absolute difference in luminance from the frame k frames earlier, by exact reprojection, minus that of the reference sequence; \
              below 0, the picture changes less than the reference.",
         ),
         ("Clumping", "variance of block means, divided by that of white noise: 1 = white noise, above 1 = blotches, below 1 = blue noise."),
-        ("\u{b1}, bars and bands", "95 % confidence intervals (1.96 standard errors); without an interval, the error is unknown."),
+        (
+            "\u{b1}, bars and bands",
+            "95 % confidence intervals (1.96 standard errors), except in the column Bias; without an interval, the error is unknown.",
+        ),
         CHOICE_TERM,
     ];
     format!(
@@ -278,7 +281,7 @@ fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error
             table.label(&table.summaries[base].key),
             if run.is_software() { ", software adapter" } else { "" }
         ),
-        _ => format!("{} (counted, logarithmic scale)", cost.words),
+        _ => format!("{} (logarithmic scale)", cost.words),
     };
     let y_title = match error {
         RMSE => "RMSE against the reference (linear albedo)".to_owned(),
@@ -290,8 +293,8 @@ fn pareto_plot(run: &RunData, table: &Table, rows: &[usize], cost: Metric, error
         None if table.variants.len() > 1 => plots::PARETO_LEGEND.to_owned(),
         None => String::new(),
         Some(palette) => format!(
-            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front: no choice is both cheaper and better.</span> {}\
-             A number in brackets is the number of points that share a place. Grey or black points share a place although their colours differ.",
+            "{}<span class=\"entry\"><span class=\"key front\"></span>Pareto front: no other choice is both cheaper and better than a choice on this line.</span> {}\
+             A label with a number in brackets stands for that number of points close together. A grey or black point covers a point of another colour.",
             palette.legend(rows.iter().map(|&i| &table.summaries[i]).filter(|s| s.value(cost) > 0.0 && s.value(error).is_finite())),
             if table.variants.len() > 1 { "Large dots: one flavour; small: several; largest: auto; ring: generic. " } else { "" }
         ),
@@ -331,7 +334,7 @@ fn kept(table: &Table, mut curves: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, usize) 
 
 /// Returns a note that says how many curves are shown; empty if all are shown.
 fn left_out(kept: usize, all: usize) -> String {
-    if all > kept { format!("{kept} of {all} choices; the others are in the table. ") } else { String::new() }
+    if all > kept { format!("{kept} of {all} choices are shown; the others are in the table. ") } else { String::new() }
 }
 
 fn parameter(run: &RunData, table: &Table) -> Result<String> {
@@ -561,7 +564,7 @@ fn lags(table: &Table) -> Result<String> {
 
 fn spectra(table: &Table) -> Result<String> {
     let after = query(&["whole[whole.metric == \"power\"].pivot_table(\"value\", \"frequency\", key)"]);
-    per_view(table, "spectra", "Spectra of the noise that is left", &after, |view| {
+    per_view(table, "spectra", "Spectra of the noise", &after, |view| {
         let mut html = String::new();
         for close_up in close_ups(table, view) {
             let CloseUp { name: variant, choices, all, .. } = &close_up;
@@ -642,8 +645,8 @@ fn choices(run: &RunData, table: &Table) -> String {
         Source::ShadingRatio => " title=\"gpu_ms:shading, divided by that of the view's first timed row\"".to_owned(),
     };
     let mut html =
-        "<section id=\"choices\"><h2>All choices</h2>\n<p>Click a heading to sort. A mark on the left, and the column Front, say on which \
-         Pareto front of its view a row lies: fetches and error, fetches and flicker, or both.</p>\n"
+        "<section id=\"choices\"><h2>All choices</h2>\n<p>Click a heading to sort. The column Front shows on which \
+         Pareto front of its view a row lies: cost against error, cost against flicker, or both. Such a row also has a mark on the left.</p>\n"
             .to_owned();
     if table.summaries.len() > 12 {
         html += "<p><label>Show rows with <input class=\"filter\" type=\"search\" placeholder=\"near-cliff hashed\"></label> <span class=\"count\"></span></p>\n";
@@ -707,7 +710,7 @@ fn references(table: &Table) -> String {
         "<section id=\"references\"><h2>References</h2>\n<p>Errors are measured against the supersampled 96-fetch blend. Its standard error must be \
          at most a tenth of the smallest RMSE measured against it.</p>\n<table class=\"narrow\"><thead><tr><th>View</th>{setting}\
          <th class=\"n\">Samples per pixel</th>\
-         <th class=\"n\">Standard error</th><th class=\"n\">Smallest RMSE</th><th class=\"n\">Share</th><th></th><th class=\"n\">Its own change, k = 1</th></tr></thead><tbody>\n"
+         <th class=\"n\">Standard error</th><th class=\"n\">Smallest RMSE</th><th class=\"n\">Share</th><th></th><th class=\"n\">Difference, k = 1</th></tr></thead><tbody>\n"
     );
     for facts in &table.references {
         let (class, word) = match facts.suffices() {
@@ -745,7 +748,7 @@ fn provenance(table: &Table) -> String {
         "import pandas as pd\nm = pd.read_parquet(\"metrics.parquet\")   # or pd.read_csv(\"metrics.csv\", keep_default_na=False, na_values={{\"frame\": \"\", \"lag\": \"\", \"frequency\": \"\", \"standard_error\": \"\"}})\n{example}"
     );
     let averaged = if table.averaged > 0 {
-        format!(" {} numbers have no row over all frames: they are means over the frames, made by this report.", table.averaged)
+        format!(" {} numbers have no row over all frames; their values are means over the frames, made by this report.", table.averaged)
     } else {
         String::new()
     };

@@ -1,5 +1,5 @@
-//! The report of the stability lab: for which arguments each kernel is exact, where it deviates from its formula and at what cost, and the measured
-//! errors of stored directions and properties of noise.
+//! The report of the stability lab. It says for which arguments each kernel is exact, and for which arguments it deviates from its formula and what error
+//! this causes. It also lists the measured errors of stored directions, and the measured properties of noise.
 
 use std::fmt::Write as _;
 
@@ -211,7 +211,7 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
                tolerance is derived in the code of the kernel and is larger for ill-conditioned rows. `finite, as required` means that these \
                arguments lie outside the kernel's intended range, where results must only be finite."
             .to_owned(),
-        columns: columns(&["kernel: what", "over", "largest error", "ulp", "of the tolerance", ""]),
+        columns: columns(&["kernel: measure", "parameter", "largest error", "ulp", "of the tolerance", ""]),
         rows: groups.iter().map(row).collect(),
     }
 }
@@ -254,7 +254,7 @@ fn across(groups: &[Group<'_>], devices: &[Side<'_>]) -> Table {
         row.push(holds(group.passes()));
         rows.push(row);
     }
-    let mut names = columns(&["kernel: what", "over", "unit"]);
+    let mut names = columns(&["kernel: measure", "parameter", "unit"]);
     names.extend(devices.iter().map(|&side| side_name(side).to_owned()));
     names.push(String::new());
     let note = format!("Largest error on each adapter. {alike} of {} measures are equal on all adapters and are omitted.", groups.len());
@@ -279,8 +279,8 @@ fn of_noise(rows: &[Row]) -> Table {
     let failing = shown.iter().filter(|row| !row.holds()).count();
     shown.truncate(failing.max(8));
     let note = format!(
-        "{tests} tests share a level of 0.1 %, so each has the level {}; {} other numbers must lie in their ranges. {failing} fail. \
-         The table lists the failures and, up to 8 rows, the tests with the smallest p.",
+        "The {tests} tests together have a level of 0.1 %, so each test has the level {}. Another {} numbers must lie in their ranges. In total, \
+         {failing} fail. The table lists all failures. If there are fewer than 8, it also lists the tests with the smallest p, up to 8 rows.",
         number(level),
         rows.len() - tests
     );

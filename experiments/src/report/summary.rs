@@ -1,6 +1,6 @@
 //! Converts rows to one summary for each choice. A summary contains the data of one row of a table and of one point of a plot.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use kernels::variant::Variant;
 
@@ -94,7 +94,7 @@ const fn moving(name: &'static str, words: &'static str) -> Metric {
 }
 
 pub(super) const FETCHES: Metric = still(metrics::FETCHES_PER_PX, "fetches per pixel");
-pub(super) const TILE_FETCHES: Metric = still(metrics::TILE_FETCHES_PER_PX, "fetches per pixel of the tiles' variants");
+pub(super) const TILE_FETCHES: Metric = still(metrics::TILE_FETCHES_PER_PX, "promised fetches per pixel of the tiles' variants");
 pub(super) const SHADING: Metric = still(metrics::SHADING_TIME, "shading time");
 pub(super) const BIAS: Metric = still(metrics::BIAS, metrics::BIAS);
 pub(super) const VARIANCE: Metric = still(metrics::VARIANCE, metrics::VARIANCE);
@@ -244,9 +244,10 @@ struct Slot {
     whole: Option<Number>,
     sum: f64,
     finite: usize,
-    frames: usize,
-    /// The first row of a single frame, with the number of the frame.
-    single: Option<(u32, Number)>,
+    /// The frames that have a row of their own.
+    frames: BTreeSet<u32>,
+    /// The first row of a single frame.
+    single: Option<Number>,
 }
 
 impl Slot {
@@ -258,13 +259,13 @@ impl Slot {
         if whole.is_some() {
             return whole;
         }
-        let (_, single) = single?;
-        if frames == 1 {
+        let single = single?;
+        if frames.len() == 1 {
             return Some(single);
         }
         let value = if finite > 0 { sum / finite as f64 } else { f64::NAN };
         // Consecutive frames are correlated, so the standard error of the mean cannot be computed from the scatter of their values.
-        Some(Number { value, standard_error: None, frames: Frames::Mean { finite, rows: frames }, ..single })
+        Some(Number { value, standard_error: None, frames: Frames::Mean { finite, rows: frames.len() }, ..single })
     }
 }
 
@@ -292,13 +293,11 @@ impl Table {
             let number = |frames| Number { value: row.value, standard_error: row.standard_error, unit: row.unit.clone(), frames };
             match row.frame {
                 Some(frame) => {
-                    // If the frame of the first row occurs again, the row is a duplicate. Repeated rows of later frames are not detected.
-                    if slot.single.as_ref().is_some_and(|(known, _)| *known == frame) {
+                    if !slot.frames.insert(frame) {
                         doubles += 1;
                         continue;
                     }
-                    slot.single.get_or_insert_with(|| (frame, number(Frames::One(frame))));
-                    slot.frames += 1;
+                    slot.single.get_or_insert_with(|| number(Frames::One(frame)));
                     if row.value.is_finite() {
                         (slot.sum, slot.finite) = (slot.sum + row.value, slot.finite + 1);
                     }

@@ -274,6 +274,12 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     run.rows.push(Row { value: 8.0, ..run.rows[0].clone() });
     assert_eq!((value(&run), Table::of(&run).doubles), (7.0, 1));
     assert!(html(&run, &[]).contains("<li class=\"bad\">1 numbers have more than one row"));
+    // The same holds for a second row of any frame, which would otherwise shift the mean.
+    for again in 0..2 {
+        let mut run = frames(&[1.0, 3.0], None);
+        run.rows.push(Row { value: 8.0, ..run.rows[again].clone() });
+        assert_eq!((value(&run), Table::of(&run).doubles), (2.0, 1));
+    }
 }
 
 #[test]
@@ -383,7 +389,7 @@ fn several_views_are_kept_apart() {
     let folder = Folder::new("apart");
     let run = fake::variants(folder.path(), &["cliff", "ground"], &["hashed"]);
     let table = Table::of(&run);
-    // The reference of the second view is not accurate enough, and that of the first is. Each view has its own Pareto front.
+    // The reference of the second view is not accurate enough, but that of the first is. Each view has its own Pareto front.
     assert_eq!(table.references.iter().map(|r| (r.view.as_str(), r.suffices())).collect::<Vec<_>>(), [("cliff", true), ("ground", false)]);
     let fronts = columns::fronts(&table);
     assert!(table.views.iter().all(|view| table.of_view(view).iter().any(|&i| fronts[i].error)));

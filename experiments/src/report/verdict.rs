@@ -1,4 +1,5 @@
-//! Builds the sentence that answers the question of a run from its numbers. The form of the sentence depends on which column varies.
+//! Answers the question of a run in one sentence, which is built from the numbers of the run. The form of the sentence depends on which column
+//! varies.
 
 use super::numbers::{CONFIDENCE_95, number, speed, with_interval};
 use super::summary::{CLUMPING, FETCHES, FLICKER, FLIPS, Metric, REJECTIONS, SHADING, Summary, TILE_FETCHES, Table};
@@ -232,7 +233,7 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
     });
     let name = |i: usize| &table.summaries[i].key.noise;
     let variant = &table.summaries[*rows.first()?].key.variant;
-    let mut text = format!("with {variant}, of {} noises ", rows.len());
+    let mut text = format!("with {variant} and {} noises, ", rows.len());
     match (extremes(table, &rows, FLIPS), extremes(table, &rows, CLUMPING)) {
         (Some((steady, restless)), Some((even, _))) if steady != even => {
             let of = |i: usize| format!("{} ({})", name(i), flips_and_clumping(&table.summaries[i]));
@@ -253,16 +254,16 @@ fn noises(table: &Table, rows: &[usize]) -> Option<String> {
         (None, None) => {
             let (low, high) = extremes(table, &rows, table.error)?;
             let of = |i: usize| format!("{} ({})", name(i), say(table.error, table.summaries[i].value(table.error)));
-            return Some(text + &format!("the smallest error is that of {}, the largest that of {}", of(low), of(high)));
+            return Some(text + &format!("{} has the smallest error, and {} has the largest", of(low), of(high)));
         }
     }
     for metric in [FLICKER, table.error] {
         if let Some((low, high)) = extremes(table, &rows, metric) {
             let of = |i: usize| format!("{} ({})", number(table.summaries[i].value(metric)), name(i));
             text += &if spread(table, (low, high), metric) < SMALL {
-                format!(", {} is {} under all", metric.words, number(table.summaries[low].value(metric)))
+                format!("; {} is {} with all noises", metric.words, number(table.summaries[low].value(metric)))
             } else {
-                format!(", {} ranges from {} to {}", metric.words, of(low), of(high))
+                format!("; {} ranges from {} to {}", metric.words, of(low), of(high))
             };
         }
     }
@@ -283,8 +284,8 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
         if table.variants.len() > 1 || table.noises.len() > 1 { format!(" (with {}, {})", key.variant, key.noise) } else { String::new() };
     let head = format!("of {} values of {}{with}", rows.len(), table.parameter);
     let still_words = || still.iter().map(|(m, _)| m.words).collect::<Vec<_>>().join(", ");
-    // The sentence treats the metric that changes the most as the purpose of the parameter. Clumping is treated as a side effect of fewer flips, so
-    // it is selected only if no other metric changes.
+    // The values of the parameter are ranked by the metric that changes the most. Clumping is used only if no other metric changes, because more
+    // clumping is a side effect of fewer flips.
     let lead =
         moved.iter().copied().filter(|(m, _)| *m != CLUMPING).max_by(|a, b| spread(table, a.1, a.0).total_cmp(&spread(table, b.1, b.0)));
     let Some((metric, (best, worst))) = lead.or_else(|| moved.first().copied()) else {
@@ -302,7 +303,7 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
     let alike: Vec<&str> =
         rows.iter().copied().filter(|&i| i != best && are_alike(table, best, i, metric)).map(|i| name(i).as_str()).collect();
     if !alike.is_empty() {
-        text += &format!(", within chance the same at {}", alike.join(", "));
+        text += &format!(", whose 95 % interval overlaps with that at {}", alike.join(", "));
     }
     let others: Vec<String> = moved
         .iter()
@@ -322,10 +323,10 @@ fn parameter(table: &Table, rows: &[usize]) -> Option<String> {
         text += &format!("; {}", others.join(", "));
     }
     if [FLIPS, FLICKER].contains(&metric) && extremes(table, &rows, CLUMPING).is_none() {
-        text += ", clumping was not measured";
+        text += "; clumping was not measured";
     }
     if !still.is_empty() {
-        text += &format!("; it changes {} by less than {:.0} %", still_words(), 100.0 * SMALL);
+        text += &format!("; the parameter changes {} by less than {:.0} %", still_words(), 100.0 * SMALL);
     }
     Some(text)
 }
@@ -366,8 +367,8 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
                 None => {}
             }
         }
-        let takes = (!moved.is_empty()).then(|| format!("takes {}", moved.join(", ")));
-        let leaves = (!still.is_empty()).then(|| format!("leaves {} within {:.0} %", still.join(", "), 100.0 * SMALL));
+        let takes = (!moved.is_empty()).then(|| format!("changes {}", moved.join(", ")));
+        let leaves = (!still.is_empty()).then(|| format!("changes {} by less than {:.0} %", still.join(", "), 100.0 * SMALL));
         let changes: Vec<String> = takes.into_iter().chain(leaves).collect();
         if changes.is_empty() {
             continue;
@@ -375,11 +376,11 @@ fn temporal(table: &Table, rows: &[usize]) -> Option<String> {
         let rejected = extremes(table, &pairs.iter().flat_map(|p| [p.0, p.1]).collect::<Vec<_>>(), REJECTIONS).map(|(low, high)| {
             let share = |i: usize| format!("{:.1} %", 100.0 * table.summaries[i].value(REJECTIONS));
             let range = if low == high { share(low) } else { format!("{} to {}", share(low), share(high)) };
-            format!(" (its colour box would reject {range} of a history)")
+            format!(" (its colour box would reject {range} of the history samples)")
         });
         parts.push(format!("{resolve} {}{}", changes.join(" and "), rejected.unwrap_or_default()));
     }
-    (!parts.is_empty()).then(|| format!("against {base}, {}", parts.join("; ")))
+    (!parts.is_empty()).then(|| format!("compared with {base}, {}", parts.join("; ")))
 }
 
 /// The result of comparing a metric before and after a temporal resolve.
@@ -403,7 +404,7 @@ fn change(table: &Table, pairs: &[(usize, usize)], metric: Metric) -> Option<Cha
     if pairs.len() == 1 {
         let of = |i: usize| with_interval(table.summaries[i].value(metric), table.summaries[i].error(metric));
         let times = number(ratio(least));
-        return Some(Change::Moved(format!("{} from {} to {} ({times} times)", metric.words, of(least.0), of(least.1))));
+        return Some(Change::Moved(format!("{} from {} to {} (factor {times})", metric.words, of(least.0), of(least.1))));
     }
     let of = |p: &(usize, usize)| {
         let key = &table.summaries[p.1].key;
@@ -413,9 +414,9 @@ fn change(table: &Table, pairs: &[(usize, usize)], metric: Metric) -> Option<Cha
         format!("{} ({}: {before} to {after})", number(ratio(p)), words.join(", "))
     };
     if ratio(most) - ratio(least) < SMALL * ratio(most) {
-        return Some(Change::Moved(format!("{} to {} times", metric.words, number(ratio(least)))));
+        return Some(Change::Moved(format!("{} by a factor of {}", metric.words, number(ratio(least)))));
     }
-    Some(Change::Moved(format!("{} to {} ... {} times", metric.words, of(least), of(most))))
+    Some(Change::Moved(format!("{} by a factor of {} to {}", metric.words, of(least), of(most))))
 }
 
 fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
@@ -464,11 +465,11 @@ fn estimators(table: &Table, rows: &[usize]) -> Option<String> {
 fn without_cost(table: &Table, rows: &[usize]) -> Option<String> {
     let (metric, (low, high)) = [table.error, FLICKER].into_iter().find_map(|m| Some((m, extremes(table, rows, m)?)))?;
     let item = |i: usize| format!("{} ({})", table.label(&table.summaries[i].key), price(table, &table.summaries[i]));
-    let what = format!("no cost was measured; by {}", metric.words);
+    let what = format!("no cost was measured; by {},", metric.words);
     Some(if low == high {
-        format!("{what} there is only {}", item(low))
+        format!("{what} the only choice is {}", item(low))
     } else {
-        format!("{what} the best is {}, the worst {}", item(low), item(high))
+        format!("{what} the best choice is {}, and the worst is {}", item(low), item(high))
     })
 }
 
@@ -547,10 +548,13 @@ mod tests {
         let mut all = vec![(variant("vt"), [NONE, 0.05, 0.001, NONE, NONE]), (variant("splat"), [NONE, 0.01, 0.002, NONE, NONE])];
         assert_eq!(
             said(&all),
-            "No cost was measured; by RMSE the best is splat (RMSE 0.01, flicker 0.002), the worst vt (RMSE 0.05, flicker 0.001)."
+            "No cost was measured; by RMSE, the best choice is splat (RMSE 0.01, flicker 0.002), and the worst is vt (RMSE 0.05, flicker 0.001)."
         );
         all.iter_mut().for_each(|(_, values)| values[1] = NONE);
-        assert_eq!(said(&all), "No cost was measured; by flicker the best is vt (flicker 0.001), the worst splat (flicker 0.002).");
+        assert_eq!(
+            said(&all),
+            "No cost was measured; by flicker, the best choice is vt (flicker 0.001), and the worst is splat (flicker 0.002)."
+        );
     }
 
     #[test]
@@ -569,7 +573,7 @@ mod tests {
         assert!(text.contains(": far-atlas (2.0 fetches, RMSE 0.102, flicker 0.000659), vt (4.0 fetches"), "{text}");
         // If the noise changes only the flicker, the range of the flicker is shown.
         assert!(text.contains("far-atlas+near-cliff+far-cliff (22.0 fetches, RMSE 0.0518, flicker 0.0118 to 0.0312)"), "{text}");
-        assert!(text.contains("with auto, of 6 noises"), "{text}");
+        assert!(text.contains("with auto and 6 noises"), "{text}");
     }
 
     #[test]
@@ -582,9 +586,9 @@ mod tests {
         ];
         assert_eq!(
             said(&all),
-            "With auto, of 3 noises the fewest choices flip under hashed (flip rate 0.1, clumping 3), the noise that clumps least is blue (flip rate 0.4, \
-             clumping 0.5), and the most choices flip under white (flip rate 0.5, clumping 1), flicker ranges from 0.002 (hashed) to 0.005 (white), \
-             RMSE is 0.05 under all."
+            "With auto and 3 noises, the fewest choices flip under hashed (flip rate 0.1, clumping 3), the noise that clumps least is blue (flip rate 0.4, \
+             clumping 0.5), and the most choices flip under white (flip rate 0.5, clumping 1); flicker ranges from 0.002 (hashed) to 0.005 (white); \
+             RMSE is 0.05 with all noises."
         );
         // If one noise has both the fewest flips and the least clumping, it is named once.
         let mut both = all.clone();
@@ -597,7 +601,7 @@ mod tests {
             .chain(["splat", "near-cliff"].map(|v| (Row { variant: v.to_owned(), ..noise("hashed") }, all[0].1)))
             .collect();
         more.iter_mut().for_each(|l| l.1[0] = NONE);
-        assert!(said(&more).starts_with("With auto, of 3 noises"), "{}", said(&more));
+        assert!(said(&more).starts_with("With auto and 3 noises"), "{}", said(&more));
         // Flips are always mentioned together with clumping, even if clumping was not measured.
         let mut lost = all.clone();
         lost.iter_mut().for_each(|l| l.1[4] = NONE);
@@ -620,7 +624,7 @@ mod tests {
         assert_eq!(
             said(&all),
             "Of 3 values of blend.hash_scale, 4.0 has the smallest flip rate (0.06, against 0.6 at 0.5); clumping is 8 there and smallest at 0.5 (1), \
-             flicker is smallest there, too (0.001); it changes RMSE, fetches per pixel by less than 2 %."
+             flicker is smallest there, too (0.001); the parameter changes RMSE, fetches per pixel by less than 2 %."
         );
         // The sentence begins with the metric that changes the most.
         all[0].1[0] = 1000.0;
@@ -639,7 +643,7 @@ mod tests {
         }
         let text = verdict(&Table::of(&fake::run(definition("frames = 2\nvariants = [\"auto\"]"), rows, Path::new("."))));
         assert!(
-            text.contains("1 has the smallest flip rate (0.3 \u{b1} 0.0196, against 0.5 \u{b1} 0.0196 at 3), within chance the same at 2"),
+            text.contains("1 has the smallest flip rate (0.3 \u{b1} 0.0196, against 0.5 \u{b1} 0.0196 at 3), whose 95 % interval overlaps with that at 2"),
             "{text}"
         );
         assert!(text.ends_with("clumping was not measured."), "{text}");
@@ -651,18 +655,18 @@ mod tests {
         let one = [(row("hashed", "off"), [10.0, 0.05, 0.004, 0.3, 1.0]), (row("hashed", "exponential"), [10.0, 0.03, 0.001, 0.3, 1.0])];
         assert_eq!(
             said(&one),
-            "Against off, exponential takes flicker from 0.004 to 0.001 (0.25 times), RMSE from 0.05 to 0.03 (0.6 times) and leaves fetches per pixel, \
-             flip rate within 2 %."
+            "Compared with off, exponential changes flicker from 0.004 to 0.001 (factor 0.25), RMSE from 0.05 to 0.03 (factor 0.6) and changes fetches per \
+             pixel, flip rate by less than 2 %."
         );
         let more = [(row("white", "off"), [10.0, 0.05, 0.004, 0.3, 1.0]), (row("white", "exponential"), [10.0, 0.05, 0.002, 0.3, 1.0])];
         let text = said(&[&one[..], &more[..]].concat());
-        assert!(text.contains("takes flicker to 0.25 (hashed: 0.004 to 0.001) ... 0.5 (white: 0.004 to 0.002) times, RMSE to 0.6 (hashed: 0.05 to 0.03) ... 1 (white: 0.05 to 0.05) times"), "{text}");
+        assert!(text.contains("changes flicker by a factor of 0.25 (hashed: 0.004 to 0.001) to 0.5 (white: 0.004 to 0.002), RMSE by a factor of 0.6 (hashed: 0.05 to 0.03) to 1 (white: 0.05 to 0.05)"), "{text}");
         // Ratios that are nearly equal are given as one number.
         let text = said(
             &[&one[..], &more.clone().map(|(row, [a, b, c, d, e])| (row, [a, b * if c < 0.003 { 0.6 } else { 1.0 }, c / 2.0, d, e]))]
                 .concat(),
         );
-        assert!(text.contains("RMSE to 0.6 times and"), "{text}");
+        assert!(text.contains("RMSE by a factor of 0.6 and"), "{text}");
         // If no choice was measured both with and without the resolve, nothing can be compared.
         assert!(said(&[one[0].clone(), more[1].clone()]).starts_with("No row"), "no pair");
     }

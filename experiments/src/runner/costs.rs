@@ -17,7 +17,8 @@ pub(super) struct Prices {
 }
 
 impl Prices {
-    /// Returns the number of fetches of a pixel that is shaded with all flavours of a variant. The scene must not have colour modulation.
+    /// Returns the number of fetches of a pixel that is shaded with all flavours of a variant. The additional fetch in scenes with colour modulation
+    /// is not included.
     pub(super) fn of(self, variant: Variant) -> u32 {
         let twice = |flavour| self.two_tilings && flavour == Flavour::Splat && self.estimator.has_two_tilings();
         variant.flavours().map(|flavour| self.estimator.promised_fetches(flavour) * if twice(flavour) { 2 } else { 1 }).sum()
@@ -67,7 +68,7 @@ fn grouped<K: std::hash::Hash + Eq>(masks: &[u8], prices: Prices, group: impl Fn
         entry.1 += 1;
     }
     let cost = |mask: u8| Variant::new(mask).map_or(0, |variant| prices.of(variant));
-    // The order in which the hash map yields the groups does not affect the sums, because they consist of integers.
+    // The order in which the hash map yields the groups does not affect the sums, because all terms are integers.
     let (sum, pixels) = groups.values().fold((0, 0), |(sum, pixels), &(mask, n)| (sum + u64::from(cost(mask)) * n, pixels + n));
     (pixels > 0).then(|| sum as f64 / pixels as f64)
 }

@@ -70,7 +70,7 @@ struct Fixed {
 const FIXED_BYTES: u64 = 1 << 30;
 
 impl Fixed {
-    /// Prepares the results for this view and estimator. Results of a different view or estimator are discarded.
+    /// Discards the stored results if they belong to a different view or estimator. Results for this view and estimator can then be stored.
     fn of(&mut self, view: &str, estimator: Estimator) {
         if self.view != view || self.estimator != Some(estimator) {
             *self = Fixed { view: view.to_owned(), estimator: Some(estimator), ..Fixed::default() };
@@ -224,8 +224,8 @@ fn split(set: Variant, estimator: Estimator) -> [Option<Variant>; 2] {
 }
 
 impl Stage<'_> {
-    /// Shades each flavour of `needed` on every pixel of a view. Flavours that draw random numbers are shaded in each call. The layers of other
-    /// flavours are kept for all noises, if they fit into [`FIXED_BYTES`].
+    /// Shades each flavour of `needed` on every pixel of a view. Flavours that draw random numbers are shaded in each call. The layers of the other
+    /// flavours do not depend on the noise: they are stored and used again for other noises, as long as the stored layers fit into [`FIXED_BYTES`].
     fn draw(&mut self, request: &RenderRequest, needed: Variant) -> Result<Layers> {
         let [drawing, fixed] = split(needed, request.shading.estimator);
         let key = (request.shading.frame, request.shading.sample_pattern);
@@ -240,7 +240,8 @@ impl Stage<'_> {
             self.renderer.draw_flavours(request, fixed, &layers)?;
             self.fixed.frames.insert(key, layers);
         }
-        // These flavours are drawn last, and in every call, because the measurements read the geometry of the frame that was drawn last.
+        // The flavours that draw random numbers are drawn in every call, and after the others, because the measurements read the geometry of the
+        // frame that was drawn last.
         self.renderer.draw_flavours(request, drawing, &self.layers)?;
         Ok(self.layers.with(&self.fixed.frames[&key], fixed))
     }

@@ -19,8 +19,8 @@ use crate::judge::video::commands;
 use crate::store::{PICTURES, RunPicture, VIDEO, write_with};
 use crate::unit::Unit;
 
-/// The remedy in error messages about pictures that cannot be written.
-const ROOM: &str = "make room if the disk is full";
+/// The beginning of error messages about pictures that cannot be written. It contains the remedy.
+const ROOM: &str = "cannot store a picture (make room if the disk is full)";
 /// Smallest difference in luminance for which a flicker map has the last colour of its scale, which is almost white.
 const MAP_WHITE: f64 = 0.25;
 
@@ -96,7 +96,7 @@ impl Sheet {
             return Ok(());
         }
         let file = self.folder.join(format!("{}.json", self.part));
-        let bytes = serde_json::to_vec_pretty(&self.entries).context("the list of pictures cannot be put into JSON")?;
+        let bytes = serde_json::to_vec_pretty(&self.entries).context("cannot convert the list of pictures to JSON")?;
         write_with(&file, |output| output.write_all(&bytes))
     }
 }
@@ -129,9 +129,9 @@ pub(super) fn display(texels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     texels.iter().map(|t| t.map(srgb_code)).collect()
 }
 
-/// Returns a map of flicker in the colours of magma. It shows the difference in luminance between each pixel of the last picture of `stream` and the
-/// same terrain point in the frame before. `stream` is the index of a variant in `meter`. Pixels whose terrain point was not visible in the frame
-/// before are black.
+/// Returns a map of flicker in the colour map magma. It shows the difference in luminance between each pixel of the last picture of `stream` and the
+/// same terrain point in the previous frame. `stream` is the index of a variant in `meter`. Pixels whose terrain point was not visible in the
+/// previous frame are black.
 pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2]) -> Result<Vec<[u8; 3]>> {
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let (now, before) = (meter.picture(gpu, stream, 0)?, meter.picture(gpu, stream, 1)?);
@@ -152,8 +152,8 @@ pub(super) fn flicker_map(gpu: &Gpu, meter: &Meter, stream: usize, size: [u32; 2
 pub(super) const TILE_MAP_LEGEND: &str =
     "Green: virtual texture, blue: far atlas, red: near cliff, orange: far cliff, violet: splat; mixed colours: several flavours.";
 
-/// Mixes each pixel of `picture` with the colour of the pixel's flavours, half and half. `sets` contains the flavours of each pixel; 0 = none, and
-/// the pixel is unchanged.
+/// Mixes each pixel of `picture` with the colour of the pixel's flavours in equal parts. `sets` contains the flavours of each pixel. If the set is 0,
+/// the pixel has no flavour and is unchanged.
 pub(super) fn tile_map(sets: &[u8], picture: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let colour = |(&set, &seen): (&u8, &[u8; 3])| {
         let Some(variant) = Variant::new(set) else { return seen };

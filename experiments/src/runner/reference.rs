@@ -43,8 +43,8 @@ pub(super) struct Record {
     pub(super) spp: u32,
     /// Root mean square, over terrain pixels and channels, of the standard error.
     pub(super) standard_error: f64,
-    /// For each frame, the mean absolute difference in luminance from the frame that is 1, 2, 3 and 4 frames earlier. `None` if that frame does not
-    /// exist, or if no terrain point is visible in both frames.
+    /// For each frame, the mean absolute difference in luminance from each of the four previous frames. `None` if the earlier frame does not exist,
+    /// or if no terrain point is visible in both frames.
     pub(super) differences: Vec<[Option<f64>; LAGS]>,
     /// 95th percentile of the difference in luminance from the previous frame, over all frames.
     pub(super) difference_p95: Option<f64>,
@@ -96,7 +96,7 @@ impl Accumulated {
         for i in 0..BATCH {
             let jitter = sample_point(self.count, i);
             let picture = renderer.render(&request.with(|r| r.view.jitter = jitter))?;
-            let albedo = picture.vectors("albedo").context("the albedo layer was asked for")?;
+            let albedo = picture.vectors("albedo").context("the layer `albedo` is missing")?;
             for ((sum, texel), (terrain, hdr)) in sums.iter_mut().zip(albedo).zip(self.terrain.iter_mut().zip(&picture.hdr)) {
                 *sum = std::array::from_fn(|k| sum[k] + f64::from(texel[k]));
                 *terrain &= hdr[3] > 0.0;
@@ -147,7 +147,7 @@ impl Runner<'_> {
     /// sample per pixel.
     pub(super) fn reference(&mut self, unit: &Unit, folder: &Path, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let (gpu, definition) = (self.gpu, self.definition);
-        let stage = self.stage.as_mut().context("prepared")?;
+        let stage = self.stage.as_mut().context("the renderer was not prepared")?;
         let renderer = &mut stage.renderer;
         let size = definition.size;
         let splat = Variant::only(Flavour::Splat);
@@ -184,7 +184,7 @@ impl Runner<'_> {
             r
         };
         let single = renderer.render(&request)?;
-        let single = single.vectors("albedo").context("the albedo layer was asked for")?.to_vec();
+        let single = single.vectors("albedo").context("the layer `albedo` is missing")?.to_vec();
         let mut all = Accumulated::new(single.len());
         let mut wanted = batches;
         loop {
@@ -226,7 +226,7 @@ impl Runner<'_> {
         };
         export::write_exr(&file, &picture).context("cannot write the reference picture; if the disk is full, free some space")?;
         let json = file.with_extension("json");
-        let bytes = serde_json::to_vec_pretty(&record).context("the reference cannot be put into JSON")?;
+        let bytes = serde_json::to_vec_pretty(&record).context("cannot convert the facts about the reference to JSON")?;
         write_with(&json, |output| output.write_all(&bytes))?;
         let mut sheet = pictures::Sheet::new(folder, unit);
         let caption = format!("96 fetches, {} samples per pixel, standard error {:.2e}", record.spp, record.standard_error);

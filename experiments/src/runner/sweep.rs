@@ -26,7 +26,8 @@ use crate::unit::{Outcome, Unit};
 
 /// Limit of the number of bands of a spectrum.
 const BANDS: u32 = 24;
-/// The side of the square has at least this number of pixels for each band, so that each band contains enough frequencies.
+/// The square from which a spectrum is computed has at least this many pixels per band along each side, so that each band contains enough
+/// frequencies.
 const PIXELS_PER_BAND: u32 = 8;
 /// Limit of the side of the square from which a spectrum is computed, pixels.
 const SPECTRUM_SIDE: u32 = 256;
@@ -45,7 +46,7 @@ impl How {
     }
 }
 
-/// Sums over the frames of one variant, from which means over frames are computed.
+/// Sums for one variant over all frames. The means over frames are computed from these sums.
 struct Followed {
     fetches: Moments<f64>,
     rejections: Moments<f64>,
@@ -93,7 +94,7 @@ impl Runner<'_> {
         let mut rows = Vec::new();
         let (estimator, noise, temporal) = (how.estimator.to_string(), how.noise.to_string(), how.resolve.to_string());
 
-        let stage = self.stage.as_mut().context("prepared")?;
+        let stage = self.stage.as_mut().context("the renderer was not prepared")?;
         stage.fixed.of(&unit.view, how.estimator);
         // Choices that draw no random numbers may have been measured by a sweep with a different noise. In this case, their rows are reused.
         let known = stage.fixed.rows.get(&how.resolve).cloned();
@@ -156,7 +157,7 @@ impl Runner<'_> {
             self.seeds(needed, how, &choices, &labels, &judged, &variants, &mut rows, &done)?;
         }
         self.gpu.check()?;
-        let fixed = &mut self.stage.as_mut().context("prepared")?.fixed;
+        let fixed = &mut self.stage.as_mut().context("the renderer was not prepared")?.fixed;
         match known {
             Some(known) => rows.extend(known.into_iter().map(|row| Row { noise: noise.clone(), ..row })),
             None => {
@@ -168,7 +169,7 @@ impl Runner<'_> {
     }
 
     /// Measures the errors of each variant in the last frame, and stores pictures.
-    #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
+    #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn errors(
         &self,
         how: &How,
@@ -212,7 +213,8 @@ impl Runner<'_> {
                 sheet.of(labels, name).keep(pictures::Kind::Frame, name, &title, &caption, definition.size, &pictures::display(texels))?;
                 if how.draws(*choice) && definition.frames > 1 {
                     let map = pictures::flicker_map(self.gpu, meter, stream, definition.size)?;
-                    let caption = "Difference in luminance from the frame before, at the same points; white = 0.25 or more.".to_owned();
+                    let caption =
+                        "Difference in luminance from the previous frame, at the same surface points; white = 0.25 or more.".to_owned();
                     let title = format!("Flicker of {name}, {}", labels.noise);
                     sheet.keep(pictures::Kind::FlickerMap, &format!("{name}-flicker"), &title, &caption, definition.size, &map)?;
                 }
@@ -221,8 +223,8 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Computes the cost of each choice if the pixels of a tile or patch are shaded in lockstep, and stores a map of the tiles.
-    #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
+    /// Computes the cost of each choice under the assumption that all pixels of a tile or patch are shaded in lockstep. Stores a map of the tiles.
+    #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn costs(
         &mut self,
         choices: &[(String, VariantChoice)],
@@ -232,7 +234,7 @@ impl Runner<'_> {
         sheet: &mut pictures::Sheet,
         rows: &mut Vec<Row>,
     ) -> Result<()> {
-        let stage = self.stage.as_mut().context("prepared")?;
+        let stage = self.stage.as_mut().context("the renderer was not prepared")?;
         let mark = Mark::frame(self.definition.frames - 1);
         let prices = costs::Prices { estimator: judged.shading.estimator, two_tilings: judged.shading.two_tilings };
         let mut mapped = !labels.is_first_noise();
@@ -250,7 +252,7 @@ impl Runner<'_> {
                         r.outputs.keep_geometry = true;
                     });
                     let picture = stage.renderer.render(&request)?;
-                    let masks: Vec<u8> = picture.values("mask").context("asked for")?.iter().map(|&m| m as u8).collect();
+                    let masks: Vec<u8> = picture.values("mask").context("the layer `mask` is missing")?.iter().map(|&m| m as u8).collect();
                     match picture.vectors("position") {
                         Some(positions) => costs::per_patch(&masks, positions, &stage.renderer, &picture.report.drawn, prices),
                         None => {
@@ -277,7 +279,7 @@ impl Runner<'_> {
     }
 
     /// Measures bias, variance and clumping of each variant over seeds, and the spectrum for the first seed.
-    #[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
+    #[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
     fn seeds(
         &mut self,
         needed: Variant,
@@ -290,7 +292,7 @@ impl Runner<'_> {
         done: &dyn Fn(u32),
     ) -> Result<()> {
         let gpu = self.gpu;
-        let stage = self.stage.as_mut().context("prepared")?;
+        let stage = self.stage.as_mut().context("the renderer was not prepared")?;
         let renderer = &mut stage.renderer;
         let size = judged.view.size;
         let pixels = size[0] * size[1];
@@ -307,7 +309,7 @@ impl Runner<'_> {
             renderer.draw_flavours(&request, needed, &layers)?;
             stage.exact = Some((judged.view.pose, judged.shading.frame, layers));
         }
-        let exact = &stage.exact.as_ref().context("made just above")?.2;
+        let exact = &stage.exact.as_ref().context("the exact blend was not drawn")?.2;
 
         let seeds = kernels::metrics::Seeds::new(gpu, size)?;
         let streams: Vec<_> = variants.iter().map(|_| seeds.stream(gpu)).collect();
@@ -401,7 +403,7 @@ fn is_pictured(labels: &Labels<'_>, how: &How, choice: VariantChoice) -> bool {
 }
 
 /// Adds the rows of one variant for one frame.
-#[allow(clippy::too_many_arguments, reason = "what a sweep knows")]
+#[allow(clippy::too_many_arguments, reason = "the state of a sweep")]
 fn follow(
     labels: &Labels<'_>,
     rows: &mut Vec<Row>,

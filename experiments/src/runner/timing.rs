@@ -21,7 +21,7 @@ impl Runner<'_> {
     /// that a drift of the machine's speed affects all variants equally.
     pub(super) fn time(&mut self, unit: &Unit, estimator: Estimator, noise: NoiseKind, step: &dyn Fn(u64, u64)) -> Result<Outcome> {
         let definition = self.definition;
-        let stage = self.stage.as_mut().context("prepared")?;
+        let stage = self.stage.as_mut().context("the renderer was not prepared")?;
         let choices = stage.choices;
         let renderer = &mut stage.renderer;
         let pose = views::pose(definition, renderer, &unit.view, 0)?;

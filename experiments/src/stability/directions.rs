@@ -20,8 +20,8 @@ const BITS: [u32; 4] = [8, 10, 12, 16];
 /// Mean errors that Cigolle et al. published (JCGT 3(2), 2014) for codes whose coordinates are rounded separately, as pairs of bits and degrees. The
 /// list contains only the published values that were available as quotations.
 const SURVEY: [(u32, f64); 3] = [(8, 0.337_09), (10, 0.083_80), (12, 0.020_91)];
-/// With many bits, the mean error approaches a constant divided by `octahedral::half(bits)`. The two constants, in degrees, apply to the nearest code
-/// of each coordinate and to the nearest direction (docs/stability-lab.md, section 1).
+/// With many bits, the mean error approaches a constant divided by `octahedral::half(bits)`. The first constant applies to [`Rounding::Fast`], the
+/// second to [`Rounding::Exact`]. Both are in degrees (docs/stability-lab.md, section 1).
 const MEAN: [f64; 2] = [42.79, 39.98];
 /// Largest accepted relative deviation of a mean error from the published value. If no value was published, the deviation is measured from the value
 /// that [`MEAN`] gives.

@@ -27,12 +27,12 @@ pub struct Extremes {
     /// The tests of kernels.
     #[serde(rename = "case")]
     pub cases: Vec<Case>,
-    /// The descriptions of arguments for which kernels deviate from their formulas, each with the cost of the deviation.
+    /// Descriptions of the arguments for which kernels deviate from their formulas, each with the cost of the deviation.
     #[serde(default, rename = "bend")]
     pub bends: Vec<Bend>,
 }
 
-/// The description of a deviation of a kernel from its formula, which is a clamp or a fallback.
+/// The description of a deviation of a kernel from its formula. Such a deviation is a clamp or a fallback.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bend {
@@ -72,7 +72,7 @@ pub struct Axis {
 pub struct Case {
     /// Name of the kernel's probe.
     pub kernel: String,
-    /// Values of the parameter, in addition to those of `axis`.
+    /// Name of the parameter.
     pub parameter: String,
     /// Values of the parameter. They are tested in addition to the values of `axis`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -151,10 +151,10 @@ impl Extremes {
             let is_range = |[low, high]: [f64; 2]| low >= 1e-45 && high > low && high <= f64::from(f32::MAX);
             ensure!(
                 axis.log.is_none_or(is_range),
-                "{name}: axis `{}`: `log` takes two numbers above 0 that f32 holds, the smaller one first",
+                "{name}: axis `{}`: `log` takes two numbers above 0 that f32 can represent, the smaller one first",
                 axis.name
             );
-            ensure!(axis.per_decade.is_none_or(|n| (1..=100).contains(&n)), "{name}: axis `{}`: `per_decade` is 1 to 100", axis.name);
+            ensure!(axis.per_decade.is_none_or(|n| (1..=100).contains(&n)), "{name}: axis `{}`: `per_decade` must be 1 to 100", axis.name);
             let is_exponents = |[low, high]: [i32; 2]| (-126..=127).contains(&low) && (low..=127).contains(&high);
             let exponents = axis.powers_of_two.is_none_or(is_exponents);
             ensure!(exponents, "{name}: axis `{}`: `powers_of_two` takes two exponents of -126 to 127, the smaller one first", axis.name);
@@ -170,7 +170,7 @@ impl Extremes {
                 case.parameter,
                 suggestion(&case.parameter, &names)
             );
-            ensure!((1..=MOST_ROWS).contains(&case.rows()), "{place}: `rows` is 1 to {MOST_ROWS}");
+            ensure!((1..=MOST_ROWS).contains(&case.rows()), "{place}: `rows` must be 1 to {MOST_ROWS}");
             let values = read.values(case).map_err(|error| anyhow!("{place}: {error}"))?;
             if let Some(axis) = case.axis.as_ref().filter(|_| values.is_empty()) {
                 bail!("{place}: axis `{axis}` has no values: give it `log`, `powers_of_two` or `also`");
@@ -236,14 +236,14 @@ mod tests {
         for (text, says) in [
             (case(""), "give `values`"),
             (case("axis = \"metres\""), "no axis `metres`"),
-            (case("values = [1]\nrows = 0"), "`rows` is 1"),
+            (case("values = [1]\nrows = 0"), "`rows` must be 1"),
             (case("valus = [1]"), "did you mean `values`"),
             (case("values = [1]").replace("octahedral", "octahedron"), "did you mean `octahedral`"),
             (case("values = [1]").replace("length", "lenght"), "did you mean `length`"),
             ("[[case]]\nkernel = \"weld\"\nparameter = \"x\"\nvalues = [129]".to_owned(), "whole numbers from 0 to 128"),
             (case("values = [1]") + "\n[[axis]]\nname = \"a\"\nlog = [0, 1]", "above 0"),
             (case("values = [1]") + "\n[[axis]]\nname = \"a\"\npowers_of_two = [3, 2]", "two exponents"),
-            (case("axis = \"a\"") + "\n[[axis]]\nname = \"a\"\nlog = [1e-300, 1e300]", "that f32 holds"),
+            (case("axis = \"a\"") + "\n[[axis]]\nname = \"a\"\nlog = [1e-300, 1e300]", "that f32 can represent"),
             (case("axis = \"a\"\nrows = 1048576") + "\n[[axis]]\nname = \"a\"\nlog = [1e-30, 1e30]", "give fewer"),
             (case("axis = \"a\"") + "\n[[axis]]\nname = \"a\"", "axis `a` has no values"),
             ("case = 3".to_owned(), "case"),

@@ -10,14 +10,14 @@ use super::statistics::{Random, coverage_p, normal_bound, sidak};
 pub const SAMPLES: u32 = 1_000_000;
 /// Index of the lowest bit of a hash that affects a threshold (`hash::to_unit`).
 pub const FIRST_BIT: usize = 8;
-/// A change of one of this many low bits in an input word of [`hash::pcg4d`] changes every bit of a threshold with a probability of one half. Carries
-/// of products only affect higher bits. Higher input bits therefore rarely change the lowest output bits, and input bits 25 and above never change
-/// them. The output bits that are not reached change a threshold by at most 2^-18.
+/// Number of low bits in an input word of [`hash::pcg4d`] for which the avalanche is complete: a change of one of these bits changes every bit of a
+/// threshold with a probability of one half. Carries of products only affect higher bits. Higher input bits therefore rarely change the lowest output
+/// bits, and input bits 25 and above never change them. These lowest output bits change a threshold by at most 2^-18.
 pub const MIXED_BITS: usize = 21;
-/// For input bits above [`MIXED_BITS`]: largest accepted deviation from one half, of the probability that a bit in the highest byte of a threshold
-/// changes.
+/// The probability that a bit in the highest byte of a threshold changes may deviate from one half by at most this value, if one of the input bits
+/// from [`MIXED_BITS`] on changes.
 pub const COARSE_DEVIATION: f64 = 0.2;
-/// Largest accepted deviation from one half, of the probability that an output bit changes after a single [`hash::pcg`]. Input bit 21 causes the
+/// The probability that an output bit changes after a single [`hash::pcg`] may deviate from one half by at most this value. Input bit 21 causes the
 /// largest deviation. In [`hash::mix`], the level passes through one `pcg` only, before it passes through [`hash::pcg4d`].
 pub const SINGLE_DEVIATION: f64 = 0.1;
 
@@ -34,9 +34,9 @@ const HASHES: [(&str, usize, usize, Hash); 3] = [
 
 /// Counts for each bit of four words how often it is 1.
 struct Counts {
-    /// Counters of 8 bits each, sixteen in a number. Byte l of number s counts the bit with the index 8 l + s.
+    /// Each number contains sixteen counters of 8 bits. Byte l of number s counts the bit with the index 8 l + s.
     narrow: [u128; 8],
-    /// Number of further additions after which the counters in `narrow` are added to `wide`, because they could overflow.
+    /// Number of additions that are possible before a counter in `narrow` could overflow. At 0, the counters are added to `wide` and reset.
     left: u32,
     /// Counters of all 128 bits. They do not include the counts in `narrow`.
     wide: [u32; 128],
@@ -81,10 +81,10 @@ fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Measures balance over the cells of a lattice, and avalanche over random inputs. The avalanche of an input bit is the largest deviation from one
-/// half of the probability that an output bit changes, over the output bits that affect a threshold. Some input bits should change every output bit
-/// with a probability of one half. The limits of these bits follow from one family of tests with a level of 0.1 %. The limits of the other input bits
-/// are constants of this module.
+/// Measures balance over the cells of a lattice, and avalanche over random inputs. For an input bit, each output bit has a probability that it
+/// changes when the input bit changes. The avalanche of the input bit is the largest deviation of these probabilities from one half, over the output
+/// bits that affect a threshold. Some input bits should change every output bit with a probability of one half. Their limits follow from one family
+/// of tests with a level of 0.1 %. The limits of the other input bits are constants of this module.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {

@@ -40,7 +40,7 @@ impl fmt::Display for Row {
         for part in parts {
             write!(f, "{part}, ")?;
         }
-        write!(f, "{} is {} and not {} to {}", self.statistic, self.value, self.low, self.high)
+        write!(f, "{} is {}, outside the range {} to {}", self.statistic, self.value, self.low, self.high)
     }
 }
 

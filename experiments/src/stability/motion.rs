@@ -32,8 +32,8 @@ const BANDS: usize = 8;
 const BAND: usize = 1;
 /// Vertical field of view.
 const FOV_DEG: f64 = 55.0;
-/// Angle of the view direction above the horizontal plane; negative = downwards. The horizon of level ground is then in the upper half of the
-/// picture.
+/// Angle of the view direction above the horizontal plane; negative = downwards. With this angle, the horizon of level ground is in the upper half of
+/// the picture.
 const PITCH_DEG: f64 = -15.0;
 /// Compass bearing of the view direction and of the direction in which walls rise. It is not parallel to the axes of the noise's cells.
 const YAW_DEG: f64 = 30.0;

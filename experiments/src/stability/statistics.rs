@@ -40,7 +40,7 @@ impl Random {
     }
 }
 
-/// Returns the level of each of `tests` tests, for which all of them together have a level of 0.1 % (Šidák).
+/// Returns the level that each of `tests` tests must have so that all tests together have a level of 0.1 % (Šidák).
 pub fn sidak(tests: usize) -> f64 {
     // This is 1 - 0.999^(1/n). The expression below loses no digits if n is large.
     -(0.999_f64.ln() / tests as f64).exp_m1()

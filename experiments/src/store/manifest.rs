@@ -1,9 +1,10 @@
-//! The description that a run stores of itself: `manifest.json`.
+//! The file `manifest.json`, in which a run stores its own description.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use kernels::base::error::one_line;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
@@ -16,6 +17,9 @@ pub(super) const FILE: &str = "manifest.json";
 
 /// Version of the layout of a run's folder. Folders of other versions are refused.
 const FORMAT: u32 = 1;
+
+/// Key of the checksum of the file. It is not a field of [`Manifest`].
+const CHECKSUM: &str = "checksum";
 
 /// Where the numbers of a run come from: everything except its definition.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,7 +37,7 @@ pub struct Provenance {
     pub command: String,
 }
 
-/// A run's description of itself.
+/// The description of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the layout of the run's folder.
@@ -63,13 +67,43 @@ pub struct Manifest {
     pub provenance: Provenance,
     /// Whether all parts are finished and joined.
     pub complete: bool,
+    /// xxHash64 of everything that must be equal in two runs so that their numbers are comparable. Every part contains it, so that a part of another
+    /// run is recognised. Empty in manifests of older versions.
+    #[serde(default)]
+    pub identity: String,
+    /// xxHash64 of the bytes of each table of a finished run, by the name of the file, and of the folder of the imported scene. Empty in manifests of
+    /// older versions.
+    #[serde(default)]
+    pub files: BTreeMap<String, String>,
+}
+
+/// A manifest in the form in which it is stored.
+#[derive(Serialize)]
+struct Stored<'a> {
+    #[serde(flatten)]
+    manifest: &'a Manifest,
+    checksum: String,
+}
+
+/// The entries of a stored manifest.
+type Entries = serde_json::Map<String, serde_json::Value>;
+
+/// Returns the xxHash64 of all entries of a manifest except its checksum. The order of the entries has no effect.
+fn checksum(entries: &Entries) -> Result<String> {
+    let sorted: BTreeMap<&String, &serde_json::Value> = entries.iter().filter(|(key, _)| *key != CHECKSUM).collect();
+    Ok(definition::hash(&serde_json::to_vec(&sorted)?))
+}
+
+/// Returns the xxHash64 of the bytes of a file.
+pub(super) fn hash_of(file: &Path) -> Result<String> {
+    Ok(definition::hash(&fs::read(file).with_context(|| format!("cannot read {}", file.display()))?))
 }
 
 impl Manifest {
     /// Returns the manifest of a new run. If the run is small, `definition` already contains the changes of `small`.
     pub(super) fn new(definition: &Definition, small: bool, shard: Option<Shard>, provenance: &Provenance) -> Result<Manifest> {
         let text = definition.to_toml()?;
-        Ok(Manifest {
+        let mut manifest = Manifest {
             format: FORMAT,
             schema: super::table::SCHEMA.to_owned(),
             experiment: definition.name.clone(),
@@ -79,15 +113,64 @@ impl Manifest {
             small,
             shard: shard.map(|shard| shard.to_string()),
             seed: format!(
-                "frames count from 0; bias and variance are over the seeds 0 to {}, everything else has seed 0; every random number is an integer hash \
-                 of place or pixel, frame and seed",
+                "frames are numbered from 0; bias and variance are measured over the seeds 0 to {}, everything else with seed 0; every random number is an \
+                 integer hash of the position or the pixel, the frame and the seed",
                 definition.seeds.max(1) - 1
             ),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: option_env!("SCREE_COMMIT").filter(|commit| !commit.is_empty()).map(str::to_owned),
             provenance: provenance.clone(),
             complete: false,
-        })
+            identity: String::new(),
+            files: BTreeMap::new(),
+        };
+        let Manifest { experiment, source_hash, small, shard, version, commit, provenance: Provenance { adapter, driver, .. }, .. } =
+            &manifest;
+        let measured = definition.measured().to_toml()?;
+        let identity = (experiment, small, shard, &measured, source_hash, adapter, driver, version, commit);
+        manifest.identity = definition::hash(&serde_json::to_vec(&identity)?);
+        Ok(manifest)
+    }
+
+    /// Records the bytes that a table has now.
+    pub(super) fn record(&mut self, folder: &Path, table: &str) -> Result<()> {
+        self.files.insert(table.to_owned(), hash_of(&folder.join(table))?);
+        Ok(())
+    }
+
+    /// Checks that a table has the bytes that were recorded. Tables of older versions, which have no record, are accepted.
+    ///
+    /// # Errors
+    /// The table cannot be read, or its bytes differ.
+    pub(super) fn check_table(&self, folder: &Path, table: &str) -> Result<()> {
+        let Some(recorded) = self.files.get(table) else { return Ok(()) };
+        let file = folder.join(table);
+        if hash_of(&file)? != *recorded {
+            bail!(
+                "{}: its content is not what {FILE} records: one of the two files is damaged or belongs to another run; repeat the run, or restore a copy",
+                file.display()
+            );
+        }
+        Ok(())
+    }
+
+    /// Checks that the manifest in a folder is the one that was written. Manifests of older versions, which have no checksum, are accepted.
+    ///
+    /// # Errors
+    /// The manifest cannot be read, or was changed.
+    pub(super) fn check(folder: &Path) -> Result<()> {
+        let file = folder.join(FILE);
+        let text = fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
+        let entries: Entries = serde_json::from_str(&text).with_context(|| format!("{} is damaged", file.display()))?;
+        let Some(stored) = entries.get(CHECKSUM) else { return Ok(()) };
+        let found = checksum(&entries)?;
+        if stored.as_str() != Some(found.as_str()) {
+            bail!(
+                "{}: its checksum is {found}, but {stored} was stored: the manifest is damaged: restore a copy, or remove the folder",
+                file.display()
+            );
+        }
+        Ok(())
     }
 
     pub(super) fn read(folder: &Path) -> Result<Manifest> {
@@ -111,26 +194,28 @@ impl Manifest {
         let format = serde_json::from_str::<serde_json::Value>(text).map_err(|error| broken(error.to_string()))?;
         let format = format.get("format").and_then(serde_json::Value::as_u64).unwrap_or(0);
         if format != u64::from(FORMAT) {
-            return Err(broken(format!("format {format} is not {FORMAT}, the one that this version reads")));
+            return Err(broken(format!("its format is {format}, but this version reads format {FORMAT}")));
         }
         serde_json::from_str(text).map_err(|error| broken(error.to_string()))
     }
 
     pub(super) fn write(&self, folder: &Path) -> Result<()> {
+        let entries: Entries = serde_json::from_value(serde_json::to_value(self)?)?;
+        let stored = Stored { manifest: self, checksum: checksum(&entries)? };
         super::table::write_with(&folder.join(FILE), |output| {
-            serde_json::to_writer_pretty(&mut *output, self)?;
+            serde_json::to_writer_pretty(&mut *output, &stored)?;
             output.write_all(b"\n")
         })
     }
 
-    /// Compares this existing run with the requested run `other`. Returns a description of the first difference that would make their numbers
-    /// incomparable; `None` if there is none.
+    /// Compares this manifest of an existing run ("there" in the description) with `other`, the manifest of the requested run ("here"). Returns a
+    /// description of the first difference that would make their numbers incomparable; `None` if there is none.
     pub(super) fn difference(&self, other: &Manifest) -> Result<Option<String>> {
         let differs = |what: &str, there: &dyn std::fmt::Display, here: &dyn std::fmt::Display| {
             Some(format!("{what} is {} there and {} here", short(&there.to_string()), short(&here.to_string())))
         };
         let shard = |manifest: &Manifest| manifest.shard.clone().unwrap_or_else(|| "the whole run".to_owned());
-        let size = |manifest: &Manifest| if manifest.small { "the small one, made by `check`" } else { "the full one, made by `run`" };
+        let size = |manifest: &Manifest| if manifest.small { "small (made by `check`)" } else { "full (made by `run`)" };
         let pairs = [
             ("the experiment", self.experiment.clone(), other.experiment.clone()),
             ("the run", size(self).to_owned(), size(other).to_owned()),

@@ -15,13 +15,16 @@
 //!
 //! Every file is written under a temporary name, flushed to the disk, and then renamed. A file is therefore either complete or absent. The bytes of
 //! the metrics do not depend on how often the run was stopped and resumed.
+//!
+//! Files can also be damaged later, or be replaced by files of another run. The manifest therefore contains a checksum of itself, and hashes of the
+//! tables and of the imported scene. A part contains the identity of its run, and the part of a reference contains hashes of the reference's files.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use kernels::import::scene_folder;
 use kernels::scene;
 
@@ -37,6 +40,7 @@ pub mod table;
 pub(crate) use pictures::RunPicture;
 pub(crate) use table::write_with;
 
+use manifest::hash_of;
 pub use manifest::{Manifest, Provenance};
 use table::{Table, read_parquet, write_csv, write_parquet};
 
@@ -55,6 +59,9 @@ pub(crate) const REPORT_TEXT: &str = "report.md";
 pub(crate) const VIDEO: &str = "video";
 const NOTE_PART: &str = "scree.part";
 const NOTE_METRICS: &str = "scree.metrics";
+const NOTE_RUN: &str = "scree.run";
+/// Prefix of the notes with the hashes of a reference's files. The name of the file follows.
+const NOTE_FILE: &str = "scree.file.";
 
 /// Number of progress steps into which a part is divided.
 const STEPS: u64 = 1000;
@@ -116,10 +123,10 @@ impl Run {
     /// Starts or continues a run. It locks the folder, writes the manifest, imports the scene if the definition imports one, and finds the finished
     /// parts. If `place.small` is true, `definition` must be the result of [`Definition::small`].
     ///
+    /// # Errors
     /// The message is one line with the remedy. Possible causes: the folder contains other files, a run that must not be resumed, or a different run
     /// (the message says what differs); another process uses the folder; the folder cannot be written; the scene cannot be imported, or lacks
     /// something that the definition needs.
-    /// the folder is in use or cannot be written; or the scene cannot be imported or lacks something that the definition needs.
     pub fn open(definition: &Definition, place: &Place<'_>, provenance: &Provenance) -> Result<Run> {
         let folder = place.folder(definition);
         let show = folder.display();
@@ -130,11 +137,14 @@ impl Run {
         fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {show}: choose another with --out"))?;
         let is_run = || folder.join(manifest::FILE).exists();
         if let Some(foreign) = foreign(&folder)?.filter(|_| !is_run()) {
-            bail!("{show} holds {foreign} and no run: remove it, or choose another --out");
+            bail!("{show} holds `{foreign}`, which does not belong to a run: remove it, or choose another --out");
         }
         let lock = lock(&folder, &provenance.command)?;
         let mut manifest = Manifest::new(definition, place.small, place.shard, provenance)?;
         let there = if is_run() { Some(Manifest::read(&folder)?) } else { None };
+        if there.is_some() {
+            Manifest::check(&folder)?;
+        }
         if let Some(there) = there {
             let difference = there.difference(&manifest)?;
             let replaced =
@@ -145,14 +155,15 @@ impl Run {
                 let state = if there.complete { "a finished run" } else { "a run that was stopped" };
                 // `check` has no --resume, because it takes only a short time.
                 let go_on = if place.small { "" } else { "continue it with --resume, " };
-                bail!("{show} holds {state}: {go_on}remove it, or choose another --out");
+                bail!("{show} holds {state}: {go_on}remove the folder, or choose another --out");
             } else if let Some(difference) = difference {
-                bail!("{show} holds another run, {difference}: choose another --out, or remove the folder");
+                bail!("{show} holds another run ({difference}): choose another --out, or remove the folder");
             } else {
                 // The new manifest is stored, because the prose and the expectations of the definition may have changed. It keeps the provenance of
                 // the existing run, so it contains the command that started the run.
                 manifest.complete = there.complete;
                 manifest.provenance = there.provenance;
+                manifest.files = there.files;
             }
         }
         remove_leftovers(&folder)?;
@@ -191,12 +202,21 @@ impl Run {
         (self.done.len(), self.shares.len())
     }
 
-    fn import(&self) -> Result<()> {
+    fn import(&mut self) -> Result<()> {
         let (Some(import), Some(scene)) = (&self.definition.import, self.imported()) else { return Ok(()) };
-        if !scene.join(scene::FILE).exists() {
+        if scene.join(scene::FILE).exists() {
+            let found = hash_of_folder(&scene)?;
+            ensure!(
+                self.manifest.files.get(SCENE).is_none_or(|recorded| *recorded == found),
+                "{}: its files are not those that were imported: remove this folder, so that the scene is imported again",
+                scene.display()
+            );
+        } else {
             let job = import.job(&self.definition.folder).map_err(|what| anyhow::anyhow!("import: {what}"))?;
             scene_folder::import(&job.heightmap, &job.options, job.materials.as_deref(), job.detail_m, &scene)?;
         }
+        self.manifest.files.insert(SCENE.to_owned(), hash_of_folder(&scene)?);
+        self.manifest.write(&self.folder)?;
         self.definition.check_imported(&scene)
     }
 
@@ -205,12 +225,15 @@ impl Run {
         // A finished run has no folder of parts. If its results are damaged, the folder is created again.
         let parts = self.folder.join(PARTS);
         if self.manifest.complete {
-            let results = [METRICS, TIMES].map(|name| (self.file(name, "parquet"), self.file(name, "csv")));
-            match results.iter().find(|(parquet, csv)| read_parquet(parquet).is_err() || !csv.is_file()) {
-                None => self.done = self.shares.iter().map(|share| share.unit.index).collect(),
-                Some((damaged, _)) => {
-                    self.notes.push(format!("{} is damaged: everything is done again", damaged.display()));
+            match [METRICS, TIMES].into_iter().find(|name| read_table(&self.folder, &self.manifest, name).is_err()) {
+                None => {
+                    self.done = self.shares.iter().map(|share| share.unit.index).collect();
+                    self.mend()?;
+                }
+                Some(damaged) => {
+                    self.notes.push(format!("{} is damaged, so all parts are done again", self.file(damaged, "parquet").display()));
                     self.manifest.complete = false;
+                    self.manifest.files.retain(|name, _| name == SCENE);
                     self.manifest.write(&self.folder)?;
                     fs::create_dir_all(&parts).with_context(|| format!("cannot make the folder {}", parts.display()))?;
                 }
@@ -223,15 +246,51 @@ impl Run {
             if !file.exists() {
                 continue;
             }
-            match read_part(&file, &share.unit) {
+            match read_part(&file, &share.unit, &self.manifest.identity) {
                 Ok(_) => {
                     self.done.insert(share.unit.index);
                 }
                 Err(error) => {
-                    self.notes.push(format!("{error:#}; that part is done again"));
+                    self.notes.push(format!("{error:#}; this part is done again"));
                     fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
                 }
             }
+        }
+        self.survey_references()
+    }
+
+    /// Removes the part of each reference whose files are damaged, if a missing part measures against this reference.
+    fn survey_references(&mut self) -> Result<()> {
+        let references = self.shares.iter().map(|share| &share.unit).filter(|unit| unit.work == Work::Reference);
+        let is_needed = |reference: &&Unit| {
+            let measures =
+                |unit: &Unit| matches!(unit.work, Work::Sweep { .. }) && unit.view == reference.view && unit.setting == reference.setting;
+            self.done.contains(&reference.index)
+                && self.shares.iter().any(|share| measures(&share.unit) && !self.done.contains(&share.unit.index))
+        };
+        for unit in references.filter(is_needed).cloned().collect::<Vec<_>>() {
+            if let Err(error) = check_reference(&self.folder, &unit) {
+                self.notes.push(format!("{error:#}; this reference is made again"));
+                let part = part_file(&self.folder, &unit);
+                fs::remove_file(&part).with_context(|| format!("cannot remove {}", part.display()))?;
+                self.done.remove(&unit.index);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes each CSV table of a finished run again if it is missing or damaged. The Parquet table has the same rows.
+    fn mend(&mut self) -> Result<()> {
+        for name in [METRICS, TIMES] {
+            let csv = format!("{name}.csv");
+            let file = self.folder.join(&csv);
+            if file.is_file() && self.manifest.check_table(&self.folder, &csv).is_ok() {
+                continue;
+            }
+            write_csv(&file, &mut std::iter::once(read_table(&self.folder, &self.manifest, name)))?;
+            self.notes.push(format!("{} was missing or damaged, so it is written again from {name}.parquet", file.display()));
+            self.manifest.record(&self.folder, &csv)?;
+            self.manifest.write(&self.folder)?;
         }
         Ok(())
     }
@@ -256,8 +315,14 @@ impl Run {
             go_on().and_then(|()| measure.measure(unit, &self.folder, &step)).and_then(|outcome| self.keep(&share, outcome)).with_context(
                 || {
                     // `check` has no --resume.
-                    let go_on = if self.manifest.small { "" } else { ": continue from here with --resume" };
-                    format!("`{}`, part {} of {} ({}){go_on}", self.definition.name, unit.index + 1, self.shares.len(), unit.id)
+                    let go_on = if self.manifest.small {
+                        ""
+                    } else {
+                        ": to continue from here, repeat the command with --resume (`demo` needs no --resume)"
+                    };
+                    // A shard counts its own parts.
+                    let number = 1 + self.shares.iter().take_while(|other| other.unit.index != unit.index).count();
+                    format!("`{}`, part {number} of {} ({}){go_on}", self.definition.name, self.shares.len(), unit.id)
                 },
             )?;
             self.done.insert(share.unit.index);
@@ -285,7 +350,15 @@ impl Run {
             rows.sort_by(Row::order);
         }
         let count = outcome.rows.len();
-        let notes = [(NOTE_PART.to_owned(), part_name(unit)), (NOTE_METRICS.to_owned(), count.to_string())];
+        let mut notes = vec![
+            (NOTE_PART.to_owned(), part_name(unit)),
+            (NOTE_METRICS.to_owned(), count.to_string()),
+            (NOTE_RUN.to_owned(), self.manifest.identity.clone()),
+        ];
+        for file in reference_files(&self.folder, unit)? {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            notes.push((format!("{NOTE_FILE}{name}"), hash_of(&file)?));
+        }
         outcome.rows.append(&mut outcome.times);
         let file = part_file(&self.folder, unit);
         write_parquet(&file, &mut std::iter::once(Ok(outcome.rows)), &notes)
@@ -319,18 +392,21 @@ impl Run {
         if !self.manifest.complete {
             let (done, all) = self.progress();
             if done < all {
-                bail!("{} of {all} parts of `{}` are missing: continue with --resume", all - done, self.definition.name);
+                bail!("{} of {all} parts of `{}` are missing: repeat the command with --resume", all - done, self.definition.name);
             }
             for (name, times) in [(METRICS, false), (TIMES, true)] {
                 let groups = || {
                     self.shares.iter().map(|share| {
-                        let (metrics, clocks) = read_part(&part_file(&self.folder, &share.unit), &share.unit)?;
+                        let (metrics, clocks) = read_part(&part_file(&self.folder, &share.unit), &share.unit, &self.manifest.identity)?;
                         Ok(if times { clocks } else { metrics })
                     })
                 };
-                let room = "the parts cannot be joined; continue with --resume";
+                let room = "the parts cannot be joined; repeat the command with --resume to try again";
                 write_parquet(&self.file(name, "parquet"), &mut groups(), &[]).context(room)?;
                 write_csv(&self.file(name, "csv"), &mut groups()).context(room)?;
+            }
+            for table in [METRICS, TIMES].into_iter().flat_map(|name| ["parquet", "csv"].map(|extension| format!("{name}.{extension}"))) {
+                self.manifest.record(&self.folder, &table)?;
             }
             self.manifest.complete = true;
             self.manifest.write(&self.folder)?;
@@ -354,20 +430,71 @@ fn part_file(folder: &Path, unit: &Unit) -> PathBuf {
     folder.join(PARTS).join(format!("{}.parquet", part_name(unit)))
 }
 
-/// Reads the metrics and the times of a part.
-fn read_part(file: &Path, unit: &Unit) -> Result<(Vec<Row>, Vec<Row>)> {
+/// Reads the metrics and the times of a part. `identity` is the identity of the run; empty = the run has none, because an older version wrote it.
+fn read_part(file: &Path, unit: &Unit, identity: &str) -> Result<(Vec<Row>, Vec<Row>)> {
     let Table { rows: mut metrics, notes } = read_parquet(file)?;
+    if !identity.is_empty() && notes.get(NOTE_RUN).is_none_or(|run| run != identity) {
+        bail!("{} does not belong to the run that {} describes", file.display(), manifest::FILE);
+    }
+    // The checksum of the table does not cover the notes, so the number of metrics is compared with the rows.
+    let is_time = |row: &Row| metrics::find(&row.metric).is_some_and(|metric| !metric.is_deterministic());
     let count = notes.get(NOTE_METRICS).and_then(|count| count.parse::<usize>().ok()).filter(|&count| count <= metrics.len());
-    match count {
+    match count.filter(|&count| !metrics[..count].iter().any(is_time) && metrics[count..].iter().all(is_time)) {
         Some(count) if notes.get(NOTE_PART) == Some(&part_name(unit)) => {
             let times = metrics.split_off(count);
             Ok((metrics, times))
         }
-        _ => bail!("{} is not part {}", file.display(), part_name(unit)),
+        _ => bail!("{} does not contain part {}", file.display(), part_name(unit)),
     }
 }
 
-/// Returns the name of the first entry of a folder that does not belong to a run that was stopped before it had a manifest; `None` if there is none.
+/// Returns the files of the reference that a part has made. Parts without a reference have none.
+fn reference_files(folder: &Path, unit: &Unit) -> Result<Vec<PathBuf>> {
+    let own = folder.join(REFERENCE);
+    if unit.work != Work::Reference || !own.is_dir() {
+        return Ok(Vec::new());
+    }
+    let entries = fs::read_dir(&own).with_context(|| format!("cannot read the folder {}", own.display()))?;
+    let mut files: Vec<PathBuf> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
+    files.retain(|file| file.file_stem().is_some_and(|stem| stem == unit.id.as_str()));
+    files.sort();
+    Ok(files)
+}
+
+/// Checks that the files of a reference have the bytes that they had when their part was finished.
+fn check_reference(folder: &Path, unit: &Unit) -> Result<()> {
+    let Table { notes, .. } = read_parquet(&part_file(folder, unit))?;
+    for (name, hash) in notes.iter().filter_map(|(name, hash)| Some((name.strip_prefix(NOTE_FILE)?, hash))) {
+        let file = folder.join(REFERENCE).join(name);
+        ensure!(hash_of(&file)? == *hash, "{}: it is not as its part has written it", file.display());
+    }
+    Ok(())
+}
+
+/// Returns the xxHash64 of the names and the contents of all files in a folder and its subfolders.
+fn hash_of_folder(folder: &Path) -> Result<String> {
+    let context = || format!("cannot read the folder {}", folder.display());
+    let entries = fs::read_dir(folder).with_context(context)?;
+    let mut paths = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<PathBuf>>>().with_context(context)?;
+    paths.sort();
+    let mut list = String::new();
+    for path in &paths {
+        let hash = if path.is_dir() { hash_of_folder(path)? } else { hash_of(path)? };
+        list += &format!("{hash} {}\n", path.file_name().unwrap_or_default().to_string_lossy());
+    }
+    Ok(definition::hash(list.as_bytes()))
+}
+
+/// Reads a table of a finished run.
+fn read_table(folder: &Path, manifest: &Manifest, name: &str) -> Result<Vec<Row>> {
+    let file = format!("{name}.parquet");
+    let Table { rows, .. } = read_parquet(&folder.join(&file))?;
+    manifest.check_table(folder, &file)?;
+    Ok(rows)
+}
+
+/// Returns the name of the first entry of a folder that is neither a lock nor temporary; `None` if there is none. A run that was stopped before it
+/// wrote its manifest leaves only a lock and temporary files.
 fn foreign(folder: &Path) -> Result<Option<String>> {
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read the folder {}", folder.display()))?;
     let mut names: Vec<String> = entries.filter_map(Result::ok).map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
@@ -443,7 +570,7 @@ fn lock(folder: &Path, command: &str) -> Result<Lock> {
             // If the file cannot be read, the message does not name the process that holds the lock.
             let _ = file.read_to_string(&mut who);
             let who = if who.trim().is_empty() { "another process".to_owned() } else { who.trim().to_owned() };
-            bail!("{} is in use by {who}: wait for it, or choose another --out", folder.display());
+            bail!("{} is in use by {who}: wait until that process ends, or choose another --out", folder.display());
         }
         Err(TryLockError::Error(error)) => return Err(error).with_context(context),
     }
@@ -501,8 +628,12 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
         .iter()
         .map(|path| {
             let manifest = Manifest::read(path)?;
-            let shard = manifest.shard.as_deref().and_then(|text| text.parse().ok());
-            Ok(shard.map(|shard: Shard| (path.clone(), manifest, shard)))
+            let shard: Option<Shard> = manifest.shard.as_deref().and_then(|text| text.parse().ok());
+            if shard.is_none() {
+                // The entry may be damaged. The numbers of the shard would then be left out.
+                Manifest::check(path)?;
+            }
+            Ok(shard.map(|shard| (path.clone(), manifest, shard)))
         })
         .filter_map(Result::transpose)
         .collect::<Result<_>>()?;
@@ -513,10 +644,11 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
         bail!("{show} holds no run: give a folder that `experiments run` has written, where manifest.json is");
     };
     let mut whole: Option<RunData> = None;
-    for (path, manifest, _) in &shards {
+    for (path, manifest, shard) in &shards {
         let alike = Manifest { shard: first.shard.clone(), ..manifest.clone() };
         let counts = manifest.shard.as_deref().and_then(|shard| shard.split_once('/')).map(|(_, count)| count.to_owned());
-        let difference = match first.difference(&alike)? {
+        let place = || path.join(manifest::FILE).display().to_string();
+        let difference = match first.difference(&alike).with_context(place)? {
             None if counts != Some(count.to_string()) => {
                 Some(format!("it is one of {} shards there and one of {count} here", counts.unwrap_or_default()))
             }
@@ -524,6 +656,10 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
         };
         if let Some(difference) = difference {
             bail!("{} does not belong to {}: {difference}: keep the shards of different runs apart", path.display(), below[0].display());
+        }
+        let is_same = |other: &&(PathBuf, Manifest, Shard)| other.0 != *path && other.2 == *shard;
+        if let Some((other, ..)) = shards.iter().find(is_same) {
+            bail!("{} and {} both hold shard {shard}: remove one of the two folders", path.display(), other.display());
         }
         let data = read_one(path, manifest.clone())?;
         whole = Some(match whole {
@@ -537,7 +673,7 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
             }
         });
     }
-    let mut whole = whole.context("there is at least one shard")?;
+    let mut whole = whole.context("there is no shard")?;
     let there: BTreeSet<u32> = shards.iter().map(|(_, _, shard)| shard.number).collect();
     whole.missing.extend((1..=count).filter(|number| !there.contains(number)).map(|number| {
         let shard = Shard { number, count };
@@ -550,12 +686,19 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
 }
 
 fn read_one(folder: &Path, manifest: Manifest) -> Result<RunData> {
+    Manifest::check(folder)?;
     let context = || format!("{}: the definition in manifest.json", folder.display());
     let definition = definition::stored(&manifest.definition).with_context(context)?;
     let (mut rows, mut times, mut missing) = (Vec::new(), Vec::new(), Vec::new());
     if manifest.complete {
-        rows = read_parquet(&folder.join(format!("{METRICS}.parquet")))?.rows;
-        times = read_parquet(&folder.join(format!("{TIMES}.parquet")))?.rows;
+        rows = read_table(folder, &manifest, METRICS)?;
+        times = read_table(folder, &manifest, TIMES)?;
+        // The rows are not read from the CSV tables, but other programs read these tables.
+        for csv in [METRICS, TIMES].map(|name| format!("{name}.csv")) {
+            if folder.join(&csv).exists() {
+                manifest.check_table(folder, &csv)?;
+            }
+        }
     } else {
         let shard = manifest.shard.as_deref().map(str::parse::<Shard>).transpose().map_err(anyhow::Error::msg)?;
         let shares = share(&plan(&definition), shard);
@@ -563,14 +706,14 @@ fn read_one(folder: &Path, manifest: Manifest) -> Result<RunData> {
         for share in &shares {
             let file = part_file(folder, &share.unit);
             if file.exists() {
-                let (metrics, clocks) = read_part(&file, &share.unit)?;
+                let (metrics, clocks) = read_part(&file, &share.unit, &manifest.identity)?;
                 rows.extend(metrics);
                 times.extend(clocks);
             } else {
                 lacking += 1;
             }
         }
-        missing.push(format!("{lacking} of {} parts in {}: continue with --resume", shares.len(), folder.display()));
+        missing.push(format!("{lacking} of {} parts in {}: run the experiment again with --resume", shares.len(), folder.display()));
     }
     rows.sort_by(Row::order);
     times.sort_by(Row::order);

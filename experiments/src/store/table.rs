@@ -220,7 +220,7 @@ pub fn read_parquet(file: &Path) -> Result<Table> {
 pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<Table> {
     let damaged = |what: String| {
         let what = one_line(&what);
-        anyhow!("{}: {what}: it is damaged or not a result of a run; repeat the run, or restore a copy", file.display())
+        anyhow!("{}: {what}: the file is damaged, or is not a result of a run; repeat the run, or restore a copy", file.display())
     };
     let reader = quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer is inconsistent".to_owned()))?;
     let reader = reader.map_err(|error| damaged(format!("no Parquet file ({error})")))?;
@@ -238,7 +238,7 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
     let mut take = |name: &str| notes.remove(name).with_context(|| format!("the note `{name}` is missing"));
     let (schema, count, checksum) = (take(NOTE_SCHEMA)?, take(NOTE_ROWS)?, take(NOTE_CHECKSUM)?);
     if schema != SCHEMA {
-        bail!("schema {schema} is not {SCHEMA}, the one that this version reads");
+        bail!("its schema is {schema}, but this version reads schema {SCHEMA}");
     }
     let description = metadata.schema_descr();
     let mut places = Vec::new();
@@ -253,7 +253,7 @@ fn read(reader: &dyn FileReader) -> Result<Table> {
         };
         let found = description.column(place);
         if found.physical_type() != wanted || found.max_def_level() != levels || found.max_rep_level() != 0 {
-            bail!("the column `{}` has another type than {wanted}", column.name);
+            bail!("the column `{}` has the wrong type; it must be {wanted}", column.name);
         }
         places.push(place);
     }
@@ -359,7 +359,7 @@ fn values<T: DataType>(reader: &mut ColumnReaderImpl<T>, optional: bool, most: u
             all.extend(values.map(Some));
         }
         if all.len() > most {
-            bail!("there are more values than rows; there must be at most {most}");
+            bail!("there are more than {most} values for {most} rows");
         }
     }
 }

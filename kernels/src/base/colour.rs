@@ -26,7 +26,7 @@ pub fn linear_from_srgb<T: Float>(encoded: T) -> T {
     if encoded <= of(0.040_45) { encoded / of(12.92) } else { ((encoded + of(0.055)) / of(1.055)).powf(of(2.4)) }
 }
 
-/// Nearest 8-bit code of a number. The number is clamped to 0..=1; NaN gives 0.
+/// Quantises a number in 0..=1 to the nearest 8-bit code. Numbers outside this range are clamped; NaN gives 0.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a cast of a float saturates and turns NaN into 0")]
 pub fn unorm8(value: f32) -> u8 {
     (value * 255.0 + 0.5) as u8

@@ -15,13 +15,13 @@ use toml::de::{DeTable, DeValue};
 use crate::base::error::one_line;
 use crate::base::names::nearest;
 
-/// Limit of the size of a document file, bytes. Documents are small, so a larger file was probably given by mistake.
+/// Largest accepted size of a document file, bytes. Documents are small, so a larger file was probably given by mistake.
 const MAX_BYTES: u64 = 4 << 20;
 
 /// The text of a document file, at most 4 MiB of UTF-8. `kind` names the expected kind of document, such as `scene`.
 ///
 /// # Errors
-/// The reason in one line, without the file's name: the file is a device, too large, unreadable, or not text.
+/// The file is a device, too large, unreadable, or not text. The error gives the reason in one line, without the file's name.
 pub fn text_of(file: &Path, kind: &str) -> Result<String, String> {
     let unreadable = |error: std::io::Error| format!("cannot be read: {error}");
     // Reading a device or a pipe may never end.
@@ -31,7 +31,7 @@ pub fn text_of(file: &Path, kind: &str) -> Result<String, String> {
     }
     if metadata.len() > MAX_BYTES {
         return Err(format!(
-            "{} bytes is too large for a file of this kind (limit {MAX_BYTES}): is it the {kind}'s .toml file?",
+            "the file is too large ({} bytes, but at most {MAX_BYTES} are accepted): give the {kind}'s .toml file",
             metadata.len()
         ));
     }
@@ -118,7 +118,7 @@ pub struct Problem {
     pub path: Vec<Step>,
     /// What is wrong and how to fix it.
     pub what: String,
-    /// Whether `what` is a complete sentence that names the value, so that the path is not shown before it.
+    /// Whether `what` is a complete sentence that names the value. If so, the path is not shown.
     is_sentence: bool,
 }
 
@@ -233,7 +233,7 @@ impl At {
     pub fn file_stem(&self, text: &str) -> Checked {
         self.name(text)?;
         let plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
-        if text.chars().all(plain) { Ok(()) } else { self.fail(format!("`{text}` may hold only letters, digits, - and _")) }
+        if text.chars().all(plain) { Ok(()) } else { self.fail(format!("`{text}` may contain only letters, digits, - and _")) }
     }
 
     /// Checks the names of the tables in the array at this place.
@@ -271,7 +271,7 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
         return (span.as_ref().map(line), what);
     };
     let (key, expected) = rest.split_once('`').unwrap_or((rest, ""));
-    // The names in backticks are the odd parts of "expected one of `a`, `b`", split at the backticks.
+    // If the text "expected one of `a`, `b`" is split at the backticks, the names are the parts with odd indices.
     let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
     let hint = nearest(key, &known).map_or_else(
         || {
@@ -281,7 +281,7 @@ fn explain(text: &str, error: &toml::de::Error, remedy_of_missing: fn(&str) -> &
         },
         |near| format!("did you mean `{near}`?"),
     );
-    // If an enumeration is read through its tag, the reader's span covers the whole table.
+    // In an internally tagged enumeration, the reader's span covers the whole table.
     let at = find_key(text, key, span.as_ref()).or(span);
     (at.as_ref().map(line), format!("unknown key `{key}`: {hint}"))
 }
@@ -334,8 +334,8 @@ fn find_key(text: &str, key: &str, within: Option<&Range<usize>>) -> Option<Rang
     entries.iter().find(inside).or(entries.first()).map(|entry| entry.key_at.clone())
 }
 
-/// Key of the value that caused the reader's error at `span`, and the key's position. It is the value at `span` or, if the span covers a whole table,
-/// the value that the message quotes.
+/// Finds the value that caused the reader's error: the value at `span` or, if the span covers a whole table, the value that the message quotes.
+/// Returns the key of this value, and the position of the key.
 fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String, Range<usize>)> {
     if !message.starts_with("invalid ") {
         return None;
@@ -350,8 +350,8 @@ fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String,
 }
 
 impl Problem {
-    /// Adds the line in `text`, which is the line of the deepest step of the path that the text contains. The text may lack the later steps, because
-    /// values that are left out have defaults.
+    /// Adds the number of the line in `text` at which the path of the problem ends. If `text` does not contain all steps of the path, because values
+    /// that are left out have defaults, the line is that of the last step that `text` contains.
     pub fn wrong(&self, text: &str) -> Wrong {
         Wrong { line: line_of_problem(text, self), what: self.to_string() }
     }

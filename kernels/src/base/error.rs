@@ -56,7 +56,7 @@ pub enum Error {
     },
 }
 
-/// Returns the text on one line: each run of white space and control characters, including line breaks and terminal escapes, becomes one blank. Texts
+/// Returns the text on one line: each run of white space and control characters, including line breaks and terminal escapes, becomes one space. Texts
 /// from files pass through this function before they become part of an error.
 pub fn one_line(text: &str) -> String {
     text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")

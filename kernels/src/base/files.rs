@@ -1,4 +1,4 @@
-//! Writes files and folders that appear complete or not at all.
+//! Writes files and folders atomically: each appears complete or not at all.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -66,7 +66,7 @@ impl WholeFolder {
 
 impl Drop for WholeFolder {
     fn drop(&mut self) {
-        // Errors are ignored: after `finish` the temporary folder does not exist, and a folder that cannot be removed stays.
+        // Errors are ignored, because the temporary folder does not exist after `finish`. A folder that cannot be removed is left behind.
         drop(fs::remove_dir_all(&self.temporary));
     }
 }

@@ -20,5 +20,10 @@ pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
 
 /// A hint for an unknown word: the nearest known word or, if none is near, all known words.
 pub fn suggestion(word: &str, known: &[&str]) -> String {
-    nearest(word, known).map_or_else(|| format!("there are {}", known.join(", ")), |near| format!("did you mean `{near}`?"))
+    nearest(word, known).map_or_else(|| format!("the known names are {}", known.join(", ")), did_you_mean)
+}
+
+/// The question whether a known word was meant.
+pub fn did_you_mean(near: &str) -> String {
+    format!("did you mean `{near}`?")
 }

@@ -40,19 +40,19 @@ pub struct Wgsl {
     pub path: &'static str,
     /// Its text, embedded at compile time.
     pub text: &'static str,
-    /// Files whose declarations it uses. The dependencies of those files are not listed.
+    /// Direct dependencies: the files whose declarations this file uses.
     pub needs: &'static [&'static Wgsl],
-    /// Constants that the host passes to it, by name.
+    /// Constants that the host passes to this file, by name.
     pub constants: &'static [(&'static str, Constant)],
 }
 
 impl Wgsl {
-    /// A file without constants of the host.
+    /// A file to which the host passes no constants.
     pub const fn new(path: &'static str, text: &'static str, needs: &'static [&'static Wgsl]) -> Wgsl {
         Wgsl { path, text, needs, constants: &[] }
     }
 
-    /// The file with constants of the host.
+    /// Returns this file, with constants that the host passes to it.
     #[must_use]
     pub const fn with(self, constants: &'static [(&'static str, Constant)]) -> Wgsl {
         Wgsl { constants, ..self }
@@ -88,7 +88,7 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// A piece of generated text.
+    /// A piece with this path and text.
     pub fn new(path: &str, text: impl Into<String>) -> Piece {
         Piece { path: path.to_owned(), text: text.into() }
     }

@@ -21,7 +21,7 @@ pub mod reference;
 
 /// Edge of a tile, pixels: the default, as in Far Cry 5.
 pub const TILE: u32 = 8;
-/// Possible edges of a tile, pixels. They serve to measure how the cost depends on the size of tiles.
+/// Possible edges of a tile, pixels. Experiments vary the edge to measure how the cost depends on it.
 pub const TILES: [u32; 3] = [4, 8, 16];
 /// Number of bits for the column of a tile in an entry of a tile list. The row has the same number of bits.
 pub const TILE_COORDINATE_BITS: u32 = 12;
@@ -42,9 +42,9 @@ pub fn tiles_of(size: [u32; 2], tile: u32) -> [u32; 2] {
 
 /// Number of vertices that shading draws per tile: 3 if the device can clamp depth instead of clipping it, else 6.
 ///
-/// With 6 vertices, a tile is two triangles that share a diagonal. Devices shade pixels in small groups, so each group on the diagonal is shaded
-/// twice. With 3 vertices, one triangle contains the tile. It also covers pixels outside the tile, but its depth at those pixels fails the depth
-/// test, which runs before shading.
+/// With 6 vertices, a tile is two triangles that share a diagonal. Devices shade pixels in quads (2 x 2 pixels), so each quad on the diagonal is
+/// shaded twice. With 3 vertices, one triangle contains the tile. It also covers pixels outside the tile, but its depth at those pixels fails the
+/// depth test, which runs before shading.
 pub fn tile_vertices(gpu: &Gpu) -> u32 {
     if gpu.features.contains(wgpu::Features::DEPTH_CLIP_CONTROL) { 3 } else { 6 }
 }

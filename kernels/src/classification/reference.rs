@@ -1,4 +1,4 @@
-//! Masks of tiles on the CPU: the reference for every path of the classification pass.
+//! Computes the masks of tiles on the CPU: the reference for both shaders of the classification pass.
 
 use crate::classification::{TILE, tiles};
 

@@ -1,5 +1,5 @@
-// Computes the OR of a tile's masks: first by subgroup operations, so that only one atomic per subgroup is left. The workgroup is
-// one-dimensional because naga supports subgroup built-ins only in one-dimensional workgroups.
+// Computes the OR of a tile's masks. A subgroup operation combines the masks of each subgroup, so that one atomic per subgroup is enough. The
+// workgroup is one-dimensional because naga supports subgroup built-ins only in one-dimensional workgroups.
 
 // Workgroup memory is 0 when a workgroup starts (WGSL, "Variable and value declarations").
 var<workgroup> tile_mask: atomic<u32>;

@@ -2,7 +2,7 @@
 
 struct DisplayUniforms {
     exposure: f32,              // factor on radiance
-    curve: u32,                 // DISPLAY_...
+    curve: u32,                 // DISPLAY_REINHARD; any other value = clip
     pad_0: u32,
     pad_1: u32,
 }

@@ -94,7 +94,8 @@ impl<'f, 'a> DrawnGeometry<'f, 'a> {
     }
 
     /// Links each pixel of this frame to the previous frame, which is the frame of the previous call with these `links`. Returns, for each pixel,
-    /// the index of the pixel that showed the same surface point there; [`NO_LINK`](crate::motion::NO_LINK) = the point was not visible there.
+    /// the index of the pixel of the previous frame that showed the same surface point; [`NO_LINK`](crate::motion::NO_LINK) = the point was not
+    /// visible in the previous frame, or there was no previous call.
     ///
     /// # Errors
     /// When `links` are for pictures of a different size or the device fails.

@@ -13,7 +13,7 @@ use crate::scene::{Blend, Scene};
 use crate::terrain::palette_means;
 use crate::variant::Flavour;
 
-/// How many nodes and texture layers edits have rebuilt.
+/// Counts of the nodes and texture layers that were rebuilt because of edits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EditCounts {
     /// Number of nodes whose splat map changed, or that have a material whose mean albedo, smoothness or specular occlusion changed.
@@ -31,10 +31,10 @@ pub(super) fn on_texture(progress: &(dyn Fn(Progress) + Sync)) -> impl Fn(&str) 
 }
 
 impl Renderer<'_> {
-    /// Replaces the scene, if the new scene differs only in parts that this renderer can change. These parts are the light, the distances and slopes
-    /// of the flavours, the blend (except anisotropy), cameras and paths. If the renderer is
-    /// [`editable`](crate::frame::RendererOptions::editable), they are also materials, splat rules and strokes. Only the nodes, textures and pages
-    /// that the change affects are rebuilt. Returns whether the scene was replaced; if not, nothing has changed.
+    /// Replaces the scene, if the new scene requires the same flavours and differs only in parts that this renderer can change: name, description,
+    /// light, the distances and slopes of the flavours, the blend (except anisotropy and material contrast), cameras and paths. An
+    /// [`editable`](crate::frame::RendererOptions::editable) renderer can also change materials, material contrast, splat rules and strokes. Only the
+    /// nodes, textures and pages that the change affects are rebuilt. Returns whether the scene was replaced; if not, nothing has changed.
     ///
     /// # Errors
     /// When the scene is invalid, its cliffs begin at a slope that the world does not reach, or a texture cannot be loaded. In these cases, nothing
@@ -124,8 +124,8 @@ impl Renderer<'_> {
         same == *own
     }
 
-    /// Replaces the palette if a new palette is given. Then bakes all nodes that the change affects. `relaid`: whether the placement of materials in
-    /// the world has changed.
+    /// Replaces the palette if a new palette is given. Then bakes the nodes that the change affects. `relaid`: whether the placement of materials
+    /// in the world has changed.
     fn replace_materials(&mut self, relaid: bool, palette: Option<Palette>) {
         let mut means = Vec::new();
         let mut looks = Vec::new();

@@ -40,8 +40,8 @@ fn image_error(file: &Path, error: &dyn std::fmt::Display) -> Error {
     Error::Image { file: PathBuf::from(file), what: error.to_string() }
 }
 
-/// Writes the linear picture and its layers, f32, as OpenEXR: channels R G B A, and `layer.channel` for each layer, which is how
-/// OpenEXR names layers within one part (Technical Introduction to OpenEXR, "Channel names").
+/// Writes the linear picture and its layers as OpenEXR, in f32. The channels of the picture are R, G, B and A. The channels of a layer are named
+/// `layer.channel`, as OpenEXR requires for layers within one part (Technical Introduction to OpenEXR, "Channel names").
 ///
 /// # Errors
 /// When the file cannot be written.

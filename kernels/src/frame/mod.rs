@@ -52,7 +52,7 @@ pub use stages::{DECLARATIONS, FOLLOWING, StageSettings, Targets, shader_files, 
 use picture::Picture;
 use stages::Stages;
 
-/// Options of a renderer that are not part of a scene, and that an experiment can vary.
+/// Options of a renderer, which are not part of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RendererOptions {
     /// Edge of a tile, pixels: 4, 8 or 16.
@@ -84,7 +84,7 @@ pub struct Renderer<'a> {
     /// The palette before the current one. A comparison of two scenes, A and B, switches between two palettes, so the textures of the former palette
     /// can be reused.
     former: Option<Palette>,
-    /// How many nodes and texture layers edits have rebuilt since the last frame.
+    /// Counts of the nodes and texture layers that were rebuilt because of edits since the last frame.
     edited: EditCounts,
     streaming: Streaming,
     terrain: Terrain,
@@ -186,13 +186,13 @@ impl<'a> Renderer<'a> {
         self.world.surface_height_m(x, y)
     }
 
-    /// Mean linear albedo of each material of the scene, tint included: what it looks like from far away.
+    /// Mean linear albedo of each material of the scene, tint included. A material has this colour when it is seen from far away.
     pub fn mean_albedos(&self) -> &[[f32; 3]] {
         &self.means.albedo
     }
 
-    /// Returns the page of the virtual texture that the last frame used within the area of `page`: `page` itself, or a coarser page that contains it;
-    /// `None` = the frame used no such page.
+    /// Returns the page of the virtual texture that the last frame used for the area of `page`: `page` itself, or a coarser page that contains
+    /// `page`; `None` = the frame used no such page.
     pub fn page_serving(&self, page: virtual_texture::PageId) -> Option<virtual_texture::PageId> {
         self.stages.virtual_texture.serving(page)
     }
@@ -206,7 +206,7 @@ impl<'a> Renderer<'a> {
     /// Makes one picture.
     ///
     /// # Errors
-    /// When the size is out of range, the view needs more nodes than fit, or the device fails.
+    /// When the size is out of range, the view needs more nodes than fit in the atlases, or the device fails.
     pub fn render(&mut self, request: &RenderRequest) -> Result<Picture> {
         self.draw(request)?.read()
     }
@@ -310,7 +310,7 @@ impl<'a> Renderer<'a> {
         Ok(report)
     }
 
-    /// Returns the numbers of the frame that are shown to people: first those of the selection on the CPU, then those of each stage.
+    /// Returns the numbers of the frame that are shown to people: first those of nodes, patches and atlases, then those of each stage.
     fn sections(&self, drawn: &Drawn, loaded: usize) -> Vec<Section> {
         let atlas = self.streaming.counts();
         let mut sections = vec![
@@ -325,7 +325,7 @@ impl<'a> Renderer<'a> {
             },
             Section {
                 name: "Atlas",
-                about: "Residency: each visited node has a slot; the least recently used node is replaced",
+                about: "Residency: each visited node has a slot; if no slot is free, the least recently used node is replaced",
                 rows: vec![
                     row("Slots used", format!("{} of {}", atlas.resident, atlas.capacity)),
                     row("Nodes loaded for this frame", loaded),

@@ -43,7 +43,7 @@ impl AovSet {
         AOV_NAMES.iter().position(|n| *n == name).is_some_and(|i| self.0 & 1 << i != 0)
     }
 
-    /// Whether the shading pass has to record diagnostics.
+    /// Whether the shading pass must record diagnostics for these layers.
     pub fn needs_diagnostics(self) -> bool {
         self.has("fetches") || self.has("choice") || self.has("variant")
     }

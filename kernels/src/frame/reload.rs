@@ -13,7 +13,8 @@ use crate::motion::Links;
 pub struct ReloadReport {
     /// Files whose text changed, by their path in `kernels/src`, in alphabetical order.
     pub files: Vec<String>,
-    /// Stages that were rebuilt, in the order of the frame. Empty if no stage of this scene uses the files on this device.
+    /// Names of the stages that were rebuilt, in the order of the frame. The last name is `links` if the pass that links frames uses one of the
+    /// files. Empty if this renderer uses none of the files.
     pub stages: Vec<&'static str>,
 }
 

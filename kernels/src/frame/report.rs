@@ -12,15 +12,15 @@ use crate::world::NodeId;
 pub struct FrameReport {
     /// Time of each pass on the device.
     pub passes: Vec<PassTime>,
-    /// Nodes visited: the nodes drawn, and the nodes above them.
+    /// Number of nodes visited: the nodes drawn, and their ancestors in the quadtree.
     pub visited: usize,
-    /// Nodes that were not resident and were baked for this frame.
+    /// Number of nodes that were not resident and were therefore baked for this frame.
     pub loaded: usize,
-    /// How many nodes and texture layers edits of the scene have rebuilt since the previous frame.
+    /// Counts of the nodes and texture layers that were rebuilt since the previous frame, because the scene was edited.
     pub edited: EditCounts,
-    /// Nodes drawn.
+    /// Number of nodes drawn.
     pub nodes: usize,
-    /// Patches drawn.
+    /// Number of patches drawn.
     pub patches: usize,
     /// The nodes drawn; they do not overlap.
     pub drawn: Vec<NodeId>,
@@ -30,7 +30,7 @@ pub struct FrameReport {
     pub pages: PageCounts,
     /// The cached pages after this frame's rendering.
     pub page_cache: CacheCounts,
-    /// Number of tiles: all tiles with terrain, then the tiles of each variant 1..=31.
+    /// The number of tiles with terrain, followed by the number of tiles of each variant 1..=31.
     pub tiles: Vec<u32>,
     /// Numbers for people to read, stage by stage.
     pub sections: Vec<Section>,

@@ -160,9 +160,10 @@ impl RenderRequest {
     }
 }
 
-/// Limit of the width and of the height of a picture, pixels. Textures cannot be larger; the 12 bits of tile coordinates would allow more.
+/// Largest width and largest height of a picture, pixels. Many devices support no larger textures. The 12 bits of a tile's column or row are enough
+/// for this size, even if tiles have 4 x 4 pixels.
 pub const MAX_SIDE: u32 = 16_384;
-/// Limit of the number of pixels of a picture.
+/// Largest number of pixels of a picture.
 pub const MAX_PIXELS: u64 = 1 << 26;
 
 /// Refuses sizes that no picture can have on a device with these limits.
@@ -176,7 +177,7 @@ pub fn check_size(size: [u32; 2], limits: &wgpu::Limits, tile: u32) -> Result<()
     let lists = columns * rows * u64::from(classification::LISTS) * 4;
     if size.contains(&0) || size.iter().any(|&n| n > side) || pixels > MAX_PIXELS || lists > limits.max_storage_buffer_binding_size {
         return Err(Error::Request(format!(
-            "a picture of {}x{} cannot be made here: each side must be 1 to {side} pixels, with at most {MAX_PIXELS} pixels in all; make it smaller",
+            "a picture of {}x{} pixels cannot be made on this device: give 1 to {side} pixels for each side, and at most {MAX_PIXELS} pixels in all",
             size[0], size[1]
         )));
     }

@@ -93,7 +93,7 @@ impl ClassifyBy {
     }
 }
 
-const VARIANT: &str = "auto, a number from 1 to 31, or flavours joined by `+` out of vt, far-atlas, near-cliff, far-cliff, splat";
+const VARIANT: &str = "auto, a number from 1 to 31, or one or more of vt, far-atlas, near-cliff, far-cliff, splat, joined by `+`";
 
 impl Field for Option<Variant> {
     fn value(&self) -> Value {

@@ -16,8 +16,8 @@ struct Patch {
 
 struct GeometryVarying {
     @builtin(position) clip: vec4<f32>,
-    // Position relative to the camera. The fragment shader takes derivatives of it, which are small differences. An elevation above sea level in
-    // f32 would be too coarse for them, because it is precise only to millimetres.
+    // Position relative to the camera. The fragment shader takes its derivatives, which are small differences. Elevations above sea level would be
+    // too coarse for that: in f32, an elevation of some kilometres is precise only to tenths of a millimetre.
     @location(0) relative: vec3<f32>,
     @location(1) node_uv: vec2<f32>,
     @location(2) @interpolate(flat) slot: u32,

@@ -56,14 +56,14 @@ pub struct Geometry {
     has_holes: bool,
     /// Pipeline for normals of 32 bits.
     pipeline: wgpu::RenderPipeline,
-    /// Pipeline for normals of 128 bits, which is created when a picture first needs it.
+    /// Pipeline for normals of 128 bits. It is created when a picture first needs it.
     exact: OnceLock<wgpu::RenderPipeline>,
     layout: wgpu::BindGroupLayout,
     /// Index buffer of a patch and its number of indices, by log2 of the vertex stride.
     indices: [(wgpu::Buffer, u32); STRIDES.len()],
 }
 
-/// Possible vertex strides. With them, 17, 9 or 5 of the 17 vertices along a patch's side are drawn.
+/// Possible vertex strides. A stride of n draws every n-th vertex along the side of a patch.
 pub const STRIDES: [u32; 3] = [1, 2, 4];
 
 /// WGSL functions for stitching, which need no bindings.

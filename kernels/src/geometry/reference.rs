@@ -1,7 +1,7 @@
 //! Stitching of vertices: the reference for `geometry_stitch`, written from the talk (Moore, GDC 2018) and from ruling 8 in `ARCHITECTURE.md`.
 
-/// Returns the vertex (0..=128) to which an edge vertex moves if the neighbour is `delta` levels coarser: the nearest vertex that the neighbour has,
-/// or the lower one if two are equally near.
+/// Returns the index (0..=128) to which the index of a vertex along a border moves, if the neighbour beyond the border is `delta` levels coarser. It
+/// is the nearest index at which the neighbour has a vertex, or the lower index if two are equally near.
 pub fn weld(index: u32, delta: u32) -> u32 {
     let step = 1 << delta;
     let below = index / step * step;

@@ -1,7 +1,7 @@
 // Stitching: vertices on the border to a coarser node move to the nearest vertex that the neighbour has (rulings 3 and 8 in ARCHITECTURE.md).
-// This file has no bindings, so that it can be compared with its reference.
+// This file has no bindings, so that probes can compare it with its reference in Rust.
 
-// Returns the nearest vertex that a neighbour has if it is `delta` levels coarser; the lower one if two are equally near.
+// Returns the index nearest to `index` at which a neighbour that is `delta` levels coarser has a vertex; the lower index if two are equally near.
 fn geometry_weld(index: u32, delta: u32) -> u32 {
     let step = 1u << delta;
     return (index + (step - 1u) / 2u) / step * step;

@@ -33,7 +33,7 @@ const REQUIRED: [(wgpu::Features, &str, &str); 3] = [
     (wgpu::Features::TEXTURE_FORMAT_16BIT_NORM, "16-bit unorm textures", "heights are R16_UNORM"),
 ];
 
-/// Features that are used if the adapter has them. Results are the same without them.
+/// Features that are used if the adapter has them. Pictures are the same without them.
 const OPTIONAL: [(wgpu::Features, &str); 3] = [
     (wgpu::Features::TIMESTAMP_QUERY, "timestamp queries"),
     (wgpu::Features::SUBGROUP, "subgroup operations"),
@@ -106,7 +106,7 @@ pub fn adapters() -> Vec<AdapterReport> {
     pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(report).collect()
 }
 
-/// The usable adapters, at least one, hardware before software.
+/// Returns the usable adapters, of which there is at least one. Hardware adapters come before software adapters.
 fn ranked() -> Result<Vec<wgpu::Adapter>> {
     let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
     if found.is_empty() {
@@ -152,7 +152,7 @@ fn compiles_anisotropy_in_minutes(driver: &str, driver_info: &str) -> bool {
 /// Options for opening a device.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GpuOptions {
-    /// Leaves optional features disabled, so that stages take the code path that needs none, even if the adapter supports them.
+    /// Whether optional features stay disabled even if the adapter supports them. Stages then take the code path that needs no optional feature.
     pub plain: bool,
 }
 
@@ -167,10 +167,10 @@ impl Gpu {
         Gpu::with(GpuOptions::default())
     }
 
-    /// As [`Gpu::new`], with options.
+    /// Does the same as [`Gpu::new`], with options.
     ///
     /// # Errors
-    /// As [`Gpu::new`].
+    /// The same errors as [`Gpu::new`].
     pub fn with(options: GpuOptions) -> Result<Gpu> {
         Gpu::open(&ranked()?[0], options)
     }
@@ -178,7 +178,7 @@ impl Gpu {
     /// Opens a device on every usable adapter; hardware comes before software. `WGPU_ADAPTER_NAME` restricts the choice as in [`Gpu::new`].
     ///
     /// # Errors
-    /// As [`Gpu::new`].
+    /// The same errors as [`Gpu::new`].
     pub fn every() -> Result<Vec<Gpu>> {
         ranked()?.iter().map(|adapter| Gpu::open(adapter, GpuOptions::default())).collect()
     }

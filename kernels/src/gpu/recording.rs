@@ -38,9 +38,7 @@ impl<'a> Recording<'a> {
         let mut pass =
             self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes: self.timer.compute(name) });
         pass.set_pipeline(pipeline);
-        for (index, group) in (0..).zip(self.groups[..shared].iter().chain(own)) {
-            pass.set_bind_group(index, *group, &[]);
-        }
+        bound(self.groups, shared, own).for_each(|(index, group)| pass.set_bind_group(index, group, &[]));
         pass
     }
 
@@ -66,9 +64,7 @@ impl<'a> Recording<'a> {
             timestamp_writes: self.timer.render(name),
             ..Default::default()
         });
-        for (index, group) in (0..).zip(self.groups[..shared].iter().chain(own)) {
-            pass.set_bind_group(index, *group, &[]);
-        }
+        bound(self.groups, shared, own).for_each(|(index, group)| pass.set_bind_group(index, group, &[]));
         pass
     }
 
@@ -104,6 +100,15 @@ impl<'a> Recording<'a> {
         self.gpu.submit_and_wait(self.encoder)?;
         self.timer.read(self.gpu)
     }
+}
+
+/// Returns the bind groups of a pass with their indices: the first `shared` of `groups`, and then `own`.
+fn bound<'g>(
+    groups: &'g [&'g wgpu::BindGroup],
+    shared: usize,
+    own: &'g [&'g wgpu::BindGroup],
+) -> impl Iterator<Item = (u32, &'g wgpu::BindGroup)> {
+    (0..).zip(groups[..shared].iter().chain(own).copied())
 }
 
 /// Clears a colour target to 0.

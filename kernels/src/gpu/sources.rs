@@ -1,4 +1,4 @@
-//! WGSL files from a folder that replace the embedded ones, so that shaders can be edited while the program runs.
+//! Replaces embedded WGSL files by files from a folder, so that shaders can be edited while the program runs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

@@ -10,7 +10,7 @@ use naga::compact::{KeepUnused, compact};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Arena, Block, Constant, Expression, Function, Handle, Literal, Module, Statement};
 
-/// A shader module from which the modules of single pipelines are cut.
+/// A shader module from which the modules of single pipelines are derived.
 pub(crate) struct Template {
     module: Module,
     info: ModuleInfo,

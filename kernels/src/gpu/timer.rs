@@ -17,13 +17,13 @@ pub struct Timer {
     queries: Option<wgpu::QuerySet>,
     resolved: wgpu::Buffer,
     names: Vec<String>,
-    /// Passes that were not timed, because the timer was full.
+    /// Number of passes that were not timed, because the timer was full.
     missed: u32,
     period_ns: f64,
 }
 
 impl Timer {
-    /// Limit of the number of passes that one timer can measure.
+    /// Largest number of passes that one timer can measure.
     pub const CAPACITY: u32 = 64;
 
     /// An empty timer.

@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct PassUse {
     /// The pass's name, as in timings.
     pub name: &'static str,
-    /// Number of pipelines among which it chooses. The shading pass has one per variant.
+    /// Number of pipelines among which the pass chooses. The shading pass has one per variant.
     pub pipelines: u32,
     /// Whether the scene requires it.
     pub required: bool,

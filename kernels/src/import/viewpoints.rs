@@ -1,4 +1,4 @@
-//! Finds four viewpoints from the data of a world: `cliff`, `ground`, `vista`, `grazing`.
+//! Finds four viewpoints in a world: `cliff`, `ground`, `vista`, `grazing`.
 //!
 //! Candidates come from a coarse grid. Each candidate is scored with a grid of rays or with samples of the ground in front of the camera.
 //! For each viewpoint, the candidate with the highest score is kept. Nothing is random: a world always gets the same viewpoints.

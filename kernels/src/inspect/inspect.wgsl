@@ -1,4 +1,4 @@
-// Writes the values that the shading pass derives from a pixel of the geometry pass, for people and tests.
+// Writes the values that the shading pass derives from each pixel of the geometry pass. People inspect these values, and tests check them.
 
 @group(2) @binding(0) var depth_target: texture_depth_2d;
 @group(2) @binding(1) var normal_target: texture_2d<f32>;

@@ -39,6 +39,9 @@ pub struct Inspected {
     pub blended: [f32; 4],
 }
 
+/// Largest number of rows of a band.
+const BAND: u32 = 64;
+
 /// The pass.
 pub struct Inspect {
     pipeline: wgpu::ComputePipeline,
@@ -95,8 +98,8 @@ impl Inspect {
     pub fn run(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], targets: &geometry::Targets) -> Result<Vec<Inspected>> {
         let (width, height) = (targets.mask.width(), targets.mask.height());
         let row_bytes = u64::from(width) * size_of::<Inspected>() as u64;
-        // The picture is processed in bands of rows, because a device limits the size of a storage buffer binding.
-        let rows = u32::try_from(gpu.device.limits().max_storage_buffer_binding_size / row_bytes).unwrap_or(height).clamp(1, height);
+        // The picture is processed in bands of rows, so that the buffer is small, and within the device's limit of a storage buffer binding.
+        let rows = u32::try_from(gpu.device.limits().max_storage_buffer_binding_size / row_bytes).unwrap_or(BAND).clamp(1, BAND);
         let out = gpu.buffer("inspected", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, u64::from(rows) * row_bytes);
         let views = [aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly), view(&targets.normals)];
         let mut pixels = Vec::new();

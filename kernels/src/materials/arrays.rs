@@ -1,4 +1,4 @@
-//! Compresses maps to block-compressed mip chains, and stores these in three texture arrays.
+//! Compresses maps to block-compressed mip chains, and stores the chains in three texture arrays.
 //!
 //! | array | format | red | green | blue | alpha |
 //! | --- | --- | --- | --- | --- | --- |
@@ -16,7 +16,7 @@ use super::MaterialMaps;
 use crate::base::colour::{srgb_code, unorm8};
 use crate::blocks::{self, BlockFormat, Effort};
 
-/// Limit of the number of layers in each array of detail textures.
+/// Largest number of layers in each array of detail textures.
 pub const MAX_LAYERS: usize = 32;
 
 /// The detail textures of a scene: three arrays, each with at most [`MAX_LAYERS`] layers.

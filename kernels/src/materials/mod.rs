@@ -20,19 +20,19 @@ pub mod procedural;
 
 pub use arrays::{CompressedChain, DetailArrays, MAX_LAYERS};
 
-/// Limit of the number of materials: the number of palette entries to which an 8-bit splat texel can refer.
+/// Largest number of materials: an 8-bit splat texel can refer to this many palette entries.
 pub const MAX_MATERIALS: usize = 256;
 
-/// Limit of the number of repeats of a texture along a sector: it must be smaller than this. The fixed-point format of
-/// [`PaletteEntry::per_sector_fixed`] does not require this limit: it has 24 fractional bits and counts whole repeats modulo 256.
+/// The number of repeats of a texture along a sector must be smaller than this. The fixed-point format of [`PaletteEntry::per_sector_fixed`] does not
+/// require this limit: the format has 24 fractional bits and counts whole repeats modulo 256.
 pub const MAX_REPEATS_PER_SECTOR: f64 = 65_536.0;
 
 /// Bit of [`PaletteEntry::flags`]: the tint is not white, so the colour mask matters.
 pub const FLAG_TINTED: u32 = 1;
 
-/// Position of the lowest of 3 bits in [`PaletteEntry::flags`]. They hold the number of a layer, 0..=7. The estimator `luna8` blends eight layers,
-/// and this layer represents the material there. The first eight materials have layers of their own. Any other material is represented by the
-/// layer with the nearest mean albedo.
+/// Position of the lowest of the 3 bits in [`PaletteEntry::flags`] that hold the number of a layer, 0..=7. This layer represents the material in the
+/// estimator `luna8`, which blends eight layers. The first eight materials have layers of their own. Any other material is represented by the layer
+/// with the nearest mean albedo.
 pub const LAYER_SHIFT: u32 = 8;
 
 /// Uncompressed maps of one material: `size` x `size` texels, row-major, tiling in both directions.
@@ -156,7 +156,7 @@ pub struct Palette {
     layers: Vec<Texture>,
 }
 
-/// What a layer of the arrays was made from, and its means.
+/// The source of a layer of the arrays, and the means of its texture.
 #[derive(Clone, Debug, PartialEq)]
 struct Texture {
     source: Source,
@@ -167,7 +167,7 @@ struct Texture {
 /// Seed of all procedural materials. It is constant, because textures must not change with the seed of the world.
 const TEXTURE_SEED: u32 = 5;
 
-/// Limit of the number of sources whose uncompressed maps are in memory at once. The maps of one source with 2048² texels take about 170 MB.
+/// Largest number of sources whose uncompressed maps are in memory at the same time. The maps of one source with 2048² texels take about 170 MB.
 const SOURCES_AT_ONCE: usize = 4;
 
 /// Where a set of maps comes from. Materials with equal sources share a layer.
@@ -358,8 +358,8 @@ fn set_contrast(maps: &mut MaterialMaps, contrast: f64) {
     }
 }
 
-/// Returns, for each material, the layer that represents it in a blend of eight layers (see [`LAYER_SHIFT`]). If several layers are equally near,
-/// it is the lowest of them.
+/// Returns, for each material, the layer that represents it in a blend of eight layers (see [`LAYER_SHIFT`]). If several layers are equally near, the
+/// one with the lowest index represents the material.
 fn layers_of(means: &[MaterialMeans]) -> Vec<u32> {
     let distance = |a: &MaterialMeans, b: &MaterialMeans| (0..3).map(|c| (a.albedo[c] - b.albedo[c]).powi(2)).sum::<f32>();
     let layers = &means[..means.len().min(LAYERS)];
@@ -378,7 +378,7 @@ fn placement(material: &Material, sector_m: f64) -> Result<([i32; 2], [f32; 2])>
         return Err(wrong(
             &material.name,
             format!(
-                "tile_m = {tile_m} gives {repeats:.1} repeats per sector of {sector_m} m, the limit is {MAX_REPEATS_PER_SECTOR}: enlarge tile_m to more than {least} m"
+                "tile_m = {tile_m} gives {repeats:.1} repeats per sector of {sector_m} m, but there must be fewer than {MAX_REPEATS_PER_SECTOR}: enlarge tile_m to more than {least} m"
             ),
         ));
     }

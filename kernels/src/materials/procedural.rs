@@ -23,7 +23,7 @@ pub const NAMES: [&str; 12] =
 /// How to make one material.
 struct Recipe {
     name: &'static str,
-    /// Height range, lowest to highest texel, in tile edges.
+    /// Difference in height between the lowest and the highest texel, in tile edges.
     relief: f32,
     /// Mean luminance of the albedo (Rec. 709 weights), near published values for this kind of ground when dry.
     luminance: f32,
@@ -48,7 +48,7 @@ const RECIPES: [Recipe; 12] = [
 fn recipe(kind: &str, material: &str) -> Result<&'static Recipe> {
     RECIPES.iter().find(|r| r.name == kind).ok_or_else(|| {
         let hint = crate::base::names::nearest(kind, &NAMES).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
-        wrong(material, format!("no procedural material `{kind}`; {hint}known materials: {}", NAMES.join(", ")))
+        wrong(material, format!("there is no procedural material `{kind}`: {hint}the procedural materials are {}", NAMES.join(", ")))
     })
 }
 
@@ -57,8 +57,8 @@ pub(super) fn known(kind: &str, material: &str) -> Result<()> {
     recipe(kind, material).map(|_| ())
 }
 
-/// Height range of a material, lowest to highest texel, in tile edges. The normals of the material belong to the height field `relief * height` on
-/// a tile with the edge 1.
+/// Difference in height between the lowest and the highest texel of a material, in tile edges. The normals of the material belong to the height field
+/// `relief * height` on a tile with the edge 1.
 ///
 /// # Errors
 /// If `name` is not one of [`NAMES`]; the message suggests the nearest name.
@@ -400,7 +400,7 @@ impl Bench {
     }
 }
 
-/// What a stamped shape does to a texel that it covers.
+/// How a stamped shape changes a texel that it covers.
 struct Touch {
     height: f32,
     /// Weight with which the shape is blended in: 1 or more inside, falling to 0 at its edge.

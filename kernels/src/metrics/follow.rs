@@ -1,8 +1,9 @@
 //! Statistics of surface points over frames, for live views of noise and flicker.
 //!
-//! [`Links`](crate::motion::Links) finds, for each pixel, the pixel that showed the same surface point one frame before. [`Followed`] carries running
-//! moments along the links. A window of n frames is exponential: a new frame has the weight 1/n. While a point has been visible in fewer than n
-//! frames, all of them have the same weight. If a point was not visible one frame before, its statistics start again.
+//! [`Links`](crate::motion::Links) finds, for each pixel, the pixel that showed the same surface point one frame earlier. [`Followed`] carries
+//! running moments along the links. The moments are exponential averages over a window of n frames: a new frame has the weight 1/n. While a point has
+//! been visible in fewer than n frames, all these frames have the same weight. If a point was not visible one frame earlier, its statistics start
+//! again.
 
 use rayon::prelude::*;
 
@@ -14,7 +15,7 @@ const BLOCK: usize = super::BLOCK as usize;
 /// One pixel of one picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
-    /// Luminance of linear albedo; below 0 = no terrain.
+    /// Luminance of linear albedo; a negative value = no terrain.
     pub luminance: f32,
     /// The first random choice, 0 = none.
     pub choice: u8,
@@ -44,7 +45,7 @@ pub struct Point {
 }
 
 impl Point {
-    /// Returns the moments after one more frame. `before`: the moments of the linked pixel one frame before; `None` = the point was not visible.
+    /// Returns the moments after one more frame. `before`: the moments of the linked pixel one frame earlier; `None` = the point was not visible.
     fn with(before: Option<&Point>, now: Sample, window: f32) -> Point {
         if now.luminance < 0.0 {
             return Point::default();
@@ -92,7 +93,7 @@ pub struct Summary {
     pub variance: f64,
     /// Mean absolute difference in luminance from frame to frame.
     pub flicker: f64,
-    /// Share of choices that differ from the choice one frame before; `None` without choices.
+    /// Share of choices that differ from the choice one frame earlier; `None` without choices.
     pub flip_rate: Option<f64>,
     /// Mean difference in luminance from the comparison picture; `None` without a comparison.
     pub bias: Option<f64>,
@@ -101,7 +102,7 @@ pub struct Summary {
     pub clumping: Option<f64>,
 }
 
-/// The points of a picture.
+/// The statistics of the surface points of a picture, one per pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Followed {
     size: [usize; 2],
@@ -113,14 +114,14 @@ pub struct Followed {
 }
 
 impl Followed {
-    /// Adds a picture. `links` lead to the picture that was added before it. `compared`: whether the errors of the samples are differences from a
-    /// comparison picture. If so, they are used as the noise.
+    /// Adds a picture. `links` lead to the picture that was added by the previous call. `compared`: whether the errors of the samples are differences
+    /// from a comparison picture. If so, they are used as the noise.
     ///
     /// # Panics
     /// When the number of samples or links is not the number of pixels.
     pub fn take(&mut self, size: [u32; 2], samples: &[Sample], links: &[u32], window: u32, compared: bool) {
         let size = size.map(|n| n as usize);
-        assert!(samples.len() == size[0] * size[1] && links.len() == samples.len(), "one sample and one link per pixel");
+        assert!(samples.len() == size[0] * size[1] && links.len() == samples.len(), "there must be one sample and one link per pixel");
         let before = if self.size == size { std::mem::take(&mut self.points) } else { Vec::new() };
         let window = window.max(2) as f32;
         let at = |link: u32| if link == NO_LINK { None } else { before.get(link as usize) };

@@ -9,7 +9,7 @@ struct MeasureFrame {
     lags: u32,                  // number of earlier frames, 0..=4
     quarter: u32,               // index, 0..=3, of the quarter of the pixels that is used for the box test, the histogram and lags 2 to 4
     pad_0: u32,
-    past_slots: vec4<u32>,
+    past_slots: vec4<u32>,      // index in `signal` at which the picture of each earlier frame begins
 }
 
 // Sums of a tile. A count is at most 64.
@@ -20,8 +20,8 @@ struct MeasureTile {
     differences: vec4<f32>,
     terrain: u32,
     fetches: u32,
-    // The history of a pixel is the colour of its surface point one frame before. The box test rejects it if it lies outside the box of the current
-    // colours of 3 x 3 pixels. Two counts: pixels whose history was tested | pixels whose history was rejected << 8.
+    // The history of a pixel is the colour of its surface point one frame earlier. The box test rejects it if it lies outside the box of the current
+    // colours of the 3 x 3 pixels around the pixel. Two counts: pixels whose history was tested | pixels whose history was rejected << 8.
     rejections: u32,
     // Number of terrain pixels in the quarter. The results of lags 2 to 4 are shares of this number.
     quarter_terrain: u32,
@@ -36,7 +36,7 @@ struct MeasureTile {
 // Histogram of absolute differences at lag 1: 16 bins per octave; the first bin also holds all differences below 2^-14.
 @group(1) @binding(2) var<storage, read_write> histogram: array<atomic<u32>, 256>;
 
-// Tolerance of the box test, as a share of the bound of the box: 2^-10. The history and the bound are f16 values. Rounding changes each of the two by
+// Tolerance of the box test, as a share of the bounds of the box: 2^-10. The history and the bounds are f16 values. Rounding changes each of them by
 // a share of at most 2^-11, and the two errors can add up.
 const MEASURE_BOX_SLACK: f32 = 0.0009765625;
 

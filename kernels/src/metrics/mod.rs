@@ -1,8 +1,8 @@
 //! Metrics: how a sequence of pictures changes over frames and over seeds, summed on the device.
 //!
 //! A *stream* is one way to shade (variant, estimator, noise, resolve), followed over time. A ring buffer holds its last five pictures, two words per
-//! pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed the same surface point one frame before. It also
-//! links a quarter of the pixels to the pixels that showed their points 2 to 4 frames before. Then the current picture of each stream is compared
+//! pixel (`shared::signal`). In each frame, [`Motion`] links every pixel to the pixel that showed the same surface point one frame earlier. It also
+//! links a quarter of the pixels to the pixels that showed their points 2 to 4 frames earlier. Then the current picture of each stream is compared
 //! with the earlier pictures of the stream, and only sums per tile are read back. Memory does not grow with the number of frames.
 //!
 //! The formulas are in METHODOLOGY.md; `reference` computes them in f64.
@@ -61,7 +61,8 @@ pub struct MeasureTile {
 /// Sums of one lag in one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LagSums {
-    /// Number of terrain pixels that were followed back: all pixels at lag 1, and a quarter (a different quarter in each frame) at lags 2 to 4.
+    /// Number of terrain pixels whose point was looked up in the earlier frame. At lag 1, these are all terrain pixels; at lags 2 to 4, they are the
+    /// terrain pixels of a quarter, which is a different quarter in each frame.
     pub terrain: u64,
     /// Number of these pixels whose point was visible in the earlier frame.
     pub linked: u64,
@@ -80,11 +81,11 @@ pub struct FrameSums {
     pub terrain: u64,
     /// Number of fetches of all terrain pixels.
     pub fetches: u64,
-    /// Sums of the comparisons with the pictures 1 to 4 frames before.
+    /// Sums of the comparisons with the pictures 1 to 4 frames earlier.
     pub lags: [LagSums; LAGS],
-    /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame before; the test rejects it if
-    /// it lies outside the box of the current colours of 3 x 3 pixels. Tested are those pixels of one quarter that are linked at lag 1. Each frame
-    /// uses a different quarter.
+    /// Number of pixels whose history was tested. The history of a pixel is the colour of its surface point one frame earlier; the test rejects it if
+    /// it lies outside the box of the current colours of the 3 x 3 pixels around the pixel. Only pixels of one quarter that are linked at lag 1 are
+    /// tested. Each frame uses a different quarter.
     pub tested: u64,
     /// Number of tested pixels whose history was rejected.
     pub rejected: u64,
@@ -120,9 +121,9 @@ impl FrameSums {
     }
 }
 
-/// Returns the value below which a share of a histogram's counts lies; `None` if the histogram is empty. The value is interpolated within its bin on
-/// a logarithmic scale and is accurate to 1/16 of an octave (4.4 %). If it lies in the lowest bin, which also holds all values below 2^-14, the
-/// result is 0.
+/// Returns the value below which the given share of a histogram's counts lies; `None` if the histogram is empty. The value is interpolated within its
+/// bin on a logarithmic scale and is accurate to 1/16 of an octave (4.4 %). If it lies in the lowest bin, which also holds all values below 2^-14,
+/// the result is 0.
 pub fn quantile(histogram: &[u64; BINS], share: f64) -> Option<f64> {
     let total: u64 = histogram.iter().sum();
     if total == 0 {
@@ -301,7 +302,7 @@ impl Meter {
         Ok(sums)
     }
 
-    /// Returns, as signals, the picture of a stream that was measured `back` frames (0 to 4) before the last one; 0 = the last one.
+    /// Returns a measured picture of a stream, as signals. `back`: the number of frames, 0 to 4, by which the picture precedes the last measured one.
     ///
     /// # Errors
     /// When the device is lost.
@@ -311,13 +312,13 @@ impl Meter {
         read_signal(gpu, self.streams[stream].measured(), slot, pixels)
     }
 
-    /// Writes a picture into this frame's slot of a stream. This replaces the picture of a renderer, for example in a test.
+    /// Writes a picture into this frame's slot of a stream. Tests use this method in place of a renderer.
     pub fn write(&self, gpu: &Gpu, stream: usize, signal: &[[u32; 2]]) {
         gpu.queue.write_buffer(&self.streams[stream].signal, u64::from(self.slots().now) * 8, cast_slice(signal));
     }
 
-    /// Writes the links of this frame (for each lag, one link per pixel) and the positions of the surface points one frame before. This replaces the
-    /// motion that a renderer computes, for example in a test.
+    /// Writes the links of this frame (for each lag, one link per pixel) and the positions of the surface points one frame earlier. Tests
+    /// use this method in place of the motion that a renderer computes.
     pub fn write_links(&self, gpu: &Gpu, links: &[u32], positions: &[[f32; 2]]) {
         gpu.queue.write_buffer(&self.motion.links, 0, cast_slice(links));
         gpu.queue.write_buffer(&self.motion.positions, 0, cast_slice(positions));

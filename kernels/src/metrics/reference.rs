@@ -1,11 +1,11 @@
 //! The sums of one frame in f64: the reference for `measure.wgsl` and `seeds.wgsl`.
 
-use super::{FrameSums, SeedSums};
+use super::{BINS, BINS_PER_OCTAVE, FrameSums, LOWEST_OCTAVE, SeedSums, VarianceSums};
 use crate::motion::{LAGS, NO_LINK};
 use crate::shared::{motion, signal};
 
 /// Returns the sums of a frame, for pictures of `size` pixels. `past` has one entry per lag, from lag 1 on: the earlier picture, and the links from
-/// `now` to it. Lags 2 to 4 and the box tests include only the pixels of `quarter`. The histogram is left empty.
+/// `now` to it. Lags 2 to 4, the box tests and the histogram include only the pixels of `quarter`.
 pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])], quarter: u32) -> FrameSums {
     let mut sums = FrameSums::default();
     let [width, height] = size.map(|n| n as usize);
@@ -35,6 +35,9 @@ pub fn measure(size: [u32; 2], now: &[[u32; 2]], past: &[(&[[u32; 2]], &[u32])],
             }
             if lag == 0 && in_quarter {
                 sums.tested += 1;
+                let difference = (signal::luminance(colour_now) - signal::luminance(colour_before)).abs();
+                let bin = ((difference.log2() - LOWEST_OCTAVE) * BINS_PER_OCTAVE).floor().clamp(0.0, BINS as f64 - 1.0);
+                sums.histogram[bin as usize] += 1;
                 let mut low = [f32::MAX; 3];
                 let mut high = [f32::MIN; 3];
                 for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
@@ -83,6 +86,22 @@ pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]
             sums.blocks += 1.0;
             sums.block_squares += mean * mean;
             sums.pixel_squares += pixels.iter().map(|&at| error(at).powi(2)).sum::<f64>() / n;
+        }
+    }
+    sums
+}
+
+/// Returns the sums that `seeds_finish` computes from the pictures of several seeds: bias and variance of their mean and scatter.
+pub fn finish(pictures: &[Vec<[u32; 2]>], exact: &[[u32; 2]]) -> VarianceSums {
+    let mut sums = VarianceSums::default();
+    let n = pictures.len() as f64;
+    for (at, &exact) in exact.iter().enumerate().filter(|(_, exact)| signal::is_terrain(**exact)) {
+        sums.terrain += 1.0;
+        for k in 0..3 {
+            let values = || pictures.iter().map(|picture| f64::from(signal::colour(picture[at])[k]));
+            let mean = values().sum::<f64>() / n;
+            sums.bias += mean - f64::from(signal::colour(exact)[k]);
+            sums.variance += values().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
         }
     }
     sums

@@ -1,4 +1,4 @@
-//! Compares the pictures of one view with many seeds: bias, variance and clumping of each stream (way to shade), summed on the device.
+//! Statistics over the pictures that one view has with many seeds: bias, variance and clumping of each stream (way to shade), summed on the device.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -37,7 +37,7 @@ pub struct SeedSums {
     pub error: f64,
     /// Sum over pixels and channels of the square of this difference.
     pub squared_error: f64,
-    /// Number of blocks that are all terrain.
+    /// Number of blocks in which every pixel is terrain.
     pub blocks: f64,
     /// Sum over blocks of the square of the mean error in luminance.
     pub block_squares: f64,
@@ -58,7 +58,7 @@ impl SeedSums {
 pub struct VarianceSums {
     /// Number of terrain pixels.
     pub terrain: f64,
-    /// Sum over pixels and channels of the mean over seeds minus the exact blend.
+    /// Sum over pixels and channels of a difference: the mean over seeds, minus the exact blend.
     pub bias: f64,
     /// Sum over pixels and channels of the unbiased variance over seeds.
     pub variance: f64,
@@ -75,7 +75,7 @@ pub struct SeedStream {
     blocks: wgpu::Buffer,
 }
 
-/// The passes.
+/// The passes that compute these sums.
 pub struct Seeds {
     size: [u32; 2],
     add: wgpu::ComputePipeline,

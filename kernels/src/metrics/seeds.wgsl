@@ -1,5 +1,5 @@
-// Compares the pictures of one view with many seeds: computes the moments of each pixel over the seeds, and the clumping of each seed's error. Only
-// sums per tile or block are read back, no pictures.
+// Statistics over the pictures that one view has with many seeds: the moments of each pixel over the seeds, and the clumping of each seed's error.
+// Only sums per tile or block are read back, no pictures.
 
 struct SeedFrame {
     size: vec2<u32>,
@@ -15,9 +15,9 @@ struct SeedFrame {
 
 @group(0) @binding(0) var<uniform> seeds: SeedFrame;
 @group(1) @binding(0) var<storage, read> signal: array<vec2<u32>>;
-// The exact blend; it has terrain wherever `signal` has.
+// The exact blend. It has terrain at the same pixels as `signal`.
 @group(1) @binding(1) var<storage, read> exact: array<vec2<u32>>;
-// Three states per pixel, one for each channel, see moments.wgsl.
+// Running moments: three states per pixel, one for each channel, see moments.wgsl.
 @group(1) @binding(2) var<storage, read_write> moments: array<vec4<f32>>;
 // Per tile, from `seeds_add`: sum over pixels and channels of the difference from the exact blend, sum of its square, number of pixels.
 // From `seeds_finish`: sum over pixels and channels of (mean - exact), sum of the variance, number of pixels.

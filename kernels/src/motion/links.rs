@@ -6,7 +6,7 @@ use crate::geometry;
 use crate::gpu::{Gpu, Recording, read_buffer};
 use crate::view::camera::View;
 
-/// Links each pixel to the pixel that showed the same surface point one frame before.
+/// Links each pixel to the pixel that showed the same surface point one frame earlier.
 pub struct Links {
     motion: Motion,
     size: [u32; 2],
@@ -31,7 +31,7 @@ impl Links {
 
     /// Links each pixel of a picture to a pixel of the earlier picture, which is the picture of the previous call. `geometry` is the geometry of the
     /// picture, `now` is its view. Returns, for each pixel, the index of the pixel of the earlier picture that showed the same surface point;
-    /// [`NO_LINK`](super::NO_LINK) = the point was not visible there. Waits for the device.
+    /// [`NO_LINK`](super::NO_LINK) = the point was not visible in the earlier picture. Waits for the device.
     ///
     /// # Errors
     /// When the device is lost.

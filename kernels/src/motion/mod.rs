@@ -1,9 +1,9 @@
-//! Motion: links from each pixel to the pixels that showed the same surface point 1 to 4 frames before.
+//! Motion: links from each pixel to the pixels that showed the same surface point 1 to 4 frames earlier.
 //!
 //! Reads depth, triangle normals, and the distances of earlier frames. Writes the distances of this frame, links, and the exact position of each
-//! point one frame before. A link holds, for one pixel and one lag (number of frames), the index of the linked pixel, or [`NO_LINK`] if the point was
-//! hidden, outside the picture, or behind the camera. At lags 2 to 4, only a quarter of the pixels is linked; each frame uses a different quarter.
-//! Dispatch: one workgroup per 128 x 2 pixels.
+//! point one frame earlier. A link holds, for one pixel and one lag (number of frames), the index of the linked pixel, or [`NO_LINK`] if the point
+//! was hidden, outside the picture, or behind the camera. At lags 2 to 4, only a quarter of the pixels is linked; each frame uses a different
+//! quarter. Dispatch: one workgroup per 128 x 2 pixels.
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
@@ -18,6 +18,7 @@ use crate::view;
 use crate::view::camera::View;
 
 mod links;
+pub mod reference;
 
 pub use links::Links;
 
@@ -27,7 +28,7 @@ pub const LAGS: usize = 4;
 pub const SLOTS: u32 = 5;
 /// The value of a link if no pixel showed the point.
 pub const NO_LINK: u32 = u32::MAX;
-/// Limit of the relative difference in depth at which two points count as points of one surface. The depth in the earlier picture is compared with an
+/// Largest relative difference in depth at which two points count as points of one surface. The depth in the earlier picture is compared with an
 /// expected depth: the depth of the plane of the point's triangle, at the pixel nearest to the point. If the point is visible, the two depths differ
 /// for two reasons only: the stored normal is quantised (an error of less than 1 degree), and the ground is curved over half a pixel.
 pub const TOLERANCE: f32 = 0.02;
@@ -37,7 +38,7 @@ pub const TOLERANCE: f32 = 0.02;
 pub struct Slots {
     /// Offset of this frame's picture.
     pub now: u32,
-    /// Offsets of the pictures 1 to 4 frames before.
+    /// Offsets of the pictures 1 to 4 frames earlier.
     pub past: [u32; LAGS],
     /// Index, 0 to 3, of the quarter of the pixels that this frame uses for the box test, the histogram and lags 2 to 4.
     pub quarter: u32,
@@ -70,15 +71,15 @@ static WGSL: Wgsl = Wgsl::new("motion/motion.wgsl", include_str!("motion.wgsl"),
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("motion", &[&WGSL]);
 
-/// The pass and what it keeps between frames.
+/// The pass, and the buffers and views that it keeps from frame to frame.
 pub struct Motion {
     pipeline: wgpu::ComputePipeline,
     targets_layout: wgpu::BindGroupLayout,
     layout: wgpu::BindGroupLayout,
     distances: wgpu::Buffer,
-    /// Index of the linked pixel, one picture per lag; [`NO_LINK`] = none.
+    /// Index of the linked pixel, for each lag and pixel; [`NO_LINK`] = there is no linked pixel.
     pub links: wgpu::Buffer,
-    /// Position of each pixel's surface point one frame before, pixels.
+    /// Position of each pixel's surface point one frame earlier, pixels.
     pub positions: wgpu::Buffer,
     /// Views of the earlier frames, the latest first.
     views: Vec<View>,

@@ -1,11 +1,11 @@
-// Motion: computes, from depth and cameras, the exact position at which each pixel's surface point was seen 1 to 4 frames before. Points that were
-// hidden or outside the picture in the earlier frame have no link.
+// Motion: finds, for each pixel, which pixel showed the same surface point 1 to 4 frames earlier, and the exact position of the point one frame
+// earlier. Both follow from depth and cameras. Points that were hidden or outside the picture in the earlier frame have no link.
 
 struct MotionFrame {
     past: array<MotionPast, 4>,     // cameras of the earlier frames, the latest first
     lags: u32,                      // number of earlier frames, 0..=4
     slot: u32,                      // index in `distances` at which this frame begins
-    tolerance: f32,                 // limit of the relative difference in depth between two points of one surface
+    tolerance: f32,                 // largest relative difference in depth between two points of one surface
     quarter: u32,                   // index, 0..=3, of the quarter of the pixels that is linked at lags 2 to 4
     past_slots: vec4<u32>,          // index in `distances` at which each earlier frame begins
 }
@@ -18,7 +18,7 @@ struct MotionFrame {
 // For each pixel, the index of the pixel nearest to the earlier position of its surface point; one picture per lag. For lags 2 to 4, only the pixels
 // of the quarter are written.
 @group(2) @binding(2) var<storage, read_write> links: array<u32>;
-// Exact position of the point one frame before, pixels; -1e9 = not seen.
+// Exact position of the point one frame earlier, pixels; -1e9 = not seen.
 @group(2) @binding(3) var<storage, read_write> positions: array<vec2<f32>>;
 
 // The surface point of a pixel in this frame.
@@ -34,7 +34,7 @@ fn motion_point(pixel: vec2<u32>) -> MotionPoint {
     return MotionPoint(frame_ray(vec2<f32>(pixel)) * distance, frame_plane(textureLoad(normal_target, pixel, 0)), distance);
 }
 
-// Where a point was seen some frames before, and the pixel nearest to that position.
+// Where a point was seen some frames earlier, and the pixel nearest to that position.
 struct MotionFound {
     link: u32,
     position: vec2<f32>,

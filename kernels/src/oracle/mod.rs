@@ -1,12 +1,12 @@
 //! Inspection of one pixel: the values that each stage of the frame computed for it, and the exact values.
 //!
 //! The values of the stages are read back from the device: depth, both normals, mask, tile, derivatives, splat texels, the recorded choice.
-//! The exact values are computed in f64 by the references, from the inputs of the shaders: the random thresholds and the choice to which they lead,
-//! the page and level of the virtual texture, and the derivatives on the triangle that was drawn. That triangle comes from the world: it belongs to
-//! the node that was drawn at the pixel, its heights are quantised, and its vertices on the border of a coarser node are moved as in the shader. Its
-//! normal is not quantised. (The triangle is not guessed from neighbouring pixels: triangles cover only a few pixels, so most neighbours are on
-//! different triangles.) Only the device has the heights of detail textures, so the weights after the height blend come from the device. They apply
-//! to the projection with the largest weight.
+//! The references compute the exact values in f64 from the same inputs as the shaders. The exact values are the random thresholds and the choice that
+//! follows from them, the page and level of the virtual texture, and the derivatives on the triangle that was drawn. That triangle comes from the
+//! world: it belongs to the node that was drawn at the pixel, its heights are quantised, and its vertices on the border of a coarser node are moved
+//! as in the shader. Its normal is not quantised. (The triangle is not reconstructed from neighbouring pixels, because most triangles cover only a
+//! few pixels, so that most neighbours are on different triangles.) Only the device has the heights of detail textures, so the weights after the
+//! height blend come from the device. They apply to the projection with the largest weight.
 
 use crate::base::error::{Error, Result};
 use crate::culling::{PATCH_QUADS, pack_deltas};
@@ -53,9 +53,9 @@ pub struct Pixel {
     pub distance_m: f64,
     /// Unit normal that shading, weights and projections use, as stored.
     pub shading_normal: [f64; 3],
-    /// Unit normal of the triangle, on the side that is seen, as stored.
+    /// Unit normal of the triangle, as stored, but turned towards the camera.
     pub triangle_normal: [f64; 3],
-    /// The triangle that was drawn; `None` if the world has no triangle at the position, because the shader that places vertices was edited.
+    /// The triangle that was drawn; `None` if the world has no triangle at the position. This happens if the shader that places vertices was edited.
     pub triangle: Option<Triangle>,
     /// Changes of the position from this pixel to the next pixel on the right, and to the next pixel below.
     pub steps: [Derivative; 2],
@@ -104,8 +104,8 @@ impl Derivative {
         share.is_finite().then_some(share)
     }
 
-    /// Error of the mip level that follows from the shader's step: log2 of its length divided by the length of the exact step. If the error is above
-    /// 0, textures are too coarse; if it is below 0, they are too fine.
+    /// Error of the mip level that follows from the shader's step: log2 of the ratio of the length of this step to the length of the
+    /// exact step. If the error is above 0, the mip level is too coarse; if it is below 0, the mip level is too fine.
     pub fn mips(&self) -> Option<f64> {
         let ratio = DVec3::from_array(self.shader).length() / DVec3::from_array(self.exact?).length();
         let mips = ratio.log2();
@@ -149,12 +149,12 @@ pub struct Page {
     pub id: PageId,
     /// Position in the page, texels from its south-west corner, 0..=[`PAGE_TEXELS`].
     pub texel: [f64; 2],
-    /// Lengths of the steps to the next pixels, seen from above: the shorter and the longer, in texels of level 0, mip bias included.
+    /// Horizontal lengths of the steps to the two neighbouring pixels, the shorter length first, in texels of level 0. They include the mip bias.
     pub footprint: [f64; 2],
-    /// The length that decides the level, in texels of level 0. It is the length of the shorter step, or the length of the longer step divided by the
-    /// anisotropy, whichever is larger.
+    /// The length that determines the level, in texels of level 0. It is the larger of two lengths: that of the shorter step, and that of the longer
+    /// step divided by the anisotropy.
     pub covered: f64,
-    /// Level before rounding down: log2 of `covered`, at least 0.
+    /// Level before it is rounded down: log2 of `covered`, at least 0.
     pub lod: f64,
     /// Mip level inside the page, 0..=1: a page has two mip levels.
     pub mip: f64,
@@ -182,18 +182,18 @@ pub fn chosen(choice: u32) -> Option<(usize, usize)> {
     Some((code % 4, code / 4))
 }
 
-/// Returns the pixel at a position, which is given in shares of the picture's width and height. If the position is outside the picture, the result is
-/// the nearest pixel.
+/// Returns the pixel at a position in normalised picture coordinates, which are 0..1 from left to right and from top to bottom. If the position is
+/// outside the picture, the result is the nearest pixel.
 pub fn pixel_at(probe: [f32; 2], size: [u32; 2]) -> [u32; 2] {
     std::array::from_fn(|k| ((f64::from(probe[k]) * f64::from(size[k])).floor().max(0.0) as u32).min(size[k].saturating_sub(1)))
 }
 
-/// The middle of a pixel, in shares of the picture's width and height.
+/// The centre of a pixel, in normalised picture coordinates as for [`pixel_at`].
 pub fn probe_of(pixel: [u32; 2], size: [u32; 2]) -> [f32; 2] {
     std::array::from_fn(|k| ((f64::from(pixel[k]) + 0.5) / f64::from(size[k].max(1))) as f32)
 }
 
-/// The world position that is seen through the middle of a pixel at a depth, metres along the view direction.
+/// The world position on the ray through the centre of a pixel, at a distance of `depth_m` metres along the view direction.
 pub fn place_at(view: &View, [x, y]: [u32; 2], depth_m: f64) -> DVec3 {
     view.pose.position + view.ray(f64::from(x), f64::from(y)) * depth_m
 }
@@ -364,9 +364,9 @@ impl Spot {
     }
 }
 
-/// Returns the triangles of a node around a position, seen from above, counter-clockwise, in world metres. These are the triangles of the quads next
-/// to the position. If the position is next to a border of the node, the triangles of all quads along that border are included, because stitching
-/// moves vertices along borders.
+/// Returns the triangles of a node near a position: the triangles of the quads next to the position. If the position is next to a border of the node,
+/// the triangles of all quads along that border are included, because stitching moves vertices along borders. The corners of a triangle are
+/// horizontal world positions, metres, in counter-clockwise order if seen from above.
 fn triangles_near(node: NodeId, layout: &Layout, lods: &[u8], stride: u32, at: DVec2) -> Vec<[DVec2; 3]> {
     let (origin, spacing, quads) = (node.origin_m(layout), layout.spacing_m(node.lod), u32::from(NODE_QUADS));
     let at = (at - origin) / spacing;
@@ -519,7 +519,7 @@ mod tests {
         let layout = Layout::of(10_240.0, None);
         let [north_east, south_west] = [NodeId { lod: 5, x: 1, y: 1 }, NodeId { lod: 2, x: 7, y: 7 }];
         // One neighbour is five levels coarser, so its vertices are farther apart than the edge of a patch; the other neighbour is two levels
-        // coarser. The neighbours are in the east and south of the first node, and in the north and west of the second.
+        // coarser. The neighbours lie to the east and south of the first node, and to the north and west of the second.
         for node in [NodeId { lod: 0, x: 31, y: 32 }, NodeId { lod: 0, x: 32, y: 31 }] {
             let lods = lod_map(&[node, north_east, south_west]);
             for i in 0..600 {

@@ -1,4 +1,4 @@
-//! Blocks of compressed textures, as the device decodes them.
+//! Probes of the device's decoder of block-compressed textures.
 
 use super::judge::{Draw, Verdict, farthest};
 use super::{Cell, Measure, Probe, real, whole, word};
@@ -13,7 +13,7 @@ const CODES: f64 = 2.0 / 255.0;
 
 pub(super) const BC1: Probe = Probe {
     name: "bc1",
-    about: "A texel of a BC1 block: colours on a line between two end points of 5 + 6 + 5 bits, or transparent black",
+    about: "The decoded texel of a BC1 block: a colour on the line between two end points of 5 + 6 + 5 bits, or transparent black",
     inputs: &[
         word("colours", "end points, 16 bits each, the first in the low half; if the first is not the larger one, the line has 3 colours"),
         word("indices", "2 bits a texel, the first in the lowest bits"),
@@ -36,11 +36,11 @@ return array<u32, 4>(bits.x, bits.y, bits.z, bits.w);
 
 pub(super) const BC3: Probe = Probe {
     name: "bc3",
-    about: "A texel of a BC3 block: BC1's line of 4 colours, and alpha on a line between two end points of 8 bits",
+    about: "The decoded texel of a BC3 block: a colour as in BC1, always with 4 colours, and an alpha between two end points of 8 bits",
     inputs: &[
         word(
             "alphas",
-            "end points, 8 bits each, the first lowest, then 16 bits of the indices; if the first is not the larger one, 0 and 1 are added",
+            "two 8-bit end points, the first lowest, then 16 bits of indices; if the first is not larger, indices 6 and 7 mean 0 and 1",
         ),
         word("alpha_indices", "the upper 32 bits of the indices of alpha, 3 bits a texel"),
         word("colours", "end points, 16 bits each, the first in the low half"),
@@ -69,7 +69,7 @@ return array<u32, 4>(bits.x, bits.y, bits.z, bits.w);
     parameters: &[],
 };
 
-/// Draws two end points, which are equal in some rows.
+/// Draws two random end points. In about an eighth of the rows, they are equal.
 fn colours(d: &mut Draw) -> f64 {
     let colours = d.word();
     f64::from(if d.whole(8) < 0.5 { colours & 0xffff | colours << 16 } else { colours })
@@ -126,8 +126,8 @@ fn bc3_row<T: Cell>(row: &[T], out: &mut Vec<T>) {
     let [first, second] = alphas(row[0].word());
     let indices = u64::from(row[0].word() >> 16) | u64::from(row[1].word()) << 16;
     let index = (indices >> (3 * texel) & 7) as u32;
-    // Besides the end points, there are six values between them. If the first end point is not the larger one, there are four values between them,
-    // and 0 and 1.
+    // An index stands for an end point or for one of six values between the end points. If the first end point is not the larger one, there are only
+    // four values between them, and the last two indices stand for 0 and 1.
     let steps = if first > second { 7.0 } else { 5.0 };
     let alpha = match index {
         0 => first,

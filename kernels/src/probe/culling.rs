@@ -1,4 +1,4 @@
-//! Tests that decide what need not be drawn.
+//! Probes of the culling tests: frustum, normal cone and occlusion.
 
 use super::judge::{Verdict, cross, from_axis, set_direction, set_length, three};
 use super::{Measure, Parameter, Probe, real, take, whole};
@@ -8,12 +8,12 @@ use crate::shared::real::{Real, dot, length};
 
 pub(super) const FRUSTUM: Probe = Probe {
     name: "frustum",
-    about: "Whether a box lies entirely beyond a plane of the frustum; a visible box is never culled",
+    about: "Whether a box lies completely beyond a plane of the frustum and is culled; a visible box is never culled",
     inputs: &[
         real("plane_x", "normal of the plane, any length, pointing to the visible side"),
         real("plane_y", "normal"),
         real("plane_z", "normal"),
-        real("plane_w", "so that n . p + w = 0 on the plane; m if the normal has length 1"),
+        real("plane_w", "w in the plane's equation n . p + w = 0; m if the normal has length 1"),
         real("low_x", "m, lower corner of the box"),
         real("low_y", "m"),
         real("low_z", "m"),
@@ -55,7 +55,7 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
     parameters: &[
         Parameter {
             name: "beyond_m",
-            unit: "m from the plane to the nearest corner, which lies beyond it",
+            unit: "m beyond the plane at which the nearest corner lies",
             set: |row, value, _| {
                 let n = octahedral::unit(three(row, 0));
                 set_direction(row, 0, n);
@@ -107,12 +107,12 @@ fn one_sided(got: &[f64], want: &[f64], may: bool, near: bool) -> Verdict {
 
 pub(super) const NORMAL_CONE: Probe = Probe {
     name: "normal-cone",
-    about: "Whether a whole patch faces away, by its normal cone and bounding sphere; a patch that faces the eye is never culled",
+    about: "Whether all of a patch faces away from the eye, by its normal cone and bounding sphere; otherwise, the patch is never culled",
     inputs: &[
         real("axis_x", "axis of the cone, any length"),
         real("axis_y", "axis"),
         real("axis_z", "axis"),
-        real("sin_half_angle", "sine of the cone's half angle, 0..=1; 1 or a value that is not a sine = any direction"),
+        real("sin_half_angle", "sine of the cone's half angle, 0..=1; 1 or an invalid sine = normals in any direction"),
         real("patch_x", "m, from the eye to the patch"),
         real("patch_y", "m"),
         real("patch_z", "m"),
@@ -170,8 +170,9 @@ return array<f32, 1>(select(0.0, 1.0, away));
     ],
 };
 
-/// 90 degrees minus the largest angle between a normal of the patch and a view ray to the patch, radians. If it is positive, all normals face away.
-/// If it is negative, a normal may face the eye. Unlike the reference, which compares sines and cosines, this function adds angles.
+/// Returns 90 degrees minus the largest angle between a normal of the patch and a view ray to the patch, in radians. If the result is positive, all
+/// normals face away from the eye. If it is negative, a normal may face the eye. Unlike the reference, which compares sines and cosines, this
+/// function adds angles.
 fn cone_margin(row: &[f64]) -> f64 {
     let to_patch = three(row, 4);
     let (distance, sine) = (length(to_patch), row[3]);
@@ -191,12 +192,13 @@ fn cone_row<T: Real>(row: &[T], out: &mut Vec<T>) {
 }
 
 /// Patches that face the eye must not be culled. A patch that faces away by at most twice the margin [`ROUNDING`] may be kept or culled. The margin
-/// is a difference between cosines. If the sine of the angle is small, this difference corresponds to a larger angle.
+/// is a difference between cosines. At an angle whose sine is small, the same difference between cosines corresponds to a larger difference between
+/// angles.
 fn cone_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let margin = cone_margin(row);
     // `between` is the angle between the axis and the direction to the patch. `over` is the amount by which the reference's condition holds:
-    // cos(between) - sin(a + s), where a is the half angle of the cone and s the angular radius of the sphere. As margin is 90
-    // degrees - (between + a + s), this is cos(between) - cos(between + margin).
+    // cos(between) - sin(a + s), where a is the half angle of the cone and s the angular radius of the sphere. As `margin` is 90 degrees - (between +
+    // a + s), `over` equals cos(between) - cos(between + margin).
     let between = std::f64::consts::FRAC_PI_2 - margin - row[3].asin() - (row[7] / length(three(row, 4))).min(1.0).asin();
     let over = between.cos() - (between + margin).cos();
     let near = over <= 2.0 * ROUNDING || between + margin <= 0.0 || (between + margin).sin() <= 2.0 * ROUNDING;
@@ -213,7 +215,7 @@ const STORED: usize = 21;
 
 pub(super) const OCCLUSION: Probe = Probe {
     name: "occlusion",
-    about: "Pixels that a box covers, level of the depth pyramid at which it is tested, and whether it is hidden; a visible box is never hidden",
+    about: "Pixels that a box covers, level of the depth pyramid for its test, and whether it is hidden; a visible box never counts as hidden",
     inputs: &[
         real("x_x", "matrix row from box coordinates to clip-space x: coefficient of x"),
         real("x_y", "coefficient of y"),
@@ -368,7 +370,7 @@ return array<f32, 8>(
     ],
 };
 
-/// Limit of the width and the height of a picture, pixels.
+/// Largest width and height of a picture, pixels.
 const MOST_SIDE: i32 = 16_384;
 
 /// The rows for x, y and w of the matrix to clip space.
@@ -376,7 +378,8 @@ fn clip_rows<T: Real>(row: &[T]) -> [[T; 4]; 3] {
     [take(row, 0), take(row, 4), take(row, 8)]
 }
 
-/// What a box spans, computed from its corners in f64: screen positions before they are rounded and clamped, and the distance of the nearest corner.
+/// The extent of a box on the screen, computed in f64 from the corners of the box: positions before rounding and clamping, and the distance of the
+/// nearest corner.
 struct Exact {
     first: [f64; 2],
     last: [f64; 2],
@@ -420,7 +423,7 @@ fn exact(row: &[f64]) -> Exact {
     all
 }
 
-/// Number of pixels by which the result's columns or rows extend beyond those that the box spans.
+/// Number of pixels by which the result's columns or rows extend beyond the columns or rows that the box spans.
 fn widened(row: &[f64], exact: &Exact, got: &[f64]) -> f64 {
     let inside = |k: usize, x: f64| x.floor().clamp(0.0, row[SIZE + k] - 1.0);
     let before = (0..2).map(|k| inside(k, exact.first[k]) - got[1 + k]);

@@ -15,7 +15,7 @@ fn facing(ray: [f64; 3], degrees: f64, d: &mut Draw) -> [f64; 3] {
 
 pub(super) const OCTAHEDRAL: Probe = Probe {
     name: "octahedral",
-    about: "A direction as an octahedral code of 8 + 8 bits (the best of the four neighbours), and the decoded direction",
+    about: "A direction as an octahedral code of 8 + 8 bits (the best of the four codes around it), and the decoded direction",
     inputs: &[real("n_x", "direction, any length"), real("n_y", "direction"), real("n_z", "direction")],
     outputs: &[
         real("e_x", "continuous code, -1..1"),
@@ -44,8 +44,8 @@ return array<f32, 7>(e.x, e.y, code.x, code.y, decoded.x, decoded.y, decoded.z);
         name: "direction",
         unit: "deg",
         error: |row, got, want| {
-            // If two codes are equally near, both are accepted. So the measure is how much farther from the direction the chosen code is than the
-            // code of the reference.
+            // Codes are not compared, because two codes may be equally near. The error is the difference between two angles: from the input to the
+            // decoded result, and from the input to the decoded reference.
             let n = octahedral::unit(three(row, 0));
             let off = |v: &[f64]| angle_deg(three(v, 4), n);
             (off(got) - off(want)).abs()
@@ -160,8 +160,8 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
     double: normal_pair_row,
     random: |d| {
         let n = d.direction();
-        // Rays have every angle of incidence. About half of them are nearly edge-on, where the choice of a lattice point depends on the side from
-        // which the ray sees it.
+        // Rays have every angle of incidence. About half of them are nearly edge-on to the plane. In these rows, the choice of a lattice point
+        // depends on the side from which the ray meets its plane.
         let across = d.direction();
         let across = sub(across, n.map(|x| x * dot(n, across)));
         let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
@@ -181,8 +181,8 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
             name: "plane",
             unit: "deg",
             error: |row, got, want| {
-                // A plane has no front side, so the smaller of the angles to its two normals counts. If two codes are equally near, both are
-                // accepted. So the measure is how much farther from the plane the chosen code is than the code of the reference.
+                // A plane has no front side, so the smaller of the angles to its two normals counts. Codes are not compared, because two codes may be
+                // equally near. The error is the difference between the angle of the result and the angle of the reference.
                 let n = octahedral::unit(three(row, 0));
                 let off = |v: &[f64]| angle_deg(three(v, 2), n).min(angle_deg(three(v, 2), n.map(|x| -x)));
                 (off(got) - off(want)).abs()
@@ -273,7 +273,7 @@ return array<f32, 3>(d.x, d.y, d.z);
 
 pub(super) const TRI_PLANAR: Probe = Probe {
     name: "tri-planar",
-    about: "Weights of three projections, and the normal bent by the height gradients seen in them",
+    about: "Weights of the three projections, and the normal perturbed by the height gradients of the projections",
     inputs: &[
         real("n_x", "direction, any length"),
         real("n_y", "direction"),
@@ -391,15 +391,15 @@ pub(super) const SNAPPED_PROJECTION: Probe = Probe {
         real("g_1", "height gradient along the second"),
     ],
     outputs: &[
-        whole("plane", "0..2 = looking along x, y, z; 3, 4 = along (1, 1), (1, -1)", 0, 4),
+        whole("plane", "0, 1, 2 = projection along x, y, z; 3 = along (1, 1); 4 = along (1, -1)", 0, 4),
         whole("sectors_0", "sectors along the first coordinate", -(1 << 21), 1 << 21),
         whole("sectors_1", "sectors along the second", -(1 << 21), 1 << 21),
         whole("rate", "repeats per sector along the first, in units of 2^-24", -EXACT, EXACT),
-        real("c_0", "m along the first"),
-        real("c_1", "m along the second"),
-        real("gradient_x", "gradient in the volume"),
-        real("gradient_y", "gradient in the volume"),
-        real("gradient_z", "gradient in the volume"),
+        real("c_0", "m along the first coordinate"),
+        real("c_1", "m along the second coordinate"),
+        real("gradient_x", "height gradient in 3D"),
+        real("gradient_y", "height gradient in 3D"),
+        real("gradient_z", "height gradient in 3D"),
     ],
     blocks: None,
     wgsl: "\
@@ -503,7 +503,7 @@ fn octahedral_codes_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     // direction; both codes are accepted there, too.
     let same_point = |code: [f64; 2]| (0..2).all(|i| (code[i] - e[i] * half).abs() <= 0.5 + UNIT_TOLERANCE * half);
     let error = |code: [f64; 2]| length(sub(octahedral::decode::<f64>(code.map(|x| x / half)), n));
-    // Across a fold lies the mirrored square, whose codes stand for the same directions.
+    // At a fold, two codes that mirror each other stand for the same direction.
     let mirrored = |code: [f64; 2]| n[2] <= 0.0 && (error(code) - error([want[0], want[1]])).abs() <= 2.0 * UNIT_TOLERANCE;
     let fast = verdict(0, 4, &|code| same_point(code) || mirrored(code));
     let exact = verdict(2, 7, &|code| error(code) - error([want[2], want[3]]) <= 2.0 * UNIT_TOLERANCE);
@@ -551,13 +551,14 @@ fn derivatives_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let (ray, step, t, n) = (three(row, 0), three(row, 3), row[6], octahedral::unit(three(row, 7)));
     let neighbour = [0, 1, 2].map(|i| ray[i] + step[i]);
     let (s, r) = (length(step), length(neighbour));
-    // The cosine is limited from below, also if the neighbour's ray would see the plane from the other side.
+    // The cosine has a lower limit, even if the neighbour's ray meets the plane from the other side.
     let side = if dot(n, ray) >= 0.0 { 1.0 } else { -1.0 };
     let facing = (side * dot(n, neighbour)).max(derivatives::MIN_COSINE * r);
     let seen = dot(n, step).abs();
-    // The result is t (s - r' (n.s / n.r')). The error of n is 11 ULP, so the error of n.s is about 16 ULP of the length s, and the error of n.r' is
-    // about 16 ULP of r, the length of r'. Both errors enter the quotient, which is multiplied by r'. In the result, the error of n.s becomes
-    // s (r / facing) and the error of n.r' becomes |n.s| (r / facing)², in units of 16 ULP. The tolerance allows 20 ULP.
+    // The result is t (s - r' (n.s / n.r')), where s is the step and r' is the neighbour's ray. The error of n is 11 ULP, so the error of n.s is
+    // about 16 ULP of the length s, and the error of n.r' is about 16 ULP of r, the length of r'. Both errors enter the quotient, which is multiplied
+    // by r'. In the result, the error of n.s becomes s (r / facing) and the error of n.r' becomes |n.s| (r / facing)², in units of 16 ULP. The
+    // tolerance allows 20 ULP.
     let relative = s + s * (r / facing) + seen * (r / facing) * (r / facing);
     let verdict = close(got, want, t.abs() * 20.0 * EPS * relative + f64::from(f32::MIN_POSITIVE));
     // If the ray lies in the plane, rounding decides which side of the plane it sees.

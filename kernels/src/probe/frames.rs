@@ -6,7 +6,7 @@ use crate::shared::moments::Moments;
 use crate::shared::motion::{self, Past};
 use crate::shared::real::{Real, add, dot, length};
 
-/// Limit of the number of samples of a stream.
+/// Largest number of samples of a stream.
 const LONGEST: i32 = 4096;
 
 pub(super) const MOMENTS: Probe = Probe {
@@ -178,8 +178,8 @@ fn reprojection_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     }
     let (n, ray) = (three(row, 8), motion::past_ray(&past, [want[0], want[1]]));
     let along = dot(n, ray).abs();
-    // `of_ray` is the error of dot(n, ray). The ray has the error of the pixel times the step of the ray from pixel to pixel, 1 / `rows`. `of_plane`
-    // is the error of dot(n, q), which follows from the error of q.
+    // `of_ray` is the error of dot(n, ray). The error of the ray is the error of the pixel times the ray's step per pixel, 1 / `rows`. `of_plane` is
+    // the error of dot(n, q), which follows from the error of q.
     let of_ray = length(n) * (of_pixel / rows + 8.0 * EPS * length(ray));
     let of_plane = length(n) * (rounded + 4.0 * EPS * length(q));
     if along <= of_ray + 1e-6 * length(ray) * (1.0 + 16.0 * EPS) {

@@ -6,12 +6,12 @@ use crate::geometry::reference;
 use crate::shared::real::{Real, scale};
 use crate::shared::view;
 
-/// Limit of the number of levels by which a neighbour may be coarser. The number is stored in four bits.
+/// Largest number of levels by which a neighbour may be coarser: the number is stored in four bits.
 const DELTAS: i32 = 15;
 
 pub(super) const DEPTH_POSITION: Probe = Probe {
     name: "depth-position",
-    about: "Position of a pixel's ground relative to the eye, from its depth; the camera looks along y",
+    about: "Position of the ground at a pixel, relative to the eye, computed from the depth; the camera looks along y",
     inputs: &[
         real("pixel_x", "whole numbers are pixel centres"),
         real("pixel_y", "whole numbers are pixel centres"),
@@ -77,14 +77,14 @@ pub(super) const WELD: Probe = Probe {
     name: "weld",
     about: "The vertex to which a vertex of a node is moved if neighbouring nodes are coarser",
     inputs: &[
-        whole("x", "vertex from the west", 0, 128),
-        whole("y", "vertex from the south", 0, 128),
+        whole("x", "index of the vertex, counted from the west", 0, 128),
+        whole("y", "index of the vertex, counted from the south", 0, 128),
         whole("west", "number of levels by which the western neighbour is coarser", 0, DELTAS),
         whole("south", "number of levels by which the southern neighbour is coarser", 0, DELTAS),
         whole("east", "number of levels by which the eastern neighbour is coarser", 0, DELTAS),
         whole("north", "number of levels by which the northern neighbour is coarser", 0, DELTAS),
     ],
-    outputs: &[whole("to_x", "vertex from the west", 0, 128), whole("to_y", "vertex from the south", 0, 128)],
+    outputs: &[whole("to_x", "index from the west", 0, 128), whole("to_y", "index from the south", 0, 128)],
     blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 6>) -> array<f32, 2> {

@@ -74,7 +74,7 @@ impl Draw {
         [r * cos, r * sin, z]
     }
 
-    /// A random unit vector at this angle from the unit vector `n`, radians.
+    /// A random unit vector. The angle between it and the unit vector `n` is `angle` radians.
     pub fn leaning(&mut self, n: [f64; 3], angle: f64) -> [f64; 3] {
         let other = self.direction();
         let across = octahedral::unit(sub(other, scale(n, dot(other, n))));
@@ -113,28 +113,28 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Angle between two vectors, degrees, from the cross product, which keeps its digits where the angle is small.
+/// Angle between two vectors, degrees. It is computed with the cross product, which is accurate at small angles.
 pub(super) fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
     length(cross(a, b)).atan2(dot(a, b)).to_degrees()
 }
 
-/// Scales the vector in the three columns from `at` on to a length.
+/// Scales the vector in the three columns that begin at `at`, so that its length is `wanted`.
 pub(super) fn set_length(row: &mut [f64], at: usize, wanted: f64) {
     let unit = octahedral::unit(three(row, at));
     set_direction_and_length(row, at, unit, wanted);
 }
 
-/// Sets the three columns from `at` on to a direction of length 1.
+/// Writes the unit vector `direction` to the three columns that begin at `at`.
 pub(super) fn set_direction(row: &mut [f64], at: usize, direction: [f64; 3]) {
     row[at..at + 3].copy_from_slice(&direction);
 }
 
-/// Sets the three columns from `at` on to a direction and a length.
+/// Writes the unit vector `direction`, scaled to the length `wanted`, to the three columns that begin at `at`.
 pub(super) fn set_direction_and_length(row: &mut [f64], at: usize, direction: [f64; 3], wanted: f64) {
     row[at..at + 3].copy_from_slice(&direction.map(|x| x * wanted));
 }
 
-/// A direction at this angle from one of the six axes, degrees.
+/// A random unit vector. The angle between it and one of the axes ±x, ±y, ±z is `degrees`.
 pub(super) fn from_axis(degrees: f64, d: &mut Draw) -> [f64; 3] {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (s, c) = d.between(0.0, std::f64::consts::TAU).sin_cos();
@@ -145,7 +145,7 @@ pub(super) fn from_axis(degrees: f64, d: &mut Draw) -> [f64; 3] {
     v
 }
 
-/// A direction below the equator, at this angle, degrees, from the fold where x changes its sign.
+/// A random unit vector below the equator. The angle between it and the fold, where x changes its sign, is `degrees`.
 pub(super) fn from_seam(degrees: f64, d: &mut Draw) -> [f64; 3] {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (s, c) = d.between(0.0, std::f64::consts::PI).sin_cos();

@@ -7,7 +7,7 @@
 use serde::Serialize;
 
 use crate::base::error::{Error, Result};
-use crate::base::names::nearest;
+use crate::base::names::suggestion;
 use crate::gpu::Gpu;
 use crate::probe::table::Cells;
 use crate::shared::blue_noise::{RANKS, SLICES};
@@ -28,7 +28,7 @@ mod words;
 
 pub use judge::{Draw, EPS, FEW, UNIT_TOLERANCE, Verdict, both, close, equal};
 
-/// Limit of the magnitude of whole numbers that are passed as f32. Up to this limit, f32 holds every whole number exactly.
+/// Largest magnitude of whole numbers that are passed as f32. Up to this magnitude, f32 holds every whole number exactly.
 const EXACT: i32 = 1 << 24;
 
 /// Last index of [`crate::shared::blue_noise::ranks`].
@@ -114,7 +114,7 @@ fn numbers<T: Cell>(columns: &[Column], cells: &[T]) -> Vec<f64> {
     cells.iter().zip(columns.iter().cycle()).map(number).collect()
 }
 
-/// A shared function as a table.
+/// A shared function that is evaluated for the rows of a table.
 pub struct Probe {
     /// The name used on the command line.
     pub name: &'static str,
@@ -124,9 +124,9 @@ pub struct Probe {
     pub inputs: &'static [Column],
     /// Output columns.
     pub outputs: &'static [Column],
-    /// WGSL that defines the function `probe`, which calls the shared functions. [`Probe::layout`] gives the types of its cells.
+    /// WGSL that defines the function `probe`, which calls the shared functions. [`Probe::layout`] gives the types of its argument and of its result.
     pub wgsl: &'static str,
-    /// If the first words of a row are a block of a compressed texture: the format of the texture, as which the device decodes the block.
+    /// Format of a block-compressed texture, if the first words of each row are a block that the device decodes.
     blocks: Option<wgpu::TextureFormat>,
     single: Reference<f32>,
     double: Reference<f64>,
@@ -176,9 +176,7 @@ impl Probe {
     pub fn find(name: &str) -> Result<&'static Probe> {
         PROBES.iter().find(|probe| probe.name == name).ok_or_else(|| {
             let names: Vec<&str> = PROBES.iter().map(|probe| probe.name).collect();
-            let hint =
-                nearest(name, &names).map_or_else(|| format!("there are {}", names.join(", ")), |near| format!("did you mean `{near}`?"));
-            Error::Request(format!("no kernel is called `{name}`: {hint}"))
+            Error::Request(format!("no kernel is called `{name}`: {}", suggestion(name, &names)))
         })
     }
 

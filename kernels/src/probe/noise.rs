@@ -24,7 +24,7 @@ pub(super) const HASHED_ALPHA: Probe = Probe {
         real("ddy_z", "m"),
         real("hash_scale", "cell size in pixels"),
         word("seed", "seed"),
-        word("salt", "number of the decision"),
+        word("salt", "number that is hashed with the seed"),
     ],
     outputs: &[real("u_0", "0..1"), real("u_1", "0..1"), real("u_2", "0..1"), real("u_3", "0..1")],
     blocks: None,
@@ -96,7 +96,7 @@ pub(super) const NOISE: Probe = Probe {
         whole("pixel_y", "row", 0, EXACT),
         word("frame", "index"),
         word("seed", "seed"),
-        word("salt", "number of the decision"),
+        word("salt", "number that is hashed with the seed"),
         whole("rank_0", "rank at index_0, used by blue and stbn", 0, EXACT),
         whole("rank_1", "rank at index_1", 0, EXACT),
         whole("rank_2", "rank at index_2", 0, EXACT),
@@ -192,8 +192,8 @@ fn hashed_alpha_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     };
     let error = levels.iter().map(|&l| level_error(l, ulps)).fold(0.0, f64::max);
     // The indices of cells are exact, because they are products with powers of two, rounded down. So only the blend of the two scales has an error.
-    // `error` is the error of the level, and therefore of the blend's factor. It changes the corrected blend by at most 2.5 times as much; the
-    // tolerance allows 3 times. The operations of blend and correction add 12 ULP.
+    // `error` is the error of the level, and therefore of the blend's factor. It changes the result, which is the blend after its correction to a
+    // uniform number, by at most 2.5 times as much; the tolerance allows 3 times. The operations of blend and correction add 12 ULP.
     let verdict = close(got, want, 3.0 * error + 12.0 * EPS);
     // The anisotropic kind jumps to different cells where the level of one axis passes a whole number and the levels of the other axes do not. Near
     // such a threshold, the results on both sides are accepted. (The isotropic kind is continuous there. At the ends of the range, levels are

@@ -21,7 +21,7 @@ pub enum Cells {
 
 /// Number of blocks in a row of the texture that holds a table's blocks: 4096 texels, within the limits of every device.
 const BLOCKS_ACROSS: usize = 1024;
-/// Limit of the number of rows in one call. It bounds the size of the buffers and the height of the texture of blocks.
+/// Largest number of rows in one call. It bounds the size of the buffers and the height of the texture that holds the blocks.
 const MOST_ROWS: usize = BLOCKS_ACROSS * BLOCKS_ACROSS;
 
 /// A function that is compiled once and applied to any number of rows.
@@ -55,7 +55,7 @@ impl<'a> Table<'a> {
         Ok(Table { gpu, pipeline, columns, cells })
     }
 
-    /// Limit of the number of rows that [`Table::run`] accepts.
+    /// Largest number of rows that [`Table::run`] accepts.
     pub fn most_rows(&self) -> usize {
         MOST_ROWS
     }

@@ -157,7 +157,7 @@ fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
 
 pub(super) const TILING: Probe = Probe {
     name: "tiling",
-    about: "The two scales of a cliff's tilings by distance, and an exact coordinate at one of them",
+    about: "The two tiling scales of a cliff by distance, and the texture coordinate of a sector at one scale, in exact fixed point",
     inputs: &[
         real("distance", "m"),
         real("near", "m, distance up to which the finest scale is used"),

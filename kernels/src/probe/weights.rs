@@ -8,7 +8,7 @@ use crate::shared::{layers, select, splat_blend};
 
 pub(super) const SPLAT_BLEND: Probe = Probe {
     name: "splat-blend",
-    about: "Weights of four splat texels, bilinear and modified by material height, computed at once and term by term",
+    about: "Bilinear weights of four splat texels, modified by the heights of the materials, computed in one step and term by term",
     inputs: &[
         real("fraction_x", "0..1 between the texels, east"),
         real("fraction_y", "0..1 between the texels, north"),
@@ -56,7 +56,7 @@ return array<f32, 8>(w.x, w.y, w.z, w.w, sum.x, sum.y, sum.z, sum.w);
     parameters: &[
         Parameter { name: "fraction", unit: "0..1, both", set: |row, value, _| row[..2].fill(value) },
         Parameter { name: "height", unit: "all four", set: |row, value, _| row[2..6].fill(value) },
-        Parameter { name: "height_apart", unit: "of one height above three equal heights", set: |row, value, _| {
+        Parameter { name: "height_apart", unit: "difference of one height from three equal heights", set: |row, value, _| {
             row[2..6].fill(0.5);
             row[3] += value;
         } },
@@ -225,7 +225,7 @@ fn layers_judge(_: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     close(got, want, 8.0 * 8.0 * EPS)
 }
 
-/// Distances and slopes of the flavours, approximately those of the built-in scene.
+/// Distances and slopes at which the flavours change, approximately as in the built-in scene.
 const RULES: FlavourParams = FlavourParams {
     far_atlas_m: 300.0,
     cliff_far_atlas_m: 1500.0,
@@ -240,7 +240,7 @@ const RULES: FlavourParams = FlavourParams {
 
 pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
     name: "flavour-weights",
-    about: "Weights of the five flavours by distance and slope (far atlas from 300 m, cliffs 1500 m; near cliff up to 30 m), and limited to a mask",
+    about: "Weights of the five flavours by distance and slope, with about the rules of the built-in scene, and given weights limited to a mask",
     inputs: &[
         real("distance", "m"),
         real("normal_z", "cosine of the slope"),
@@ -259,11 +259,11 @@ pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
         real("w_3", "far cliff"),
         real("w_4", "splat"),
         whole("given_mask", "flavours of the given weights", 0, 31),
-        real("held_0", "0..1"),
-        real("held_1", "0..1"),
-        real("held_2", "0..1"),
-        real("held_3", "0..1"),
-        real("held_4", "0..1"),
+        real("held_0", "virtual texture, 0..1"),
+        real("held_1", "far atlas"),
+        real("held_2", "near cliff"),
+        real("held_3", "far cliff"),
+        real("held_4", "splat"),
     ],
     blocks: None,
     wgsl: "\

@@ -26,7 +26,7 @@ pub struct Selection {
     pub drawn: Vec<NodeId>,
 }
 
-/// Limit of the height of a quad on the screen, pixels. A node is split if a quad at its nearest point to the camera would be higher.
+/// Largest height of a quad on the screen, pixels. A node is split if, at its point nearest to the camera, a quad would be higher.
 pub const QUAD_PX: f64 = 2.5;
 /// Bounds of the split ratio: a node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
 /// The lower bound keeps splat texels near the camera fine in small pictures. The upper bound limits the number of nodes in large pictures,
@@ -41,7 +41,7 @@ fn split_ratio(view: &View, lod_bias: f64) -> f64 {
     (ratio * (-lod_bias).exp2()).min(SPLIT_RATIO[1])
 }
 
-/// Lowest and highest corner of the bounding box of a node, in the local coordinates of the view.
+/// Minimum and maximum corner of the bounding box of a node, in the local coordinates of the view.
 pub fn local_box(node: NodeId, bounds: NodeBounds, layout: &Layout, view: &View) -> (DVec3, DVec3) {
     let edge = layout.node_m(node.lod);
     let first_sector = DVec2::new(f64::from(node.x), f64::from(node.y)) * f64::from(1u32 << node.lod);
@@ -67,8 +67,8 @@ pub fn select<E>(
     let layout = world.layout();
     let ratio = split_ratio(view, lod_bias);
     let mut selection = Selection::default();
-    // Nodes outside the view stay coarse or are not loaded. The margin keeps the seams between them and the visible nodes outside the
-    // picture.
+    // Nodes outside the view stay coarse or are not loaded. They have seams to the visible nodes; the margin makes sure that these seams lie outside
+    // the picture.
     let sees = |node: NodeId, (low, high): (DVec3, DVec3)| {
         let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
         view.sees(low - margin, high + margin)

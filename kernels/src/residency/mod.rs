@@ -19,7 +19,7 @@ use crate::scene::demands::Demands;
 use crate::world::payload::{HEIGHT_SIDE, SPLAT_SIDE, TEXTURE_SIDE};
 use crate::world::{Baked, Cover, Ground, NodeId, NodePayload, PaletteMeans, World};
 
-/// Limit of the number of resident nodes (SYSTEMS A, the part of the talk on terrain data, says about 500).
+/// Largest number of resident nodes (SYSTEMS A, the part of the talk on terrain data, says about 500).
 pub const CAPACITY: u32 = 512;
 
 /// How many nodes the atlases hold, and how large the atlases are.
@@ -27,7 +27,7 @@ pub const CAPACITY: u32 = 512;
 pub struct AtlasCounts {
     /// Number of resident nodes.
     pub resident: usize,
-    /// Limit of the number of resident nodes.
+    /// Largest possible number of resident nodes.
     pub capacity: usize,
     /// Bytes allocated for all atlases, unused slots included.
     pub bytes: u64,
@@ -63,7 +63,7 @@ pub struct Changes {
     pub relaid: bool,
     /// For each palette index, whether the mean albedo, smoothness or specular occlusion changed.
     pub means: Vec<bool>,
-    /// For each palette index, whether the palette entry (such as the size of a repeat) or a texture of the material changed.
+    /// For each palette index, whether the palette entry (such as the tile size) or a texture of the material changed.
     pub looks: Vec<bool>,
 }
 
@@ -91,8 +91,8 @@ fn atlas(gpu: &Gpu, label: &str, texels: usize, layers: u32, format: wgpu::Textu
     })
 }
 
-/// Returns the textures of all atlases, required by the scene or not. They have one layer more than [`CAPACITY`]: slot 0 is unused, because
-/// 0 means that nothing is loaded.
+/// Returns the textures of all atlases, including those that the scene does not require. They have one layer more than [`CAPACITY`]: slot 0 is
+/// unused, because 0 means that nothing is loaded.
 pub fn textures(demands: &Demands) -> Vec<TextureUse> {
     use wgpu::TextureFormat as Format;
     let node = |name, format, texels: usize, reason| {

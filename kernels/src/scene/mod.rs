@@ -27,7 +27,7 @@ pub struct Scene {
     pub description: String,
     /// The source of the heights.
     pub world: World,
-    /// Palette, in order: the position in this list is the splat map's index. At most 256.
+    /// Palette: a texel of the splat map is an index into this list. At most 256 materials.
     #[serde(rename = "material")]
     pub materials: Vec<Material>,
     /// Splat rules. At every splat texel the rule with the largest weight decides the material; if several weights are equal, the last
@@ -150,7 +150,7 @@ fn one() -> f64 {
 }
 
 /// One splat rule. Its weight is `weight` times the product of all masks that the rule gives. The mask of a band `[from, to]` is a trapezoid: 1
-/// inside the band, falling to 0 outside it over the distance `*_fade`.
+/// inside the band, falling to 0 outside it over the width of the fade.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {
@@ -197,8 +197,8 @@ pub struct Stroke {
     pub points: Vec<[f64; 2]>,
     /// Half the width of the line, metres, > 0.
     pub radius_m: f64,
-    /// Width of the soft edge of a mask, metres inwards from the line's edge, 0 to `radius_m`. A stroke of kind `splat` has no soft edge, because a
-    /// splat map holds one material per texel.
+    /// Width of the soft edge of a mask, metres, 0 to `radius_m`. The soft edge lies inside the line. A stroke of kind `splat` has no soft edge,
+    /// because a splat map holds one material per texel.
     #[serde(default)]
     pub fade_m: f64,
     /// Factor on the weights of the material's rules, in the middle of a mask: 0 removes the material, 1 changes nothing. A stroke of kind `splat`
@@ -211,7 +211,7 @@ pub struct Stroke {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StrokeKind {
-    /// The splat map: every splat texel that the brush passed gets the material, regardless of the rules.
+    /// The splat map: every splat texel that the brush passed over gets the material, regardless of the rules.
     Splat,
     /// The weights of the rules that place the material.
     Mask,

@@ -14,7 +14,7 @@ pub const DEFAULT: &str = "default";
 /// Name of the scene file in a folder that holds a scene.
 pub const FILE: &str = "scene.toml";
 
-/// Text of the built-in scene. It is an example of everything that a scene file may contain.
+/// Text of the built-in scene. It also serves as an example of a scene file.
 pub const DEFAULT_TEXT: &str = include_str!("default.toml");
 
 /// The text of a scene file, before parsing.
@@ -22,7 +22,7 @@ pub const DEFAULT_TEXT: &str = include_str!("default.toml");
 pub struct SceneText {
     /// The TOML.
     pub text: String,
-    /// Name of the scene in errors.
+    /// Name of the scene in error messages.
     pub name: String,
     /// Folder to which relative file names refer.
     pub folder: PathBuf,

@@ -6,7 +6,7 @@ use toml::Value;
 use super::{Scene, World};
 use crate::settings::{Field, Home, Kind, Listing, Range, Setting, table};
 
-/// Limit of the absolute values of elevations, coordinates and distances, metres. Larger values are refused as mistakes.
+/// Largest accepted absolute value of an elevation, a coordinate or a distance, metres. Larger values are probably mistakes.
 pub(super) const FAR_M: f64 = 1.0e7;
 
 /// Where every setting of a scene can be set. Settings that the workbench shows can be set there, too.
@@ -39,7 +39,7 @@ table! {
         cliff_near_m: f64 = 30.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Far cliff from", 1.0, 1000.0);
         /// Beyond this distance cliffs, too, are shaded from the far atlas.
         cliff_far_atlas_m: f64 = 1500.0, "m", positive(FAR_M), FLAVOURS.logarithmic("Cliff far atlas from", 10.0, 10_000.0);
-        /// Half the width of the blend between flavours at a border between distances, as a share of the border's distance.
+        /// Half the width of the blend between two flavours at a distance where the flavour changes, as a share of that distance.
         // A blend of width 0 would make the shaders divide by zero. A width of a thousandth looks like a hard edge.
         distance_blend: f64 = 0.15, "x", number(0.001, 0.9), FLAVOURS.slider("Distance blend", 0.001, 0.9);
         /// Slopes steeper than this are shaded as cliffs. 90 or more: there are no cliffs.
@@ -72,7 +72,8 @@ table! {
         height_sharpness: f64 = 8.0, "", number(0.0, 1.0e4), BLEND.slider("Height blend", 0.0, 64.0);
         /// k in the weights of the three projections, w = abs(n)^k, where n is the normal. The larger k, the sharper the borders between projections.
         triplanar_sharpness: f64 = 4.0, "", number(0.0, 1.0e3), BLEND.logarithmic("Tri-planar blend", 0.5, 32.0);
-        /// Added to mip levels, by scaling gradients by 2^bias. Below 0 the picture is sharper and flickers, above 0 it is blurrier.
+        /// Bias of the mip levels: texture gradients are scaled by 2^bias. Below 0, the picture is sharper and flickers more; above 0, it is
+        /// blurrier.
         mip_bias: f64 = 0.0, "mip", number(-16.0, 16.0), BLEND.slider("LOD bias", -4.0, 4.0);
         /// Anisotropy of the filtering of detail textures. 1: trilinear filtering, which blurs near ground. With Mesa's software driver before
         /// version 23, the anisotropy is always 1.
@@ -111,7 +112,7 @@ table! {
 /// Default edge of detail textures, texels.
 pub(super) const DETAIL_SIZE: u32 = 1024;
 
-/// The settings outside the optional tables. The kind of a world decides which of these settings it has.
+/// The settings outside the optional tables. Which of the settings of `world` a scene has depends on the kind of its world.
 const OTHERS: &[Setting<Scene>] = &[
     Setting {
         key: "world.seed",

@@ -1,4 +1,4 @@
-//! Checks of a scene file that its types cannot express.
+//! Validates the constraints on a scene that the Rust types cannot express: ranges, unique names, and references to names and files that must exist.
 
 use super::settings::FAR_M;
 use super::{CameraPose, Hole, Rule, Scene, Stroke, World};
@@ -7,8 +7,8 @@ use crate::base::error::{Error, Result, one_line};
 use crate::base::names::suggestion;
 use crate::settings;
 
-/// Checks a scene that was read from a file or built in code: sizes, ranges, names that must be unique, names that must exist, and files
-/// that must exist.
+/// Checks a scene that was read from a file or built in code: sizes, ranges, the uniqueness of names, and the existence of the names and files to
+/// which the scene refers.
 ///
 /// # Errors
 /// The first problem, with its place in the scene.
@@ -37,7 +37,7 @@ pub fn validate_against_world(scene: &Scene, max_slope_deg: f64) -> Result<()> {
     })
 }
 
-/// Limit of the number of points of one stroke. The number is limited, because every splat texel near a stroke is compared with all points of the
+/// Largest number of points of one stroke. The number is limited, because every splat texel near a stroke is compared with all points of the
 /// stroke.
 const MOST_POINTS: usize = 65_536;
 

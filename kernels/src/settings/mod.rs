@@ -9,7 +9,7 @@ use std::fmt;
 use toml::Value;
 
 use crate::base::document::{At, Checked};
-use crate::base::names::suggestion;
+use crate::base::names::{did_you_mean, nearest};
 
 mod reference;
 
@@ -284,7 +284,7 @@ pub struct Setting<T: 'static> {
     pub about: &'static str,
     /// Its group, where it can be set, and how it is shown.
     pub listing: Listing,
-    /// Where the value is stored; `None` = this `T` does not have it.
+    /// Where the value is stored; `None` = this `T` does not have the setting.
     pub field: fn(&T) -> Option<&dyn Field>,
     /// Like `field`, but returns a mutable reference.
     pub field_mut: fn(&mut T) -> Option<&mut dyn Field>,
@@ -321,8 +321,8 @@ pub trait Holds<P>: 'static {
 ///   `parts field: Type`, the type has one more field, which is not a setting.
 /// - `Name as "prefix"`: an owner stores the `Name` if it implements [`Holds`]. The table is [`Part::table`].
 ///
-/// Keys begin with `prefix`. Each field has documentation, which is also the description of the setting, then name, type and default, then
-/// `unit, kind, listing`.
+/// Keys begin with `prefix`. A field is declared as `name: type = default, unit, kind, listing;`, after its documentation, which is also the
+/// description of the setting.
 macro_rules! table {
     (
         $(#[$meta:meta])*
@@ -465,7 +465,7 @@ impl<T> Setting<T> {
         self.accept(value)?;
         match (self.field_mut)(owner) {
             Some(field) => field.store(value).map_err(|hint| self.refusal(value, &hint)),
-            None => Err(format!("`{}` does not exist here", self.key)),
+            None => Err(format!("`{}` does not apply to this kind of world: leave it out", self.key)),
         }
     }
 
@@ -478,11 +478,8 @@ impl<T> Setting<T> {
             return Ok(());
         }
         let hint = match (self.kind, value) {
-            (Kind::Name(names), Value::String(name)) => {
-                let hint = suggestion(name, &names());
-                // The sentence already lists all names.
-                if hint.starts_with("there are") { String::new() } else { hint }
-            }
+            // The sentence already lists all names.
+            (Kind::Name(names), Value::String(name)) => nearest(name, &names()).map_or_else(String::new, did_you_mean),
             _ => String::new(),
         };
         Err(self.refusal(value, &hint))

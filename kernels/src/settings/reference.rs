@@ -155,8 +155,8 @@ A setting has the same key, accepted values and default wherever it is set:
 - **definition** of an experiment: under its key in `[set]`, as `\"blend.hash_scale\" = 2.0`, or as `parameter` in `[vary]`. If the
   column `where` names a list, the definition gives several values in that list instead.
 - **render**: `experiments render --set blend.hash_scale=2`, or an option of its own, such as `--lod-bias 1`.
-- **workbench**: a control in a panel. The value is kept in the state file, by the last part of its key in `[look]`, or by its whole key in the
-  numbers of the scene.
+- **workbench**: a control in a panel. The value is kept in the state file. A setting of the frame is kept in `[look]`, under the last part of its
+  key. A number of the scene is kept in `[scene.NAME.numbers]`, under its whole key.
 
 A value that is not accepted is refused with the same sentence everywhere, such as \"`frame.lod_bias` is 9, must be -2 to 4\". If the value
 comes from the state file, the sentence is a warning, and the value is ignored.

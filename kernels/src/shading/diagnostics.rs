@@ -2,7 +2,7 @@
 
 use crate::base::wgsl::{Constant, Wgsl};
 
-/// Number of bits for the counted fetches. The choice has [`CHOICE_BITS`], the mask has the remaining bits.
+/// Number of bits for the counted fetches. The choice has [`CHOICE_BITS`] bits, and the mask has the remaining bits.
 const FETCH_BITS: u32 = 16;
 const CHOICE_BITS: u32 = 8;
 

@@ -95,7 +95,7 @@ impl Estimator {
         self.taken().name
     }
 
-    /// Index of a flavour in the tables; `None` if the flavour is the same in all estimators.
+    /// Index of a flavour in the arrays of [`Taken`]; `None` if the flavour is the same in all estimators.
     const fn place(flavour: Flavour) -> Option<usize> {
         match flavour {
             Flavour::VirtualTexture | Flavour::FarAtlas => None,
@@ -168,7 +168,7 @@ impl FromStr for Estimator {
         Estimator::ALL.into_iter().find(|e| e.name() == text).ok_or_else(|| {
             let names = Estimator::ALL.map(Estimator::name);
             let hint = nearest(text, &names).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
-            Error::Request(format!("`{text}` is not an estimator: {hint}there are {}", names.join(", ")))
+            Error::Request(format!("`{text}` is not an estimator: {hint}the estimators are {}", names.join(", ")))
         })
     }
 }

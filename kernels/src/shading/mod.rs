@@ -1,8 +1,8 @@
-//! Shading: one indirect draw of tiles per variant; computes the G-buffer from depth, normals and terrain data.
+//! Shading: computes the G-buffer from depth, normals and terrain data, with one indirect draw of tiles per variant.
 //!
-//! Reads depth, normals, tile lists, terrain, virtual-texture pages. Writes albedo + specular occlusion and normal + smoothness (RGBA16Float), and on
-//! request a diagnostics target (fetches, choice, tile mask). One WGSL module; 31 variants and the generic kernel differ in override constants.
-//! Source: Moore, GDC 2018, "Cliff Shading", "Terrain Shader Variations", "Terrain G-Buffer Pass"; rulings 1, 7 and 15 in `ARCHITECTURE.md`.
+//! Reads depth, normals, tile lists, terrain and virtual-texture pages. Writes albedo + specular occlusion and normal + smoothness (RGBA16Float), and
+//! on request a diagnostics target (fetches, choice, tile mask). Override constants specialise one WGSL module into 31 variants and the generic
+//! kernel. Source: Moore, GDC 2018, "Cliff Shading", "Terrain Shader Variations", "Terrain G-Buffer Pass"; rulings 1, 7 and 15 in `ARCHITECTURE.md`.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -86,7 +86,7 @@ pub struct Settings {
     pub colour_modulation: bool,
     /// Whether detail textures are filtered anisotropically.
     pub anisotropic: bool,
-    /// Whether a tile is one triangle, see [`tile_vertices`](crate::classification::tile_vertices).
+    /// Whether a tile is drawn as one triangle, see [`tile_vertices`](crate::classification::tile_vertices).
     pub one_triangle: bool,
     /// Edge of a tile, pixels.
     pub tile: u32,
@@ -151,7 +151,7 @@ impl Targets {
     }
 }
 
-/// The pass and its pipelines. A pipeline is built when it is first needed, and kept.
+/// The pass and its pipelines. A pipeline is built when it is first needed, and is then kept.
 pub struct Shading {
     template: Template,
     layout: wgpu::BindGroupLayout,
@@ -171,7 +171,7 @@ impl Stage for Shading {
     const DECLARATION: Declaration = Declaration {
         passes: |demands| {
             let variants = u32::try_from(demands.variants().len()).expect("there are at most 31 variants");
-            vec![PassUse::new("shading", variants + 1, "a pipeline per variant that has tiles, and the generic kernel")]
+            vec![PassUse::new("shading", variants + 1, "a pipeline per variant that tiles may need, and one for the generic kernel")]
         },
         targets: |_| {
             vec![
@@ -228,7 +228,7 @@ impl Stage for Shading {
     }
 
     /// Builds the stage again. It also builds the pipelines of the displayed view or, if there is no such view, the generic pipeline, so that an
-    /// error is reported at once and not with the first picture.
+    /// error is reported immediately and not with the first picture.
     fn rebuilt(&self, build: Build<'_>) -> Result<Exchange<Shading>> {
         let mut shading = Shading::build(build)?;
         let generic = PipelineKey {
@@ -248,8 +248,8 @@ impl Stage for Shading {
 }
 
 impl Shading {
-    /// Records which pipelines the displayed view uses, because a reload builds them at once. `fresh`: whether a new view begins, which discards the
-    /// earlier keys; otherwise `keys` are added to them.
+    /// Records which pipelines the displayed view uses, so that a reload of the shaders can build them immediately. If `fresh`, a new view begins,
+    /// and `keys` replace the earlier keys; otherwise `keys` are added to the earlier keys.
     pub fn display(&mut self, keys: &[PipelineKey], fresh: bool) {
         if fresh {
             self.displayed.clear();

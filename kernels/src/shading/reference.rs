@@ -1,7 +1,8 @@
 //! Shading in f64: the reference for the exact blends of the five flavours and for their sum.
 //!
-//! It covers Far Cry 5's flavours with random choices replaced by their means ([`Estimator::Exact`](super::Estimator)), at the centres of pixels. Random
-//! choices are checked against these means and by the references of noise and selection.
+//! It covers Far Cry 5's flavours with random choices replaced by their means ([`Estimator::Exact`](super::Estimator)), at the centres of pixels.
+//! Random choices are checked in two other ways: their mean is compared with `Estimator::Exact`, and noise and selection have references of their
+//! own.
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "Cliff Shading", "Terrain Shader Variations".
 
 use glam::DVec3;
@@ -39,7 +40,7 @@ pub struct Shaded {
     pub occlusion: f64,
 }
 
-/// What shading needs of a scene.
+/// The parts of a scene that shading needs.
 #[derive(Clone, Copy)]
 pub struct Rules<'s> {
     /// Where flavours apply.
@@ -50,7 +51,7 @@ pub struct Rules<'s> {
     pub two_tilings: bool,
 }
 
-/// Shades a pixel with a variant that is forced. `None` if a flavour needs a node that is not loaded.
+/// Shades a pixel with a forced variant. `None` if a flavour needs a node that is not loaded.
 pub fn shade(ground: &Ground<'_>, rules: Rules<'_>, pixel: &Pixel, variant: Variant) -> Option<Shaded> {
     let params = FlavourParams::new(rules.flavours);
     let all = flavour_weights::weights(pixel.distance_m, pixel.normal.z, &params);
@@ -67,7 +68,7 @@ pub fn shade(ground: &Ground<'_>, rules: Rules<'_>, pixel: &Pixel, variant: Vari
     Some(Shaded { albedo: sum.albedo, normal: normal.normalize(), smoothness: sum.smoothness, occlusion: sum.occlusion })
 }
 
-/// The surface of one flavour, and its normal if it has one of its own.
+/// Returns the surface of one flavour, and the normal if the flavour computes it without a gradient, as the far atlas does.
 fn one(ground: &Ground<'_>, rules: Rules<'_>, params: &FlavourParams, pixel: &Pixel, flavour: Flavour) -> Option<(Surface, Option<DVec3>)> {
     let bias = rules.blend.mip_bias;
     let spot = ground.spot(pixel.position.truncate())?;

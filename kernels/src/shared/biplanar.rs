@@ -33,7 +33,7 @@ pub fn projections<T: Real>(n: [T; 3], sharpness: T) -> ([u32; 2], [T; 2]) {
         return (numbers, [T::one(), T::zero()]);
     }
     let k = bounded(sharpness, 0.0, MAX_SHARPNESS) / T::of(8.0);
-    // 0^0 is 0 here, unlike in `powf`.
+    // Here, 0^0 counts as 0; `powf` would return 1.
     let w = above.map(|x| if x > T::zero() { (x / top).powf(k) } else { T::zero() });
     (numbers, w.map(|x| x / (w[0] + w[1])))
 }

@@ -18,7 +18,7 @@ use super::hash;
 pub const EDGE: u32 = 64;
 /// Slices of the spatio-temporal mask, one per frame. The mask repeats with this period.
 pub const SLICES: u32 = 16;
-/// Number of ranks of a mask or slice. Each rank from 0 to this - 1 occurs once.
+/// Number of ranks of a mask or slice. Each rank from 0 to `RANKS` - 1 occurs once.
 pub const RANKS: u32 = EDGE * EDGE;
 
 const SIDE: usize = EDGE as usize;

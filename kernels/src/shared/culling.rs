@@ -1,10 +1,9 @@
-//! Whether a part of the terrain can be left out, because it lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away
-//! completely.
+//! Culling tests: whether a part of the terrain lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away completely.
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "GPU Culling", "Occlusion Buffer Culling", "Back Face Culling"; Haar and Aaltonen,
 //! *GPU-Driven Rendering Pipelines*, SIGGRAPH 2015.
-//! The tests are conservative: nothing visible is ever left out, in f32 or in f64, whether denormals are kept or flushed to zero. The cost is that
-//! terrain which could be left out is still drawn if it exceeds a limit by less than the margin for rounding errors, such as [`SLACK`].
+//! The tests are conservative: nothing visible is ever culled, in f32 or in f64, whether denormals are kept or flushed to zero. The cost is that some
+//! invisible terrain is still drawn: terrain that lies beyond a threshold by less than the margin for rounding errors, such as [`SLACK`].
 
 use super::octahedral::unit;
 use super::real::{Real, dot, length};
@@ -27,7 +26,7 @@ pub(super) const CONSTANTS: &[(&str, Constant)] = &[
 /// nearest, the error is at most 4 x 2^-24 of that sum. The bound is twice as large, 8 x 2^-24, so that it also holds for rounding towards zero.
 pub const SLACK: f64 = 8.0 / 16_777_216.0;
 
-/// Limit of the magnitude of accepted numbers. Sums of squares and products of numbers up to this limit fit f32.
+/// Largest accepted magnitude of a number. Sums of squares and products of numbers up to this limit fit f32.
 pub(crate) const MOST: f64 = 1e15;
 /// Vectors of at most this size are treated as having no direction, because their squares have little precision in f32. The size of a cone's axis is
 /// its largest component; the size of the vector to a patch is its length, metres.
@@ -56,7 +55,7 @@ pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], ra
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
     let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));
     let distance = length(to_patch);
-    // The patch is not culled: the eye is inside the sphere, a vector is too short to have a direction in f32, or a number is not valid.
+    // The patch is kept if the eye is inside the sphere, if a vector is too short to have a direction in f32, or if a number is not valid.
     if !(known && has_axis && sin_half_angle >= T::zero() && sin_half_angle < T::one() && distance > radius && distance > T::of(LEAST)) {
         return false;
     }
@@ -73,13 +72,12 @@ pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], ra
 /// two sines and two cosines, and the products of sines and cosines. It is less than 96 ULP in total.
 pub const ROUNDING: f64 = 96.0 / 8_388_608.0;
 
-/// Limit of the relative error of a box's distance along the view. If the error is larger, or a part of the box is nearer than the near plane, it is
-/// unknown which pixels the box covers.
+/// Largest accepted relative error of a box's distance along the view. If the error is larger, or a part of the box is nearer than the near plane, it
+/// is unknown which pixels the box covers.
 pub(crate) const KNOWN: f64 = 1.0 / 128.0;
 /// Lower limit of the accepted distances of the near plane, m.
 pub(crate) const NEAREST: f64 = 1e-6;
-/// Positions are clamped to this distance from the middle of the picture, in halves of its width or height. Farther out, the exact position makes no
-/// difference.
+/// Normalised device coordinates are clamped to ± this value. Farther outside the picture, the exact position makes no difference.
 const OUTSIDE: f64 = 4.0;
 /// Bound on the rounding error of a screen position, relative to 1 + |q|, where q is the quotient of two clip coordinates. The quotient has an error
 /// of 2.5 ULP; two sums and a product are rounded once each. The bound, 8 ULP, is about twice the total.
@@ -99,8 +97,8 @@ pub struct Cover<T> {
 /// The pixels that the box from `low` to `high`, m, covers in a picture of `size` pixels (1..=16384 each). `rows` are the rows for x, y and w of a
 /// matrix from the box's coordinates to clip space; w is the distance along the view, m, and `near` is the smallest distance that is drawn. The
 /// pixels lie within the picture, and there is at least one: a box outside the picture counts as covering the nearest edge, and the frustum test must
-/// leave it out. `None` if the cover is unknown: the box reaches the near plane, its distance has too large a rounding error (the summed terms are
-/// more than about 2^14 times as large as the distance), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
+/// cull it. `None` if the cover is unknown: the box reaches the near plane, its distance has too large a rounding error (the summed terms are more
+/// than about 2^14 times as large as the distance), `near` is below 1e-6 m, or a number is NaN, infinite or beyond 1e15.
 pub fn cover<T: Real>(rows: [[T; 4]; 3], near: T, low: [T; 3], high: [T; 3], size: [T; 2]) -> Option<Cover<T>> {
     let known = rows.iter().flatten().chain(&low).chain(&high).all(|x| x.abs() <= T::of(MOST));
     if !(known && near >= T::of(NEAREST) && near <= T::of(MOST)) {
@@ -166,7 +164,7 @@ mod tests {
     #[test]
     fn a_box_covers_what_its_corners_span() {
         let size = [200.0, 100.0];
-        // On the screen, the nearest face spans -0.5 to 0.25 to the right and 0 to 0.5 up, in halves of the picture from its middle.
+        // In normalised device coordinates, the nearest face spans x = -0.5 to 0.25 and y = 0 to 0.5.
         let seen = cover(ALONG_Y, 0.1, [-5.0, 10.0, 0.0], [2.5, 40.0, 5.0], size).expect("before the camera");
         assert_eq!((seen.first, seen.last), ([49.0, 24.0], [125.0, 50.0]));
         assert!((0.01..0.01 + 1e-7).contains(&seen.depth), "{}", seen.depth);

@@ -1,6 +1,5 @@
-// Whether a part of the terrain can be left out, because it lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away
-// completely. The tests are conservative: nothing visible is ever left out. culling.rs derives the margins CULLING_..., which the host passes to this
-// file.
+// Culling tests: whether a part of the terrain lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away completely. The tests
+// are conservative: nothing visible is ever culled. culling.rs derives the margins CULLING_..., which the host passes to this file.
 
 // Whether a box lies completely outside a plane. `plane` is (n, w); a point p is outside if n . p + w < 0. False if a number is NaN, infinite or
 // beyond 1e15.

@@ -2,9 +2,9 @@
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018: rays through the neighbouring pixels are
 // intersected with the tangent plane.
 
-// Lower limit of |cosine| between the plane's normal and the neighbouring pixel's ray; a smaller |cosine| is replaced by it. With this limit, the
-// step along the surface is at most about 100 times the step across the view. No texture filter can resolve a longer step, and beyond the horizon of
-// the plane the ray does not hit the plane at all.
+// Lower limit of |cosine| between the plane's normal and the neighbouring pixel's ray; a smaller |cosine| is replaced by this limit. With this limit,
+// the step along the surface is at most about 100 times the step across the view. No texture filter can resolve a longer step, and beyond the horizon
+// of the plane the ray does not hit the plane at all.
 const DERIVATIVES_MIN_COSINE: f32 = 0.01;
 
 // Step from the position that a pixel sees on a plane to the position that its neighbour sees there, metres. The point is ray * t, relative to the

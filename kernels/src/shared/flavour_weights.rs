@@ -52,7 +52,7 @@ pub struct FlavourParams {
     pub cliff_far_atlas_m: f32,
     /// Distance, metres, at which near cliff changes to far cliff, and splat to ground.
     pub cliff_near_m: f32,
-    /// Half the width of a distance blend, as a share of its distance, 0..=1.
+    /// Half the width of a distance blend, as a share of the distance of the border, 0..=1.
     pub distance_blend: f32,
     /// Two values of the unit normal's z, first < second. Surfaces with z below the first are shaded as cliff, surfaces with z above the second are
     /// not; between them, cliff fades out. If the second is -1 or less, there are no cliffs.
@@ -97,7 +97,7 @@ pub fn mask<T: Real>(weights: [T; 5]) -> u32 {
 
 /// The weights of the flavours in a variant's `mask`, summing to 1. A flavour that [`mask`] leaves out has weight zero here, too, so that a pixel
 /// looks the same in every variant that contains its mask. If `forced`, every flavour of the mask gets at least [`FORCED_WEIGHT`], so that the shader
-/// really evaluates it. If no flavour of the mask has a weight, all flavours of the mask get equal weights. An empty mask counts as far atlas.
+/// evaluates it. If no flavour of the mask has a weight, all flavours of the mask get equal weights. An empty mask counts as far atlas.
 pub fn weights_for<T: Real>(weights: [T; 5], mask: u32, forced: bool) -> [T; 5] {
     let mask = if mask & 31 == 0 { FAR_ATLAS } else { mask & 31 };
     let least = T::of(if forced { FORCED_WEIGHT } else { 0.0 });

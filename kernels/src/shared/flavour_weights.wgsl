@@ -10,7 +10,7 @@ struct FlavourParams {
     cliff_far_atlas_m: f32,
     // Distance, metres, at which near cliff changes to far cliff, and splat to ground.
     cliff_near_m: f32,
-    // Half the width of a distance blend, as a share of its distance, 0..=1.
+    // Half the width of a distance blend, as a share of the distance of the border, 0..=1.
     distance_blend: f32,
     // Two values of the unit normal's z, x < y. Surfaces with z below x are shaded as cliff, surfaces with z above y are not; between them, cliff
     // fades out. If y is -1 or less, there are no cliffs.
@@ -98,8 +98,8 @@ fn flavour_restricted(weight: f32, present: bool, forced: bool) -> f32 {
 }
 
 // The weights of the flavours in a variant's mask, summing to 1. A flavour that `flavour_mask` leaves out has weight zero here, too, so that a pixel
-// looks the same in every variant that contains its mask. If `forced` is not 0, every flavour of the mask gets a weight, so that the shader really
-// evaluates it. If no flavour of the mask has a weight, all flavours of the mask get equal weights. An empty mask counts as far atlas.
+// looks the same in every variant that contains its mask. If `forced` is not 0, every flavour of the mask gets a weight, so that the shader evaluates
+// it. If no flavour of the mask has a weight, all flavours of the mask get equal weights. An empty mask counts as far atlas.
 fn flavour_weights_for(weights: array<f32, 5>, mask: u32, forced: u32) -> array<f32, 5> {
     let usable = mask & FLAVOUR_BITS;
     let m = select(usable, FLAVOUR_FAR_ATLAS_BIT, usable == 0u);

@@ -1,4 +1,4 @@
-//! Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each of the others.
+//! Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each other layer.
 //!
 //! Source: Luna, *Introduction to 3D Game Programming with DirectX 12*, 2016, terrain rendering. The final weight of a layer is
 //! w_i = p_i Π_{j>i} (1 - p_j). A blend map is normally painted; here it follows from the splat map: p_j = m_j / Σ_{i≤j} m_i, where m are the shares
@@ -10,7 +10,7 @@ use super::real::Real;
 /// Number of layers of the blend.
 pub const LAYERS: usize = 8;
 
-/// Share of `layer` at a point: the sum of the weights, 0..=1, of those surrounding texels that show this layer. `layers` are the layers of the four
+/// Share of `layer` at a point: the sum of the weights, 0..=1, of the surrounding texels that show this layer. `layers` are the layers of the four
 /// texels, `weights` their weights. In WGSL: `layers_share`.
 pub fn share<T: Real>(weights: [T; 4], layers: [u32; 4], layer: u32) -> T {
     let of_layer = weights.into_iter().zip(layers).filter(|&(_, l)| l == layer);
@@ -23,7 +23,7 @@ pub fn opacity<T: Real>(layer: u32, share: T, below: T) -> T {
     if layer == 0 { T::one() } else { share / (share + below).max(T::of(1e-30)) }
 }
 
-/// Weights of the layers if each layer is blended over those below it with its opacity, which is clamped to 0..=1.
+/// Weights of the layers if each layer is blended over the layers below it with its opacity, which is clamped to 0..=1.
 pub fn weights<T: Real>(opacities: [T; LAYERS]) -> [T; LAYERS] {
     let opacities = opacities.map(|p| bounded(p, 0.0, 1.0));
     std::array::from_fn(|i| opacities[i + 1..].iter().fold(opacities[i], |w, &p| w * (T::one() - p)))

@@ -1,9 +1,9 @@
-// Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each of the others.
+// Eight layers blended one over the other: layer 0 is opaque, and a blend map gives the opacity of each other layer.
 // Source: Luna, "Introduction to 3D Game Programming with DirectX 12", 2016, terrain rendering. The final weight of a layer is w_i = p_i prod_{j > i}
 // (1 - p_j).
 
-// Share of a layer at a point: the sum of the weights of those of the four surrounding texels that show this layer. Opacities are computed from the
-// shares; they are not read from a painted blend map.
+// Share of a layer at a point: the sum of the weights of the surrounding texels that show this layer. Opacities are computed from the shares; they
+// are not read from a painted blend map.
 fn layers_share(weights: vec4<f32>, layers: vec4<u32>, layer: u32) -> f32 {
     let w = usable_positive_4(weights, 1.0);
     return dot(select(vec4<f32>(0.0), w, layers == vec4<u32>(layer)), vec4<f32>(1.0));

@@ -9,9 +9,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::real::{Real, add, dot, length, scale};
 
-/// Smallest distance along the view direction, metres.
+/// Smallest distance along the view direction at which a point is reprojected, metres.
 pub const MIN_DISTANCE: f64 = 1e-4;
-/// Largest distance along the view direction, metres.
+/// Upper limit of the distance along the view direction at which a point is reprojected, metres.
 pub const FAR: f64 = 1e9;
 
 /// The camera of an earlier frame, relative to the eye of a later frame.
@@ -32,7 +32,7 @@ pub struct Past<T> {
 }
 
 /// The layout of `MotionPast` in `motion.wgsl`.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct MotionPast {
@@ -112,7 +112,8 @@ pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
-/// Whether a pixel belongs to a quarter of the picture; `quarter` is 0 to 3. In WGSL, `motion_of_quarter` returns the pixels of a quarter.
+/// Whether a pixel belongs to a quarter of the picture; `quarter` is 0 to 3. In WGSL, `motion_of_quarter` returns the pixel of a quarter among four
+/// neighbouring pixels of a row.
 pub fn in_quarter(pixel: [u32; 2], quarter: u32) -> bool {
     pixel[0] % 4 == (quarter + 2 * pixel[1]) % 4
 }

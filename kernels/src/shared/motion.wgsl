@@ -55,8 +55,8 @@ fn motion_same_surface(found: f32, expected: f32, tolerance: f32) -> bool {
     return found > 0.0 && expected > 0.0 && abs(found - expected) <= tolerance * expected;
 }
 
-// The pixel that belongs to quarter 0..=3 of the picture, among the four pixels of row `y` from `first`, a multiple of 4. A quarter has every fourth
-// pixel of a row, shifted by two in the next row. The four quarters together are the picture.
+// Column of the pixel that belongs to `quarter`, 0..=3, among the four pixels of row `y` that begin at column `first`, a multiple of 4. A quarter has
+// every fourth pixel of a row, shifted by two in the next row. Each pixel belongs to exactly one quarter.
 fn motion_of_quarter(first: u32, y: u32, quarter: u32) -> u32 {
     return first + ((quarter + 2u * y) & 3u);
 }

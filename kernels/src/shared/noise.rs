@@ -351,7 +351,8 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
 const LEAST_M: f64 = 7.888_609_052_210_118e-31;
 
 /// The cell that holds a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed alpha and the white noise of fixed cells hash the
-/// coordinates of this cell. A `k` outside [`LEVEL_MIN`]`..=`[`LEVEL_MAX`] would lose sectors or digits; neither of the two kinds of noise uses one.
+/// coordinates of this cell. Both use only `k` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]. With a smaller `k`, a cell could be wider than a sector, and the
+/// sector would be lost; with a larger `k`, the number of a cell could exceed i32.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());

@@ -65,8 +65,8 @@ fn direction<T: Real>([x, y]: [i32; 2], half: i32) -> [T; 3] {
     v.map(|c| c / length)
 }
 
-/// Of the lattice points around the unit vector `n` (z at least 0), the nearest one whose plane the unit vector `ray` sees from the same side as the
-/// plane with normal `n`. There is always such a point, because `n` lies between the points.
+/// Returns the lattice point nearest to the unit vector `n` (z at least 0). The candidates are the points around `n` whose plane is seen along the
+/// unit vector `ray` from the same side as the plane with normal `n`. There is always a candidate, because `n` lies between the points.
 fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
     let flat = octahedral::encode(n).map(|x| x * T::of(f64::from(half)));
     let whole = |x: T| x.to_i32().expect("within the square");
@@ -100,8 +100,8 @@ fn predict(p: [i32; 2]) -> [i32; 2] {
 }
 
 /// Encodes a plane, given by a normal of any length and either sign, and the code of a shading normal, 0..=254 each; larger codes count as 254. `ray`
-/// leads from the eye to the plane and may have any length; it sees the decoded plane from the same side as the given plane. A vector without usable
-/// direction counts as the z axis.
+/// leads from the eye to the plane and may have any length. Along this ray, the decoded plane is seen from the same side as the given plane. A vector
+/// without usable direction counts as the z axis.
 pub fn encode<T: Real>(plane: [T; 3], ray: [T; 3], shading: [u32; 2]) -> u32 {
     let n = octahedral::unit(plane);
     let upper = if n[2] < T::zero() { n.map(|x| -x) } else { n };
@@ -121,7 +121,7 @@ pub fn decode<T: Real>(word: u32) -> Pair<T> {
     if word >> 31 == 0 {
         let p = unpack_diamond(word >> 10, FINE);
         let predicted = predict(p);
-        // The number with these low bits whose difference from the predicted one is in -16..16.
+        // The number that has these low bits and differs from the predicted number by -16..16.
         let code = |low: u32, predicted: i32| {
             let code = predicted + (((low & 31).cast_signed() - predicted + 16) & 31) - 16;
             code.clamp(0, 254).cast_unsigned()
@@ -260,9 +260,9 @@ mod tests {
         assert!(worst.iter().all(|&share| share > 0.97), "{worst:?}");
     }
 
-    /// A random pixel of a random camera that sees a plane at this incidence, degrees, from above: the ray, its steps to the neighbours, and the
-    /// plane's normal, whose z is at least 0. The field of view is uniform in 20..100 degrees; the orientation and the pixel of 1920 x 1080 are
-    /// arbitrary.
+    /// A random pixel of a random camera that sees a plane from above, at an angle of incidence of `incidence` degrees: the ray, its steps to the
+    /// neighbours, and the plane's normal, whose z is at least 0. The field of view is uniform in 20..100 degrees; the orientation and the pixel of
+    /// 1920 x 1080 are arbitrary.
     fn sight(draw: &mut Draw, incidence: f64) -> ([f64; 3], [[f64; 3]; 2], [f64; 3]) {
         let forward = draw.direction();
         let right = draw.leaning(forward, std::f64::consts::FRAC_PI_2);

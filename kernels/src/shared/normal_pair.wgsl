@@ -14,7 +14,7 @@ struct NormalPair {
     shading: vec2<i32>,     // code of the shading normal, 0..=254 each
 }
 
-// The upper half of the octahedron is the diamond |x| + |y| <= half. Its points are counted without a gap, along one diagonal after the other.
+// The upper half of the octahedron is the diamond |x| + |y| <= half. Its points are numbered without gaps, along one diagonal after the other.
 fn normal_pair_pack_diamond(p: vec2<i32>, half: i32) -> u32 {
     // The sum and the difference have the same parity, and 2 half + 1 is odd, so the total is even.
     return u32((p.x + p.y + half) * (2 * half + 1) + (p.x - p.y + half)) >> 1u;
@@ -36,8 +36,8 @@ fn normal_pair_direction(p: vec2<i32>, half: i32) -> vec3<f32> {
     return v / sqrt(dot(v, v));
 }
 
-// Of the lattice points around the unit vector n (z >= 0), the nearest one whose plane the ray sees from the same side as the plane with normal n.
-// There is always such a point, because n lies between the points.
+// Returns the lattice point nearest to the unit vector n (z >= 0). The candidates are the points around n whose plane is seen along the ray from the
+// same side as the plane with normal n. There is always a candidate, because n lies between the points.
 fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
     let flat = octahedral_encode(n) * f32(half);
     let low = vec2<i32>(floor(flat));
@@ -91,7 +91,7 @@ fn normal_pair_decode(word: u32) -> NormalPair {
         let p = normal_pair_unpack_diamond(word >> 10u, NORMAL_PAIR_FINE);
         let predicted = normal_pair_predict(p);
         let low = vec2<i32>(vec2<u32>(word >> 5u, word) & vec2<u32>(31u));
-        // The number with these low bits whose difference from the predicted one is in -16..16.
+        // The number that has these low bits and differs from the predicted number by -16..16.
         let shading = predicted + ((low - predicted + 16) & vec2<i32>(31)) - 16;
         return NormalPair(normal_pair_direction(p, NORMAL_PAIR_FINE), clamp(shading, vec2<i32>(0), vec2<i32>(254)));
     }

@@ -7,8 +7,8 @@
 use super::real::{Real, dot, sub};
 use super::{bounded, usable};
 
-/// Unit vector along `v`; the z axis if `v` has no usable direction (the magnitude of every component is at most 1e-30, or that of one is above 1e30
-/// or NaN).
+/// Unit vector along `v`; the z axis if `v` has no usable direction (if all components are at most 1e-30 in magnitude, or if one component is above
+/// 1e30 in magnitude or NaN).
 pub fn unit<T: Real>(v: [T; 3]) -> [T; 3] {
     let size = v.iter().fold(T::zero(), |m, x| m.max(x.abs()));
     if !(v.iter().all(|x| x.abs() <= T::of(1e30)) && size > T::of(1e-30)) {
@@ -62,7 +62,7 @@ pub fn dequantise<T: Real>(code: [u32; 2], bits: u32) -> [T; 2] {
     code.map(|q| T::of(f64::from(q.min(2 * half)) - f64::from(half)) / T::of(f64::from(half)))
 }
 
-/// Of the four codes around `n`, the one whose decoded direction is nearest to `n` ("oct-P" in the survey).
+/// Returns, among the four codes around `n`, the code whose decoded direction is nearest to `n` ("oct-P" in the survey).
 pub fn encode_precise<T: Real>(n: [T; 3], bits: u32) -> [u32; 2] {
     let n = unit(n);
     let half = half(bits);

@@ -1,4 +1,4 @@
-//! Arithmetic on small vectors of f32 or f64. One generic reference then runs in both types. Its results in f64 count as exact. The error of its
+//! Arithmetic on small vectors of f32 or f64, so that one generic reference runs in both types. Its results in f64 count as exact. The error of its
 //! results in f32 is the yardstick for the error of the shader.
 
 use num_traits::Float;

@@ -1,5 +1,5 @@
-//! A pixel of a measured sequence in two words: linear colour as f16, the number of texture fetches, and the first random choice, as the shading pass
-//! recorded them.
+//! A pixel of a measured sequence, packed into two words: the linear colour as f16, and the number of texture fetches and the first random choice
+//! that the shading pass recorded.
 
 use half::f16;
 

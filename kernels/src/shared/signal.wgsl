@@ -1,6 +1,6 @@
-// A pixel of a measured sequence in two words: linear colour as f16, the number of texture fetches, and the first random choice, as the shading pass
-// recorded them. Word 0 holds red and green. From the lowest bit up, word 1 holds 16 bits of blue, the number of fetches, the first random choice
-// (zero if there was none), and a bit that marks terrain.
+// A pixel of a measured sequence, packed into two words: the linear colour as f16, and the number of texture fetches and the first random choice that
+// the shading pass recorded. Word 0 holds red and green. From the lowest bit up, word 1 holds 16 bits of blue, the number of fetches, the first
+// random choice (zero if there was none), and a bit that marks terrain.
 
 // SIGNAL_FETCH_BITS, SIGNAL_CHOICE_BITS: numbers of bits for the number of fetches and for the choice. SIGNAL_TERRAIN: the bit of the second word
 // that marks terrain. SIGNAL_LARGEST: the largest colour value that f16 can hold. SIGNAL_RED, SIGNAL_GREEN, SIGNAL_BLUE: weights of luminance.

@@ -1,8 +1,8 @@
 // Texture tiling: scales that follow distance, and coordinates that stay exact far from the origin.
 // Source: Moore, "Terrain Rendering in Far Cry 5", GDC 2018 (cliff tiling).
 
-// Largest value of the finer one of the two scales that are blended. Textures repeat every 2^7 tiles at this scale, and every 2^8 tiles at the next
-// scale.
+// Largest value of the lower of the two scales that are blended. At this scale, a texture repeats every 2^7 tiles; at the upper scale, it repeats
+// every 2^8 tiles.
 const TILING_MAX_LEVEL: f32 = 7.0;
 
 // Returns (s, f): blend scale s with weight 1 - f and scale s + 1 with weight f, where scale s repeats the texture every 2^s tiles. There is one

@@ -40,7 +40,7 @@ pub fn from_gradient<T: Real>(g: [T; 2], axis: u32) -> [T; 3] {
     }
 }
 
-/// Limit of the components of a height gradient, metres per metre. A slope of this size is almost vertical.
+/// Largest magnitude of a component of a height gradient, metres per metre. A slope of this size is almost vertical.
 const MAX_SLOPE: f64 = 1e6;
 
 /// Normal of the surface displaced by a height whose volume gradient is `gradient` (metres per metre): n minus the surface gradient,

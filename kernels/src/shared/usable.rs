@@ -15,7 +15,7 @@ pub(super) fn bounded<T: Real>(x: T, low: f64, high: f64) -> T {
     }
 }
 
-/// `x` if its magnitude is at most 1e30, and zero otherwise, also for NaN. Sums of a few such numbers still fit f32.
+/// `x` if its magnitude is at most 1e30, and zero otherwise (also if `x` is NaN). Sums of a few such numbers still fit f32.
 pub(super) fn usable<T: Real>(x: T) -> T {
     if x.abs() <= T::of(1e30) { x } else { T::zero() }
 }

@@ -1,6 +1,6 @@
 //! Computes a position relative to the eye from a pixel and its depth: `view.wgsl`.
 //!
-//! The position is `ray * distance`. It is relative to the eye, so that it is as precise far from the world's origin as near it.
+//! The position is `ray * distance`. Because it is relative to the eye, its precision does not depend on the distance from the world's origin.
 
 use super::bounded;
 use super::real::{Real, add, scale};

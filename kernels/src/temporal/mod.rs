@@ -1,8 +1,8 @@
 //! Temporal resolve: combines frames over time, as games do to hide noise. Off by default, because it hides what is measured.
 //!
-//! *Exponential*: the history is the result of the previous frame. For each pixel, it is sampled bilinearly at the position that the surface point
-//! had one frame before, and clamped to the box of the current colours of 3 x 3 pixels. The result is nine tenths of this colour and one tenth of the
-//! current colour (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
+//! *Exponential*: the history is the result of the previous frame. For each pixel, the history is sampled bilinearly at the position that the surface
+//! point had one frame before. The sampled colour is clamped to the 3 x 3 colour box of the current frame. The result is nine tenths of the clamped
+//! colour and one tenth of the current colour (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
 //! *FlipQuad*: a pixel has four samples on its edges, which neighbouring pixels share. Each frame provides two of the four; the other two come from
 //! the previous frame (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015).
 //! A pixel shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So the
@@ -38,7 +38,7 @@ pub enum Resolve {
     /// No resolve: each frame stays as it was shaded.
     #[default]
     Off,
-    /// Exponential history, clamped to the box of the current colours of 3 x 3 pixels.
+    /// Exponential history, clamped to the 3 x 3 colour box of the current frame.
     Exponential,
     /// FlipQuad: averages four samples on the edges of each pixel. Two of them come from the current frame, two from the previous frame.
     FlipQuad,
@@ -47,7 +47,7 @@ pub enum Resolve {
 }
 
 impl Resolve {
-    /// All resolves.
+    /// All kinds of resolve.
     pub const ALL: [Resolve; 4] = [Resolve::Off, Resolve::Exponential, Resolve::FlipQuad, Resolve::FlipQuadExponential];
 
     /// Whether this resolve averages FlipQuad's samples.
@@ -93,7 +93,7 @@ impl FromStr for Resolve {
         Resolve::ALL.into_iter().find(|r| r.name() == text).ok_or_else(|| {
             let names = Resolve::ALL.map(Resolve::name);
             let hint = nearest(text, &names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            Error::Request(format!("`{text}` is no temporal resolve: give one of {}{hint}", names.join(", ")))
+            Error::Request(format!("`{text}` is not a known temporal resolve: give one of {}{hint}", names.join(", ")))
         })
     }
 }

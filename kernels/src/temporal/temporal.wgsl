@@ -1,5 +1,5 @@
 // Temporal resolve of one stream of pictures: averages FlipQuad's four samples from two frames, then blends the result into an exponential history,
-// which is first clamped to the box of the current colours of 3 x 3 pixels.
+// which is first clamped to the 3 x 3 colour box of the current frame.
 // Sources: McAuley, "Rendering the World of Far Cry 4", GDC 2015 (temporal supersampling);
 // Karis, "High Quality Temporal Supersampling", SIGGRAPH 2014.
 

@@ -63,7 +63,8 @@ struct Resources {
 
 fn detail_array(gpu: &Gpu, label: &str, chains: &[CompressedChain], format: wgpu::TextureFormat) -> wgpu::Texture {
     let (size, levels) = chains.first().map_or((4, 1), |c| (c.size, c.levels.len()));
-    // Not every driver can address a mip level that is smaller than a compressed block. wgpu pads such levels.
+    // The smallest mip levels are smaller than a compressed block, and not every driver can address such a level. wgpu pads these levels to whole
+    // blocks.
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: u32::try_from(chains.len().max(1)).unwrap_or(1) },

@@ -1,8 +1,8 @@
 //! Terrain access in f64: the reference for `terrain.wgsl`.
 //!
-//! It reads the payloads of nodes and the textures of the palette as they are compressed, and filters them itself. Positions are metres from the south-west
-//! corner of the world, so nothing is split into sectors. Only isotropic filtering is covered (`blend.anisotropy = 1`), and no hex tiling.
-//! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018 (splat map, detail textures); WebGPU, "Texel filtering".
+//! It decodes the compressed payloads of nodes and the compressed textures of the palette, and filters them without the GPU. Positions are metres
+//! from the south-west corner of the world, and are not split into sectors. Anisotropic filtering and hex tiling are not covered, so
+//! `blend.anisotropy` must be 1. Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018 (splat map, detail textures); WebGPU, "Texel filtering".
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The sum of two surfaces, the second one weighted.
+    /// Returns the sum of this surface and `weight` times `other`.
     #[must_use]
     pub fn plus(self, weight: f64, other: Surface) -> Surface {
         Surface {
@@ -45,7 +45,7 @@ impl Surface {
     }
 }
 
-/// A mip chain of four numbers per texel.
+/// A decoded mip chain with four numbers per texel.
 struct Chain {
     levels: Vec<(usize, Vec<[f64; 4]>)>,
 }
@@ -60,7 +60,7 @@ impl Chain {
         Chain { levels: (0..chain.levels.len()).map(level).collect() }
     }
 
-    /// Trilinear filtering with repeated texture coordinates.
+    /// Samples the chain with trilinear filtering. Texture coordinates repeat.
     fn sample(&self, uv: DVec2, lod: f64) -> [f64; 4] {
         let lod = lod.clamp(0.0, (self.levels.len() - 1) as f64);
         let fine = lod.floor();
@@ -108,7 +108,7 @@ pub struct Projection {
     pub plane: u32,
     /// Coordinates, metres.
     pub at: DVec2,
-    /// Change of the coordinates to the next pixel, metres, mip bias included.
+    /// Change of the coordinates to the next pixel on the right and to the next one below, metres. It includes the mip bias.
     pub steps: [DVec2; 2],
 }
 
@@ -120,7 +120,7 @@ impl Projection {
     }
 }
 
-/// What a node stores, decoded.
+/// The decoded maps of a node.
 struct Node {
     /// Palette indices, row by row.
     splat: Vec<u8>,
@@ -159,7 +159,7 @@ impl<'w> Ground<'w> {
         Ground { world, entries: &palette.entries, details: details.collect(), nodes, sharpness }
     }
 
-    /// The finest of the nodes at a place; `None` if none covers it.
+    /// The finest loaded node at a place, and the position in it; `None` if no loaded node covers the place.
     pub fn spot(&self, place: DVec2) -> Option<Spot> {
         let layout = self.world.layout();
         let containing = self.nodes.keys().filter_map(|&node| {
@@ -218,7 +218,7 @@ impl<'w> Ground<'w> {
         let ([r, g, b, _], [smoothness, y, occlusion, x]) = (albedo.sample(uv, texels(albedo)), normal.sample(uv, texels(normal)));
         let [height, mask, ..] = height.sample(uv, texels(height));
         let xy = DVec2::new(x, y) * 2.0 - 1.0;
-        // The height falls towards where the normal leans; z is at least 0.05.
+        // The height falls in the direction in which the normal leans. The z of the normal is limited to at least 0.05.
         let slope = -f64::from(entry.normal_strength) * xy / (1.0 - xy.length_squared()).max(0.0025).sqrt();
         let orientation = rate.normalize_or_zero();
         let turned = DVec2::new(slope.x * orientation.x - slope.y * orientation.y, slope.x * orientation.y + slope.y * orientation.x);
@@ -232,7 +232,7 @@ impl<'w> Ground<'w> {
         }
     }
 
-    /// The four materials of a cell, blended by bilinear weights that heights modify.
+    /// The four materials of a cell, blended by bilinear weights that are modified by height.
     pub fn blend(&self, cell: &Cell, projection: &Projection, scale: u32) -> Surface {
         let taps = cell.ids.map(|id| self.material(id, projection, scale));
         let weights = splat_blend::weights(cell.fraction, taps.map(|tap| tap.height), self.sharpness);

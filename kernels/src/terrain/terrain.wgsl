@@ -26,8 +26,8 @@ struct PaletteEntry {
 @group(1) @binding(3) var colour_modulation_atlas: texture_2d_array<f32>;
 @group(1) @binding(4) var splat_atlas: texture_2d_array<u32>;
 @group(1) @binding(5) var<storage, read> sector_data: array<vec2<u32>>;
-// This is a uniform buffer and not a storage buffer, because software Vulkan reads uniform buffers with gathers, but storage buffers in a loop over
-// lanes.
+// This is a uniform buffer and not a storage buffer, because a software Vulkan driver reads a uniform buffer with gather instructions, but a storage
+// buffer in a loop over the SIMD lanes.
 @group(1) @binding(6) var<uniform> palette: array<PaletteEntry, 256>;
 @group(1) @binding(7) var detail_albedo: texture_2d_array<f32>;
 @group(1) @binding(8) var detail_normal: texture_2d_array<f32>;
@@ -276,7 +276,7 @@ fn terrain_tint(entry: PaletteEntry, texels: Texels) -> vec3<f32> {
 }
 
 fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>, texels: Texels) -> Surface {
-    // Slope = xy / z of the unit normal; z is at least 0.05.
+    // Slope = xy / z of the unit normal, with z limited to at least 0.05.
     let xy = texels.normal.ag * 2.0 - 1.0;
     let slope = xy * (-entry.normal_strength * inverseSqrt(max(1.0 - dot(xy, xy), 0.0025)));
     let turned = vec2<f32>(slope.x * rate.x - slope.y * rate.y, slope.x * rate.y + slope.y * rate.x) * inverseSqrt(max(dot(rate, rate), 1e-30));
@@ -367,7 +367,7 @@ fn terrain_splat_bands(cell: SplatCell, projection: Projection, scale: u32) -> S
         total = total * run.keep + run.share;
     }
     var sum = surface_scale(1.0 / total, fine);
-    // The detail of one material added to the coarse colour of another may be negative.
+    // The sum may be negative where the fine band of one material is added to the coarse band of another.
     sum.albedo = max(coarse + sum.albedo, vec3<f32>(0.0));
     return sum;
 }

@@ -76,7 +76,7 @@ pub fn along(path: &CameraPath, frame: u32, ground_m: impl Fn(f64, f64) -> f64) 
     }
 }
 
-/// A camera pose, the size of its image, and what follows from both. Positions are relative to the camera's sector.
+/// A camera pose and the size of its image, with the rays and the matrix that follow from them. Positions are relative to the camera's sector.
 ///
 /// *Local* coordinates: x, y relative to the south-west corner of the camera's sector, z = elevation.
 #[derive(Clone, Copy, Debug)]
@@ -91,17 +91,17 @@ pub struct View {
     pub camera: DVec3,
     /// Ray through the centre of pixel (0, 0); its component along the view direction is 1.
     pub ray_00: DVec3,
-    /// Step of the ray from one pixel to the next to the right.
+    /// Step of the ray from a pixel to its neighbour on the right.
     pub ray_dx: DVec3,
-    /// Step of the ray from one pixel to the next below.
+    /// Step of the ray from a pixel to its neighbour below.
     pub ray_dy: DVec3,
-    /// The matrix from local coordinates to clip space; depth is reversed and infinite.
+    /// The matrix from local coordinates to clip space, with reversed depth and the far plane at infinity.
     pub clip_from_local: DMat4,
 }
 
 impl View {
-    /// Makes the view of a pose. `jitter` moves the sample points of the image by that many pixels to the right and down (0 = pixel centres).
-    /// `sector_m` and `world_m` are the edge lengths of a sector and of the world, metres.
+    /// Makes the view of a pose. `jitter` is the offset of the sample points from the pixel centres, in pixels to the right and down. `sector_m` and
+    /// `world_m` are the edge lengths of a sector and of the world, metres.
     #[allow(clippy::cast_possible_truncation, reason = "a sector index fits i32 for any position a scene can state")]
     pub fn new(pose: Pose, size: [u32; 2], jitter: [f64; 2], sector_m: f64, world_m: f64) -> View {
         let corner = DVec2::splat(-world_m / 2.0);

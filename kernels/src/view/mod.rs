@@ -23,7 +23,7 @@ pub static WGSL: Wgsl = Wgsl::new(
 pub static FULL_SCREEN: Wgsl = Wgsl::new("view/full_screen.wgsl", include_str!("full_screen.wgsl"), &[]);
 
 /// Uniforms of a frame; the layout matches `Frame` in `frame.wgsl`, where each field is explained.
-#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test holds the two together")]
+#[allow(missing_docs, reason = "the WGSL struct of the same field names explains them; a test compares the two")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct FrameUniforms {

@@ -50,7 +50,7 @@ pub const LEVELS: u32 = 14;
 pub const TEXELS_PER_M: f64 = 256.0;
 /// Number of cells along the edge of a level's page table.
 pub const WINDOW: u32 = 64;
-/// Limit of the number of cached pages. Together, they take about 180 MB.
+/// Largest number of cached pages. Together, they take about 180 MB.
 pub const CAPACITY: u32 = 256;
 const TAG_BITS: u32 = 10;
 
@@ -171,7 +171,7 @@ pub struct PageCounts {
 pub struct CacheCounts {
     /// Number of cached pages.
     pub resident: usize,
-    /// Limit of the number of cached pages; 0 = the scene has no virtual texture.
+    /// Largest number of cached pages; 0 = the scene has no virtual texture.
     pub capacity: usize,
     /// Bytes allocated for pages and page table, unused pages included.
     pub bytes: u64,
@@ -216,7 +216,7 @@ pub fn anisotropy(scene: u16) -> u16 {
     scene.clamp(1, 4)
 }
 
-/// Why the passes and textures are required or not.
+/// Returns the reason why the passes and textures are, or are not, required.
 const fn reason(required: bool) -> &'static str {
     if required { "virtual texture" } else { "no virtual texture" }
 }
@@ -390,7 +390,7 @@ impl Stage for VirtualTexture {
 }
 
 impl VirtualTexture {
-    /// Empties the cache, because something from which the pages were rendered has changed.
+    /// Empties the cache. Call this after a change of anything from which pages are rendered.
     pub fn forget(&mut self) {
         self.free.extend(self.cache.drain().map(|(_, physical)| physical.layer));
         // Restores the initial order: layers are taken from the end, the lowest first.

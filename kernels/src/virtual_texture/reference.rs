@@ -1,6 +1,6 @@
 //! The virtual texture in f64: the reference for its pages, its addresses and its filtering.
 //!
-//! A page of level l holds the splat blend as seen from above, at texel centres 2^l / 256 m apart, and once more at half that density as mip 1. Texels of
+//! A page of level l holds the splat blend as seen from above. The texel centres are 2^l / 256 m apart; mip 1 has half that density. Texels of
 //! neighbouring pages form one grid that begins at the south-west corner of the world, so the reference needs no pages: it evaluates the blend at the
 //! texels around a position, and filters them.
 
@@ -9,8 +9,8 @@ use glam::{DVec2, DVec3};
 use super::{LEVELS, TEXELS_PER_M};
 use crate::terrain::reference::{Ground, Projection, Surface};
 
-/// Texels of level 0 that a footprint covers: the longer step from pixel to pixel, unless the ratio of the two exceeds the anisotropy that pages are
-/// filtered with. `steps`: metres.
+/// Size of a footprint in texels of level 0: the shorter of the two steps from pixel to pixel or, if it is larger, the longer step divided by
+/// `anisotropy`, with which pages are filtered. `steps`: metres.
 pub fn texels(steps: [DVec3; 2], mip_bias: f64, anisotropy: f64) -> f64 {
     let [a, b] = steps.map(|step| step.truncate().length());
     a.min(b).max(a.max(b) / anisotropy) * TEXELS_PER_M * mip_bias.exp2()
@@ -22,18 +22,18 @@ pub fn level(steps: [DVec3; 2], mip_bias: f64, anisotropy: f64) -> u32 {
     (level as u32).min(LEVELS - 1)
 }
 
-/// The filtered surface of the pages at a position (metres from the south-west corner of the world); `None` if the texels around it are not covered by loaded
-/// nodes. Without anisotropic filtering.
+/// The surface of the pages at a position (metres from the south-west corner of the world), filtered isotropically. `None` if a texel around the
+/// position is not covered by a loaded node.
 pub fn sample(ground: &Ground<'_>, position: DVec3, steps: [DVec3; 2], mip_bias: f64) -> Option<Surface> {
     let level = level(steps, mip_bias, 1.0);
-    // Mip within the page: how many of its texels the longer step covers.
+    // Mip level within the page, from the number of page texels that the longer step covers.
     let longest = steps.map(|step| step.truncate().length()).into_iter().fold(0.0, f64::max) * TEXELS_PER_M * mip_bias.exp2();
     let mip = (longest.log2() - f64::from(level)).clamp(0.0, 1.0);
     let [fine, coarse] = [0, 1].map(|mip| bilinear(ground, position.truncate(), f64::from(1u32 << (level + mip)) / TEXELS_PER_M));
     Some(Surface::default().plus(1.0 - mip, fine?).plus(mip, coarse?))
 }
 
-/// The texels of one density around a position, filtered. A texel stores the gradient as a normal.
+/// Bilinearly filters the texels of one density around a position. A texel stores the gradient as a normal.
 fn bilinear(ground: &Ground<'_>, at: DVec2, texel_m: f64) -> Option<Surface> {
     let texels = at / texel_m - 0.5;
     let corner = texels.floor();

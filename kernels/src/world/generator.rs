@@ -9,7 +9,7 @@
 /// Edge of the world, metres.
 pub const EXTENT_M: f64 = 10_240.0;
 
-/// Limits of all elevations, metres: the lowest and the highest possible elevation.
+/// The lowest and the highest possible elevation, metres.
 pub const HEIGHT_RANGE_M: (f64, f64) = (150.0, 2550.0);
 
 /// A value and its derivatives along x and y.
@@ -147,8 +147,8 @@ impl Octave {
         let mix = |g00: f64, g10: f64, g01: f64, g11: f64| g00 + a * (g10 - g00) + b * (g01 - g00) + a * b * (g00 - g10 - g01 + g11);
         let du = mix(g00.0, g10.0, g01.0, g11.0) + da * (d10 - d00 + b * k);
         let dv = mix(g00.1, g10.1, g01.1, g11.1) + db * (d01 - d00 + a * k);
-        // Gradients that are random in a square are shorter on average than unit vectors: the factor 1.5 brings the noise back to about
-        // -1..=1.
+        // The gradients are distributed uniformly over the square -1..=1 x -1..=1, so on average they are shorter than unit vectors. The factor 1.5
+        // compensates for this, so that the noise is about -1..=1.
         Dual { v: value * 1.5, x: (du * self.c - dv * self.s) * 1.5, y: (du * self.s + dv * self.c) * 1.5 }
     }
 }
@@ -241,7 +241,7 @@ struct Strata {
 }
 
 impl Strata {
-    /// Returns the ground after erosion has exposed its beds. `bend`: by how many metres the beds lie below their usual level here. `strength`:
+    /// Returns the ground after erosion has exposed its beds. `bend`: distance of the beds below their usual level at this point, metres. `strength`:
     /// degree to which erosion has exposed the beds, 0..=1.
     fn on(&self, ground: Dual, bend: f64, strength: f64) -> Dual {
         let t = (ground.v + bend) / self.period_m;
@@ -413,7 +413,7 @@ struct Broad {
     height: f64,
     /// Elevation before any octave of fine relief is added, with its derivatives. Thin beds follow it.
     beds: Dual,
-    /// By how many metres beds lie below their usual level.
+    /// Distance of the beds below their usual level, metres.
     bend: f64,
     /// Degree to which the ground is rock, 0..=1.
     rock: f64,
@@ -438,7 +438,7 @@ fn cut(gullies: &Gullies, x: f64, y: f64, ground: Dual, depth_m: f64) -> Dual {
     if strength > 0.0 { gullies.at(x, y, [-ground.x / slope, -ground.y / slope]).scale(strength) } else { Dual::constant(0.0) }
 }
 
-/// Compresses elevations near the upper bound, so that no summit is cut off flat.
+/// Compresses elevations near the upper bound, so that summits are not clipped to a plateau.
 fn saturate(h: f64) -> f64 {
     const KNEE: f64 = 2200.0;
     let room = HEIGHT_RANGE_M.1 - KNEE;

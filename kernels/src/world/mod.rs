@@ -85,7 +85,7 @@ impl NodeId {
 /// How the quadtree covers the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layout {
-    /// Edge of a node of LOD 0, metres: 64 m times the smallest power of two with which 160 sectors cover the world.
+    /// Edge of a node of LOD 0, metres: 64 m times the smallest power of two such that 160 sectors per side cover the world.
     pub sector_m: f64,
     /// Finest LOD that exists. It follows from the spacing of the data.
     pub finest_lod: u8,
@@ -466,7 +466,7 @@ impl World {
 
     /// The steepest slope, degrees. For a heightmap without added relief, it is the exact maximum over all triangles of neighbouring samples.
     /// Otherwise, slopes are measured at the points of a coarse grid, each over one vertex spacing of the finest LOD. The result is the maximum of
-    /// these slopes and, if there is a heightmap, of its own slopes. The result is computed once and kept.
+    /// these slopes and, if there is a heightmap, of the slopes of the heightmap. It is computed once and kept.
     pub fn max_slope_deg(&self) -> f64 {
         *self.max_slope_deg.get_or_init(|| {
             let of_data = match &self.source {

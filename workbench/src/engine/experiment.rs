@@ -26,7 +26,7 @@ use crate::model::viewpoint::{EYE_M, Viewpoint};
 
 /// Name of the camera that is added to the scene for a free viewpoint.
 const CAMERA: &str = "workbench";
-/// Limit of the number of lines of a report that are shown. They contain the answer, the checks, and most of the table.
+/// Maximum number of lines of a report that are shown. This is enough for the answer, the checks, and most of the table.
 const EXCERPT: usize = 40;
 /// How often to check whether a process has ended.
 const NAP: Duration = Duration::from_millis(10);
@@ -185,7 +185,7 @@ fn write_in(staging: &WholeFolder, name: &str, text: &str) -> Result<()> {
 }
 
 /// The definitions in a folder, sorted by path: its `.toml` files except `scene.toml`, and those that [`save`] wrote in subfolders. If `place` is a
-/// file, returns that file. If it does not exist, returns nothing.
+/// file, returns that file. If `place` does not exist, returns nothing.
 pub fn definitions(place: &Path) -> Vec<PathBuf> {
     if place.is_file() {
         return vec![place.to_owned()];
@@ -211,7 +211,8 @@ pub fn lacks(definition: &Path) -> Option<String> {
     definition::load(definition).err().map(|error| one_line(&format!("{error:#}")))
 }
 
-/// The folder of definitions that come with the program. It is searched in the working directory, and in all folders above the executable.
+/// The folder of definitions that come with the program. The function searches for it in the working directory and in all folders above the
+/// executable.
 pub fn shipped() -> Option<PathBuf> {
     let definitions = Path::new("experiments").join("definitions");
     let own = std::env::current_exe().unwrap_or_default();
@@ -289,8 +290,8 @@ struct Said {
 }
 
 impl Run {
-    /// Runs a definition. The results are written to a folder with the name of the definition in `out`. A stopped run in that folder continues. A
-    /// finished run there writes its report again. `wake` is called whenever there is something new to show.
+    /// Runs a definition. The results are written to a folder with the name of the definition in `out`. If this folder contains a stopped run, the
+    /// run continues. If it contains a finished run, only the report is written again. `wake` is called whenever there is something new to show.
     ///
     /// # Errors
     /// There is no program `experiments`, or it cannot be started.
@@ -353,7 +354,7 @@ impl Drop for Run {
         if self.is_done() {
             return;
         }
-        // Do not use `Run::cancel`: if this program is ending, the thread that it starts might be stopped before it does anything.
+        // Do not use `Run::cancel`: it starts a thread, which might never run if this program is ending.
         self.shared.cancel();
         let began = Instant::now();
         while !self.is_done() {
@@ -436,7 +437,7 @@ impl Said {
         let status = status.map_err(|error| format!("it is unknown how the run ended: {error}"))?;
         match report {
             Some(report) if status.success() => Ok(report),
-            _ if self.cancelled > 0 => Err("stopped; finished parts are kept, and running it again continues from there".to_owned()),
+            _ if self.cancelled > 0 => Err("stopped; finished parts are kept: run the experiment again to continue from there".to_owned()),
             _ => Err(self.error.clone().unwrap_or_else(|| format!("the run ended without a report ({status}): {}", self.last))),
         }
     }

@@ -3,7 +3,7 @@
 //! The thread has a device of its own. A mailbox with room for one request ([`Wish`]) holds the next one; a newer request replaces an older one. A
 //! second mailbox holds what the thread reports ([`News`]), with the last picture. Pictures are passed as texels, not as textures of a shared device,
 //! for two reasons. On a software adapter, two devices have two queues, so a long frame does not delay clicks. And if the device of the thread is
-//! lost, it can be replaced, while the window only gets no new picture for some time.
+//! lost, it can be replaced; meanwhile, the window stays usable but receives no new pictures.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -44,12 +44,12 @@ use sketch::Sketch;
 /// Width and height of a picture that is drawn only to compile a shader, pixels.
 const WARMING_SIDE: u32 = 16;
 /// Repaint delay for a new picture and other urgent news. With a delay of zero, egui would paint the window twice, which on a software adapter takes
-/// as long as the picture.
+/// as long as drawing the picture.
 const SOON: Duration = Duration::from_micros(1);
 /// Repaint delay for progress. On a software adapter, painting the window for each step, or animating a spinner, would make the task take almost
 /// twice as long.
 pub(crate) const PROGRESS: Duration = Duration::from_millis(500);
-/// Limit of the number of times in a row that a lost device is replaced.
+/// Maximum number of times that a lost device is replaced if no picture is finished in between. First looks do not count as pictures.
 const DEVICES: u32 = 3;
 
 #[derive(Default)]
@@ -486,7 +486,7 @@ fn draw_draft(renderer: &mut Renderer<'_>, wish: &Wish) -> kernels::base::error:
     Ok((request, shown))
 }
 
-/// Elevation of the ground below the pose that culling is frozen at, metres.
+/// Elevation of the ground below the pose at which culling is frozen, metres.
 fn culled_ground_m(renderer: &Renderer<'_>, wish: &Wish) -> Option<f64> {
     wish.culled_from.map(|pose| renderer.ground_m(pose.position.x, pose.position.y))
 }
@@ -550,8 +550,8 @@ fn draw_second(
     measured: bool,
 ) -> kernels::base::error::Result<Picture> {
     if !renderer.retune(&settings.scene)? {
-        let text = "B is not drawn: it needs a different set of flavours than A (because of a distance, slope or band), or textures of a different \
-                    size; use `Keep A as B` again, or undo the change";
+        let text = "B is not drawn: its scene needs other flavours than the scene of A (because a distance, slope or band differs), or textures of \
+                    another size; press `Keep A as B` again, or undo the change";
         return Err(kernels::base::error::Error::Request(text.to_owned()));
     }
     let request = settings.request(a.view.pose, a.view.size, a.shading.frame, if measured { &LAYERS } else { &[] });
@@ -636,8 +636,8 @@ impl Warmed {
         if !self.like.as_ref().is_some_and(same) {
             self.ready.clear();
             self.missing = Warmed::all().collect();
-            // The last entry of the list is compiled first. Reverse the list, so that large masks, which include most variants of many flavours, are
-            // compiled late: these variants take longest to compile and are needed least often.
+            // The last entry of the list is compiled first. Reverse the list, so that variants with large masks are compiled late. Large masks
+            // usually have many flavours, and variants with many flavours take longest to compile and are needed least often.
             self.missing.reverse();
         }
         self.like = Some(*request);

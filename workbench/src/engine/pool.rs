@@ -36,7 +36,8 @@ impl Engine {
         engine
     }
 
-    /// Puts the thread into the pool, if it was started by [`Engine::shared`]. Returns whether it did; if not, the caller must end the thread.
+    /// Puts the thread into the pool, if it was started by [`Engine::shared`]. Returns whether the thread is now in the pool; if not, the caller must
+    /// end it.
     pub(super) fn give_back(&mut self) -> bool {
         // After a failed test, the thread may be in a bad state, so do not use it again.
         let Some(scene) = self.scene.take().filter(|_| !std::thread::panicking()) else { return false };

@@ -1,8 +1,8 @@
 //! The brush. It converts the path of the pointer over the picture into strokes on the ground.
 //!
-//! Places on the ground are computed from the depth of the picture on screen. The function is the one that the inspector uses ([`place_at`]). Every
+//! Places on the ground are computed from the depth of the picture on screen, by the function that the inspector also uses ([`place_at`]). Every
 //! pixel between two positions of the pointer is examined, so that a stroke follows the ground under the pointer. A stroke ends where the pointer
-//! reaches sky, and where it crosses from one surface to another one behind it, as at the edge of a ridge.
+//! reaches sky or crosses a depth edge, such as the silhouette of a ridge. At a depth edge, one surface lies behind another.
 
 use std::f64::consts::TAU;
 
@@ -24,20 +24,19 @@ pub const MOST_STROKES: usize = 1000;
 /// Maximum number of points of all strokes of a scene together. If it is reached, the brush adds no point. A point takes about 40 bytes in a scene
 /// file, so this many points take about 2.5 MiB of the 4 MiB that a scene file may have.
 pub const MOST_IN_ALL: usize = 65_536;
-/// Smallest distance between the end of a stroke and the next place that extends it, as a share of the radius of the stroke. Nearer places are
-/// ignored.
+/// Minimum distance from the end of a stroke to the next place, as a share of the radius of the stroke. Nearer places do not extend the stroke.
 const SPACING: f64 = 0.25;
 /// Limit of the distance between a point that is left out and the line that replaces it, as a share of the radius of the stroke.
 const BESIDE: f64 = 1.0 / 16.0;
 /// Maximum number of consecutive points that are left out. The limit bounds the cost, because all points that were left out are checked again for
 /// every new point.
 const MOST_LEFT_OUT: usize = 256;
-/// First condition for an edge between two surfaces, one behind the other: the ratio of the depths of two neighbouring pixels exceeds this.
+/// First of the two conditions for a depth edge between neighbouring pixels: the ratio of their depths exceeds this value.
 const EDGE: f64 = 1.5;
-/// Second condition for an edge between two surfaces. The inverse depth of a pixel is compared with the linear continuation of the inverse depths of
-/// the two pixels before it. The difference exceeds this share of the change in inverse depth since the previous pixel. The first condition alone
-/// does not suffice, because the ratio of depths is also large on ground near the horizon. The second condition does not hold there, because the
-/// inverse depth of a plane is linear in the picture.
+/// Second of the two conditions for a depth edge. The inverse depth of a pixel is predicted by linear extrapolation from the two pixels before it.
+/// The error of the prediction exceeds this share of the change in inverse depth since the previous pixel. The first condition alone does not
+/// suffice, because the ratio of depths is also large on ground near the horizon. The second condition does not hold there, because the inverse depth
+/// of a plane is linear in the picture.
 const BEND: f64 = 0.5;
 /// Number of points of the ring that shows on the ground where the brush paints.
 const RING: u32 = 64;
@@ -79,8 +78,8 @@ impl<'a> Ground<'a> {
         (is_inside && depth_m > 0.0).then(|| place_at(&self.view, pixel_at(at, self.view.size), depth_m))
     }
 
-    /// Returns the places on the ground along a line in the picture, one per pixel, without the start of the line. An entry is `None` if the pixel
-    /// shows sky. A further `None` is inserted at an edge between two surfaces.
+    /// Returns the places on the ground along a line in the picture, one per pixel. The start of the line is not included. An entry is `None` if the
+    /// pixel shows sky. A further `None` is inserted at each depth edge.
     pub fn between(&self, from: [f32; 2], to: [f32; 2]) -> Vec<Option<DVec3>> {
         let pixels = |k: usize| (to[k] - from[k]).abs() * self.view.size[k] as f32;
         let steps = pixels(0).max(pixels(1)).ceil().max(1.0);
@@ -188,7 +187,7 @@ struct Drawing {
     began: bool,
     /// Index of the stroke that is extended; `None` = the next place begins a new stroke.
     stroke: Option<usize>,
-    /// The places that were left out between the last two points of that stroke.
+    /// The places that were left out between the last two points of the stroke that is extended.
     left_out: Vec<DVec2>,
 }
 
@@ -325,7 +324,10 @@ fn crowded(scene: &Scene) -> Option<String> {
     let (strokes, points) = (scene.strokes.len(), points_in_all(scene));
     let is_full = strokes >= MOST_STROKES || points >= MOST_IN_ALL;
     is_full.then(|| {
-        format!("the scene has {strokes} of {MOST_STROKES} strokes and {points} of {MOST_IN_ALL} points: remove some strokes to paint more")
+        format!(
+            "nothing can be added: the scene has {strokes} of at most {MOST_STROKES} strokes and {points} of at most {MOST_IN_ALL} points; \
+             remove some strokes to paint more"
+        )
     })
 }
 

@@ -255,7 +255,7 @@ impl Layer {
             Layer::Deviation => "standard deviation of luminance over frames, from 0.001 (black) to 1 (pale yellow), logarithmic",
             Layer::Flicker => "mean |difference| in luminance to the previous frame, from 0.001 (black) to 1 (pale yellow), logarithmic",
             Layer::Flips => "share of choices that differ from the previous frame, from 0 (black) to 1 (pale yellow)",
-            Layer::Bias => "mean A - B in luminance, from -0.1 (blue) over 0 (grey) to 0.1 (orange); grey if B is not drawn",
+            Layer::Bias => "mean A - B in luminance, from -0.1 (blue) through 0 (grey) to 0.1 (orange); grey if B is not drawn",
         }
     }
 

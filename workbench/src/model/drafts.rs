@@ -23,7 +23,7 @@ pub(crate) struct PlacesDraft {
 }
 
 impl PlacesDraft {
-    /// Adds the picture on screen to the recording, if there is one.
+    /// If a path is being recorded, adds the pose of the picture on screen to the recording.
     pub(crate) fn watch(&mut self, shown: &Shown) {
         let Some(recording) = &mut self.recording else { return };
         if let Err(end) = recording.see(shown.wish.frame, shown.pose) {
@@ -74,7 +74,7 @@ pub(crate) struct MaterialsDraft {
     pub(crate) misnamed: Option<String>,
     /// The folder in the text field.
     pub(crate) folder: String,
-    /// The folder that was last copied from a material into that field.
+    /// The folder that was last copied from a material into the text field.
     pub(crate) foldered: Option<PathBuf>,
     /// The result of the last action on a material.
     pub(crate) said: Option<Result<String, String>>,
@@ -85,7 +85,7 @@ pub(crate) struct MaterialsDraft {
     pub(crate) overwrites: bool,
     /// The result of the last attempt to save the scene.
     pub(crate) saved: Option<Result<String, String>>,
-    /// The files of this scene: the file from which it was opened, and the files in which it was saved.
+    /// The files of this scene: the file from which it was opened, and the files to which it was saved.
     pub(crate) own: Vec<PathBuf>,
 }
 
@@ -104,7 +104,7 @@ impl MaterialsDraft {
         }
         let given = Path::new(given);
         let file = if given.is_dir() { given.join(scene::FILE) } else { given.to_owned() };
-        // A file without an absolute path cannot be distinguished from others, so it is never overwritten.
+        // If the path cannot be made absolute, it cannot be compared with other paths. The file then never counts as the scene's own file.
         self.own.extend(path::absolute(file).ok().filter(|file| !self.own.contains(file)));
     }
 }

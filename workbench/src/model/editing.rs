@@ -19,7 +19,7 @@ const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// Returns the scene with absolute paths, so that its file can be read from any folder.
 ///
 /// # Errors
-/// A file that the scene names has no absolute path.
+/// The path of a file that the scene names cannot be made absolute.
 pub(crate) fn with_absolute_paths(scene: &Scene) -> Result<Scene, String> {
     let mut copy = scene.clone();
     let material_folders = copy.materials.iter_mut().filter_map(|material| material.folder.as_mut());
@@ -29,7 +29,8 @@ pub(crate) fn with_absolute_paths(scene: &Scene) -> Result<Scene, String> {
     };
     for relative in material_folders.chain(heightmap) {
         let from_here = scene.folder.join(&*relative);
-        *relative = path::absolute(&from_here).map_err(|error| format!("{} has no absolute path: {error}", from_here.display()))?;
+        *relative =
+            path::absolute(&from_here).map_err(|error| format!("cannot make the path {} absolute: {error}", from_here.display()))?;
     }
     Ok(copy)
 }
@@ -107,9 +108,9 @@ pub fn remove_material(scene: &mut Scene, index: usize) -> Result<(), String> {
 
 /// Finds the material in the scene file (`original`) from which a material of the scene comes; `None` = the material was added in the workbench.
 ///
-/// This is the material in the file with the same name. If there is none, the material may have been renamed. It is then the material in the file
-/// with the same index, under two conditions. First, no material of the scene has the name of that material. Second, the scene has at least as many
-/// materials as the file, because removing a material shifts the indices.
+/// If a material in the file has the same name, the function returns that material. Otherwise, the material may have been renamed. The function then
+/// returns the material in the file with the same index, under two conditions. First, no material of the scene has the name of the returned material.
+/// Second, the scene has at least as many materials as the file. If it has fewer, materials were removed, and indices have shifted.
 pub fn origin<'a>(scene: &Scene, original: &'a Scene, index: usize) -> Option<&'a Material> {
     let material = scene.materials.get(index)?;
     let namesake = original.materials.iter().find(|other| other.name == material.name);
@@ -140,7 +141,7 @@ pub fn usual_rules(scene: &Scene, original: &Scene) -> Result<Vec<Rule>, String>
     };
     let named = |rule: &Rule| match present(&rule.material) {
         Some(material) => Ok(Rule { material, ..rule.clone() }),
-        None => Err(format!("these rules use `{}`, which was removed: add a material with that name first", rule.material)),
+        None => Err(format!("the rules of the file use `{}`, which was removed: add a material with that name first", rule.material)),
     };
     original.rules.iter().map(named).collect()
 }
@@ -165,7 +166,7 @@ pub fn holds_textures(folder: &Path) -> Result<(), String> {
     let shown = folder.display();
     let wanted = format!("{} (.png, .jpg or .jpeg)", MAPS.join(", "));
     let entries =
-        fs::read_dir(folder).map_err(|error| format!("cannot read the folder {shown}: {error}: give one that contains {wanted}"))?;
+        fs::read_dir(folder).map_err(|error| format!("cannot read the folder {shown} ({error}): give a folder that contains {wanted}"))?;
     let files: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
     let is_there = |map: &str| EXTENSIONS.iter().any(|extension| files.contains(&format!("{map}.{extension}")));
     let missing: Vec<&str> = MAPS.into_iter().filter(|&map| !is_there(map)).collect();
@@ -194,7 +195,7 @@ pub fn save(scene: &Scene, file: &Path, own: &[PathBuf], overwrites: bool) -> Re
         return Err(format!("`{shown}` is not a name for a scene file: give a file name that ends in .toml"));
     }
     scene::validate(scene).map_err(|error| format!("{error}; only a scene that can be drawn can be saved"))?;
-    let file = path::absolute(file).map_err(|error| format!("{shown} has no absolute path ({error}): give one"))?;
+    let file = path::absolute(file).map_err(|error| format!("cannot make {shown} absolute ({error}): give an absolute path"))?;
     let folder = file.parent().unwrap_or(Path::new("/"));
     if !folder.is_dir() {
         return Err(format!("there is no folder {}: create it, or choose another", folder.display()));
@@ -219,7 +220,7 @@ pub fn save(scene: &Scene, file: &Path, own: &[PathBuf], overwrites: bool) -> Re
         written().map_err(|source| Error::File { file: file.clone(), source })?;
         // Read the file in the same way as the next start does.
         let read = scene::load(&temporary.to_string_lossy())?;
-        if read == copy { Ok(()) } else { Err(Error::Request("the scene that was read is different".to_owned())) }
+        if read == copy { Ok(()) } else { Err(Error::Request("reading gives a different scene".to_owned())) }
     });
     done.map_err(|error| match error {
         Error::File { source, .. } => {

@@ -28,7 +28,7 @@ pub enum Orbit {
     Off,
     /// The inspected pixel, or else the ground in the middle of the picture. Its position is not known until a picture has been drawn.
     Sought,
-    /// This place, world metres, which stays in the middle of the picture.
+    /// The given place in world metres. It stays in the middle of the picture.
     About(DVec3),
 }
 
@@ -95,8 +95,8 @@ impl Flight {
     }
 }
 
-/// Returns a pose that looks at `target` in the view direction of `pose`. Its distance is `distance_m`, clamped to [`ORBITS_M`]. Its pitch is clamped
-/// to [`STEEPEST`].
+/// Returns a pose that looks at `target` in the view direction of `pose`. Its distance from `target` is `distance_m`, clamped to [`ORBITS_M`]. Its
+/// pitch is clamped to [`STEEPEST`].
 fn around(pose: &Pose, target: DVec3, distance_m: f64) -> Pose {
     let [nearest, farthest] = ORBITS_M;
     let mut pose = Pose { yaw: pose.yaw.rem_euclid(TAU), pitch: pose.pitch.clamp(-STEEPEST, STEEPEST), ..*pose };

@@ -1,8 +1,9 @@
-//! The state that is saved from one start to the next: the arrangement of panes, settings of frame and display, changed numbers of scenes, places,
-//! and paths. It is a TOML file of the user ([`place`]), which can be read and edited by hand. The workbench also starts without this file.
+//! The state that persists between sessions: the arrangement of the panes, the settings of the frame and the display, and for each scene its changed
+//! numbers, its places and its paths. The state is stored in a TOML file of the user ([`place`]), which can be read and edited by hand. The workbench
+//! also starts without this file.
 //!
-//! The file is written completely or not at all, and never over a file that this program did not write. A file that cannot be parsed is renamed. A
-//! file of a newer version of the program is left as it is.
+//! The file is written completely or not at all, and never replaces a file that this program did not write. A file that cannot be parsed is renamed.
+//! A file of a newer version of the program is not changed.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -108,12 +109,12 @@ fn left_out(why: &str) -> String {
 }
 
 impl Kept {
-    /// The state to save now. `before` is the state that was saved until now; its entries for other scenes are copied. `scene_name` is the name of
-    /// the scene ([`scene_name`]), and `original` is the scene as it is in its file.
+    /// Builds the state to save. `before` is the previously saved state; its entries for other scenes are copied into the new state. `scene_name` is
+    /// the name of the scene ([`scene_name`]), and `original` is the scene as it is in its file.
     pub fn of(before: &Kept, scene_name: &str, settings: &Settings, original: &Scene, places: &Places, tree: &Tree<Pane>) -> Kept {
         let changed = differences(&settings.scene, original).into_iter().filter(|(_, [now, _])| now.is_finite());
         let numbers = changed.map(|(parameter, [now, _])| (parameter.key.to_owned(), now));
-        // Numbers that make the scene invalid would be refused at the next start. Save the numbers that were saved before instead.
+        // Numbers that make the scene invalid would be refused at the next start. Keep the previously saved numbers instead.
         let numbers = match scene::validate(&settings.scene) {
             Ok(()) => numbers.collect(),
             Err(_) => before.scenes.get(scene_name).map(|scene| scene.numbers.clone()).unwrap_or_default(),
@@ -155,7 +156,7 @@ impl Kept {
         said
     }
 
-    /// This state, with the render scale and the vertex stride of `before`.
+    /// Replaces the render scale and the vertex stride of this state by those of `before`. Returns the state.
     #[must_use]
     pub fn with_scale_and_stride_of(mut self, before: &Kept) -> Kept {
         for name in OF_ADAPTER {
@@ -165,8 +166,8 @@ impl Kept {
         self
     }
 
-    /// This state, without the render scale and the vertex stride if they have these default values. The next start then uses the defaults for
-    /// its adapter.
+    /// Removes the render scale from this state if it equals the default `scale`, and the vertex stride if it equals the default `stride`. Returns
+    /// the state. For a value that is missing, the next start uses the default for its adapter.
     #[must_use]
     pub fn without_usual(mut self, scale: f64, stride: u32) -> Kept {
         for (name, usual) in OF_ADAPTER.into_iter().zip([scale.value(), stride.value()]) {
@@ -204,10 +205,10 @@ impl Kept {
             Found::Kept(kept) => return (*kept, None),
             Found::Refused(Refused::Foreign(what)) => match set_aside(path) {
                 Ok(aside) => format!(
-                    "{what}; it is renamed to {}, and defaults are used: to use it again, correct it and give it its old name",
+                    "{what}; the file is renamed to {}, and defaults are used: to use the file again, correct it and restore its name",
                     aside.display()
                 ),
-                Err(error) => format!("{what}; it cannot be renamed ({error}), so nothing is saved: move it away"),
+                Err(error) => format!("{what}; the file cannot be renamed ({error}), so nothing is saved: move the file away"),
             },
             Found::Refused(Refused::Newer(version)) => newer(path, version),
             Found::Unreadable(why) => unreadable(path, &why),
@@ -229,7 +230,7 @@ impl Kept {
         }
         match document::read::<Kept>(&text, |_| "") {
             Ok(kept) if (1..=VERSION).contains(&kept.version) => Ok(kept),
-            Ok(kept) => Err(Refused::Foreign(format!("{name}: there is no version {}", kept.version))),
+            Ok(kept) => Err(Refused::Foreign(format!("{name}: `version` is {}, must be 1 to {VERSION}", kept.version))),
             Err(wrong) => Err(Refused::Foreign(format!("{}: {}", wrong.place(name), wrong.what))),
         }
     }
@@ -245,14 +246,14 @@ impl Kept {
             Found::Kept(there) => return self.beside(*there).write(path),
             Found::Refused(Refused::Newer(version)) => return Err(newer(path, version)),
             Found::Refused(Refused::Foreign(what)) => {
-                return Err(format!("{what}; it is not overwritten, so nothing is saved: move it away"));
+                return Err(format!("{what}; the file is not overwritten, so nothing is saved: move the file away"));
             }
             Found::Unreadable(why) => return Err(unreadable(path, &why)),
         }
         self.write(path)
     }
 
-    /// This state, with the entries of all other scenes as they are in the file (`there`), because another window may have changed them.
+    /// Returns this state with the entries of all other scenes taken from the file (`there`), because another window may have changed them.
     fn beside(&self, there: Kept) -> Kept {
         let own = self.recent.first();
         let mut scenes = there.scenes;
@@ -269,7 +270,7 @@ impl Kept {
         let text = toml::to_string(self).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
         if let Some(folder) = path.parent() {
             let cannot = |error: std::io::Error| {
-                format!("cannot make the folder {}: {error}: set SCREE_STATE to a file elsewhere", folder.display())
+                format!("cannot make the folder {} ({error}): set SCREE_STATE to a file in another folder", folder.display())
             };
             fs::create_dir_all(folder).map_err(cannot)?;
         }
@@ -347,9 +348,9 @@ fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
     }
 }
 
-/// The file of the saved state: `$SCREE_STATE`, or `scree/workbench.toml` in `$XDG_STATE_HOME` or `~/.local/state`, on Windows in `%APPDATA%`, on
-/// macOS in `~/Library/Application Support`. Except for `$SCREE_STATE`, a variable with a relative path is ignored. `None` = none of these variables
-/// can be used, and nothing is saved.
+/// The file of the saved state: `$SCREE_STATE` if it is set, otherwise `scree/workbench.toml` in a folder that depends on the system. The folder is
+/// `$XDG_STATE_HOME` or else `~/.local/state` on Linux, `%APPDATA%` on Windows, and `~/Library/Application Support` on macOS. A variable that gives
+/// the folder is ignored if its path is relative. `None` = none of these variables can be used, and nothing is saved.
 pub fn place() -> Option<PathBuf> {
     place_by(|name| std::env::var_os(name))
 }
@@ -388,7 +389,7 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Reads the saved state from a file. Returns also the line for the user that [`Kept::load`] returns.
+    /// Reads the saved state from a file. Also returns the line for the user that [`Kept::load`] returns.
     pub fn open(path: PathBuf) -> (Keeper, Option<String>) {
         let (kept, line) = Kept::load(&path);
         (Keeper { path, kept, looked: Instant::now(), writing: None, failure: None }, line)
@@ -404,8 +405,8 @@ impl Keeper {
         self.failure.as_deref()
     }
 
-    /// Call this whenever the window is drawn. Once every [`EVERY`], it calls `present` for the state to save, and begins to write it if it has
-    /// changed. `present` receives the state that was saved before.
+    /// Call this whenever the window is drawn. Once every [`EVERY`], this function calls `present` to get the state to save, and begins to write the
+    /// state if it has changed. `present` receives the previously saved state.
     pub fn tend(&mut self, now: Instant, present: impl FnOnce(&Kept) -> Kept) {
         if self.writing.as_ref().is_some_and(|writing| !writing.is_finished()) || now.saturating_duration_since(self.looked) < EVERY {
             return;
@@ -430,7 +431,7 @@ impl Keeper {
         self.failure.clone().map_or(Ok(()), Err)
     }
 
-    /// Replaces the stored state by the present one. Returns whether it must be written.
+    /// Replaces the stored state by the present state. Returns whether the state has changed and must be written.
     fn take(&mut self, present: impl FnOnce(&Kept) -> Kept) -> bool {
         let present = present(&self.kept);
         let changed = present != self.kept || self.failure.is_some();
@@ -638,7 +639,7 @@ mod tests {
             BTreeMap::from([("flavours.cliff_near_m".to_owned(), 9000.0)]);
         let said = apply(&impossible, scene::DEFAULT, &mut settings);
         assert!(said.len() == 1 && said[0].contains("cliff_near_m") && settings.scene == expected.scene, "{said:?}");
-        // Numbers that make the scene invalid are not saved. The numbers that were saved before are kept.
+        // Numbers that make the scene invalid are not saved. The previously saved numbers are kept.
         let mut numbers = changed();
         numbers.scene.flavours.cliff_near_m = 9000.0;
         let kept = Kept::of(&kept, scene::DEFAULT, &numbers, &plain(), &Places::default(), &tree());

@@ -16,7 +16,7 @@ pub struct Metrics {
     pub window: u32,
     /// Whether the metrics are frozen at their current values.
     pub frozen: bool,
-    /// Number of restarts. If it changes, the metrics restart.
+    /// Number of restarts that the user has requested. When it changes, the metrics restart.
     pub resets: u32,
     /// The measured region as left, top, right and bottom, in shares of the picture; `None` = the whole picture.
     pub region: Option<[f32; 4]>,

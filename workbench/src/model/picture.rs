@@ -102,7 +102,7 @@ pub struct Shown {
     pub alone: Option<String>,
     /// Elevation of the ground below the camera, metres.
     pub ground_m: f64,
-    /// Elevation of the ground below the pose that culling is frozen at, metres; `None` = it is not frozen.
+    /// Elevation of the ground below the pose at which culling is frozen, metres; `None` = culling is not frozen.
     pub culled_ground_m: Option<f64>,
     /// Layout of the quadtree in the world.
     pub layout: kernels::world::Layout,

@@ -240,7 +240,7 @@ impl Recorded {
         let metadata = fs::metadata(file).map_err(unreadable)?;
         if !metadata.is_file() || metadata.len() > MOST_BYTES {
             return Err(format!(
-                "{place} is not a regular file, or it is larger than any path: give a table that was written with `Write ... to a file`"
+                "{place} is not a regular file, or is too large for a path: give a table that was written with `Write ... to a file`"
             ));
         }
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -294,7 +294,7 @@ impl Recording {
     /// If a frame has several pictures, the pose of the last one is kept. If a frame has no picture, it gets the pose of the frame before.
     ///
     /// # Errors
-    /// Why the recording ended. The frames recorded until then remain.
+    /// Why the recording ended. The frames that were recorded before remain.
     pub fn see(&mut self, frame: u32, pose: Pose) -> Result<(), Ended> {
         let (frame, next) = (frame as usize, self.poses.len());
         let Some(last) = self.poses.last_mut() else {

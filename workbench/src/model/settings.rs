@@ -113,7 +113,7 @@ impl Settings {
         Settings { scene, frame: FrameSettings::default(), scale: 1.0, layer: Layer::Lit, counts: false, times_variants: false }
     }
 
-    /// The settings that are saved from one start to the next, by the last part of their keys. The settings of the scene are saved separately.
+    /// The settings that persist between sessions, by the last part of their keys. The settings of the scene are saved separately.
     pub fn kept(&self) -> impl Iterator<Item = (&'static str, Value)> {
         let of_frame = frame_settings().filter_map(move |setting| Some((setting.name(), setting.get(&self.frame)?)));
         of_frame.chain(OWN.into_iter().filter_map(move |setting| Some((setting.name(), setting.get(self)?))))

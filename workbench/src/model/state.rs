@@ -25,7 +25,7 @@ use super::viewpoint::{Viewpoint, usual_viewpoint};
 
 mod opening;
 
-/// Number of the last pictures and drawings of the window whose times are kept. The panel *Frame* shows these times.
+/// Maximum number of stored times: of the last pictures, and, separately, of the last drawings of the window. The panel *Frame* shows these times.
 const TIMES: usize = 120;
 /// Default render scale on a software adapter: pixels drawn per pixel of the screen, along a side.
 const SOFTWARE_SCALE: f64 = 0.5;
@@ -83,7 +83,7 @@ pub struct Model {
     /// The viewpoint.
     pub viewpoint: Viewpoint,
     pub(crate) flight: Flight,
-    /// The pose at which culling is frozen; `None` = it is not frozen.
+    /// The pose at which culling is frozen; `None` = culling is not frozen.
     pub culled_from: Option<Pose>,
     /// The brush.
     pub brush: Brush,
@@ -200,7 +200,7 @@ impl Model {
     /// Returns the state to save.
     fn present(&self, before: &Kept, scene_name: &str) -> Kept {
         let kept = Kept::of(before, scene_name, &self.settings, &self.original, &self.places.all, &self.tree);
-        // The default render scale and vertex stride depend on the adapter. While the adapter is unknown, keep the values that were saved before.
+        // The default render scale and vertex stride depend on the adapter. While the adapter is unknown, keep the previously saved values.
         if self.adapted { kept.without_usual(self.usual_scale, self.usual_stride) } else { kept.with_scale_and_stride_of(before) }
     }
 
@@ -213,7 +213,7 @@ impl Model {
             keeper.tend(Instant::now(), |before| self.present(before, &name));
         }
         self.keeping = Some(keeper);
-        // Without this, a change would not be saved until the window is painted for another reason.
+        // Without this request, a change would not be saved until the window is painted for another reason.
         ctx.request_repaint_after(kept::EVERY);
     }
 
@@ -390,7 +390,7 @@ impl Model {
         }
     }
 
-    /// Freezes culling at the current pose. If culling is frozen, ends that.
+    /// Freezes culling at the current pose, or unfreezes it if it is frozen.
     pub(crate) fn freeze_culling(&mut self) {
         self.culled_from = if self.culled_from.is_some() { None } else { self.pose() };
     }

@@ -45,7 +45,7 @@ fn settings(model: &mut Model, ui: &mut Ui) {
         ui.end_row();
         let shown = brush.material.clone();
         let all = names.into_iter().map(|name| (name.clone(), name, "")).collect();
-        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("The material to paint, or whose rules are weighted");
+        choose(ui, "Brush material", &mut brush.material, &shown, all).on_hover_text("The material that is painted, or whose rules are weighted");
         ui.end_row();
         let about = "Radius of the brush on the ground, seen from above.";
         let row = Number { name: "Brush radius", unit: "m", range: RADII_M, logarithmic: true, about };
@@ -55,7 +55,7 @@ fn settings(model: &mut Model, ui: &mut Ui) {
             let row = Number { name: "Brush fade", unit: "m", range: [0.0, brush.radius_m], logarithmic: false, about };
             number(ui, &row, &mut brush.fade_m, Some(usual.fade_m));
             let about =
-                "Factor on the weights of the rules for the material. 0 removes the material, 1 changes nothing, above 1 favours it.";
+                "Factor on the weights of the rules for the material. 0 removes the material, 1 changes nothing, a value above 1 favours it.";
             let row = Number { name: "Brush amount", unit: "x", range: [0.0, MOST_AMOUNT], logarithmic: false, about };
             number(ui, &row, &mut brush.amount, Some(usual.amount));
         }

@@ -2,9 +2,9 @@
 
 use eframe::egui::{Label, Ui};
 
-const TEXT: &str = "A terrain shaded as in Far Cry 5: every 8 x 8 tile of the screen runs the cheapest shader that its pixels allow, out of 31. \
-    Far ground comes from textures baked into the quadtree, near ground from virtual-texture pages, cliffs from a few texture samples \
-    chosen at random. Force another variant, estimator or noise on every tile, and see what it costs and what it does to the picture.";
+const TEXT: &str = "A terrain shaded as in Far Cry 5: each tile of 8 x 8 pixels runs one of 31 shaders, the cheapest that can shade all its pixels. \
+    Far ground comes from textures baked into the quadtree, near ground from virtual-texture pages, and cliffs from a few texture samples \
+    chosen at random. Force another variant, estimator or noise on every tile, and see what it costs and how it changes the picture.";
 
 const KEYS: [(&str, &str); 22] = [
     ("drag", "look around"),
@@ -15,20 +15,20 @@ const KEYS: [(&str, &str); 22] = [
     ("F", "walk on the ground, or fly"),
     ("O", "orbit: a drag turns the camera about the inspected pixel or the middle of the picture, the wheel zooms"),
     ("C", "freeze culling: fly away to see what is culled"),
-    ("1 - 5", "force a flavour, or take it away"),
-    ("0", "automatic"),
+    ("1 - 5", "force a flavour, or no longer force it"),
+    ("0", "choose the variant of each tile automatically"),
     ("G", "generic kernel"),
     ("Space", "pause"),
-    (".", "one frame on"),
-    ("X", "A or B, where one is shown at a time"),
+    (".", "advance by one frame and pause"),
+    ("X", "switch between A and B, one picture at a time"),
     ("L", "loupe"),
-    ("B", "paint: a drag or a click paints what the brush is set to"),
+    ("B", "switch painting on or off: a drag or a click then paints with the brush"),
     ("Shift+drag", "look around while painting"),
     ("Ctrl+wheel", "zoom"),
-    ("middle drag", "move what is zoomed"),
+    ("middle drag", "move the magnified part of the picture"),
     ("Ctrl+drag", "measure a rectangle"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
-    ("drop a file or folder", "open a scene, or take a folder of textures"),
+    ("drop a file or folder", "open a scene, or use a folder of textures"),
 ];
 
 /// Width of the column of keys, points.

@@ -140,7 +140,7 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
         }
         _ => row(
             "Triangle",
-            "not the world's".to_owned(),
+            "not in the world data".to_owned(),
             "The world data has no triangle at this depth. This happens if the shader that places vertices was edited.",
         ),
     }
@@ -163,7 +163,7 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
         row(
             off,
             derivative_error(step),
-            "Difference of the steps as a share of the exact one, and error of the mip level: above 0, textures are too coarse; below 0, too fine",
+            "Error of the step as a share of the exact step, and error of the mip level: above 0, textures are too coarse; below 0, too fine",
         );
     }
     row("Flavours needed", flavours(pixel.mask), "The mask of the pixel: the flavours that have a visible weight in it");
@@ -366,7 +366,7 @@ mod tests {
         has("Footprint", "3.00 x 9.00, covered 9.00 texels");
         has("Page LOD", "3.170: level 3, mip 0.170");
         has("Page sampled", "the same");
-        has("Triangle", "not the world's");
+        has("Triangle", "not in the world data");
         pixel.draw = None;
         pixel.choice = 0;
         let table = values(&pixel);

@@ -27,14 +27,14 @@ const QUANTITIES: [Quantity; 5] = [
     },
     Quantity {
         name: "Noise",
-        about: "Variance over frames of the luminance at a surface point, averaged over all points; the value is the square root of this mean",
+        about: "Square root of the variance of luminance over frames at a surface point; the variance is averaged over all points first",
         of: |s| Some(s.variance.sqrt()),
     },
     Quantity { name: "Bias", about: "Mean of A - B in luminance; none if B is not drawn", of: |s| s.bias },
     Quantity {
         name: "Clumping",
-        about: "Variance of the means of the noise over blocks of 5 x 5 pixels, relative to that of white noise, which has 1. The noise of A \
-                is A - B if B is drawn. Otherwise, it is the deviation from the running mean.",
+        about: "Variance of the means of the noise over blocks of 5 x 5 pixels, relative to white noise of the same variance; 1 = white, more = \
+                blotches. The noise of A is A - B if B is drawn; otherwise, it is the deviation from the running mean.",
         of: |s| s.clumping,
     },
 ];

@@ -9,8 +9,9 @@ use super::reset;
 use crate::model::settings::{SCALE, numbers, own_settings, stage_settings};
 use crate::model::state::Model;
 
-/// Width of a row without its slider, points; and limits of the width of the slider: smallest and largest, points.
+/// Width of a row without its slider, points.
 const BESIDE: f32 = 310.0;
+/// Smallest and largest width of a slider, points.
 const SLIDER: [f32; 2] = [30.0, 200.0];
 
 /// A number of the scene with the ends of its slider.

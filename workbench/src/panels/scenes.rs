@@ -30,7 +30,7 @@ pub(crate) fn menu(model: &mut Model, ui: &mut Ui) {
             ui.close();
         }
         let reload = ui.add_enabled(given.is_some(), Button::new("Reload scene"));
-        let hint = "Reads the scene file and all files that it names again. This discards edits; undo restores them.";
+        let hint = "Reloads the scene file and all files that it names. This discards edits; undo restores them.";
         if reload.on_hover_text(hint).clicked() {
             // An error is shown as a note.
             let _ = model.reload(ui.ctx());
@@ -65,7 +65,7 @@ fn open(model: &mut Model, name: &str) {
 pub(crate) fn open_file(model: &mut Model, file: &Path) {
     match file.to_str() {
         Some(name) => open(model, name),
-        None => model.say(format!("{} cannot be opened: its name is not valid Unicode; rename it", file.display())),
+        None => model.say(format!("{} cannot be opened, because its name is not valid Unicode: rename the file", file.display())),
     }
 }
 

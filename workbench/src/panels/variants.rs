@@ -124,7 +124,7 @@ fn table(model: &Model, ui: &mut Ui, times: &[Timed], all: u32) {
                 "Fetches",
                 "Fetches per pixel that the kernel should take, without those for colour modulation and for the second tiling of splat",
             ),
-            ("ms", "Time on the device of the pass of this kernel, milliseconds"),
+            ("ms", "Device time of the pass of this kernel, milliseconds"),
             ("ns a tile", "Time of the pass divided by the number of tiles, nanoseconds"),
         ] {
             ui.label(name).on_hover_text(about);
@@ -189,7 +189,7 @@ const fn about(flavour: Flavour) -> &'static str {
 fn of_normals(name: &str) -> &'static str {
     match name.parse() {
         Ok(NormalEncoding::Octahedral) => "32 bits: 8 + 8 for the shading normal and 8 + 8 for the normal of the triangle, as in Far Cry 5",
-        Ok(NormalEncoding::PlaneFirst) => "32 bits: the triangle's normal is 8 times finer than in Far Cry 5; the shading normal is equal",
+        Ok(NormalEncoding::PlaneFirst) => "32 bits: the triangle's normal 8 times finer than in Far Cry 5, the shading normal unchanged",
         Ok(NormalEncoding::Exact) => "128 bits without compression, to measure the error of the other encodings",
         Err(_) => "",
     }

@@ -129,7 +129,7 @@ fn parts(model: &Model, rect: Rect) -> Vec<Part> {
     }
 }
 
-/// Returns which part of the picture is visible, in shares of the picture. `width` is the share of the width of the viewport in which it is shown.
+/// Returns which part of the picture is visible, in shares of the picture. `width` is the share of the viewport's width that the picture fills.
 fn cut_out(looking: &Looking, width: f32) -> Rect {
     let size = vec2(width, 1.0) / looking.zoom.max(1.0);
     let middle = |k: usize, side: f32| looking.centre[k].clamp(side / 2.0, 1.0 - side / 2.0);

@@ -59,7 +59,8 @@ pub(super) struct Placed {
 }
 
 /// Places the texts one after another. For each text, several places near its point are compared, and the one with the smallest cost is taken. The
-/// cost is largest if the text hides other texts. Hiding points costs less, and hiding the line still less. Places far from the point cost least.
+/// cost is largest if the text leaves the plot. Hiding another text costs less, hiding a point still less, and hiding the line less than that. The
+/// distance from the point costs least.
 pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: Box2) -> Vec<Placed> {
     const HIDES_POINT: f64 = 40.0;
     let markers: Vec<Box2> = points.iter().map(|p| Box2::around(*p, 4.0)).collect();

@@ -16,7 +16,7 @@ pub(crate) const LEGEND: &str = "<span class=\"entry\"><span class=\"key auto\">
     <span class=\"entry\"><span class=\"key generic\"></span>generic</span> \
     <span class=\"entry\"><span class=\"key flavour\"></span>one flavour</span> \
     <span class=\"entry\"><span class=\"key combination\"></span>several flavours</span> \
-    <span class=\"entry\"><span class=\"key front\"></span>Pareto front: no choice is both cheaper and better (more names in the table)</span>";
+    <span class=\"entry\"><span class=\"key front\"></span>Pareto front: no other choice is both cheaper and better than a choice on this line (the table names the points without a label)</span>";
 
 /// If a plot has more points than this, only the labels of points on the Pareto front are always shown. Other labels are shown if there is room.
 const MANY: usize = 40;
@@ -124,8 +124,8 @@ pub(crate) fn pareto(points: &[Point], title: &str, x_title: &str, y_title: &str
         let order = [Marker::Combination, Marker::Flavour, Marker::Auto, Marker::Generic];
         let in_order = || order.into_iter().flat_map(|marker| points.iter().zip(&at).filter(move |(p, _)| p.marker == marker));
         for (point, centre) in in_order() {
-            // If points of one group have different colours but the same position, only the colour that is drawn last would be visible. They are
-            // drawn in the colour of their marker instead.
+            // If points of one group have different colours but the same position, only the colour that is drawn last would be visible. Such points
+            // are drawn in the colour of their marker instead.
             let shared = points.iter().zip(&at).any(|(other, place)| {
                 let near = (place.0 - centre.0).abs() <= 1 && (place.1 - centre.1).abs() <= 1;
                 near && other.group == point.group && other.marker == point.marker && other.colour != point.colour

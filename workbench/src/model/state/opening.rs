@@ -40,7 +40,7 @@ fn load(name: &str) -> Result<Scene, String> {
 
 impl Model {
     /// Opens another scene; `given` is the argument of [`scene::load`]. The state of the current scene is saved first. Afterwards, the drawing
-    /// thread reads the files that the scene names. If this fails, the window returns to the previous scene, and a note says why.
+    /// thread reads the files that the new scene names. If this fails, the window returns to the previous scene, and a note says why.
     ///
     /// # Errors
     /// One line: the scene cannot be read (a note says so, too), or edits that are not saved in a file would be lost (the window asks what to do).
@@ -87,12 +87,12 @@ impl Model {
     /// Reads the file of the scene again and replaces the scene. Undo restores the scene as it was.
     ///
     /// # Errors
-    /// One line, which is also a note: the scene has no file, or its file does not exist any more or cannot be read. The scene is not changed.
+    /// One line, which is also shown as a note: the scene has no file, or its file no longer exists or cannot be read. The scene is not changed.
     pub(crate) fn reload(&mut self, ctx: &egui::Context) -> Result<(), String> {
         let read = match &self.given {
             None => Err("the scene does not come from a file: save it with `Save scene as...` first".to_owned()),
             Some(name) if name != scene::DEFAULT && !Path::new(name).exists() => {
-                Err(format!("{name} is gone: the scene is not changed; `Save scene as...` writes it to a file again"))
+                Err(format!("{name} no longer exists: the scene is not changed; `Save scene as...` writes it to a file again"))
             }
             Some(name) => load(name),
         };
@@ -191,8 +191,8 @@ impl Model {
         self.opened = NEXT.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Sets the state of the current scene aside. If the current scene is still being loaded, the state of the scene before it is already set aside,
-    /// and stays.
+    /// Sets the state of the current scene aside. If the current scene is still being loaded, does nothing: the state of the scene before it is
+    /// already set aside.
     fn remember(&mut self) {
         if self.before.is_some() {
             return;

@@ -1,0 +1,125 @@
+//! Motion links, compared with their reference in f64.
+
+use glam::DVec3;
+use kernels::composition::Layers;
+use kernels::frame::{Frame, VariantChoice};
+use kernels::gpu::{read_buffer, read_texture};
+use kernels::motion::reference::{Seen, link};
+use kernels::motion::{LAGS, NO_LINK};
+use kernels::shared::motion::in_quarter;
+use kernels::temporal::Resolve;
+use kernels::variant::{Flavour, Variant};
+use kernels::view::camera::NEAR_M;
+
+use crate::fixtures::{gpu, request, second_renderer};
+
+/// A size that is not a multiple of the workgroup size in either direction.
+const SIZE: [u32; 2] = [93, 61];
+const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
+
+/// Reads what the geometry pass wrote.
+fn seen(frame: &Frame<'_, '_>) -> Seen {
+    let (gpu, targets) = (frame.renderer().gpu(), frame.targets());
+    let read = |texture, aspect, bytes| read_texture(gpu, texture, aspect, bytes).expect("the device works");
+    let depth: Vec<f32> = bytemuck::pod_collect_to_vec(&read(&targets.geometry.depth_stencil, wgpu::TextureAspect::DepthOnly, 4));
+    let encoding = frame.request().geometry.normals;
+    let normals = read(&targets.geometry.normals, wgpu::TextureAspect::All, encoding.bytes());
+    Seen {
+        view: *frame.view(),
+        distances: depth.iter().map(|&depth| if depth > 0.0 { NEAR_M / f64::from(depth) } else { 0.0 }).collect(),
+        planes: normals.chunks_exact(encoding.bytes() as usize).map(|texel| DVec3::from_array(encoding.decode(texel)[1])).collect(),
+    }
+}
+
+#[test]
+fn links_equal_their_reference() {
+    // A wall has depths that differ much from pixel to pixel. The rows of the ground have nearly equal depths, so that a wrong link to another row or to
+    // the opposite edge of the picture is not rejected by its depth.
+    compare("cliff", 1.0, None);
+    compare("ground", 0.1, None);
+    // A hand's breadth above the ground.
+    compare("ground", 0.01, Some(0.2));
+}
+
+/// Compares the links of a sequence. `scale`: steps of the camera, about 2.5 m. `above_m`: height above the ground from which the camera looks down.
+fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
+    let mut renderer = second_renderer();
+    let flavour = Variant::only(Flavour::FarAtlas);
+    let base = request(&renderer, camera).with(|r| {
+        r.view.size = SIZE;
+        r.shading.variant = VariantChoice::Forced(flavour);
+        if let Some(above_m) = above_m {
+            r.view.pose.position.z = renderer.ground_m(r.view.pose.position.x, r.view.pose.position.y) + above_m;
+            r.view.pose.pitch = -1.1;
+        }
+    });
+    let layers = Layers::new(gpu(), SIZE);
+    let mut meter = renderer.meter(SIZE, &[Resolve::Off]).expect("the passes compile");
+    let [right, up, forward] = base.view.pose.axes();
+    let mut frames: Vec<Seen> = Vec::new();
+    let mut before: Vec<u32> = Vec::new();
+    let (mut linked, mut hidden, mut uncertain, mut outside) = ([0; LAGS], 0, 0, 0);
+    // The camera moves in all directions and turns. Points come into view, leave the picture, and appear behind others.
+    for index in 0..6u32 {
+        let step = f64::from(index);
+        let request = base.with(|r| {
+            r.view.pose.position += right * (scale * 1.5 * step) + up * (scale * 0.4 * step) + forward * (scale * 2.0 * step);
+            r.view.pose.yaw += 0.004 * step;
+            r.view.pose.pitch += 0.002 * step;
+        });
+        frames.push(seen(&renderer.draw(&request).expect("draws")));
+        renderer.draw_flavours(&request, flavour, &layers).expect("draws");
+        let (sums, _) = renderer.drawn_as(&request).expect("drawn").measure(&layers, &mut meter, &[Some(flavour)]).expect("measures");
+        let read = |buffer, bytes| read_buffer(gpu(), buffer, bytes).expect("the device works");
+        let links: Vec<u32> = bytemuck::pod_collect_to_vec(&read(&meter.motion.links, (PIXELS * LAGS * 4) as u64));
+        let positions: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&read(&meter.motion.positions, PIXELS as u64 * 8));
+        let now = &frames[index as usize];
+        let reach = (0..PIXELS).filter(|&at| now.distances[at] > 0.0).count();
+        assert!(reach > PIXELS / 2, "{reach} of {PIXELS} pixels show terrain");
+        for lag in 1..=LAGS {
+            let of_lag = &links[(lag - 1) * PIXELS..lag * PIXELS];
+            let past = (index as usize).checked_sub(lag).map(|earlier| &frames[earlier]);
+            let mut followed = [0u64; 2];
+            for at in 0..PIXELS {
+                let pixel = [at as u32 % SIZE[0], at as u32 / SIZE[0]];
+                let found = of_lag[at];
+                if lag > 1 && !in_quarter(pixel, index % 4) {
+                    // The links of other quarters are left as they were.
+                    assert_eq!(found, before.get((lag - 1) * PIXELS + at).copied().unwrap_or(0), "frame {index}, lag {lag}, pixel {at}");
+                    continue;
+                }
+                followed[0] += u64::from(now.distances[at] > 0.0);
+                followed[1] += u64::from(found != NO_LINK);
+                let Some(past) = past else {
+                    assert_eq!(found, NO_LINK, "frame {index}, lag {lag}, pixel {at}");
+                    continue;
+                };
+                let expected = link(now, past, at);
+                if expected.is_uncertain {
+                    uncertain += 1;
+                    continue;
+                }
+                let wanted = expected.pixel.map_or(NO_LINK, |pixel| pixel as u32);
+                assert_eq!(found, wanted, "frame {index}, lag {lag}, pixel {at}: {expected:?}");
+                if lag == 1 {
+                    let position = expected.position.unwrap_or([-1e9; 2]);
+                    // Positions in f32 have an error of less than 1e-3 pixels; see the test of reprojection.
+                    let tolerance = 1e-3 * position[0].abs().max(1.0);
+                    let is_close = (0..2).all(|k| (f64::from(positions[at][k]) - position[k]).abs() < tolerance);
+                    assert!(is_close, "frame {index}, pixel {at}: {:?}, {position:?}", positions[at]);
+                }
+                linked[lag - 1] += usize::from(wanted != NO_LINK && wanted != at as u32);
+                hidden += usize::from(wanted == NO_LINK && expected.pixel.is_none() && now.distances[at] > 0.0);
+                outside += usize::from(now.distances[at] <= 0.0);
+            }
+            let sums = &sums[0].lags[lag - 1];
+            assert_eq!((sums.terrain, sums.linked), (followed[0], followed[1]), "frame {index}, lag {lag}");
+        }
+        before = links;
+    }
+    println!("{camera}: {linked:?} linked to other pixels, {hidden} were not seen, {uncertain} are uncertain, {outside} are sky");
+    // All cases occur, and the reference leaves few pixels undecided.
+    assert!(linked.iter().all(|&count| count > 1000), "{camera}: {linked:?}");
+    assert!(above_m.is_some() || hidden > 500 && outside > 500, "{camera}: {hidden} {outside}");
+    assert!(uncertain * 50 < linked.iter().sum::<usize>(), "{uncertain} of {linked:?}");
+}
