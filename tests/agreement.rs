@@ -106,7 +106,7 @@ impl Case {
 
 // ---------------------------------------------------------------- the probes
 
-/// Special directions: too short to have a direction, very short or very long, along an axis, one step of f32 off an axis, and along a diagonal. The
+/// Special vectors: too short to have a direction, very short or very long, along an axis, one step of f32 off an axis, and along a diagonal. The
 /// octahedral code of a direction along an axis is exact in any precision. One step of f32 is the smallest deviation from an axis.
 fn directions() -> Vec<[f64; 3]> {
     let mut all = vec![[0.0; 3], [2e-30, 0.0, 0.0], [1e-31, -1e-31, 1e-31], [9e29, -5e29, 1e29], [3e-30, 4e-30, -5e-30]];
@@ -149,8 +149,8 @@ const CASES: &[Case] = &[
         // Limit for rows in which two octahedral codes are almost equally near. The error of a coordinate is 16 ULP (2^-19). At 16 bits, that is 1/16
         // of the distance between neighbouring codes (2^-15). So with a probability of 1/8, a coordinate lies within the error of the middle between
         // two codes. A quarter of the 4096 random rows has 16 bits, so 128 rows are expected for each of the two coordinates that are rounded
-        // separately. About 256 more are expected for the code of the nearest direction. At 12 bits, the distance is 16 times larger, so a sixteenth
-        // of these rows is expected in addition.
+        // separately. About 256 more are expected for the code of the nearest direction. At 12 bits, the distance is 16 times larger, so there should
+        // be a sixteenth as many rows as at 16 bits.
         other_side_at_most: 600,
         mutants: &[
             // In this order: coordinates are rounded down instead of to the nearest code; the number of steps is wrong; each coordinate is rounded to
@@ -295,7 +295,7 @@ const CASES: &[Case] = &[
             rows
         },
         // Limit for rows whose ray is so nearly parallel to the plane that rounding decides which side of the plane it sees. A share of about 2^-19
-        // of the random rows is expected, and some special rows, in which both the ray and the normal lie along axes.
+        // of the random rows is expected. Some special rows are also expected: those in which both the ray and the normal lie along axes.
         other_side_at_most: 16,
         mutants: &[
             // In this order: one coordinate of the step is used twice; the pixel's own ray is used instead of the neighbour's; the cosine has no
@@ -430,8 +430,8 @@ const CASES: &[Case] = &[
             rows
         },
         // Limit for rows that lie, to within the error, on a border between two cells of the lattice, or at which the number of hexagons per sector
-        // changes to the next power of two. At a border between cells, one hexagon replaces another, and both have weight 0. Expected are some random
-        // rows, and the special rows at a corner of a cell or one step off it.
+        // changes to the next power of two. At a border between cells, one hexagon replaces another, and both have weight 0. Some random rows are
+        // expected, and the special rows at a corner of a cell or one step off it.
         other_side_at_most: 32,
         mutants: &[
             // In this order: weights are not sharpened; the lattice has a seam at sector borders; all hexagons of a column have the same texture
@@ -946,15 +946,18 @@ fn check(name: &str) {
 
     // Negative controls: each of these results must be rejected.
     for &(file, from, to) in case.mutants {
-        assert!(case.compare(&rows, &run(&mutant(probe.wgsl, file, from, to))).is_err(), "{name}: `{to}` for `{from}` was not noticed");
+        assert!(
+            case.compare(&rows, &run(&mutant(probe.wgsl, file, from, to))).is_err(),
+            "{name}: no row differs if `{to}` replaces `{from}`"
+        );
     }
     // Block decoders are left out: their accepted error is at least two steps of 8 bits, which is larger than the error of half precision.
     if probe.outputs.iter().any(|c| c.whole.is_none()) && !matches!(probe.layout(), Cells::Texel(_)) {
-        assert!(case.compare(&rows, &run(&in_half_precision(probe))).is_err(), "{name}: half precision was not noticed");
+        assert!(case.compare(&rows, &run(&in_half_precision(probe))).is_err(), "{name}: results in half precision were accepted");
     }
     let mut broken = got.clone();
     broken[0] = f64::NAN;
-    assert!(case.compare(&rows, &broken).is_err(), "{name}: NaN was not noticed");
+    assert!(case.compare(&rows, &broken).is_err(), "{name}: NaN was accepted");
 }
 
 #[test]
@@ -1291,7 +1294,7 @@ fn wrong_classification_is_noticed() {
             // If a subgroup is as large as the workgroup, its first lane is the workgroup's first thread, so the mutant of `if lane == 0u` changes
             // nothing.
             let whole = from.starts_with("if lane") && gpu().info.subgroup_max_size >= 64;
-            assert!(whole || run(from, to).is_err(), "subgroups {subgroups}: `{to}` for `{from}` was not noticed");
+            assert!(whole || run(from, to).is_err(), "subgroups {subgroups}: no list differs if `{to}` replaces `{from}`");
         }
     }
 }
@@ -1301,7 +1304,7 @@ fn wrong_classification_is_noticed() {
 fn classification_comparison_notices_differences() {
     let scenery = Scenery::random([150, 91], 0);
     let masks = tile_masks(scenery.size, &scenery.mask, &scenery.terrain, None);
-    assert!(masks.contains(&0) && masks.iter().collect::<BTreeSet<_>>().len() > 16, "the scenery is too plain");
+    assert!(masks.contains(&0) && masks.iter().collect::<BTreeSet<_>>().len() > 16, "the tiles have too few different masks");
     let layout = gpu().layout("frame", wgpu::ShaderStages::COMPUTE, &[Binding::Uniform]);
     let pass = Classification::new(gpu(), &layout, classification::TILE).unwrap_or_else(|e| panic!("{e}"));
     let lists = scenery.classify(gpu(), &pass, &layout, None);
@@ -1309,7 +1312,7 @@ fn classification_comparison_notices_differences() {
     let rejects = |what: &str, change: &dyn Fn(&mut Vec<Vec<u32>>)| {
         let mut changed = lists.clone();
         change(&mut changed);
-        assert!(scenery.compare(&changed, &masks).is_err(), "{what}: not noticed");
+        assert!(scenery.compare(&changed, &masks).is_err(), "the lists were accepted with this fault: {what}");
     };
     let used = (1..32).find(|&i| !lists[i].is_empty()).expect("tiles");
     rejects("a tile lost", &|l| {
@@ -1320,7 +1323,7 @@ fn classification_comparison_notices_differences() {
         let tile = l[used].pop().expect("used");
         l[if used == 1 { 2 } else { 1 }].push(tile);
     });
-    rejects("a mask with a bit too many", &|l| l[0][0] ^= 1 << 28);
+    rejects("a mask with one additional bit", &|l| l[0][0] ^= 1 << 28);
     rejects("column and row exchanged", &|l| {
         for entry in &mut l[0] {
             *entry = (*entry & 0xff00_0000) | (*entry & 4095) << 12 | (*entry >> 12 & 4095);

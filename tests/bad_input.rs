@@ -155,7 +155,7 @@ fn probe_tables_are_checked() {
     failure(&["probe", "octahedron", "--input", &input, "--output", &out], &["no kernel", "octahedral"]);
     failure(&["probe", "select", "--on", "f64", "--input", &folder.path("no.csv"), "--output", &out], &["cannot open", "no.csv"]);
     failure(&["probe", "select", "--on", "f64", "--input", &input, "--output", &folder.path("no/out.csv")], &["no folder"]);
-    assert!(!PathBuf::from(&out).exists(), "a failed probe left its output");
+    assert!(!PathBuf::from(&out).exists(), "a failed probe must not leave an output file");
 }
 
 fn header(kernel: &str) -> String {
@@ -205,8 +205,8 @@ fn every_probe_is_listed_and_runs_on_both_references() {
 
 #[test]
 fn the_checks_above_can_fail() {
-    // The check functions must notice each of these: exit status 1 instead of 2, 2 instead of 1, a missing text, and a failure of a call that should
-    // succeed.
+    // The check functions must notice each of these faults: exit status 1 instead of 2, 2 instead of 1, a missing text, and a failure of a call that
+    // should succeed.
     let caught = |check: fn()| std::panic::catch_unwind(check).is_err();
     assert!(caught(|| usage_error(&["explain", "nowhere"], &[])), "exit 1 passed for exit 2");
     assert!(caught(|| failure(&["render"], &[])), "exit 2 passed for exit 1");

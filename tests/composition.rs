@@ -40,8 +40,8 @@ fn every_variant_composed_equals_its_own_shader() {
         let choice = variant.map_or(VariantChoice::Auto, VariantChoice::Forced);
         let own = renderer.render(&base.with(|r| r.shading.variant = choice)).expect("renders");
         let name = variant.map_or_else(|| "auto".to_owned(), |v| v.to_string());
-        let (albedo, fetches) = (own.vectors("albedo").expect("asked for"), own.values("fetches").expect("asked for"));
-        let choices = own.values("choice").expect("asked for");
+        let (albedo, fetches) = (own.vectors("albedo").expect("requested"), own.values("fetches").expect("requested"));
+        let choices = own.values("choice").expect("requested");
         let differs = |composed: &[[u32; 2]]| {
             let mut worst = 0.0f64;
             for ((found, own), on) in composed.iter().zip(albedo).zip(terrain(&own)) {
@@ -55,7 +55,7 @@ fn every_variant_composed_equals_its_own_shader() {
             worst
         };
         let worst = differs(&composed);
-        assert!(worst <= 4.0, "{name} composed differs by {worst} ulp");
+        assert!(worst <= 4.0, "the composed picture of {name} differs from that of its own shader by {worst} ulp");
         for (i, found) in composed.iter().enumerate() {
             assert_eq!(signal::fetches(*found), fetches[i] as u32, "{name}: fetches of pixel {i}");
             assert_eq!(signal::choice(*found), choices[i] as u32, "{name}: choice of pixel {i}");
@@ -88,14 +88,14 @@ fn links_lead_to_the_same_surface_point() {
         let picture = renderer.render(&request).expect("renders");
         renderer.draw_flavours(&request, flavour, &layers).expect("draws");
         let (sums, _) = renderer.drawn_as(&request).expect("drawn").measure(&layers, &mut meter, &[Some(flavour)]).expect("measures");
-        positions.push(picture.vectors("position").expect("asked for").to_vec());
-        let (ddx, ddy) = (picture.vectors("ddx").expect("asked for"), picture.vectors("ddy").expect("asked for"));
+        positions.push(picture.vectors("position").expect("requested").to_vec());
+        let (ddx, ddy) = (picture.vectors("ddx").expect("requested"), picture.vectors("ddy").expect("requested"));
         let length = |v: &[f32; 3]| v.iter().map(|x| x * x).sum::<f32>().sqrt();
         footprints.push(ddx.iter().zip(ddy).map(|(x, y)| length(x) + length(y)).collect::<Vec<_>>());
         views.push(renderer.view(&request));
         let bytes = kernels::gpu::read_buffer(gpu(), &meter.motion.links, u64::from(PIXELS) * LAGS as u64 * 4).expect("the device works");
         let links: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
-        let depth = picture.values("depth").expect("asked for");
+        let depth = picture.values("depth").expect("requested");
         for lag in 1..=index.min(LAGS) {
             let (mut on, mut linked, mut moved) = (0, 0, 0);
             let past = Past::between(&views[index], &views[index - lag]);
@@ -184,7 +184,7 @@ fn flipquad_shades_points_on_the_edges_with_the_derivatives_of_the_centre() {
             }))
             .expect("renders")
     });
-    let vectors = |p: &kernels::frame::picture::Picture, n: &str| p.vectors(n).expect("asked for").to_vec();
+    let vectors = |p: &kernels::frame::picture::Picture, n: &str| p.vectors(n).expect("requested").to_vec();
     let (mut checked, mut wrong) = (0, 0);
     for (picture, pattern) in [(&left, SamplePattern::LeftEdges), (&top, SamplePattern::TopEdges)] {
         let (at, ddx, ddy) = (vectors(&centre, "position"), vectors(&centre, "ddx"), vectors(&centre, "ddy"));
@@ -220,8 +220,8 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
     let scene = small_scene();
     let with = |options: RendererOptions| Renderer::with(gpu(), &scene, options, &|_| {}).expect("the small scene renders");
     let albedo = |renderer: &mut Renderer<'_>, variant: VariantChoice, noise: NoiseKind, normals: NormalEncoding| {
-        // This test does not use the fetches. It requests them because the test of all variants does: both tests share a renderer, so they then share
-        // the compiled shaders.
+        // This test does not use the fetches. It requests them only to need the same shaders as the test of all variants. Both tests share a
+        // renderer, so these shaders are compiled only once.
         let aovs = AovSet::from_names(&["albedo", "fetches"]).expect("known layers");
         let request = request(renderer, "cliff").with(|r| {
             r.outputs.aovs = aovs;
@@ -231,7 +231,7 @@ fn pictures_do_not_depend_on_the_tiles_and_hardly_on_the_normals_codes() {
         });
         let picture = renderer.render(&request).expect("renders");
         let tiles = picture.report.tiles.clone();
-        (picture.vectors("albedo").expect("asked for").to_vec(), tiles, terrain(&picture))
+        (picture.vectors("albedo").expect("requested").to_vec(), tiles, terrain(&picture))
     };
     let automatic =
         |renderer: &mut Renderer<'_>| albedo(renderer, VariantChoice::Auto, NoiseKind::HashedIsotropic, NormalEncoding::Octahedral);
@@ -305,8 +305,8 @@ fn streams_are_composed_together_from_weights_of_their_own() {
             {
                 let picture = &own[flavour.index()];
                 let weight = weights[flavour.index()].powi(if stream.squared == 1 { 2 } else { 1 });
-                (0..3).for_each(|k| albedo[k] += weight * f64::from(picture.vectors("albedo").expect("asked for")[one.index][k]));
-                fetches += picture.values("fetches").expect("asked for")[one.index] as u32;
+                (0..3).for_each(|k| albedo[k] += weight * f64::from(picture.vectors("albedo").expect("requested")[one.index][k]));
+                fetches += picture.values("fetches").expect("requested")[one.index] as u32;
                 modulated += u32::from(flavour != Flavour::VirtualTexture) * stream.modulated;
             }
             // If the stream is modulated, each of its flavours except the virtual texture has counted the fetch of colour modulation. The composed

@@ -21,7 +21,7 @@ fn displayed(request: &mut RenderRequest, exposure: Exposure) {
 
 /// Returns the largest difference between a displayed 8-bit value and the unrounded value of the reference, minus 0.5, which rounding may add.
 fn worst(picture: &Picture, exposure: Exposure) -> f64 {
-    let codes = picture.displayed.as_ref().expect("asked for");
+    let codes = picture.displayed.as_ref().expect("requested");
     let pairs = picture.hdr.iter().zip(codes);
     let distances = pairs.flat_map(|(texel, code)| {
         let value = reference::tone_map([texel[0], texel[1], texel[2]].map(f64::from), exposure);
@@ -58,7 +58,7 @@ fn exposure_changes_nothing_that_is_measured() {
     assert_eq!(plain.hdr, shown.hdr);
     assert_eq!(plain.vectors("albedo"), shown.vectors("albedo"));
     // The displayed picture is not completely black or white.
-    let codes = shown.displayed.expect("asked for");
+    let codes = shown.displayed.expect("requested");
     assert!(codes.iter().any(|code| code[1] > 20) && codes.iter().any(|code| code[1] < 255));
 }
 

@@ -1,5 +1,5 @@
 //! Tests of a scene that is edited while it is drawn. Bit for bit, the picture must equal the picture that is drawn after the edited scene is loaded
-//! from the start. Only the nodes, pages and textures that an edit affects may be made again.
+//! from the start. Only the nodes, pages and textures that an edit affects may be built again.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -79,7 +79,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     assert!(differing(&picture, &before) > 0);
     before = picture;
 
-    // A different size of its texture affects only pages.
+    // If the texture of this material repeats at a different size, only pages are affected.
     material(&mut scene, &lies).tile_m *= 1.5;
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
@@ -112,7 +112,7 @@ fn an_edited_scene_is_drawn_as_if_it_had_been_loaded_and_only_what_is_touched_is
     assert!(picture.report.edited.nodes > 0 && differing(&picture, &before) > 0);
     before = picture;
 
-    // If a material gets a different texture, at least one texture is made again.
+    // If a material gets a different texture, at least one texture is built.
     material(&mut scene, &other).procedural = Some("moss".to_owned());
     assert!(renderer.retune(&scene).expect("valid"));
     let picture = draw(&mut renderer);
@@ -155,11 +155,11 @@ fn two_scenes_that_take_turns_make_their_textures_once() {
     let mut other = scene.clone();
     other.blend.material_contrast = 0.5;
     assert!(renderer.retune(&other).expect("valid"));
-    assert_eq!(made.swap(0, Ordering::Relaxed), before, "every texture must be made once, with less contrast");
+    assert_eq!(made.swap(0, Ordering::Relaxed), before, "every texture must be built once with the lower contrast");
     for _ in 0..3 {
         assert!(renderer.retune(&scene).expect("valid") && renderer.retune(&other).expect("valid"));
     }
-    assert_eq!(made.load(Ordering::Relaxed), 0, "textures were made again although both scenes had them");
+    assert_eq!(made.load(Ordering::Relaxed), 0, "textures were built again, although they exist for both scenes");
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
     let far = Variant::only(Flavour::FarAtlas);
     let base = RenderRequest::new(pose(&renderer, "ground"), SIZE).with(|r| r.shading.variant = VariantChoice::Forced(far));
     let plain = renderer.render(&base).expect("renders");
-    // If the bias of the LOD is one level, fewer nodes and patches are drawn.
+    // With an LOD bias of one level, fewer nodes and patches are drawn.
     let coarse = renderer.render(&base.with(|r| r.geometry.lod_bias = 1.0)).expect("renders");
     assert!(coarse.report.nodes < plain.report.nodes && coarse.report.patches < plain.report.patches, "{:?}", coarse.report);
     // If only every second vertex is used, the nodes and patches are the same, but the surface is different. It must have no cracks, either.
@@ -253,7 +253,7 @@ fn bias_of_the_lod_frozen_culling_and_times_by_variant() {
         r.outputs.aovs = AovSet::from_names(&["position"]).expect("known");
     });
     let frozen = renderer.render(&request.with(|r| r.geometry.culled_from = Some(base.view.pose))).expect("renders");
-    let positions = frozen.vectors("position").expect("asked for");
+    let positions = frozen.vectors("position").expect("requested");
     let on = frozen.hdr.iter().map(|t| t[3] > 0.0);
     let off =
         positions.iter().zip(on).filter(|(_, on)| *on).map(|(p, _)| (f64::from(p[2]) - renderer.ground_m(p[0].into(), p[1].into())).abs());

@@ -71,13 +71,13 @@ fn estimators_have_names() {
 
 /// Checks that each terrain pixel of a picture took the promised number of fetches, and that sky pixels took none.
 fn check_fetches(what: &str, picture: &Picture, promised: u32) {
-    for (&counted, on) in picture.values("fetches").expect("asked for").iter().zip(terrain(picture)) {
+    for (&counted, on) in picture.values("fetches").expect("requested").iter().zip(terrain(picture)) {
         assert_eq!(counted, if on { promised as f32 } else { 0.0 }, "{what}: a pixel took {counted} fetches, not {promised}");
     }
 }
 
 fn check_colours(what: &str, picture: &Picture) {
-    for ((texel, albedo), on) in picture.hdr.iter().zip(picture.vectors("albedo").expect("asked for")).zip(terrain(picture)) {
+    for ((texel, albedo), on) in picture.hdr.iter().zip(picture.vectors("albedo").expect("requested")).zip(terrain(picture)) {
         assert!(texel.iter().chain(albedo).all(|v| v.is_finite() && *v >= 0.0), "{what}: radiance {texel:?}, albedo {albedo:?}");
         assert!(!on || albedo.iter().sum::<f32>() > 0.01, "{what}: a black pixel");
     }
@@ -175,12 +175,12 @@ fn random_estimators_have_their_means() {
             r.shading.seed = seed;
         });
         let picture = renderer.render(&request).expect("renders");
-        picture.vectors("albedo").expect("asked for").iter().flatten().map(|&v| f64::from(v)).collect()
+        picture.vectors("albedo").expect("requested").iter().flatten().map(|&v| f64::from(v)).collect()
     };
     use Estimator::{Biplanar, Exact, Hex, Stf};
     use Flavour::{FarCliff, NearCliff, Splat};
     // Columns: estimator; flavour; camera; flavour of the mean; a negative control, which is an estimator and a flavour whose picture must be
-    // rejected as the mean. (On the ground, the pictures of three projections and of one hardly differ.)
+    // rejected as the mean. (On level ground, a blend of three projections hardly differs from a single projection.)
     for (estimator, flavour, camera, of, wrong) in [
         (Biplanar, NearCliff, "cliff", NearCliff, (Exact, Splat)),
         (Biplanar, FarCliff, "cliff", FarCliff, (Exact, NearCliff)),
@@ -231,7 +231,7 @@ fn estimators_agree_where_they_are_defined_alike() {
     let exact = of(Estimator::Exact, Flavour::Splat);
     let pixels = renderer.drawn_as(&base).and_then(|frame| frame.inspect()).expect("inspects");
     let difference = |a: &Picture, b: &Picture, i: usize| {
-        let texel = |p: &Picture| p.vectors("albedo").expect("asked for")[i];
+        let texel = |p: &Picture| p.vectors("albedo").expect("requested")[i];
         let pairs = texel(a).into_iter().zip(texel(b));
         pairs.map(|(l, r)| f64::from((l - r).abs()) / (f64::from(l.max(r)).max(1.0 / 1024.0) / 2048.0)).fold(0.0, f64::max)
     };
@@ -431,7 +431,7 @@ fn filtering_by_lod_is_filtering_by_gradients() {
         ("return f32(firstLeadingBit(texels));", "return 7.0;"),
     ] {
         assert!(kernels::terrain::WGSL.text.contains(change.0), "{} is not there", change.0);
-        assert!(worst(&levels_of_detail(&rows, change))[1] > 0.5 + STEP, "`{}` was not noticed", change.1);
+        assert!(worst(&levels_of_detail(&rows, change))[1] > 0.5 + STEP, "the levels are accepted with the mutant `{}`", change.1);
     }
 }
 
@@ -551,14 +551,15 @@ fn hexagons_fit_together() {
         assert!(at.iter().any(|(_, w)| *w > 0.999_999), "{step:?}: {at:?}");
         assert!((dot::<f64, 2>(step, step).sqrt() - 1.0).abs() < 0.0013);
     }
-    // The level gives about 2 sqrt 3 hexagons per repeat of the texture, because the number of hexagons along a sector is rounded to a power of two.
+    // The level gives about 2 sqrt 3 hexagons per repeat of the texture. The number is not exact, because the number of hexagons along a sector is
+    // rounded to a power of two.
     for repeats in [1.0, 16.0, 21.3, 32.0, 1000.0] {
         let ratio = f64::from(hex_tiling::level(repeats)).exp2() / (repeats * 12.0_f64.sqrt());
         assert!((0.7..1.42).contains(&ratio), "{repeats}: {ratio}");
     }
 }
 
-// ---------------------------------------------------------------- texels by chance
+// ---------------------------------------------------------------- stochastic texel choice
 
 #[test]
 fn chosen_texels_are_the_filter_in_the_mean() {
@@ -604,7 +605,7 @@ fn layers_weigh_what_their_texels_weigh() {
             below += shares[layer];
         }
         let weights = layers::weights(opacities);
-        assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12, "layer 0 is opaque: nothing shows through");
+        assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12, "the weights must have a sum of 1, because layer 0 is opaque");
         assert!(weights.iter().zip(shares).all(|(w, m)| (w - m).abs() < 1e-12), "{weights:?}, {shares:?}");
         // Blending layer by layer, as the shader does, gives the same weights.
         let mut blended = [0.0; 8];
@@ -664,8 +665,8 @@ fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
         assert!((dot(g, [-sin, cos, 0.0]) - 1.0).abs() < 1e-9, "plane {plane}: {g:?}");
     }
     assert!(seen.iter().all(|&count| count > 200), "{seen:?}");
-    // Texture coordinates are continuous across sector borders, near the origin and far from it. Only the number of repeats per sector is rounded,
-    // once as given and once more on diagonal planes. It is stored in units of 2^-24, and the tolerance is 4 units.
+    // Texture coordinates are continuous across sector borders, near the origin and far from it. Only the number of repeats per sector is rounded: to
+    // units of 2^-24 for all planes, and once more for diagonal planes. The tolerance is 4 units.
     let per_sector = tiling::per_sector_fixed(SECTOR_M, 3.7);
     let repeats = tiling::repeats(SECTOR_M, 3.7);
     let coordinate = |place: [i32; 3], inside: [f64; 3], plane: u32| {
@@ -687,7 +688,7 @@ fn the_snapped_plane_is_the_nearest_and_keeps_lengths() {
     }
 }
 
-// ---------------------------------------------------------------- the running blend
+// ---------------------------------------------------------------- the blend that is accumulated term by term
 
 #[test]
 fn weights_term_by_term_are_the_weights() {

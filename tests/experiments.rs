@@ -1,5 +1,5 @@
-//! Tests of experiments as data: definitions, the parts of a run, shards (runs that do a share of the parts), runs that are stopped and resumed, and
-//! tables. Nothing is rendered: a stand-in for the renderer makes up the measurements.
+//! Tests of experiments without rendering: definitions, the parts of a run, shards (runs that carry out a share of the parts), runs that are stopped
+//! and resumed, and tables. A stand-in for the renderer invents the measurements.
 
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -152,7 +152,7 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"near-clif\"]", &["variants 1", "did you mean `near-cliff`"]),
     ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"vt+splat\", \"splat+vt\"]", &["variants 2", "entry 1"]),
     ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"4\", \"near-cliff\"]", &["variants 2", "entry 1"]),
-    ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"all\", \"splat\"]", &["variants 2", "one of `all`"]),
+    ("variants = [\"auto\", \"near-cliff\"]", "variants = [\"all\", \"splat\"]", &["variants 2", "included in `all`"]),
     ("estimators = [\"fc5\", \"exact\"]", "estimators = [\"exakt\"]", &["estimators 1", "did you mean `exact`"]),
     ("noises = [\"hashed\", \"white\"]", "noises = [\"hashd\"]", &["noises 1", "did you mean `hashed`"]),
     ("temporal = [\"off\", \"exponential\"]", "temporal = [\"on\"]", &["temporal 1", "is not a known temporal resolve"]),
@@ -574,7 +574,8 @@ fn killed_at_any_moment_and_resumed_a_run_gives_equal_bytes() {
             .stdout(std::process::Stdio::null())
             .spawn()
             .unwrap();
-        // The process is killed at moments from before the run begins to some parts later. The golden ratio spreads these moments evenly.
+        // The process is killed at different moments, from before the run begins until some parts are finished. The golden ratio spreads these
+        // moments evenly.
         std::thread::sleep(Duration::from_secs_f64(0.004 + 0.06 * (f64::from(attempt) * 0.618_034).fract()));
         if let Some(status) = child.try_wait().unwrap() {
             assert!(status.success(), "the run failed by itself: {status}");
@@ -631,7 +632,7 @@ fn a_run_that_is_replaced_makes_way_only_for_its_own_kind() {
     let left: Vec<String> = names(&folder.0).into_iter().filter(|name| !name.starts_with("reference-")).collect();
     assert_eq!(left, ["lock", "manifest.json", "mine.txt", "parts"]);
     drop(run);
-    // With `Existing::Replace`, a run of the same definition is continued if it was stopped, and done again if it was finished.
+    // With `Existing::Replace`, a run of the same definition is continued if it was stopped, and started again if it was finished.
     let mut run = Run::open(&more, &own, &machine()).unwrap();
     run.carry_out(&mut Fake::of(&more), &|_, _| {}, &uninterrupted).unwrap();
     drop(run);
@@ -780,7 +781,7 @@ fn a_full_disk_is_said_and_the_run_goes_on_once_there_is_room() {
     stop(&|file| fs::create_dir_all(file.join("in the way")).unwrap(), "cannot write", Existing::Refuse);
     let blocked = full.0.join("trial/parts").join(names(&full.0.join("trial/parts")).into_iter().find(|n| n.starts_with("00002")).unwrap());
     fs::remove_dir_all(blocked).unwrap();
-    assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "nothing half-written is left");
+    assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "an incomplete file is left");
     // The temporary file is a link to a device on which every write fails, because it is full.
     #[cfg(target_os = "linux")]
     {
@@ -790,7 +791,7 @@ fn a_full_disk_is_said_and_the_run_goes_on_once_there_is_room() {
             std::os::unix::fs::symlink("/dev/full", file.with_file_name(name)).unwrap();
         };
         stop(&link, "No space left on device", Existing::Resume);
-        assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "nothing half-written is left");
+        assert_eq!(names(&full.0.join("trial/parts")).len(), 2, "an incomplete file is left");
     }
     complete(&trial, &Place { existing: Existing::Resume, ..place(&full.0) });
     assert!(results(&whole.0) == results(&full.0));
@@ -1023,7 +1024,7 @@ fn tables_of_others_are_refused_by_what_they_lack() {
     assert!(error(&format!("message m {{ {all_texts} }}"), true).contains("column `frame` has the wrong type"));
     let mut text = File::create(&file).unwrap();
     text.write_all(b"experiment,value\ntrial,1\n").unwrap();
-    assert!(format!("{:#}", read_parquet(&file).unwrap_err()).contains("no Parquet file"));
+    assert!(format!("{:#}", read_parquet(&file).unwrap_err()).contains("not a Parquet file"));
     assert!(format!("{:#}", read_parquet(&folder.0.join("nowhere.parquet")).unwrap_err()).contains("cannot read"));
 }
 

@@ -118,13 +118,13 @@ pub(crate) fn sign(pattern: u32, pixel: usize) -> f64 {
 pub(crate) fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
-        let here = std::env::current_exe().expect("a test knows where it is");
+        let here = std::env::current_exe().expect("the path of the test binary is known");
         let folder = here.parent().and_then(Path::parent).expect("tests lie in target/PROFILE/deps");
         let program = folder.join(format!("experiments{}", std::env::consts::EXE_SUFFIX));
         let profile = if folder.ends_with("release") { " --release" } else { "" };
         let remedy = format!("run `cargo build{profile} -p experiments` first, or `make test`");
         assert!(program.is_file(), "{} is missing: {remedy}", program.display());
-        let built = fs::metadata(&program).and_then(|m| m.modified()).expect("the program has a time");
+        let built = fs::metadata(&program).and_then(|m| m.modified()).expect("the program file has a modification time");
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let newest = newest_source(&root.join("experiments/src")).max(newest_source(&root.join("kernels/src")));
         if let Some((time, source)) = newest {

@@ -137,7 +137,7 @@ fn root_of(folder: &Path) -> Option<PathBuf> {
 
 /// The modules that the root file of a folder declares, and everything that they import.
 fn read(folder: &Path) -> (Vec<String>, Reading) {
-    let root = root_of(folder).unwrap_or_else(|| panic!("{} has no lib.rs, no mod.rs and no file of its name", folder.display()));
+    let root = root_of(folder).unwrap_or_else(|| panic!("{} has no lib.rs, no mod.rs and no .rs file with its name", folder.display()));
     let inside: Vec<String> = folder.iter().map(|name| name.to_string_lossy().into_owned()).collect();
     let source = inside.iter().rposition(|name| name == "src").expect("folders are inside a `src`");
     let mut reading = Reading { prefix: inside[source + 1..].to_vec(), imports: Vec::new(), faults: Vec::new() };
@@ -261,8 +261,7 @@ fn is_of_tests(attributes: &[Attribute]) -> bool {
     })
 }
 
-/// Finds the paths in an item that begin at the crate, at a module above, or at the module itself. Modules inside the item are collected, but not
-/// searched.
+/// Finds the paths in an item that begin with `crate`, `super` or `self`. Modules inside the item are collected, but not searched.
 struct Paths<'a> {
     /// The module that contains the item.
     module: &'a [String],

@@ -29,7 +29,7 @@ fn every_variant_equals_the_generic_kernel_and_takes_the_fetches_promised() {
         let generic = renderer.render(&base.with(|r| r.shading.variant = VariantChoice::GenericForced(variant))).expect("renders");
         let difference = largest_difference(&special, &generic);
         assert!(difference <= TOLERANCE, "{variant} differs from the generic kernel by {difference} ulp");
-        let fetches = special.values("fetches").expect("asked for");
+        let fetches = special.values("fetches").expect("requested");
         assert_eq!(special.values("fetches"), generic.values("fetches"), "{variant}: the generic kernel counts differently");
         let promised = Estimator::Fc5.promised_fetches_of(variant) as f32;
         for (&counted, on) in fetches.iter().zip(terrain(&special)) {
@@ -73,7 +73,7 @@ fn automatic_tiles_hold_what_their_pixels_need() {
     assert!(!uncounted.wants_diagnostics());
     let uncounted = renderer.render(&uncounted).expect("renders");
     assert!(largest_difference(&uncounted, &generic) <= 2.0);
-    let (mask, variant) = (auto.values("mask").expect("asked for"), auto.values("variant").expect("asked for"));
+    let (mask, variant) = (auto.values("mask").expect("requested"), auto.values("variant").expect("requested"));
     let mut used = std::collections::BTreeSet::new();
     for ((&mask, &variant), on) in mask.iter().zip(variant).zip(terrain(&auto)) {
         let (mask, variant) = (mask as u32, variant as u32);
@@ -119,7 +119,7 @@ fn random_choice_has_the_mean_and_variance_of_theory() {
             ];
             let mut albedo = |request: &RenderRequest| -> Vec<f64> {
                 let picture = renderer.render(request).expect("renders");
-                picture.vectors("albedo").expect("asked for").iter().flatten().map(|&v| f64::from(v)).collect()
+                picture.vectors("albedo").expect("requested").iter().flatten().map(|&v| f64::from(v)).collect()
             };
             let exact = albedo(&requests[0]);
             let variance: Vec<f64> = albedo(&requests[1]).into_iter().map(|v| v / VARIANCE_SCALE).collect();
@@ -168,7 +168,7 @@ fn pictures_have_no_cracks_no_black_and_no_nan() {
         let mut on = terrain(&picture);
         assert!(on.iter().filter(|t| **t).count() > on.len() / 4, "{camera}: hardly any terrain");
         assert_eq!(cracks(&on, size), 0, "{camera}: sky below terrain");
-        for (texel, albedo) in picture.hdr.iter().zip(picture.vectors("albedo").expect("asked for")) {
+        for (texel, albedo) in picture.hdr.iter().zip(picture.vectors("albedo").expect("requested")) {
             assert!(texel.iter().all(|v| v.is_finite() && *v >= 0.0), "{camera}: radiance {texel:?}");
             if texel[3] > 0.0 {
                 assert!(albedo.iter().sum::<f32>() > 0.01 && texel[1] > 0.0, "{camera}: a black pixel");
@@ -188,7 +188,7 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
     request.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
     request.outputs.aovs = AovSet::from_names(&["position", "ddx", "ddy", "depth"]).expect("known layers");
     let picture = renderer.render(&request).expect("renders");
-    let (position, ddx, ddy) = ["position", "ddx", "ddy"].map(|n| picture.vectors(n).expect("asked for")).into();
+    let (position, ddx, ddy) = ["position", "ddx", "ddy"].map(|n| picture.vectors(n).expect("requested")).into();
     let eye = request.view.pose.position;
     let width = SIZE[0] as usize;
     let (mut checked, mut right, mut below, mut wrong) = (0, Vec::new(), Vec::new(), Vec::new());
@@ -196,8 +196,8 @@ fn positions_lie_on_the_drawn_ground_and_derivatives_follow_them() {
         let p = p.map(f64::from);
         let distance = ((p[0] - eye.x).powi(2) + (p[1] - eye.y).powi(2) + (p[2] - eye.z).powi(2)).sqrt();
         // Within 30 m all terrain has LOD 0, and `ground_m` follows the triangles of LOD 0. The drawn terrain and `ground_m` use the same 16-bit
-        // heights. The layer stores world coordinates of about 10^3 m in f32. On slopes of up to 10, an error of x or y gives up to 10 times that
-        // error in the height, so the tolerance is 1 cm.
+        // heights. The layer stores world coordinates of about 10^3 m in f32. Where the ground rises by up to 10 m per metre, an error of x or y
+        // causes an error of the height that is up to 10 times larger, so the tolerance is 1 cm.
         if picture.hdr[i][3] > 0.0 && distance < 30.0 {
             let off = (p[2] - renderer.ground_m(p[0], p[1])).abs();
             assert!(off < 0.01, "pixel {i} lies {off} m off the ground at {distance} m");
@@ -241,7 +241,7 @@ fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
         let [octahedral, plane_first, exact] =
             NormalEncoding::ALL.map(|normals| renderer.render(&base.with(|r| r.geometry.normals = normals)).expect("renders"));
         for layer in ["normal", "mask"] {
-            let [codes, pair] = [&octahedral, &plane_first].map(|picture| picture.layer(layer).expect("asked for"));
+            let [codes, pair] = [&octahedral, &plane_first].map(|picture| picture.layer(layer).expect("requested"));
             assert!(codes == pair, "{camera}: {layer}");
         }
         // Negative control: the layer `normal` shows the rounding of the octahedral encoding.
@@ -251,7 +251,7 @@ fn the_finer_plane_bends_derivatives_a_third_as_much_and_no_shading_normal() {
         let errors = |picture: &Picture| -> Vec<f64> {
             let mut errors = Vec::new();
             for layer in ["ddx", "ddy"] {
-                let (got, want) = (picture.vectors(layer).expect("asked for"), exact.vectors(layer).expect("asked for"));
+                let (got, want) = (picture.vectors(layer).expect("requested"), exact.vectors(layer).expect("requested"));
                 for ((got, want), _) in got.iter().zip(want).zip(&on).filter(|(_, on)| **on) {
                     let squares = |v: [f32; 3]| v.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
                     errors.push((squares([0, 1, 2].map(|k| got[k] - want[k])) / squares(*want)).sqrt());
@@ -342,7 +342,7 @@ fn holes_open_the_ground_and_colour_modulation_costs_one_fetch() {
         assert!(on[0] && on[on.len() - 1], "the corners must be ground");
         // There is no ground inside the hole, with a tolerance of 1 m, which is the resolution of holes. Texels inside the hole are transparent
         // black, which must not darken the ground at the hole's rim.
-        let (position, albedo) = (picture.vectors("position").expect("asked for"), picture.vectors("albedo").expect("asked for"));
+        let (position, albedo) = (picture.vectors("position").expect("requested"), picture.vectors("albedo").expect("requested"));
         for (p, a) in position.iter().zip(albedo).zip(&on).filter(|(_, on)| **on).map(|(pair, _)| pair) {
             let from_centre = (f64::from(p[0]) - x).hypot(f64::from(p[1]) - y);
             assert!(from_centre > hole.radius_m - 1.0, "ground {from_centre} m from the hole's centre");
@@ -358,12 +358,12 @@ fn a_picture_of_the_sky_holds_nothing_of_the_one_before() {
     request.outputs.aovs = AovSet::from_names(&["variant", "fetches", "depth"]).expect("known layers");
     request.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas));
     let ground = renderer.render(&request).expect("renders");
-    assert!(ground.values("variant").expect("asked for").iter().any(|v| *v > 0.0));
+    assert!(ground.values("variant").expect("requested").iter().any(|v| *v > 0.0));
     request.view.pose.pitch = 80f64.to_radians();
     request.view.pose.position.z += 2000.0;
     let sky = renderer.render(&request).expect("renders");
     for layer in ["variant", "fetches", "depth"] {
-        assert!(sky.values(layer).expect("asked for").iter().all(|v| *v == 0.0), "{layer} of an empty sky");
+        assert!(sky.values(layer).expect("requested").iter().all(|v| *v == 0.0), "{layer} of an empty sky");
     }
     // Odd sizes, a camera outside the world, and the extremes of the field of view give valid pictures, too.
     request.outputs.aovs = AovSet::from_names(&["position", "albedo"]).expect("known layers");

@@ -81,7 +81,7 @@ fn mask_and_shading_normal_equal_their_references() {
     let palette = Palette::build(&scene, world.layout().sector_m, |_| Ok(())).expect("procedural textures");
     let mut ground: Option<Ground<'_>> = None;
     for (normals, limit) in NormalEncoding::ALL.into_iter().zip(NORMAL_LIMITS) {
-        // A size that is no multiple of a tile.
+        // A size that is not a multiple of the size of a tile.
         let request = request(&renderer, "cliff").with(|r| {
             r.view.size = [93, 61];
             r.geometry.normals = normals;
@@ -95,7 +95,8 @@ fn mask_and_shading_normal_equal_their_references() {
         let mut sky = masks.clone();
         for Seen { index, pixel, .. } in &seen {
             sky[*index] = 0;
-            // Rounding may decide within a hundred-thousandth of a border.
+            // If the relative distance to a border between flavours is below 1e-5, rounding decides the mask, so the masks of both sides are
+            // accepted.
             let mask = |factor: f64| flavour_weights::mask(flavour_weights::weights(pixel.distance_m * factor, pixel.normal.z, &params));
             let [low, high] = [mask(0.99999), mask(1.00001)];
             let found = u32::from(masks[*index]);
@@ -123,6 +124,6 @@ fn mask_and_shading_normal_equal_their_references() {
     }
 }
 
-/// Limits of the median difference between the stored shading normal and its reference, radians, for each encoding. A software adapter filters with 8 bits,
-/// and the two codes of 8 + 8 bits round to steps of about 0.012.
+/// Limits of the median difference between the stored shading normal and its reference, radians, for each encoding. A software adapter filters
+/// textures with 8 bits. The first two encodings round the shading normal to 8 + 8 bits, which are steps of about 0.012 radians.
 const NORMAL_LIMITS: [f64; 3] = [0.01, 0.01, 0.005];

@@ -1,5 +1,5 @@
-//! Compares the results of the pixel inspector with the layers of the same picture, and the random choices that its CPU references compute with the
-//! choices of the shaders.
+//! Compares the results of the pixel inspector with the layers of the same picture. Also compares the random choices of the inspector's CPU
+//! references with the choices of the shaders.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -32,8 +32,8 @@ fn a_pixel_says_what_the_layers_say() {
     let request = request(&renderer, "cliff");
     let aovs = AovSet::from_names(&["depth", "mask", "variant", "choice", "position", "ddx", "ddy"]).expect("known layers");
     let picture = renderer.render(&request.with(|r| r.outputs.aovs = aovs)).expect("renders");
-    let (on, value) = (terrain(&picture), |name: &str, i: usize| picture.values(name).expect("asked for")[i]);
-    let vector = |name: &str, i: usize| picture.vectors(name).expect("asked for")[i].map(f64::from);
+    let (on, value) = (terrain(&picture), |name: &str, i: usize| picture.values(name).expect("requested")[i]);
+    let vector = |name: &str, i: usize| picture.vectors(name).expect("requested")[i].map(f64::from);
     let names: Vec<String> = renderer.scene().materials.iter().map(|m| m.name.clone()).collect();
     let (mut errors, mut found, mut seen, mut bent) = (Vec::new(), 0, 0, 0);
     for i in (0..on.len()).step_by(61) {
@@ -108,7 +108,7 @@ fn all_numbers_equal_their_references() {
         let Inspected { position, slot, ddx, corner, ddy, plane, splat, bilinear, blended } = found[*index];
         let place = pixel.position - corner_of_sector.extend(0.0);
         let off = (DVec3::from_array(position.map(f64::from)) - place).length();
-        // Positions are stored in f32, relative to the sector of the camera. They are up to 10 km long.
+        // Positions are stored in f32, relative to the sector of the camera, and have coordinates of up to 10 km.
         assert!(off < 2e-3, "pixel {index}: {position:?}, {place}");
         for (found, expected) in [ddx, ddy].into_iter().zip(pixel.steps) {
             let off = (DVec3::from_array(found.map(f64::from)) - expected).length();
@@ -285,7 +285,7 @@ fn the_pages_of_all_pixels_are_those_that_the_frame_asked_for() {
     }
     // If a pixel lies within a thousandth of the border between two levels of the virtual texture, the frame requests the pages of both levels.
     let said = pages.len();
-    assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "the pixels name {said} pages, the frame asked for {wanted}");
+    assert!(said > 3 && said <= wanted && wanted <= said + 2 + said / 10, "the pixels name {said} pages, the frame requested {wanted}");
     // Without the flavour of the virtual texture, a pixel has no page.
     let far = request.with(|r| r.shading.variant = VariantChoice::Forced(Variant::only(Flavour::FarAtlas)));
     renderer.render(&far).expect("renders");

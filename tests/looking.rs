@@ -140,7 +140,7 @@ fn frozen_culling_keeps_its_nodes_while_the_camera_turns_away() {
     assert_eq!(stage.model().culled_from, Some(start));
     assert!(drawn(&mut stage) == before && says(&stage, "culling frozen"), "{:?}", stage.names());
     go(&mut stage, away);
-    assert!(drawn(&mut stage) == before, "the nodes of the view before must still be drawn");
+    assert!(drawn(&mut stage) == before, "the nodes of the previous view must still be drawn");
     take(&mut stage, "click Machine");
     assert!(says(&stage, "yellow camera"), "{:?}", stage.names());
 
@@ -266,13 +266,13 @@ fn own_stage(prepare: impl FnOnce(&mut Workbench)) -> Stage {
 
 fn open(stage: &mut Stage, file: &str) -> Result<(), String> {
     let outcome = stage.take(&Step::Open(file.to_owned())).map_err(|error| format!("{error:#}"));
-    stage.settle().expect("a picture, whether it is opened or not");
+    stage.settle().expect("a picture, whether or not the scene could be opened");
     outcome
 }
 
 fn name(stage: &mut Stage) -> String {
     let shown = shown(stage);
-    assert_eq!(shown.wish.settings.scene, stage.model().settings.scene, "the picture is of another scene");
+    assert_eq!(shown.wish.settings.scene, stage.model().settings.scene, "the picture shows a different scene");
     shown.wish.settings.scene.name.clone()
 }
 
@@ -366,7 +366,10 @@ fn until_another_scene_is_loaded_nothing_is_done_in_the_picture_of_the_old_one()
     let mut stage = own_stage(|app| app.model.brush.paints = true);
     let before = stage.model().pose().expect("a picture");
     stage.model().open(&other).expect("a scene");
-    assert!(stage.model().shown().is_some() && stage.model().shown_here().is_none(), "the old picture stays, but not as the new scene's");
+    assert!(
+        stage.model().shown().is_some() && stage.model().shown_here().is_none(),
+        "the old picture stays on screen, but does not count as a picture of the new scene"
+    );
     assert!(stage.model().pose().is_none());
     stage.drag([60.0, 20.0]).expect("a picture");
     assert!(name(&mut stage) == "other" && stage.model().settings.scene.strokes.is_empty(), "the drag painted on the old ground");
@@ -395,7 +398,7 @@ fn a_saved_scene_is_its_file_and_what_undo_brings_back_is_not() {
     assert_eq!(stage.model().given(), Some(copy.as_str()));
     assert!(stage.model().shown_here().is_some() && stage.close());
     take(&mut stage, "click Scene");
-    assert!(stage.has(&own), "the file before is a recent one: {:?}", stage.names());
+    assert!(stage.has(&own), "the previous file must be in the list of recent scenes: {:?}", stage.names());
     take(&mut stage, "key Escape; set Texture tile = 7; click Scene; click Reload scene");
     assert!(
         (stage.model().settings.scene.materials[0].tile_m - 5.0).abs() > 0.1

@@ -471,7 +471,7 @@ fn resolves_agree_with_their_reference() {
         [(i % width) as f64 + off(40), (i / width) as f64 + off(41)].map(|v| v as f32)
     };
     let picture = |f: u32| -> Vec<[u32; 2]> {
-        // Sky in single pixels and in an area, and different sky in each frame. Colours without blue.
+        // An area of the picture is sky in all frames, and single pixels are sky in different frames. A fifth of the pixels has colours without blue.
         let sky = |i: usize| (i % width) < 5 && (i / width) < 9 || uniform(i, f, 7) < 0.03;
         let blue = |i: usize| if uniform(i, 0, 8) < 0.2 { 0.0 } else { 0.5 };
         let colour = |i: usize| [0.1 + uniform(i, f, 5), uniform(i, f, 6), blue(i)].map(|v| v as f32);
@@ -488,8 +488,8 @@ fn resolves_agree_with_their_reference() {
 
 #[test]
 fn a_history_needs_a_thousandth_of_a_pixel() {
-    // In the first frame, only every fourth pixel shows terrain, so a position between two pixels has a history with a weight of its distance from one of
-    // them. In the second frame, all pixels show terrain.
+    // In the first frame, only every fourth pixel shows terrain. The positions of this test lie between a sky pixel and a terrain pixel, so the
+    // weight of their history is the distance to the sky pixel. In the second frame, all pixels show terrain.
     let size = [64, 4];
     let pixels: usize = 64 * 4;
     let shares = [0.0, 3e-4, 7e-4, 9e-4, 1.1e-3, 1.2e-3, 1.4e-3, 0.5];

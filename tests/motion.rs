@@ -33,15 +33,16 @@ fn seen(frame: &Frame<'_, '_>) -> Seen {
 
 #[test]
 fn links_equal_their_reference() {
-    // A wall has depths that differ much from pixel to pixel. The rows of the ground have nearly equal depths, so that a wrong link to another row or to
-    // the opposite edge of the picture is not rejected by its depth.
+    // A wall has depths that differ much from pixel to pixel. The rows of the ground have nearly equal depths, so that a wrong link to another row or
+    // to the opposite edge of the picture is not rejected by its depth.
     compare("cliff", 1.0, None);
     compare("ground", 0.1, None);
-    // A hand's breadth above the ground.
+    // A camera 20 cm above the ground.
     compare("ground", 0.01, Some(0.2));
 }
 
-/// Compares the links of a sequence. `scale`: steps of the camera, about 2.5 m. `above_m`: height above the ground from which the camera looks down.
+/// Compares the links of a sequence. From frame to frame, the camera moves by about `scale` times 2.5 m. If `above_m` is given, the camera looks down
+/// from this height above the ground, metres.
 fn compare(camera: &str, scale: f64, above_m: Option<f64>) {
     let mut renderer = second_renderer();
     let flavour = Variant::only(Flavour::FarAtlas);

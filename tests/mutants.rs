@@ -51,10 +51,10 @@ struct Args {
     /// Folder of the results; mutants that already have a row there are not tested again
     #[arg(long, default_value = "out/mutants")]
     out: PathBuf,
-    /// Folder to which the table of each stage is written, and a row for each stage in `strength.csv`
+    /// Folder that receives the table of each stage, and the file `strength.csv` with a row for each stage
     #[arg(long)]
     record: Option<PathBuf>,
-    /// Date in the recorded row
+    /// Date that the rows of `strength.csv` contain
     #[arg(long, default_value = "")]
     date: String,
 }
@@ -74,7 +74,7 @@ struct Strength {
 #[serde(deny_unknown_fields)]
 struct StageTests {
     tests: Vec<Vec<String>>,
-    /// For the path of a shader file, name filters of the tests that check this file most directly. These tests run before the groups.
+    /// For some shader files, by path: name filters of the tests that check the file most directly. These tests run before the groups.
     #[serde(default)]
     first: BTreeMap<String, Vec<String>>,
 }
@@ -170,8 +170,8 @@ fn stage_of(file: &Wgsl) -> &'static str {
     file.path.split('/').next().unwrap_or(file.path)
 }
 
-/// Whether `text` is valid in place of the text of `file`, together with the files that it needs. Whether it also fits the pipelines of its stage is
-/// checked only when a test builds them.
+/// Whether a shader module is valid in which `text` replaces the text of `file`. The module also contains the files that `file` needs. Whether the
+/// module fits the pipelines of its stage is not checked here, but when a test builds these pipelines.
 fn compiles(file: &'static Wgsl, text: &str) -> bool {
     let mut pieces = wgsl::pieces(&[file]);
     for piece in pieces.iter_mut().filter(|piece| piece.path == file.path) {
@@ -202,7 +202,7 @@ struct Runner {
     scratch: PathBuf,
 }
 
-/// Set by Ctrl-C. The tests that run then also end by Ctrl-C, which must not count as a failure of a test.
+/// Whether Ctrl-C was pressed. Ctrl-C also ends the test process that is running, and this must not count as a failed test.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 fn check_interrupted() -> Result<()> {
@@ -327,12 +327,12 @@ fn controls() -> Result<()> {
     Ok(())
 }
 
-/// A shader that does worse than to compute a wrong number.
+/// A fault of a shader that is worse than a wrong number, such as an endless loop.
 struct Spoilt {
     what: &'static str,
-    /// The lines that do it. They are inserted before [`SPOILT_LINE`].
+    /// The WGSL that causes the fault. It is inserted before [`SPOILT_LINE`].
     lines: &'static str,
-    /// Whether the run of tests ended as it must end.
+    /// Whether this is the required end of the run of tests.
     is_expected: fn(&End) -> bool,
 }
 

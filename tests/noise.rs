@@ -429,7 +429,7 @@ fn the_frame_chooses_by_the_noise_asked_for() {
                 r.shading.seed = seed;
             });
             let picture = renderer.render(&request).expect("renders");
-            let choice: Vec<u32> = picture.values("choice").expect("asked for").iter().map(|&c| c as u32).collect();
+            let choice: Vec<u32> = picture.values("choice").expect("requested").iter().map(|&c| c as u32).collect();
             if !matches!(kind, NoiseKind::HashedIsotropic | NoiseKind::HashedAnisotropic | NoiseKind::WhiteWorld) {
                 // Computes the expected choice of a texel in the first tiling, from the bilinear weights of the pixel and the second threshold of the
                 // CPU reference. The flavour far cliff uses the salt 2.

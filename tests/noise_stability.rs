@@ -3,7 +3,7 @@
 //! budgets must reject mutants of the noise.
 //!
 //! `notebooks-data/stability/noise.csv` contains the budgets. `experiments stability --out notebooks-data/stability` measures them again and rewrites
-//! the file. If the change is intended, commit the file.
+//! the file. Commit the new file only if a change of the noise is intended.
 
 use std::collections::BTreeSet;
 use std::time::Instant;

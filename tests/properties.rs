@@ -455,9 +455,9 @@ proptest! {
         let facing = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0, 1.0], [1.0, -1.0]][plane as usize];
         let azimuth = (facing[0] * n[0] + facing[1] * n[1]).abs() / (facing[0].hypot(facing[1]) * n[0].hypot(n[1]));
         prop_assert!(plane == 2 || azimuth >= (std::f64::consts::PI / 8.0).cos() - 1e-12, "{}", azimuth);
-        // A height with the gradient `g` in the coordinates (u, v) of a plane is g[0] u + g[1] v. After `from_gradient` has converted the gradient to
-        // the volume, the product of gradient and position must be the same height. The tolerance covers the error of u on a diagonal plane:
-        // `coordinates` uses 181/256 instead of 1/√2, which is 0.011 % too small.
+        // A height with the gradient `g` in the coordinates (u, v) of a plane is g[0] u + g[1] v. After `from_gradient` has converted `g` to a
+        // gradient in x, y and z, the dot product of gradient and position must be the same height. The tolerance covers the error of u on a diagonal
+        // plane: `coordinates` uses 181/256 instead of 1/√2, which is 0.011 % too small.
         for plane in 0..5 {
             let [u, v] = snapped_projection::coordinates(p, plane);
             let lifted = dot(snapped_projection::from_gradient(g, plane), p);
@@ -602,7 +602,7 @@ proptest! {
     fn hexagon_weights_have_no_seam(p in [0.0..64.0f64, 0.0..64.0f64], step in [-1e-6..1e-6f64, -1e-6..1e-6f64], level in -10..=8i32) {
         let at = |p| hex_tiling::at([3, -5], p, 64.0, level);
         let (here, there) = (at(p), at([p[0] + step[0], p[1] + step[1]]));
-        // Before normalisation, a weight is the 7th power of a barycentric coordinate divided by the largest coordinate, which is at least 1/3. So
+        // Before normalisation, a weight is (b / b_max)^7, where b is a barycentric coordinate and b_max >= 1/3 is the largest of the three. So
         // the slope of a weight is at most 7 x 3 times the slope of a barycentric coordinate. The slope of a coordinate is at most 2 per lattice
         // spacing, and the lattice spacing is 64 m / 2^level. The tolerance is four times the product of this slope and the step of 1e-6 m.
         let slope = 7.0 * 3.0 * 2.0 * f64::from(level).exp2() / 64.0;
@@ -740,7 +740,7 @@ proptest! {
         // direction, and V is the visibility. G never decreases when v increases, and it is at most 1.
         let masked = |v: f64| 4.0 * v * l * brdf::v_smith_ggx_correlated(v, l, alpha);
         prop_assert!(masked(v) <= masked((v + more).min(1.0)) * (1.0 + 1e-13) && masked(v) <= 1.0 + 1e-13);
-        prop_assert!(masked(v) >= 4.0 * v * l * brdf::v_smith_ggx_correlated(v, l, 1.0) * (1.0 - 1e-13), "alpha 1 must mask most");
+        prop_assert!(masked(v) >= 4.0 * v * l * brdf::v_smith_ggx_correlated(v, l, 1.0) * (1.0 - 1e-13), "masking must be strongest for alpha 1");
     }
 
     #[test]
@@ -1265,7 +1265,7 @@ proptest! {
 
 // ---------------------------------------------------------------- any bits
 
-/// Generates ordinary numbers, extreme numbers (including infinities and NaN), and numbers of random bit patterns.
+/// Generates ordinary numbers, extreme numbers (including infinities and NaN), and numbers with random bit patterns.
 fn any_number<T: Real>() -> impl Strategy<Value = T> {
     const EXTREMES: [f64; 22] = [
         0.0,

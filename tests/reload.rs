@@ -102,7 +102,10 @@ fn is_half_of(dim: &Picture, bright: &Picture) -> bool {
 #[test]
 fn an_edit_is_drawn_and_a_mistake_is_named_and_changes_nothing() {
     let folder = Folder::new("mistakes");
-    assert!(folder.sources().expect("all are there").is_empty(), "a file differs from what was compiled in, or is not where its name says");
+    assert!(
+        folder.sources().expect("the folder has all files").is_empty(),
+        "a file differs from the embedded one, or is not at the path that its name gives"
+    );
     let gpu = Gpu::new().expect("an adapter");
     let mut renderer = Renderer::new(&gpu, &small_scene(), &|_| {}).expect("the small scene renders");
     // The files in the folder equal the embedded ones, so nothing is built.

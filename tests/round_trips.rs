@@ -2,8 +2,8 @@
 //! the workbench, recorded paths, tables of probes, and settings. The values are arbitrary. They include the ends of all ranges, extreme
 //! numbers, NaN, and texts with quotes, line breaks and Unicode.
 //!
-//! The values are built field by field. A new field therefore does not compile until it gets arbitrary values here. All values are drawn
-//! with fixed seeds.
+//! The values are built field by field. If a field is added to a type, this file does not compile until it also builds arbitrary values for
+//! that field. All values are drawn with fixed seeds.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -37,7 +37,7 @@ use workbench::model::settings::{OWN, Settings, frame_settings, numbers};
 
 use crate::fixtures::{Folder, success};
 
-// ---- Trying values. ----
+// ---- Checks with many values. ----
 
 /// Calls `check` with `count` values of the strategy, which are the same in every run. Panics if a check fails, and shows the simplest
 /// value for which it fails.
@@ -46,19 +46,19 @@ fn for_all<S: Strategy>(count: u32, strategy: &S, check: impl Fn(S::Value) -> Re
     TestRunner::new(config).run(strategy, check).unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// An error of a test, made of an error of a reader or writer and the text that was written.
+/// Returns a function that converts an error of a reader or writer into a test failure, which also shows the written text.
 fn failed(text: &str) -> impl Fn(String) -> TestCaseError {
     move |error| TestCaseError::fail(format!("{error}\n{text}"))
 }
 
-/// A value as text. Equal texts mean equal values, even if numbers are NaN. They distinguish 0 and -0, which are equal as numbers.
+/// A value as text, for comparisons. In this form, NaN equals NaN, and 0 differs from -0.
 fn shape<T: Debug>(value: &T) -> String {
     format!("{value:?}")
 }
 
 // ---- Arbitrary numbers and texts. ----
 
-/// Numbers that are hard to write: many digits, no digits, exponents, signs.
+/// Numbers that are hard to write as text: they have many decimal places or none, large exponents, or a sign.
 const SPECIAL: &[f64] =
     &[0.0, -0.0, 1.0, -1.0, 0.1 + 0.2, 1.0 / 3.0, -2.0 / 3.0, 5e-324, f64::MIN_POSITIVE, 1e-7, 123_456.789, 1e15, 1e16, 1e21, f64::MAX];
 
@@ -83,7 +83,7 @@ fn several<const N: usize>(low: f64, high: f64) -> BoxedStrategy<[f64; N]> {
     proptest::array::uniform::<_, N>(number(low, high)).boxed()
 }
 
-/// Any number: also infinities, and NaN with any payload.
+/// Any number, including infinities, and NaN with any payload.
 fn any_number() -> BoxedStrategy<f64> {
     const NOT_FINITE: &[f64] = &[
         f64::NAN,
@@ -96,7 +96,7 @@ fn any_number() -> BoxedStrategy<f64> {
     prop_oneof![select(SPECIAL), select(NOT_FINITE), any::<u64>().prop_map(f64::from_bits)].boxed()
 }
 
-/// Pieces of texts of one line, with all characters that have a meaning in TOML, CSV or JSON.
+/// Fragments from which one-line texts are composed. They include characters with a special meaning in TOML, CSV or JSON.
 const PIECES: &[&str] = &[
     "a", "Z", "0", "-", "_", "é", "日本", "🏔", "\"", "'", "\"\"\"", "'''", "\\", "\\n", "#", " ", "=", "[", "]", "{", "}", ",", ";", ".",
     "$", "%", "\u{202e}", "\u{a0}", "\u{feff}", "\u{301}",
@@ -108,7 +108,7 @@ fn line() -> BoxedStrategy<String> {
     vec(select(PIECES), 0..8).prop_map(|pieces: Vec<&str>| pieces.concat()).boxed()
 }
 
-/// Any text: also empty, and with line breaks.
+/// Any text, including the empty text and texts with line breaks.
 fn text() -> BoxedStrategy<String> {
     vec(prop_oneof![4 => select(PIECES), 1 => select(CONTROLS)], 0..12).prop_map(|pieces: Vec<&str>| pieces.concat()).boxed()
 }
@@ -214,7 +214,7 @@ fn rule() -> BoxedStrategy<Rule> {
 /// Strokes without their materials.
 fn stroke() -> BoxedStrategy<Stroke> {
     let kinds = vec![StrokeKind::Splat, StrokeKind::Mask];
-    // A new kind does not compile here until it is added above.
+    // If a kind is added to the enum, this does not compile. Then also add the kind to the list above.
     kinds.iter().for_each(|kind| match kind {
         StrokeKind::Splat | StrokeKind::Mask => {}
     });
@@ -254,7 +254,7 @@ fn flavours() -> BoxedStrategy<FlavourRules> {
     let others = (number(0.001, 0.9), number(1.0, 180.0), number(0.001, 45.0), number(0.0, 89.0));
     (distances, others)
         .prop_map(|((far_atlas_m, cliff_near_m, cliff_far_atlas_m), (distance_blend, cliff_slope_deg, slope_blend_deg, splat_band_deg))| {
-            // The numbers must fit together.
+            // Make the distances satisfy the conditions of a valid scene.
             let cliff_far_atlas_m = cliff_far_atlas_m.max(1.0);
             FlavourRules {
                 far_atlas_m: far_atlas_m.min(cliff_far_atlas_m),
@@ -292,7 +292,7 @@ fn sky() -> BoxedStrategy<Sky> {
     (several::<3>(0.0, 1.0e4), several::<3>(0.0, 1.0e4)).prop_map(|(zenith, horizon)| Sky { zenith, horizon }).boxed()
 }
 
-/// Makes names unique: each gets its number.
+/// Makes names unique by a prefix: the index of the name.
 fn numbered<'a>(names: impl Iterator<Item = &'a mut String>) {
     names.enumerate().for_each(|(number, name)| *name = format!("{number}-{name}"));
 }
@@ -392,7 +392,8 @@ fn changed(text: &str, step: usize) -> impl Iterator<Item = String> {
     })
 }
 
-/// Every letter and every digit of a scene and of a definition matters: if one is changed, the text is refused or read as another value.
+/// Changes single letters and digits of a scene and of a definition: each one of the definition, and every third one of the scene. The reader
+/// must refuse a changed text or read it as a different value.
 #[test]
 fn no_letter_of_a_scene_or_definition_is_ignored() {
     let built_in = scene::load(scene::DEFAULT).expect("built in");
@@ -450,7 +451,7 @@ fn import() -> BoxedStrategy<Import> {
 
 fn moving_view() -> BoxedStrategy<MovingView> {
     let motions = vec![Motion::Sideways, Motion::Forwards, Motion::Turn, Motion::Zoom];
-    // A new motion does not compile here until it is added above.
+    // If a motion is added to the enum, this does not compile. Then also add the motion to the list above.
     motions.iter().for_each(|motion| match motion {
         Motion::Sideways | Motion::Forwards | Motion::Turn | Motion::Zoom => {}
     });
@@ -461,7 +462,7 @@ fn moving_view() -> BoxedStrategy<MovingView> {
 
 fn times() -> BoxedStrategy<Times> {
     let all = vec![Times::None, Times::FirstNoise, Times::All];
-    // A new choice does not compile here until it is added above.
+    // If a choice is added to the enum, this does not compile. Then also add the choice to the list above.
     all.iter().for_each(|times| match times {
         Times::None | Times::FirstNoise | Times::All => {}
     });
@@ -531,14 +532,14 @@ fn definitions_are_read_as_they_were_written() {
     });
 }
 
-/// Valid definitions are also accepted by the reader that checks them.
+/// Definitions in `experiments/definitions` are the same after they were written and read again by the reader that also validates them.
 #[test]
 fn definitions_of_the_repository_are_read_as_they_were_written() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../experiments/definitions");
     let mut read = 0;
     for entry in fs::read_dir(&folder).expect("a folder") {
         let file = entry.expect("an entry").path();
-        // Files that need real terrain are left out here. Their contents have the same keys.
+        // Skip definitions that need real terrain data. They have the same keys as the others.
         if file.extension().is_none_or(|e| e != "toml") || fs::read_to_string(&file).expect("readable").contains("$SCREE_DATA") {
             continue;
         }
@@ -587,7 +588,7 @@ fn same(a: &[Row], b: &[Row]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.order(b).is_eq())
 }
 
-/// The rows as CSV can hold them: every NaN is the same.
+/// The rows as they are after a round trip through CSV, which does not keep the payload of NaN.
 fn without_payloads(rows: &[Row]) -> Vec<Row> {
     let plain = |x: f64| if x.is_nan() { f64::NAN } else { x };
     let row = |row: &Row| Row {
@@ -689,7 +690,7 @@ fn accepted(kind: Kind) -> BoxedStrategy<Value> {
     }
 }
 
-/// Checks that arbitrary values of a setting are the same after they were written as TOML, and as an argument of the command line.
+/// Checks that arbitrary values of a setting do not change when they are written and read again, as TOML and as a command-line argument.
 fn there_and_back<T: Clone + Debug + 'static>(setting: &'static Setting<T>, usual: &T) {
     for_all(60, &accepted(setting.kind), |value| {
         let mut owner = usual.clone();
@@ -871,7 +872,7 @@ fn tables_of_probes_keep_their_columns_and_every_digit() {
     for probe in PROBES {
         let columns = probe.inputs.len();
         let mut values: Vec<f64> = (0..12).flat_map(|row| (probe.random)(&mut Draw { row, column: 0, table: 77 })).collect();
-        // The columns are in another order than those of the probe. The table has two more columns, which are texts.
+        // Write the columns in reverse order, and add two columns of texts, which are not inputs of the probe.
         let write = |values: &[f64]| {
             let mut writer = csv::Writer::from_path(&input).expect("writable");
             let names = probe.inputs.iter().rev().map(|column| column.name).chain(["größe, \"m\"", "note"]);
@@ -905,7 +906,7 @@ fn tables_of_probes_keep_their_columns_and_every_digit() {
                 assert_eq!(written.len(), given.len() + outputs);
             }
         }
-        // Negative control: another number gives another table.
+        // Negative control: if one number is different, the table is different.
         let before = fs::read(&input).expect("written");
         let real = probe.inputs.iter().position(|column| column.whole.is_none()).unwrap_or(0);
         values[real] = if probe.inputs[real].whole.is_none() { values[real].next_up() } else { 1.0 - values[real].min(1.0) };

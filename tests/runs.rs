@@ -1,7 +1,7 @@
 //! Tests complete runs of the program `experiments`, including pictures and reports: uninterrupted runs, runs that are killed and resumed, and runs
 //! in shards.
 //!
-//! Most tests use the same small definition and a small scene. They do not check whether the measured values are right; the tests of metrics do.
+//! Most tests use the same small definition and a small scene. They do not check whether the measured values are right; the tests of metrics do that.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ use experiments::store::read_run;
 use crate::fixtures::{Folder, failure, program, success};
 
 const TEXT: &str = r#"name = "tiny"
-question = "Is a run the same however it came about?"
+question = "Do interrupted runs and shards give the same results?"
 size = [80, 72]
 frames = 3
 seeds = 2
@@ -178,9 +178,9 @@ fn a_run_is_the_same_in_shards() {
     assert!(report.status.success() && String::from_utf8_lossy(&report.stderr).contains("missing: shard 1/2"), "{report:?}");
 }
 
-/// Uses a picture with two pixels in one row. The metrics follow every pixel to the previous frame (lag 1), but only a quarter of the pixels to
-/// earlier frames (lags above 1); the quarter is different in each frame. It contains one of the two pixels or none. If it contains none, that frame
-/// has no values for lags above 1.
+/// Uses a picture with two pixels in one row. The metrics compare every pixel with the previous frame (lag 1), but only one pixel in four with
+/// earlier frames (lags above 1). In each frame, these are different pixels: here, one of the two pixels or neither. If neither, the frame has no
+/// values for lags above 1.
 #[test]
 fn what_was_not_followed_is_not_disoccluded_and_errors_come_with_what_they_are_worth() {
     let folder = Folder::new("two-pixels");

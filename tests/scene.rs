@@ -337,8 +337,8 @@ fn required_textures_have_the_sizes_of_the_formats() {
         scene::World::Procedural { seed: 1, holes: vec![scene::Hole { centre: [0.0; 2], radius_m: 2.0 }], colour_modulation: 0.5 };
     let requirements = Requirements::of(&scene);
     assert!(requirements.holes && requirements.colour_modulation);
-    // The payload of a node has 72 419 bytes. 64 of them are the normal cones of patches, which are not uploaded. The + 1 is for slot 0, which stands
-    // for nodes that are not loaded.
+    // The payload of a node has 72 419 bytes, including the 64 bytes of the normal cones of patches, which are not uploaded. The + 1 is for slot 0,
+    // which stands for nodes that are not loaded.
     let nodes: u64 = requirements.textures.iter().filter(|t| t.name.starts_with("node ") && t.required).map(|t| t.bytes).sum();
     assert_eq!(nodes, (72_419 - 64) * u64::from(residency::CAPACITY + 1));
 

@@ -155,8 +155,8 @@ fn every_variant_resolves() {
     for kernel in kernels() {
         for estimator in Estimator::ALL.into_iter().chain(Estimator::YARDSTICKS) {
             for diagnostics in [false, true] {
-                // Not every value of `noise` and `two_tilings` is combined with every kernel: a wrong value of such a field would be wrong for all
-                // kernels. So the values take turns.
+                // Do not combine every value of `noise` and `two_tilings` with every kernel, because an error in such a value does not depend on the
+                // kernel. Instead, cycle through the values.
                 let (noise, two_tilings) = (NoiseKind::ALL[keys.len() % NoiseKind::ALL.len()], keys.len() % 2 == 1);
                 keys.push(PipelineKey { kernel, estimator, noise, two_tilings, diagnostics });
             }

@@ -103,7 +103,8 @@ impl Case {
     }
 }
 
-/// A renderer of the small scene with textures as fine as the pages. Coarser textures would hide a shift by half a texel of a page.
+/// A renderer of the small scene with detail textures that are as fine as virtual-texture pages. Coarser textures would hide a shift by half a texel
+/// of a page.
 fn fine_renderer() -> MutexGuard<'static, Renderer<'static>> {
     static RENDERER: OnceLock<Mutex<Renderer<'static>>> = OnceLock::new();
     let make = || {
@@ -116,7 +117,7 @@ fn fine_renderer() -> MutexGuard<'static, Renderer<'static>> {
     RENDERER.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Compares variants with their references in one view of a camera, with this field of view.
+/// Compares variants with their references, in the view of a camera whose field of view is replaced by `fov_deg`.
 fn compare(camera: &str, fov_deg: f64, limits: &Limits, cases: &[Case]) {
     let mut renderer = fine_renderer();
     let scene = renderer.scene().clone();
@@ -160,8 +161,8 @@ fn compare(camera: &str, fov_deg: f64, limits: &Limits, cases: &[Case]) {
 }
 
 /// Textures have 8 bits, and a software adapter rounds each of the three steps of trilinear filtering to 8 bits. So the error of a filtered value is
-/// about one step of 1/255, and in a few pixels two or three steps. A normal is the quotient of two filtered numbers and is computed with twice the usual
-/// strength, so its limit is larger.
+/// about one step of 1/255, and in a few pixels two or three steps. A normal is the quotient of two filtered numbers and is computed with twice the
+/// usual strength, so its limit is larger.
 const LIMITS: Limits = Limits { median: [0.004, 0.008, 0.003, 0.003], most: [0.008, 0.02, 0.006, 0.006] };
 
 /// Moves a pixel by half a texel of the pages that it samples.

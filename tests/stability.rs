@@ -92,7 +92,12 @@ fn every_kernel_is_asked_and_every_parameter_takes_its_value() {
         let row: Vec<f64> = (probe.random)(&mut draw(3));
         let truth = probe.on_f64(&row);
         assert_eq!((row.len(), truth.len()), (probe.inputs.len(), probe.outputs.len()), "{}", probe.name);
-        assert_eq!((probe.judge)(&row, &truth, &truth), Verdict::Agrees(0.0), "{}: the truth must agree with itself exactly", probe.name);
+        assert_eq!(
+            (probe.judge)(&row, &truth, &truth),
+            Verdict::Agrees(0.0),
+            "{}: the f64 reference must agree with itself exactly",
+            probe.name
+        );
         assert!(probe.measures.iter().all(|measure| (measure.error)(&row, &truth, &truth).abs() < 1e-9), "{}", probe.name);
         assert!(probe.row("nothing", 1.0, &mut draw(0)).is_none());
     }

@@ -1,6 +1,6 @@
-//! Tests of the folder of a run after its files were damaged, exchanged or lost. A reader must then refuse the run in one line that names
-//! the file, or return exactly the numbers of the undamaged run. It must never accept other numbers. Nothing is rendered: a stand-in for
-//! the renderer makes up the measurements.
+//! Tests how a run is read and resumed after files in its folder were damaged, exchanged or lost. A reader must then refuse the run in one
+//! line that names the file, or return exactly the numbers of the undamaged run. It must never accept other numbers. Nothing is rendered: a
+//! stand-in for the renderer makes up the measurements.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -43,7 +43,7 @@ const TABLES: [&str; 4] = ["metrics.parquet", "metrics.csv", "times.parquet", "t
 
 /// Number of bytes of a file that are changed, one at a time.
 const FLIPS: usize = 60;
-/// Number of changed bytes after which the run is also resumed. Resuming takes longer than reading.
+/// Number of these changes for which the run is not only read but also resumed. The number is small, because resuming takes longer.
 const RESUMED: usize = 6;
 
 fn trial() -> Definition {
@@ -59,11 +59,12 @@ fn another() -> Definition {
 
 // ---- Making runs. ----
 
-/// A stand-in for the renderer. Its numbers depend on the part, on the definition, and on the bytes of the reference's files, as real
-/// numbers do. It does not notice damaged references. Its times repeat, unlike real times, so that they can be compared.
+/// A stand-in for the renderer. Its numbers depend on the part, on the definition, and on the bytes of the reference's files, as measured
+/// numbers do. It does not notice damaged references. Unlike measured times, its times are the same in every run, so that tables of
+/// times can be compared.
 struct Fake<'a>(&'a Definition);
 
-/// Pseudo-random number in 0..1 for a text. It uses all digits of an f64.
+/// Pseudo-random number from 0 to 1, computed from a text. It has the full precision of an f64.
 fn number(text: &str) -> f64 {
     let mixed = text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
     ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64
@@ -134,7 +135,7 @@ fn carry_out(run: &mut Run, definition: &Definition, parts: usize) {
     assert!(outcome.is_ok() == (done == all), "{done} of {all} parts: {outcome:?}");
 }
 
-/// Opens a run with `Existing::Resume` and finishes it. Once it is opened, nothing may fail.
+/// Opens a run with `Existing::Resume` and finishes it. Panics if something fails after the run was opened.
 fn resume(definition: &Definition, run: &Path) -> anyhow::Result<RunData> {
     let mut run = open(definition, run, Existing::Resume)?;
     carry_out(&mut run, definition, usize::MAX);
@@ -208,16 +209,16 @@ fn within(part: &[Row], whole: &[Row]) -> bool {
     part.iter().all(|row| rest.any(|other| row.order(other).is_eq()))
 }
 
-/// What a reader made of a folder.
+/// The outcome of reading the folder of a run.
 #[derive(Debug, PartialEq)]
 enum Seen {
     /// The run was refused, with this message.
     Refused(String),
     /// The numbers are those of the undamaged run.
     Same,
-    /// The run is not complete, which is said, and all its numbers are in the undamaged run.
+    /// The run is reported as incomplete, and every number that was read is also in the undamaged run.
     Part,
-    /// Other numbers were accepted.
+    /// The run was accepted, with numbers that differ from those of the undamaged run.
     Different,
 }
 
@@ -245,8 +246,8 @@ fn spread<T: Clone>(items: &[T], most: usize) -> Vec<T> {
     items.iter().step_by(items.len().div_ceil(most).max(1)).cloned().collect()
 }
 
-/// Returns the positions between the records of a file: the ends of column chunks in a Parquet file, and the ends of lines in a text. Other
-/// files are cut into thirds.
+/// Returns the positions between the records of a file: the ends of column chunks in a Parquet file, and the ends of lines in a text. For
+/// other files, returns the positions after one third and two thirds.
 fn borders(name: &str, bytes: &[u8]) -> Vec<usize> {
     let mut borders: Vec<usize> = if name.ends_with(".parquet") {
         let reader = SerializedFileReader::new(Bytes::copy_from_slice(bytes)).expect("a table");
@@ -263,7 +264,7 @@ fn borders(name: &str, bytes: &[u8]) -> Vec<usize> {
     borders
 }
 
-/// A damage of one file.
+/// A damaged version of one file.
 struct Damage {
     what: String,
     bytes: Vec<u8>,
@@ -281,7 +282,7 @@ fn damages(name: &str, bytes: &[u8]) -> Vec<Damage> {
     let places: Vec<usize> = (0..bytes.len()).collect();
     for (i, at) in spread(&places, FLIPS).into_iter().enumerate() {
         let mut flipped = bytes.to_vec();
-        // These masks turn most digits into other digits.
+        // XOR with these masks changes most digits into different digits.
         flipped[at] ^= [1, 2, 4][i % 3];
         add(format!("byte {at} changed"), flipped, i % (FLIPS / RESUMED) == 0);
     }
@@ -304,7 +305,7 @@ fn damages(name: &str, bytes: &[u8]) -> Vec<Damage> {
     all
 }
 
-/// The folder of a run that is damaged again and again, and what is expected of it.
+/// The folder of a run that is damaged in many ways, one after another, and the expected results.
 struct Bench<'a> {
     run: &'a Path,
     definition: &'a Definition,
@@ -316,8 +317,8 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Checks that a message is one line that names one of the files. A message about a manifest may name the run's folder instead: a
-    /// manifest that is valid but does not fit, or that is missing, makes the folder one of another run, or of none.
+    /// Checks that a message is one line that names one of the files. If the file is a manifest, the message may name the run's folder
+    /// instead: without its manifest, a folder holds no run, and with a valid manifest of another run, it holds that other run.
     fn is_told(&mut self, what: &str, names: &[&str], message: &str) {
         let folder = self.run.display().to_string();
         let is_named = |name: &&str| {
@@ -328,7 +329,7 @@ impl Bench<'_> {
         self.refused += 1;
     }
 
-    /// Checks what becomes of the run with these files. `names` are the files that are damaged.
+    /// Reads a run with these files, and also resumes it if `resumed` is set. Checks both outcomes. `names` are the damaged files.
     fn try_files(&mut self, what: &str, names: &[&str], files: &Files, resumed: bool) {
         make(self.run, files.iter());
         match Seen::of(read_run(self.run), self.truth) {
@@ -410,7 +411,7 @@ fn a_damaged_file_of_a_finished_run_is_refused_or_changes_nothing() {
     write_parquet(&table, &mut std::iter::once(Ok(rows)), &[]).expect("writable");
     bench.try_files("one number changed", &["metrics.parquet"], &files_of(&run), true);
     assert!(bench.refused > 250 && bench.accepted > 150, "{} refused, {} accepted", bench.refused, bench.accepted);
-    // The program says the same.
+    // The command line reports a damaged file, too.
     let mut files = files;
     files.get_mut("metrics.csv").expect("there is one").truncate(100);
     make(&run, files.iter());
@@ -431,7 +432,7 @@ fn a_damaged_file_of_an_interrupted_run_is_refused_or_done_again() {
     bench.try_files("nothing", &[], &files, true);
     assert_eq!((bench.refused, bench.accepted), (0, 2));
     bench.try_all(&files, &other);
-    // The notes of a part are not covered by the checksum of its rows. Every byte of them is changed.
+    // The notes of a part are not covered by the checksum of its rows. Change each byte of the notes.
     let part = plan(&trial).into_iter().nth(DONE - 1).map(|unit| format!("parts/{:05}-{}.parquet", unit.index, unit.id)).expect("a part");
     let bytes = &files[&part];
     let start = bytes.windows(12).position(|bytes| bytes == b"scree.schema").expect("the notes");
@@ -476,7 +477,7 @@ fn shards_are_not_mixed_up() {
         mixed.insert(format!("shard-2-of-2/{name}"), files[&format!("shard-1-of-2/{name}")].clone());
         refused(name, &mixed, "shard-2-of-2");
     }
-    // A shard is there twice, and once under the name of the other one.
+    // Shard 1 is there twice: first next to a copy of itself, then with a copy under the name of shard 2.
     let shard = |from: &str, to: &str| {
         let own = files.iter().filter_map(|(name, bytes)| Some((format!("{to}{}", name.strip_prefix(from)?), bytes.clone())));
         own.collect::<Files>()
@@ -487,10 +488,10 @@ fn shards_are_not_mixed_up() {
     let mut renamed = shard("shard-1-of-2", "shard-1-of-2");
     renamed.extend(shard("shard-1-of-2", "shard-2-of-2"));
     refused("a shard under the name of the other one", &renamed, "shard-2-of-2");
-    // A missing shard is said, and its numbers are missing.
+    // If a shard is missing, the run is reported as incomplete, and lacks the numbers of that shard.
     assert_eq!(seen(&shard("shard-1-of-2", "shard-1-of-2")), Seen::Part);
-    // Every byte of a manifest is changed, also those of the shard's number. With another number, the shard would be left out, or counted
-    // as another one.
+    // Change each byte of a manifest, including the number of the shard. If a wrong number were accepted, the shard would be left out, or
+    // counted as a different shard.
     make(&run, files.iter());
     let mut manifest = files["shard-2-of-2/manifest.json"].clone();
     for at in 0..manifest.len() {
@@ -573,7 +574,7 @@ fn the_comparison_notices_one_changed_number() {
         data.rows.insert(0, row);
     };
     assert_eq!(seen(&double), Seen::Different);
-    // An incomplete run may lack rows, but must say so. It may have no other rows.
+    // A run that is reported as incomplete may lack rows, but must not have changed or additional rows.
     let incomplete = |data: &mut RunData| {
         data.complete = false;
         data.missing.push("a part".to_owned());

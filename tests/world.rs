@@ -197,10 +197,13 @@ fn coarse_nodes_are_smoother_than_samples_of_their_ground() {
         if lod == 0 {
             assert!(
                 (drawn / sampled - 1.0).abs() < 0.02,
-                "the finest nodes must bend as the ground does: the drawn heights bend by {drawn} m in all, sampled heights by {sampled} m"
+                "LOD 0 must be as rough as the ground: second differences add up to {drawn} m in drawn heights, to {sampled} m in sampled ones"
             );
         } else {
-            assert!(drawn < 0.7 * sampled, "LOD {lod}: drawn heights bend by {drawn} m in all, sampled ones by {sampled} m");
+            assert!(
+                drawn < 0.7 * sampled,
+                "LOD {lod}: second differences add up to {drawn} m in drawn heights, to {sampled} m in sampled ones"
+            );
         }
     }
 }

@@ -74,7 +74,7 @@ metrics! {
     TILE_FETCHES_PER_PX = "tile_fetches_per_px", "fetches/px", Picture, None,
         "Promised fetches of the variant that shades a pixel's tile, mean over terrain pixels: the cost if a tile is shaded in lockstep.";
     BIAS = "bias", "linear albedo", Seeds, None,
-        "Mean over seeds minus the exact blend of the same flavours, mean over pixels.";
+        "Mean over seeds minus the exact blend of the same flavours, averaged over pixels.";
     VARIANCE = "variance", "linear albedo^2", Seeds, None,
         "Unbiased variance over seeds, mean over pixels and channels.";
     VARIANCE_THEORY = "variance_theory", "linear albedo^2", Seeds, None,
@@ -92,15 +92,15 @@ metrics! {
     FLIP = "flip", "1", Picture, None,
         "Mean FLIP difference between the display values and those of the converged reference; 0 = identical.";
     FLIP_RATE = "flip_rate", "1", Frames, Lag,
-        "Share of surface points whose random choice differs from their choice in an earlier frame, by exact reprojection.";
+        "Share of surface points, followed by exact reprojection, whose random choice differs from their choice in an earlier frame.";
     DIFFERENCE = "difference", "linear luminance", Frames, Lag,
-        "Mean absolute luminance difference from an earlier frame, by exact reprojection.";
+        "Mean absolute luminance difference of surface points, followed by exact reprojection, from an earlier frame.";
     FLICKER = "flicker", "linear luminance", Frames, Lag,
         "Metric `difference` minus that of the reference sequence.";
     FLICKER_P95 = "flicker_p95", "linear luminance", Frames, Lag,
         "Like `flicker`, but with the 95th percentile instead of the mean.";
     CLUMPING = "clumping", "1", Seeds, None,
-        "Variance of block means of the noise relative to that of white noise of the same variance; 1 = white, more = blotches.";
+        "Variance of block means of the noise, divided by that of white noise with the same variance; 1 = white noise, above 1 = blotches.";
     POWER = "power", "1", Seeds, Frequency,
         "Radial power spectrum of the noise relative to white noise of the same variance.";
     TAA_REJECTIONS = "taa_rejections", "1", Frames, None,

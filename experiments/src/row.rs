@@ -83,7 +83,11 @@ pub const COLUMNS: [Column; 16] = [
     column("parameter", "parameter that the definition varies; empty = none", Field::Text(|r| &r.parameter, |r| &mut r.parameter)),
     column("setting", "the parameter's value, as text; empty = none", Field::Text(|r| &r.setting, |r| &mut r.setting)),
     column("frame", "frame index, from 0; absent = value over all frames", Field::Count(|r| r.frame, |r| &mut r.frame)),
-    column("lag", "frames between the two compared frames, 1 to 4; absent = no comparison", Field::Count(|r| r.lag, |r| &mut r.lag)),
+    column(
+        "lag",
+        "frames between the two compared frames, 1 to 4; absent = the metric compares no frames",
+        Field::Count(|r| r.lag, |r| &mut r.lag),
+    ),
     column(
         "frequency",
         "centre of a frequency band of a spectrum, cycles per pixel; absent = not a spectrum",

@@ -143,7 +143,7 @@ impl FromStr for Shard {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Shard, String> {
-        let wrong = || format!("`{text}` is not K/N, such as 2/4, with 1 <= K <= N <= {}", Shard::MAX);
+        let wrong = || format!("`{text}` is not a shard: give K/N, such as 2/4, with 1 <= K <= N <= {}", Shard::MAX);
         let (number, count) = text.split_once('/').ok_or_else(wrong)?;
         let parse = |digits: &str| digits.parse::<u32>().map_err(|_| wrong());
         let shard = Shard { number: parse(number)?, count: parse(count)? };

@@ -7,7 +7,7 @@
 //!
 //! Where to start reading:
 //!
-//! - [`frame`] calls the stages in order, so it shows the course of a frame on one page.
+//! - [`frame`] calls the stages in order, so its function `draw_into` gives an overview of a frame.
 //! - A stage is a folder with a host module, WGSL and, if the stage has mathematics of its own, a `reference` in Rust. [`stage`] defines what every
 //!   stage declares about itself.
 //! - [`shared`] holds the functions that several stages use. Each is written in WGSL and in Rust; the Rust version is generic over f32 and f64.

@@ -205,7 +205,7 @@ impl Workbench {
             }
             if let Some(adapter) = &self.model.news.adapter {
                 ui.separator();
-                let kind = if adapter.software { ", a software adapter: compare times, do not quote them" } else { "" };
+                let kind = if adapter.software { ", a software adapter: only ratios of times are meaningful" } else { "" };
                 ui.label(format!("{}{kind}", adapter.name));
                 if let Some(why) = adapter.without_anisotropy {
                     ui.label("anisotropy 1").on_hover_text(why);

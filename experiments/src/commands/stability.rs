@@ -23,8 +23,8 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<()> {
     let extremes = match &args.extremes {
         None => Extremes::parse(DEFAULT_TEXT, "the built-in table")?,
         Some(file) => {
-            let text =
-                fs::read_to_string(file).map_err(|error| anyhow!("cannot read {}: {error}; give a table of extremes", file.display()))?;
+            let text = fs::read_to_string(file)
+                .map_err(|error| anyhow!("cannot read {}: {error}; give the file of a table of extremes", file.display()))?;
             Extremes::parse(&text, &file.display().to_string())?
         }
     };

@@ -305,7 +305,7 @@ fn choices(top: &At, definition: &Definition) -> Checked {
         let forced = |text: &&String| matches!(super::variant_choice(text), Ok(VariantChoice::Forced(_)));
         if let Some(index) = definition.variants.iter().position(|text| forced(&text)) {
             variants.index(index).fail(format!(
-                "`{}` is one of `all`, which stands for all 31 variants: remove one of the two entries",
+                "`{}` is already included in `all`, which stands for all 31 variants: remove one of the two entries",
                 definition.variants[index]
             ))?;
         }

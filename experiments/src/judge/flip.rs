@@ -61,7 +61,7 @@ pub fn map(size: [u32; 2], test: &[[f32; 3]], reference: &[[f32; 3]], pixels_per
 impl Map {
     /// Summarises the pixels that the mask selects, or all pixels without a mask. If there is no pixel, all numbers are 0.
     ///
-    /// The pooling function of the crate `nv-flip` is not used, because it sums in f32, and its maximum does not start at 0.
+    /// The pooling function of the crate `nv-flip` is not used, because it sums in f32, and because it does not initialise the maximum with 0.
     pub fn pool(&self, mask: Option<&[bool]>) -> Flip {
         let counts = |index: usize| mask.is_none_or(|mask| mask.get(index).copied().unwrap_or(false));
         let mut errors: Vec<f32> = self.errors.iter().enumerate().filter(|(i, _)| counts(*i)).map(|(_, e)| *e).collect();

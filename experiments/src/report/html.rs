@@ -82,7 +82,7 @@ pub(super) const BIAS_TERM: (&str, &str) = (
 /// Name and explanation of the variance.
 pub(super) const VARIANCE_TERM: (&str, &str) = (
     "Variance",
-    "variance of a pixel's linear albedo over seeds, mean over pixels and channels, and the value that the theory of random selection predicts.",
+    "variance of a pixel's linear albedo over seeds, averaged over pixels and channels, and the variance that the theory of random selection predicts.",
 );
 /// Names and explanation of the ways in which a variant is chosen.
 pub(super) const CHOICE_TERM: (&str, &str) = (

@@ -1,5 +1,5 @@
-//! Plants one fault at a time into a run, just above and just below the threshold of a check. The check that the fault concerns must fail
-//! above and pass below, and every other check must pass.
+//! Plants one fault at a time into a run. The size of the fault is first just below the threshold of a check, where this check must pass, and then
+//! just above the threshold, where it must fail. Every other check must pass in both cases.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -29,12 +29,12 @@ struct Fault {
     what: String,
     /// A size of the fault at which the check still passes.
     passes: f64,
-    /// The size at which the check fails. It differs from `passes` by as little as the threshold allows.
+    /// A size at which the check fails. It is as close to `passes` as possible.
     fails: f64,
     plant: Plant,
 }
 
-/// Returns a run in which every check can fail and none does.
+/// Returns a run that contains the data for every check and passes all checks.
 fn sound(folder: &Folder) -> RunData {
     let mut run = fake::variants(folder.path(), &["cliff"], &["hashed"]);
     assert_eq!(run.definition.seeds, SEEDS);
@@ -53,13 +53,13 @@ fn results(run: &RunData) -> BTreeMap<&'static str, Option<bool>> {
     named_checks(run, &Table::of(run), &judge(run)).into_iter().map(|(name, check)| (name, check.map(|(passes, _)| passes))).collect()
 }
 
-/// Returns the row that the report uses for a metric of a variant: the one over all frames or, if there is none, that of a single frame.
+/// Returns the row that the report uses for a metric of a variant: the row over all frames or, if there is none, the row of a single frame.
 fn row<'a>(run: &'a mut RunData, metric: &str, variant: &str) -> &'a mut Row {
     let found = run.rows.iter_mut().filter(|row| row.metric == metric && row.variant == variant && row.lag.is_none());
     found.min_by_key(|row| row.frame).expect("every choice has this metric")
 }
 
-/// The limit of bias and variance in standard errors: that of as many estimates as there are stochastic choices.
+/// Returns the limit for the deviations of bias and variance, in standard errors. It applies to one estimate for each stochastic choice.
 fn limit(run: &RunData) -> f64 {
     let count = run.rows.iter().filter(|row| row.metric == "bias" && row.standard_error > Some(0.0)).count();
     assert!(count > 20, "{count} stochastic choices");
@@ -76,7 +76,7 @@ fn faults() -> Vec<Fault> {
     add("expectations", "a value above its range", [4.0, 4.0f64.next_up()], Box::new(clumping));
     add("expectations", "a value below its range", [2.0, 2.0f64.next_down()], Box::new(clumping));
     add("expectations", "a value of NaN", [3.0, f64::NAN], Box::new(clumping));
-    // The smallest RMSE is 0.001. The standard error of the reference may be a tenth: 0.0001 passes, the next larger number fails.
+    // The smallest RMSE is 0.001. The standard error of the reference may be at most a tenth of it: 0.0001 passes, the next larger number fails.
     let tenth: f64 = 0.1 * 0.001;
     let reference = |run: &mut RunData, error: f64| {
         row(run, "rmse", "auto").value = 0.001;
@@ -94,10 +94,10 @@ fn faults() -> Vec<Fault> {
             continue;
         }
         add("promises", &format!("too many fetches of {name}"), [high, high.next_up()], Box::new(count));
-        // If all flavours take one more, the scene has colour modulation. If only one of them does, it is a fault.
+        // If all flavours take one more fetch, the scene has colour modulation. If only one flavour takes one more fetch, this is a fault.
         add("promises", &format!("one fetch more of {name}"), [promise, promise + 1.0], Box::new(count));
     }
-    // The far atlas takes 2 to 3 fetches. If it takes 3, the scene has colour modulation, and the other flavours take one more, too: 3.01
+    // The far atlas takes 2 to 3 fetches. If it takes 3, the scene has colour modulation, and the other flavours take one more fetch, too: 3.01
     // passes, the next larger number fails.
     let modulated = |run: &mut RunData, value: f64| {
         for flavour in [Flavour::NearCliff, Flavour::FarCliff, Flavour::Splat] {
@@ -131,7 +131,7 @@ fn faults() -> Vec<Fault> {
         let measured = row(run, "variance", "auto");
         (measured.value, measured.standard_error) = (1.5 * PREDICTED, Some(error));
     };
-    add("variance", "a deviation that is no chance", [1.0 - 1e-9, 1.0 + 1e-9], Box::new(deviation));
+    add("variance", "a deviation that is not due to chance", [1.0 - 1e-9, 1.0 + 1e-9], Box::new(deviation));
     // No number may have two rows. The sizes are numbers of additional rows.
     type IsOfKind = fn(&Row) -> bool;
     let kinds: [(&str, IsOfKind); 7] = [
@@ -162,7 +162,7 @@ fn each_check_notices_its_own_faults_and_no_other() {
     let sound = sound(&folder);
     let undamaged = results(&sound);
     for (name, passes) in &undamaged {
-        // A run without doubles has nothing to say about them.
+        // In a run without doubles, the check `doubles` has nothing to check.
         assert_eq!(*passes, (*name != "doubles").then_some(true), "{name}");
     }
     let faults = faults();

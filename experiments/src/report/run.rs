@@ -104,11 +104,14 @@ fn facts(run: &RunData, table: &Table) -> String {
         ("RMSE, FLIP, PSNR, SSIM", "errors of the last frame, seed 0, against the converged 96-fetch reference, over terrain pixels."),
         BIAS_TERM,
         VARIANCE_TERM,
-        ("Flip rate", "share of surface points whose random choice differs from their choice k frames earlier, by exact reprojection."),
+        (
+            "Flip rate",
+            "share of surface points, followed by exact reprojection, whose random choice differs from their choice k frames earlier.",
+        ),
         (
             "Flicker",
-            "mean absolute difference in luminance from the frame k frames earlier, by exact reprojection, minus that of the reference sequence; \
-             below 0, the picture changes less than the reference.",
+            "mean absolute difference in luminance of surface points, followed by exact reprojection, from k frames earlier, minus the same mean of the \
+             reference sequence; below 0, the picture changes less than the reference.",
         ),
         ("Clumping", "variance of block means, divided by that of white noise: 1 = white noise, above 1 = blotches, below 1 = blue noise."),
         (
@@ -748,7 +751,7 @@ fn provenance(table: &Table) -> String {
         "import pandas as pd\nm = pd.read_parquet(\"metrics.parquet\")   # or pd.read_csv(\"metrics.csv\", keep_default_na=False, na_values={{\"frame\": \"\", \"lag\": \"\", \"frequency\": \"\", \"standard_error\": \"\"}})\n{example}"
     );
     let averaged = if table.averaged > 0 {
-        format!(" {} numbers have no row over all frames; their values are means over the frames, made by this report.", table.averaged)
+        format!(" {} numbers have no row over all frames; their values are means over the frames, computed by this report.", table.averaged)
     } else {
         String::new()
     };
@@ -757,8 +760,8 @@ fn provenance(table: &Table) -> String {
         "<section id=\"numbers\"><h2>Where each number is</h2>\n<p>Every number on this page is the value of a row of <code>metrics.parquet</code> \
          (<code>metrics.csv</code> has the same rows) or of <code>times.csv</code>, or a ratio of two values. A row of the table above contains the \
          columns of these rows as attributes (<code>data-view</code>, <code>data-variant</code>, ...) and in its tooltip. A heading contains the \
-         name and the lag of its metric, and a cell the unrounded value (<code>data-v</code>). The tooltip of a mark in a plot names its row, and a \
-         click on the mark leads to the row.{averaged} Metrics of this run: {metrics}.</p>\n\
+         name and the lag of its metric, and a cell contains the unrounded value (<code>data-v</code>). The tooltip of a mark in a plot names its row, \
+         and a click on the mark leads to the row.{averaged} Metrics of this run: {metrics}.</p>\n\
          <p>This code selects all rows of one number, including those of single frames:</p><pre><code>{}</code></pre></section>\n",
         escape(&code)
     )

@@ -1,5 +1,5 @@
-//! The report of the stability lab. It says for which arguments each kernel is exact, and for which arguments it deviates from its formula and what error
-//! this causes. It also lists the measured errors of stored directions, and the measured properties of noise.
+//! The report of the stability lab. It gives the largest error of each kernel, and lists the arguments for which kernels deviate from their formulas,
+//! with the resulting errors. It also lists the measured errors of stored directions, and the measured properties of noise.
 
 use std::fmt::Write as _;
 
@@ -206,10 +206,11 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
     };
     Table {
         title: "Kernels at their extremes",
-        note: "Largest error over all rows and devices, and the value at which it occurs. The next two columns combine all results of a row: \
-               the error in units in the last place of the row's largest result, and the share of the row's tolerance that the error uses. The \
-               tolerance is derived in the code of the kernel and is larger for ill-conditioned rows. `finite, as required` means that these \
-               arguments lie outside the kernel's intended range, where results must only be finite."
+        note: "The column `largest error` gives the maximum over all tested inputs and devices, and the parameter's value at which it occurs. The \
+               next two columns combine all measures of a kernel and parameter: the largest error in units in the last place (of the largest result \
+               for the same input), and the largest error as a percentage of its tolerance. The tolerance is derived in the code of the kernel and \
+               is larger for ill-conditioned inputs. `finite, as required` means that these arguments lie outside the kernel's intended range, \
+               where results must only be finite."
             .to_owned(),
         columns: columns(&["kernel: measure", "parameter", "largest error", "ulp", "of the tolerance", ""]),
         rows: groups.iter().map(row).collect(),
@@ -219,7 +220,7 @@ fn of_kernels(groups: &[Group<'_>]) -> Table {
 fn of_bends(bends: &[Bend], breaks: bool) -> Table {
     let row = |bend: &Bend| vec![bend.kernel.clone(), bend.when.clone(), bend.then.clone(), bend.price.clone()];
     Table {
-        title: "Where kernels deviate from their formulas, and the price",
+        title: "Deviations of kernels from their formulas",
         note: format!(
             "For all other arguments, a kernel agrees with its formula within the tolerance above. {}",
             if breaks {
@@ -316,7 +317,7 @@ fn of_motion(rows: &[Row]) -> Table {
     Table {
         title: "Noise while a camera moves",
         note: format!(
-            "Share of choices among four equal texels that flip from frame to frame, on level ground. All {} numbers are in noise.csv.",
+            "Flip rate from frame to frame on level ground, for random choices among four texels of equal weight. All {} numbers are in noise.csv.",
             rows.len()
         ),
         columns: names,

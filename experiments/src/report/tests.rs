@@ -266,7 +266,9 @@ fn whole_rows_win_over_frames_and_frames_are_averaged_without_them() {
     // NaN values are omitted from a mean, and the page gives the number of values that were used.
     let run = frames(&[1.0, f64::NAN, 3.0], None);
     assert_eq!(value(&run), 2.0);
-    assert!(html(&run, &[]).contains("mean over 2 of 3 frames") && html(&run, &[]).contains("means over the frames, made by this report"));
+    assert!(
+        html(&run, &[]).contains("mean over 2 of 3 frames") && html(&run, &[]).contains("means over the frames, computed by this report")
+    );
     let run = frames(&[f64::NAN, f64::NAN], None);
     assert!(value(&run).is_nan());
     // If a number has two rows, the first is used, and a check of the report fails.

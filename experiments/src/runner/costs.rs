@@ -31,7 +31,7 @@ fn tile_of(at: usize, size: [u32; 2], tile: u32) -> usize {
     (y / tile * size[0].div_ceil(tile) + x / tile) as usize
 }
 
-/// Returns the mean cost of terrain pixels. The cost of a pixel is that of all flavours in its tile. `None` if no pixel shows terrain.
+/// Returns the mean cost of terrain pixels. A pixel costs the fetches of all flavours that occur in its tile. `None` if no pixel shows terrain.
 pub(super) fn per_tile(masks: &[u8], size: [u32; 2], tile: u32, prices: Prices) -> Option<f64> {
     grouped(masks, prices, |at| tile_of(at, size, tile))
 }
@@ -45,8 +45,8 @@ pub(super) fn tile_sets(masks: &[u8], size: [u32; 2], tile: u32) -> Vec<u8> {
     masks.iter().enumerate().map(|(at, &mask)| if mask == 0 { 0 } else { sets[tile_of(at, size, tile)] }).collect()
 }
 
-/// Returns the mean cost of terrain pixels. The cost of a pixel is that of all flavours in its patch of 16 x 16 quads; only the visible pixels of the
-/// patch count. `None` if no pixel shows terrain.
+/// Returns the mean cost of terrain pixels. A pixel costs the fetches of all flavours that occur at visible pixels of its patch of 16 x 16 quads.
+/// `None` if no pixel shows terrain.
 pub(super) fn per_patch(masks: &[u8], positions: &[[f32; 3]], renderer: &Renderer<'_>, drawn: &[NodeId], prices: Prices) -> Option<f64> {
     let layout = renderer.world().layout();
     let lods = quadtree::lod_map(drawn);

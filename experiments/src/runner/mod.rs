@@ -240,8 +240,8 @@ impl Stage<'_> {
             self.renderer.draw_flavours(request, fixed, &layers)?;
             self.fixed.frames.insert(key, layers);
         }
-        // The flavours that draw random numbers are drawn in every call, and after the others, because the measurements read the geometry of the
-        // frame that was drawn last.
+        // Flavours that draw random numbers are drawn in every call. They are drawn last, because the measurements read the geometry of the frame
+        // that was drawn last.
         self.renderer.draw_flavours(request, drawing, &self.layers)?;
         Ok(self.layers.with(&self.fixed.frames[&key], fixed))
     }

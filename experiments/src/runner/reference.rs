@@ -3,8 +3,8 @@
 //! The reference is the 96-fetch blend, averaged over the square of each pixel. Samples are taken in batches. A batch consists of 8 points of the R2
 //! sequence, all shifted by the same random vector (Cranley & Patterson 1976). The mean of a batch is an unbiased estimate, and different batches are
 //! independent. The scatter of the batches therefore gives the standard error of their mean. The number of batches is doubled until the standard
-//! error is at most a tenth of the error of the 96-fetch blend with one sample per pixel. No shading without a temporal resolve is expected to have a
-//! smaller error than that blend.
+//! error is at most a tenth of the error of the 96-fetch blend with one sample per pixel. Without a temporal resolve, no shading is expected to have
+//! a smaller error than that blend.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -297,8 +297,8 @@ mod tests {
             all.batches[0].iter_mut().for_each(|m| m.add([value, 0.0]));
             all.batches[1].iter_mut().for_each(|m| m.add([100.0 * value, 0.0]));
         }
-        // At the first pixel, the means of the three batches are 1, 2 and 3. Their variance is 1, so the standard error of the overall mean is sqrt(1
-        // / 3). The second pixel is ignored, because it is not terrain.
+        // At the first pixel, the means of the three batches are 1, 2 and 3. Their variance is 1, so the standard error of the overall mean is
+        // sqrt(1 / 3). The second pixel is ignored, because it is not terrain.
         assert!((all.standard_error() - (1.0f64 / 3.0).sqrt()).abs() < 1e-12);
         assert!((all.distance(&[[2.5; 3], [0.0; 3]]) - 0.5).abs() < 1e-12);
         assert_eq!(all.mean()[0], [2.0; 3]);

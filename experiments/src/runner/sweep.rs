@@ -113,7 +113,7 @@ impl Runner<'_> {
             })
         };
 
-        // The meter compares each frame with each of the up to 4 frames before it.
+        // The meter compares each frame with the 4 previous frames, or with fewer at the start of the sequence.
         let mut meter = stage.renderer.meter(size, &vec![how.resolve; variants.len()])?;
         let mut followed: Vec<Followed> = variants.iter().map(|_| Followed::default()).collect();
         for frame in 0..frames {

@@ -1,6 +1,6 @@
 //! Measures how accurately directions are stored, and how the errors affect derivatives. An octahedral encoding projects a direction to an octahedron
-//! and stores two coordinates as integers, which are its *code*. The rows contain means and largest errors of the stored directions, and errors of
-//! derivatives that are computed from a stored plane, compared with an upper bound.
+//! and stores two coordinates as integers, which are its *code*. The rows contain the mean and the largest errors of stored directions. They also
+//! contain the errors of derivatives that are computed from a stored plane, and compare these errors with an upper bound.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 

@@ -14,11 +14,12 @@ pub const FIRST_BIT: usize = 8;
 /// threshold with a probability of one half. Carries of products only affect higher bits. Higher input bits therefore rarely change the lowest output
 /// bits, and input bits 25 and above never change them. These lowest output bits change a threshold by at most 2^-18.
 pub const MIXED_BITS: usize = 21;
-/// The probability that a bit in the highest byte of a threshold changes may deviate from one half by at most this value, if one of the input bits
-/// from [`MIXED_BITS`] on changes.
+/// Limit for the input bits of [`hash::pcg4d`] with an index of at least [`MIXED_BITS`]. If such a bit changes, each bit in the highest byte of a
+/// threshold changes with a probability that deviates from one half by at most this value.
 pub const COARSE_DEVIATION: f64 = 0.2;
-/// The probability that an output bit changes after a single [`hash::pcg`] may deviate from one half by at most this value. Input bit 21 causes the
-/// largest deviation. In [`hash::mix`], the level passes through one `pcg` only, before it passes through [`hash::pcg4d`].
+/// Limit for a single [`hash::pcg`]. If an input bit changes, each output bit changes with a probability that deviates from one half by at most this
+/// value. Input bit 21 causes the largest deviation. In [`hash::mix`], the level passes through only one `pcg` before it passes through
+/// [`hash::pcg4d`].
 pub const SINGLE_DEVIATION: f64 = 0.1;
 
 /// A hash as a function from four words to four words. A hash with fewer input words ignores the other words. A hash with fewer output words returns
@@ -81,10 +82,10 @@ fn lattice(i: u32) -> [u32; 4] {
     [i % 100, i / 100 % 100, i / 10_000, 0x5eed]
 }
 
-/// Measures balance over the cells of a lattice, and avalanche over random inputs. For an input bit, each output bit has a probability that it
-/// changes when the input bit changes. The avalanche of the input bit is the largest deviation of these probabilities from one half, over the output
-/// bits that affect a threshold. Some input bits should change every output bit with a probability of one half. Their limits follow from one family
-/// of tests with a level of 0.1 %. The limits of the other input bits are constants of this module.
+/// Measures balance over the cells of a lattice, and avalanche over random inputs. If an input bit changes, each output bit changes with some
+/// probability. The avalanche of the input bit is the largest deviation of these probabilities from one half, over the output bits that affect a
+/// threshold. Some input bits should change every output bit with a probability of one half. Their limits follow from one family of tests with a
+/// level of 0.1 %. The limits of the other input bits are constants of this module.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, _, words, hash) in HASHES {
@@ -126,13 +127,13 @@ fn row(hash: &str, bit: usize, statistic: &str, value: f64, high: f64) -> Row {
     Row { kind: hash.to_owned(), view, motion, statistic: statistic.to_owned(), value, low: 0.0, high }
 }
 
-/// Returns, for each bit of the output, how often it changes if bit `bit` of a random input changes.
+/// Returns for each output bit how often it changes when bit `bit` of the input is flipped, over [`SAMPLES`] random inputs.
 fn turned_over(hash: Hash, bit: usize) -> [u32; 128] {
     let mut counts = Counts::new();
     let mut random = Random(bit as u64 + 1);
     for _ in 0..SAMPLES {
         let [low, high] = [random.word(), random.word()];
-        #[allow(clippy::cast_possible_truncation, reason = "takes words apart")]
+        #[allow(clippy::cast_possible_truncation, reason = "splits 64-bit numbers into words")]
         let words = [low as u32, (low >> 32) as u32, high as u32, (high >> 32) as u32];
         let mut other = words;
         other[bit / 32] ^= 1 << (bit % 32);

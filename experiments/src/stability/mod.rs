@@ -1,5 +1,5 @@
-//! The stability lab. It compares every kernel with its reference in f64 at extreme values ([`kernels`], with the values of [`extremes`]). Without a
-//! device, it tests the encodings of directions, derivatives, hashes and noise. `docs/stability-lab.md` gives the reasons for these tests.
+//! The stability lab. It compares every kernel with its reference in f64 at extreme values ([`kernels`], with the values of [`extremes`]). It also
+//! tests stored directions, derivatives, hashes and noise; these tests run on the CPU. `docs/stability-lab.md` gives the reasons for all tests.
 
 pub mod directions;
 pub mod extremes;

@@ -227,7 +227,7 @@ fn low_power(picture: &[[u32; 2]]) -> f64 {
     #[allow(clippy::cast_possible_truncation, reason = "the transform is in f32")]
     let error = |i: u32| signal::luminance(signal::colour(picture[((top + i / SIDE) * SIZE[0] + left + i % SIDE) as usize])) as f32 - 0.5;
     let field: Vec<f32> = (0..SIDE * SIDE).map(error).collect();
-    radial_power(&field, [SIDE; 2], BANDS).expect("a square of finite numbers, 16 a side for each band")[BAND].power
+    radial_power(&field, [SIDE; 2], BANDS).expect("a square of finite numbers, with 16 pixels per band along each side")[BAND].power
 }
 
 /// Returns the accepted range of a statistic whose recorded value is `value`: 10 % to either side. The ranges of two statistics of white noise of the

@@ -133,7 +133,8 @@ fn on_plane(kind: NoiseKind, sector: i32, i: u32) -> Ask {
     corner(kind, sector, [1000, 1000], i)
 }
 
-/// Returns the place whose cell has the same number at the next finer scale. Independent scales must hash this number differently.
+/// Returns a place whose cell at the next finer scale has the same integer coordinates as the cell of `ask` at its own scale. Independent scales must
+/// hash equal coordinates differently.
 fn next_scale(ask: &Ask) -> Ask {
     let mut finer = *ask;
     for axis in 0..2 {

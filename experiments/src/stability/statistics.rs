@@ -26,7 +26,7 @@ impl Random {
     }
 
     /// Returns a number that is uniform in 0..`n`; `n` must be above 0.
-    #[allow(clippy::cast_possible_truncation, reason = "below a usize")]
+    #[allow(clippy::cast_possible_truncation, reason = "the result is less than `n`, which is a usize")]
     pub fn below(&mut self, n: usize) -> usize {
         (self.word() % n as u64) as usize
     }

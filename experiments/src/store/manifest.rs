@@ -21,7 +21,7 @@ const FORMAT: u32 = 1;
 /// Key of the checksum of the file. It is not a field of [`Manifest`].
 const CHECKSUM: &str = "checksum";
 
-/// Where the numbers of a run come from: everything except its definition.
+/// The provenance of a run's numbers: adapter, driver and command line.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
     /// Name of the graphics adapter.
@@ -56,22 +56,22 @@ pub struct Manifest {
     pub small: bool,
     /// The shard, such as `2/4`; absent = the whole run.
     pub shard: Option<String>,
-    /// A sentence that says which numbers are random and how random numbers are generated.
+    /// A sentence that says which seeds are used and how random numbers are generated.
     pub seed: String,
     /// Version of the program.
     pub version: String,
     /// Commit from which the program was built; absent if `SCREE_COMMIT` was not set when it was compiled.
     pub commit: Option<String>,
-    /// Where the numbers come from.
+    /// Adapter, driver and command line.
     #[serde(flatten)]
     pub provenance: Provenance,
     /// Whether all parts are finished and joined.
     pub complete: bool,
-    /// xxHash64 of everything that must be equal in two runs so that their numbers are comparable. Every part contains it, so that a part of another
-    /// run is recognised. Empty in manifests of older versions.
+    /// xxHash64 of all properties that must be equal in two runs for their numbers to be comparable. Every part stores this hash, so that a part of
+    /// another run is recognised. Empty in manifests of older versions.
     #[serde(default)]
     pub identity: String,
-    /// xxHash64 of the bytes of each table of a finished run, by the name of the file, and of the folder of the imported scene. Empty in manifests of
+    /// Hashes (xxHash64) by file name or folder name: of each table of a finished run, and of the folder of the imported scene. Empty in manifests of
     /// older versions.
     #[serde(default)]
     pub files: BTreeMap<String, String>,

@@ -6,7 +6,7 @@
 //!   manifest.json      written first; at the end `complete` becomes true
 //!   lock               locked by the process that does the run
 //!   scene/             the imported scene, if the definition imports one
-//!   reference/         converged references and their standard errors and differences
+//!   reference/         converged references, with their standard errors and the differences between frames
 //!   pictures/, video/  pictures of the report; sequences of frames, if the definition requests them
 //!   parts/             a file for each finished part; removed when all parts are finished and joined
 //!   metrics.parquet    all rows of metrics, in the order of the parts; metrics.csv has the same rows
@@ -60,7 +60,7 @@ pub(crate) const VIDEO: &str = "video";
 const NOTE_PART: &str = "scree.part";
 const NOTE_METRICS: &str = "scree.metrics";
 const NOTE_RUN: &str = "scree.run";
-/// Prefix of the notes with the hashes of a reference's files. The name of the file follows.
+/// Prefix of the names of notes that contain the hash of a file of a reference. The prefix is followed by the name of the file.
 const NOTE_FILE: &str = "scree.file.";
 
 /// Number of progress steps into which a part is divided.
@@ -259,7 +259,8 @@ impl Run {
         self.survey_references()
     }
 
-    /// Removes the part of each reference whose files are damaged, if a missing part measures against this reference.
+    /// Checks the files of each reference that an unfinished sweep needs. If a file is damaged, the reference's part is removed, so that the
+    /// reference is rendered again.
     fn survey_references(&mut self) -> Result<()> {
         let references = self.shares.iter().map(|share| &share.unit).filter(|unit| unit.work == Work::Reference);
         let is_needed = |reference: &&Unit| {
@@ -270,7 +271,7 @@ impl Run {
         };
         for unit in references.filter(is_needed).cloned().collect::<Vec<_>>() {
             if let Err(error) = check_reference(&self.folder, &unit) {
-                self.notes.push(format!("{error:#}; this reference is made again"));
+                self.notes.push(format!("{error:#}; this reference is rendered again"));
                 let part = part_file(&self.folder, &unit);
                 fs::remove_file(&part).with_context(|| format!("cannot remove {}", part.display()))?;
                 self.done.remove(&unit.index);
@@ -436,7 +437,8 @@ fn read_part(file: &Path, unit: &Unit, identity: &str) -> Result<(Vec<Row>, Vec<
     if !identity.is_empty() && notes.get(NOTE_RUN).is_none_or(|run| run != identity) {
         bail!("{} does not belong to the run that {} describes", file.display(), manifest::FILE);
     }
-    // The checksum of the table does not cover the notes, so the number of metrics is compared with the rows.
+    // The checksum of the table does not cover the notes, which contain the number n of metrics. This number is therefore checked: the first n rows
+    // must be metrics, and the other rows must be times.
     let is_time = |row: &Row| metrics::find(&row.metric).is_some_and(|metric| !metric.is_deterministic());
     let count = notes.get(NOTE_METRICS).and_then(|count| count.parse::<usize>().ok()).filter(|&count| count <= metrics.len());
     match count.filter(|&count| !metrics[..count].iter().any(is_time) && metrics[count..].iter().all(is_time)) {
@@ -448,7 +450,7 @@ fn read_part(file: &Path, unit: &Unit, identity: &str) -> Result<(Vec<Row>, Vec<
     }
 }
 
-/// Returns the files of the reference that a part has made. Parts without a reference have none.
+/// Returns the files of the reference that a part has rendered. Empty if the part renders no reference.
 fn reference_files(folder: &Path, unit: &Unit) -> Result<Vec<PathBuf>> {
     let own = folder.join(REFERENCE);
     if unit.work != Work::Reference || !own.is_dir() {
@@ -466,7 +468,7 @@ fn check_reference(folder: &Path, unit: &Unit) -> Result<()> {
     let Table { notes, .. } = read_parquet(&part_file(folder, unit))?;
     for (name, hash) in notes.iter().filter_map(|(name, hash)| Some((name.strip_prefix(NOTE_FILE)?, hash))) {
         let file = folder.join(REFERENCE).join(name);
-        ensure!(hash_of(&file)? == *hash, "{}: it is not as its part has written it", file.display());
+        ensure!(hash_of(&file)? == *hash, "{}: its content differs from what its part has written", file.display());
     }
     Ok(())
 }
@@ -630,7 +632,7 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
             let manifest = Manifest::read(path)?;
             let shard: Option<Shard> = manifest.shard.as_deref().and_then(|text| text.parse().ok());
             if shard.is_none() {
-                // The entry may be damaged. The numbers of the shard would then be left out.
+                // The entry `shard` may be missing because the manifest is damaged. Without this check, the numbers of the shard would be left out.
                 Manifest::check(path)?;
             }
             Ok(shard.map(|shard| (path.clone(), manifest, shard)))
@@ -655,7 +657,11 @@ pub fn read_run(folder: &Path) -> Result<RunData> {
             difference => difference,
         };
         if let Some(difference) = difference {
-            bail!("{} does not belong to {}: {difference}: keep the shards of different runs apart", path.display(), below[0].display());
+            bail!(
+                "{} does not belong to the same run as {}: {difference}: store the shards of different runs in different folders",
+                path.display(),
+                below[0].display()
+            );
         }
         let is_same = |other: &&(PathBuf, Manifest, Shard)| other.0 != *path && other.2 == *shard;
         if let Some((other, ..)) = shards.iter().find(is_same) {
@@ -693,7 +699,7 @@ fn read_one(folder: &Path, manifest: Manifest) -> Result<RunData> {
     if manifest.complete {
         rows = read_table(folder, &manifest, METRICS)?;
         times = read_table(folder, &manifest, TIMES)?;
-        // The rows are not read from the CSV tables, but other programs read these tables.
+        // The rows are read from the Parquet tables. The CSV tables are checked, too, because other programs read them.
         for csv in [METRICS, TIMES].map(|name| format!("{name}.csv")) {
             if folder.join(&csv).exists() {
                 manifest.check_table(folder, &csv)?;

@@ -223,7 +223,7 @@ pub fn decode_parquet(input: impl ChunkReader + 'static, file: &Path) -> Result<
         anyhow!("{}: {what}: the file is damaged, or is not a result of a run; repeat the run, or restore a copy", file.display())
     };
     let reader = quietly(|| SerializedFileReader::new(input)).ok_or_else(|| damaged("its footer is inconsistent".to_owned()))?;
-    let reader = reader.map_err(|error| damaged(format!("no Parquet file ({error})")))?;
+    let reader = reader.map_err(|error| damaged(format!("it is not a Parquet file ({error})")))?;
     // A damaged file can make the reader access an array beyond its bounds, so panics are caught.
     match quietly(|| read(&reader)) {
         Some(outcome) => outcome.map_err(|error| damaged(format!("{error:#}"))),

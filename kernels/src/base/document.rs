@@ -156,14 +156,14 @@ impl At {
         At::default()
     }
 
-    /// The place of a key, in the table at this place.
+    /// The place of the value that a key has in the table at this place.
     pub fn key(&self, key: impl Into<Cow<'static, str>>) -> At {
         let mut path = self.0.clone();
         path.push(Step::Key(key.into()));
         At(path)
     }
 
-    /// The place of an entry, in the array at this place; `index` counts from 0.
+    /// The place of an entry of the array at this place; `index` counts from 0.
     pub fn index(&self, index: usize) -> At {
         let mut path = self.0.clone();
         path.push(Step::Index(index));
@@ -350,8 +350,8 @@ fn find_value(text: &str, message: &str, span: &Range<usize>) -> Option<(String,
 }
 
 impl Problem {
-    /// Adds the number of the line in `text` at which the path of the problem ends. If `text` does not contain all steps of the path, because values
-    /// that are left out have defaults, the line is that of the last step that `text` contains.
+    /// Adds a line number to the problem: the line of `text` at which the path of the problem ends. A value that is left out has its default, so
+    /// `text` may contain only the first steps of the path. The line is then that of the last step that `text` contains.
     pub fn wrong(&self, text: &str) -> Wrong {
         Wrong { line: line_of_problem(text, self), what: self.to_string() }
     }

@@ -9,7 +9,7 @@ fn failed(file: &Path) -> impl FnOnce(std::io::Error) -> Error {
     move |source| Error::File { file: file.to_owned(), source }
 }
 
-/// Runs `write` on a temporary file in the folder of `file`, then renames it to `file`. So `file` is never incomplete.
+/// Runs `write` on a temporary file in the folder of `file`, then renames the temporary file to `file`. So `file` is never incomplete.
 ///
 /// # Errors
 /// Writing or renaming fails; the temporary file is then removed.
@@ -19,7 +19,7 @@ pub fn write_whole<E: From<Error>>(file: &Path, write: impl FnOnce(&Path) -> std
     let temporary = file.with_file_name(name);
     let done = write(&temporary).and_then(|()| Ok(fs::rename(&temporary, file).map_err(failed(file))?));
     if done.is_err() {
-        // The first error is the one to report; the temporary file may not even exist.
+        // An error of this removal is ignored: the caller gets the error of writing or renaming, and the temporary file may not exist.
         let _ = fs::remove_file(&temporary);
     }
     done

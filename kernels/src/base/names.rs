@@ -10,7 +10,8 @@ pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let most = |candidate: &str| (length.max(candidate.chars().count()) / 3).max(1);
     known
         .iter()
-        // The distance of two words is at least the difference of their lengths, so a word of several megabytes is never compared.
+        // The edit distance between two words is at least the difference of their lengths. So a word of several megabytes is rejected here, before
+        // the slow comparison.
         .filter(|candidate| length.abs_diff(candidate.chars().count()) <= most(candidate))
         .map(|&candidate| (strsim::osa_distance(&wanted, &plain(candidate)), candidate))
         .filter(|&(distance, candidate)| distance <= most(candidate) && distance < length.max(1))
@@ -23,7 +24,7 @@ pub fn suggestion(word: &str, known: &[&str]) -> String {
     nearest(word, known).map_or_else(|| format!("the known names are {}", known.join(", ")), did_you_mean)
 }
 
-/// The question whether a known word was meant.
+/// A hint that suggests the known word `near`.
 pub fn did_you_mean(near: &str) -> String {
     format!("did you mean `{near}`?")
 }

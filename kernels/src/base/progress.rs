@@ -1,6 +1,6 @@
-//! Progress of long work.
+//! Progress of long tasks.
 
-/// The progress of one stage of long work.
+/// The progress of one stage of a long task.
 #[derive(Clone, Debug)]
 pub struct Progress {
     /// What is being done.

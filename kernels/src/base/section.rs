@@ -1,4 +1,4 @@
-//! Sections of numbers, for display.
+//! Titled lists of numbers, for display.
 
 /// A titled list of numbers about the last frame, for display.
 #[derive(Clone, Debug, PartialEq)]
@@ -7,7 +7,7 @@ pub struct Section {
     pub name: &'static str,
     /// What the numbers describe, in one sentence.
     pub about: &'static str,
-    /// Names and values. A name that is indented belongs to the row above.
+    /// Names and values. A row with an indented name gives a detail of the nearest row above whose name is not indented.
     pub rows: Vec<(String, String)>,
 }
 

@@ -213,7 +213,7 @@ pub fn alpha_block_at_least(needed: [u8; 16]) -> [u8; 8] {
             best = Some((excess, [first, second, b[0], b[1], b[2], b[3], b[4], b[5]]));
         }
     }
-    best.expect("the highest value of the eight-value block is the highest value needed").1
+    best.expect("the eight-value block is always possible, because its highest value is the highest value needed").1
 }
 
 /// The 8 values of a BC3 alpha block. Interpolated values are rounded down.

@@ -23,7 +23,7 @@ pub mod reference;
 pub const TILE: u32 = 8;
 /// Possible edges of a tile, pixels. Experiments vary the edge to measure how the cost depends on it.
 pub const TILES: [u32; 3] = [4, 8, 16];
-/// Number of bits for the column of a tile in an entry of a tile list. The row has the same number of bits.
+/// Number of bits that hold the tile's column in an entry of a tile list. The tile's row has the same number of bits.
 pub const TILE_COORDINATE_BITS: u32 = 12;
 /// Number of tile lists: one with every terrain tile, and one per variant.
 pub const LISTS: u32 = 32;

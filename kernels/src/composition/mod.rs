@@ -117,7 +117,7 @@ pub static MODULE: ShaderModule = ShaderModule::new("composition", &[&WGSL]);
 impl Stage for Composition {
     const DECLARATION: Declaration = Declaration {
         name: "composition",
-        about: "Reads each flavour's G-buffer; writes the pictures of any set of flavours, two words per pixel",
+        about: "Reads each flavour's G-buffer; writes the picture of each requested set of flavours, two words per pixel",
         modules: &[&MODULE],
         ..Declaration::EMPTY
     };

@@ -41,8 +41,8 @@ pub fn delta(own: u8, neighbour: u8) -> u32 {
     u32::from(neighbour.saturating_sub(own))
 }
 
-/// Returns the packed LOD deltas of a patch. Sides inside the node have the delta 0. `stride`: all patches draw only every `stride`-th vertex. The
-/// vertices of a coarser neighbour are therefore farther apart by this factor, and its delta is increased by log2 of `stride`.
+/// Returns the packed LOD deltas of a patch. Sides inside the node have the delta 0. `stride`: the vertex stride of all patches. It multiplies the
+/// distance between the vertices of a coarser neighbour, so log2 of `stride` is added to the delta of each side that has a coarser neighbour.
 pub fn pack_deltas(node: NodeId, patch: [u32; 2], lod_map: &[u8], stride: u32) -> u32 {
     let edge = 1i32 << node.lod;
     let (x, y) = (i32::from(node.x) * edge, i32::from(node.y) * edge);

@@ -19,7 +19,7 @@ pub fn tone_map<T: Real>(radiance: [T; 3], exposure: Exposure) -> [T; 3] {
     mapped.map(srgb_from_linear)
 }
 
-/// Maps linear radiance to sRGB-encoded values of 8 bits.
+/// Maps linear radiance to 8-bit sRGB codes.
 pub fn codes(radiance: [f32; 3], exposure: Exposure) -> [u8; 3] {
     tone_map(radiance, exposure).map(crate::base::colour::unorm8)
 }

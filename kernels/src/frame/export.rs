@@ -27,8 +27,8 @@ pub fn write_png_texels(file: &Path, size: [u32; 2], texels: &[[u8; 3]]) -> Resu
     })
 }
 
-/// Writes the displayed picture as PNG. If the device did not tone-map the picture, because it was averaged on the CPU, the reference tone-maps it
-/// with `exposure`.
+/// Writes the displayed picture as PNG. A picture that was not tone-mapped on the device (for example, one that was averaged on the CPU) is
+/// tone-mapped with `exposure` by the reference.
 ///
 /// # Errors
 /// When the file cannot be written.

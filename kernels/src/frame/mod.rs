@@ -61,7 +61,7 @@ pub struct RendererOptions {
     /// nodes (at most 130 MB) and of textures (twice the size of the compressed textures).
     pub editable: bool,
     /// Edge of the detail textures of a quick preview, texels. These textures are used until [`Renderer::take_palette`] sets textures of the size
-    /// that the scene gives. `None` = no preview: the textures have the size that the scene gives from the start. Only for editable renderers.
+    /// that the scene gives. `None` = no preview: from the start, the textures have the size that the scene gives. Only for editable renderers.
     pub sketch: Option<u32>,
 }
 
@@ -110,8 +110,8 @@ impl<'a> Renderer<'a> {
     /// Prepares a scene for drawing: world, palette, atlases, shaders.
     ///
     /// # Errors
-    /// When the data of the scene are wrong (with file and reason), the cliffs of the scene begin at a slope that its world does not reach, or a
-    /// shader does not compile.
+    /// When the data of the scene are wrong (the error gives file and reason), the cliffs of the scene begin at a slope that its world does not
+    /// reach, or a shader does not compile.
     pub fn new(gpu: &Gpu, scene: &Scene, progress: &'a (dyn Fn(Progress) + Sync)) -> Result<Renderer<'a>> {
         Renderer::with(gpu, scene, RendererOptions::default(), progress)
     }

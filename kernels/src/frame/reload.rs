@@ -27,8 +27,8 @@ impl Renderer<'_> {
     /// fails, the frame fails.
     ///
     /// # Errors
-    /// When a shader does not compile (with file, line and message), or no pipeline can be built from it (with the files and the message). In both
-    /// cases, this renderer and its device are unchanged.
+    /// When a shader does not compile (the error gives file, line and message), or no pipeline can be built from it (the error gives the changed
+    /// files and the message). In both cases, this renderer and its device are unchanged.
     pub fn reload_shaders(&mut self, sources: Sources) -> Result<ReloadReport> {
         let files = self.sources.differences(&sources);
         if files.is_empty() {

@@ -18,7 +18,7 @@ pub enum VariantChoice {
     Auto,
     /// Every tile is shaded by this variant; each of its flavours is evaluated on every pixel.
     Forced(Variant),
-    /// The generic kernel shades every tile, with the mask that `Auto` would give it.
+    /// The generic kernel shades every tile, with the flavours of the variant that `Auto` selects for the tile.
     GenericAuto,
     /// The generic kernel shades every tile, with this mask.
     GenericForced(Variant),

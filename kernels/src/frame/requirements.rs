@@ -3,10 +3,10 @@
 //! Parts that are not required are not compiled, allocated or dispatched. Sizes and formats are those of
 //! *Terrain Rendering in Far Cry 5* (Moore, GDC 2018), sections on terrain data and the virtual texture.
 //!
-//! Limits: in a scene without a virtual texture, neither its request pass nor its page pass is compiled or run. The texture of its pages then has one
-//! unused layer, because a binding of the shading pass cannot be empty. The page table (224 KiB) is allocated, too. Forcing a variant that contains
-//! `vt` is an error. In a scene without colour modulation, the atlas of colour modulation has one layer. Detail textures and the splat map always
-//! exist, even if no flavour samples them, because errors are measured against the full blend.
+//! Limits: in a scene without a virtual texture, the pass that requests pages and the pass that renders pages are neither compiled nor run. The page
+//! texture then has one unused layer, because a binding of the shading pass cannot be empty. The page table (224 KiB) is still allocated. Forcing a
+//! variant that contains `vt` is an error. In a scene without colour modulation, the atlas of colour modulation has one layer. Detail textures and
+//! the splat map always exist, even if no flavour samples them, because errors are measured against the full blend.
 
 use std::fmt;
 

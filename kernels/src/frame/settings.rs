@@ -25,7 +25,7 @@ const AUTOMATIC: &str = "auto";
 
 const SHADING: Listing = Listing::new("Shading", &[Home::Definition, Home::Option, Home::Workbench]);
 const GEOMETRY: Listing = Listing::new("Geometry", &[Home::Definition, Home::Option, Home::Workbench]);
-/// In a definition, these settings are lists, which have keys of their own.
+/// This listing and the next two are for settings whose values a definition gives as lists: `variants`, `estimators` and `noises`.
 const VARIANTS: Listing = Listing::new("Shading", &[Home::DefinitionList("variants"), Home::Option, Home::Workbench]);
 const ESTIMATORS: Listing = Listing::new("Shading", &[Home::DefinitionList("estimators"), Home::Option, Home::Workbench]);
 const NOISES: Listing = Listing::new("Shading", &[Home::DefinitionList("noises"), Home::Option, Home::Workbench]);
@@ -46,7 +46,7 @@ table! {
         estimator: Estimator = Estimator::Fc5, "", Kind::Name(|| Estimator::ALL.map(Estimator::name).to_vec()), ESTIMATORS.shown("Estimator");
         /// Source of the random numbers.
         noise: NoiseKind = NoiseKind::HashedIsotropic, "", Kind::Name(|| NoiseKind::ALL.map(NoiseKind::name).to_vec()), NOISES.shown("Noise");
-        /// How the geometry pass stores a pixel's shading normal and its triangle's plane, on which derivatives are taken.
+        /// How the geometry pass stores the shading normal of a pixel and the plane of its triangle. Derivatives are computed on this plane.
         normals: NormalEncoding = NormalEncoding::Octahedral, "", Kind::Name(|| NormalEncoding::ALL.map(NormalEncoding::name).to_vec()),
             GEOMETRY.shown("Stored normals");
         /// Seed of the random numbers.
@@ -64,24 +64,24 @@ table! {
         /// Edge of a tile of the screen.
         tile: u32 = classification::TILE, "px", Kind::OneOf(&classification::TILES),
             Listing::new("Classification", &[Home::Definition, Home::Option]);
-        /// The unit that has its own variant: a tile of the screen or a patch of the terrain.
+        /// What gets a variant of its own: each tile of the screen, or each patch of the terrain.
         classification: ClassifyBy = ClassifyBy::Tile, "", Kind::Name(|| ClassifyBy::ALL.map(ClassifyBy::name).to_vec()),
             Listing::new("Classification", &[Home::Definition]);
     }
 }
 
-/// The unit that has its own variant.
+/// What classification gives a variant of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClassifyBy {
-    /// A tile of the screen.
+    /// Each tile of the screen.
     #[default]
     Tile,
-    /// A patch of the terrain.
+    /// Each patch of the terrain.
     Patch,
 }
 
 impl ClassifyBy {
-    /// Both units.
+    /// Both possibilities.
     pub const ALL: [ClassifyBy; 2] = [ClassifyBy::Tile, ClassifyBy::Patch];
 
     /// The name used in files.

@@ -45,7 +45,7 @@ macro_rules! stages {
             }
         )*
 
-        /// The tables of settings of all stages, in the order of the frame.
+        /// The settings of all stages, in the order of the frame.
         pub fn stage_settings() -> impl Iterator<Item = &'static Setting<FrameSettings>> {
             [$(<$stage as Stage>::Settings::table::<$stage, FrameSettings>()),*].into_iter().flatten()
         }
@@ -114,7 +114,7 @@ stages! {
     display: Display,
     /// Writes position, derivatives and splat texels of each pixel, on request.
     inspect: Inspect,
-    /// Composes pictures of any set of flavours, on request.
+    /// Composes the picture of each requested set of flavours.
     composition: Composition,
 }
 

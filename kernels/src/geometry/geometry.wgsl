@@ -4,7 +4,7 @@
 override HAS_HOLES: bool = false;
 
 struct Patch {
-    node_origin: vec2<f32>,     // south-west corner of the node, local metres
+    node_origin: vec2<f32>,     // south-west corner of the node in local coordinates, metres
     spacing: f32,               // metres between vertices
     slot: u32,
     patch_xy: vec2<u32>,        // column, row in the node's 8 x 8 patches

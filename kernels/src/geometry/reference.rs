@@ -1,7 +1,7 @@
 //! Stitching of vertices: the reference for `geometry_stitch`, written from the talk (Moore, GDC 2018) and from ruling 8 in `ARCHITECTURE.md`.
 
-/// Returns the index (0..=128) to which the index of a vertex along a border moves, if the neighbour beyond the border is `delta` levels coarser. It
-/// is the nearest index at which the neighbour has a vertex, or the lower index if two are equally near.
+/// Moves a vertex along a border of its node. `index`: index of the vertex along the border, 0..=128. The neighbour beyond the border is `delta`
+/// levels coarser. Returns the nearest index at which the neighbour has a vertex; the lower index if two are equally near.
 pub fn weld(index: u32, delta: u32) -> u32 {
     let step = 1 << delta;
     let below = index / step * step;

@@ -1,4 +1,5 @@
-// Stitching: vertices on the border to a coarser node move to the nearest vertex that the neighbour has (rulings 3 and 8 in ARCHITECTURE.md).
+// Stitching: a vertex on the border to a coarser node moves to the nearest vertex of the coarser node on this border (rulings 3 and 8 in
+// ARCHITECTURE.md).
 // This file has no bindings, so that probes can compare it with its reference in Rust.
 
 // Returns the index nearest to `index` at which a neighbour that is `delta` levels coarser has a vertex; the lower index if two are equally near.

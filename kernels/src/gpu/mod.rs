@@ -205,7 +205,7 @@ impl Gpu {
         Ok(Gpu { device, queue, info: adapter.get_info(), features, failure, sources: Arc::default() })
     }
 
-    /// Whether the adapter runs on the CPU. Times measured on such an adapter may be compared with each other, but must not be quoted alone.
+    /// Whether the adapter runs on the CPU. Only ratios of the times measured on such an adapter are meaningful.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
@@ -225,7 +225,7 @@ impl Gpu {
     /// Fails if the device has reported an error since the last call.
     ///
     /// # Errors
-    /// The first error that the device has reported since the last call, in the words of the device.
+    /// The first error that the device has reported since the last call, with the device's own message.
     pub fn check(&self) -> Result<()> {
         match self.failure.lock().ok().and_then(|mut slot| slot.take()) {
             Some(text) => Err(Error::Gpu(text)),

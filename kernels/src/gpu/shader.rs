@@ -75,7 +75,7 @@ impl Shader {
         }
     }
 
-    /// The template from which the modules of single pipelines are cut.
+    /// Parses the module as a [`Template`], from which the reduced module of each pipeline is derived.
     ///
     /// # Errors
     /// When naga rejects the module. The device compiled it with naga, too, so this is not expected.

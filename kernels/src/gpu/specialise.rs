@@ -1,8 +1,9 @@
-//! Reduces shader modules to what one pipeline runs.
+//! Specialisation: reduces a shader module to the code that one pipeline runs.
 //!
 //! The override constants of a pipeline decide most branches of a large module, but a driver removes dead branches only after it has inlined and
-//! transformed their code: Mesa spends 2 s on every shading pipeline, even if its variant is simple. So this module fills in the constants. If the
-//! condition of an `if` is then constant, the `if` is replaced by the branch that is taken. Everything that is no longer referenced is removed.
+//! transformed their code: Mesa spends 2 s on every shading pipeline, even if its variant is simple. Specialisation therefore
+//! replaces the constants by their values before the driver sees the module. If the condition of an `if` is then constant, the `if` is replaced by
+//! the branch that is taken. Everything that is no longer referenced is removed.
 
 use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;

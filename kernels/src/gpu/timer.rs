@@ -82,7 +82,7 @@ impl Timer {
     ///
     /// # Errors
     /// When the device is lost, or there were more passes than the timer holds. In the second case, no times are returned, because callers could not
-    /// see that the list is incomplete.
+    /// tell that the list is incomplete.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>> {
         if self.names.is_empty() {
             return Ok(Vec::new());

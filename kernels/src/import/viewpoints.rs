@@ -93,7 +93,7 @@ fn place_at(world: &World, x: f64, y: f64) -> Place {
 }
 
 fn eye_at(world: &World, x: f64, y: f64, above: f64) -> [f64; 3] {
-    // Between its vertices, the drawn surface may be higher than the exact height of the world.
+    // The drawn surface may lie above the exact height of the world between two vertices, so the camera is placed above both.
     [x, y, world.surface_height_m(x, y).max(world.height_m(x, y)) + above]
 }
 
@@ -201,7 +201,7 @@ fn cliff(world: &World, places: &[Place], steep_deg: f64) -> Pose {
         }
     }
     let score = |pose: &Pose| {
-        // Six octaves of distance from 5 to 320 m. The score of an octave grows until its hits fill a ninth of the picture.
+        // Six octaves of distance, from 5 to 320 m. The score of an octave grows with its number of hits until they fill a ninth of the picture.
         let mut bins = [0.0f64; 6];
         let hits = fan(world, *pose, 11, 6, 320.0);
         let sky = hits.iter().filter(|h| h.is_none()).count() as f64 / hits.len() as f64;
@@ -265,7 +265,8 @@ fn vista(world: &World, places: &[Place]) -> Pose {
     }
     let mut poses = Vec::new();
     for place in tops.into_iter().flatten() {
-        // Positions near the centre of the world are left out. From all others, the camera looks inwards, so that the view is long.
+        // Positions near the centre of the world are left out. At all other positions, the camera looks roughly
+        // towards the centre, so that the view is long.
         if (place.x / extent[0]).abs().max((place.y / extent[1]).abs()) < 0.22 {
             continue;
         }
@@ -293,7 +294,8 @@ fn grazing(world: &World, places: &[Place]) -> Pose {
     for place in thin(slopes, 110) {
         let slope = place.gradient[0].hypot(place.gradient[1]);
         let downhill = (-place.gradient[0]).atan2(-place.gradient[1]);
-        // Along the fall line, the view is parallel to the ground; across it, the view is nearly level.
+        // The first direction is down the fall line, where the view is parallel to the ground. The other two are 1.2 radians to either side of it,
+        // where the view is closer to level.
         for (yaw, pitch) in
             [(downhill, -slope.atan() - 0.02), (downhill + 1.2, -0.05 - 0.35 * slope.atan()), (downhill - 1.2, -0.05 - 0.35 * slope.atan())]
         {

@@ -15,7 +15,7 @@ struct Inspected {
     plane: u32,                 // axis of the projection with the largest weight
     splat: vec4<u32>,           // palette indices of the four texels
     bilinear: vec4<f32>,        // bilinear weights of the four texels
-    blended: vec4<f32>,         // weights of the four texels after the height blend, with the heights of their materials in the projection `plane`
+    blended: vec4<f32>,         // weights of the four texels after the height blend, which uses material heights in the projection `plane`
 }
 
 @compute @workgroup_size(8, 8)

@@ -98,7 +98,7 @@ impl Inspect {
     pub fn run(&self, gpu: &Gpu, groups: [&wgpu::BindGroup; 2], targets: &geometry::Targets) -> Result<Vec<Inspected>> {
         let (width, height) = (targets.mask.width(), targets.mask.height());
         let row_bytes = u64::from(width) * size_of::<Inspected>() as u64;
-        // The picture is processed in bands of rows, so that the buffer is small, and within the device's limit of a storage buffer binding.
+        // The picture is processed in bands of rows, so that the buffer is small and does not exceed the device's limit for a storage buffer binding.
         let rows = u32::try_from(gpu.device.limits().max_storage_buffer_binding_size / row_bytes).unwrap_or(BAND).clamp(1, BAND);
         let out = gpu.buffer("inspected", wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC, u64::from(rows) * row_bytes);
         let views = [aspect(&targets.depth_stencil, wgpu::TextureAspect::DepthOnly), view(&targets.normals)];

@@ -52,7 +52,7 @@ pub struct MaterialMaps {
     pub specular_occlusion: Vec<f32>,
     /// Height within the material's own relief, 0 (lowest) to 1 (highest).
     pub height: Vec<f32>,
-    /// How much of the palette's tint applies, 0..1.
+    /// Share of the material's tint that is applied, 0..1: 0 = the albedo is unchanged, 1 = the albedo is multiplied by the tint.
     pub colour_mask: Vec<f32>,
 }
 
@@ -210,7 +210,7 @@ impl Palette {
     }
 
     /// Does the same as [`Palette::build`], but with textures of `size` texels along an edge instead of the scene's `detail_size`. With small
-    /// textures it is much faster, and serves as a preview.
+    /// textures, this is much faster. The result serves as a preview.
     ///
     /// # Errors
     /// The same errors as [`Palette::build`].
@@ -268,7 +268,7 @@ impl Palette {
         }
         if sources.len() > MAX_LAYERS {
             return Err(of_scene(format!(
-                "the scene has {} distinct detail textures of each type, but at most {MAX_LAYERS} are possible: let materials share a `procedural` or `folder` and vary tint, tile_m or orientation_deg",
+                "the scene has {} distinct detail textures of each type, but at most {MAX_LAYERS} are possible: use the same `procedural` or `folder` in several materials, which may differ in tint, tile_m and orientation_deg",
                 sources.len()
             )));
         }

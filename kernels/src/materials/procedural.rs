@@ -1,6 +1,6 @@
 //! Twelve ground materials made from noise, cells and stamped shapes, without image files.
 //!
-//! A recipe makes height and colour on a torus, so every map tiles. The other maps follow from the height: the normal from its gradient,
+//! A recipe makes height and colour on a torus, so every map tiles. The other maps are computed from the height: the normal from its gradient,
 //! and the specular occlusion from the depth of hollows. Sources: gradient noise, Perlin, *Improving Noise*, SIGGRAPH 2002; cell noise,
 //! Worley, *A Cellular Texture Basis Function*, SIGGRAPH 1996 (the distance to the cell border is computed from the second nearest point);
 //! hash, Jarzynski and Olano, *Hash Functions for GPU Rendering*, JCGT 9(3), 2020.
@@ -69,8 +69,8 @@ pub fn relief(name: &str) -> Result<f32> {
 /// Makes a material: `size` x `size` texels (at least 8) that tile in both directions. The result depends only on `name`, `size` and
 /// `seed`.
 ///
-/// The normal is (-A dh/du, -A dh/dv, 1), normalised, with the height map h, A = [`relief`]`(name)` and central differences that wrap
-/// around. The features have natural sizes on tiles of 2 to 4 m.
+/// The normal is (-A dh/du, -A dh/dv, 1), normalised, where h is the height map and A = [`relief`]`(name)`. The derivatives are central differences
+/// that wrap around. The features have natural sizes on tiles of 2 to 4 m.
 ///
 /// # Errors
 /// If `name` is not one of [`NAMES`]; the message suggests the nearest name.
@@ -115,7 +115,7 @@ pub fn make(name: &str, size: u32, seed: u32) -> Result<MaterialMaps> {
     })
 }
 
-/// The result of a recipe. The height can have any unit.
+/// The result of a recipe. The height may have any unit, because it is later scaled to 0..1.
 struct Sketch {
     albedo: Vec<[f32; 3]>,
     height: Field,
@@ -180,7 +180,7 @@ struct Field {
 }
 
 impl Field {
-    /// Scales the values linearly to 0..1.
+    /// Maps the values linearly to 0..1, so that the smallest becomes 0 and the largest becomes 1.
     fn stretched(self) -> Field {
         let (low, high) = self.v.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
         let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
@@ -253,7 +253,7 @@ fn transposed(v: &[f32], n: usize) -> Vec<f32> {
     out
 }
 
-/// Cell noise: for each texel its nearest feature point.
+/// Cell noise: for each texel, properties of the nearest feature point.
 struct Cells {
     /// Random 32-bit number of the nearest point.
     id: Vec<u32>,
@@ -523,7 +523,7 @@ impl Stone {
             } else {
                 let angle = start + (k as f32 - 2.0 + dice.between(-0.3, 0.3)) * TAU / 7.0;
                 let (s, c) = angle.sin_cos();
-                // Faces across the long axis are closer to the centre.
+                // Faces whose normal lies across the long axis are closer to the centre.
                 let along = c * cos + s * sin;
                 let distance = radius * mix(aspect, 1.0, along * along) * dice.between(0.75, 1.0);
                 let steep = dice.between(0.7, 2.2);

@@ -266,10 +266,10 @@ mod tests {
             followed.take(size, &samples, &links, 1000, false);
         }
         let all = followed.summary([0, 0], [200, 200]).expect("terrain");
-        // Luminance is uniform in 0..1, so its variance is 1/12. It is measured around the mean of 32 frames, which makes it smaller by the factor
-        // 31/32. The mean absolute difference of two uniform numbers is 1/3. Each tolerance is six standard errors of a mean over 40 000 pixels and
-        // over 32 frames or 31 differences. For the standard errors: a squared deviation has the standard deviation 0.0745, an absolute difference
-        // has 0.236. The factors 1.2 and 1.5 are margins, because the values of a pixel in successive frames are not independent.
+        // Luminance is uniform in 0..1, so its variance is 1/12. The measured variance is smaller by the factor 31/32, because deviations are taken
+        // from the mean of the 32 frames. The mean absolute difference of two uniform numbers is 1/3. Each tolerance is six standard errors of a mean
+        // over 40 000 pixels and over 32 frames or 31 differences. For the standard errors: a squared deviation has the standard deviation 0.0745, an
+        // absolute difference has 0.236. The factors 1.2 and 1.5 are margins, because the values of a pixel in successive frames are not independent.
         assert!((all.variance - 31.0 / 32.0 / 12.0).abs() < 6.0 * 0.0745 / 40_000_f64.sqrt() / 32_f64.sqrt() * 1.2, "{}", all.variance);
         assert!((all.flicker - 1.0 / 3.0).abs() < 6.0 * 0.236 / 40_000_f64.sqrt() / 31_f64.sqrt() * 1.5, "{}", all.flicker);
         // The mean error of a block is close to normally distributed. Its square, divided by the expected square, therefore has the standard

@@ -91,7 +91,7 @@ pub fn seed(size: [u32; 2], block: u32, picture: &[[u32; 2]], exact: &[[u32; 2]]
     sums
 }
 
-/// Returns the sums that `seeds_finish` computes from the pictures of several seeds: bias and variance of their mean and scatter.
+/// Returns the sums that `seeds_finish` computes from the pictures of several seeds: the bias of their mean, and their variance over the seeds.
 pub fn finish(pictures: &[Vec<[u32; 2]>], exact: &[[u32; 2]]) -> VarianceSums {
     let mut sums = VarianceSums::default();
     let n = pictures.len() as f64;

@@ -1,4 +1,4 @@
-//! Motion in f64: the reference of the links.
+//! Links between frames in f64: the reference for `motion.wgsl`.
 
 use glam::DVec3;
 

@@ -135,7 +135,7 @@ pub struct Draw {
     pub projection: Option<f64>,
     /// Threshold that chooses the splat texel, [0, 1).
     pub material: f64,
-    /// Weights of the projections that look along x, y and z, summing to 1.
+    /// Weights of the projections along x, y and z, summing to 1.
     pub projections: [f64; 3],
     /// The choice that follows from the thresholds, encoded as [`Pixel::choice`]. The device computes in f32. So it may choose differently if a
     /// threshold is within about 1e-6 of the border between two choices, or if the point is very close to the border of a noise cell.
@@ -437,7 +437,7 @@ impl Drawing {
     }
 }
 
-/// Weights of the projections that look along x, y and z, for estimators that draw random numbers.
+/// Weights of the projections along x, y and z, for estimators that draw random numbers.
 fn projections(estimator: Estimator, normal: [f64; 3], sharpness: f64) -> [f64; 3] {
     if estimator != Estimator::Biplanar {
         return triplanar::weights(normal, sharpness);

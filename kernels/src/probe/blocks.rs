@@ -16,7 +16,7 @@ pub(super) const BC1: Probe = Probe {
     about: "The decoded texel of a BC1 block: a colour on the line between two end points of 5 + 6 + 5 bits, or transparent black",
     inputs: &[
         word("colours", "end points, 16 bits each, the first in the low half; if the first is not the larger one, the line has 3 colours"),
-        word("indices", "2 bits a texel, the first in the lowest bits"),
+        word("indices", "2 bits per texel, the first texel in the lowest bits"),
         whole("texel", "index of the texel, row by row", 0, 15),
     ],
     outputs: &[real("red", "0..1"), real("green", "0..1"), real("blue", "0..1"), real("alpha", "0 or 1")],
@@ -40,11 +40,11 @@ pub(super) const BC3: Probe = Probe {
     inputs: &[
         word(
             "alphas",
-            "two 8-bit end points, the first lowest, then 16 bits of indices; if the first is not larger, indices 6 and 7 mean 0 and 1",
+            "from the lowest bit up: two 8-bit end points, 16 bits of indices; if the first end point is not the larger one, indices 6 and 7 mean 0 and 1",
         ),
-        word("alpha_indices", "the upper 32 bits of the indices of alpha, 3 bits a texel"),
+        word("alpha_indices", "the upper 32 bits of the indices of alpha, 3 bits per texel"),
         word("colours", "end points, 16 bits each, the first in the low half"),
-        word("indices", "2 bits a texel, the first in the lowest bits"),
+        word("indices", "2 bits per texel, the first texel in the lowest bits"),
         whole("texel", "index of the texel, row by row", 0, 15),
     ],
     outputs: &[real("red", "0..1"), real("green", "0..1"), real("blue", "0..1"), real("alpha", "0..1")],
@@ -85,7 +85,7 @@ fn alphas(word: u32) -> [f64; 2] {
     [word & 255, word >> 8 & 255].map(|code| f64::from(code) / 255.0)
 }
 
-/// Length of a colour line in each channel.
+/// Absolute difference of the two end points in each channel.
 fn line(colours: f64) -> [f64; 3] {
     let (first, second) = (colour(colours as u32 & 0xffff), colour(colours as u32 >> 16));
     std::array::from_fn(|i| (first[i] - second[i]).abs())

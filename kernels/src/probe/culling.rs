@@ -55,7 +55,7 @@ return array<f32, 1>(select(0.0, 1.0, beyond));
     parameters: &[
         Parameter {
             name: "beyond_m",
-            unit: "m beyond the plane at which the nearest corner lies",
+            unit: "m by which the corner nearest to the visible side lies beyond the plane",
             set: |row, value, _| {
                 let n = octahedral::unit(three(row, 0));
                 set_direction(row, 0, n);
@@ -107,7 +107,7 @@ fn one_sided(got: &[f64], want: &[f64], may: bool, near: bool) -> Verdict {
 
 pub(super) const NORMAL_CONE: Probe = Probe {
     name: "normal-cone",
-    about: "Whether all of a patch faces away from the eye, by its normal cone and bounding sphere; otherwise, the patch is never culled",
+    about: "Whether the normal cone and bounding sphere of a patch prove that it faces away from the eye and can be culled; otherwise, it is drawn",
     inputs: &[
         real("axis_x", "axis of the cone, any length"),
         real("axis_y", "axis"),
@@ -116,7 +116,7 @@ pub(super) const NORMAL_CONE: Probe = Probe {
         real("patch_x", "m, from the eye to the patch"),
         real("patch_y", "m"),
         real("patch_z", "m"),
-        real("radius", "m, of the patch's bounding sphere"),
+        real("radius", "m, radius of the patch's bounding sphere"),
     ],
     outputs: &[whole("away", "1 = culled", 0, 1)],
     blocks: None,
@@ -145,10 +145,10 @@ return array<f32, 1>(select(0.0, 1.0, away));
         error: |row, got, _| if got[0] == 0.0 { cone_margin(row).max(0.0).to_degrees() } else { 0.0 },
     }],
     parameters: &[
-        Parameter { name: "half_angle_deg", unit: "deg, of the cone", set: |row, value, _| row[3] = value.to_radians().sin() },
+        Parameter { name: "half_angle_deg", unit: "deg, half angle of the cone", set: |row, value, _| row[3] = value.to_radians().sin() },
         Parameter {
             name: "from_border_deg",
-            unit: "deg beyond the angle that decides",
+            unit: "deg beyond the angle at which culling becomes correct",
             set: |row, value, d| {
                 let to_patch = three(row, 4);
                 let border = std::f64::consts::FRAC_PI_2 - row[3].asin() - (row[7] / length(to_patch)).min(1.0).asin();
@@ -215,7 +215,7 @@ const STORED: usize = 21;
 
 pub(super) const OCCLUSION: Probe = Probe {
     name: "occlusion",
-    about: "Pixels that a box covers, level of the depth pyramid for its test, and whether it is hidden; a visible box never counts as hidden",
+    about: "The pixels that a box covers, the level of the depth pyramid at which it is tested, and whether it is hidden; no visible box is culled",
     inputs: &[
         real("x_x", "matrix row from box coordinates to clip-space x: coefficient of x"),
         real("x_y", "coefficient of y"),
@@ -323,7 +323,7 @@ return array<f32, 8>(
     parameters: &[
         Parameter {
             name: "behind",
-            unit: "share of the distance by which the box lies behind what was drawn",
+            unit: "distance of the box behind the drawn surface, as a share of the distance of that surface",
             set: |row, value, _| {
                 let nearest = row[NEAR] / exact(row).nearest_m.max(row[NEAR]);
                 row[STORED..].fill(nearest * (1.0 + value));
@@ -464,7 +464,7 @@ fn occlusion_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
     let covers =
         (0..2).all(|k| got[1 + k] <= inside(k, truth.first[k]) && got[3 + k] >= inside(k, truth.last[k]) && got[1 + k] <= got[3 + k]);
     let is_deep = got[6] >= nearest.min(1.0);
-    // A result that claims to be known must be correct in every row.
+    // If the result says that the cover is known (first column = 1), the other columns must be correct.
     if got[0] == 1.0 && !(truth.nearest_m > 0.0 && covers && is_deep && is_right) {
         return Verdict::Differs;
     }

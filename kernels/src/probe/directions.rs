@@ -124,7 +124,7 @@ fn farther(row: &[f64], got: &[f64], want: &[f64], at: usize) -> f64 {
 
 pub(super) const NORMAL_PAIR: Probe = Probe {
     name: "normal-pair",
-    about: "The plane of a triangle and a shading normal in 32 bits, and both decoded",
+    about: "The plane of a triangle and a shading normal, encoded together in 32 bits, and the two decoded normals",
     inputs: &[
         real("plane_x", "normal of the plane, any length, either sign"),
         real("plane_y", "normal"),
@@ -161,7 +161,7 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
     random: |d| {
         let n = d.direction();
         // Rays have every angle of incidence. About half of them are nearly edge-on to the plane. In these rows, the choice of a lattice point
-        // depends on the side from which the ray meets its plane.
+        // depends on the side from which the ray sees the plane of that point.
         let across = d.direction();
         let across = sub(across, n.map(|x| x * dot(n, across)));
         let tilt = d.between(-14.0, 2.0).exp2() * if d.whole(2) < 0.5 { 1.0 } else { -1.0 };
@@ -214,7 +214,7 @@ return array<f32, 8>(f32(word >> 16u), f32(word & 0xffffu), plane.x, plane.y, pl
 
 pub(super) const DERIVATIVES: Probe = Probe {
     name: "derivatives",
-    about: "Step from the point that a pixel sees to the point at which its neighbour's ray meets the same plane",
+    about: "Screen derivative: the step from the point that a pixel sees to the point where the neighbouring pixel's ray meets the same plane",
     inputs: &[
         real("ray_x", "ray of the pixel"),
         real("ray_y", "ray"),

@@ -6,13 +6,17 @@ use crate::shared::moments::Moments;
 use crate::shared::motion::{self, Past};
 use crate::shared::real::{Real, add, dot, length};
 
-/// Largest number of samples of a stream.
+/// Largest number of samples in a stream.
 const LONGEST: i32 = 4096;
 
 pub(super) const MOMENTS: Probe = Probe {
     name: "moments",
-    about: "Mean and variance of a stream whose samples are alternately the mean plus and minus the spread",
-    inputs: &[real("mean", "of the stream"), real("spread", "distance of samples from the mean"), whole("count", "samples", 1, LONGEST)],
+    about: "Mean and variance of a stream whose samples alternate between mean + spread and mean - spread",
+    inputs: &[
+        real("mean", "mean of the stream"),
+        real("spread", "distance of samples from the mean"),
+        whole("count", "number of samples", 1, LONGEST),
+    ],
     outputs: &[real("mean_high", "mean"), real("mean_low", "remainder of the mean"), real("variance", "unbiased")],
     // The shader reads the row from memory, so the compiler cannot know that the highest bit of the count is never set. Therefore it cannot know that
     // `zero` is 0.
@@ -83,7 +87,7 @@ pub(super) const REPROJECTION: Probe = Probe {
     outputs: &[
         real("pixel_x", "whole numbers are pixel centres"),
         real("pixel_y", "whole numbers are pixel centres"),
-        real("distance", "m along the earlier view, which is along y"),
+        real("distance", "m along the earlier view direction, which is y"),
         real("expected", "m, distance at which that pixel's ray meets the plane"),
     ],
     blocks: None,
@@ -114,7 +118,7 @@ fn probe(row: array<f32, 11>) -> array<f32, 4> {
     parameters: &[
         Parameter {
             name: "distance_m",
-            unit: "m ahead",
+            unit: "m ahead of the eye",
             set: |row, value, d| {
                 let at = [d.between(-0.5, 0.5) * value, value, d.between(-0.3, 0.3) * value];
                 row[..3].copy_from_slice(&at);

@@ -1,4 +1,4 @@
-//! Positions from pixels, and the vertices that are moved at the edges of nodes.
+//! Probes of positions computed from depth, and of the vertices that are moved at the edges of nodes.
 
 use super::judge::{EPS, Verdict, close, equal, farthest};
 use super::{Measure, Parameter, Probe, real, take, whole};

@@ -24,7 +24,7 @@ pub const EPS: f64 = f32::EPSILON as f64;
 /// in total; the components are at most 1. The division and the sums that map the vector to the square add 5 ULP.
 pub const UNIT_TOLERANCE: f64 = 16.0 * EPS;
 
-/// Tolerance of results of at most 8 operations whose errors do not cancel: 16 ULP.
+/// Tolerance of a result that takes at most 8 operations, none of which cancels leading digits: 16 ULP.
 pub const FEW: f64 = 16.0 * EPS;
 
 /// The outcome of comparing one row.

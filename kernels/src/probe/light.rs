@@ -7,7 +7,7 @@ use crate::shared::real::Real;
 
 pub(super) const REFLECTION: Probe = Probe {
     name: "reflection",
-    about: "The factors of reflection: normal distribution, visibility and Fresnel, and the directional albedo under uniform light",
+    about: "The three factors of specular reflection (normal distribution, visibility, Fresnel), and the directional albedo under uniform light",
     inputs: &[
         real("n_dot_h", "0..1"),
         real("roughness", "perceptual, 0..1"),
@@ -17,11 +17,11 @@ pub(super) const REFLECTION: Probe = Probe {
         real("alpha", "roughness of the distribution, 0.002..1"),
     ],
     outputs: &[
-        real("alpha_of", "roughness of the distribution"),
+        real("alpha_of", "alpha computed from the perceptual roughness"),
         real("d", "GGX, 1/sr"),
         real("v", "height-correlated Smith"),
         real("f", "Schlick, 0..1"),
-        real("environment", "0..1"),
+        real("environment", "directional albedo, 0..1"),
     ],
     blocks: None,
     wgsl: "\

@@ -31,7 +31,7 @@ pub use judge::{Draw, EPS, FEW, UNIT_TOLERANCE, Verdict, both, close, equal};
 /// Largest magnitude of whole numbers that are passed as f32. Up to this magnitude, f32 holds every whole number exactly.
 const EXACT: i32 = 1 << 24;
 
-/// Last index of [`crate::shared::blue_noise::ranks`].
+/// Largest index into [`crate::shared::blue_noise::ranks`].
 const MASK_PLACES: i32 = (RANKS * (1 + SLICES)).cast_signed() - 1;
 
 /// A column of a probe's table.

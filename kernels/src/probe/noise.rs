@@ -1,4 +1,4 @@
-//! Thresholds of noise.
+//! Probes of the random thresholds of each kind of noise.
 
 use super::judge::{EPS, Verdict, close, equal, farthest, level_error, three};
 use super::{Cell, EXACT, MASK_PLACES, Measure, Parameter, Probe, real, take, whole, word};
@@ -94,7 +94,7 @@ pub(super) const NOISE: Probe = Probe {
         whole("world_level", "log2 of cells per metre", -EXACT, EXACT),
         whole("pixel_x", "column", 0, EXACT),
         whole("pixel_y", "row", 0, EXACT),
-        word("frame", "index"),
+        word("frame", "index of the frame"),
         word("seed", "seed"),
         word("salt", "number that is hashed with the seed"),
         whole("rank_0", "rank at index_0, used by blue and stbn", 0, EXACT),

@@ -19,7 +19,7 @@ pub enum Cells {
     Texel(wgpu::TextureFormat),
 }
 
-/// Number of blocks in a row of the texture that holds a table's blocks: 4096 texels, within the limits of every device.
+/// Number of blocks in a row of the texture that holds a table's blocks. The texture is then 4096 texels wide, which every device allows.
 const BLOCKS_ACROSS: usize = 1024;
 /// Largest number of rows in one call. It bounds the size of the buffers and the height of the texture that holds the blocks.
 const MOST_ROWS: usize = BLOCKS_ACROSS * BLOCKS_ACROSS;

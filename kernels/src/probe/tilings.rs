@@ -7,10 +7,10 @@ use crate::shared::{hex_tiling, texel_choice, tiling};
 
 pub(super) const HEX_TILING: Probe = Probe {
     name: "hex-tiling",
-    about: "The three hexagons around a point, their weights, and the texture's offset in the first",
+    about: "The three hexagons around a point, their weights, and the texture's offset in the first hexagon",
     inputs: &[
         whole("sector_0", "whole sectors along the first coordinate", -EXACT, EXACT),
-        whole("sector_1", "whole sectors along the second", -EXACT, EXACT),
+        whole("sector_1", "whole sectors along the second coordinate", -EXACT, EXACT),
         real("x_0", "m beyond the whole sectors"),
         real("x_1", "m beyond the whole sectors"),
         real("sector_m", "m"),
@@ -20,14 +20,14 @@ pub(super) const HEX_TILING: Probe = Probe {
     outputs: &[
         whole("level", "log2 of hexagons along a sector", -10, 15),
         whole("id_0_0", "column of the first hexagon", 0, 65_535),
-        whole("id_0_1", "row of the first", 0, 65_535),
-        whole("id_1_0", "column of the second", 0, 65_535),
-        whole("id_1_1", "row of the second", 0, 65_535),
-        whole("id_2_0", "column of the third", 0, 65_535),
-        whole("id_2_1", "row of the third", 0, 65_535),
-        real("w_0", "0..1"),
-        real("w_1", "0..1"),
-        real("w_2", "0..1"),
+        whole("id_0_1", "row of the first hexagon", 0, 65_535),
+        whole("id_1_0", "column of the second hexagon", 0, 65_535),
+        whole("id_1_1", "row of the second hexagon", 0, 65_535),
+        whole("id_2_0", "column of the third hexagon", 0, 65_535),
+        whole("id_2_1", "row of the third hexagon", 0, 65_535),
+        real("w_0", "weight of the first hexagon, 0..1"),
+        real("w_1", "weight of the second hexagon, 0..1"),
+        real("w_2", "weight of the third hexagon, 0..1"),
         real("offset_0", "0..1, in the first hexagon"),
         real("offset_1", "0..1"),
     ],
@@ -63,8 +63,8 @@ return array<f32, 12>(
         },
     }],
     parameters: &[
-        Parameter { name: "sector", unit: "sectors, both", set: |row, value, _| row[..2].fill(value) },
-        Parameter { name: "in_sector_m", unit: "m, both", set: |row, value, _| row[2..4].fill(value) },
+        Parameter { name: "sector", unit: "sectors, along both coordinates", set: |row, value, _| row[..2].fill(value) },
+        Parameter { name: "in_sector_m", unit: "m, along both coordinates", set: |row, value, _| row[2..4].fill(value) },
     ],
 };
 
@@ -157,14 +157,14 @@ fn texel_choice_judge(row: &[f64], got: &[f64], want: &[f64]) -> Verdict {
 
 pub(super) const TILING: Probe = Probe {
     name: "tiling",
-    about: "The two tiling scales of a cliff by distance, and the texture coordinate of a sector at one scale, in exact fixed point",
+    about: "The two tiling scales that are blended at a distance, and the texture coordinate of a sector at one scale, exact in fixed point",
     inputs: &[
         real("distance", "m"),
         real("near", "m, distance up to which the finest scale is used"),
-        real("cliff", "share of cliff, 0..1"),
+        real("cliff", "weight of cliff, 0..1"),
         whole("sector", "sectors along an axis", -EXACT, EXACT),
         whole("fixed_high", "upper 16 bits of the repeats per sector, in units of 2^-24", 0, 0xffff),
-        whole("fixed_low", "lower 16 bits", 0, 0xffff),
+        whole("fixed_low", "lower 16 bits of the repeats per sector", 0, 0xffff),
         whole("scale", "log2 of the number of tiles per repeat", 0, 8),
     ],
     outputs: &[real("scales", "the finer scale plus the weight of the coarser one, octaves"), real("coordinate", "0..1")],

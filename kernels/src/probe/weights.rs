@@ -8,7 +8,7 @@ use crate::shared::{layers, select, splat_blend};
 
 pub(super) const SPLAT_BLEND: Probe = Probe {
     name: "splat-blend",
-    about: "Bilinear weights of four splat texels, modified by the heights of the materials, computed in one step and term by term",
+    about: "Weights of four splat texels: bilinear, modified by the heights of the materials; computed in one step, and again term by term",
     inputs: &[
         real("fraction_x", "0..1 between the texels, east"),
         real("fraction_y", "0..1 between the texels, north"),
@@ -19,11 +19,11 @@ pub(super) const SPLAT_BLEND: Probe = Probe {
         real("sharpness", "k in w' = w 2^(k h)"),
     ],
     outputs: &[
-        real("w_00", "0..1"),
+        real("w_00", "computed in one step, 0..1"),
         real("w_10", "0..1"),
         real("w_01", "0..1"),
         real("w_11", "0..1"),
-        real("run_00", "0..1"),
+        real("run_00", "computed term by term, 0..1"),
         real("run_10", "0..1"),
         real("run_01", "0..1"),
         real("run_11", "0..1"),
@@ -65,7 +65,7 @@ return array<f32, 8>(w.x, w.y, w.z, w.w, sum.x, sum.y, sum.z, sum.w);
 
 pub(super) const SELECT: Probe = Probe {
     name: "select",
-    about: "Choice of an index by weight, among all four and among the first three",
+    about: "Random choice of an index by weight: among all four weights, and among the first three weights",
     inputs: &[
         real("w_0", "weight, >= 0"),
         real("w_1", "weight, >= 0"),
@@ -73,7 +73,7 @@ pub(super) const SELECT: Probe = Probe {
         real("w_3", "weight, >= 0"),
         real("u", "uniform number, 0..1"),
     ],
-    outputs: &[whole("of_4", "index", 0, 3), whole("of_3", "index", 0, 2)],
+    outputs: &[whole("of_4", "index chosen among four", 0, 3), whole("of_3", "index chosen among three", 0, 2)],
     blocks: None,
     wgsl: "\
 fn probe(row: array<f32, 5>) -> array<f32, 2> {
@@ -117,7 +117,7 @@ pub(super) const LAYERS: Probe = Probe {
         whole("l_11", "layer", 0, 7),
     ],
     outputs: &[
-        real("layer_0", "0..1"),
+        real("layer_0", "weight of the layer, 0..1"),
         real("layer_1", "0..1"),
         real("layer_2", "0..1"),
         real("layer_3", "0..1"),
@@ -240,30 +240,30 @@ const RULES: FlavourParams = FlavourParams {
 
 pub(super) const FLAVOUR_WEIGHTS: Probe = Probe {
     name: "flavour-weights",
-    about: "Weights of the five flavours by distance and slope, with about the rules of the built-in scene, and given weights limited to a mask",
+    about: "Weights of the five flavours at a distance and slope, by rules like those of the built-in scene; and given weights, limited to a mask",
     inputs: &[
         real("distance", "m"),
         real("normal_z", "cosine of the slope"),
-        real("given_0", "weight of virtual texture, 0..1"),
-        real("given_1", "far atlas"),
-        real("given_2", "near cliff"),
-        real("given_3", "far cliff"),
-        real("given_4", "splat"),
+        real("given_0", "given weight of virtual texture, 0..1"),
+        real("given_1", "given weight of far atlas"),
+        real("given_2", "given weight of near cliff"),
+        real("given_3", "given weight of far cliff"),
+        real("given_4", "given weight of splat"),
         whole("mask", "flavours that a tile may shade", 0, 31),
         whole("forced", "1 = the tile shades all flavours of the mask", 0, 1),
     ],
     outputs: &[
-        real("w_0", "virtual texture, 0..1"),
+        real("w_0", "weight of virtual texture, 0..1"),
         real("w_1", "far atlas"),
         real("w_2", "near cliff"),
         real("w_3", "far cliff"),
         real("w_4", "splat"),
-        whole("given_mask", "flavours of the given weights", 0, 31),
-        real("held_0", "virtual texture, 0..1"),
-        real("held_1", "far atlas"),
-        real("held_2", "near cliff"),
-        real("held_3", "far cliff"),
-        real("held_4", "splat"),
+        whole("given_mask", "flavours whose given weights are not negligible", 0, 31),
+        real("held_0", "limited weight of virtual texture, 0..1"),
+        real("held_1", "limited weight of far atlas"),
+        real("held_2", "limited weight of near cliff"),
+        real("held_3", "limited weight of far cliff"),
+        real("held_4", "limited weight of splat"),
     ],
     blocks: None,
     wgsl: "\

@@ -6,16 +6,16 @@ use crate::shared::hash;
 
 pub(super) const HASH: Probe = Probe {
     name: "hash",
-    about: "The integer hashes PCG and PCG4D, and the mixture of three words",
+    about: "The integer hashes PCG and PCG4D, and the hash that mixes three words into one",
     inputs: &[word("x", "a word"), word("y", "a word"), word("z", "a word"), word("w", "a word")],
     outputs: &[
-        word("pcg", "of x"),
-        word("pcg4d_x", "of all four"),
-        word("pcg4d_y", "of all four"),
-        word("pcg4d_z", "of all four"),
-        word("pcg4d_w", "of all four"),
-        word("mix", "of x, y and z"),
-        real("unit", "w as a number in 0..1"),
+        word("pcg", "PCG hash of x"),
+        word("pcg4d_x", "first word of the PCG4D hash of x, y, z, w"),
+        word("pcg4d_y", "second word"),
+        word("pcg4d_z", "third word"),
+        word("pcg4d_w", "fourth word"),
+        word("mix", "mixture of x, y and z"),
+        real("unit", "w converted to a number in 0..1"),
     ],
     blocks: None,
     wgsl: "\

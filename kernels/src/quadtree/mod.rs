@@ -26,7 +26,7 @@ pub struct Selection {
     pub drawn: Vec<NodeId>,
 }
 
-/// Largest height of a quad on the screen, pixels. A node is split if, at its point nearest to the camera, a quad would be higher.
+/// Largest height of a quad on the screen, pixels. A node is split if, at its point nearest to the camera, a quad would be taller than this.
 pub const QUAD_PX: f64 = 2.5;
 /// Bounds of the split ratio: a node is split if its distance from the camera, divided by its edge length, is less than the split ratio.
 /// The lower bound keeps splat texels near the camera fine in small pictures. The upper bound limits the number of nodes in large pictures,
@@ -67,8 +67,8 @@ pub fn select<E>(
     let layout = world.layout();
     let ratio = split_ratio(view, lod_bias);
     let mut selection = Selection::default();
-    // Nodes outside the view stay coarse or are not loaded. They have seams to the visible nodes; the margin makes sure that these seams lie outside
-    // the picture.
+    // Nodes outside the view stay coarse or are not loaded, so there are cracks where they border visible nodes. The margin makes sure that these
+    // cracks lie outside the picture.
     let sees = |node: NodeId, (low, high): (DVec3, DVec3)| {
         let margin = DVec3::splat(layout.node_m(node.lod) / 8.0);
         view.sees(low - margin, high + margin)
@@ -101,8 +101,8 @@ pub fn select<E>(
     Ok(selection)
 }
 
-/// Returns the LOD drawn in each sector, row by row from the south. Sectors without terrain have the value 0, the finest LOD, so that no patch is
-/// stitched to them.
+/// Returns the LOD drawn in each sector, row by row from the south. Sectors in which no node is drawn have the value 0, the finest LOD, so that
+/// no patch is stitched to them.
 pub fn lod_map(drawn: &[NodeId]) -> Vec<u8> {
     let mut map = vec![0; usize::from(SECTORS) * usize::from(SECTORS)];
     for node in drawn {

@@ -106,7 +106,7 @@ pub fn textures(demands: &Demands) -> Vec<TextureUse> {
         node("node albedo", Format::Bc1RgbaUnormSrgb, TEXTURE_SIDE, baked),
         node("node colour modulation", Format::Bc1RgbaUnorm, TEXTURE_SIDE, "colour modulation")
             .unless(demands.colour_modulation, "world.colour_modulation = 0"),
-        // Needed even if no flavour samples it, because every error is measured against the full blend.
+        // The splat map is needed even if no flavour of the scene samples it, because errors are measured against the full blend.
         node("node splat map", Format::R8Uint, SPLAT_SIDE, "cliffs, splat, pages, and the reference that errors are measured against"),
     ]
 }

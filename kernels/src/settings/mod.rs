@@ -137,7 +137,7 @@ fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
-/// A value as text, with numbers in the fewest digits.
+/// A value as text. Real numbers have the fewest digits from which the same number can be read again.
 pub fn shown(value: &Value) -> String {
     match value {
         Value::Float(number) => number.to_string(),

@@ -10,17 +10,17 @@ use super::{Kind, Setting, shown};
 /// Where a setting can be set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Home {
-    /// The scene file, under its key.
+    /// In the scene file, under the key of the setting.
     SceneFile,
-    /// `[set]` and `[vary]` of an experiment's definition, under its key.
+    /// In `[set]` or `[vary]` of an experiment's definition, under the key of the setting.
     Definition,
-    /// A list of an experiment's definition, under this key.
+    /// In a list of an experiment's definition. The list has this key.
     DefinitionList(&'static str),
-    /// `experiments render`, by an option named after the setting.
+    /// By an option of `experiments render` that is named after the setting.
     Option,
-    /// `experiments render --set KEY=VALUE`.
+    /// By `experiments render --set KEY=VALUE`.
     Set,
-    /// A panel of the workbench, which keeps the value in its state file.
+    /// In a panel of the workbench. The workbench keeps the value in its state file.
     Workbench,
 }
 

@@ -16,17 +16,17 @@ pub enum Estimator {
     Fc5,
     /// The exact blend: the mean of `Fc5` over all its random choices.
     Exact,
-    /// The theoretical variance of `Fc5` over seeds, times [`VARIANCE_SCALE`], written in place of albedo. Measured variance is compared with it.
-    /// Splat has no variance.
+    /// The theoretical variance of `Fc5` over seeds, times [`VARIANCE_SCALE`], written in place of albedo. The measured variance is compared with
+    /// this variance. The variance of splat is 0, because `Fc5` draws no random numbers there.
     Variance,
     /// `Fc5` with the two projections that the surface faces most (Quilez, *Biplanar mapping*, 2020) instead of three.
     Biplanar,
     /// `Fc5` with hex-tiled textures (Mikkelsen, JCGT 11(2), 2022) in place of the second tiling scale. Far cliff chooses one of the two scales at
-    /// random. A fixed choice would change the scale abruptly at some distances. Contrast is not preserved.
+    /// random. A fixed choice would change the scale abruptly at some distances. Hex tiling reduces the contrast of textures.
     Hex,
     /// One tap that reads one texel of each texture. Projection, material, scale, mip level and texel are all chosen at random (Fajardo et al.,
     /// *Stochastic Texture Filtering*, 2023). On near and far cliff, its mean is the mean of `Fc5`. On splat, its mean is the blend of near cliff,
-    /// because the height blend of splat would need the heights of all four materials. It has no anisotropic filtering.
+    /// because the height blend of splat would need the heights of all four materials. There is no anisotropic filtering.
     Stf,
     /// Two bands of a Laplacian pyramid (Burt and Adelson, 1983): the coarse band is blended with bilinear weights, the fine band with the weights of
     /// the height blend. Far cliff uses only the lower of the two scales, so its scale changes abruptly at some distances.
@@ -44,7 +44,7 @@ pub enum Estimator {
 /// Factor on the variance that [`Estimator::Variance`] writes, so that f16 values stay out of the range of denormals.
 pub const VARIANCE_SCALE: f64 = 1024.0;
 
-/// Cost of an estimator on near cliff, far cliff and splat: fetches per pixel, and whether it draws random numbers.
+/// Fetches per pixel of an estimator on near cliff, far cliff and splat, and whether it draws random numbers on each of them.
 struct Taken {
     name: &'static str,
     fetches: [u32; 3],

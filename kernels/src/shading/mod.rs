@@ -93,8 +93,8 @@ pub struct Settings {
 }
 
 impl PipelineKey {
-    /// Returns the canonical key of this pipeline: parameters that its flavours do not use have their default values, so that no pipeline is built
-    /// twice.
+    /// Returns the canonical key of this pipeline. It has default values for the parameters that the flavours of the kernel do not use, so that
+    /// equivalent pipelines are built only once.
     #[must_use]
     pub fn canonical(self) -> PipelineKey {
         let Kernel::Variant(variant) = self.kernel else { return self };
@@ -151,14 +151,14 @@ impl Targets {
     }
 }
 
-/// The pass and its pipelines. A pipeline is built when it is first needed, and is then kept.
+/// The pass and its pipelines. A pipeline is built when it is first needed, and is then cached.
 pub struct Shading {
     template: Template,
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: HashMap<PipelineKey, wgpu::RenderPipeline>,
     settings: Settings,
-    /// Buffer with [`blue_noise::ranks`]. Until a pipeline needs them, it holds only a few zeros.
+    /// Buffer with [`blue_noise::ranks`]. Until a pipeline needs the ranks, the buffer holds only a few zeros.
     noise_ranks: wgpu::Buffer,
     /// Pipelines of the displayed view.
     displayed: Vec<PipelineKey>,

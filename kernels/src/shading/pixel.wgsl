@@ -6,7 +6,7 @@ override VARIANT: u32 = 0u;
 override ESTIMATOR: u32 = 0u;
 // Noise that drives the random choices, see noise.wgsl.
 override NOISE: u32 = 0u;
-// Whether a tile is drawn as one triangle, which the depth test cuts off below the tile. If not, a tile is two triangles that share a diagonal.
+// Whether a tile is drawn as one triangle; the depth test discards the part of it below the tile. If not, a tile is two triangles with one diagonal.
 // Devices shade pixels in groups of 2 x 2 or more, so each group on the diagonal is shaded twice.
 override ONE_TRIANGLE: bool = false;
 // Edge of a tile, pixels.
@@ -24,7 +24,7 @@ override TWO_TILINGS: bool = false;
 @group(2) @binding(7) var page_sampler: sampler;
 @group(2) @binding(8) var<storage, read> noise_ranks: array<u32>;
 
-// Conditions that depend only on the constants above: code behind a false condition is removed before a driver sees it.
+// Conditions that depend only on the constants above. Code that a false condition disables is removed before a driver compiles the shader.
 override RUNS_VT: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_VT_BIT) != 0u);
 override RUNS_FAR_ATLAS: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_FAR_ATLAS_BIT) != 0u);
 override RUNS_NEAR_CLIFF: bool = (VARIANT == 0u) | ((VARIANT & FLAVOUR_NEAR_CLIFF_BIT) != 0u);

@@ -43,7 +43,7 @@ pub struct Shaded {
 /// The parts of a scene that shading needs.
 #[derive(Clone, Copy)]
 pub struct Rules<'s> {
-    /// Where flavours apply.
+    /// The distances and slopes at which each flavour applies.
     pub flavours: &'s FlavourRules,
     /// Parameters of the blend.
     pub blend: &'s Blend,

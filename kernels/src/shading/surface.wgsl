@@ -7,7 +7,7 @@ struct ShadedSurface {
     occlusion: f32,
 }
 
-// Sum over the flavours that were blended so far.
+// Weighted sum of the flavours that have been blended so far.
 struct SurfaceSum {
     surface: Surface,
     normal: vec3<f32>,
@@ -33,7 +33,7 @@ fn shade_surface(pixel: Pixel, mask: u32, weights: array<f32, 5>) -> ShadedSurfa
             shade_add(&pages, pixel, weights[FLAVOUR_VT], shade_virtual_texture(pixel));
         }
     }
-    // All flavours except the virtual texture share one fetch of colour modulation. The pages of the virtual texture already contain it.
+    // All flavours except the virtual texture share one fetch of colour modulation. The pages of the virtual texture already contain this factor.
     var sum = SurfaceSum(surface_zero(), pages.normal, 0.0);
     if RUNS_FAR_ATLAS {
         if shade_evaluates(mask, FLAVOUR_FAR_ATLAS_BIT, weights[FLAVOUR_FAR_ATLAS]) {

@@ -11,8 +11,8 @@ struct Biplanar {
     weights: vec2<f32>,         // sum to 1
 }
 
-// ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8) of the two largest components, normalised; `sharpness` is k, the exponent of tri-planar weights. On the
-// eight diagonals, the only places where the blend jumps, the first axis gets all the weight.
+// Weights of the two largest components: ((|n_i| - 1/sqrt 3) / (1 - 1/sqrt 3))^(k/8), normalised. `sharpness` is k, the exponent of tri-planar
+// weights. On the eight diagonals, the first axis gets all the weight; the blend jumps only there.
 fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
     let a = abs(octahedral_unit(n));
     var axes = vec2<u32>(0u, 1u);
@@ -30,8 +30,8 @@ fn biplanar_projections(n: vec3<f32>, sharpness: f32) -> Biplanar {
         return Biplanar(axes, vec2<f32>(1.0, 0.0));
     }
     let k = 0.125 * usable_positive_1(sharpness, BIPLANAR_MAX_SHARPNESS);
-    // The values are divided by the larger one, whose term is then 1. Zero stays zero at any power, so the weight of an axis falls to 0 before the
-    // axis is dropped.
+    // The values are divided by the larger one, whose term is then 1. A value of 0 has weight 0 for any exponent, even
+    // for 0, so the weight of an axis falls to 0 before the axis is dropped.
     let r = above / top;
     let w = select(vec2<f32>(0.0), exp2(k * log2(max(r, vec2<f32>(1e-30)))), r > vec2<f32>(1e-30));
     return Biplanar(axes, w / (w.x + w.y));

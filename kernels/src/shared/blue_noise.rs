@@ -30,8 +30,8 @@ const REACH: usize = 8;
 /// Energy that a point adds at its own position. If every position has a point, the energy at a position is at most 27 times this value, which fits
 /// 32 bits.
 const UNIT: f64 = 16_777_216.0;
-/// In the initial pattern, one in this many positions has a point. In Ulichney's initial pattern, about a tenth of the positions have points; fewer
-/// than half must have points.
+/// In the initial pattern, one in `FIRST_PART` positions has a point. The method requires that fewer than half of the positions have points; Ulichney
+/// uses about a tenth.
 const FIRST_PART: usize = 10;
 const SEED: u32 = 0x0b1e;
 
@@ -68,7 +68,7 @@ fn void_and_cluster(slices: usize, seed: u32) -> Vec<u32> {
     for &(_, i) in &start[..first] {
         torus.turn(i);
     }
-    // Moves points from clusters to voids while that lowers the energy. The loop ends, because the energy cannot fall for ever.
+    // Moves points from clusters to voids as long as this lowers the energy. The loop ends, because the energy cannot fall for ever.
     loop {
         let cluster = torus.tightest_cluster();
         torus.turn(cluster);
@@ -109,8 +109,8 @@ struct Torus {
     set: Vec<u32>,
     /// For each row: the least energy of its free positions, and the bitwise complement of the largest energy of its points.
     rows: [Vec<u32>; 2],
-    /// Spatial energy by distance in rows, then by distance in columns modulo 64. The columns are stored twice, so that 64 consecutive ones may begin
-    /// at any column.
+    /// Spatial energy by distance in rows, then by distance in columns modulo 64. The columns are stored twice, so that a range of 64 columns may
+    /// begin at any column.
     space: [[u32; 2 * SIDE]; REACH + 1],
     /// Temporal energy by distance in slices, modulo the number of slices. It is 0 for the point's own slice, which `space` covers.
     time: Vec<u32>,

@@ -1,4 +1,4 @@
-//! Culling tests: whether a part of the terrain lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away completely.
+//! Culling tests: whether a part of the terrain lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away from the eye.
 //!
 //! Source: Moore, *Terrain Rendering in Far Cry 5*, GDC 2018, "GPU Culling", "Occlusion Buffer Culling", "Back Face Culling"; Haar and Aaltonen,
 //! *GPU-Driven Rendering Pipelines*, SIGGRAPH 2015.
@@ -31,7 +31,7 @@ pub(crate) const MOST: f64 = 1e15;
 /// Vectors of at most this size are treated as having no direction, because their squares have little precision in f32. The size of a cone's axis is
 /// its largest component; the size of the vector to a patch is its length, metres.
 pub(crate) const LEAST: f64 = 1e-15;
-/// Bound on the error of a sum of three products that arises if denormal factors are flushed to zero. The other factors are at most [`MOST`].
+/// Bound on the error of a sum of three products if denormal factors are flushed to zero. The other factor of each product is at most [`MOST`].
 pub(crate) const FLUSHED: f64 = 1e-22;
 
 /// Whether a box lies completely outside a plane. `plane` is (n, w); a point p is outside if n . p + w < 0. False if a number is NaN, infinite or
@@ -47,10 +47,10 @@ pub fn beyond<T: Real>(plane: [T; 4], low: [T; 3], high: [T; 3]) -> bool {
     known && distance < -(T::of(SLACK) * size + T::of(FLUSHED))
 }
 
-/// Whether a patch faces away completely. The patch lies within `radius` m of a point, and `to_patch` goes from the eye to that point, m. Its normals
-/// lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half angle, 0..=1, where 1 means any direction.
-/// The angles of cone and sphere add up: with half angle a and a sphere of angular radius s, sin s = radius / distance, all normals face away if
-/// axis . direction > sin(a + s).
+/// Whether all of a patch faces away from the eye. The patch lies within `radius` m of a point, and `to_patch` goes from the eye to that point, m.
+/// Its normals lie in a cone around `axis`, which may have any length; `sin_half_angle` is the sine of the cone's half angle, 0..=1, where 1 means
+/// any direction. The half angle a of the cone and the angular radius s of the sphere add up, where sin s = radius / distance: all normals face away
+/// if axis . direction > sin(a + s), with both vectors normalised.
 pub fn faces_away<T: Real>(axis: [T; 3], sin_half_angle: T, to_patch: [T; 3], radius: T) -> bool {
     let known = [axis, to_patch].iter().all(|v| v.iter().all(|x| x.abs() <= T::of(MOST))) && radius >= T::zero() && radius <= T::of(MOST);
     let has_axis = axis.iter().any(|x| x.abs() > T::of(LEAST));

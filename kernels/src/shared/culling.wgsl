@@ -1,5 +1,5 @@
-// Culling tests: whether a part of the terrain lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away completely. The tests
-// are conservative: nothing visible is ever culled. culling.rs derives the margins CULLING_..., which the host passes to this file.
+// Culling tests: whether a part of the terrain lies outside a plane of the frustum, is hidden by nearer surfaces, or faces away from the eye. The
+// tests are conservative: nothing visible is ever culled. culling.rs derives the margins CULLING_..., which the host passes to this file.
 
 // Whether a box lies completely outside a plane. `plane` is (n, w); a point p is outside if n . p + w < 0. False if a number is NaN, infinite or
 // beyond 1e15.
@@ -11,8 +11,8 @@ fn culling_beyond(plane: vec4<f32>, low: vec3<f32>, high: vec3<f32>) -> bool {
     return known && terms.x + terms.y + terms.z + plane.w < -(CULLING_SLACK * size + CULLING_FLUSHED);
 }
 
-// Whether a patch faces away completely. The patch lies within `radius` of a point, and `to_patch` goes from the eye to that point. The normals of
-// the patch lie in a cone around `axis`; `sin_half_angle` is the sine of the cone's half angle.
+// Whether all of a patch faces away from the eye. The patch lies within `radius` of a point, and `to_patch` goes from the eye to that point. The
+// normals of the patch lie in a cone around `axis`; `sin_half_angle` is the sine of the cone's half angle.
 fn culling_faces_away(axis: vec3<f32>, sin_half_angle: f32, to_patch: vec3<f32>, radius: f32) -> bool {
     let known = usable_within_3(axis, CULLING_MOST) && usable_within_3(to_patch, CULLING_MOST)
         && usable_within_3(vec3<f32>(radius, sin_half_angle, 0.0), CULLING_MOST) && radius >= 0.0 && sin_half_angle >= 0.0
@@ -42,7 +42,7 @@ struct CullingCover {
     depth: f32,
 }
 
-// The sum of a row's terms at a place, and a bound on its error.
+// The dot product of a matrix row and (place, 1), and a bound on the rounding error of this sum.
 fn culling_summed(row: vec4<f32>, place: vec3<f32>) -> vec2<f32> {
     let terms = row.xyz * place;
     let size = abs(terms.x) + abs(terms.y) + abs(terms.z) + abs(row.w);

@@ -12,7 +12,8 @@ use super::real::Real;
 use crate::base::wgsl::Constant;
 use crate::variant::Flavour;
 
-/// Weights up to this one count as zero: a flavour with such a weight changes an 8-bit channel by at most half a step, which is not worth its cost.
+/// A weight of at most this value counts as zero: a flavour with such a weight changes an 8-bit channel by at most half a step, which is not worth
+/// its cost.
 pub const MIN_WEIGHT: f64 = 1.0 / 512.0;
 /// Smallest weight, before normalisation, of each flavour of a forced variant. A variant is forced if a user selects it for every tile.
 pub const FORCED_WEIGHT: f64 = 1e-3;

@@ -26,8 +26,8 @@ struct FlavourParams {
     padding: vec2<u32>,
 }
 
-// FLAVOUR_MIN_WEIGHT: weights up to this one count as zero. FLAVOUR_FORCED_WEIGHT: the smallest weight, before normalisation, of each flavour of a
-// forced variant. flavour_weights.rs gives the reasons for both.
+// FLAVOUR_MIN_WEIGHT: a weight of at most this value counts as zero. FLAVOUR_FORCED_WEIGHT: the smallest weight, before normalisation, of each
+// flavour of a forced variant. flavour_weights.rs explains both values.
 
 // Whether a mask has a flavour's bit.
 fn flavour_is_in(mask: u32, bit: u32) -> bool {

@@ -112,8 +112,8 @@ pub fn same_surface<T: Real>(found: T, expected: T, tolerance: T) -> bool {
     found > T::zero() && expected > T::zero() && (found - expected).abs() <= tolerance * expected
 }
 
-/// Whether a pixel belongs to a quarter of the picture; `quarter` is 0 to 3. In WGSL, `motion_of_quarter` returns the pixel of a quarter among four
-/// neighbouring pixels of a row.
+/// Whether a pixel belongs to a quarter of the pixels; `quarter` is 0 to 3. A quarter has every fourth pixel of a row, shifted by two pixels in the
+/// next row. In WGSL, `motion_of_quarter` returns which of four neighbouring pixels of a row belongs to a quarter.
 pub fn in_quarter(pixel: [u32; 2], quarter: u32) -> bool {
     pixel[0] % 4 == (quarter + 2 * pixel[1]) % 4
 }

@@ -293,7 +293,7 @@ pub fn rank_index(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt:
 }
 
 /// Converts four ranks of a mask to thresholds of 24 bits: (rank + jitter) / number of ranks. In WGSL: `noise_mask`. The jitter is a hash in [0, 1).
-/// It changes with the frame only if the ranks do.
+/// It changes with the frame only if the ranks change with the frame.
 pub fn mask<T: Real>(kind: NoiseKind, pixel: [u32; 2], frame: u32, seed: u32, salt: u32, ranks: [u32; 4]) -> [T; 4] {
     let frame = if kind.is_per_frame() { frame } else { 0 };
     let jitter = hash::pcg4d([pixel[0], pixel[1], frame, hash::mix(seed, salt, 1)]);
@@ -351,8 +351,8 @@ fn cell_units<T: Real>(point: &HashedPoint<T>, k: [i32; 3], seed: u32, salt: u32
 const LEAST_M: f64 = 7.888_609_052_210_118e-31;
 
 /// The cell that holds a point, modulo 2^32; cells are 2^-`k` m wide along each axis. Hashed alpha and the white noise of fixed cells hash the
-/// coordinates of this cell. Both use only `k` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]. With a smaller `k`, a cell could be wider than a sector, and the
-/// sector would be lost; with a larger `k`, the number of a cell could exceed i32.
+/// coordinates of this cell. Both use only `k` in [`LEVEL_MIN`]`..=`[`LEVEL_MAX`]. With a smaller `k`, a cell could be wider than a sector, and a
+/// sector would not have a whole number of cells; with a larger `k`, the number of a cell could exceed i32.
 pub fn cell<T: Real>(point: &HashedPoint<T>, k: [i32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|axis: usize| {
         let per_metre = T::of(f64::from(k[axis]).exp2());

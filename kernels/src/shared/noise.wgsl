@@ -99,15 +99,15 @@ fn noise_hashed_anisotropic(sector: vec2<i32>, position: vec3<f32>, sector_m: f3
     let k = vec3<i32>(lower);
     let coarse = noise_cell_units(sector, position, sector_m, k, seed, salt);
     let fine = noise_cell_units(sector, position, sector_m, k + vec3<i32>(1), seed, salt);
-    // Distances of the scales to the corner of the coarse scales, (0, 0, 0), and to the corner of the fine scales, (1, 1, 1). They are never both
-    // zero.
+    // `part` is a point of the unit cube. The coarse scales are the corner (0, 0, 0), the fine scales the corner (1, 1, 1). The weight of the fine
+    // scales follows from the distances to these two corners, which are never both zero.
     let part = level - lower;
     let to_coarse = length(part);
     let to_fine = length(vec3<f32>(1.0) - part);
     return noise_blend(coarse, fine, to_coarse / (to_coarse + to_fine));
 }
 
-// White noise per pixel and frame: the screen-space noise that hashed alpha is compared with.
+// White noise per pixel and frame: the screen-space noise with which hashed alpha is compared.
 fn noise_white_screen(pixel: vec2<u32>, frame: u32, seed: u32, salt: u32) -> vec4<f32> {
     let h = hash_pcg4d(vec4<u32>(pixel, frame, hash_mix(seed, salt, 0u)));
     return vec4<f32>(hash_to_unit(h.x), hash_to_unit(h.y), hash_to_unit(h.z), hash_to_unit(h.w));
@@ -164,7 +164,7 @@ fn noise_rank_index(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u3
 }
 
 // Converts four ranks of a mask to thresholds: (rank + jitter) / number of ranks. A threshold has 12 bits of the rank, then 12 bits of the jitter,
-// which is a hash. The jitter changes with the frame only if the ranks do.
+// which is a hash. The jitter changes with the frame only if the ranks change with it.
 fn noise_mask(kind: u32, pixel: vec2<u32>, frame: u32, seed: u32, salt: u32, ranks: vec4<u32>) -> vec4<f32> {
     let fresh = select(0u, frame, kind == NOISE_SPATIO_TEMPORAL_BLUE);
     let jitter = hash_pcg4d(vec4<u32>(pixel, fresh, hash_mix(seed, salt, 1u)));

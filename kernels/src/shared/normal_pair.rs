@@ -80,7 +80,7 @@ fn nearest<T: Real>(n: [T; 3], ray: [T; 3], half: i32) -> [i32; 2] {
             continue;
         }
         let decoded = direction(p, half);
-        // If the decoded plane were seen from the other side, the derivatives would be reversed.
+        // Skips points whose decoded plane would be seen from the other side, because the derivatives would be reversed.
         if along != T::zero() && dot(decoded, ray) * along <= T::zero() {
             continue;
         }
@@ -143,8 +143,8 @@ mod tests {
         Draw { row: test, column: 0, table: 8 }
     }
 
-    /// A typical code of a shading normal on terrain. The angle between the shading normal and the plane's normal has a lognormal distribution with
-    /// median 2 degrees and sigma 1.1.
+    /// Draws a random code of a shading normal, as is typical of terrain. The angle between the shading normal and the plane's normal has a lognormal
+    /// distribution with median 2 degrees and sigma 1.1.
     fn shading(draw: &mut Draw, n: [f64; 3]) -> [u32; 2] {
         let [radius, turn] = [draw.between(1e-9, 1.0), draw.between(0.0, std::f64::consts::TAU)];
         let normal = (-2.0 * radius.ln()).sqrt() * turn.cos();

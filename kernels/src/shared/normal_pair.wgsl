@@ -1,7 +1,7 @@
 // Two normals in 32 bits: the normal of a triangle's plane without its sign, and the 8 + 8 bit code of the shading normal, which is predicted from
 // that plane. normal_pair.rs explains the encoding.
-// fine  (bit 31 = 0): 30..10 plane, of 1016 steps | 9..5, 4..0 low bits of the code
-// plain (bit 31 = 1): 30..16 plane, of 127 steps  | 15..8, 7..0 the code
+// fine  (bit 31 = 0): bits 30..10 = plane, lattice of 1016 steps | bits 9..5 and 4..0 = low bits of the two numbers of the code
+// plain (bit 31 = 1): bits 30..16 = plane, lattice of 127 steps  | bits 15..8 and 7..0 = the two numbers of the code
 // Octahedron: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
 
 // Steps of the plane's lattice from the middle to the rim. The fine lattice has 8 times as many steps as a code of the shading normal; the plain
@@ -50,7 +50,7 @@ fn normal_pair_nearest(n: vec3<f32>, ray: vec3<f32>, half: i32) -> vec2<i32> {
             continue;
         }
         let decoded = normal_pair_direction(p, half);
-        // If the decoded plane were seen from the other side, the derivatives would be reversed.
+        // Skips points whose decoded plane would be seen from the other side, because the derivatives would be reversed.
         if along != 0.0 && dot(decoded, ray) * along <= 0.0 {
             continue;
         }

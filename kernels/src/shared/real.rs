@@ -1,5 +1,5 @@
-//! Arithmetic on small vectors of f32 or f64, so that one generic reference runs in both types. Its results in f64 count as exact. The error of its
-//! results in f32 is the yardstick for the error of the shader.
+//! Arithmetic on small vectors of f32 or f64, so that one generic reference works with both types. Its results in f64 count as exact. The error of
+//! its results in f32 is the yardstick for the error of the shader.
 
 use num_traits::Float;
 

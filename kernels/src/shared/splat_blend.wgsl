@@ -43,7 +43,7 @@ fn splat_blend_weights(fraction: vec2<f32>, heights: vec4<f32>, sharpness: f32) 
         best_weight = w.w;
         best_height = h.w;
     }
-    // The limit matters only for texels that are not used: it keeps infinity out of the select.
+    // Only unused texels can reach this limit. It keeps the unused operand of the following select finite.
     let exponent = min(k * (h - vec4<f32>(best_height)), vec4<f32>(120.0));
     let bent = select(vec4<f32>(0.0), (w / best_weight) * exp2(exponent), used);
     return bent / (bent.x + bent.y + bent.z + bent.w);

@@ -1,10 +1,11 @@
-//! Temporal resolve: combines frames over time, as games do to hide noise. Off by default, because it hides what is measured.
+//! Temporal resolve: combines frames over time, as games do to hide noise. It is off by default, because it hides the noise that Scree measures.
 //!
 //! *Exponential*: the history is the result of the previous frame. For each pixel, the history is sampled bilinearly at the position that the surface
 //! point had one frame before. The sampled colour is clamped to the 3 x 3 colour box of the current frame. The result is nine tenths of the clamped
 //! colour and one tenth of the current colour (Karis, *High Quality Temporal Supersampling*, SIGGRAPH 2014).
-//! *FlipQuad*: a pixel has four samples on its edges, which neighbouring pixels share. Each frame provides two of the four; the other two come from
-//! the previous frame (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of Far Cry 4*, GDC 2015).
+//! *FlipQuad*: a pixel has four samples, one on each edge, and shares each with the neighbour at this edge. The current frame provides two of the
+//! samples, the previous frame the other two (Akenine-Moller, *An Extremely Inexpensive Multisampling Scheme*, 2003; McAuley, *Rendering the World of
+//! Far Cry 4*, GDC 2015).
 //! A pixel shades one sample per frame. Its derivatives are steps of a whole pixel on the triangle's plane, not differences between samples. So the
 //! derivatives of both frames match; Far Cry 4 had to reorder the samples to achieve this.
 //!
@@ -127,7 +128,7 @@ impl SamplePattern {
         }
     }
 
-    /// Returns the step from a pixel to the neighbour whose sample lies on the opposite edge of the pixel.
+    /// Returns the step from a pixel to the neighbour whose own sample is the pixel's second sample: it lies on the edge opposite to the first.
     const fn neighbour(self) -> [u32; 2] {
         match self {
             SamplePattern::Centre => [0, 0],
@@ -185,7 +186,7 @@ static WGSL: Wgsl = Wgsl::new("temporal/temporal.wgsl", include_str!("temporal.w
 /// The stage's shader module.
 pub static MODULE: ShaderModule = ShaderModule::new("temporal", &[&WGSL]);
 
-/// The pass.
+/// The resolve pass.
 pub struct Temporal {
     pipeline: wgpu::ComputePipeline,
     frame_layout: wgpu::BindGroupLayout,

@@ -31,7 +31,7 @@ fn temporal_index(pixel: vec2<u32>) -> u32 {
     return pixel.y * temporal.size.x + pixel.x;
 }
 
-// Returns the mean of two samples of one frame: a pixel's own sample, and the neighbour's sample that lies on the opposite edge of the pixel.
+// Returns the mean of two samples of one frame on opposite edges of a pixel: the pixel's own sample and the sample of the neighbour at `step`.
 fn temporal_pair(slot: u32, pixel: vec2<u32>, step: vec2<u32>) -> vec3<f32> {
     let own = signal_colour(signal[slot + temporal_index(pixel)]);
     let across = pixel + step;
@@ -42,7 +42,7 @@ fn temporal_pair(slot: u32, pixel: vec2<u32>, step: vec2<u32>) -> vec3<f32> {
     return select(own, 0.5 * (own + signal_colour(other)), signal_is_terrain(other));
 }
 
-// Returns the bilinearly filtered history at a position, from terrain pixels only; w = 0 if no such pixel has a history.
+// Returns the bilinearly filtered history at a position. Only terrain pixels that have a history contribute; w = 0 if there is none.
 fn temporal_history(position: vec2<f32>) -> vec4<f32> {
     let corner = floor(position);
     let f = position - corner;

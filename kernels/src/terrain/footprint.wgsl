@@ -1,4 +1,4 @@
-// Position of a pixel on the terrain and its footprint there, from the output of the geometry pass.
+// The position on the terrain that a pixel sees, and the pixel's footprint there, computed from the output of the geometry pass.
 
 // Returns the position of the frame's sample in a pixel, relative to the centre, in pixels. With FlipQuad, the samples of one frame lie on
 // the left edges of the pixels, and those of the next frame on the top edges. The samples lie a sixth of a pixel from the middle of the

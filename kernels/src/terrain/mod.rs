@@ -171,8 +171,8 @@ impl Terrain {
         Terrain { group: resources.bound(gpu, &layout, streaming), layout, resources }
     }
 
-    /// Uses `palette` from the next frame on. `fresh`: the layers to upload, if the number and size of layers stay the same
-    /// ([`Palette::fresh_layers`]); `None` = all arrays are allocated and uploaded again.
+    /// Replaces the palette from the next frame on. `fresh`: indices of the layers to upload ([`Palette::fresh_layers`]); `None` = the number or
+    /// the size of the layers has changed, so all arrays are allocated and uploaded again.
     pub fn replace_palette(&mut self, gpu: &Gpu, streaming: &Streaming, palette: &Palette, fresh: Option<&[usize]>) {
         gpu.queue.write_buffer(&self.resources.entries, 0, cast_slice(&table(palette)));
         let Some(fresh) = fresh else {
@@ -188,8 +188,8 @@ impl Terrain {
         }
     }
 
-    /// Writes the sector data, which hold the nodes that shaders may read. `nodes` are only the nodes of this frame and not all resident
-    /// nodes, because a picture must not depend on what was viewed before.
+    /// Writes the sector data, through which shaders find nodes. `nodes` are the nodes of this frame, each with its atlas slot. Other resident nodes
+    /// are left out, because a picture must not depend on what was viewed before.
     pub fn update(&self, gpu: &Gpu, nodes: impl Iterator<Item = (NodeId, u32)>) {
         gpu.queue.write_buffer(&self.resources.sector_data, 0, cast_slice(&quadtree::sector_data(nodes)));
     }

@@ -1,5 +1,5 @@
-// Terrain data for any world position. The sector data lead to the node and its layer in the atlases; the splat texels lead to the materials and
-// their detail textures. Shading calls `count_fetch` beside every texture sample.
+// Terrain data for any world position. The sector data give the node and its layer in the atlases; the splat texels give the materials and their
+// detail textures. Shading calls `count_fetch` beside every texture sample.
 
 override COUNT_FETCHES: bool = false;
 // Whether detail textures are filtered anisotropically, with gradients. If not, the three textures of a tap are sampled at one common LOD.
@@ -169,7 +169,7 @@ struct Projection {
 
 fn terrain_projection(plane: u32, footprint: Footprint) -> Projection {
     let place = footprint.place;
-    // Elevation is split into whole multiples of a sector's edge and a rest, like the horizontal axes, so that texture coordinates are as
+    // Elevation is split into whole multiples of a sector's edge and a remainder, like the horizontal axes, so that texture coordinates are as
     // accurate on a wall of a high mountain as at sea level.
     let storey = floor(place.position.z / frame.sector_m);
     let folded = vec3<f32>(place.position.xy, place.position.z - storey * frame.sector_m);
@@ -285,7 +285,7 @@ fn terrain_surface(entry: PaletteEntry, projection: Projection, rate: vec2<f32>,
 }
 
 // Returns the surface of one material in one projection at the tiling scale 2^scale: three fetches from detail textures, or nine with hex tiling.
-// Texture coordinates are a linear function of the position, so their derivatives follow from the derivatives of the position (ruling 7 in
+// Texture coordinates are a linear function of the position, so their derivatives are computed from the derivatives of the position (ruling 7 in
 // ARCHITECTURE.md).
 fn terrain_material(id: u32, projection: Projection, scale: u32) -> Surface {
     let entry = palette[id];

@@ -16,9 +16,9 @@ pub const NEAR_M: f64 = 0.1;
 pub struct Pose {
     /// World metres, z = elevation.
     pub position: DVec3,
-    /// Compass bearing, radians: 0 = north (+y), pi/2 = east (+x).
+    /// Compass bearing of the view direction, radians: 0 = north (+y), pi/2 = east (+x).
     pub yaw: f64,
-    /// Radians above the horizon.
+    /// Elevation angle of the view direction above the horizon, radians.
     pub pitch: f64,
     /// Vertical field of view, radians.
     pub fov: f64,

@@ -1,7 +1,7 @@
 //! Virtual texture: pages of the blended splat map, seen from above, rendered once and sampled with 4 fetches.
 //!
-//! Reads depth, normals and mask, to find the visible pages, and the splat map, from which the pages are rendered. Writes the page table (R32Uint): a
-//! torus of 64 x 64 cells around the camera for each level. A cell holds the physical layer + 1 in 11 bits and, as a tag, the part of the page's
+//! Reads depth, normals and mask to find the visible pages, and renders the pages from the splat map. Writes the page table (R32Uint): for each
+//! level, a torus of 64 x 64 cells around the camera. A cell holds the physical layer + 1 in 11 bits and, as a tag, the part of the page's
 //! address that does not follow from the cell. Also writes the physical pages, which are layers of three array textures: albedo (sRGB), smoothness +
 //! specular occlusion, and normal. A page has 256 x 256 texels, a border of 4 texels on each side, and a second mip level.
 //! Source: Moore, GDC 2018, "Virtual Texturing", "Virtual Texture Page Rendering"; ruling 10 in `ARCHITECTURE.md`.
@@ -108,7 +108,7 @@ impl PageId {
         ((self.level * WINDOW + self.y % WINDOW) * WINDOW + self.x % WINDOW) as usize
     }
 
-    /// Tag of the page, which its cell holds in addition to the physical layer.
+    /// Tag of the page. The cell of the page holds the tag in addition to the physical layer.
     fn tag(self) -> u32 {
         let wrap = TAG_MASK;
         ((self.y / WINDOW) & wrap) << (LAYER_BITS + TAG_BITS) | ((self.x / WINDOW) & wrap) << LAYER_BITS
@@ -216,7 +216,7 @@ pub fn anisotropy(scene: u16) -> u16 {
     scene.clamp(1, 4)
 }
 
-/// Returns the reason why the passes and textures are, or are not, required.
+/// Returns the text that `explain` gives as the reason why the passes and textures are, or are not, required.
 const fn reason(required: bool) -> &'static str {
     if required { "virtual texture" } else { "no virtual texture" }
 }
@@ -390,14 +390,14 @@ impl Stage for VirtualTexture {
 }
 
 impl VirtualTexture {
-    /// Empties the cache. Call this after a change of anything from which pages are rendered.
+    /// Empties the cache. Call this after any input of page rendering has changed.
     pub fn forget(&mut self) {
         self.free.extend(self.cache.drain().map(|(_, physical)| physical.layer));
         // Restores the initial order: layers are taken from the end, the lowest first.
         self.free.sort_unstable_by_key(|&layer| std::cmp::Reverse(layer));
     }
 
-    /// Resets the counts, for a frame that samples no pages.
+    /// Begins a frame that samples no pages: resets the counts and returns them.
     pub fn rest(&mut self) -> PageCounts {
         // The frame number is increased, so that pages that the previous frame used do not count as used by this frame.
         self.frame += 1;
@@ -431,7 +431,7 @@ impl VirtualTexture {
         }
     }
 
-    /// Records the pass that marks the pages this frame's pixels would sample.
+    /// Records the pass that marks the pages that the pixels of this frame would sample.
     pub fn encode_requests(&self, rec: &mut Recording<'_>, targets: &geometry::Targets) {
         let Some(passes) = &self.passes else { return };
         rec.encoder.clear_buffer(&self.requests, 0, None);

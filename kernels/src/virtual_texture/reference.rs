@@ -1,16 +1,16 @@
 //! The virtual texture in f64: the reference for its pages, its addresses and its filtering.
 //!
-//! A page of level l holds the splat blend as seen from above. The texel centres are 2^l / 256 m apart; mip 1 has half that density. Texels of
-//! neighbouring pages form one grid that begins at the south-west corner of the world, so the reference needs no pages: it evaluates the blend at the
-//! texels around a position, and filters them.
+//! A page of level l holds the splat blend as seen from above. The texel centres of mip 0 are 2^l / 256 m apart; those of mip 1 are twice as far
+//! apart. Texels of neighbouring pages form one grid that begins at the south-west corner of the world, so the reference needs no pages: it evaluates
+//! the blend at the texels around a position, and filters them.
 
 use glam::{DVec2, DVec3};
 
 use super::{LEVELS, TEXELS_PER_M};
 use crate::terrain::reference::{Ground, Projection, Surface};
 
-/// Size of a footprint in texels of level 0: the shorter of the two steps from pixel to pixel or, if it is larger, the longer step divided by
-/// `anisotropy`, with which pages are filtered. `steps`: metres.
+/// Size of a footprint in texels of level 0: the length of the shorter of the two `steps`, or the length of the longer step divided by `anisotropy`,
+/// whichever is larger. `steps` lead to the two neighbouring pixels, metres; `anisotropy` is the largest anisotropy of page filtering.
 pub fn texels(steps: [DVec3; 2], mip_bias: f64, anisotropy: f64) -> f64 {
     let [a, b] = steps.map(|step| step.truncate().length());
     a.min(b).max(a.max(b) / anisotropy) * TEXELS_PER_M * mip_bias.exp2()

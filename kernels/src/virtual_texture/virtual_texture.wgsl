@@ -3,7 +3,7 @@
 // The page table of each level is a torus of VIRTUAL_WINDOW x VIRTUAL_WINDOW cells around the camera.
 
 struct VirtualAddress {
-    page: vec2<i32>,            // page of that level, from the world's south-west corner
+    page: vec2<i32>,            // column and row of the page at its level, from the world's south-west corner
     uv: vec2<f32>,              // position inside the page without its border, 0..1
 }
 

@@ -165,8 +165,8 @@ fn wave(t: f64) -> (f64, f64) {
 }
 
 /// Gullies: parallel grooves that run down a given slope and branch where the direction of the slope changes. Each jittered cell has a wave whose
-/// crests run down the slope, and the waves of neighbouring cells are blended. The method follows the "phacelle" noise of Johansen's eroded terrain,
-/// 2023, and the earlier noise of Clay John.
+/// crests run down the slope, and the waves of neighbouring cells are blended. The method follows the "phacelle" noise of Johansen's eroded terrain
+/// (2023) and an earlier noise by Clay John.
 #[derive(Clone, Copy, Debug)]
 struct Gullies {
     octave: Octave,
@@ -214,14 +214,14 @@ fn smoothstep(from: f64, to: f64, v: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A staircase of period 1 and mean slope 1. Its treads have the slope `tread`. Its riser takes the share `riser` in the middle of each
-/// period. Returns the offset from the ramp, staircase(t) - t.
+/// A staircase of period 1 and mean slope 1. Its treads have the slope `tread`. In the middle of each period, there is a riser, whose width is the
+/// share `riser` of the period. Returns the difference between the staircase and a plain ramp, staircase(t) - t.
 fn stairs(t: f64, riser: f64, tread: f64) -> f64 {
     let s = t - t.floor();
     let edge = 0.5 * (1.0 - riser);
     let rise = 1.0 - tread;
     let step = ((s - edge) / riser).clamp(0.0, 1.0);
-    // The riser has a sharp upper edge and a concave foot: its ramp is eased at the foot only.
+    // The slope of the riser grows gradually at its foot and ends abruptly at its upper edge.
     tread * s + rise * (step * (0.55 + step * (0.9 - 0.45 * step))) - s
 }
 
@@ -268,7 +268,7 @@ impl Strata {
     }
 }
 
-/// Number of octaves of fine relief that are included where slope and curvature are measured.
+/// Number of octaves of fine relief in the elevation from which slope and curvature are measured.
 const BROAD_OCTAVES: usize = 1;
 
 /// The generator of the procedural world.
@@ -317,7 +317,7 @@ impl Generator {
         saturate(self.broad(x, y).height)
     }
 
-    /// Returns [`Generator::height_m`] and [`Generator::broad_height_m`]. Computing both takes no longer than computing the first.
+    /// Returns [`Generator::height_m`] and [`Generator::broad_height_m`]. This takes no longer than a call of [`Generator::height_m`] alone.
     pub fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
         let broad = self.broad(x, y);
         let mut height = broad.height;
@@ -354,7 +354,7 @@ impl Generator {
         let room = lift.v / (lift.v + 0.12);
         let mut weight = lift.map(room, 0.12 / ((lift.v + 0.12) * (lift.v + 0.12)));
         let mut amplitude = 860.0;
-        // Gullies end below a crest. They run down both sides of it, and would cut it into teeth if they crossed it.
+        // Gullies run down both sides of a crest and end below it. If they crossed the crest, they would cut it into teeth.
         let mut below_crest = 1.0;
         for (octave, k) in self.massifs.iter().zip(0..) {
             let n = warped(octave.noise(px, py));

@@ -162,8 +162,8 @@ pub struct World {
     rules: Rules,
     material_count: usize,
     max_slope_deg: OnceLock<f64>,
-    /// The largest slope, in degrees, that is known to occur, stored as the bits of an `f64`: the bits of non-negative numbers have the
-    /// same order as the numbers.
+    /// The largest angle for which [`World::is_as_steep_as`] has returned true, degrees, stored as the bits of an `f64`. The bits of non-negative
+    /// numbers have the same order as the numbers, so an atomic maximum of the bits is the maximum of the angles.
     reached_deg: AtomicU64,
 }
 
@@ -277,7 +277,7 @@ impl World {
         height.clamp(self.height_range_m.0, self.height_range_m.1)
     }
 
-    /// Returns [`World::height_m`] and `broad_height_m`. Computing both takes no longer than computing the first.
+    /// Returns [`World::height_m`] and `broad_height_m`. This takes no longer than a call of [`World::height_m`] alone.
     fn heights_m(&self, x: f64, y: f64) -> [f64; 2] {
         match &self.source {
             Source::Generated(generator) => {
@@ -346,8 +346,8 @@ impl World {
         (0..2).all(|k| low[k] < self.half_extent_m[k] && low[k] + edge > -self.half_extent_m[k])
     }
 
-    /// Whether there is no ground at a position: it is in one of the scene's holes (the rim of a hole belongs to the ground), or outside
-    /// the data.
+    /// Whether there is no ground at a position, because the position is inside one of the scene's holes or outside the data. The rim of a hole
+    /// belongs to the ground.
     pub fn is_hole(&self, x: f64, y: f64) -> bool {
         let outside = x.abs() > self.half_extent_m[0] || y.abs() > self.half_extent_m[1];
         outside
@@ -466,7 +466,7 @@ impl World {
 
     /// The steepest slope, degrees. For a heightmap without added relief, it is the exact maximum over all triangles of neighbouring samples.
     /// Otherwise, slopes are measured at the points of a coarse grid, each over one vertex spacing of the finest LOD. The result is the maximum of
-    /// these slopes and, if there is a heightmap, of the slopes of the heightmap. It is computed once and kept.
+    /// these slopes and, if there is a heightmap, of the slopes of the heightmap. It is computed once and then cached.
     pub fn max_slope_deg(&self) -> f64 {
         *self.max_slope_deg.get_or_init(|| {
             let of_data = match &self.source {

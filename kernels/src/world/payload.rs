@@ -30,7 +30,8 @@ const GRID_SIDE: usize = TEXTURE_SIDE + 1;
 /// Splat texels along the edge of the working grid: -1..=65, so that border texels of the albedo also lie between four splat texels.
 const SPLAT_GRID_SIDE: usize = SPLAT_SIDE + 2;
 
-/// Mean values of each material of the palette, one entry per material. The baked albedo and the packed channels are made from them.
+/// Mean values of each material of the palette, one entry per material. The baked albedo, smoothness and specular occlusion of nodes are computed
+/// from these values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PaletteMeans {
     /// Mean albedo, linear RGB, tint included, 0..=1.
@@ -49,9 +50,9 @@ pub struct PaletteMeans {
 pub struct NodePayload {
     /// The node to which the data belong.
     pub id: NodeId,
-    /// Minimum of `height`.
+    /// Smallest value of `height`.
     pub min_height: u16,
-    /// Maximum of `height`.
+    /// Largest value of `height`.
     pub max_height: u16,
     /// R16_UNORM 129 x 129: elevation, relative to [`World::height_range_m`].
     pub height: Vec<u16>,
@@ -75,7 +76,8 @@ impl NodePayload {
     }
 }
 
-/// The ground of a node without its materials: the input of the splat rules. It stays valid when the rules change. It takes about 250 KB of memory.
+/// The shape of the ground of a node (heights, slope and curvature), without materials: the input of the splat rules. It stays valid when the rules
+/// change. It takes about 250 KB of memory.
 pub struct Ground {
     id: NodeId,
     grid: Grid,
@@ -213,7 +215,7 @@ impl Grid {
 /// vertex away from these lines are moved only half of the way to the mean. This rule is symmetric on both sides of an edge, so neighbouring nodes
 /// compute the same heights in their borders.
 fn filtered(height: impl Fn(usize, usize) -> f64, i: usize, j: usize) -> f64 {
-    // Distance to the nearest of these lines in vertices, at most 2, divided by 2.
+    // Share of the way to the mean: 0 on a line through an edge of the node, 1/2 one vertex away from it, and 1 farther away.
     let share = |i: usize| (i.abs_diff(BORDER).min(i.abs_diff(GRID_SIDE - 1 - BORDER)).min(2)) as f64 / 2.0;
     let along_x = |j: usize| 0.25 * (height(i - 1, j) + height(i + 1, j)) + 0.5 * height(i, j);
     let mean = 0.25 * (along_x(j - 1) + along_x(j + 1)) + 0.5 * along_x(j);

@@ -1,7 +1,7 @@
 //! Splat rules decide which material lies where, by height, slope, curvature and noise. Brush strokes change their result.
 //!
 //! The weight of a rule is the product of its constant factor, its masks (see [`crate::scene::Rule`]) and the masks that were painted for its
-//! material. The rule with the largest weight wins, except where a material itself was painted (see [`crate::scene::Stroke`]).
+//! material. The material of the rule with the largest weight is used, except where a material itself was painted (see [`crate::scene::Stroke`]).
 
 use crate::scene::{Rule, Scene, Stroke, StrokeKind, World};
 use crate::shared::hash;
@@ -67,7 +67,7 @@ impl Rules {
         self.strokes.iter().rev().filter(move |p| p.stroke.kind == kind && p.may_reach(x, y))
     }
 
-    /// Returns the painted factor on the weights of a material's rules.
+    /// Returns the factor by which painted masks multiply the weights of a material's rules at a position.
     fn mask_of(&self, material: u8, x: f64, y: f64) -> f64 {
         self.painted(StrokeKind::Mask, x, y).filter(|p| p.material == material).map(|p| p.factor(x, y)).product()
     }

@@ -58,7 +58,7 @@ pub fn save(folder: &Path, name: &str, settings: &Settings, viewpoint: &Viewpoin
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     ensure!(!name.is_empty() && name.chars().all(plain), "`{name}` is not a name for an experiment: use letters a to z, digits, - and _");
     ensure!(!name.eq_ignore_ascii_case("scene"), "`{name}` is reserved for the scene file next to the experiment: choose another name");
-    ensure!(!folder.exists(), "{} exists, and is not overwritten: choose another name, or remove it", folder.display());
+    ensure!(!folder.exists(), "{} already exists and is not overwritten: choose another name, or remove that folder", folder.display());
     let (view, camera) = view(&settings.scene, viewpoint)?;
 
     let staging = WholeFolder::beside(folder).with_context(|| format!("cannot write into {}: choose another folder", folder.display()))?;
@@ -128,7 +128,7 @@ fn view(scene: &Scene, viewpoint: &Viewpoint) -> Result<(String, Option<CameraPo
         Viewpoint::Path(name) => {
             ensure!(
                 !is_camera(name),
-                "scene `{}` also has a camera `{name}`, which a run would use instead of the path: rename one",
+                "scene `{}` also has a camera `{name}`, which a run would use instead of the path: rename one of the two",
                 scene.name
             );
             Ok((name.clone(), None))
@@ -252,7 +252,7 @@ fn program() -> Result<PathBuf> {
     let profile = if cfg!(debug_assertions) { "" } else { " --release" };
     found.with_context(|| {
         format!(
-            "the program `experiments` is neither next to this one nor on the search path: build it with `cargo build{profile} -p experiments`"
+            "the program `experiments` is neither next to this program nor on the search path: build it with `cargo build{profile} -p experiments`"
         )
     })
 }
@@ -262,7 +262,7 @@ fn program() -> Result<PathBuf> {
 pub struct Report {
     /// Path of its report.html.
     pub page: PathBuf,
-    /// The first lines of the report.md next to it, Markdown; empty if it cannot be read.
+    /// The first lines of the file report.md next to `page`, in Markdown; empty if that file cannot be read.
     pub excerpt: String,
 }
 
@@ -434,7 +434,8 @@ impl Said {
     }
 
     fn conclude(&self, status: io::Result<ExitStatus>, report: Option<Report>) -> Result<Report, String> {
-        let status = status.map_err(|error| format!("it is unknown how the run ended: {error}"))?;
+        let status =
+            status.map_err(|error| format!("the exit status of the run cannot be read ({error}): run the experiment again to continue"))?;
         match report {
             Some(report) if status.success() => Ok(report),
             _ if self.cancelled > 0 => Err("stopped; finished parts are kept: run the experiment again to continue from there".to_owned()),

@@ -37,7 +37,7 @@ pub enum Layer {
     Flicker,
     /// Share of random choices that differ from those in the previous frame.
     Flips,
-    /// Mean difference in luminance to B.
+    /// Mean of A - B in luminance over frames.
     Bias,
 }
 

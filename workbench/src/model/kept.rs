@@ -131,8 +131,8 @@ impl Kept {
         Kept { version: VERSION, recent, look: Look::of(settings), layout: Layout::of(tree), scenes }
     }
 
-    /// Applies the saved settings of the frame and of the display, but no numbers of the scene. Returns a line for each value that is refused; its
-    /// setting is not changed.
+    /// Applies the saved settings of the frame and of the display, but no numbers of the scene. Returns a line for each value that is refused; the
+    /// setting of such a value is not changed.
     pub fn apply_look(&self, settings: &mut Settings) -> Vec<String> {
         self.look.apply(settings)
     }
@@ -296,7 +296,7 @@ enum Found {
     Unreadable(String),
 }
 
-/// The key that every version of the file has.
+/// The part of the file that is the same in every version of the format.
 #[derive(Deserialize)]
 struct Versioned {
     version: i64,

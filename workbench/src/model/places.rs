@@ -89,7 +89,7 @@ impl TryFrom<CameraPose> for Place {
     fn try_from(camera: CameraPose) -> Result<Place, String> {
         if camera.above_ground {
             return Err(format!(
-                "`{}` gives its height above the ground, which only a camera in a scene file may do: give z as elevation",
+                "`{}` has `above_ground = true`, which only a camera in a scene file may have: give z as the elevation",
                 camera.name
             ));
         }
@@ -207,7 +207,7 @@ impl Recorded {
                 )));
             }
             if poses.len() == MOST_FRAMES {
-                return Err(wrong(format!("a path has at most {MOST_FRAMES} frames: split it into several paths")));
+                return Err(wrong(format!("a path has at most {MOST_FRAMES} frames: split the table into several files")));
             }
             let mut row = [0.0; 6];
             for ((number, cell), column) in row.iter_mut().zip(record.iter().skip(1)).zip(&COLUMNS[1..]) {
@@ -224,7 +224,7 @@ impl Recorded {
     /// One line: the file exists already, or cannot be written.
     pub fn write(&self, file: &Path) -> Result<(), String> {
         if file.symlink_metadata().is_ok() {
-            return Err(format!("{} exists: give another name, or remove it first", file.display()));
+            return Err(format!("{} already exists: give another name, or remove the file first", file.display()));
         }
         files::write(file, self.to_csv().as_bytes())
     }
@@ -294,7 +294,7 @@ impl Recording {
     /// If a frame has several pictures, the pose of the last one is kept. If a frame has no picture, it gets the pose of the frame before.
     ///
     /// # Errors
-    /// Why the recording ended. The frames that were recorded before remain.
+    /// Why the recording ended. The recording keeps the frames before this one.
     pub fn see(&mut self, frame: u32, pose: Pose) -> Result<(), Ended> {
         let (frame, next) = (frame as usize, self.poses.len());
         let Some(last) = self.poses.last_mut() else {
@@ -329,7 +329,8 @@ impl Recording {
     /// # Errors
     /// No frame was recorded.
     pub fn finish(self, name: &str) -> Result<Recorded, String> {
-        Recorded::new(name, self.poses).map_err(|what| format!("the recording {what}: let time run, or step, before you stop it"))
+        Recorded::new(name, self.poses)
+            .map_err(|what| format!("the recording {what}: let time run, or advance frames, before you stop recording"))
     }
 }
 

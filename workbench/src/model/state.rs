@@ -67,7 +67,7 @@ impl Default for Looking {
 
 /// What the panels show and change.
 pub struct Model {
-    /// The latest news of the drawing thread.
+    /// The latest report of the drawing thread.
     pub(crate) news: News,
     /// The current settings: everything that decides how the terrain looks.
     pub settings: Settings,
@@ -96,12 +96,12 @@ pub struct Model {
     pub(crate) textures: [Option<TextureHandle>; 3],
     /// How pictures are displayed.
     pub(crate) looking: Looking,
-    /// Why the current settings do not make a valid scene; `None` = they do.
+    /// Why the scene with the current settings is not valid; `None` = it is valid.
     impossible: Option<String>,
     /// The last valid scene. It is not validated again, so it is still drawn after files that it names have been removed.
     checked: Option<Box<Scene>>,
     pub(crate) times: VecDeque<Duration>,
-    /// Times that the last drawings of the window itself took. A click waits for at most one such drawing.
+    /// Times that the window took for its last drawings of itself, without the terrain pictures. A click waits for at most one such drawing.
     pub(crate) answers: VecDeque<Duration>,
     /// Whether the saved state has a render scale (first) and a vertex stride (second). If so, the user chose them.
     chosen: [bool; 2],

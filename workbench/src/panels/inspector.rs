@@ -111,7 +111,7 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
     row(
         "Depth",
         format!("{:.4} m", pixel.depth_m),
-        "Distance along the view direction. The depth buffer stores the distance of the near plane divided by it.",
+        "Distance along the view direction. The depth buffer stores the near-plane distance divided by this distance.",
     );
     row("Distance", format!("{:.4} m", pixel.distance_m), "Distance along the ray of the pixel. The weights of flavours depend on it.");
     row(
@@ -163,7 +163,7 @@ fn rows(pixel: &Pixel, settings: &Settings) -> Vec<Row> {
         row(
             off,
             derivative_error(step),
-            "Error of the step as a share of the exact step, and error of the mip level: above 0, textures are too coarse; below 0, too fine",
+            "Error of the step as a share of the exact step, and error of the mip level (above 0, textures are too coarse; below 0, too fine)",
         );
     }
     row("Flavours needed", flavours(pixel.mask), "The mask of the pixel: the flavours that have a visible weight in it");
@@ -234,7 +234,7 @@ fn choice(pixel: &Pixel, settings: &Settings, row: &mut impl FnMut(&str, String,
     row(
         "Choice by reference",
         verdict,
-        "The choice that the reference computes from the thresholds. The shader may differ if a threshold equals a sum of weights up to rounding.",
+        "The choice that the reference computes from the thresholds. The shader may choose differently because of rounding.",
     );
 }
 
@@ -257,7 +257,7 @@ fn page(pixel: &Pixel, row: &mut impl FnMut(&str, String, &'static str)) {
     row(
         "Footprint",
         format!("{:.2} x {:.2}, covered {:.2} texels", page.footprint[0], page.footprint[1], page.covered),
-        "In texels of level 0, with mip bias: the shorter and the longer step to the next pixels, and the length that decides the level",
+        "Shorter and longer step to the next pixels, and covered length, which gives the level; in texels of level 0, with mip bias",
     );
     row(
         "Page LOD",

@@ -58,9 +58,9 @@ pub(super) struct Placed {
     leader: Option<[(i32, i32); 2]>,
 }
 
-/// Places the texts one after another. For each text, several places near its point are compared, and the one with the smallest cost is taken. The
-/// cost is largest if the text leaves the plot. Hiding another text costs less, hiding a point still less, and hiding the line less than that. The
-/// distance from the point costs least.
+/// Places the texts one after another. For each text, several places near its point are compared, and the place with the smallest cost is taken.
+/// These faults of a place have a cost, from the largest to the smallest: the text leaves the plot, hides another text, hides a point, hides the
+/// line, or is far from its point.
 pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)], frame: Box2) -> Vec<Placed> {
     const HIDES_POINT: f64 = 40.0;
     let markers: Vec<Box2> = points.iter().map(|p| Box2::around(*p, 4.0)).collect();
@@ -79,7 +79,7 @@ pub(super) fn place(wanted: &[Wanted], points: &[(i32, i32)], line: &[(i32, i32)
         for gap in [4.0, 14.0, 26.0, 40.0, 56.0, 74.0].into_iter().filter(|g| !text.optional || *g < 30.0) {
             let r = text.radius + gap;
             let d = r * 0.7;
-            // The first candidate is on the right of the point. Each offset is that of the text's top left corner.
+            // Positions of the text's top left corner, relative to the point. With the first one, the text is on the right of the point.
             let corners = [
                 (r, -height / 2.0),
                 (d, -d - height),

@@ -11,7 +11,7 @@ const FRONT: RGBColor = RGBColor(94, 113, 137);
 const AUTO: RGBColor = RGBColor(200, 60, 50);
 const GENERIC: RGBColor = RGBColor(29, 111, 165);
 
-/// Legend (HTML) of the markers in [`pareto`], for plots in which the colours of points are those of their markers.
+/// Legend (HTML) of the markers in [`pareto`], for plots in which every point has the colour of its marker.
 pub(crate) const LEGEND: &str = "<span class=\"entry\"><span class=\"key auto\"></span>auto</span> \
     <span class=\"entry\"><span class=\"key generic\"></span>generic</span> \
     <span class=\"entry\"><span class=\"key flavour\"></span>one flavour</span> \

@@ -1,4 +1,4 @@
-// The mean over all random choices: the exact blend of `fc5`, of biplanar projection and of hex tiling.
+// The exact blend: the mean over all random choices of `fc5`, `biplanar` or `hex`. It serves the estimators `exact`, `biplanar-mean` and `hex-mean`.
 
 fn shade_mean_near_cliff(pixel: Pixel) -> Surface {
     var sum = surface_zero();

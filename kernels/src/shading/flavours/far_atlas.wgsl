@@ -7,7 +7,7 @@ struct FarAtlas {
 
 fn shade_far_atlas(pixel: Pixel) -> FarAtlas {
     count_fetch();
-    // Texels in holes are black and transparent. Dividing by the filtered alpha removes their black from the colour next to a hole.
+    // Texels in holes are black and transparent. Dividing by the filtered alpha keeps this black out of the colour next to a hole.
     let texel = textureSampleLevel(albedo_atlas, atlas_sampler, terrain_atlas_uv(pixel.node.uv), pixel.node.slot, 0.0);
     let albedo = texel.rgb / max(texel.a, 0.25);
     count_fetch();

@@ -43,8 +43,8 @@ impl Model {
     /// thread reads the files that the new scene names. If this fails, the window returns to the previous scene, and a note says why.
     ///
     /// # Errors
-    /// One line: the scene cannot be read (a note says so, too), or edits that are not saved in a file would be lost (the window asks what to do).
-    /// The current scene stays open.
+    /// One line: the scene cannot be read (the error is also added to the notes), or edits that are not saved in a file would be lost (the window
+    /// asks what to do). The current scene stays open.
     pub fn open(&mut self, given: &str) -> Result<(), String> {
         if !self.has_unsaved_edits() {
             return self.open_anyway(given);
@@ -53,7 +53,7 @@ impl Model {
         Err(format!("`{}` has edits that are not saved in a file: save it, or choose `Open without saving`", self.original.name))
     }
 
-    /// Like [`Model::open`], even if edits are lost.
+    /// Like [`Model::open`], but opens the scene even if unsaved edits are lost.
     pub(crate) fn open_anyway(&mut self, given: &str) -> Result<(), String> {
         self.scenes.waits = None;
         let name = kept::scene_name(given);
@@ -84,7 +84,7 @@ impl Model {
         ctx.send_viewport_cmd(egui::ViewportCommand::Close);
     }
 
-    /// Reads the file of the scene again and replaces the scene. Undo restores the scene as it was.
+    /// Reads the file of the scene again and replaces the scene. Undo restores the previous state of the scene.
     ///
     /// # Errors
     /// One line, which is also shown as a note: the scene has no file, or its file no longer exists or cannot be read. The scene is not changed.
